@@ -5,7 +5,7 @@
 
 use granita_base::{Param, Params, Severity, Transform, Vec3};
 use granita_gsl::ir::ValueType;
-use granita_gsl::{CompileOptions, Module, compile};
+use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_shade::*;
 use std::hint::black_box;
 use std::sync::Arc;
@@ -18,39 +18,61 @@ const N: usize = SIDE * SIDE;
 /// No textures, lights or rays.
 struct Nothing;
 
-impl Services for Nothing {
+impl Spaces for Nothing {
     fn to_common(&mut self, _: &str, _: usize) -> Option<Transform> {
         Some(Transform::IDENTITY)
     }
+
     fn unit_scale(&mut self, _: &str, _: &str) -> Option<f32> {
         Some(1.0)
     }
+}
+
+impl Textures for Nothing {
     fn texture(&mut self, _: &TextureQuery<'_>, _: &mut LookupResult) {}
+
     fn environment(&mut self, _: &EnvironmentQuery<'_>, _: &mut LookupResult) {}
+
     fn shadow(&mut self, _: &ShadowQuery<'_>, _: &mut Lanes3) {}
-    fn light_count(&mut self) -> usize {
-        0
-    }
-    fn light_info(&mut self, _: usize) -> LightInfo {
-        LightInfo::default()
-    }
-    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
-        Arc::default()
-    }
-    fn attribute(&mut self, _: &str) -> Option<Param> {
-        None
-    }
+
     fn texture_info(&mut self, _: &str, _: &str) -> Option<Param> {
         None
     }
+}
+
+impl Lights for Nothing {
+    fn light_count(&mut self) -> usize {
+        0
+    }
+
+    fn light_info(&mut self, _: usize) -> LightInfo {
+        LightInfo::default()
+    }
+
+    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        Arc::default()
+    }
+}
+
+impl Rays for Nothing {}
+
+impl Databases for Nothing {}
+
+impl Messages for Nothing {
     fn say(&mut self, _: Severity, text: &str) {
         panic!("{text}");
     }
 }
 
-fn module(source: &str) -> Arc<Module> {
+impl Host for Nothing {
+    fn attribute(&mut self, _: &str) -> Option<Param> {
+        None
+    }
+}
+
+fn module(source: &str) -> ValidModule {
     let compiled = compile(source, "bench.gsl", &CompileOptions::default());
-    Arc::new(compiled.unwrap_or_else(|list| panic!("{list:#?}")).module)
+    compiled.unwrap_or_else(|list| panic!("{list:#?}")).module
 }
 
 fn group(source: &str, optimize: bool) -> Group {

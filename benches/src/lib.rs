@@ -6,6 +6,8 @@
 //! - `cargo run --release -p granita-benches --bin views` measures what a second eye, more samples, a second thread and
 //!   preview mode cost, as ratios;
 //! - `cargo run --release -p granita-benches --bin viewer` opens and pans pictures in `iv` under Xvfb;
+//! - `cargo run --release -p granita-benches --bin rays` measures rays beside Embree, `--example trees` our tree beside
+//!   those of the crate `obvhs`;
 //! - `cargo xtask trade SCENE` measures what each knob of indirect light and occlusion costs and buys;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field side by
 //!   side, as ratios, and says which it could not find.
@@ -16,6 +18,8 @@
 
 mod fur;
 mod measure;
+mod meshes;
 
 pub use fur::Fur;
 pub use measure::{Cost, find_program, measure, measure_into, release_tool, repository};
+pub use meshes::{KINDS, rays, read_mesh, soup, sphere};

@@ -1,4 +1,5 @@
-//! The day of the build, for `-version`: that of `SOURCE_DATE_EPOCH` where it is set, so that builds can be repeated.
+//! Sets the date of the build for `-version`. It is that of `SOURCE_DATE_EPOCH` when that is set, so that builds can
+//! be repeated.
 
 #![allow(clippy::print_stdout, reason = "this is how build scripts speak")]
 
@@ -14,7 +15,7 @@ fn main() {
     println!("cargo::rustc-env=GRANITA_BUILD_DATE={year:04}-{month:02}-{day:02}");
 }
 
-/// Year, month and day in the Gregorian calendar of a day counted from the beginning of 1970.
+/// Returns the year, month and day in the Gregorian calendar of a day counted from the beginning of 1970.
 fn date(mut days: u64) -> (u64, u64, u64) {
     let leap = |y: u64| y.is_multiple_of(4) && (!y.is_multiple_of(100) || y.is_multiple_of(400));
     let mut year = 1970;

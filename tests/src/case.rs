@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 pub struct Case {
     /// `AREA/NAME`.
     pub name: String,
-    /// Where its files are.
+    /// The folder of its files.
     pub folder: PathBuf,
-    /// What to do.
+    /// The actions.
     pub lines: Vec<Line>,
 }
 
@@ -24,14 +24,14 @@ pub struct Line {
     pub words: Vec<String>,
 }
 
-/// What a case came to.
+/// The result of a case.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// `AREA/NAME`.
     pub name: String,
-    /// What went wrong, with line numbers; empty when all is well.
+    /// The errors, with line numbers; empty on success.
     pub faults: Vec<String>,
-    /// Kept pictures and what was made: title, reference, result (for the report).
+    /// Reference images and results: title, reference, result (for the report).
     pub pictures: Vec<(String, PathBuf, PathBuf)>,
 }
 
@@ -115,7 +115,7 @@ pub fn run(case: &Case, tools: &Tools, reference: &Path, scratch: &Path, bless: 
         };
         if let Err(what) = done {
             outcome.faults.push(format!("line {}: {}: {what}", line.number, line.words.join(" ")));
-            // Without its files the rest of the case would only repeat the complaint.
+            // Without its files the rest of the case would only repeat the error.
             if Tools::NAMES.contains(&words[0]) || words[0] == "exits" {
                 break;
             }

@@ -3,7 +3,7 @@
 use crate::{Picture, Ran};
 use std::path::{Path, PathBuf};
 
-/// Where references are kept, and whether to replace them.
+/// The folder of references, and whether to replace them.
 pub(crate) struct Kept {
     /// `tests/ref/AREA/NAME`, without extension.
     pub(crate) stem: PathBuf,
@@ -19,7 +19,7 @@ impl Kept {
     }
 }
 
-/// Pictures larger than this are no references.
+/// Images larger than this are not references.
 const GOLDEN_SIDE: usize = 128;
 /// Nor files larger than this.
 const GOLDEN_BYTES: u64 = 20 << 10;

@@ -1,7 +1,7 @@
-//! What a reader must survive: any bytes at all.
+//! The tests of readers with arbitrary bytes.
 //!
-//! Each target takes bytes and must return: no panic, no endless loop, no allocation beyond its limits. `fuzz/` wraps the
-//! targets for libFuzzer; the ordinary tests run them over the corpus in `fuzz/corpus/TARGET` and over mutations of
+//! Each target takes bytes and must return: no panic, no endless loop, no allocation beyond its limits. `fuzz/` wraps
+//! the targets for libFuzzer; the ordinary tests run them over the corpus in `fuzz/corpus/TARGET` and over mutations of
 //! it that are the same on every machine.
 
 use granita_base::{Interp, Location, Reporter, ShapeDesc, hash};
@@ -201,7 +201,7 @@ pub fn gltf(bytes: &[u8]) {
     generated("gltf", bytes);
 }
 
-/// Runs the bundled generator of this name, and asks for the bound before; shapes must be what their calls say.
+/// Runs the bundled generator of this name, and requests the bound before; shapes must be as their calls declare.
 fn generated(name: &str, bytes: &[u8]) {
     let generators = granita_plugin::bundled_generators();
     let generator = generators.by_name(name).expect("a bundled generator");
@@ -301,7 +301,8 @@ pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
     bytes
 }
 
-/// Packets of live pictures, one after the other as a connection brings them; what is read is written and read again.
+/// Packets of live images, one after the other as a connection brings them; a packet that was read is written and
+/// read again.
 pub fn display(bytes: &[u8]) {
     use granita_display::{Packet, PacketLimits, packet::rest_of};
     let limits = PacketLimits { packet_bytes: 1 << 20, ..PacketLimits::default() };
@@ -312,7 +313,7 @@ pub fn display(bytes: &[u8]) {
         if let Ok(packet) = Packet::decode(packet, &limits) {
             let mut written = Vec::new();
             packet.encode(&mut written).expect("what was read can be written");
-            // What is no UTF-8 has grown.
+            // Bytes that are not UTF-8 become longer.
             let wide = PacketLimits { text_bytes: 1 << 20, packet_bytes: u32::MAX, ..limits };
             let again = Packet::decode(&written, &wide).map(|p| format!("{p:?}"));
             // By their text: NaN is not equal to itself.
@@ -322,7 +323,7 @@ pub fn display(bytes: &[u8]) {
     }
 }
 
-/// A spatial database, and what is asked of it. The checksums are put right first, so that the rest is reached.
+/// A spatial database, and queries to it. The checksums are corrected first, so that the rest is reached.
 pub fn sdb(bytes: &[u8]) {
     use granita_sdb::{Between, Clusters, Density, Probe};
     let ask = |bytes: &[u8]| {

@@ -1,10 +1,10 @@
 //! The suite: whole tools on small files, one issue a case.
 //!
-//! A case is a folder `tests/suite/AREA/NAME` with a file `case` and its inputs. The runner copies the
-//! folder to an empty place, runs the lines of `case` there with the tools of this build, and compares.
-//! In order of preference a case shows that one scene is another (`same`, `close`), that a number is
-//! right (`pixel`, `mean`), that a text is as kept (`text`), and last that a picture is as kept
-//! (`golden`). References lie in `tests/ref/AREA/NAME.*`; `cargo xtask bless AREA/NAME` replaces them.
+//! A case is a folder `tests/suite/AREA/NAME` with a file `case` and its inputs. The runner copies the folder to an
+//! empty place, runs the lines of `case` there with the tools of this build, and compares. In order of preference a
+//! case shows that one scene equals another (`same`, `close`), that a number is right (`pixel`, `mean`), that a text
+//! equals its reference (`text`), and last that an image equals its reference (`golden`). References lie in
+//! `tests/ref/AREA/NAME.*`; `cargo xtask bless AREA/NAME` replaces them.
 //!
 //! The lines of a `case` (`#` begins a comment):
 //!
@@ -43,10 +43,10 @@ pub use picture::Picture;
 pub use programs::{Ran, Tools, has_program, repository};
 pub use report::write_report;
 
-/// Copies `examples/first` below `place`, its pictures a quarter as large.
+/// Copies `examples/first` below `place`, with images of a quarter of the size.
 ///
 /// # Errors
-/// What cannot be copied.
+/// Returns the files that cannot be copied.
 pub fn copy_first(place: &std::path::Path) -> Result<(), String> {
     let told = |e: std::io::Error| format!("examples/first: {e}");
     let (from, to) = (repository().join("examples/first"), place.join("examples/first"));

@@ -1,4 +1,4 @@
-//! Pictures to compare: whatever the file held, as floats.
+//! Images to compare: the values of any file, as floats.
 
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use std::path::Path;
@@ -21,10 +21,10 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Reads any picture that the suite's own formats read.
+    /// Reads any image that the suite's own formats read.
     ///
     /// # Errors
-    /// What the reader says.
+    /// Returns the error of the reader.
     pub fn read(path: &Path) -> Result<Self, String> {
         let input =
             granita_plugin::bundled_formats(Limits::default()).open(path).map_err(|e| e.to_string())?;
@@ -43,7 +43,7 @@ impl Picture {
     /// Writes an 8-bit PNG; more than four channels lose the rest.
     ///
     /// # Errors
-    /// What the writer says.
+    /// Returns the error of the writer.
     pub fn write_png(&self, path: &Path) -> Result<(), String> {
         let kept = self.channels.min(4);
         let values: Vec<f32> = self.values.chunks(self.channels).flat_map(|p| &p[..kept]).copied().collect();
@@ -99,10 +99,10 @@ impl Picture {
         Ok(worst)
     }
 
-    /// Whether no more than `most` pixels differ by more than `tolerance` in some channel.
+    /// Checks that no more than `most` pixels differ by more than `tolerance` in some channel.
     ///
     /// # Errors
-    /// How many do and where the worst is; or that the shapes differ.
+    /// Returns the number of such pixels and the position of the worst one, or that the shapes differ.
     pub fn close_but(&self, other: &Self, tolerance: f32, most: usize) -> Result<(), String> {
         let (worst, [x, y, c]) = self.difference(other)?;
         let differs = |(a, b): (&[f32], &[f32])| {
@@ -142,7 +142,7 @@ impl Picture {
         }
     }
 
-    /// Whether `parts` put together are `self`, to the bit: each pixel is in exactly one part.
+    /// True when `parts` put together are `self`, to the bit: each pixel is in exactly one part.
     ///
     /// # Errors
     /// A pixel that no part or more than one part has, or that differs.
@@ -175,7 +175,7 @@ impl Picture {
         self.values.iter().all(|v| v.is_finite())
     }
 
-    /// Whether not all pixels are equal.
+    /// True when not all pixels are equal.
     pub fn is_varied(&self) -> bool {
         let mut pixels = self.values.chunks(self.channels.max(1));
         pixels.next().is_some_and(|first| pixels.any(|p| p != first))

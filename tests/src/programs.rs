@@ -1,4 +1,4 @@
-//! Where the tools of this build are, and how to run one.
+//! The paths of the tools of this build, and how to run one.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -9,7 +9,7 @@ pub struct Tools {
     folder: PathBuf,
 }
 
-/// What a run left.
+/// The result of a run.
 #[derive(Clone, Debug)]
 pub struct Ran {
     /// Exit status; -1 when a signal ended it.
@@ -27,15 +27,15 @@ impl Tools {
     /// Builds the tools in the profile of the running test and finds them.
     ///
     /// # Errors
-    /// When cargo cannot build them; what it said.
+    /// Returns the output of cargo when it cannot build them.
     pub fn build() -> Result<Self, String> {
         Self::build_also(&[])
     }
 
-    /// As [`Tools::build`], with the libraries of these packages besides.
+    /// The same as [`Tools::build`], with the libraries of these packages in addition.
     ///
     /// # Errors
-    /// As [`Tools::build`].
+    /// The same as for [`Tools::build`].
     pub fn build_also(libraries: &[&str]) -> Result<Self, String> {
         let test = std::env::current_exe().map_err(|e| e.to_string())?;
         // target/PROFILE/deps/suite-0123456789abcdef
@@ -64,7 +64,7 @@ impl Tools {
         }
     }
 
-    /// Where programs and shared libraries are.
+    /// The folder of programs and shared libraries.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -77,7 +77,7 @@ impl Tools {
     /// Runs a tool in `folder`, with nothing of the suite's own settings in its environment.
     ///
     /// # Errors
-    /// When it cannot be started.
+    /// Returns an error when it cannot be started.
     pub fn run(&self, folder: &Path, name: &str, arguments: &[&str]) -> Result<Ran, String> {
         let program = self.program(name);
         let mut command = Command::new(&program);
@@ -97,7 +97,7 @@ pub fn repository() -> PathBuf {
     manifest.parent().unwrap_or(manifest).to_owned()
 }
 
-/// Whether a program of this name can be run.
+/// True when a program of this name can be run.
 pub fn has_program(name: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).any(|folder| folder.join(name).is_file())

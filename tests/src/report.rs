@@ -1,10 +1,10 @@
-//! A page that shows reference, result and difference of every kept picture.
+//! A page that shows reference, result and difference of every reference image.
 
 use crate::{Outcome, Picture};
 use std::fmt::Write;
 use std::path::Path;
 
-/// Writes `folder/index.html` and the pictures beside it.
+/// Writes `folder/index.html` and the images beside it.
 ///
 /// # Errors
 /// A file that cannot be written.

@@ -43,6 +43,10 @@ fn key(name: &str) -> String {
 fn the_table_knows_what_has_an_effect() {
     let mut text = String::new();
     for folder in [
+        "libs/dicing/src",
+        "libs/hider/src",
+        "libs/rays/src",
+        "libs/shading/src",
         "libs/render/src",
         "libs/scene/src",
         "libs/session/src",

@@ -4,18 +4,15 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use granita_tests::{Picture, Tools, copy_first, repository};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 /// Stands for ssh: "there" is this machine, "cut" hangs up in the middle of a bucket, nothing else is there.
-const SSH: &str = "#!/bin/sh
-shift 5
+const SSH: &str = "shift 5
 case $1 in
     there) exec /bin/sh -c \"$2\" ;;
     cut) /bin/sh -c \"$2\" | dd bs=1 count=30000 2>/dev/null ;;
     *) echo \"no route to $1\" >&2; exit 255 ;;
-esac
-";
+esac";
 
 /// Renders the example; its picture, and what was said.
 fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Picture, String) {
@@ -41,9 +38,7 @@ fn frames_of_several_processes() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
     copy_first(place).unwrap();
-    let ssh = place.join("ssh");
-    std::fs::write(&ssh, SSH).unwrap();
-    std::fs::set_permissions(&ssh, std::fs::Permissions::from_mode(0o755)).unwrap();
+    granita_needs::write_script(&place.join("ssh"), SSH);
     let gelato = tools.program("gelato");
     let command = format!("Attribute (\"string net:workercmd\", \"{}\")\n", gelato.display());
     std::fs::write(place.join("command.pyg"), command).unwrap();
@@ -126,9 +121,7 @@ fn workers_that_are_stuck_do_not_hold_a_frame_up() {
                 copy_first(place).unwrap();
                 let fake = place.join("fake");
                 let gelato = tools.program("gelato");
-                std::fs::write(&fake, format!("#!/bin/sh\nGELATO='{}'\n{script}\n", gelato.display()))
-                    .unwrap();
-                std::fs::set_permissions(&fake, std::fs::Permissions::from_mode(0o755)).unwrap();
+                granita_needs::write_script(&fake, &format!("GELATO='{}'\n{script}", gelato.display()));
                 let command = format!(
                     "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"float net:timeout\", 2)\n",
                     fake.display()

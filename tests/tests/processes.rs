@@ -55,11 +55,8 @@ fn start_tool(tool: &str, tools: &Tools, place: &Path, words: &[&str]) -> Child 
 }
 
 fn prepare(place: &Path, scene: &str) {
-    use std::os::unix::fs::PermissionsExt;
     std::fs::write(place.join("scene.pyg"), scene).unwrap();
-    let fake = place.join("fake");
-    std::fs::write(&fake, format!("#!/bin/sh\n{ENDLESS}\n")).unwrap();
-    std::fs::set_permissions(&fake, std::fs::Permissions::from_mode(0o755)).unwrap();
+    granita_needs::write_script(&place.join("fake"), ENDLESS);
 }
 
 fn soon(what: &str, mut done: impl FnMut() -> bool) {

@@ -1,7 +1,7 @@
 // tidy: table
-//! What scenes from strangers try under `-safe`: each route is a scene that reads, writes or starts something outside. The
-//! kernel tells of every file that is opened, made, moved or removed there. Most routes are tried without `-safe` as well,
-//! where they arrive, so that a route that leads nowhere by itself does not count.
+//! What scenes from strangers try under `-safe`: each route is a scene that reads, writes or starts something outside.
+//! The kernel tells of every file that is opened, made, moved or removed there. Most routes are tried without `-safe`
+//! as well, where they arrive, so that a route that leads nowhere by itself does not count.
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
@@ -514,7 +514,8 @@ fn what_a_scene_makes_it_uses() {
     let tools = Tools::build().unwrap();
     let route = with("", &[("sub/t.ppm", "P3\n1 1\n255\n0 255 0\n")], "", "");
     let place = Place::new(&route);
-    // One camera makes a picture that the next one needs; another texture lies beside the scene, and is named absolutely.
+    // One camera makes a picture that the next one needs; another texture lies beside the scene, and is named
+    // absolutely.
     let scene = format!(
         "{}Output (\"deep/p.tif\", \"tiff\", \"rgb\", \"d\")\n{HEAD}World ()\nShader (\"surface\", \"paintedplastic\", \"string texturename\", \"deep/p.tif\")\n{BODY}",
         HEAD.lines().next().unwrap().replace("\"c\"", "\"d\"") + "\n"

@@ -1,51 +1,61 @@
-//! No attribute is read or set by a text: programs name attributes by the keys of `granita_scene::attr`, so that a wrong name
-//! or type does not compile.
+//! No attribute is read or set by a text: programs name attributes by the keys of `granita_scene::attr`, so that a
+//! wrong name or type does not compile.
 
-use crate::workspace::Workspace;
+use crate::source::{Kind, Source};
 use std::path::Path;
 
-/// Where the names of attributes stand.
+/// The file with the names of attributes.
 const TABLE: &str = "libs/scene/src/attribute/table.rs";
 
-/// What stands before a text that names a value.
+/// The mark on the line, or in comments above it, that justifies a text.
+const MARK: &str = "tidy: attribute: ";
+
+/// Functions whose first text, if they have one, names a value.
 const CALLS: [&str; 10] = [
-    "get(",
-    "float(",
-    "floats(",
-    "int(",
-    "string(",
-    "attribute(",
-    "declared(",
-    "lookup(",
-    "attribute_row(",
-    "attribute_default(",
+    "get",
+    "float",
+    "floats",
+    "int",
+    "string",
+    "attribute",
+    "declared",
+    "lookup",
+    "attribute_row",
+    "attribute_default",
 ];
 
 /// Names of attributes that are names of primitive variables and of parameters of commands as well.
 const ALSO_VARIABLES: [&str; 3] = ["C", "opacity", "name"];
 
-/// What knows images and no scenes: attributes of images are all that they read.
+/// The crates for images, below scenes. They read attributes of images only.
 const BELOW: [&str; 5] = ["libs/base", "libs/image", "formats/exr", "formats/tiff", "formats/raster"];
 
 /// All breaches, one line each.
-pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
-    let table = workspace.text(Path::new(TABLE)).ok_or_else(|| format!("no {TABLE}"))?;
-    let names = names(&table);
+///
+/// # Errors
+/// Returns an error when there is no table of attributes.
+pub(crate) fn check(sources: &[Source]) -> Result<Vec<String>, String> {
+    let table = sources.iter().find(|source| source.file == Path::new(TABLE));
+    let names = names(&table.ok_or_else(|| format!("no {TABLE}"))?.text);
     if names.is_empty() {
         return Err(format!("{TABLE} has no names of attributes"));
     }
     let mut faults = Vec::new();
-    for file in workspace.files()? {
-        let is_source = file.extension().is_some_and(|e| e == "rs");
-        let is_test = file.components().any(|c| c.as_os_str() == "tests") || file.ends_with("tests.rs");
-        let elsewhere = ["libs", "formats", "tools", "bindings"].iter().all(|f| !file.starts_with(f));
-        let exempt = BELOW.iter().any(|f| file.starts_with(f));
-        if !is_source || is_test || elsewhere || exempt {
+    for source in sources {
+        let is_inside =
+            ["libs", "formats", "tools", "bindings"].iter().any(|folder| source.file.starts_with(folder));
+        let exempt =
+            BELOW.iter().any(|folder| source.file.starts_with(folder)) || source.file == Path::new(TABLE);
+        if !is_inside || exempt {
             continue;
         }
-        let Some(text) = workspace.text(&file) else { continue };
-        for (line, name) in by_text(&text, &names) {
-            faults.push(format!("{}:{line}: \"{name}\" by a text; attr has a key for it", file.display()));
+        // In the crate that defines the names, only calls are checked.
+        let is_home = source.file.starts_with("libs/scene");
+        for (line, name) in by_text(source, &names, !is_home) {
+            let file = source.file.display();
+            faults.push(format!(
+                "{file}:{line}: \"{name}\" by a text; attr has a key for it (or `// {MARK}REASON`)"
+            ));
         }
     }
     Ok(faults)
@@ -58,26 +68,29 @@ fn names(table: &str) -> Vec<&str> {
     names.filter(|name| !ALSO_VARIABLES.contains(name)).collect()
 }
 
-/// Lines, from 1, with calls that name an attribute by a text, and the name. Tests, at the end of a file, may.
-fn by_text<'a>(text: &'a str, names: &[&str]) -> Vec<(usize, &'a str)> {
-    let code = text.split("#[cfg(test)]").next().unwrap_or(text);
+/// Lines, from 1, that name an attribute by a text, and the name. With `anywhere`, a name with a colon counts in any
+/// place, with or without a type. A name without a colon, which may be an ordinary word, counts in calls that take
+/// names.
+fn by_text<'a>(source: &Source, names: &[&'a str], anywhere: bool) -> Vec<(usize, &'a str)> {
     let mut found = Vec::new();
-    for (number, line) in (1..).zip(code.lines()) {
-        if line.trim_start().starts_with("//") {
-            continue;
-        }
-        for call in CALLS {
-            for part in line.split(call).skip(1) {
-                let part = part.trim_start_matches('&');
-                let Some((word, _)) = part.strip_prefix('"').and_then(|rest| rest.split_once('"')) else {
-                    continue;
-                };
-                // "int twosided" or "twosided".
-                let name = word.rsplit(' ').next().unwrap_or(word);
-                if names.contains(&name) {
-                    found.push((number, name));
-                }
-            }
+    for (at, token) in source.code.iter().enumerate() {
+        let Kind::Text(text) = &token.kind else { continue };
+        // "int twosided" or "twosided".
+        let word = match text.split(' ').collect::<Vec<_>>().as_slice() {
+            [.., last] if text.split(' ').count() <= 2 => *last,
+            _ => continue,
+        };
+        let Some(name) = names.iter().find(|name| **name == word) else { continue };
+        let before: Vec<&Kind> = source.code[..at]
+            .iter()
+            .rev()
+            .map(|t| &t.kind)
+            .skip_while(|k| **k == Kind::Sign('&'))
+            .take(2)
+            .collect();
+        let is_argument = matches!(before.as_slice(), [Kind::Sign('('), Kind::Word(call)] if CALLS.contains(&call.as_str()));
+        if (anywhere && name.contains(':') || is_argument) && !source.is_marked(token.line, MARK) {
+            found.push((token.line, *name));
         }
     }
     found
@@ -89,11 +102,18 @@ mod tests {
 
     #[test]
     fn texts_are_found() {
-        let table = "    FOV: Camera, f32 = \"4.1\", \"fov\", Floats(&[90.0]),\n        \"help\";\n    COLOR: Object, Color = \"4.4.4\", \"C\", X, \"y\";\n";
+        let table = "    FOV: Camera, f32 = \"4.1\", \"fov\", Floats(&[90.0]),\n        \"help\";\n    COLOR: Object, Color = \"4.4.4\", \"C\", X, \"y\";\n    \
+                     CURVATURE: Object, f32 = \"4\", \"dice:curvature\", X, \"y\";\n";
         let names = names(table);
-        assert_eq!(names, ["fov"]);
-        let text = "camera.get(\"fov\"); // read\n// get(\"fov\")\nset(declared(\"float fov\", 1.0)); other(\"fov\")\n\
-                    get(\"C\");\n#[cfg(test)]\nget(\"fov\")\n";
-        assert_eq!(by_text(text, &names), [(1, "fov"), (3, "fov")]);
+        assert_eq!(names, ["fov", "dice:curvature"]);
+        let text = "fn f() { camera.get(\"fov\"); // read\n// get(\"fov\")\nset(declared(&\"float fov\", 1.0)); other(\"fov\");\n\
+                    get(\"C\");\nlet read = |name: &str| get(name); read(\"dice:curvature\");\nsay(\"no dice:curvature here\");\n\
+                    // tidy: attribute: a message of the other side\nread(\"dice:curvature\"); }\n\
+                    #[cfg(test)]\nfn t() { get(\"fov\") }\n\
+                    const A: [&str; 1] = [\"float dice:curvature\"];";
+        let source = Source::new("libs/x/src/a.rs".into(), text.to_owned()).unwrap();
+        let expected = [(1, "fov"), (3, "fov"), (5, "dice:curvature"), (11, "dice:curvature")];
+        assert_eq!(by_text(&source, &names, true), expected);
+        assert_eq!(by_text(&source, &names, false), expected[..2]);
     }
 }

@@ -1,4 +1,4 @@
-//! What a change must pass, in the order that fails fastest on what people get wrong most.
+//! The checks for a change, ordered so that the most frequent errors fail fastest.
 
 use crate::workspace::{Workspace, cargo};
 use std::collections::BTreeSet;
@@ -10,7 +10,7 @@ use std::time::Instant;
 /// The README's test command is the first step; it is read from there so that the two cannot differ.
 const TEST_MARK: &str = "cargo test";
 
-/// What the line of a test that is skipped begins with; `tests/needs` writes it.
+/// The beginning of the line of a skipped test; `tests/needs` writes it.
 const SKIPPED: &str = "skipped: ";
 
 /// Runs all steps; stops at the first that fails.
@@ -30,23 +30,30 @@ pub(crate) fn run() -> Result<(), String> {
     step(root, "docs", &["doc", "--workspace", "--no-deps", "--quiet"])?;
     crate::tidy()?;
     attack()?;
-    licences(root)
+    other_architecture(root)?;
+    dependencies(root)
 }
 
 fn step(root: &Path, name: &str, arguments: &[&str]) -> Result<(), String> {
+    step_with(root, name, arguments, &[])
+}
+
+fn step_with(root: &Path, name: &str, arguments: &[&str], variables: &[(&str, &str)]) -> Result<(), String> {
     println!("ci: {name}: cargo {}", arguments.join(" "));
     let start = Instant::now();
     let status = Command::new(cargo())
         .current_dir(root)
         .args(arguments)
         .env("RUSTDOCFLAGS", "-D warnings")
+        .envs(variables.iter().copied())
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
     println!("ci: {name}: {:.0} s", start.elapsed().as_secs_f64());
     if status.success() { Ok(()) } else { Err(format!("{name} failed")) }
 }
 
-/// Runs the tests, and prints at the end which of them were skipped. Tests report it on standard error (see `tests/needs`).
+/// Runs the tests, and prints at the end which of them were skipped. Tests report it on standard error (see
+/// `tests/needs`).
 fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     println!("ci: tests: cargo {}", arguments.join(" "));
     let start = Instant::now();
@@ -85,16 +92,64 @@ fn attack() -> Result<(), String> {
     Ok(())
 }
 
-/// `cargo deny` where it is installed.
-fn licences(root: &Path) -> Result<(), String> {
-    let there = Command::new(cargo())
-        .args(["deny", "--version"])
-        .output()
-        .is_ok_and(|answer| answer.status.success());
-    if there {
-        step(root, "licences", &["deny", "--offline", "check", "licenses", "bans", "sources"])
+/// Crates without code in C: another architecture needs no compiler for it. Code that differs between architectures is
+/// in these.
+const PORTABLE: [&str; 9] = [
+    "granita-base",
+    "granita-image",
+    "granita-scene",
+    "granita-gsl",
+    "granita-geom",
+    "granita-trace",
+    "granita-sdb",
+    "granita-texture",
+    "granita-shade",
+];
+
+/// Crates with code for AVX2 beside that for every machine.
+const DISPATCHED: [&str; 3] = ["granita-trace", "granita-texture", "granita-shade"];
+
+/// The other architecture.
+const OTHER: &str = "aarch64-unknown-linux-gnu";
+
+/// Checks the crates for another architecture, where its standard library is installed, and runs the tests of the
+/// code for it.
+fn other_architecture(root: &Path) -> Result<(), String> {
+    let packages =
+        |names: &[&'static str]| names.iter().flat_map(|name| ["--package", name]).collect::<Vec<_>>();
+    let answer = Command::new("rustc").args(["--print", "target-libdir", "--target", OTHER]).output();
+    let is_there = answer.is_ok_and(|answer| {
+        answer.status.success() && Path::new(String::from_utf8_lossy(&answer.stdout).trim()).is_dir()
+    });
+    if is_there {
+        let check = [vec!["check", "--quiet", "--target", OTHER], packages(&PORTABLE)].concat();
+        step(root, "other architecture", &check)?;
     } else {
-        println!("ci: licences: skipped, cargo-deny is not installed");
+        println!("ci: other architecture: skipped, {OTHER} is not installed (rustup target add {OTHER})");
+    }
+    if cfg!(target_arch = "x86_64") {
+        let test = [vec!["test", "--quiet"], packages(&DISPATCHED)].concat();
+        step_with(root, "portable code", &test, &[("GRANITA_PORTABLE", "1")])?;
+    }
+    Ok(())
+}
+
+/// `cargo deny` where it is installed.
+fn dependencies(root: &Path) -> Result<(), String> {
+    let is_fine = |arguments: &[&str]| {
+        Command::new(cargo())
+            .current_dir(root)
+            .args(arguments)
+            .output()
+            .is_ok_and(|answer| answer.status.success())
+    };
+    if !is_fine(&["deny", "--version"]) {
+        println!("ci: dependencies: skipped, cargo-deny is not installed (cargo install cargo-deny)");
         Ok(())
+    } else if !is_fine(&["fetch", "--locked", "--quiet"]) {
+        println!("ci: dependencies: skipped, what other systems need cannot be fetched");
+        Ok(())
+    } else {
+        step(root, "dependencies", &["deny", "--offline", "check", "licenses", "bans", "sources"])
     }
 }

@@ -1,7 +1,7 @@
 //! Circles of files: files of a crate import each other in one direction.
 //!
-//! A file *names* another one when a path of its code, outside of tests, leads to something that the other one defines,
-//! through whatever `use` lines on the way. A module and its own descendants may name each other. A circle is a set of
+//! A file *names* another one when a path of its code, outside of tests, leads to an item that the other one defines,
+//! through any `use` lines on the way. A module and its own descendants may name each other. A circle is a set of
 //! files of which each reaches all the others by such names.
 
 mod tree;
@@ -83,7 +83,7 @@ fn circles(root: &Path, reader: Reader) -> Result<Vec<Circle>, String> {
     Ok(circles)
 }
 
-/// Which file names which, and where; without modules and their own descendants.
+/// The files that name each other, and where; without modules and their own descendants.
 fn names(tree: &Tree) -> BTreeMap<(PathBuf, PathBuf), Vec<Line>> {
     let mut names: BTreeMap<(PathBuf, PathBuf), Vec<Line>> = BTreeMap::new();
     for (id, module) in tree.modules.iter().enumerate() {

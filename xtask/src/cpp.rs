@@ -1,4 +1,4 @@
-//! What C++ sees: an installed tree, and the compiled examples.
+//! The C++ side: an installed tree, and the compiled examples.
 
 mod races;
 
@@ -15,7 +15,7 @@ fn repository() -> PathBuf {
     manifest.parent().unwrap_or(manifest).to_owned()
 }
 
-/// Builds tools and libraries, and says where they are.
+/// Builds tools and libraries, and returns their folder.
 fn build(tools: &[&'static str], debug: bool) -> Result<PathBuf, String> {
     let mut words = vec!["build", "--bins", "--lib"];
     words.extend(tools.iter().flat_map(|tool| ["--package", tool]));
@@ -94,7 +94,7 @@ pub(crate) fn install(prefix: &Path, debug: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// For programs that ask `.gso` files of `$GELATOHOME/shaders`.
+/// For programs that search `.gso` files in `$GELATOHOME/shaders`.
 fn compile_shaders(bin: &Path, shaders: &Path) -> Result<(), String> {
     let bin = std::path::absolute(bin).map_err(|e| e.to_string())?;
     let entries = std::fs::read_dir(shaders).map_err(|e| format!("{}: {e}", shaders.display()))?;

@@ -11,7 +11,7 @@ const ROWS: usize = 495;
 /// The columns of the header line.
 const COLUMNS: [&str; 5] = ["area", "item", "expected", "section", "tests"];
 
-/// What the ledger holds and what is wrong with it.
+/// The rows of the ledger and their errors.
 pub(crate) struct Ledger {
     /// Number of rows.
     pub(crate) rows: usize,
@@ -118,7 +118,7 @@ impl Tests {
         }
     }
 
-    /// What is wrong with the name of a test: `suite:AREA/NAME`, `PACKAGE::TEST` or `PACKAGE::FILE::TEST`.
+    /// The error in the name of a test: `suite:AREA/NAME`, `PACKAGE::TEST` or `PACKAGE::FILE::TEST`.
     fn problem(&self, name: &str) -> Option<String> {
         if let Some(case) = name.strip_prefix("suite:") {
             return (!self.cases.contains(case)).then(|| format!("there is no case {case} in tests/suite"));

@@ -2,6 +2,7 @@
 //!
 //! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, that files import
 //!   each other in one direction, and the tests of the ledger;
+//! - `crates` draws `docs/crates.svg`, the crates on their floors;
 //! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
 //! - `bless [NAME]` accepts what the suite's cases make now as their references;
 //! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
@@ -19,11 +20,18 @@ mod attack;
 mod attributes;
 mod ci;
 mod circles;
+mod comments;
 mod cpp;
+mod crates;
+mod errors;
 mod laws;
 mod ledger;
+mod process;
+mod rules;
+mod source;
 mod suite;
 mod texts;
+mod unused;
 mod workspace;
 
 use clap::{Parser, Subcommand};
@@ -42,6 +50,8 @@ enum Chore {
     Tidy,
     /// Everything a change must pass.
     Ci,
+    /// Draw docs/crates.svg anew: the crates, their floors and what they import.
+    Crates,
     /// Accept the present results of suite cases as their references.
     Bless {
         /// `AREA/CASE`, or the beginning of it; all cases without.
@@ -87,6 +97,7 @@ fn main() -> ExitCode {
     let done = match Arguments::parse().chore {
         Chore::Tidy => tidy(),
         Chore::Ci => ci::run(),
+        Chore::Crates => crates::draw(),
         Chore::Bless { name } => suite::bless(name.as_deref()),
         Chore::Report => suite::report(),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
@@ -109,9 +120,18 @@ fn main() -> ExitCode {
 /// Runs every check and lists all that is wrong, not only the first.
 fn tidy() -> Result<(), String> {
     let workspace = workspace::Workspace::load()?;
+    let sources = source::load(&workspace)?;
+    let page =
+        workspace.text(std::path::Path::new(rules::PAGE)).ok_or_else(|| format!("no {}", rules::PAGE))?;
+    let rules = rules::Rules::read(&page)?;
     let mut faults = laws::check(&workspace);
-    faults.extend(texts::check(&workspace)?);
-    faults.extend(attributes::check(&workspace)?);
+    faults.extend(crates::check(&workspace)?);
+    faults.extend(unused::check(&workspace, &sources));
+    faults.extend(texts::check(&workspace, &sources, &rules)?);
+    faults.extend(comments::check(&sources, &rules));
+    faults.extend(errors::check(&sources)?);
+    faults.extend(process::check(&sources));
+    faults.extend(attributes::check(&sources)?);
     faults.extend(circles::check(&workspace)?);
     let ledger = ledger::check(&workspace)?;
     faults.extend(ledger.faults);
@@ -121,8 +141,11 @@ fn tidy() -> Result<(), String> {
     match faults.len() {
         0 => {
             println!(
-                "tidy: {} crates and {} rows of the ledger, nothing to say; {} rows are planned:",
+                "tidy: {} crates, {} files (half of them up to {} lines) and {} rows of the ledger, nothing to say; {} rows \
+                 are planned:",
                 workspace.crates.len(),
+                sources.len(),
+                texts::median(&sources),
                 ledger.rows,
                 ledger.planned.len()
             );

@@ -12,7 +12,7 @@ pub(crate) fn bless(name: Option<&str>) -> Result<(), String> {
     if name == Some("manual") { Ok(()) } else { tests("suite", &variables) }
 }
 
-/// Runs the suite so that it leaves a page of pictures.
+/// Runs the suite so that it leaves a page of images.
 pub(crate) fn report() -> Result<(), String> {
     let root = Workspace::load()?.root;
     let folder = root.join("target").join("suite-report");

@@ -1,89 +1,123 @@
 //! House rules that can be read off the files.
 
+use crate::rules::Rules;
+use crate::source::{Kind, Source};
 use crate::workspace::Workspace;
 use std::path::Path;
 
-/// Longest file, in lines, unless its first line carries one of [`EXEMPT`].
-const MAX_LINES: usize = 1000;
-/// First-line markers of tables and of tests.
-const EXEMPT: [&str; 2] = ["// tidy: table", "// tidy: tests"];
-/// File names that say nothing.
+/// First lines of tables and of tests, which may have any length.
+const ANY_LENGTH: [&str; 2] = ["// tidy: table", "// tidy: tests"];
+/// The beginning of a first line that gives the reason for a long file.
+const LONG: &str = "// tidy: long: ";
+/// File names without a meaning.
 const VAGUE: [&str; 8] =
     ["utils.rs", "util.rs", "common.rs", "manager.rs", "helper.rs", "helpers.rs", "misc.rs", "tools.rs"];
-/// Crates that may contain unsafe code.
-const UNSAFE_CRATES: [&str; 3] = ["libs/plugin", "libs/gpu", "bindings"];
-
-/// Crates that may have one `simd.rs` with unsafe code, after a measurement kept in `benches/`.
-const SIMD_CRATES: [&str; 3] = ["libs/shade", "libs/texture", "libs/trace"];
-
-/// Files elsewhere that may contain unsafe code: there is no other way to map a file.
-const UNSAFE_FILES: [&str; 1] = ["libs/sdb/src/map.rs"];
 
 /// All breaches, one line each.
-pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
+pub(crate) fn check(workspace: &Workspace, sources: &[Source], rules: &Rules) -> Result<Vec<String>, String> {
     let mut faults = Vec::new();
     for file in workspace.files()? {
         let Some(text) = workspace.text(&file) else { continue };
         let extension = file.extension().and_then(|e| e.to_str()).unwrap_or_default();
         match extension {
-            "rs" => check_source(&file, &text, &mut faults),
             "md" => check_links(workspace, &file, &text, &mut faults),
             "toml" if file.ends_with("Cargo.toml") => check_manifest(&file, &text, &mut faults),
             _ => {}
         }
         check_words(&file, &text, &mut faults);
     }
+    for source in sources {
+        check_source(source, rules, &mut faults);
+    }
     for member in &workspace.crates {
         for root in ["src/lib.rs", "src/main.rs"] {
             let path = member.folder.join(root);
-            let exempt = UNSAFE_CRATES.iter().any(|c| member.folder.starts_with(c));
-            if let Some(text) = workspace.text(&path)
-                && !exempt
-                && !text.contains("#![forbid(unsafe_code)]")
-                && !(SIMD_CRATES
-                    .iter()
-                    .chain(&UNSAFE_FILES)
-                    .any(|c| Path::new(c).starts_with(&member.folder))
-                    && text.contains("#![deny(unsafe_code)]"))
-            {
-                faults.push(format!("{}: no #![forbid(unsafe_code)]", path.display()));
+            let Some(text) = workspace.text(&path).filter(|_| !rules.allows_unsafe(&member.folder)) else {
+                continue;
+            };
+            let has_place = rules.unsafe_places.iter().any(|place| place.starts_with(&member.folder));
+            let wanted = if has_place { "#![deny(unsafe_code)]" } else { "#![forbid(unsafe_code)]" };
+            if !text.contains(wanted) && !text.contains("#![forbid(unsafe_code)]") {
+                faults.push(format!("{}: no {wanted}", path.display()));
             }
         }
+    }
+    let median = median(sources);
+    let [least, most] = rules.median;
+    if !(least..=most).contains(&median) {
+        faults
+            .push(format!("half of the files have {median} lines or fewer, and {least} to {most} are good"));
     }
     Ok(faults)
 }
 
-fn check_source(file: &Path, text: &str, faults: &mut Vec<String>) {
+/// The median of the lines of all files.
+pub(crate) fn median(sources: &[Source]) -> usize {
+    let mut lines: Vec<usize> = sources.iter().map(|source| source.text.lines().count()).collect();
+    lines.sort_unstable();
+    lines.get(lines.len() / 2).copied().unwrap_or(0)
+}
+
+/// The error in the length of a file, or in its first line about the length.
+fn check_length(text: &str, rules: &Rules) -> Option<String> {
     let lines = text.lines().count();
     let first = text.lines().next().unwrap_or_default();
-    let exempt = EXEMPT.iter().any(|mark| first.starts_with(mark));
-    if lines > MAX_LINES && !exempt {
-        faults.push(format!("{}: {lines} lines, more than {MAX_LINES}", file.display()));
+    // A mark in another form, or elsewhere, would count for nothing.
+    let is_mark = |line: &str| {
+        let comment = line.trim_start().trim_start_matches(['/', '!']).trim_start();
+        line.trim_start().starts_with("//")
+            && ["table", "tests", "long"].iter().any(|kind| {
+                comment
+                    .strip_prefix("tidy: ")
+                    .is_some_and(|rest| rest.split([':', ' ']).next() == Some(*kind))
+            })
+    };
+    if let Some(at) = text.lines().skip(1).position(is_mark) {
+        return Some(format!("{}: a mark of tidy that is not the first line", at + 2));
     }
+    if ANY_LENGTH.contains(&first) {
+        return None;
+    }
+    let has_reason = match first.strip_prefix(LONG) {
+        Some(reason) if reason.split_whitespace().count() < 4 => {
+            return Some(format!("1: `{first}` gives no reason"));
+        }
+        Some(_) if lines <= rules.lines_without_reason => {
+            return Some(format!("1: {lines} lines need no reason"));
+        }
+        Some(_) => true,
+        None if is_mark(first) => return Some(format!("1: `{first}` is no mark of tidy")),
+        None => false,
+    };
+    if lines > rules.lines {
+        Some(format!("{lines} lines, more than {}", rules.lines))
+    } else if lines > rules.lines_without_reason && !has_reason {
+        let most = rules.lines_without_reason;
+        Some(format!("{lines} lines, more than {most}, and no reason (`{LONG}REASON` as the first line)"))
+    } else {
+        None
+    }
+}
+
+fn check_source(source: &Source, rules: &Rules, faults: &mut Vec<String>) {
+    let Source { file, text, .. } = source;
+    faults.extend(check_length(text, rules).map(|what| format!("{}:{what}", file.display())));
     let head = text.lines().find(|l| !l.starts_with("// ") && !l.trim().is_empty());
     if !head.is_some_and(|l| l.starts_with("//!")) {
         faults.push(format!("{}: does not begin with what it is for (//!)", file.display()));
     }
-    let test = file.components().any(|c| c.as_os_str() == "tests");
-    let simd = test || file.ends_with("simd.rs") && SIMD_CRATES.iter().any(|c| file.starts_with(c));
-    let own = file.starts_with("xtask");
-    if text.contains(concat!("allow(", "unsafe_code"))
-        && !own
-        && !simd
-        && !UNSAFE_FILES.iter().any(|f| file.ends_with(f))
-        && !UNSAFE_CRATES.iter().any(|c| file.starts_with(c))
-    {
+    let allows = source.all.windows(3).any(|part| {
+        part[1].kind == Kind::Sign('(')
+            && [&part[0].kind, &part[2].kind]
+                .into_iter()
+                .zip(["allow", "unsafe_code"])
+                .all(|(kind, word)| matches!(kind, Kind::Word(own) if own == word))
+    });
+    if allows && !source.is_test && !rules.allows_unsafe(file) {
         faults.push(format!("{}: allows unsafe code", file.display()));
     }
     if file.file_name().and_then(|n| n.to_str()).is_some_and(|n| VAGUE.contains(&n)) {
         faults.push(format!("{}: a name that says nothing", file.display()));
-    }
-    let below_tools =
-        file.starts_with("libs") && !file.starts_with("libs/cli") || file.starts_with("formats");
-    // Tests sit at the end of a file; what they read is theirs.
-    let code = text.split("#[cfg(test)]").next().unwrap_or(text);
-    if below_tools && !test && (code.contains("env::var") || code.contains("process::exit")) {
-        faults.push(format!("{}: reads the environment or exits below the tools (law 6)", file.display()));
     }
 }
 
@@ -119,7 +153,7 @@ fn check_links(workspace: &Workspace, file: &Path, text: &str, faults: &mut Vec<
     }
 }
 
-/// Unfinished work and somebody's machine have no place in a commit.
+/// Unfinished work and paths of one machine have no place in a commit.
 fn check_words(file: &Path, text: &str, faults: &mut Vec<String>) {
     // Each in two parts, so that this file is none of them.
     const WORDS: [&str; 7] = [
@@ -137,5 +171,46 @@ fn check_words(file: &Path, text: &str, faults: &mut Vec<String>) {
                 faults.push(format!("{}:{}: {word}", file.display(), number + 1));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_files_say_why() {
+        let rules = Rules {
+            lines: 10,
+            lines_without_reason: 6,
+            median: [1, 9],
+            comment_width: 120,
+            unsafe_places: Vec::new(),
+        };
+        let problem = |first: &str, lines: usize| {
+            let text = format!("{first}\n{}", "x\n".repeat(lines - 1));
+            check_length(&text, &rules).unwrap_or_default()
+        };
+        assert_eq!(problem("//! X.", 6), "");
+        assert!(problem("//! X.", 7).contains("no reason"));
+        assert_eq!(problem("// tidy: long: a list of what there is", 7), "");
+        assert!(problem("// tidy: long: big", 7).contains("gives no reason"));
+        assert!(problem("// tidy: long: a list of what there is", 6).contains("need no reason"));
+        assert!(problem("// tidy: long: a list of what there is", 11).contains("more than 10"));
+        assert_eq!(problem("// tidy: table", 11), "");
+        assert!(problem("//! tidy: table", 11).contains("no mark"));
+        assert!(problem("// tidy: tests and more", 3).contains("no mark"));
+        assert!(
+            problem("//! X.\n// tidy: table", 3).contains("2: a mark of tidy that is not the first line")
+        );
+        // The reason why another check does not apply is not such a mark.
+        assert_eq!(problem("//! X.\n// tidy: attribute: x", 3), "");
+    }
+
+    #[test]
+    fn the_median_is_the_length_in_the_middle() {
+        let file = |lines: usize| Source::new("src/a.rs".into(), "\n".repeat(lines)).unwrap();
+        assert_eq!(median(&[file(500), file(100), file(200)]), 200);
+        assert_eq!(median(&[]), 0);
     }
 }

@@ -1,4 +1,4 @@
-//! What `cargo metadata` and git say about the workspace.
+//! The data of `cargo metadata` and git about the workspace.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -8,8 +8,20 @@ use std::process::Command;
 pub(crate) struct Dependency {
     /// Package name.
     pub(crate) name: String,
-    /// For tests and benches only.
-    pub(crate) dev: bool,
+    /// The name by which code calls it.
+    pub(crate) name_in_code: String,
+    pub(crate) purpose: Purpose,
+}
+
+/// The purpose of a dependency.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// A dependency of what is built for users.
+    Code,
+    /// Tests, benches and examples only.
+    Tests,
+    /// The build script.
+    Build,
 }
 
 /// One crate of the workspace.
@@ -18,9 +30,10 @@ pub(crate) struct Crate {
     pub(crate) name: String,
     /// Folder, relative to the root: `libs/base`.
     pub(crate) folder: PathBuf,
-    /// What its manifest names.
+    /// The names in its manifest.
     pub(crate) dependencies: Vec<Dependency>,
-    /// The root files of its library, programs, tests, examples and benches, relative to the root of the workspace, sorted.
+    /// The root files of its library, programs, tests, examples and benches, relative to the root of the workspace,
+    /// sorted.
     pub(crate) roots: Vec<PathBuf>,
 }
 
@@ -63,7 +76,12 @@ impl Workspace {
                         .iter()
                         .map(|d| Dependency {
                             name: text(&d["name"]).to_owned(),
-                            dev: text(&d["kind"]) == "dev",
+                            name_in_code: d["rename"].as_str().unwrap_or(text(&d["name"])).replace('-', "_"),
+                            purpose: match text(&d["kind"]) {
+                                "dev" => Purpose::Tests,
+                                "build" => Purpose::Build,
+                                _ => Purpose::Code,
+                            },
                         })
                         .collect(),
                     roots,

@@ -6,16 +6,16 @@
 //! (coherent), from around through the box of the mesh, and from its surface (both incoherent). Embree comes from the
 //! Python package `embreex`, which is found by the option or in `python3`: once as the package calls it, and, where
 //! there is a C compiler (`cc`), once more by its single-ray calls alone. The quickest of four runs counts, in turns.
-//! `--large` adds what ten million triangles in a geometry set take: a tree of them, and whole frames of `gelato` in which a
-//! mirror sees a mesh, or a displaced patch that rays tessellate.
+//! `--large` adds what ten million triangles in a geometry set take: a tree of them, and whole frames of `gelato` in
+//! which a mirror sees a mesh, or a displaced patch that rays tessellate.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
 use cpu_time::ThreadTime;
-use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
-use granita_benches::{find_program, measure as cost_of, release_tool, repository};
-use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
+use granita_benches::{
+    KINDS, find_program, measure as cost_of, rays, read_mesh, release_tool, repository, sphere,
+};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -26,10 +26,6 @@ use std::time::Instant;
 
 /// How often everything is measured.
 const RUNS: usize = 4;
-/// Pixels along a side of the camera's picture; as many rays of the other kinds.
-const SIDE: u32 = 1024;
-/// Kinds of rays.
-const KINDS: [&str; 3] = ["camera", "random", "bounce"];
 
 fn main() -> ExitCode {
     match run() {
@@ -61,7 +57,7 @@ fn run() -> Result<(), String> {
     compare("displaced sphere", &sphere(1000), &embree, place.path())?;
     for file in files {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        compare(&name, &read(&file)?, &embree, place.path())?;
+        compare(&name, &read_mesh(&file)?, &embree, place.path())?;
     }
     if large {
         memory(place.path())?;
@@ -337,119 +333,4 @@ fn write(mesh: &TriangleMesh, rays: &[Vec<Ray>], place: &Path) -> std::io::Resul
         std::fs::write(place.join(format!("{kind}.rays")), all)?;
     }
     Ok(())
-}
-
-fn random(i: u32, d: u32) -> f32 {
-    hash::unit(hash::words(&[i, d]))
-}
-
-/// A direction, all equally likely.
-fn direction(i: u32, d: u32) -> Vec3 {
-    let (z, angle) = (random(i, d) * 2.0 - 1.0, random(i, d + 1) * std::f32::consts::TAU);
-    let r = (1.0 - z * z).sqrt();
-    Vec3::new(r * angle.cos(), r * angle.sin(), z)
-}
-
-/// Rays of a kind for a mesh.
-fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
-    let p = &mesh.positions[0];
-    let lo = p.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
-    let hi = p.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
-    let (middle, radius) = ((lo + hi) * 0.5, (hi - lo).length() * 0.5);
-    let eye = middle + Vec3::new(0.3, 0.4, -2.2) * radius;
-    let forward = (middle - eye).normalize_or_zero();
-    let right = forward.cross(Vec3::Y).normalize_or_zero();
-    let up = right.cross(forward);
-    let ray = |i: u32| match kind {
-        "camera" => {
-            let at = |k: u32| ((k as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * 0.42;
-            (eye, forward + right * at(i % SIDE) + up * at(i / SIDE))
-        }
-        "random" => {
-            let origin = middle + direction(i, 0) * radius * 1.5;
-            let target = lo + Vec3::new(random(i, 2), random(i, 3), random(i, 4)) * (hi - lo);
-            (origin, target - origin)
-        }
-        _ => {
-            let t =
-                mesh.triangles[(random(i, 5) * mesh.triangles.len() as f32) as usize % mesh.triangles.len()];
-            let [a, b, c] = t.map(|v| p[v as usize]);
-            let (s, u) = (random(i, 6).sqrt(), random(i, 7));
-            let normal = (b - a).cross(c - a).normalize_or_zero();
-            // Cosine-weighted, a little above the surface.
-            let at = a * (1.0 - s) + b * (s * (1.0 - u)) + c * (s * u);
-            (at + normal * 1e-4 * radius, normal + direction(i, 8) * 0.999)
-        }
-    };
-    (0..SIDE * SIDE)
-        .map(ray)
-        .map(|(origin, dir)| Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 })
-        .collect()
-}
-
-/// A closed sphere with waves of several lengths, of `n * n` triangles; the normals of its triangles point inward.
-fn sphere(n: u32) -> TriangleMesh {
-    let (around, down) = (n, n / 2);
-    let mut positions = Vec::with_capacity((around * (down + 1)) as usize);
-    for j in 0..=down {
-        for i in 0..around {
-            let (t, f) = (
-                i as f32 / around as f32 * std::f32::consts::TAU,
-                j as f32 / down as f32 * std::f32::consts::PI,
-            );
-            let p = Vec3::new(t.cos() * f.sin(), t.sin() * f.sin(), f.cos());
-            let waves = 0.05 * (9.0 * p.x).sin() * (7.0 * p.y).cos()
-                + 0.02 * (31.0 * p.z + 5.0 * p.x).sin() * (37.0 * p.y).cos()
-                + 0.004 * (150.0 * p.x).sin() * (170.0 * p.y).sin() * (160.0 * p.z).sin();
-            positions.push(p * (1.0 + waves));
-        }
-    }
-    let at = |i: u32, j: u32| j * around + i % around;
-    let mut triangles = Vec::with_capacity((2 * around * down) as usize);
-    for j in 0..down {
-        for i in 0..around {
-            triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-            triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
-        }
-    }
-    TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
-}
-
-/// Takes the meshes out of what a file calls, as triangles.
-#[derive(Default)]
-struct Meshes {
-    positions: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl SceneSink for Meshes {
-    fn call(&mut self, call: Call, _: &Location) -> Result<(), Stop> {
-        let Call::Shape { shape, params } = call else { return Ok(()) };
-        let ShapeDesc::Mesh { nverts, verts, .. } = *shape else { return Ok(()) };
-        let Some(p) = params.iter().find(|p| &*p.name == "P") else { return Ok(()) };
-        let ParamData::Float(p) = &p.data else { return Ok(()) };
-        let base = self.positions.len() as u32;
-        self.positions.extend(p.chunks_exact(3).map(|p| Vec3::new(p[0], p[1], p[2])));
-        let mut first = 0;
-        for &n in nverts.iter() {
-            let n = usize::try_from(n).unwrap_or(0);
-            let corner = |k: usize| base + verts[first + k] as u32;
-            self.triangles.extend((2..n).map(|k| [corner(0), corner(k - 1), corner(k)]));
-            first += n;
-        }
-        Ok(())
-    }
-}
-
-fn read(file: &Path) -> Result<TriangleMesh, String> {
-    let source = GeneratorSource::file(file.to_owned());
-    let mut meshes = Meshes::default();
-    let silent = Reporter::silent();
-    let generators = granita_plugin::bundled_generators();
-    let reader = generators.by_extension(file).ok_or_else(|| format!("{}: no mesh file", file.display()))?;
-    reader.run(&source, &mut meshes, &silent).map_err(|e| e.to_string())?;
-    if meshes.triangles.is_empty() {
-        return Err(format!("{}: no triangles", file.display()));
-    }
-    Ok(TriangleMesh { times: vec![0.0], positions: vec![meshes.positions], triangles: meshes.triangles })
 }

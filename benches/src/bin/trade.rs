@@ -2,12 +2,12 @@
 //!
 //! `cargo xtask trade SCENE.pyg [--threads N] [--reference SAMPLES] [--resolution X,Y] [--svg FILE]`
 //!
-//! The scene is rendered with one knob moved at a time, and with all pairs of "samples" and "maxerror"; the time of each picture and
-//! its distance from a reference (every point sampled, with `--reference` samples, 1024 unless told) become a table and a
-//! plot. Settings that no other beats in both are marked. "samples", "adaptive", "maxerror" and "maxpixeldist" are parameters of
-//! the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality" and "spatialquality" are attributes. Of a scene
-//! that has none of these shaders the attributes alone are moved. What commands of the scene make (maps, photons) is made once,
-//! before anything is timed.
+//! The scene is rendered with one knob moved at a time, and with all pairs of "samples" and "maxerror"; the time of
+//! each picture and its distance from a reference (every point sampled, with `--reference` samples, 1024 unless told)
+//! become a table and a plot. Settings that no other beats in both are marked. "samples", "adaptive", "maxerror" and
+//! "maxpixeldist" are parameters of the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality"
+//! and "spatialquality" are attributes. Of a scene that has none of these shaders the attributes alone are moved. What
+//! commands of the scene make (maps, photons) is made once, before anything is timed.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -135,8 +135,8 @@ fn of_shaders(knob: &str) -> bool {
     !matches!(knob, "base" | "shadingquality" | "spatialquality")
 }
 
-/// The scene as it is rendered again and again: without its commands, once they have made what the scene needs, and at the
-/// resolution that was asked for.
+/// The scene as it is rendered again and again: without its commands, once they have made what the scene needs, and at
+/// the resolution that was asked for.
 fn prepared(gelato: &Path, options: &Options, mut text: String) -> Result<String, String> {
     let is_command = |line: &str| line.trim_start().starts_with("Command");
     if text.lines().any(is_command) {

@@ -209,8 +209,8 @@ fn shown(text: &str) -> Result<&str, String> {
     line.ok_or_else(|| format!("no number came: {text}"))
 }
 
-/// Seconds until the first and the complete picture are on their way to the screen, the making of the window included; those of the whole
-/// process, from its start until it ended; and its processor time.
+/// Seconds until the first and the complete picture are on their way to the screen, the making of the window included;
+/// those of the whole process, from its start until it ended; and its processor time.
 fn first_picture(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<String, String> {
     let (text, cost) = script_run(iv, screen, folder, "wait\nprint\nquit\n", files)?;
     let first = shown(&text)?;

@@ -13,14 +13,15 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 /// Most values of one packet: what a viewer shows at once.
 const PACKET_VALUES: usize = 1 << 20;
 
-/// The image format "iv": pictures go to a viewer instead of a file.
+/// The image format "iv", which sends images to a viewer instead of a file.
 ///
-/// The viewer is at the address that the attribute `display` of the picture names, `HOST[:PORT]`, by default port 14158
-/// of this machine. Pictures for one address that are sent at the same time share a connection. The attributes
-/// `fullscreen`, `zoom` (ints), `foreground` and `background` (strings) are passed on to a viewer that knows them.
+/// The viewer is at the address in the attribute `display` of the image, `HOST[:PORT]`, by default port 14158 of this
+/// machine. Images for one address that are sent at the same time share a connection. The attributes `fullscreen`,
+/// `zoom` (ints), `foreground` and `background` (strings) are passed on to a viewer that supports them.
 ///
-/// All values are sent as floats, in the order in which they come: nothing is converted but the type. A rectangle whose
-/// pixels are all the same is sent as one of them (its channels have a stride of 0). Writing fails as soon as the connection is lost, and never waits; `close` waits as long as the viewer goes on taking what was sent.
+/// All values are sent as floats, in the given order. Only the type is converted. A rectangle whose pixels are all
+/// equal is sent as one pixel (its channels have a stride of 0). Writing fails as soon as the connection is lost, and
+/// never blocks. `close` waits as long as the viewer keeps reading the data.
 pub struct IvFormat {
     patience: Patience,
     /// By address.
@@ -116,14 +117,14 @@ impl Format for IvFormat {
     }
 }
 
-/// A picture on its way to a viewer.
+/// An image that is being sent to a viewer.
 struct IvOutput {
     link: Arc<Link>,
     /// Stands for the file in messages.
     address: PathBuf,
     name: String,
     spec: ImageSpec,
-    /// Where the values of each channel are in a packet.
+    /// The places of the values of each channel in a packet.
     channels: Vec<Channel>,
     /// The next row, for rows in order.
     row: u32,
@@ -151,7 +152,7 @@ impl IvOutput {
         PixelRect::at(0, 0, self.spec.width, self.spec.height)
     }
 
-    /// Sends `rect`, as many of its rows at once as a packet takes. Of what is the same everywhere one pixel is sent.
+    /// Sends `rect`, with as many of its rows per packet as fit. When all its pixels are equal, one pixel is sent.
     fn send(&mut self, rect: &PixelRect, values: &[f32]) -> Result<()> {
         let n = self.spec.nchannels();
         let line = rect.width() * n;
@@ -176,7 +177,7 @@ impl IvOutput {
     }
 }
 
-/// Whether values are the same to the bit.
+/// True when all values are equal to the bit.
 fn is_same(a: &[f32], b: &[f32]) -> bool {
     a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
@@ -225,7 +226,7 @@ impl ImageOutput for IvOutput {
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {
         if !rect.is_empty() {
-            // Whether it fails, the pixels will tell.
+            // A failure here shows up when pixels are sent.
             let _ = self.link.push(&Packet::Mark { name: self.name.clone(), rect: *rect });
         }
     }

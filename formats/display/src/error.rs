@@ -1,4 +1,4 @@
-//! What can go wrong, sorted by whose fault it is.
+//! The errors, sorted by cause.
 
 /// A packet that cannot be understood, or a conversation that cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -6,20 +6,20 @@ pub enum DisplayError {
     /// The system refused.
     #[error("{what}: {source}")]
     Io {
-        /// What was attempted, with the address.
+        /// The action that was attempted, with the address.
         what: String,
-        /// What the system said.
+        /// The message of the system.
         source: std::io::Error,
     },
     /// A packet contradicts the protocol.
     #[error("malformed packet: {what} at byte {at}")]
     Malformed {
-        /// What is wrong.
+        /// The error in the packet.
         what: String,
-        /// Where, counted from the packet's length.
+        /// The offset in bytes, counted from the packet's length.
         at: usize,
     },
-    /// A packet of a kind that is not known.
+    /// A packet of an unknown kind.
     #[error("unknown packet of type {kind}")]
     Unsupported {
         /// Its type.
@@ -28,17 +28,17 @@ pub enum DisplayError {
     /// More than is taken in.
     #[error("{what} {asked} exceeds the limit of {max}")]
     Limit {
-        /// What is too large.
+        /// The quantity that is too large.
         what: &'static str,
-        /// How large.
+        /// The requested value.
         asked: u64,
-        /// How large it may be.
+        /// The largest value allowed.
         max: u64,
     },
-    /// What the caller asked for cannot be said in the protocol.
+    /// The request of the caller cannot be expressed in the protocol.
     #[error("{what}")]
     Misuse {
-        /// What was asked.
+        /// The request.
         what: String,
     },
 }

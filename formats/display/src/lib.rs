@@ -1,15 +1,15 @@
-//! Live pictures over TCP, in the protocol that the viewer `tev` established.
+//! Live images over TCP, in the protocol that the viewer `tev` established.
 //!
-//! - [`packet`]: what is said, and its bytes;
-//! - [`IvFormat`]: the image format "iv" (reference 7.4.3), which sends a picture to a viewer while it is made;
-//! - [`Listener`]: takes pictures from any renderer that speaks the protocol.
+//! - [`packet`]: the messages and their bytes;
+//! - [`IvFormat`]: the image format "iv" (reference 7.4.3), which sends an image to a viewer while it is rendered;
+//! - [`Listener`]: receives images from any renderer that uses the protocol.
 //!
 //! Invariants:
-//! - a viewer that dies, stalls or talks nonsense never stops or slows whoever makes the picture;
-//! - a sender that dies, stalls or talks nonsense never stops whoever shows it, and takes no memory beyond
+//! - a viewer that dies, stalls or sends invalid data never stops or slows the renderer;
+//! - a sender that dies, stalls or sends invalid data never stops the viewer, and takes no memory beyond
 //!   [`PacketLimits`];
-//! - connections that say nothing never keep others out ([`Places`]);
-//! - packets that are not part of tev's protocol are sent to nobody who did not say that it speaks them
+//! - silent connections never block others ([`Places`]);
+//! - packets that are not part of tev's protocol are sent only to a peer that declared that it supports them
 //!   ([`packet::GREETING`]).
 //!
 //! Deliberately absent: encryption and passwords (listen on this machine only, and forward the port by ssh), and

@@ -1,8 +1,8 @@
-//! A connection to a viewer: a queue, and threads that send and hear.
+//! A connection to a viewer: a queue, and threads that send and receive.
 //!
-//! Whoever makes pictures only appends to the queue. One thread connects and sends; when the viewer takes nothing for a
-//! while, or the queue grows beyond its bound, the connection is given up, with the reason kept for whoever sends next.
-//! Another thread hears what the viewer says, if it is one that says anything.
+//! The renderer only appends to the queue. One thread connects and sends. When the viewer reads nothing for some
+//! time, or the queue exceeds its limit, the connection is closed, and the next send returns the reason. Another
+//! thread receives the packets of the viewer, if it sends any.
 
 use crate::packet::{GREETING, PacketLimits, Update, VERSION, rest_of};
 use crate::{DisplayError, Packet, Result};
@@ -15,15 +15,15 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How much a sender bears.
+/// The limits of a sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Longest time until the viewer takes the connection.
+    /// Longest time until the viewer accepts the connection.
     pub connect: Duration,
-    /// Longest time in which it takes nothing of what is sent.
+    /// Longest time in which the viewer reads nothing of the data.
     pub stall: Duration,
-    /// How long to wait for the answer to the greeting; one that comes later counts as well, but pictures are on their
-    /// way then.
+    /// The time to wait for the answer to the greeting. A later answer is valid as well, but the images have started
+    /// by then.
     pub answer: Duration,
     /// Most bytes of pixels that wait to be sent.
     pub queue_bytes: usize,
@@ -41,34 +41,34 @@ impl Default for Patience {
     }
 }
 
-/// How often a thread that waits for the system looks whether it should end.
+/// The interval at which a thread that waits for the system checks whether it should end.
 const TICK: Duration = Duration::from_millis(50);
-/// How long small packets are collected before they are sent together: no eye sees it, and a thread that is woken for each
-/// bucket costs the render more than all else.
+/// The time during which small packets are collected before they are sent together. It is too short to be visible,
+/// and waking a thread for each bucket would cost the render more than everything else.
 const COLLECT: Duration = Duration::from_millis(20);
 /// Bytes that are given to the system at once, about.
 const CHUNK_BYTES: usize = 256 << 10;
 /// Chunks whose room is kept.
 const SPARE: usize = 8;
-/// How long a viewer has for closing its side.
+/// The time that a viewer has for closing its side.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// Requests of one picture that wait to be fetched.
+/// The requests for one image that have not been fetched.
 const REQUESTS: usize = 64;
 
 /// Packets that follow each other, as bytes.
 #[derive(Default)]
 struct Chunk {
     bytes: Vec<u8>,
-    /// Where those lie that only viewers take who answered the greeting.
+    /// The positions in the queue of the packets that are sent only to viewers that answered the greeting.
     ours: Vec<Range<usize>>,
 }
 
 #[derive(Default)]
 struct State {
-    /// What waits to be sent.
+    /// The bytes to be sent.
     queue: VecDeque<Chunk>,
     bytes: usize,
-    /// Room of what was sent, for what comes next.
+    /// The buffer of sent packets, kept as scratch for the next ones.
     spare: Vec<Vec<u8>>,
     /// A packet was taken from the queue and is not sent yet.
     busy: bool,
@@ -115,7 +115,7 @@ impl Shared {
     }
 }
 
-/// A connection to a viewer. Dropped, it waits until the viewer has what was sent, if it takes it.
+/// A connection to a viewer. Dropping it waits until the viewer has read all data, as long as it keeps reading.
 pub(crate) struct Link {
     shared: Arc<Shared>,
     sender: Option<JoinHandle<()>>,
@@ -125,7 +125,7 @@ impl Link {
     /// Begins to connect.
     ///
     /// # Errors
-    /// When the system gives no thread.
+    /// Returns an error when the system cannot create a thread.
     pub(crate) fn new(address: (String, u16), patience: Patience) -> Result<Self> {
         let what = format!("{}:{}", address.0, address.1);
         let shared = Arc::new(Shared { address, patience, state: Mutex::default(), changed: Condvar::new() });
@@ -141,7 +141,7 @@ impl Link {
         Ok(Self { shared, sender: Some(sender) })
     }
 
-    /// A name that no other picture of this connection has; whether it is the first one.
+    /// Returns a name that no other image of this connection has, and true when it is the first one.
     pub(crate) fn name(&self, wanted: &str) -> (String, bool) {
         let mut state = self.shared.state();
         let mut name = wanted.to_owned();
@@ -154,7 +154,7 @@ impl Link {
         (name, first)
     }
 
-    /// Queues a packet; one of our own is left out when the viewer turns out not to know it.
+    /// Queues a packet. A packet of the extension is left out when the viewer turns out not to support it.
     ///
     /// # Errors
     /// Why nothing is sent any more.
@@ -169,7 +169,7 @@ impl Link {
     /// The same for an update of what the caller holds.
     ///
     /// # Errors
-    /// As [`Link::push`].
+    /// The same as for [`Link::push`].
     pub(crate) fn push_update(&self, update: &Update<'_>) -> std::result::Result<(), String> {
         self.append(update.values.len() * 4, false, |out| update.encode(out))
     }
@@ -216,12 +216,12 @@ impl Link {
         })
     }
 
-    /// What was asked for a picture since the last call.
+    /// The requests for an image since the last call.
     pub(crate) fn requests(&self, name: &str) -> Vec<Request> {
         self.shared.state().requests.get_mut(name).map(std::mem::take).unwrap_or_default()
     }
 
-    /// Waits until everything is sent; no longer than the viewer takes something now and then.
+    /// Waits until everything is sent, as long as the viewer keeps reading.
     ///
     /// # Errors
     /// Why it is not.
@@ -239,7 +239,7 @@ impl Link {
                 state.hurried = false;
                 return Ok(());
             }
-            // Looking up a name may take as long as it likes, and nobody can end it.
+            // Resolving a name may take any time, and cannot be interrupted.
             if !state.connected && begin.elapsed() > connect + stall {
                 drop(state);
                 let what = "no connection to the viewer".to_owned();
@@ -250,7 +250,7 @@ impl Link {
         }
     }
 
-    /// A picture is done: its name is free again.
+    /// Marks an image as done, and frees its name.
     pub(crate) fn forget(&self, name: &str) {
         let mut state = self.shared.state();
         state.names.remove(name);
@@ -273,7 +273,7 @@ impl Drop for Link {
     }
 }
 
-/// Whether only those take it who answered the greeting.
+/// True for packets that are sent only to viewers that answered the greeting.
 fn is_ours(packet: &Packet) -> bool {
     matches!(packet, Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. })
 }
@@ -300,7 +300,7 @@ fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
         // Before the other thread finds its own reason.
         shared.give_up(what.clone());
     } else {
-        // With words of the viewer unread, closing would take back what it has not read.
+        // When data of the viewer has not been read, closing would discard data that the viewer has not read.
         let _ = socket.shutdown(Shutdown::Write);
         let end = Instant::now() + FAREWELL;
         let mut state = shared.state();
@@ -418,7 +418,7 @@ fn hear(shared: &Shared, mut socket: TcpStream) {
         let rest = rest_of(length, &limits).ok()?;
         bytes.resize(4 + rest, 0);
         socket.read_exact(&mut bytes[4..]).ok()?;
-        // What is not understood is no reason to stop.
+        // A packet that cannot be decoded does not end the connection.
         Some(Packet::decode(&bytes, &limits).unwrap_or(Packet::Hello { version: 0 }))
     };
     while let Some(packet) = answer() {
@@ -440,7 +440,7 @@ fn hear(shared: &Shared, mut socket: TcpStream) {
             waiting.push(request);
         }
     }
-    // Words of something that is no viewer are taken and forgotten.
+    // Data from a peer that is not a viewer is read and discarded.
     let mut unread = [0; 4096];
     while matches!(socket.read(&mut unread), Ok(n) if n > 0) {}
     let mut state = shared.state();

@@ -1,7 +1,8 @@
-//! Packets: what they say, and their bytes.
+// tidy: long: how each packet is written and how it is read stand in one file, so that one cannot change alone
+//! Packets: their content, and their bytes.
 //!
-//! A packet is its length in bytes (`u32`, these four included), its type (`u8`), and what belongs to the type. Numbers are
-//! little endian; a text ends with a zero byte; a flag is a byte, 1 for yes. The types up to 8 are those that `tev`
+//! A packet is its length in bytes (`u32`, these four included), its type (`u8`), and what belongs to the type. Numbers
+//! are little endian; a text ends with a zero byte; a flag is a byte, 1 for yes. The types up to 8 are those that `tev`
 //! established; all current senders of it write them like this:
 //!
 //! | type | packet | content |
@@ -18,8 +19,8 @@
 //!
 //! In the 3rd form the value of channel c in pixel k (row by row) is number `offset[c] + k * stride[c]`.
 //!
-//! The types from 100 are our own. They are sent only between a client and a server that know each other to speak
-//! them (see [`GREETING`]):
+//! The types from 100 are an extension. They are sent only between a client and a server that have agreed on it (see
+//! [`GREETING`]):
 //!
 //! | type | packet | content |
 //! |---|---|---|
@@ -37,15 +38,15 @@ use granita_image::{Draw, PixelRect, Request, Wishes};
 /// The port that viewers listen on.
 pub const DEFAULT_PORT: u16 = 14158;
 
-/// The name of a picture that nobody has. A client that would speak our own packets first asks for this picture to be
-/// closed: any server of the protocol takes that and does nothing, ours answers [`Packet::Hello`]. Before that answer a
-/// client sends packets of types up to 8 only, and a server that was not asked sends nothing at all.
+/// The name of an image that does not exist. A client that supports the extension first requests that this image be
+/// closed. Any server of the protocol accepts that and does nothing. Ours answers with [`Packet::Hello`]. Before that
+/// answer a client sends packets of types up to 8 only, and a server that did not receive the request sends nothing.
 pub const GREETING: &str = "\u{1}granita hello";
 
 /// The version of our own packets.
 pub const VERSION: u32 = 1;
 
-/// What a receiver takes in. Checked before anything is allocated.
+/// The limits of a receiver. They are checked before anything is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PacketLimits {
     /// Most bytes of a packet.
@@ -73,14 +74,14 @@ impl Default for PacketLimits {
     }
 }
 
-/// Where the values of a channel are in a packet.
+/// The places of the values of a channel in a packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
     /// Its name, as "R".
     pub name: String,
     /// Number of its first value.
     pub offset: u64,
-    /// From the value of one pixel to that of the next.
+    /// The distance from the value of one pixel to that of the next.
     pub stride: u64,
 }
 
@@ -91,24 +92,24 @@ pub enum Packet {
     OpenImage {
         /// Its path.
         path: String,
-        /// Which channels; empty for all.
+        /// The channels; empty for all.
         selector: String,
         /// Show it.
         focus: bool,
     },
     /// Read a file again.
     ReloadImage {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
         /// Show it.
         focus: bool,
     },
-    /// Forget a picture.
+    /// Closes an image.
     CloseImage {
         /// Its name.
         name: String,
     },
-    /// A black picture.
+    /// Creates a black image.
     CreateImage {
         /// Its name.
         name: String,
@@ -123,7 +124,7 @@ pub enum Packet {
     },
     /// New values of some pixels.
     UpdateImage {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
         /// Show it.
         focus: bool,
@@ -134,48 +135,48 @@ pub enum Packet {
         /// The values; at least as many as the channels need.
         values: Vec<f32>,
     },
-    /// Lines over a picture.
+    /// Draws lines over an image.
     VectorGraphics {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
         /// Show it.
         focus: bool,
         /// Those that are there stay.
         append: bool,
-        /// What to draw.
+        /// The drawing commands.
         commands: Vec<Draw>,
     },
     /// Our own packets are understood.
     Hello {
-        /// Which of them.
+        /// The tiles.
         version: u32,
     },
     /// Somebody works on these pixels.
     Mark {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
         /// The pixels; at least one.
         rect: PixelRect,
     },
-    /// How to show a picture.
+    /// Sets how an image is shown.
     Wish {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
-        /// What is wished.
+        /// The display settings.
         wishes: Wishes,
     },
-    /// Nothing more comes.
+    /// Ends an image: no more data follows.
     Finished {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
-        /// Whether all of it came.
+        /// True when the image is complete.
         complete: bool,
     },
-    /// What a viewer asks of whoever makes the picture.
+    /// A request of the viewer to the renderer.
     Request {
-        /// Name of the picture.
+        /// Name of the image.
         name: String,
-        /// What is asked.
+        /// The request.
         request: Request,
     },
 }
@@ -184,8 +185,8 @@ impl Packet {
     /// Appends the packet's bytes to `out`, in the newest form of its kind.
     ///
     /// # Errors
-    /// [`DisplayError::Misuse`] for what the protocol cannot hold: texts with zero bytes, sizes beyond `i32`, packets beyond
-    /// `u32`. Nothing is appended then.
+    /// [`DisplayError::Misuse`] for what the protocol cannot hold: texts with zero bytes, sizes beyond `i32`, packets
+    /// beyond `u32`. Nothing is appended then.
     pub fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
         put(out, |put| put.packet(self))
     }
@@ -222,7 +223,7 @@ fn within(what: &'static str, asked: u64, max: u64) -> Result<()> {
     if asked <= max { Ok(()) } else { Err(DisplayError::Limit { what, asked, max }) }
 }
 
-/// [`Packet::UpdateImage`] of what somebody else holds.
+/// [`Packet::UpdateImage`] of borrowed data.
 pub(crate) struct Update<'a> {
     pub(crate) name: &'a str,
     pub(crate) focus: bool,
@@ -232,7 +233,7 @@ pub(crate) struct Update<'a> {
 }
 
 impl Update<'_> {
-    /// As [`Packet::encode`].
+    /// The same as for [`Packet::encode`].
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
         put(out, |put| put.update(self))
     }
@@ -437,7 +438,7 @@ impl Put<'_> {
     }
 }
 
-/// How many values channels use; `None` when that does not fit in 64 bits.
+/// The number of values that the channels use; `None` when it does not fit in 64 bits.
 fn needed_values(channels: &[Channel], rect: &PixelRect) -> Option<u64> {
     let last = rect.pixels().checked_sub(1)?;
     channels.iter().try_fold(0_u64, |most, channel| {
@@ -469,7 +470,7 @@ impl Take<'_> {
         self.array::<1>(what).map(|[byte]| byte == 1)
     }
 
-    /// What is not UTF-8 is replaced: other programs send what their system has.
+    /// Bytes that are not UTF-8 are replaced, because other programs send the encoding of their system.
     fn text(&mut self, what: &str) -> Result<String> {
         let rest = &self.bytes[self.at..];
         let searched = &rest[..rest.len().min(self.limits.text_bytes + 1)];
@@ -501,7 +502,7 @@ impl Take<'_> {
         Ok(count)
     }
 
-    /// A side of a picture, from 1.
+    /// A side of an image, at least 1.
     fn side(&mut self, what: &'static str) -> Result<u32> {
         match self.count(what, self.limits.dimension)? {
             0 => Err(self.wrong(format!("{what} is 0"))),
@@ -523,7 +524,7 @@ impl Take<'_> {
         (0..count).map(|_| self.text("a channel's name")).collect()
     }
 
-    /// From 0 to what 63 bits hold.
+    /// A number from 0 to 2^63 - 1.
     fn long(&mut self, what: &str) -> Result<u64> {
         let value = i64::from_le_bytes(self.array(what)?);
         u64::try_from(value).map_err(|_| self.wrong(format!("{what} is {value}")))

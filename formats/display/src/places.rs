@@ -1,11 +1,12 @@
-//! How many connections a server holds, and which of them ends when another one needs its place.
+//! The number of connections that a server holds, and the choice of the one that ends when another one needs its
+//! place.
 //!
-//! Connections that have not yet sent anything whole must never keep others out: when all places are taken, or those of one
-//! address, the oldest such connection is closed in favour of the new one. Connections that have sent something keep their
-//! places, and the new one is refused.
+//! Connections that have not yet sent anything whole must never keep others out: when all places are taken, or those of
+//! one address, the oldest such connection is closed in favour of the new one. Connections that have sent something
+//! keep their places, and the new one is refused.
 
 use std::collections::BTreeMap;
-use std::net::{IpAddr, Ipv6Addr, Shutdown, SocketAddr, TcpStream};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -38,7 +39,7 @@ pub struct Place {
 /// Why a connection has no place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// All places are taken by connections that have sent something; the number of places.
+    /// All places are taken by connections that have sent a whole packet; the number of places.
     Full(usize),
     /// The same of the places for one address.
     FullOfAddress(usize),
@@ -57,17 +58,17 @@ impl std::fmt::Display for Refusal {
 }
 
 impl Places {
-    /// Places for `total` connections, of which `per_address` may come from one address (of IPv6: from one network of 64
-    /// bits, which is what one machine can choose from).
+    /// Places for `total` connections, of which `per_address` may come from one address (of IPv6: from one network of
+    /// 64 bits, which is what one machine can choose from).
     pub fn new(total: usize, per_address: usize) -> Arc<Self> {
         let (ending, taken) = (AtomicBool::new(false), Mutex::default());
         Arc::new(Self { total, per_address, ending, taken })
     }
 
-    /// Gives `socket`, which comes from `address`, a place.
+    /// Gives a place to `socket`, which comes from `address`.
     ///
     /// # Errors
-    /// When there is none, and none could be made.
+    /// Returns an error when there is no place, and none could be freed.
     pub fn take(
         self: &Arc<Self>,
         id: u64,
@@ -99,21 +100,14 @@ impl Places {
         self.ending.load(Ordering::SeqCst)
     }
 
-    /// Ends all connections, and the thread that accepts them at `address`: that one waits for a connection, is sent one,
-    /// and finds that the server [is ending](Places::is_ending).
-    pub fn close(&self, mut address: SocketAddr) {
+    /// Ends all connections, and the thread that accepts them at `address`: that one waits for a connection, is sent
+    /// one, and finds that the server [is ending](Places::is_ending).
+    pub fn close(&self, address: SocketAddr) {
         self.ending.store(true, Ordering::SeqCst);
         for taken in self.taken().values() {
             let _ = taken.socket.shutdown(Shutdown::Both);
         }
-        // Not every system connects to the address that stands for all of them.
-        if address.ip().is_unspecified() {
-            address.set_ip(match address {
-                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
-                SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
-            });
-        }
-        let _ = TcpStream::connect_timeout(&address, Duration::from_millis(200));
+        let _ = TcpStream::connect_timeout(&reachable(address), Duration::from_millis(200));
     }
 
     fn taken(&self) -> MutexGuard<'_, BTreeMap<u64, Taken>> {
@@ -122,7 +116,7 @@ impl Places {
 }
 
 impl Place {
-    /// Something whole has come: this place is not given to others any more.
+    /// Records that a whole packet has come: this place is not given to others any more.
     pub fn heard(&self) {
         if let Some(taken) = self.places.taken().get_mut(&self.id) {
             taken.heard = true;
@@ -144,7 +138,19 @@ fn close_oldest_silent(taken: &mut BTreeMap<u64, Taken>, may: impl Fn(&Taken) ->
     true
 }
 
-/// What counts as one address.
+/// The address at which a server that listens on `address` is reached from its own machine. The wildcard address is
+/// replaced by the loopback address of the same family, because only some systems connect to the wildcard address.
+fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(match address {
+            SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
+            SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+        });
+    }
+    address
+}
+
+/// The part of an address that counts as one address.
 fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => {
@@ -170,7 +176,8 @@ impl Sparingly {
         Self { first, pause, last: None, left_out: 0 }
     }
 
-    /// The text to print at `now`; `None` when it is too early. It says how many messages were left out before it.
+    /// The text to print at `now`; `None` when it is too early. It contains the number of messages left out before
+    /// it.
     pub fn say(&mut self, now: Instant, text: &str) -> Option<String> {
         if self.first > 0 {
             self.first -= 1;
@@ -191,6 +198,19 @@ mod tests {
     use super::*;
     use std::io::Read;
     use std::net::TcpListener;
+
+    #[test]
+    fn a_server_for_all_addresses_is_reached_by_the_loopback_of_its_family() {
+        let cases = [
+            ("0.0.0.0:14158", "127.0.0.1:14158"),
+            ("[::]:14158", "[::1]:14158"),
+            ("192.0.2.7:80", "192.0.2.7:80"),
+            ("[2001:db8::1]:80", "[2001:db8::1]:80"),
+        ];
+        for (bound, reached) in cases {
+            assert_eq!(reachable(bound.parse().unwrap()), reached.parse().unwrap());
+        }
+    }
 
     /// Both ends of a connection.
     fn pair(listener: &TcpListener) -> (TcpStream, TcpStream) {

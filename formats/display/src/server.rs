@@ -1,4 +1,4 @@
-//! Takes pictures from renderers.
+//! Receives images from renderers.
 
 use crate::packet::{DEFAULT_PORT, GREETING, PacketLimits, VERSION, rest_of};
 use crate::places::{Place, Places, Sparingly};
@@ -9,10 +9,10 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-/// What clients may take of a server.
+/// The limits of clients on a server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServerLimits {
-    /// What a packet may hold.
+    /// The limits of a packet.
     pub packet: PacketLimits,
     /// Most clients at once.
     pub clients: usize,
@@ -20,19 +20,19 @@ pub struct ServerLimits {
     pub clients_of_address: usize,
     /// Longest time until a client has sent its first whole packet. One whose place another client needs ends sooner.
     pub first_packet: Duration,
-    /// Longest silence in the middle of a packet; a packet also ends its client when it comes slower than
-    /// [`ServerLimits::bytes_per_second`] after that time. Between packets a client may be silent for ever, because a
-    /// bucket may take as long.
+    /// Longest silence, in seconds, in the middle of a packet. A packet also ends its client when it comes slower
+    /// than [`ServerLimits::bytes_per_second`] after that time. Between packets a client may be silent without limit,
+    /// because a bucket may take any time.
     pub silence: Duration,
-    /// Least rate at which the bytes of a packet come.
+    /// Least rate of the bytes of a packet.
     pub bytes_per_second: u32,
     /// Packets without sense, or that fit nothing, until a client is sent away.
     pub mistakes: u32,
 }
 
 impl Default for ServerLimits {
-    /// 64 clients, 48 of one address, 120 s for the first packet (renderers connect before they read their scene), 30 s of
-    /// silence, 1024 bytes per second, 100 mistakes.
+    /// 64 clients, 48 of one address, 120 s for the first packet (renderers connect before they read their scene), 30
+    /// s of silence, 1024 bytes per second, 100 errors.
     fn default() -> Self {
         Self {
             packet: PacketLimits::default(),
@@ -46,7 +46,7 @@ impl Default for ServerLimits {
     }
 }
 
-/// How a client ended.
+/// The reason why a client ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// It closed the connection after a whole packet.
@@ -55,28 +55,29 @@ pub enum Ending {
     Broken(String),
 }
 
-/// Is told what clients say. Called from a thread for each client.
+/// Receives the packets of clients. Called from a thread for each client.
 pub trait Sink: Send + Sync {
-    /// Takes a packet: types up to vector graphics from anybody, and of clients that know our own packets also
-    /// [`Packet::Hello`] (once, when that is known), [`Packet::Mark`], [`Packet::Wish`] and [`Packet::Finished`].
+    /// Receives a packet. Any client may send types up to vector graphics. Clients that support the extension also
+    /// send [`Packet::Hello`] (once, when that is established), [`Packet::Mark`], [`Packet::Wish`] and
+    /// [`Packet::Finished`].
     ///
     /// # Errors
-    /// Why it is refused: the client goes on.
+    /// Returns the reason when the packet is refused. The client stays connected.
     fn packet(&self, client: &Arc<Client>, packet: Packet) -> std::result::Result<(), String>;
 
-    /// Something was refused: told once for each client and cause.
+    /// Reports a refusal, once for each client and cause.
     fn trouble(&self, client: &Client, what: &str);
 
     /// A client is gone.
     fn gone(&self, client: &Client, ending: &Ending);
 }
 
-/// Whoever sends pictures.
+/// A sender of images.
 #[derive(Debug)]
 pub struct Client {
     id: u64,
     address: SocketAddr,
-    /// To the thread that sends; there is none before the client asked for it.
+    /// The channel to the thread that sends; it does not exist before the client requested it.
     replies: OnceLock<SyncSender<Packet>>,
 }
 
@@ -86,18 +87,18 @@ impl Client {
         self.id
     }
 
-    /// Where it is.
+    /// The address of the client.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Whether it knows our own packets.
+    /// True when the client supports the extension.
     pub fn is_two_way(&self) -> bool {
         self.replies.get().is_some()
     }
 
-    /// Sends one of our own packets, without waiting. `false` when the client does not know them, does not read them, or is
-    /// gone.
+    /// Sends a packet of the extension, without blocking. Returns `false` when the client does not support it, does
+    /// not read it, or is disconnected.
     pub fn send(&self, packet: Packet) -> bool {
         self.replies.get().is_some_and(|replies| replies.try_send(packet).is_ok())
     }
@@ -125,7 +126,7 @@ impl Listener {
     /// Takes clients at `address`; port 0 is any that is free.
     ///
     /// # Errors
-    /// [`DisplayError::Io`], as when somebody else listens there.
+    /// Returns [`DisplayError::Io`], for example when another process listens there.
     pub fn bind(address: SocketAddr, limits: ServerLimits, sink: Arc<dyn Sink>) -> Result<Self> {
         let failed = |source| DisplayError::Io { what: format!("cannot listen on {address}"), source };
         let listener = TcpListener::bind(address).map_err(failed)?;
@@ -140,7 +141,7 @@ impl Listener {
         Ok(Self { address: local, shared })
     }
 
-    /// Where it listens, with the port that was found.
+    /// The address on which it listens, with the assigned port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -165,7 +166,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
             return;
         }
         let Ok((socket, address)) = accepted else {
-            // As when no more files may be open: time helps.
+            // For example, the limit of open files is reached. Waiting helps.
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -180,7 +181,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
             }
         };
         let own = shared.clone();
-        // Without a thread the connection ends.
+        // Without a thread the connection is closed.
         let _ = std::thread::Builder::new().name("display client".to_owned()).spawn(move || {
             let ending = converse(&own, &client, socket, &place);
             drop(place);
@@ -211,7 +212,7 @@ fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream, place:
             Ok(packet) => take(shared, client, packet),
             Err(error) => Err(error.to_string()),
         };
-        // One large packet is no reason to keep as much for ever.
+        // One large packet does not justify keeping that much memory.
         if bytes.capacity() > 16 << 20 {
             bytes = Vec::new();
         }
@@ -228,7 +229,7 @@ fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream, place:
     }
 }
 
-/// Passes on what a client may say.
+/// Passes on the packets that a client may send.
 fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::Result<(), String> {
     match packet {
         Packet::Hello { .. } | Packet::Request { .. } => Err("a packet that clients do not send".to_owned()),
@@ -239,7 +240,7 @@ fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::R
     }
 }
 
-/// A client would speak our own packets: a thread sends it what it will be told.
+/// The client requests the extension: a thread is started that sends packets to it.
 fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::result::Result<(), String> {
     if client.is_two_way() {
         return Ok(());
@@ -267,8 +268,8 @@ fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::res
     shared.sink.packet(client, hello)
 }
 
-/// Reads a packet into `bytes`, whose first byte must come within `patience` where that is given; `false` at the end between
-/// packets.
+/// Reads a packet into `bytes`. Its first byte must come within `patience` where that is given. Returns `false` at
+/// the end between packets.
 fn read_packet(
     shared: &Shared,
     socket: &mut TcpStream,
@@ -288,9 +289,9 @@ fn read_packet(
 
 /// The times of a packet.
 struct Clock {
-    /// When waiting for it, then its first byte, began.
+    /// The time at which waiting for the packet began, then the time of its first byte.
     begin: Instant,
-    /// When bytes came last.
+    /// The time of the last bytes.
     last: Instant,
     /// The longest wait for the first byte.
     patience: Option<Duration>,
@@ -319,7 +320,7 @@ impl Clock {
     }
 }
 
-/// Reads until there are `count` bytes; memory grows with what comes, not with what was announced.
+/// Reads until there are `count` bytes. Memory grows with the received data, not with the announced length.
 fn read(
     shared: &Shared,
     socket: &mut TcpStream,
@@ -356,7 +357,8 @@ fn read(
     Ok(true)
 }
 
-/// An address to listen on: `PORT` of this machine only, or `ADDR:PORT`, where the address "*" is every one of this machine.
+/// An address to listen on: `PORT` of this machine only, or `ADDR:PORT`, where the address "*" is every one of this
+/// machine.
 ///
 /// # Errors
 /// [`DisplayError::Misuse`].
@@ -382,7 +384,7 @@ pub fn listen_address(text: &str) -> Result<SocketAddr> {
 pub fn server_address(text: &str) -> Result<(String, u16)> {
     let wrong = || DisplayError::Misuse { what: format!("\"{text}\" is not HOST[:PORT]") };
     let plain = |host: &str| host.trim_start_matches('[').trim_end_matches(']').to_owned();
-    // Of several colons none begins a port, unless brackets say where the address ends.
+    // With several colons none begins a port, unless brackets mark the end of the address.
     let (host, port) = match text.rsplit_once(':') {
         Some((host, port)) if !host.contains(':') || host.ends_with(']') => {
             (plain(host), port.parse().map_err(|_| wrong())?)

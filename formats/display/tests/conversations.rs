@@ -18,7 +18,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// What a sink is told.
+/// The calls that a sink received.
 #[derive(Debug, PartialEq)]
 enum Told {
     Packet(Packet),
@@ -72,7 +72,7 @@ fn next(from: &Receiver<Told>) -> Told {
     from.recv_timeout(Duration::from_secs(30)).expect("somebody says something")
 }
 
-/// A picture on its way to a server.
+/// An image that is being sent to a server.
 fn create(format: &IvFormat, name: &str, to: SocketAddr, sides: [u32; 2]) -> Box<dyn ImageOutput> {
     try_create(format, name, to, sides).unwrap()
 }
@@ -115,7 +115,7 @@ fn our_client_and_our_server_know_each_other() {
         }
         other => panic!("{other:?}"),
     }
-    // A second picture shares the connection, and gets a name of its own.
+    // A second image shares the connection, and gets a name of its own.
     let second = create(&format, "a", listener.address(), [1, 1]);
     assert!(
         matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: false, .. }) if name == "a (2)")
@@ -124,7 +124,7 @@ fn our_client_and_our_server_know_each_other() {
     drop(second);
     assert!(matches!(next(&from), Told::Packet(Packet::Wish { .. })));
     assert_eq!(next(&from), Told::Packet(Packet::Finished { name: "a (2)".to_owned(), complete: false }));
-    // Commands come back to the picture that they are for.
+    // Commands reach the image that they are for.
     let client = sink.clients.lock().unwrap()[0].clone();
     let name = || "a".to_owned();
     assert!(
@@ -170,13 +170,13 @@ fn rows_and_tiles_are_rectangles_too() {
             updates.push((rect, channels[0].stride, values));
         }
     }
-    // Of what is the same everywhere one pixel is sent.
+    // A rectangle of equal pixels is sent as one pixel.
     assert_eq!(updates[0], (PixelRect::at(0, 0, 5, 2), 0, vec![1.0]));
     assert_eq!(updates[1], (PixelRect::at(0, 2, 5, 1), 0, vec![0.0]));
     assert_eq!(updates[2], (PixelRect::at(4, 2, 1, 1), 0, vec![0.2]));
 }
 
-/// A server that never says anything, as other viewers: nothing but packets of types up to 8 may reach it.
+/// A server that never answers, like other viewers. Only packets of types up to 8 may reach it.
 #[test]
 fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -254,7 +254,7 @@ fn nobody_there_is_an_error_and_no_delay() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let format = IvFormat::default();
     let begin = Instant::now();
-    // Whoever connects may know before the picture is there.
+    // The connection may exist before the image does.
     let ended = try_create(&format, "pic", free, [4, 4]).and_then(|picture| picture.close());
     let error = ended.unwrap_err().to_string();
     assert!(error.contains("no connection to the viewer"), "{error}");
@@ -285,7 +285,7 @@ fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
     }
 }
 
-/// A client of the protocol by hand, and what it is told to make of the server.
+/// A client of the protocol made by hand, and its expectations of the server.
 struct Raw(TcpStream);
 
 impl Raw {
@@ -297,11 +297,11 @@ impl Raw {
 
     fn send(&mut self, kind: u8, content: &[u8]) {
         let length = u32::try_from(content.len() + 5).unwrap();
-        // Whether it takes it, the other side will tell.
+        // A failure here shows up at the other side.
         let _ = self.0.write_all(&[&length.to_le_bytes()[..], &[kind], content].concat());
     }
 
-    /// Whether the server hung up.
+    /// True when the server closed the connection.
     fn is_sent_away(&mut self) -> bool {
         !matches!(self.0.read(&mut [0; 1]), Ok(n) if n > 0)
     }
@@ -340,7 +340,7 @@ fn clients_that_talk_nonsense() {
     client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     drop(client);
     gone("in the middle");
-    // Mistakes are told once, and borne for a while; our own packets are for those who said hello.
+    // Errors are reported once, and tolerated up to a number. Packets of the extension need a hello.
     let mut client = Raw::new(to);
     client.send(77, &[]);
     client.send(77, &[]);
@@ -366,7 +366,7 @@ fn clients_that_talk_nonsense() {
         .collect();
     assert!(Raw::new(to).is_sent_away());
     assert_eq!(next(&from), Told::Trouble("more than 3 connections".to_owned()));
-    // Said once in a while, however many come.
+    // The message is printed at intervals, for any number of errors.
     assert!((0..20).all(|_| Raw::new(to).is_sent_away()));
     assert_eq!(from.recv_timeout(Duration::from_millis(50)).ok(), None);
     drop(some);
@@ -384,7 +384,7 @@ fn clients_that_talk_nonsense() {
     assert!(TcpStream::connect(to).is_err(), "nobody listens any more");
 }
 
-/// As many clients as there are places that say nothing, or drip.
+/// As many clients as there are places, which send nothing, or a byte now and then.
 #[test]
 fn silent_clients_keep_nobody_out() {
     let limits = ServerLimits {
@@ -397,7 +397,7 @@ fn silent_clients_keep_nobody_out() {
     let (listener, from, _) = listen(limits);
     let to = listener.address();
     let mut silent: Vec<Raw> = (0..64).map(|_| Raw::new(to)).collect();
-    // One that works comes in at once, works, and stays however long it is silent between packets.
+    // An active client connects at once, works, and stays connected during any silence between packets.
     let mut working = Raw::new(to);
     working.send(2, b"a\0");
     let told = loop {
@@ -418,7 +418,7 @@ fn silent_clients_keep_nobody_out() {
         }
     };
     assert_eq!([(); 5].map(|()| gone()), ["it sent nothing"; 5]);
-    // A byte now and then is no progress.
+    // A byte now and then does not count as progress.
     let mut dripping = Raw::new(to);
     dripping.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     let begin = Instant::now();

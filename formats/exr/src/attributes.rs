@@ -168,9 +168,9 @@ fn param_of(value: &AttributeValue) -> Option<(ParamType, ParamData)> {
     })
 }
 
-/// The order in which channels are given out: `result[i]` is the place in `sorted` (the file's
-/// order) of channel `i`. As `wanted` says if that names the same channels; else layer by layer, in
-/// each R G B, Y, A, Z and then the others by name.
+/// The order of the channels in the output: `result[i]` is the place in `sorted` (the file's order) of channel `i`.
+/// It follows `wanted` if that names the same channels. Otherwise it goes layer by layer, in each R G B, Y, A, Z and
+/// then the others by name.
 pub(crate) fn channel_order(sorted: &[String], wanted: Option<&str>) -> Vec<usize> {
     if let Some(wanted) = wanted {
         let mut order = Vec::new();

@@ -30,14 +30,14 @@ pub struct ExrInput {
     meta: MetaData,
     limits: Limits,
     parts: Vec<Part>,
-    /// The block of scanlines read last, by image and number: rows are often asked for one by one.
+    /// The block of scanlines read last, by image and number, because rows are often read one by one.
     last_block: Mutex<Option<([usize; 2], Arc<Pixels>)>>,
 }
 
 /// A part of the file that can be read.
 #[derive(Debug)]
 struct Part {
-    /// Which header.
+    /// The index of the header.
     header: usize,
     levels: Vec<Level>,
     order: Order,
@@ -57,12 +57,12 @@ struct Level {
     first_chunk: usize,
 }
 
-/// Reads a file from its beginning and knows how far it is.
+/// Reads a file from its beginning and counts the bytes read.
 struct Front<'a> {
     source: &'a FileSource,
     position: u64,
     buffer: Vec<u8>,
-    /// What of `buffer` has been given out.
+    /// The number of bytes of `buffer` that were consumed.
     used: usize,
     /// The error that ended it, which the crate does not pass on.
     fault: Option<granita_image::ImageError>,
@@ -98,7 +98,7 @@ impl ExrInput {
     /// Opens a file and reads its headers.
     ///
     /// # Errors
-    /// When the headers are damaged, or no part is of a kind that is handled.
+    /// Returns an error when the headers are damaged, or when no part is of a supported kind.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let source = FileSource::open(path, "OpenEXR", &limits.files)?;
         let (meta, mut table_at) = read_headers(&source)?;
@@ -185,7 +185,7 @@ impl ExrInput {
         Ok(pixels)
     }
 
-    /// Reads the chunk at byte `at`, which must say that it is the one wanted; also its packed size.
+    /// Reads the chunk at byte `at`, whose header must match the requested chunk; also returns its packed size.
     fn read_block(
         &self,
         part: &Part,
@@ -266,11 +266,11 @@ fn unzipped(header: &Header, block: &CompressedBlock, len: usize) -> Option<Vec<
         CompressedBlock::ScanLine(b) => &b.compressed_pixels_le,
         CompressedBlock::DeepTile(_) | CompressedBlock::DeepScanLine(_) => return None,
     };
-    // What would not shrink is stored as it is.
+    // Data that would not shrink is stored uncompressed.
     if packed.len() >= len { None } else { zip::decompress(packed, len) }
 }
 
-/// What is wrong with a chunk.
+/// Checks a chunk and returns the error in it.
 enum Fault {
     Image(granita_image::ImageError),
     Data(String),
@@ -335,7 +335,7 @@ impl Part {
         let pixel_type = match header.channels.uniform_sample_type {
             Some(SampleType::U32) => PixelType::U32,
             Some(SampleType::F16) => PixelType::Half,
-            // Of different types the floats hold most.
+            // For different types, floats hold the most values.
             Some(SampleType::F32) | None => PixelType::Float,
         };
         let own = &header.own_attributes;
@@ -388,7 +388,7 @@ impl Part {
         Ok(Self { header: index, levels, order, block_rows, table_at, chunks, table: OnceLock::new() })
     }
 
-    /// Where the chunks are; read from the file the first time.
+    /// The offsets of the chunks; read from the file at the first use.
     fn table(&self, source: &FileSource) -> Result<&[u64]> {
         if let Some(table) = self.table.get() {
             return Ok(table);
@@ -399,8 +399,8 @@ impl Part {
     }
 }
 
-/// The levels of a tiled part: all of a MIP map; of a map that is reduced in each direction alone (a "RIP
-/// map") those that are reduced alike in both.
+/// The levels of a tiled part: all levels of a MIP map; of a map that is reduced in each direction separately (a "RIP
+/// map") the levels reduced equally in both.
 fn tile_levels(
     source: &FileSource,
     first: &ImageSpec,
@@ -488,7 +488,7 @@ impl ImageInput for ExrInput {
         if last > first + 1 {
             part.table(&self.source)?;
             let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
-            // As many at once as keep the threads busy: a few blocks more in memory than the result has.
+            // As many at once as keep the threads busy: this takes the memory of a few blocks more than the result.
             let at_once = 4 * rayon::current_num_threads() as u32;
             for group in (first..last).step_by(at_once as usize) {
                 let blocks: Vec<Pixels> = (group..last.min(group + at_once))

@@ -1,9 +1,9 @@
 //! OpenEXR: floats with many named channels, in scanlines, tiles and MIP levels.
 //!
-//! Read: halves, floats and 32-bit integers (channels of different types become floats); scanlines, tiles,
-//! MIP levels, of RIP maps those reduced alike in both directions; several parts, each an image; all
-//! compressions but HTJ2K. Written: one part, one type for all channels, scanlines or tiles, one level or
-//! a MIP map that halves downward.
+//! Read are halves, floats and 32-bit integers (channels of different types become floats); scanlines, tiles, MIP
+//! levels, of RIP maps those reduced equally in both directions; several parts, each an image; all compressions
+//! except HTJ2K. Written are one part, one type for all channels, scanlines or tiles, one level or a MIP map that
+//! halves downward.
 //!
 //! **Order of channels.** The format sorts channels by name. They are given out layer by layer, in each R,
 //! G, B, Y, A, Z, then the rest by name. A file written here in another order keeps it in the attribute
@@ -18,9 +18,8 @@
 //! Invariants: one tile is two positioned reads (its head, its data), from any thread; nothing is allocated
 //! on the word of a header before it is checked against limits and file size.
 //!
-//! Deliberately absent: deep pixels, subsampled channels, writing of several parts. The reference says that
-//! a *rendered* picture is always stored in halves (7.4.4): that is what
-//! [`Format::output_type`] answers; other writers may store floats.
+//! Deliberately absent: deep pixels, subsampled channels, writing of several parts. In the reference a *rendered*
+//! image is always stored in halves (7.4.4), which [`Format::output_type`] returns. Other writers may store floats.
 
 #![forbid(unsafe_code)]
 
@@ -99,7 +98,7 @@ impl CompressionName {
         }
     }
 
-    /// The compression that a word asks for, if it can be written.
+    /// The compression that a word names, if it can be written.
     fn parse(word: &str) -> Option<Compression> {
         let word = word.to_ascii_lowercase();
         let (name, level) = match word.split_once(':') {

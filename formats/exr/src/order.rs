@@ -1,11 +1,11 @@
-//! From the file's layout of a block (rows, in them channels by name, in them pixels) to interleaved
-//! pixels in the order of the spec, and back.
+//! Converts the file's layout of a block (rows, in them channels by name, in them pixels) to interleaved pixels in
+//! the order of the spec, and back.
 
 use exr::meta::attribute::SampleType;
 use granita_image::{PixelType, Pixels};
 use half::f16;
 
-/// How the channels of a part are stored and given out.
+/// The storage and the output order of the channels of a part.
 #[derive(Clone, Debug)]
 pub(crate) struct Order {
     /// Type of every stored channel, in the file's order.
@@ -41,7 +41,7 @@ impl Order {
                     (Pixels::Float(v), SampleType::U32) => {
                         put(&mut v[start..], n, bytes, |b| u32::from_ne_bytes(b) as f32);
                     }
-                    // Other pairs do not come up: the type given out follows from those stored.
+                    // Other pairs do not occur, because the output type follows from the stored types.
                     _ => {}
                 }
             }

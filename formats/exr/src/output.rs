@@ -1,4 +1,4 @@
-//! Writing: chunks as they come, their table at the end.
+//! Writing: chunks in the order of arrival, their table at the end.
 
 use crate::attributes::{self, channel_order};
 use crate::{CompressionName, Order, zip};
@@ -34,9 +34,9 @@ pub struct ExrOutput {
     file: AtomicFile,
     headers: [Header; 1],
     order: Order,
-    /// Where the next byte goes.
+    /// The offset of the next byte.
     position: u64,
-    /// Where the table of chunks is, and what will be in it; 0 for a chunk not yet written.
+    /// The offset and the content of the table of chunks; 0 for a chunk not yet written.
     table_at: u64,
     table: Vec<u64>,
     /// Level, its spec, and its first chunk.
@@ -54,6 +54,10 @@ pub struct ExrOutput {
 
 impl ExrOutput {
     /// Begins a file; nothing is visible under its name before `close`.
+    ///
+    /// # Errors
+    /// Returns an error when the folder is missing or refuses the file, and for a description that OpenEXR cannot
+    /// store.
     pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
         let spec = options.spec;
         let (header, order) = header(path, spec, options.levels)?;
@@ -362,7 +366,7 @@ impl ImageOutput for ExrOutput {
             let number = self.next_y / per_block;
             let top = number * per_block;
             let width = self.spec.width as usize;
-            // Whole blocks at hand, several at once.
+            // Available whole blocks are packed several at once.
             let ready = if self.filled == 0 { (count - done) / per_block as usize } else { 0 };
             if ready > 1 {
                 let ready = ready.min(8 * rayon::current_num_threads());
@@ -416,7 +420,7 @@ impl ImageOutput for ExrOutput {
                 Ok((number, area, pixels))
             })
             .collect::<Result<_>>()?;
-        // Not all at once: packed tiles wait in memory.
+        // Not all are packed at once, because packed tiles stay in memory.
         let at_once = 8 * rayon::current_num_threads();
         placed.chunks(at_once).try_for_each(|group| self.write_blocks(group))
     }

@@ -9,8 +9,8 @@ use libdeflater::{CompressionLvl, Compressor, Decompressor};
 /// Effort, as OpenEXR's own library has it since 3.1.3.
 const EFFORT: i32 = 4;
 
-/// The packed form of a block's little-endian bytes; `None` when it would not be shorter, and the format
-/// wants the bytes as they are.
+/// The packed form of a block's little-endian bytes; `None` when it would not be shorter, because the format then
+/// stores the bytes uncompressed.
 pub(crate) fn compress(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut parted: Vec<u8> = Vec::with_capacity(bytes.len());
     parted.extend(bytes.iter().step_by(2));

@@ -92,7 +92,7 @@ fn a_window_of_a_million_pixels_a_side() {
             bytes[at + 4..at + 8].copy_from_slice(&999_999i32.to_le_bytes());
         }
         std::fs::write(&path, &bytes).unwrap();
-        // The limits that everybody has: nothing of that size may be asked for even so.
+        // The default limits. Even so, nothing of that size may be allocated.
         let error = match ExrFormat.open(&path, &Limits::default()) {
             Ok(input) => input.read_level(0, 0).unwrap_err(),
             Err(error) => error,

@@ -4,12 +4,12 @@ use granita_base::{BaseType, CurveBasis, Interp, Location, Param, ParamData, Par
 use granita_scene::{Call, SceneSink, Stop};
 use std::sync::Arc;
 
-/// Pixels across a particle of a file that says nothing about its size.
+/// The width in pixels of a particle of a file that does not give its size.
 pub(crate) const POINT_PIXELS: f32 = 2.0;
 /// Width of lines, as a part of the diagonal of the box around them.
 const LINE_PART: f32 = 0.002;
 
-/// The receiver, and the file that calls come from.
+/// The receiver, and the name of the file for its calls.
 pub(crate) struct Emit<'a> {
     sink: &'a mut dyn SceneSink,
     file: Arc<str>,
@@ -36,7 +36,8 @@ impl<'a> Emit<'a> {
         self.sink.in_world()
     }
 
-    /// Whether the scene wants materials, lights or cameras of files: `Attribute ("int user:NAME", 0)` says no.
+    /// True when the scene enables materials, lights or cameras of files. `Attribute ("int user:NAME", 0)` disables
+    /// them.
     pub(crate) fn wants(&self, name: &str) -> bool {
         let set = self.sink.attribute(&format!("user:{name}"));
         set.and_then(|p| p.data.to_ints()?.first().copied()).is_none_or(|v| v != 0)
@@ -98,7 +99,8 @@ pub(crate) fn lines(p: Vec<f32>, nverts: usize) -> (ShapeDesc, Params) {
     (shape, Params(vec![positions(p), width]))
 }
 
-/// The name under which the texture system finds a picture that a file names: relative names are not searched for.
+/// The name under which the texture system finds an image that a file names. Relative names are not searched along
+/// paths.
 pub(crate) fn texture_path(path: &std::path::Path) -> String {
     let name = path.to_string_lossy();
     if path.is_absolute() || name.starts_with("./") || name.starts_with("../") {
@@ -108,7 +110,7 @@ pub(crate) fn texture_path(path: &std::path::Path) -> String {
     }
 }
 
-/// Whether the bytes of pictures of this name are, by custom, encoded for a screen (sRGB) and not linear light.
+/// True when the bytes of images of this name are, by custom, encoded for a screen (sRGB) and not linear light.
 pub(crate) fn is_screen_picture(name: &str) -> bool {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     matches!(ending.as_str(), "png" | "jpg" | "jpeg" | "tga" | "bmp" | "gif" | "webp" | "qoi")

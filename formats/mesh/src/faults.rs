@@ -4,10 +4,10 @@ use granita_base::{Location, Reporter, Severity};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Kinds told of one by one; all others share one message.
+/// The number of kinds that are reported separately; all others share one message.
 const MOST_KINDS: usize = 40;
 
-/// Gathers, and tells when dropped, in the order in which the kinds were first seen.
+/// Collects errors, and reports them when dropped, in the order in which the kinds first occurred.
 pub(crate) struct Faults<'a> {
     reporter: &'a Reporter,
     file: Arc<str>,
@@ -28,7 +28,8 @@ impl<'a> Faults<'a> {
         Self { reporter, file, kinds: Vec::new(), others: 0 }
     }
 
-    /// Something is left out or replaced. `line` is 0 where there are none; `text` is made for the first of its kind only.
+    /// Something is left out or replaced. `line` is 0 where there are none; `text` is made for the first of its kind
+    /// only.
     pub(crate) fn error(
         &mut self,
         kind: impl Into<Cow<'static, str>>,

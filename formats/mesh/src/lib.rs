@@ -1,22 +1,23 @@
 //! Mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
 //!
-//! [`GltfPictures`] reads the pictures in glTF files, as an image format. Each other reader is a [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and
-//! attributes. The manual says under "Mesh files" what becomes of each element of the formats; the sources are the
-//! OBJ and MTL specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the
-//! glTF 2.0 specification of the Khronos Group.
+//! [`GltfPictures`] reads the pictures in glTF files, as an image format. Each other reader is a
+//! [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and attributes.
+//! The manual says under "Mesh files" what becomes of each element of the formats; the sources are the OBJ and MTL
+//! specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the glTF 2.0
+//! specification of the Khronos Group.
 //!
 //! Invariants:
-//! - Coordinates are kept as they stand in the file. Texture coordinates are measured from the upper edge of the picture, as
-//!   the suite does: `t` of OBJ and PLY is turned over, that of glTF is not.
-//! - A mistake costs the element that it is in. There is one message for each kind of mistake, with the first place, and how
-//!   many there are more; whatever the bytes, nothing panics, and no allocation is larger than the file justifies, whatever
-//!   its header promises.
-//! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must carry: a group of an OBJ
-//!   file, the one mesh of a PLY file, a primitive of a glTF file.
+//! - Coordinates are kept as they are in the file. Texture coordinates are measured from the upper edge of the image,
+//!   as in the suite: `t` of OBJ and PLY is flipped, that of glTF is not.
+//! - An error costs the element that contains it. There is one message for each kind of error, with the first
+//!   position, and the number of further ones. No input causes a panic, and no allocation is larger than the file
+//!   justifies, for any header.
+//! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must carry: a group of
+//!   an OBJ file, the one mesh of a PLY file, a primitive of a glTF file.
 //! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, `user:lights` its lights.
 //!
-//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins and morph targets stand at rest) and
-//! compressed geometry of glTF files. Each is told of by name.
+//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins and morph targets are at rest) and
+//! compressed geometry of glTF files. Each is reported by name.
 //!
 //! ```
 //! use granita_base::Reporter;

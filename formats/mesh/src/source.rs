@@ -1,4 +1,4 @@
-//! What a generator reads from, and the lines of it.
+//! The source of a generator, and its lines.
 
 use granita_base::Files;
 use granita_scene::{GeneratorError, GeneratorSource};
@@ -13,7 +13,7 @@ impl<T: Read + Seek + Send> Stream for T {}
 
 /// An open source.
 pub(crate) struct Opened {
-    /// What messages call it.
+    /// The name in messages.
     pub(crate) name: Arc<str>,
     pub(crate) stream: Box<dyn Stream>,
     pub(crate) size: u64,
@@ -34,7 +34,7 @@ pub(crate) fn open(source: &GeneratorSource) -> Result<Opened, GeneratorError> {
     }
 }
 
-/// Opens a file and tells its size; pipes and devices are refused, which may never end.
+/// Opens a file and returns its size. Pipes and devices are refused, because they may never end.
 pub(crate) fn open_file(path: &Path, files: &Files) -> io::Result<(File, u64)> {
     let data = std::fs::metadata(path)?;
     if !data.is_file() {

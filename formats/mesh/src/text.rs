@@ -5,19 +5,19 @@ use std::io::{self, Read};
 use std::ops::Range;
 
 const CHUNK: usize = 256 * 1024;
-/// No line of any real file comes near; without a limit, a file of zeros would be read whole.
+/// The limit is far above the lines of real files. Without it, a file of zeros would be read as a whole.
 const LINE_LIMIT: usize = 1 << 28;
 
 /// The lines of a stream, in chunks.
 pub(crate) struct Lines<R> {
     stream: R,
     buf: Vec<u8>,
-    /// Where the next line begins in `buf`.
+    /// The start of the next line in `buf`.
     pos: usize,
     eof: bool,
     line: u32,
     next: u32,
-    /// Whether a backslash at the end of a line continues it.
+    /// True when a backslash at the end of a line continues it.
     continued: bool,
 }
 
@@ -26,8 +26,8 @@ impl<R: Read> Lines<R> {
         Self { stream, buf: Vec::new(), pos: 0, eof: false, line: 0, next: 1, continued }
     }
 
-    /// The next line without its end, and its number from 1; a continuation stands as a blank, and the number is that of
-    /// its first line. `None` at the end of the source.
+    /// The next line without its end, and its number from 1; a continuation stands as a blank, and the number is that
+    /// of its first line. `None` at the end of the source.
     pub(crate) fn next_line(&mut self) -> io::Result<Option<(u32, &[u8])>> {
         Ok(self.next_range()?.map(|range| (self.line, &self.buf[range])))
     }
@@ -37,12 +37,12 @@ impl<R: Read> Lines<R> {
         self.line
     }
 
-    /// What stands in a range that [`Lines::next_range`] gave last.
+    /// The text of the range that [`Lines::next_range`] returned last.
     pub(crate) fn text(&self, range: Range<usize>) -> &[u8] {
         &self.buf[range]
     }
 
-    /// What is read ahead behind the line given last, and the rest of the stream.
+    /// The data read ahead behind the last line, and the rest of the stream.
     pub(crate) fn into_rest(self) -> (Vec<u8>, R) {
         let mut ahead = self.buf;
         ahead.drain(..self.pos);
@@ -52,7 +52,7 @@ impl<R: Read> Lines<R> {
     /// The next line, as [`Lines::next_line`], as a range of the window; good until the next call.
     pub(crate) fn next_range(&mut self) -> io::Result<Option<Range<usize>>> {
         self.line = self.next;
-        // What of the line was searched already, counted from its beginning.
+        // The part of the line that was searched already, counted from its beginning.
         let mut searched = 0;
         loop {
             let from = self.pos + searched;
@@ -127,12 +127,12 @@ impl<'a> Words<'a> {
         (len > 0).then_some(word)
     }
 
-    /// All that is left, without blanks around it, as text.
+    /// The rest of the line as text, without blanks around it.
     pub(crate) fn rest(&self) -> String {
         String::from_utf8_lossy(self.0.trim_ascii()).into_owned()
     }
 
-    /// The next word as a number; `None` at the end. A word that is no number counts as NaN.
+    /// The next word as a number; `None` at the end. A word that is not a number counts as NaN.
     #[inline]
     pub(crate) fn double(&mut self) -> Option<f64> {
         self.skip_blanks();
@@ -145,7 +145,7 @@ impl<'a> Words<'a> {
         Some(unusual_number(self.word()?))
     }
 
-    /// As [`Words::double`], in single precision.
+    /// The same as [`Words::double`], in single precision.
     #[inline]
     pub(crate) fn float(&mut self) -> Option<f32> {
         self.double().map(|x| x as f32)

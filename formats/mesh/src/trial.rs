@@ -1,4 +1,4 @@
-//! What tests share: runs a generator over text and gives its calls as Pyg, and its messages.
+//! Common code of the tests: runs a generator over text and returns its calls as Pyg, and its messages.
 
 use granita_base::{Location, Param, Reporter};
 use granita_pyg::Writer;
@@ -12,7 +12,7 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
-    /// The calls of a source without mistakes.
+    /// The calls of a source without errors.
     pub(crate) fn clean(self) -> String {
         assert!(self.messages.is_empty() && self.error.is_none(), "{:?} {:?}", self.messages, self.error);
         self.pyg
@@ -29,7 +29,7 @@ pub(crate) fn run_source(generator: &dyn Generator, source: &GeneratorSource) ->
     run_in(generator, source, true, None)
 }
 
-/// A writer that says where in the scene it is, and has one attribute.
+/// A writer that reports its position in the scene, and has one attribute.
 struct Place {
     writer: Writer<Vec<u8>>,
     in_world: bool,
@@ -50,7 +50,7 @@ impl SceneSink for Place {
     }
 }
 
-/// As [`run_source`], before or after `World`, with an attribute set.
+/// The same as [`run_source`], before or after `World`, with an attribute set.
 pub(crate) fn run_in(
     generator: &dyn Generator,
     source: &GeneratorSource,

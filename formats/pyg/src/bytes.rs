@@ -6,14 +6,14 @@ const CHUNK: usize = 256 * 1024;
 /// So much of a statement is kept, should it turn out to be a script's after all.
 pub(crate) const KEPT: usize = 16 << 20;
 
-/// Reads ahead in chunks and forgets what lies before the current statement.
+/// Reads ahead in chunks and drops the data before the current statement.
 pub(crate) struct Bytes {
     source: Box<dyn Read>,
     buf: Vec<u8>,
     pos: usize,
     eof: bool,
     line: u32,
-    /// Most bytes that one statement may take.
+    /// The most bytes of one statement.
     limit: usize,
     /// Long statements need not be kept.
     may_drop: bool,
@@ -40,18 +40,18 @@ impl Bytes {
         (self.pos, self.line) = mark;
     }
 
-    /// From here on what lies before the current position may be dropped once it is long: [`Bytes::back_to`] is then
-    /// impossible as long as [`Bytes::has_dropped`] says so.
+    /// Allows the data before the current position to be dropped once it is long. [`Bytes::back_to`] is then
+    /// impossible while [`Bytes::has_dropped`] is true.
     pub(crate) fn let_drop(&mut self, may_drop: bool) {
         self.may_drop = may_drop;
     }
 
-    /// Whether the beginning of the statement is gone.
+    /// True when the beginning of the statement was dropped.
     pub(crate) fn has_dropped(&self) -> bool {
         self.dropped
     }
 
-    /// A statement begins: what lies before it is no longer needed.
+    /// Marks the start of a statement: the data before it is no longer needed.
     pub(crate) fn forget(&mut self) {
         self.dropped = false;
         if self.pos >= CHUNK {

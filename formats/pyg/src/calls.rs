@@ -1,4 +1,4 @@
-//! From a name and its arguments to a call of the scene interface (reference 3.3).
+//! Converts a name and its arguments to a call of the scene interface (reference 3.3).
 
 use crate::value::{Seq, Value};
 use granita_base::shape::KnotSpan;
@@ -6,7 +6,7 @@ use granita_base::{BaseType, CurveBasis, Param, ParamData, ParamType, Params, Sh
 use granita_scene::{Call, Matrix, TransformTarget};
 use std::sync::Arc;
 
-/// What is wrong with the arguments of a call.
+/// An error in the arguments of a call.
 pub(crate) type Mistake = String;
 
 /// Takes arguments from the front.
@@ -82,7 +82,7 @@ impl Args<'_> {
         }
     }
 
-    /// All that is left, as one list of numbers: separate numbers, or one sequence.
+    /// The remaining arguments as one list of numbers: separate numbers, or one sequence.
     fn numbers(&mut self, n: Option<usize>, what: &str) -> Result<Vec<f32>, Mistake> {
         let mut all = Vec::new();
         while self.left() > 0 {
@@ -120,7 +120,7 @@ impl Args<'_> {
                 return Err(format!("{}: parameter \"{declaration}\" has no value", self.call));
             };
             let param = self.param(&declaration, value)?;
-            // Of two with one name the later counts; lists are short.
+            // Of two with one name the later one counts. Lists are short.
             params.set(param);
         }
         Ok(params)
@@ -159,7 +159,7 @@ fn data(value: Value, ty: ParamType) -> Option<ParamData> {
     })
 }
 
-/// The call `name (args)`; `None` when there is no such call.
+/// The call `name (args)`; `None` when no such call exists.
 pub(crate) fn call(name: &str, args: Vec<Value>) -> Option<Result<Call, Mistake>> {
     if !crate::names::is_call(name) || name == "GetAttribute" {
         return None;

@@ -12,21 +12,21 @@ pub enum PygError {
     Io {
         /// Name of the source.
         path: String,
-        /// What the system said.
+        /// The message of the system.
         source: io::Error,
     },
     /// A text that is neither flat nor Python.
     #[error("{at}: {what}")]
     Malformed {
-        /// What is wrong.
+        /// The error.
         what: String,
-        /// Where.
+        /// The position.
         at: Location,
     },
     /// A script where none is allowed, or without an interpreter.
     #[error("{0}")]
     Unsupported(String),
-    /// The sink wants no more.
+    /// The sink stopped the reading.
     #[error(transparent)]
     Stopped(#[from] Stop),
 }

@@ -12,7 +12,7 @@ const MAX_REPEAT: usize = 1 << 28;
 /// Numbers of a binary array that are read at once.
 const PIECE: usize = 1 << 16;
 
-/// What stands at the current position.
+/// The item at the current position.
 #[derive(Debug)]
 pub(crate) enum Statement {
     /// The end of the source.
@@ -23,7 +23,7 @@ pub(crate) enum Statement {
     Call { name: String, args: Vec<Value>, line: u32 },
     /// Something that only Python understands; the position is unchanged.
     Python { line: u32, why: Why },
-    /// Something that nobody understands, and behind which nothing can be made out.
+    /// An item that cannot be parsed, and behind which nothing can be decoded.
     Broken(Why),
 }
 
@@ -49,7 +49,7 @@ impl From<io::Error> for NotFlat {
     }
 }
 
-/// Whether a byte begins neither a letter of ASCII nor one of UTF-8.
+/// True when a byte begins neither an ASCII letter nor a UTF-8 letter.
 fn is_no_text(byte: u8) -> bool {
     matches!(byte, 0x80..=0xc1 | 0xf5..=0xff)
 }
@@ -59,9 +59,9 @@ pub(crate) type Flat<T> = Result<T, NotFlat>;
 /// Reads flat statements from a window of bytes.
 pub(crate) struct Parser {
     pub(crate) bytes: Bytes,
-    /// Where the last statement began.
+    /// The start of the last statement.
     start: (usize, u32),
-    /// Nobody goes back to the beginning of a statement that was flat.
+    /// The reader never returns to the beginning of a flat statement.
     pub(crate) may_drop: bool,
 }
 
@@ -104,7 +104,7 @@ impl Parser {
                 Err(NotFlat::Io(e)) => Err(e),
                 Err(NotFlat::Broken(why)) => Ok(Statement::Broken(why)),
                 Err(NotFlat::Why(why)) => {
-                    // Back to the beginning of the line, so that Python sees the indentation.
+                    // Returns to the beginning of the line, so that Python gets the indentation.
                     self.bytes.back_to(start);
                     self.blank_lines()?;
                     Ok(Statement::Python { line: self.bytes.line(), why })
@@ -350,7 +350,7 @@ impl Parser {
             "True" => Ok(Value::Int(1)),
             "False" => Ok(Value::Int(0)),
             "None" => Ok(Value::None),
-            // What C's printf makes of such numbers; whoever takes them says where they are.
+            // The form of such numbers from C's printf. The call that receives them reports their position.
             "nan" | "NaN" => Ok(Value::Float(f64::NAN)),
             "inf" | "Inf" => Ok(Value::Float(f64::INFINITY)),
             _ => self.fail(format!("the name \"{word}\"")),
@@ -412,7 +412,7 @@ impl Parser {
     fn plain_number(&mut self) -> Flat<Option<Number>> {
         let ahead = self.bytes.ahead(64)?;
         let Some((number, len)) = scan_number(ahead) else { return Ok(None) };
-        // A comma must follow directly: a lone value in parentheses, or arithmetic, takes the long way.
+        // A comma must follow directly. A lone value in parentheses, or arithmetic, is parsed by the general path.
         if ahead.get(len) != Some(&b',') {
             return Ok(None);
         }
@@ -550,7 +550,7 @@ impl Parser {
     }
 }
 
-/// Whether a word is a prefix of string literals, and whether of raw ones.
+/// Checks whether a word is a prefix of string literals, and whether of raw ones.
 fn string_prefix(word: &str) -> Option<bool> {
     match word {
         "r" | "R" => Some(true),

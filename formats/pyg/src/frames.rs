@@ -1,4 +1,4 @@
-//! Frames: what a renderer and programs in other processes tell each other.
+//! Frames: the messages between a renderer and programs in other processes.
 //!
 //! A frame is one byte kind, four bytes length, payload; numbers are little endian, texts have their length in front.
 
@@ -105,12 +105,12 @@ impl<'a> Frame<'a> {
         self.bytes(n).map(|b| String::from_utf8_lossy(b).into_owned())
     }
 
-    /// All that is left, as text.
+    /// The rest as text.
     pub fn rest(&mut self) -> String {
         String::from_utf8_lossy(self.0).into_owned()
     }
 
-    /// What [`put_value`] wrote: `Some (None)` stands for no values.
+    /// Reads the output of [`put_value`]: `Some (None)` stands for no values.
     pub fn data(&mut self) -> Option<Option<ParamData>> {
         Some(match self.value()? {
             Value::None => None,

@@ -44,7 +44,7 @@ pub(crate) const CALLS: [&str; 39] = [
     "GelatoAPI",
 ];
 
-/// Whether `name` is a call with effects (not `GetAttribute`, which returns something).
+/// True when `name` is a call with effects (not `GetAttribute`, which returns a value).
 pub(crate) fn is_call(name: &str) -> bool {
     CALLS[..35].contains(&name)
 }
@@ -75,7 +75,7 @@ const BUILTINS: [&str; 22] = [
     "input",
 ];
 
-/// Whether a call of `name` is Python's own business.
+/// True when Python handles a call of `name` itself.
 pub(crate) fn is_python_builtin(name: &str) -> bool {
     BUILTINS.contains(&name)
 }

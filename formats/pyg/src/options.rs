@@ -1,34 +1,34 @@
-//! How a scene is read.
+//! Options for reading a scene.
 
 use crate::python::Python;
 use granita_base::{Environment, Files, Supervisor};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// How much Python is executed at once (reference 3.6).
+/// The amount of Python that is executed at once (reference 3.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Chunking {
     /// Statement by statement; flat statements between them without Python.
     #[default]
     Auto,
-    /// As [`Chunking::Auto`]: what "PYG_ALWAYS_CHUNK" asks for.
+    /// The same as [`Chunking::Auto`]: the value for "PYG_ALWAYS_CHUNK".
     Always,
-    /// From the first statement that is not flat, the whole rest of the file at once.
+    /// From the first statement that is not flat, the rest of the file is executed at once.
     Never,
 }
 
-/// How to read.
+/// The options for reading.
 #[derive(Clone, Debug)]
 pub struct PygOptions {
     /// Everything is flat: never start Python (`PYG_ALWAYS_PYGLET`).
     pub always_pyglet: bool,
     /// Nothing is flat: give everything to Python (`PYG_NEVER_PYGLET`).
     pub never_pyglet: bool,
-    /// How much Python is executed at once.
+    /// The amount of Python that is executed at once.
     pub chunking: Chunking,
     /// The interpreter; `python3` on the process's path when `None`.
     pub python: Option<PathBuf>,
-    /// Variables that scripts see beside those of this process.
+    /// Variables of the environment for scripts, beside those of this process.
     pub environment: Environment,
     /// Refuse scripts: for scenes from strangers.
     pub safe: bool,
@@ -38,7 +38,7 @@ pub struct PygOptions {
     pub supervisor: Supervisor,
     /// Most bytes of one statement.
     pub statement_limit: usize,
-    /// What scripts that were read with the same value have defined is known to this one as well, and the other way round.
+    /// Scripts that are read with the same value share their definitions.
     pub scripts: Option<Scripts>,
 }
 
@@ -59,8 +59,8 @@ impl Default for PygOptions {
     }
 }
 
-/// The interpreter of several scenes that count as one, as those of a command line do (reference 6.1). One at a time has
-/// it; clones share it.
+/// The interpreter of several scenes that count as one, as those of a command line do (reference 6.1). One at a time
+/// has it; clones share it.
 #[derive(Clone, Default)]
 pub struct Scripts(Arc<Mutex<Option<Python>>>);
 

@@ -1,8 +1,8 @@
 //! Scripts: a child interpreter executes them and sends their calls back.
 //!
-//! The child is `python3` with a small program of ours (`shim.py`). Frames go over its standard input and
-//! output: one byte kind, four bytes length (little endian), payload. The child answers nothing but what it is
-//! asked, so the two never wait for each other.
+//! The child is `python3` with a small program of the suite (`shim.py`). Frames go over its standard input and
+//! output: one byte kind, four bytes length (little endian), payload. The child only answers requests, so the two
+//! never wait for each other.
 
 use crate::frames::{self, Frame, put_value, send};
 use crate::value::Value;
@@ -23,10 +23,10 @@ const SHIM: &str = concat!(
     include_str!("shim.py")
 );
 
-/// How long an interpreter without output may take to end.
+/// The time for an interpreter without output to end.
 const ENDING: Duration = Duration::from_secs(1);
 
-/// What the child tells.
+/// A message of the child.
 #[derive(Debug)]
 pub(crate) enum Event {
     /// The script called something.
@@ -35,7 +35,7 @@ pub(crate) enum Event {
     Text(Vec<u8>),
     /// `GetAttribute`: to be answered.
     Get(String),
-    /// Calls come from this file from now on.
+    /// Following calls come from this file.
     File(String),
     /// To be answered when everything before is done.
     Wait,
@@ -43,9 +43,9 @@ pub(crate) enum Event {
     Printed(String),
     /// The piece is executed; whether the script gave one of the calls' names another meaning.
     Done { rebound: bool },
-    /// A statement ended with an exception; the piece goes on with the next one.
+    /// A statement ended with an exception; the piece continues with the next one.
     Raised(Exception),
-    /// The piece is no Python: nothing of it was executed.
+    /// The piece is not valid Python: nothing of it was executed.
     Unread(Exception),
     /// The script was interrupted.
     Ended(Exception),
@@ -53,7 +53,7 @@ pub(crate) enum Event {
     Exit { line: u32, code: i32, text: String },
 }
 
-/// What Python complains about.
+/// The error message of Python.
 #[derive(Debug)]
 pub(crate) struct Exception {
     /// The innermost line of the scene file that it went through.
@@ -92,7 +92,7 @@ impl Python {
         // Line ends would end the name.
         let file = file.replace('\n', " ");
         let names = crate::names::CALLS[..35].join(" ");
-        // A program that is no interpreter shows now, not when something is lost.
+        // A program that is not an interpreter is detected here, before anything is lost.
         let greeted = match python.send(b'I', &[file.as_bytes(), b"\n", names.as_bytes()]) {
             Ok(()) => python.event()?,
             Err(error) => return Err(python.died(error)),
@@ -129,7 +129,7 @@ impl Python {
         send(&mut self.to, kind, parts)
     }
 
-    /// Waits for what the child tells next.
+    /// Waits for the next message of the child.
     pub(crate) fn event(&mut self) -> io::Result<Event> {
         match receive(&mut self.from) {
             Ok(event) => event.ok_or_else(|| io::Error::other("the interpreter sent something unreadable")),
@@ -155,7 +155,7 @@ pub(crate) fn receive(from: &mut dyn Read) -> io::Result<Option<Event>> {
     Ok(event(kind, &payload))
 }
 
-/// What a frame says.
+/// The content of a frame.
 fn event(kind: u8, payload: &[u8]) -> Option<Event> {
     let mut frame = Frame(payload);
     Some(match kind {

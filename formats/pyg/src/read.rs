@@ -10,7 +10,7 @@ use std::io::{self, Read};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Where a Pyg scene comes from.
+/// The source of a Pyg scene.
 pub enum PygSource {
     /// A file.
     Path(PathBuf),
@@ -61,8 +61,11 @@ impl PygSource {
 
 /// Reads a scene and passes its calls on, one by one.
 ///
-/// Mistakes of single calls go to `reporter` with file and line, and reading goes on. The result is an error
-/// only when the rest cannot be read, or when the sink stops.
+/// Errors in single calls go to `reporter` with file and line, and reading continues. The result is an error only
+/// when the rest cannot be read, or when the sink stops.
+///
+/// # Errors
+/// Returns an error when the input cannot be read, when the rest of it cannot be parsed, and when the sink stops.
 pub fn read(
     source: PygSource,
     sink: &mut dyn SceneSink,

@@ -19,14 +19,14 @@ pub(crate) struct Reader<'a> {
     pub(crate) script: Script,
 }
 
-/// Whether to go on reading.
+/// True to continue reading.
 #[derive(PartialEq)]
 pub(crate) enum Next {
     More,
     End,
 }
 
-/// Makes a call of its name and arguments, and passes it on; mistakes are reported.
+/// Makes a call from its name and arguments, and passes it on; errors are reported.
 pub(crate) fn pass_on(
     name: &str,
     args: Vec<Value>,
@@ -40,7 +40,7 @@ pub(crate) fn pass_on(
             let text = format!("{mistake}: the call is ignored{}", object(sink));
             reporter.say(Severity::Error, at, text);
         }
-        // What it returns is not used.
+        // Its return value is not used.
         None if name == "GetAttribute" => {}
         None => {
             let hint = hint(granita_base::suggestion(name, names::CALLS));
@@ -51,7 +51,7 @@ pub(crate) fn pass_on(
     Ok(())
 }
 
-/// The script in a scene file, as far as it has come.
+/// The script in a scene file, as far as it has run.
 #[derive(Default)]
 pub(crate) struct Script {
     pub(crate) python: Option<Python>,
@@ -59,7 +59,7 @@ pub(crate) struct Script {
     pub(crate) rebound: bool,
     /// Statements that could not be read and were passed over.
     pub(crate) unread: usize,
-    /// Whether anything could be read.
+    /// True when anything could be read.
     pub(crate) read: bool,
     /// Statements that ended with an exception.
     pub(crate) raised: usize,
@@ -76,7 +76,7 @@ pub(crate) fn object(sink: &dyn SceneSink) -> String {
 }
 
 impl Reader<'_> {
-    /// The next statement; names that only the script knows make it one for Python.
+    /// The next statement; names that only the script defines make it a statement for Python.
     pub(crate) fn statement(&mut self) -> Result<Statement, PygError> {
         let (scripted, rebound) = (self.script.python.is_some(), self.script.rebound);
         self.parser.may_drop = !scripted;

@@ -1,7 +1,7 @@
 //! The part of the reader that runs scripts: pieces of Python go to a child interpreter, and its calls are passed on.
 //!
-//! What goes wrong in a script costs the top-level statement in which it does, as a mistake in a flat call costs the
-//! call; the script ends early only where it asks for that, or where nothing in it can be read.
+//! An error in a script costs the top-level statement that contains it, like an error in a flat call costs the call.
+//! The script ends early only when it calls for that, or when nothing in it can be read.
 
 use crate::flat::{Statement, Why};
 use crate::python::{Event, Exception, Python};
@@ -12,25 +12,26 @@ use granita_scene::Stop;
 use std::io;
 use std::path::Path;
 
-/// So many statements that cannot be read are passed over; a file with more of them is no scene.
+/// The number of unreadable statements that are skipped; a file with more of them is not a scene.
 const MAX_UNREAD: usize = 20;
 /// So many are enough where nothing else could be read either.
 const MAX_UNREAD_ALONE: usize = 3;
-/// So many exceptions are told; more of them are counted.
+/// The number of exceptions that are reported; further ones are counted.
 const MAX_TOLD: usize = 20;
 /// So often an interpreter that died is replaced.
 const MAX_DEATHS: usize = 3;
 
-/// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece is.
+/// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece
+/// is.
 const BATCH: usize = 1 << 15;
 
-/// How a piece of script failed.
+/// The reason why a piece of script failed.
 enum Failed {
-    /// It is no Python; nothing of it was executed, and the interpreter goes on.
+    /// It is not valid Python; nothing of it was executed, and the interpreter continues.
     Unread(Exception),
     /// The interpreter is gone.
     Died(io::Error),
-    /// In its course.
+    /// It failed while it ran.
     Ended(PygError),
 }
 
@@ -114,8 +115,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Takes the next statement for Python. A call of the scene interface that is none, because a string or a bracket has
-    /// no end, is passed over up to the next line with a call; what is missing is returned.
+    /// Takes the next statement for Python. A call of the scene interface that is none, because a string or a bracket
+    /// has no end, is passed over up to the next line with a call; what is missing is returned.
     fn take(&mut self, code: &mut Vec<u8>) -> Result<Option<&'static str>, PygError> {
         let mark = self.parser.bytes.mark();
         let start = code.len();
@@ -137,7 +138,7 @@ impl Reader<'_> {
         self.reporter.say(Severity::Error, &Location::line(&self.file, line), text);
     }
 
-    /// Gathers statements, whatever they are, and executes them.
+    /// Gathers statements of any kind, and executes them.
     pub(crate) fn next_python(&mut self, why: &Why) -> Result<Next, PygError> {
         self.start(why)?;
         self.parser.bytes.forget();
@@ -205,7 +206,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Executes a piece; when it is no Python, its statements one after the other, and those that are none are reported.
+    /// Executes a piece. When it is not valid Python, its statements are executed one after the other, and the
+    /// invalid ones are reported.
     fn piece(&mut self, piece: &Piece) -> Result<Next, PygError> {
         let unread = match self.execute(piece.line, &piece.code) {
             Ok(next) => return Ok(next),
@@ -232,7 +234,7 @@ impl Reader<'_> {
         Ok(Next::More)
     }
 
-    /// Reports a statement that is no Python; an error when there are too many of them.
+    /// Reports a statement that is not valid Python; returns an error when there are too many of them.
     fn unread(&mut self, unread: Exception, statement: &[u8]) -> Result<(), PygError> {
         self.script.unread += 1;
         let at = Location::line(&self.file, unread.line);
@@ -275,7 +277,7 @@ impl Reader<'_> {
         Ok(Next::More)
     }
 
-    /// To be called at the end of the file: renderers that the script has made are done with what they were told.
+    /// To be called at the end of the file. Then renderers that the script created have processed all their calls.
     pub(crate) fn finish_renderers(&mut self) -> Result<(), PygError> {
         let line = self.parser.bytes.line();
         match self.script.python.is_some().then(|| self.execute(line, b"__granita_finish__ ()\n")) {

@@ -12,8 +12,8 @@ const CONTINUED: [&[u8]; 4] = [b"else", b"elif", b"except", b"finally"];
 
 /// Takes the next statement: one logical line, and the indented block that belongs to it.
 ///
-/// The text is as written, except that binary arrays (reference 3.7) become lists. Returns what is missing when its first
-/// line cannot be Python because a string or a bracket has no end.
+/// The text is as written, except that binary arrays (reference 3.7) become lists. Returns what is missing when its
+/// first line cannot be Python because a string or a bracket has no end.
 pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<&'static str>> {
     let mut decorated = bytes.peek()? == Some(b'@');
     let missing = take_logical_line(bytes, out)?;

@@ -11,12 +11,13 @@ use std::sync::Arc;
 
 /// Passes the calls of a stream on until it ends, and answers its questions on `output`.
 ///
-/// Frames on both sides are those of [`crate::frames`]: `C` a call, `F` the file that calls come from, `T` calls as flat Pyg, `A` asks for an attribute (answered by `G` with its value), `W` waits (answered by `W` with the number of errors
-/// so far). `bindings/python/gelato/_stream.py` is the other side.
+/// Frames on both sides are those of [`crate::frames`]: `C` a call, `F` the file that calls come from, `T` calls as
+/// flat Pyg, `A` asks for an attribute (answered by `G` with its value), `W` waits (answered by `W` with the number of
+/// errors so far). `bindings/python/gelato/_stream.py` is the other side.
 ///
 /// # Errors
-/// [`PygError::Malformed`] for frames that make no sense or are cut short, [`PygError::Io`], [`PygError::Stopped`] when the sink
-/// wants no more. Mistakes of single calls are reported, and reading goes on.
+/// [`PygError::Malformed`] for frames that make no sense or are cut short, [`PygError::Io`], [`PygError::Stopped`] when
+/// the sink wants no more. Mistakes of single calls are reported, and reading goes on.
 pub fn serve(
     input: &mut dyn Read,
     output: &mut dyn Write,

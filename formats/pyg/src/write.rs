@@ -73,6 +73,9 @@ impl<W: Write> Writer<W> {
     }
 
     /// Passes everything on and gives the output back.
+    ///
+    /// # Errors
+    /// What the output says.
     pub fn into_inner(mut self) -> io::Result<W> {
         self.write_pending()?;
         self.flush()?;
@@ -80,6 +83,9 @@ impl<W: Write> Writer<W> {
     }
 
     /// Passes everything on.
+    ///
+    /// # Errors
+    /// What the output says.
     pub fn flush(&mut self) -> io::Result<()> {
         self.out.write_all(&self.line.text)?;
         self.line.text.clear();

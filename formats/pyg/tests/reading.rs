@@ -1,3 +1,4 @@
+// tidy: tests
 //! The reader: spellings, places of mistakes, scripts.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 

@@ -1,4 +1,4 @@
-//! DDS: what graphics cards take (Microsoft, "DDS file layout", "Programming guide for DDS").
+//! DDS: the format of graphics cards (Microsoft, "DDS file layout", "Programming guide for DDS").
 
 mod layout;
 mod output;
@@ -19,10 +19,10 @@ use std::path::Path;
 /// the elements of arrays as further images. Written: uncompressed, with MIP levels: 8 bits of 1 to 4 channels, 16
 /// bits, halves and floats of 1, 2 or 4.
 ///
-/// BC1 to BC3 and BC7 give 8 bits RGBA, BC4 and BC5 8 bits of one and two channels (floats when signed), BC6H
-/// halves RGB. A picture with alpha has the attribute `unassociatedalpha` unless its header says
-/// otherwise. Pictures are written as they are with a header that says what their alpha is; only those of
-/// 8 bits, whose header cannot, are divided by alpha unless they have the attribute.
+/// BC1 to BC3 and BC7 give 8 bits RGBA, BC4 and BC5 8 bits of one and two channels (floats when signed), BC6H halves
+/// RGB. An image with alpha has the attribute `unassociatedalpha` unless its header says otherwise. Images are
+/// written unchanged with a header that describes their alpha. Only those of 8 bits, whose header cannot, are divided
+/// by alpha unless they have the attribute.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DdsFormat;
 
@@ -92,7 +92,7 @@ impl Format for DdsFormat {
 
 struct DdsRows {
     storage: Storage,
-    /// Where every level of every image begins.
+    /// The offset of every level of every image.
     starts: Vec<Vec<u64>>,
 }
 
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!(scaled(u32::MAX, u32::MAX, 65535), 65535);
     }
 
-    /// A block of two colours of BC1, worked out by hand from the format: red and blue, and two thirds between.
+    /// A block of two colours of BC1, computed by hand from the format: red and blue, and two thirds between.
     #[test]
     fn a_block_by_hand() {
         let block = [0x00, 0xf8, 0x1f, 0x00, 0b1110_0100, 0b1110_0100, 0b1110_0100, 0b1110_0100];

@@ -1,14 +1,15 @@
-//! The size of the first picture of a GIF, which need not be that of its screen.
+//! The size of the first image of a GIF, which may differ from that of its screen.
 
 use crate::whole::Place;
 use granita_image::Result;
 use std::io::{self, Read};
 
-/// Checks what decoding the first picture takes beside the screen: against the length of the file, of which one byte stands
-/// for at most `ratio` bytes of pixels, and against what the system grants. A file without a picture is for the decoder.
+/// Checks the memory for decoding the first image beside the screen, against the length of the file, of which one
+/// byte stands for at most `ratio` bytes of pixels, and against the memory that the system grants. A file without an
+/// image is left to the decoder.
 ///
 /// # Errors
-/// A picture that is too large, and what reading the file gives.
+/// Returns an error for an image that is too large, and errors of reading the file.
 pub(crate) fn check_first_picture(place: &Place, ratio: u64) -> Result<()> {
     let found = match first_picture(&mut place.source()?) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => None,
@@ -20,7 +21,7 @@ pub(crate) fn check_first_picture(place: &Place, ratio: u64) -> Result<()> {
     granita_image::Limits::check_memory(&place.path, bytes)
 }
 
-/// Width and height in pixels; `None` where something else comes first.
+/// The width and height in pixels; `None` when another block comes first.
 fn first_picture(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
     let mut head = [0; 13];
     file.read_exact(&mut head)?;

@@ -1,4 +1,4 @@
-//! Maya's picture files (Autodesk, "Maya File Formats": image file format): tiles of RGBA and depth in chunks.
+//! Maya's image files (Autodesk, "Maya File Formats": image file format): tiles of RGBA and depth in chunks.
 
 use crate::rows::{Rows, RowsInput};
 use crate::whole::WholeOutput;
@@ -13,10 +13,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// The format "iff" (reference 7.4.6).
 ///
-/// Read: 8 and 16-bit integers and floats; RGB, RGBA, one channel of alpha, depth, tiles of any place and
-/// size, run-length encoded or not. A picture with depth is given out in floats: colours as fractions,
-/// then "Z" as it is stored. Written: 8 and 16 bits, RGB and RGBA; floats only with a last channel "Z", and
-/// then colours have 16 bits. `compression` is "rle" (the default) or "none"; `Artist` and `DateTime` are kept.
+/// Read are 8 and 16-bit integers and floats; RGB, RGBA, one channel of alpha, depth, tiles of any position and size,
+/// run-length encoded or not. An image with depth is returned in floats: colours as fractions, then "Z" as it is
+/// stored. Written are 8 and 16 bits, RGB and RGBA; floats only with a last channel "Z", and then colours have 16
+/// bits. `compression` is "rle" (the default) or "none"; `Artist` and `DateTime` are kept.
 ///
 /// Tiles of 16-bit RGBA are run-length encoded only where both bytes of every alpha are the same: some
 /// programs store the two planes of alpha in the other order than the rest, so that others would be misread.
@@ -92,7 +92,7 @@ struct Tile {
     /// Column and row of the lower left pixel; rows count from the bottom.
     at: (u32, u32),
     size: (u32, u32),
-    /// Where its data is, and how long.
+    /// The offset and the length of its data.
     place: (u64, u64),
 }
 
@@ -103,7 +103,7 @@ struct IffRows {
     colors: usize,
     /// Rows that are decoded together: those of the highest tile.
     together: u32,
-    /// Rows decoded last, from the first of them: rows are often asked for one by one.
+    /// The rows decoded last, from the first of them, because rows are often read one by one.
     last: Mutex<Option<(u32, Arc<Pixels>)>>,
 }
 
@@ -236,7 +236,7 @@ impl Rows for IffRows {
         Limits::check_memory(source.path(), bytes.saturating_mul(3))?;
         let mut band = Pixels::zeros(spec.pixel_type, (bottom - top) as usize * values);
         for tile in &self.tiles {
-            // Rows of the tile, from the top of the picture.
+            // Rows of the tile, from the top of the image.
             let (first, end) = (spec.height - tile.at.1 - tile.size.1, spec.height - tile.at.1);
             if end <= top || first >= bottom {
                 continue;
@@ -361,7 +361,7 @@ fn encode_tile(big_endian: &[u8], count: usize, size: usize, rle: bool) -> Vec<u
                 pack(&plane, &mut out);
             }
         }
-        // Padding must not make it look like data that is not packed.
+        // Padding must not make the data look unpacked.
         if out.len().next_multiple_of(4) < big_endian.len() {
             return out;
         }

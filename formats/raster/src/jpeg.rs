@@ -1,16 +1,16 @@
 //! JPEG files that end early: which of their rows are there.
 //!
-//! The decoder fills what is missing and says nothing. So a file without its mark of the end is decoded again with
-//! bytes after what there is, and with their opposites: rows that come out the same are of the file.
+//! The decoder fills missing data without an error. So a file without its end mark is decoded again with bytes after
+//! its end, and with their opposites. Rows that come out the same are from the file.
 
-/// How a file ends.
+/// The end of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// With the mark of the end.
+    /// With the end mark.
     Marked,
-    /// Without.
+    /// Without the end mark.
     Open {
-        /// All rows come in several passes, each finer than those before.
+        /// All rows come in several passes, each finer than the ones before.
         progressive: bool,
     },
 }
@@ -44,8 +44,8 @@ pub(crate) fn without_half_a_mark(bytes: &mut Vec<u8>) {
     }
 }
 
-/// The same file, with other bytes after what there is: none of them a mark. Each bit of them is the opposite with
-/// `opposite`, so that one of the two goes on otherwise than the file did.
+/// The same file, with other bytes after its end, none of them a mark. With `opposite` each of their bits is
+/// inverted, so that one of the two continues differently from the file.
 pub(crate) fn with_noise(bytes: &[u8], opposite: bool) -> Vec<u8> {
     const NOISE: usize = 4096;
     let mut out = bytes.to_vec();

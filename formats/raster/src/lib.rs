@@ -1,4 +1,4 @@
-//! Plain pictures: rows, no tiles; levels and several images only in DDS.
+//! Plain images: rows, no tiles; levels and several images only in DDS.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -53,7 +53,8 @@ pub use self::sgi::SgiFormat;
 use granita_image::Format;
 use std::sync::Arc;
 
-/// All formats of this crate, in the order in which files should be tried. [`DevilFormat`] is a name for some of them.
+/// All formats of this crate, in the order in which files should be tried. [`DevilFormat`] is a name for some of
+/// them.
 pub fn formats() -> Vec<Arc<dyn Format>> {
     let mut all: Vec<Arc<dyn Format>> = vec![
         Arc::new(PngFormat),

@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-/// One of the plain picture formats: see [`FORMATS`].
+/// One of the plain image formats: see [`FORMATS`].
 #[derive(Clone, Copy, Debug)]
 pub struct PlainFormat {
     name: &'static str,
@@ -28,14 +28,14 @@ pub struct PlainFormat {
     types: &'static [PixelType],
     /// Numbers of channels that are stored as they are.
     channels: &'static [usize],
-    /// Whether 2 and 4 channels are written as 1 and 3, without their alpha (reference 7.4.5).
+    /// True when 2 and 4 channels are written as 1 and 3, without their alpha (reference 7.4.5).
     drops_alpha: bool,
     encode: crate::whole::Encode,
 }
 
 const BYTES: &[PixelType] = &[PixelType::U8];
 
-/// All of them. Formats without a mark of their own come last.
+/// All plain formats. Formats without a signature come last.
 pub const FORMATS: [PlainFormat; 8] = [
     PlainFormat {
         name: "jpeg",
@@ -241,9 +241,10 @@ impl PlainFormat {
     }
 }
 
-/// The most bytes of pixels that one byte of a file can stand for, with plenty to spare: files that end early have fewer.
+/// The most bytes of pixels that one byte of a file can stand for, with plenty to spare: files that end early have
+/// fewer.
 fn most_packed(format: ImageFormat, width: u32) -> u64 {
-    /// Of a file that ends early a sixteenth at least is there.
+    /// A file that ends early must have at least a sixteenth of its data.
     const SPARE: u64 = 16;
     SPARE
         * match format {
@@ -266,12 +267,12 @@ fn most_packed(format: ImageFormat, width: u32) -> u64 {
         }
 }
 
-/// Whether colours are by definition not multiplied by alpha. Of Targa and BMP files nobody can tell.
+/// True when colours are by definition not multiplied by alpha. For Targa and BMP files this is not defined.
 fn straight(format: ImageFormat) -> bool {
     matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif)
 }
 
-/// How the pixels of a file must be turned to stand upright, as its Exif data say. What says nothing of use stays as it is.
+/// The turn that makes the pixels of a file upright, from its Exif data. Without useful data the image is not turned.
 fn turn(decoder: &mut impl ImageDecoder) -> Turn {
     let found = contained(|| decoder.orientation()).ok().and_then(std::result::Result::ok);
     Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
@@ -302,7 +303,7 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         _ => Part { bytes: decode_into(place, format, vec![0; bytes])?, rest: None },
     };
     let turn = turn(&mut decoder(place, format)?);
-    // As it is stored.
+    // Unchanged.
     let (width, height) = turn.size((spec.width, spec.height));
     let row = (bytes / height as usize).max(1);
     let missing = match part.rest {
@@ -316,7 +317,8 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         }
         Some(Rest { there, .. }) => {
             let rows = (there / row) as u32;
-            // What is missing at the end of the file is missing in every row, or in the first, of one that is turned.
+            // Rows missing at the end of the file are missing in every row, or at the start, of an image that is
+            // turned.
             let known = if turn.keeps_rows() { rows } else { 0 };
             Some((known, format!("the file ends early: {rows} of {height} rows are there")))
         }
@@ -332,7 +334,7 @@ struct Part {
     rest: Option<Rest>,
 }
 
-/// What is missing.
+/// The missing part.
 struct Rest {
     /// Bytes of pixels that are there, from the first on.
     there: usize,
@@ -346,7 +348,7 @@ fn decode_into(place: &Place, format: ImageFormat, mut out: Vec<u8>) -> Result<V
     Ok(out)
 }
 
-/// As [`decode_into`]; when it fails, what was decoded before is there.
+/// The same as [`decode_into`]; on failure, the pixels decoded before it are kept.
 fn decode_some(place: &Place, format: ImageFormat, out: &mut [u8]) -> Result<()> {
     let decoder = decoder(place, format)?;
     if decoder.total_bytes() != out.len() as u64 {
@@ -369,7 +371,7 @@ fn decode_jpeg(place: &Place, bytes: usize) -> Result<Part> {
     jpeg::without_half_a_mark(&mut file);
     let noisy = [false, true].map(|opposite| {
         let mut out: Vec<u8> = jpeg::noise().take(bytes).collect();
-        // What follows the picture may well be wrong for the decoder.
+        // Data behind the image may be invalid for the decoder.
         let _ = decode_some(&place.holding(jpeg::with_noise(&file, opposite)), ImageFormat::Jpeg, &mut out);
         out
     });
@@ -377,14 +379,14 @@ fn decode_jpeg(place: &Place, bytes: usize) -> Result<Part> {
     let whole = decode_some(&place.holding(file), ImageFormat::Jpeg, &mut bytes);
     let same = |other: &Vec<u8>| bytes.iter().zip(other).position(|(a, b)| a != b).unwrap_or(bytes.len());
     let there = noisy.iter().map(same).min().unwrap_or(0);
-    // What was decoded before it failed is there all the same.
+    // The pixels decoded before the failure are kept.
     whole.or_else(|error| if there > 0 && there < bytes.len() { Ok(()) } else { Err(error) })?;
     let rest = (passes || there < bytes.len()).then_some(Rest { there, passes });
     Ok(Part { bytes, rest })
 }
 
 fn decode_hdr(place: &Place, bytes: usize) -> Result<Part> {
-    // Values of this format are finite, and these bytes are NaN: what has not been decoded is known by them.
+    // Values of this format are finite, and these bytes are NaN. So they mark the pixels that have not been decoded.
     const NOTHING: u8 = 0xff;
     let mut out = vec![NOTHING; bytes];
     let Err(error) = decode_some(place, ImageFormat::Hdr, &mut out) else {
@@ -437,7 +439,7 @@ fn color(n: usize, pixel_type: PixelType) -> ExtendedColorType {
     }
 }
 
-/// Values in the order of the machine, as the encoders want them.
+/// Values in the byte order of the machine, as the encoders need them.
 fn native_bytes(pixels: Pixels) -> Vec<u8> {
     match pixels {
         Pixels::U8(v) => v,
@@ -471,8 +473,8 @@ fn encode_jpeg(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Resul
         .map_err(|e| write_fault(&path, e))
 }
 
-/// Whether a PNM file of this name has no place for the alpha of its `n` channels: programs expect P5 or P6 of the endings
-/// of old, and cannot read the P7 of files with alpha.
+/// True when a PNM file of this name cannot hold the alpha of its `n` channels. Programs expect P5 or P6 for the old
+/// extensions, and cannot read the P7 of files with alpha.
 fn is_without_alpha(path: &Path, n: usize) -> bool {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
     matches!(n, 2 | 4) && ending.is_some_and(|e| matches!(&*e, "ppm" | "pgm"))

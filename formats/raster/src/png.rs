@@ -12,10 +12,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
 ///
-/// Read: every kind of PNG; palettes and fewer than 8 bits become 8-bit values, a transparent colour
-/// becomes alpha. A PNG holds colours that alpha has *not* been multiplied into: pictures read have the
-/// attribute `int unassociatedalpha` 1. A picture written without this attribute is divided by its
-/// alpha (where alpha is 0, colours stay as they are).
+/// Read is every kind of PNG; palettes and fewer than 8 bits become 8-bit values, a transparent colour becomes alpha.
+/// A PNG holds colours that alpha has *not* been multiplied into: images read have the attribute `int
+/// unassociatedalpha` 1. An image written without this attribute is divided by its alpha (where alpha is 0, colours
+/// are not changed).
 ///
 /// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as
 /// texts; `compression` may be "none", "fast" or "zip" (the default).
@@ -97,7 +97,7 @@ struct PngRows {
     spec: ImageSpec,
     /// The decoder, and the row that it gives next.
     state: Mutex<Option<(png::Reader<Source>, u32)>>,
-    /// The first row that cannot be decoded, and why: nobody tries again.
+    /// The first row that cannot be decoded, and the reason, so that it is not tried again.
     broken: OnceLock<(u32, ImageError)>,
 }
 
@@ -152,7 +152,7 @@ impl ImageInput for PngRows {
             reader.next_row().map_err(|e| failed(y, e))?.ok_or_else(whole)?;
             y += 1;
         }
-        // Grown as rows come, so that a short file with a tall header does not cost its height.
+        // It grows as rows are read, so that a short file with a tall header does not cost the memory of its height.
         let mut out = Vec::new();
         while y < y1 {
             let at = out.len();
@@ -193,7 +193,7 @@ fn fault(place: &Place, error: DecodingError) -> ImageError {
     }
 }
 
-/// What the header says, and whether rows come in another order.
+/// The content of the header, and whether rows come in another order.
 fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     let reader = reader(place)?;
     let info = reader.info();

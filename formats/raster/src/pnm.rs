@@ -3,8 +3,8 @@
 use crate::rows::{PlainRows, RowsInput, ends_early};
 use granita_image::{FileSource, ImageInput, ImageSpec, Limits, PixelType, Result};
 
-/// Opens a file whose rows can be found by position. `None` for one that is of another kind (text, one bit
-/// per pixel, a largest value other than 255 and 65535), or damaged: the `image` crate says how.
+/// Opens a file whose rows can be found by position. Returns `None` for a file of another kind (text, one bit per
+/// pixel, a maximum value other than 255 and 65535), or a damaged one, for which the `image` crate gives the error.
 pub(crate) fn open(source: FileSource, limits: &Limits) -> Result<Option<Box<dyn ImageInput>>> {
     // Comments beyond this are for the `image` crate.
     let head = source.read_vec(0, source.len().min(1024), "the header")?;
@@ -19,7 +19,7 @@ pub(crate) fn open(source: FileSource, limits: &Limits) -> Result<Option<Box<dyn
     Ok(Some(Box::new(RowsInput::new("pnm", "PNM", source, limits, vec![vec![spec]], rows)?)))
 }
 
-/// What a header says, and where it ends.
+/// The content of a header, and its end.
 fn header(head: &[u8]) -> Option<(ImageSpec, u64)> {
     if head.starts_with(b"P7") {
         return arbitrary_map(head);

@@ -2,7 +2,7 @@
 
 use granita_image::{FileSource, ImageInput, ImageSpec, Limits, Pixels, Result};
 
-/// What a format knows about its rows.
+/// The properties of the rows of a format.
 pub(crate) trait Rows: Send + Sync {
     /// Rows `y0..y1` of a level, which exist and which the limits allow.
     fn rows(
@@ -14,14 +14,14 @@ pub(crate) trait Rows: Send + Sync {
         y1: u32,
     ) -> Result<Pixels>;
 
-    /// Bytes of memory that reading rows takes beside the rows.
+    /// The bytes of memory that reading rows takes beside the rows.
     fn working_bytes(&self, spec: &ImageSpec) -> u64 {
         let _ = spec;
         0
     }
 }
 
-/// An open file of such a format: nothing is read that was not asked for, and from any thread.
+/// An open file of such a format. Only requested rows are read, from any thread.
 pub(crate) struct RowsInput<R> {
     name: &'static str,
     source: FileSource,
@@ -93,11 +93,11 @@ impl<R: Rows> ImageInput for RowsInput<R> {
     }
 }
 
-/// A file that ends before its last row is opened as long as its first row is there: rows that are missing are errors of
-/// their own then. `at` is where the first stored row begins.
+/// A file that ends before its last row is opened as long as its first row is there: rows that are missing are errors
+/// of their own then. `at` is where the first stored row begins.
 ///
 /// # Errors
-/// When not even one row is there.
+/// Returns an error when not even one row is available.
 pub(crate) fn ends_early(source: &FileSource, spec: &ImageSpec, at: u64) -> Result<()> {
     let row = u64::from(spec.width) * spec.nchannels() as u64 * spec.pixel_type.bytes() as u64;
     let there = source.len().saturating_sub(at);
@@ -110,10 +110,10 @@ pub(crate) fn ends_early(source: &FileSource, spec: &ImageSpec, at: u64) -> Resu
 
 /// Rows of equal length one after the other, the plainest of files.
 pub(crate) struct PlainRows {
-    /// Where the first stored row is.
+    /// The offset of the first stored row.
     pub(crate) at: u64,
     pub(crate) big_endian: bool,
-    /// The first stored row is the lowest of the picture.
+    /// The first stored row is the lowest of the image.
     pub(crate) upward: bool,
 }
 

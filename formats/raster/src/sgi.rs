@@ -1,4 +1,4 @@
-//! SGI pictures (Paul Haeberli, "The SGI Image File Format", version 1.00): planes of rows from the bottom.
+//! SGI images (Paul Haeberli, "The SGI Image File Format", version 1.00): planes of rows from the bottom.
 
 use crate::rows::{Rows, RowsInput};
 use crate::whole::WholeOutput;
@@ -12,8 +12,8 @@ use std::path::Path;
 
 /// The format "sgi": 8 and 16 bits, any number of channels, run-length encoded or verbatim.
 ///
-/// The attribute `compression` is "rle" (the default) or "none"; up to 79 bytes of `ImageDescription` are
-/// kept as the name of the picture.
+/// The attribute `compression` is "rle" (the default) or "none"; up to 79 bytes of `ImageDescription` are kept as the
+/// name of the image.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SgiFormat;
 

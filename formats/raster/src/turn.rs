@@ -2,15 +2,15 @@
 
 use granita_image::Pixels;
 
-/// From the stored pixels to the upright picture, by the number that Exif gives it (tag 274; CIPA DC-008, 4.6.4): which side
-/// of the picture the first row and the first column show.
+/// The turn from the stored pixels to the upright image, by its Exif number (tag 274; CIPA DC-008, 4.6.4): the sides
+/// of the image that the first row and the first column show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Turn {
-    /// The first row is a column of the picture.
+    /// The first row is a column of the image.
     transposed: bool,
-    /// The picture is then mirrored from left to right.
+    /// The image is then mirrored from left to right.
     mirrored: bool,
-    /// The picture is then turned upside down by rows.
+    /// The image is then turned upside down by rows.
     flipped: bool,
 }
 
@@ -22,8 +22,8 @@ impl Turn {
             2 => (false, true, false),
             3 => (false, true, true),
             4 => (false, false, true),
-            // The first row is the left side, the right, the right, the left; the first column the top, the top, the bottom,
-            // the bottom.
+            // The first row is the left side, the right, the right, the left; the first column the top, the top, the
+            // bottom, the bottom.
             5 => (true, false, false),
             6 => (true, true, false),
             7 => (true, true, true),
@@ -33,17 +33,17 @@ impl Turn {
         Self { transposed, mirrored, flipped }
     }
 
-    /// The size of the upright picture from that of the stored one, and the other way round.
+    /// Converts the size of the stored image to that of the upright one, and back.
     pub(crate) fn size(self, (width, height): (u32, u32)) -> (u32, u32) {
         if self.transposed { (height, width) } else { (width, height) }
     }
 
-    /// Whether rows stay where they are.
+    /// True when rows keep their places.
     pub(crate) fn keeps_rows(self) -> bool {
         !self.transposed && !self.flipped
     }
 
-    /// The upright picture of stored pixels: `size` is their width and height, `n` the number of channels.
+    /// The upright image of stored pixels: `size` is their width and height, `n` the number of channels.
     pub(crate) fn apply(self, pixels: Pixels, size: (usize, usize), n: usize) -> Pixels {
         if self == Self::of_exif(1) {
             return pixels;

@@ -49,7 +49,7 @@ pub(crate) struct Place {
     /// Name of the format in errors, as "PNG".
     pub(crate) format: &'static str,
     pub(crate) limits: Limits,
-    /// What it holds, when it is no file of its own.
+    /// The content, when it is not a file of its own.
     bytes: Option<Arc<[u8]>>,
     count: Arc<AtomicU64>,
 }
@@ -59,7 +59,7 @@ impl Place {
         Self { path: path.to_owned(), format, limits: limits.clone(), bytes: None, count: Arc::default() }
     }
 
-    /// In memory; `path` stands for it in errors.
+    /// The source is in memory; `path` replaces it in errors.
     pub(crate) fn with_bytes(self, bytes: Arc<[u8]>) -> Self {
         Self { bytes: Some(bytes), ..self }
     }
@@ -97,7 +97,7 @@ impl Place {
         Ok(counted(From::File(file)))
     }
 
-    /// What the system said; a file that ends early is malformed.
+    /// The error of the system; a file that ends early is malformed.
     pub(crate) fn io(&self, source: io::Error) -> ImageError {
         if matches!(source.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData) {
             return self.malformed(match source.kind() {
@@ -129,7 +129,7 @@ impl Place {
 /// The pixels of a file.
 pub(crate) struct Decoded {
     pub(crate) pixels: Pixels,
-    /// When not all of them are there: how many rows are, and what is wrong.
+    /// Not all rows are available: the number of available rows, and the error.
     pub(crate) missing: Option<(u32, String)>,
 }
 
@@ -143,15 +143,15 @@ impl Decoded {
 /// Decodes all pixels of a file.
 pub(crate) type Decode = fn(&Place, &ImageSpec) -> Result<Decoded>;
 
-/// An open picture. Its pixels are decoded all at once when the first are asked for, and kept; asking for all of
-/// them gives them away instead. Of a file that ends early the rows that are there can be had.
+/// An open image. Its pixels are decoded all at once at the first read, and kept. Reading all of them moves them out
+/// instead. Of a file that ends early the available rows can be read.
 pub(crate) struct WholeInput {
     name: &'static str,
     place: Place,
     spec: ImageSpec,
     decode: Decode,
     decoded: OnceLock<Decoded>,
-    /// Why it cannot be decoded, so that nobody tries again.
+    /// The reason why it cannot be decoded, so that it is not tried again.
     broken: OnceLock<ImageError>,
     /// Held while decoding, so that two threads do not both do it.
     decoding: Mutex<()>,
@@ -252,7 +252,7 @@ impl ImageInput for WholeInput {
             if decoded.missing.is_none() {
                 return Ok(decoded.pixels);
             }
-            // They are asked for again, in parts.
+            // The pixels are read again, in parts.
             let _ = self.decoded.set(decoded);
         }
         // Decoded, and with it checked, before the result is allocated.
@@ -279,10 +279,10 @@ impl ImageInput for WholeInput {
     }
 }
 
-/// Encodes a complete picture; `Err` says what the format cannot do, or what the system refused.
+/// Encodes a complete image; `Err` names the limit of the format, or the error of the system.
 pub(crate) type Encode = fn(&ImageSpec, Pixels, &mut AtomicFile) -> Result<()>;
 
-/// A picture being collected.
+/// An image while its rows are collected.
 pub(crate) struct WholeOutput {
     file: AtomicFile,
     spec: ImageSpec,

@@ -235,8 +235,8 @@ fn exif(orientation: u8, big_endian: bool) -> Vec<u8> {
     segment
 }
 
-/// Which corner of the upright picture the first stored pixel is, for all eight orientations: (right, bottom), and whether
-/// the first row became a column (Exif, tag 274).
+/// Which corner of the upright picture the first stored pixel is, for all eight orientations: (right, bottom), and
+/// whether the first row became a column (Exif, tag 274).
 #[test]
 fn jpeg_stands_upright() {
     let dir = tempfile::tempdir().unwrap();

@@ -73,7 +73,7 @@ impl Reader<'_> {
         result
     }
 
-    /// Where an archive lies: beside the file that names it, then on the path of inputs.
+    /// The path of an archive: beside the file that names it, then on the path of inputs.
     pub(crate) fn find_archive(&self, name: &str) -> Option<PathBuf> {
         let beside = self.files.last().and_then(|f| f.parent()).map(|folder| folder.join(name));
         if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {

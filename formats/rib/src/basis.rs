@@ -132,8 +132,8 @@ impl Basis {
         }
     }
 
-    /// The `n` control values of the curve that is its own parameter, from 0 to 1 over all segments; `None` when the basis
-    /// has no such curve.
+    /// The `n` control values of the curve that is its own parameter, from 0 to 1 over all segments; `None` when the
+    /// basis has no such curve.
     pub(crate) fn parameter(&self, n: usize, periodic: bool) -> Option<Vec<f64>> {
         let segments = self.segments(n, periodic)?;
         let one = solved(&self.matrix, [0.0, 0.0, 0.0, 1.0])?;
@@ -149,7 +149,7 @@ impl Basis {
         Some(values.into_iter().map(Option::unwrap_or_default).collect())
     }
 
-    /// For each Bezier control value of a segment the weights of the four control values.
+    /// The weights of the four control values for each Bezier control value of a segment.
     pub(crate) fn to_bezier(self) -> Matrix4 {
         let product = |i: usize, j: usize| (0..4).map(|k| FROM_POWERS[i][k] * self.matrix[k][j]).sum();
         std::array::from_fn(|i| std::array::from_fn(|j| product(i, j)))

@@ -10,7 +10,7 @@ use granita_base::ParamData;
 const MAX_BRANCHES: usize = 1000;
 
 impl Reader<'_> {
-    /// Conditionals, and whatever stands where it does not count; `None` for a request that is to be carried out.
+    /// Handles conditionals, and requests of branches that are not taken; `None` for a request that must be executed.
     pub(crate) fn branch(&mut self, request: &Request) -> Option<Done> {
         let outer = self.branches.iter().rev().skip(1).all(|b| b.taken);
         let counts = self.branches.last().is_none_or(|b| b.taken) && outer;
@@ -63,7 +63,7 @@ impl Reader<'_> {
         }
     }
 
-    /// What a name in a condition means.
+    /// The value of a name in a condition.
     fn variable(&self, name: &str) -> Option<Value> {
         let name = ["Attribute:", "Option:"].iter().find_map(|p| name.strip_prefix(p)).unwrap_or(name);
         let attribute = || {

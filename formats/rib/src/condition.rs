@@ -1,8 +1,9 @@
 //! Expressions of `IfBegin` and `ElseIf`, and the conditionals that are being read.
 //!
-//! Not of the interface 3.2, but exporters of its time write them: `IfBegin "$user:pass == 'shadow'"`. Expressions have
-//! numbers, strings in single quotes, `$name` or `${name}` (an option or attribute `user`, or `Frame`), `defined (name)`,
-//! `!`, `*`, `/`, `+`, `-`, comparisons (`=~` matches a pattern of the shell), `&&`, `||` and parentheses.
+//! They are not part of the interface 3.2, but exporters of its time write them: `IfBegin "$user:pass == 'shadow'"`.
+//! Expressions have numbers, strings in single quotes, `$name` or `${name}` (an option or attribute `user`, or
+//! `Frame`), `defined (name)`, `!`, `*`, `/`, `+`, `-`, comparisons (`=~` matches a pattern of the shell), `&&`, `||`
+//! and parentheses.
 
 /// A value; what is not defined is neither number nor string, and false.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,10 +42,10 @@ impl Value {
 /// Deepest nesting of parentheses and signs.
 const MAX_DEPTH: usize = 64;
 
-/// Whether an expression is true; `lookup` knows names.
+/// True when an expression holds; `lookup` returns the values of names.
 ///
 /// # Errors
-/// In words, when it cannot be read.
+/// Returns a text when it cannot be read.
 pub(crate) fn is_true(text: &str, lookup: &dyn Fn(&str) -> Option<Value>) -> Result<bool, String> {
     let mut parser = Parser { rest: text, lookup, depth: 0 };
     let value = parser.level(0)?;
@@ -227,11 +228,11 @@ fn matches_pattern(text: &[u8], pattern: &[u8]) -> bool {
 pub(crate) struct Branch {
     /// Line of its `IfBegin`.
     pub(crate) line: u32,
-    /// Whether what stands here counts.
+    /// True when the current branch is taken.
     pub(crate) taken: bool,
-    /// Whether some branch was taken, so that no later one is.
+    /// True when some branch was taken, so that no later one is.
     pub(crate) done: bool,
-    /// Whether `Else` has come.
+    /// True when `Else` was read.
     pub(crate) last: bool,
 }
 

@@ -38,7 +38,7 @@ impl Class {
     }
 }
 
-/// What a parameter is.
+/// The declaration of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Declared {
     pub(crate) class: Class,
@@ -96,7 +96,7 @@ pub(crate) struct Given {
 }
 
 impl Given {
-    /// As a constant of the scene interface: for shaders and attributes.
+    /// As a constant of the scene interface, for shaders and attributes.
     pub(crate) fn constant(&self) -> Param {
         let ty = ParamType { base: self.declared.base, array: self.declared.array, interp: Interp::Constant };
         Param { name: self.name.clone(), ty, data: self.data.clone() }
@@ -124,7 +124,7 @@ impl Given {
 /// Why a parameter is left out.
 #[derive(Debug)]
 pub(crate) enum Flaw {
-    /// Neither its name nor a declaration tells its type.
+    /// Neither its name nor a declaration gives its type.
     Undeclared(String),
     /// Its values do not fit, or it has none.
     Mistake(String),
@@ -134,7 +134,7 @@ pub(crate) enum Flaw {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Declarations(BTreeMap<String, Declared>);
 
-/// Names that every renderer knows.
+/// The standard names.
 fn standard(name: &str) -> Option<Declared> {
     use BaseType::{Color, Float, HPoint, Normal, Point, String};
     use Class::{Constant, Uniform, Varying, Vertex};
@@ -154,7 +154,7 @@ fn standard(name: &str) -> Option<Declared> {
         "specularcolor" | "lightcolor" | "background" => (Uniform, Color, None),
         "from" | "to" => (Uniform, Point, None),
         "texturename" | "shadowname" | "name" => (Uniform, String, None),
-        // Of Option and Attribute.
+        // Names of Option and Attribute.
         "sphere" | "endofframe" | "maxdepth" | "gridsize" | "texturememory" | "binary" | "hidden"
         | "bias" => (Uniform, Float, None),
         "bucketsize" => (Uniform, BaseType::Int, Some(2)),
@@ -178,13 +178,13 @@ impl Declarations {
         }
     }
 
-    /// As requests, for a source that is read later.
+    /// The declarations as requests, for a source that is read later.
     pub(crate) fn requests(&self) -> String {
         let quoted = |name: &str| name.replace('\\', "\\\\").replace('"', "\\\"");
         self.0.iter().map(|(name, d)| format!("Declare \"{}\" \"{}\" ", quoted(name), d.text())).collect()
     }
 
-    /// The type and the name of a token: declared in itself, before, or known.
+    /// The type and the name of a token: declared in itself, declared before, or standard.
     pub(crate) fn find<'a>(&self, token: &'a str) -> Option<(Declared, &'a str)> {
         let token = token.trim();
         match token.rsplit_once(char::is_whitespace) {
@@ -196,8 +196,8 @@ impl Declarations {
         }
     }
 
-    /// The parameter list of a request. What is wrong with some goes to `flaw`; they are left out. `undeclared` tells the
-    /// type of a parameter without a declaration from its name and its values.
+    /// The parameter list of a request. Errors go to `flaw`, and their parameters are left out. `undeclared` returns
+    /// the type of a parameter without a declaration from its name and its values.
     pub(crate) fn list(
         &self,
         args: &[Arg],

@@ -2,14 +2,14 @@
 
 use crate::declare::{Declared, Given};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
-use granita_scene::Call;
+use granita_scene::{Call, attr};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The name of the one camera that RIB has.
 pub(crate) const CAMERA: &str = "camera";
 
-/// How camera space is seen.
+/// The projection of camera space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Projection {
     Orthographic,
@@ -86,8 +86,8 @@ impl Options {
         if aspect >= 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] }
     }
 
-    /// The calls that stand in front of `World`. `named` tells the types of variables that displays show; what has to be
-    /// left out goes to `wrong`.
+    /// The calls before `World`. `named` returns the types of variables that displays show; features that must be
+    /// left out go to `wrong`.
     pub(crate) fn calls(
         &self,
         named: &dyn Fn(&str) -> Option<Declared>,
@@ -118,7 +118,7 @@ impl Options {
             params.push(param("float focaldistance", distance));
         }
         if let Some(size) = &self.bucketsize {
-            params.push(param("int[2] limits:bucketsize", &size[..]));
+            params.push(param(&attr::LIMITS_BUCKETSIZE.row().declaration(), &size[..]));
         }
         let mut calls: Vec<Call> = params.into_iter().flatten().map(Call::Attribute).collect();
         calls.extend(self.displays.iter().filter_map(|d| self.output(d, named, wrong)));
@@ -155,7 +155,8 @@ impl Options {
                     let plain = match plain {
                         "Ci" => "C",
                         "Oi" => "opacity",
-                        // Of the surface, not of the light that leaves it; in the interface s and t are u and v by default.
+                        // The variable of the surface, not of the light that leaves it; in the interface s and t are
+                        // u and v by default.
                         "Cs" => "primitive:C",
                         "Os" => "primitive:opacity",
                         "s" => "primitive:s",

@@ -22,7 +22,7 @@ pub(crate) fn int(request: &Request, at: usize) -> Result<usize, Fault> {
     found.ok_or_else(|| Fault::Mistake(format!("argument {} should be a number", at + 1)))
 }
 
-/// Where the parameter list begins: at the first string.
+/// The start of the parameter list: the first string.
 fn list_start(request: &Request) -> usize {
     request.args.iter().position(|a| a.floats().is_none()).unwrap_or(request.args.len())
 }
@@ -311,7 +311,7 @@ impl Reader<'_> {
         if !numbers(&head.args).iter().all(|x| x.is_finite()) {
             return Err(Fault::Mistake("numbers that are not finite".to_owned()));
         }
-        // Four corners are all that a quadric has, whatever the class.
+        // A quadric has only four corners, for any class.
         let mut variables = variables(&given, PATCH);
         for variable in &mut variables {
             if variable.interp == Interp::Vertex {
@@ -324,7 +324,7 @@ impl Reader<'_> {
         self.shape(shape, all)
     }
 
-    /// `TextureCoordinates`, for primitives that do not bring their own.
+    /// `TextureCoordinates`, for primitives without their own.
     pub(crate) fn corners(&self, variables: &mut Vec<Variable>) {
         let Some(c) = &self.local.corners else { return };
         for (name, at) in [("s", 0), ("t", 1)] {
@@ -346,7 +346,7 @@ fn some((shape, pw): (ShapeDesc, Param)) -> (ShapeDesc, Option<Param>) {
     (shape, Some(pw))
 }
 
-/// Whether a given parameter became the variable of this name.
+/// True when a given parameter became the variable of this name.
 pub(crate) fn same(given: &str, variable: &str) -> bool {
     given == variable
         || matches!((given, variable), ("Cs", "C") | ("Os", "opacity") | ("Np", "N") | ("st", "s" | "t"))

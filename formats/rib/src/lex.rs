@@ -16,7 +16,7 @@ const MAX_DEFINED: usize = 1 << 16;
 pub(crate) enum Token {
     /// Name of a request.
     Word(String),
-    /// In quotes, or encoded.
+    /// A string in quotes, or encoded.
     String(String),
     /// Written without point and exponent, within 32 bits.
     Int(i32),
@@ -101,7 +101,7 @@ impl Lexer {
         (0..n).try_fold(0, |sum, _| Ok(sum << 8 | u64::from(self.raw()?)))
     }
 
-    /// A byte that is no text: it ends no line.
+    /// A byte that is not text and does not end a line.
     fn raw(&mut self) -> io::Result<u8> {
         let byte = self.peek()?.ok_or(io::ErrorKind::UnexpectedEof)?;
         self.at += 1;
@@ -261,7 +261,7 @@ impl Lexer {
         }
     }
 
-    /// What the byte begins; `None` for definitions, which are kept.
+    /// The item that the byte begins; `None` for definitions, which are kept.
     fn encoded(&mut self, byte: u8) -> io::Result<Option<Token>> {
         self.raw()?;
         Ok(Some(match byte {
@@ -311,7 +311,7 @@ impl Lexer {
                     _ => Token::Garbage(format!("string number {index}, which is not defined")),
                 }
             }
-            // A program that makes RIB says so that it is done with one request.
+            // A program that makes RIB ends its output with this request.
             0xff => return Ok(None),
             _ => Token::Garbage(format!("byte {byte:#04x}")),
         }))
@@ -334,7 +334,7 @@ fn too_long(length: usize, most: usize) -> io::Result<()> {
     Ok(())
 }
 
-/// Strings of old files are in whatever encoding; names with other letters survive as well as they can.
+/// Strings of old files may have any encoding; names with other letters are kept as far as possible.
 fn text(bytes: Vec<u8>) -> String {
     String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().iter().map(|b| char::from(*b)).collect())
 }

@@ -1,16 +1,16 @@
 //! RIB files as scenes: the requests of the RenderMan interface 3.2 become calls of the scene interface.
 //!
-//! One reader takes the text form, the binary encoding (appendix C of the specification), and either of them compressed
-//! by gzip. It is a stream: what it holds does not grow with the file, except for one request, for objects that wait for
-//! their instances, and for what stands in front of `WorldBegin`, which is sent when the world begins.
+//! One reader accepts the text form, the binary encoding (appendix C of the specification), and either of them
+//! compressed by gzip. It is a stream. Its memory does not grow with the file, except for one request, for objects
+//! until their instances, and for the requests before `WorldBegin`, which are sent when the world begins.
 //!
-//! - Each `WorldEnd` renders; a source with several frames asks its receiver for a new one in between
+//! - Each `WorldEnd` renders. A source with several frames requests a new one from its receiver in between
 //!   ([`granita_scene::SceneSink::new_frame`]).
 //! - A source without a world is a part of the scene that reads it.
-//! - A mistake costs the request that it is in, and is told with file, line and the request's name; what is not
-//!   supported is told once.
+//! - An error costs the request that contains it, and is reported with file, line and the request's name. Unsupported
+//!   features are reported once.
 //!
-//! What becomes of what is told in the manual (`docs/scenes.md`).
+//! The manual (`docs/scenes.md`) lists the calls that each request becomes.
 //!
 //! Deliberately absent: blobbies, constructive solid geometry, all but the finest level of detail, imager shaders.
 

@@ -3,11 +3,11 @@
 /// Most cuts that are tried for one hole.
 const MOST_TRIALS: usize = 400;
 
-/// Holes times corners: more than this would take too long, and the holes are left out.
+/// The limit of holes times corners. More would take too long, and the holes are left out.
 const MOST_WORK: usize = 50_000_000;
 
-/// Corners (numbers into `p`, three floats each, by way of `verts`) of one polygon that shows what lies inside of the
-/// first loop and outside of the others. Loops are lists of corners.
+/// The corners (indices into `p`, three floats each, through `verts`) of one polygon that covers the inside of the
+/// first loop and the outside of the others. Loops are lists of corners.
 pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usize> {
     let Some((outline, holes)) = loops.split_first() else { return Vec::new() };
     let mut polygon = outline.clone();
@@ -43,7 +43,7 @@ pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usiz
             hole
         })
         .collect();
-    // From left to right, so that no cut crosses a hole that comes later.
+    // From left to right, so that no cut crosses a later hole.
     let left = |hole: &Vec<usize>| hole.iter().map(|c| flat(*c)[0]).fold(f64::INFINITY, f64::min);
     holes.sort_by(|a, b| left(a).total_cmp(&left(b)));
     for k in 0..holes.len() {
@@ -99,7 +99,7 @@ fn area(ring: &[usize], flat: &dyn Fn(usize) -> [f64; 2]) -> f64 {
         .sum()
 }
 
-/// Whether two segments cross, or touch other than at common ends.
+/// True when two segments cross, or touch other than at common ends.
 fn cross_each_other(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
     let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
         let (left, right) = ((q[0] - p[0]) * (r[1] - p[1]), (q[1] - p[1]) * (r[0] - p[0]));

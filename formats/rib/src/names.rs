@@ -114,7 +114,7 @@ pub(crate) const REQUESTS: [&str; 110] = [
     "version",
 ];
 
-/// Whether a line that begins with these bytes begins with a request.
+/// True when a line that begins with these bytes begins with a request.
 pub(crate) fn begins_request(line: &[u8]) -> bool {
     let start = line.iter().position(|b| !matches!(b, b' ' | b'\t' | b'\r')).unwrap_or(line.len());
     let line = &line[start..];

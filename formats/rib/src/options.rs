@@ -109,7 +109,7 @@ impl Reader<'_> {
                     Err(Fault::Mistake(format!("\"{declaration}\" is no type")))
                 }
             }),
-            // Nothing that a picture would show.
+            // No visible effect.
             "version" | "ErrorHandler" | "PixelVariance" | "RelativeDetail" | "ArchiveRecord" => Ok(()),
             "Imager" => Err(Fault::Unsupported("Imager is not supported".to_owned())),
             _ => return None,
@@ -177,7 +177,7 @@ impl Reader<'_> {
         if !adds {
             self.options.displays.clear();
         }
-        // Without an ending the type is the format's, and TIFF is what "file" means.
+        // Without an extension the type is the name of the format, and "file" means TIFF.
         if kind == "file" || kind.is_empty() {
             kind = if name.contains('.') { String::new() } else { "tiff".to_owned() };
         }
@@ -338,7 +338,7 @@ impl Reader<'_> {
                 }
                 ("displacementbound", "sphere") => {
                     self.attribute(attr::DISPLACE_MAXRADIUS, first.max(0.0))?;
-                    // A coordinate system named in the same request comes later and wins.
+                    // A coordinate system named in the same request comes later and takes precedence.
                     self.attribute(attr::DISPLACE_MAXSPACE, "object".into())?;
                 }
                 ("displacementbound", "coordinatesystem") => {

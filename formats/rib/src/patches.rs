@@ -107,8 +107,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The parameter list of a patch whose sides have so many vertices and are periodic or not. With "Pz" it is a height
-    /// field: x and y are the surface's u and v.
+    /// The parameter list of a patch whose sides have so many vertices and are periodic or not. With "Pz" it is a
+    /// height field: x and y are the surface's u and v.
     fn patch_given(
         &mut self,
         request: &Request,
@@ -311,7 +311,7 @@ impl Reader<'_> {
                 }
                 let (width, vertexlike) = (v.width(), v.interp == Interp::Vertex);
                 if basis.is_none() {
-                    // Linear curves blend both classes alike.
+                    // Linear curves interpolate both classes alike.
                     let places = (0..count).flat_map(|k| (0..n_out).map(move |i| k * each + i % each));
                     let data = out.picked(places);
                     return Variable { interp: Interp::Vertex, data, ..out };
@@ -342,7 +342,7 @@ impl Reader<'_> {
     }
 }
 
-/// That positions are as many as the request says.
+/// Checks that the number of positions is that of the request.
 fn check_counts(all: &[Variable], nu: usize, nv: usize) -> Result<(), Fault> {
     let want = nu.checked_mul(nv).filter(|n| *n < 1 << 28).ok_or_else(|| format!("{nu} x {nv} vertices"))?;
     match all.iter().find(|v| matches!(&*v.name, "P" | "Pw")) {

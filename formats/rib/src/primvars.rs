@@ -4,7 +4,7 @@ use crate::declare::{Class, Given};
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params};
 use std::sync::Arc;
 
-/// What the classes come to on a primitive.
+/// The numbers of values of the classes on a primitive.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Classes {
     pub(crate) uniform: Interp,

@@ -1,8 +1,8 @@
 //! Quadrics and tori as rational patches, exactly.
 //!
-//! u sweeps about the z axis and v follows the profile, as in the RenderMan interface; circles are rational quadratic
-//! arcs of at most a quarter turn each. Points lie on the surface; between the ends of an arc u differs a little from the
-//! angle.
+//! u sweeps about the z axis and v follows the profile, as in the RenderMan interface. Circles are rational quadratic
+//! arcs of at most a quarter turn each. Points lie on the surface. Between the ends of an arc u differs slightly from
+//! the angle.
 
 use granita_base::shape::KnotSpan;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, ShapeDesc};
@@ -21,9 +21,9 @@ struct Profile {
 /// The least number of arcs that each circle is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arcs {
-    /// As few as the angle needs.
+    /// The least number for the angle.
     Fewest,
-    /// Four, whatever the angle: keys of a motion block then agree in their control points.
+    /// Four for any angle, so that keys of a motion block have the same number of control points.
     Four,
 }
 
@@ -49,7 +49,7 @@ fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
     (points, span)
 }
 
-/// Cosines that are zero come out as zero: seams close, poles are points.
+/// Cosines that are zero become exactly zero, so that shared edges close and poles are points.
 fn exact_cos(angle: f64) -> f64 {
     let c = angle.cos();
     if c.abs() < 1e-15 { 0.0 } else { c }
@@ -85,8 +85,8 @@ fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param)
     (ShapeDesc::Nurbs { u, v: profile.span.clone() }, pw)
 }
 
-/// `Sphere`, for where the native one will not do: its arguments change while it moves. One without a radius or a height
-/// is a point or a ring.
+/// `Sphere`, for where the native one will not do: its arguments change while it moves. One without a radius or a
+/// height is a point or a ring.
 pub(crate) fn sphere([radius, zmin, zmax, thetamax]: [f64; 4]) -> (ShapeDesc, Param) {
     let half = std::f64::consts::FRAC_PI_2;
     let angle = |z: f64| (z / radius.abs()).clamp(-1.0, 1.0).asin();

@@ -1,3 +1,4 @@
+// tidy: long: one match over the requests of RIB, with a short method for each
 //! The reader: requests in, scene calls out.
 
 use crate::basis::Basis;
@@ -19,11 +20,11 @@ use std::sync::Arc;
 /// Most calls that instances of objects, and requests that archives of the file itself, may repeat.
 pub(crate) const MAX_REPEATED: usize = 50_000_000;
 
-/// Why a request comes to nothing.
+/// The reason why a request has no result.
 pub(crate) enum Fault {
-    /// The user's mistake: told with its place.
+    /// An error of the user, reported with its position.
     Mistake(String),
-    /// Something that is not supported: told once.
+    /// An unsupported feature, reported once.
     Unsupported(String),
     /// Reading ends.
     Ends(GeneratorError),
@@ -65,20 +66,20 @@ impl Default for Local {
     }
 }
 
-/// Where calls go.
+/// The receiver of calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     /// Before `WorldBegin`: they wait.
     Before,
     /// In a world of this source.
     World,
-    /// In a world that somebody else began: this source is a part of a scene.
+    /// In a world that another source began: this source is a part of a scene.
     Part,
-    /// In the world of a frame that cannot be taken.
+    /// In the world of a frame that is not accepted.
     Dropped,
 }
 
-/// What `FrameBegin` saves.
+/// The state that `FrameBegin` saves.
 struct Frame {
     options: Options,
     local: Local,
@@ -91,11 +92,12 @@ struct Block {
     name: &'static str,
     line: u32,
     local: Local,
-    /// Of a world: the handles in front of it.
+    /// The handles before the world.
     lights: Option<Lights>,
 }
 
-/// How many lights each handle has stood for. A light of the interface lives on when its handle is used again.
+/// The number of lights that each handle has stood for. A light of the interface stays on when its handle is used
+/// again.
 pub(crate) type Lights = BTreeMap<Arc<str>, usize>;
 
 struct Motion {
@@ -108,7 +110,7 @@ pub(crate) struct Reader<'a> {
     sink: &'a mut dyn SceneSink,
     pub(crate) reporter: &'a Reporter,
     mode: Mode,
-    /// Whether the world began before this source.
+    /// True when the world began before this source.
     part: bool,
     /// Calls in front of `WorldBegin`.
     waiting: Vec<Placed>,
@@ -135,7 +137,7 @@ pub(crate) struct Reader<'a> {
     pub(crate) file: Arc<str>,
     pub(crate) line: u32,
     said: BTreeSet<String>,
-    /// Nothing more is to be said about this request.
+    /// The request is already reported.
     pub(crate) quiet: bool,
     /// Conditionals being read, outermost first.
     pub(crate) branches: Vec<Branch>,
@@ -220,7 +222,7 @@ impl<'a> Reader<'a> {
 
     /// Carries out one request; only what ends reading is an error.
     pub(crate) fn perform(&mut self, request: Request) -> Done {
-        // What is wrong with its text is the reason for whatever else is wrong.
+        // An error in its text is the cause of all other errors.
         self.quiet = request.mistake.is_some();
         let done = self.branch(&request).unwrap_or_else(|| self.request(&request));
         self.quiet = false;
@@ -311,8 +313,8 @@ impl<'a> Reader<'a> {
         list
     }
 
-    /// As [`Self::params`], for requests whose parameters each renderer chooses: what is not declared has the type of its
-    /// values where `knows` its name, and is left out with a warning otherwise.
+    /// The same as [`Self::params`], for requests whose parameters each renderer chooses. An undeclared parameter has
+    /// the type of its values where `knows` accepts its name, and is left out with a warning otherwise.
     pub(crate) fn own_params(
         &mut self,
         request: &Request,
@@ -356,7 +358,7 @@ impl<'a> Reader<'a> {
             Mode::Before => {
                 let shape = matches!(call, Call::Shape { .. } | Call::Input { .. });
                 if shape && self.part {
-                    // Geometry without a world of its own: a part of somebody's scene.
+                    // Geometry without a world of its own: a part of another scene.
                     self.mode = Mode::Part;
                     self.flush(|_| true)?;
                     return Ok(self.sink.call(call, &at)?);
@@ -506,7 +508,7 @@ impl<'a> Reader<'a> {
                 "WorldBegin: the scene has a world already; camera and options are left out".to_owned(),
             );
             self.sink.call(Call::PushAttributes, &at)?;
-            // What stands in front placed the camera.
+            // The requests before it placed the camera.
             self.flush(|call| {
                 matches!(call, Call::Attribute(_) | Call::Shader { .. } | Call::LightSwitch { .. })
             })?;
@@ -604,7 +606,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Whether a motion block is open.
+    /// True when a motion block is open.
     pub(crate) fn moves(&self) -> bool {
         self.motion.is_some()
     }

@@ -26,12 +26,12 @@ pub(crate) struct Archives {
 }
 
 impl Archives {
-    /// The line of an `ArchiveBegin` that has no end; the archive is given up.
+    /// The line of an `ArchiveBegin` without an end; the archive is discarded.
     pub(crate) fn unfinished(&mut self) -> Option<u32> {
         self.recording.take().map(|r| r.line)
     }
 
-    /// Whether there is an archive of this name.
+    /// True when there is an archive of this name.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.kept.contains_key(name)
     }

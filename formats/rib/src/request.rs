@@ -20,7 +20,7 @@ pub(crate) enum Arg {
     String(Arc<str>),
     /// An array of integers, or an empty one.
     Ints(Arc<[i32]>),
-    /// An array of numbers of which some are no integers.
+    /// An array of numbers of which some are not integers.
     Floats(Arc<[f32]>),
     /// An array of strings.
     Strings(Arc<[Arc<str>]>),
@@ -38,7 +38,7 @@ impl Arg {
         }
     }
 
-    /// As integers; numbers with a fraction are none.
+    /// As integers; numbers with a fraction are refused.
     pub(crate) fn ints(&self) -> Option<Arc<[i32]>> {
         let whole = |f: f32| (f.fract() == 0.0 && f.abs() < 2.0e9).then_some(f as i32);
         match self {
@@ -60,7 +60,7 @@ impl Arg {
         }
     }
 
-    /// What it is, for messages.
+    /// The kind, for messages.
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Int(_) => "an integer",
@@ -81,7 +81,7 @@ pub(crate) struct Request {
     pub(crate) args: Vec<Arg>,
     /// The line it begins in.
     pub(crate) line: u32,
-    /// What was wrong on the way; the rest of the arguments is kept.
+    /// The errors found; the rest of the arguments is kept.
     pub(crate) mistake: Option<String>,
 }
 

@@ -70,7 +70,7 @@ fn light_id(handle: &Arc<str>, uses: usize) -> Arc<str> {
     if uses < 2 { handle.clone() } else { format!("{handle} ({uses})").into() }
 }
 
-/// Without the ending of somebody's compiled shaders.
+/// Without the extension of compiled shaders of another renderer.
 fn shader_name(name: &str) -> Arc<str> {
     let endings = [".sl", ".slo", ".slx", ".slc", ".sdl", ".oso"];
     endings.iter().find_map(|e| name.strip_suffix(e)).unwrap_or(name).into()
@@ -86,7 +86,7 @@ fn shader_params(shader: &str, given: &[Given]) -> Params {
                 param.name = "envname".into();
             }
             if param.ty.array.is_none() {
-                // One value, whatever class it was declared with.
+                // One value, for any declared class.
                 param.data = first_item(&param.data, param.ty.base.components());
             }
             param

@@ -63,7 +63,7 @@ impl Reader<'_> {
         let bound = exactly::<6>(&bound).ok().filter(|b| b.iter().all(|x| x.abs() < 1.0e30));
         let inherited = self.inherited();
         let command = match (kind, &args[..]) {
-            // Requests of this file are at hand: nothing would be saved by reading them later.
+            // Requests of this file are in memory, so reading them later would save nothing.
             ("DelayedReadArchive" | "DelayedReadArchive2", [name, ..]) if self.archives.has(name) => {
                 return self.kept_archive(name);
             }

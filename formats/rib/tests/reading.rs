@@ -1,3 +1,4 @@
+// tidy: tests
 //! RIB from outside: text in, calls and messages out.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 

@@ -4,11 +4,11 @@ use granita_image::Pixels;
 use half::f16;
 use std::io::Read;
 
-/// Effort of deflate unless another is asked for: 1.5 to 2 times as fast as the customary level 6 of zlib on
-/// tiles of photographs, and as small (`docs/formats.md`).
+/// The default effort of deflate. It is 1.5 to 2 times as fast as the customary level 6 of zlib on tiles of
+/// photographs, and its files are as small (`docs/formats.md`).
 pub(crate) const EFFORT: i32 = 4;
 
-/// How strips and tiles are compressed.
+/// The compression of strips and tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compression {
     None,
@@ -19,10 +19,14 @@ pub(crate) enum Compression {
     Zstd,
     /// Only read, by [`crate::jpeg`].
     Jpeg,
+    /// Only read, by [`crate::webp`].
+    WebP,
+    /// Only read, by [`crate::strip_file`].
+    Group4,
 }
 
 impl Compression {
-    /// From the number in the file; `Err` is the name of one that is not handled.
+    /// Converts the number in the file; `Err` is the name of one that is not supported.
     pub(crate) fn from_code(code: u64) -> Result<Self, String> {
         Err(match code {
             1 => return Ok(Self::None),
@@ -31,15 +35,15 @@ impl Compression {
             32773 => return Ok(Self::PackBits),
             7 => return Ok(Self::Jpeg),
             50000 => return Ok(Self::Zstd),
+            50001 => return Ok(Self::WebP),
+            4 => return Ok(Self::Group4),
             2 => "CCITT run-length".into(),
             3 => "CCITT group 3".into(),
-            4 => "CCITT group 4".into(),
             6 => "JPEG (the kind of 1992)".into(),
             34676 | 34677 => "LogLuv".into(),
             34712 => "JPEG 2000".into(),
             34887 => "LERC".into(),
             34925 => "LZMA".into(),
-            50001 => "WebP".into(),
             other => format!("number {other}"),
         })
     }
@@ -53,10 +57,12 @@ impl Compression {
             Self::PackBits => 32773,
             Self::Jpeg => 7,
             Self::Zstd => 50000,
+            Self::WebP => 50001,
+            Self::Group4 => 4,
         }
     }
 
-    /// From the value of the attribute `compression` (reference 7.4.1), and the effort of deflate: "zip:9".
+    /// Converts the value of the attribute `compression` (reference 7.4.1), and the effort of deflate: "zip:9".
     pub(crate) fn from_word(word: &str) -> Option<(Self, i32)> {
         let word = word.to_ascii_lowercase();
         let (name, effort) = match word.split_once(':') {
@@ -82,10 +88,12 @@ impl Compression {
             Self::PackBits => "packbits",
             Self::Zstd => "zstd",
             Self::Jpeg => "jpeg",
+            Self::WebP => "webp",
+            Self::Group4 => "group4",
         }
     }
 
-    /// Fills `out` from `data`; `Err` says what is wrong with the data.
+    /// Fills `out` from `data`; `Err` describes the error in the data.
     pub(crate) fn decode(self, data: &[u8], out: &mut [u8]) -> Result<(), String> {
         let (got, fault) = match self {
             Self::None => {
@@ -96,7 +104,7 @@ impl Compression {
             Self::Lzw => decode_lzw(data, out),
             Self::Deflate => decode_deflate(data, out),
             Self::Zstd => decode_zstd(data, out),
-            Self::Jpeg => (0, Some("it is decoded elsewhere".to_owned())),
+            Self::Jpeg | Self::WebP | Self::Group4 => (0, Some("it is decoded elsewhere".to_owned())),
             Self::PackBits => decode_packbits(data, out),
         };
         match fault {
@@ -122,8 +130,10 @@ impl Compression {
                 out.truncate(len);
                 Ok(out)
             }
-            // `from_word` asks for neither.
-            Self::Zstd | Self::Jpeg => Err(std::io::ErrorKind::Unsupported.into()),
+            // `from_word` returns none of these.
+            Self::Zstd | Self::Jpeg | Self::WebP | Self::Group4 => {
+                Err(std::io::ErrorKind::Unsupported.into())
+            }
             Self::PackBits => {
                 // Runs must not cross rows (TIFF 6.0, section 9).
                 let mut out = Vec::with_capacity(data.len() + data.len() / 64);
@@ -134,8 +144,8 @@ impl Compression {
     }
 }
 
-/// In one call where the data is as it should be; else by the slower way that tells how far it came, and
-/// that takes data which goes on beyond the end or lacks its check sum.
+/// Valid data is decoded in one call. Otherwise the slower way reports the decoded length, and accepts data that
+/// continues beyond the end or has no check sum.
 fn decode_deflate(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
     if libdeflater::Decompressor::new().zlib_decompress(data, out) == Ok(out.len()) {
         return (out.len(), None);
@@ -147,7 +157,7 @@ fn decode_deflate(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
 
 fn decode_zstd(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
     let mut frame = ruzstd::decoding::FrameDecoder::new();
-    // The window is memory that the data asks for: no more than a strip has use for.
+    // The window size is declared by the data. It is limited to the size of a strip.
     frame.set_max_window_size((out.len() as u64).next_power_of_two().clamp(8 << 20, 128 << 20));
     let mut reader = match ruzstd::decoding::StreamingDecoder::new_with_decoder(data, frame) {
         Ok(reader) => reader,
@@ -303,6 +313,11 @@ pub(crate) fn apply_floating(bytes: &mut [u8], width: usize, step: usize, size: 
             row[i] = row[i].wrapping_sub(row[i - step]);
         }
     }
+}
+
+/// Turns the bits of every byte around (FillOrder 2).
+pub(crate) fn reverse_bits(bytes: &mut [u8]) {
+    bytes.iter_mut().for_each(|b| *b = b.reverse_bits());
 }
 
 /// Spreads values of 1, 2 or 4 bits, packed in rows from the most significant bit, over bytes:

@@ -12,7 +12,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// Whether these first bytes are of a TIFF file, and of which kind.
+    /// Checks whether these first bytes are of a TIFF file, and returns its kind.
     pub(crate) fn of(head: &[u8]) -> Option<Self> {
         match head {
             [b'I', b'I', 42, 0, ..] => Some(Self { big_endian: false, big_tiff: false }),
@@ -28,9 +28,19 @@ impl Layout {
         let fold = |n: u64, b: &u8| n << 8 | u64::from(*b);
         if self.big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
     }
+
+    /// The bytes of a number of 16 bits.
+    pub(crate) fn short(self, n: u16) -> [u8; 2] {
+        if self.big_endian { n.to_be_bytes() } else { n.to_le_bytes() }
+    }
+
+    /// The bytes of a number of 32 bits.
+    pub(crate) fn long(self, n: u32) -> [u8; 4] {
+        if self.big_endian { n.to_be_bytes() } else { n.to_le_bytes() }
+    }
 }
 
-/// One entry of a directory. Its values are read only when asked for.
+/// One entry of a directory. Its values are read only when they are needed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     pub(crate) tag: u16,
@@ -42,7 +52,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    /// Bytes of one value; 0 for kinds that nobody knows.
+    /// The number of bytes of one value; 0 for unknown kinds.
     fn size(&self) -> u64 {
         match self.kind {
             1 | 2 | 6 | 7 => 1,

@@ -1,8 +1,11 @@
 //! Reading: strips and tiles by position, from any thread.
 
+use crate::codec::Compression;
+use crate::colors::Colors;
 use crate::directory::{Layout, read_directories};
 use crate::level::{Level, understand};
-use crate::{codec, jpeg};
+use crate::strip_file::Chunk;
+use crate::{codec, jpeg, webp};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
@@ -20,7 +23,7 @@ pub struct TiffInput {
     layout: Layout,
     limits: Limits,
     images: Vec<Vec<Level>>,
-    /// The strip read last, by image, level and number: rows are often asked for one by one.
+    /// The strip read last, by image, level and number, because rows are often read one by one.
     last_strip: Mutex<Option<([usize; 3], Arc<Pixels>)>>,
 }
 
@@ -28,8 +31,8 @@ impl TiffInput {
     /// Opens a file and reads its directories, not its pixels.
     ///
     /// # Errors
-    /// When a directory is damaged, or the first image is of a kind that is not handled. Further
-    /// images that are legal but not handled are left out.
+    /// Returns an error when a directory is damaged, or when the first image is of a kind that is not supported.
+    /// Further images that are legal but not supported are left out.
     pub fn open(path: &Path, limits: &Limits) -> Result<Self> {
         let source = FileSource::open(path, "TIFF", &limits.files)?;
         let (layout, directories) = read_directories(&source, limits)?;
@@ -62,12 +65,14 @@ impl TiffInput {
         let height =
             if spec.is_tiled() { level.chunk.1 } else { level.chunk.1.min(spec.height - cy * level.chunk.1) };
         let bytes = self.limits.check_read(self.source.path(), spec, width, height)? as u64;
-        // Packed, unpacked and in order.
-        Limits::check_memory(self.source.path(), bytes.saturating_mul(3))?;
+        // Packed, unpacked and in order; what is converted is stored in up to twice the bytes, or becomes floats on the
+        // way.
+        let times = if level.colors.is_some() || level.by_crate.is_some() { 12 } else { 3 };
+        Limits::check_memory(self.source.path(), bytes.saturating_mul(times))?;
         let (across, down) = level.chunks();
         let index = cy as usize * across as usize + cx as usize;
         let size = (width as usize, height as usize);
-        let n = level.samples();
+        let n = level.samples;
         let mut pixels = if level.separate {
             let mut all = Pixels::zeros(spec.pixel_type, size.0 * size.1 * n);
             for plane in 0..n {
@@ -81,6 +86,9 @@ impl TiffInput {
         if let (Some(palette), Pixels::U8(indices)) = (&level.palette, &pixels) {
             // The palette has an entry for every value that the stored bits can have.
             pixels = Pixels::U8(indices.iter().flat_map(|i| palette[usize::from(*i)]).collect());
+        }
+        if let Some(colors) = &level.colors {
+            pixels = colors.to_rgb(&pixels, n);
         }
         if level.invert {
             match &mut pixels {
@@ -100,19 +108,25 @@ impl TiffInput {
         let (offset, count) = (table.offsets[index], table.counts[index]);
         let pixel_type = level.spec.pixel_type;
         let (row_values, bits) = (size.0 * samples, level.bits as usize);
-        let row_bytes = if bits < 8 { (row_values * bits).div_ceil(8) } else { row_values * bits / 8 };
-        let needed = row_bytes * size.1;
+        let mut needed = (row_values * bits).div_ceil(8) * size.1;
+        let blocks = match &level.colors {
+            Some(Colors::YCbCr(tags)) if tags.block != (1, 1) => Some(tags),
+            _ => None,
+        };
+        if let Some(tags) = blocks {
+            needed = tags.block_bytes(size);
+        }
         if offset == 0 && count == 0 {
             // A sparse file: this part was never written, and stands for zeros.
             return Ok(Pixels::zeros(pixel_type, row_values * size.1));
         }
         let what = if level.spec.is_tiled() { "tile" } else { "strip" };
         let malformed = |fault: String| source.malformed(format!("{what} {index} at byte {offset}: {fault}"));
-        // No scheme packs more densely, so a short strip cannot ask for a huge buffer.
+        // No scheme packs more densely, so a short strip cannot request a huge buffer.
         let densest = match level.compression {
-            codec::Compression::None => 1,
-            // A run of 128 KiB takes four bytes.
-            codec::Compression::Zstd => 1 << 15,
+            Compression::None => 1,
+            // A run of 128 KiB takes four bytes; a row like the one above takes a bit.
+            Compression::Zstd | Compression::Group4 => 1 << 15,
             _ => 4096,
         };
         if count.saturating_mul(densest) < needed as u64 {
@@ -124,19 +138,24 @@ impl TiffInput {
                 source.len()
             )));
         }
-        let mut bytes = if level.compression == codec::Compression::None {
-            source.read_vec(offset, needed as u64, what)?
-        } else {
-            let packed = source.read_vec(offset, count, what)?;
-            let mut bytes = vec![0; needed];
-            if level.compression == codec::Compression::Jpeg {
-                let tables = level.jpeg_tables.as_deref();
-                jpeg::decode(tables, &packed, &mut bytes, size, samples, level.ycc).map_err(malformed)?;
-            } else {
-                level.compression.decode(&packed, &mut bytes).map_err(malformed)?;
+        let plain = level.compression == Compression::None;
+        let mut packed = source.read_vec(offset, if plain { needed as u64 } else { count }, what)?;
+        if level.reversed {
+            codec::reverse_bits(&mut packed);
+        }
+        let mut bytes = match level.by_crate {
+            Some(format) => {
+                match self.decode_by_crate(level, format, packed, (size, samples)).map_err(malformed)? {
+                    // Packed bits.
+                    Pixels::U8(bytes) if bits < 8 => bytes,
+                    pixels => return Ok(pixels),
+                }
             }
-            bytes
+            None => unpack(level, packed, needed, (size, samples)).map_err(malformed)?,
         };
+        if let Some(tags) = blocks {
+            bytes = tags.spread(&bytes, size);
+        }
         let mut big_endian = self.layout.big_endian;
         if bits < 8 {
             bytes = codec::unpack_bits(&bytes, row_values, bits, level.palette.is_none());
@@ -149,6 +168,27 @@ impl TiffInput {
             codec::undo_horizontal(&mut pixels, row_values, samples);
         }
         Ok(pixels)
+    }
+
+    /// Values of kind `format` as the crate `tiff` decodes them, after what it cannot unpack.
+    fn decode_by_crate(
+        &self,
+        level: &Level,
+        format: u64,
+        packed: Vec<u8>,
+        (size, samples): ((usize, usize), usize),
+    ) -> std::result::Result<Pixels, String> {
+        let bits = level.bits;
+        let (data, compression) = match level.compression {
+            Compression::Zstd => {
+                let needed = (size.0 * samples * bits as usize).div_ceil(8) * size.1;
+                (unpack(level, packed, needed, (size, samples))?, Compression::None)
+            }
+            other => (packed, other),
+        };
+        let (compression, predictor) = (u64::from(compression.code()), level.predictor);
+        let big_endian = self.layout.big_endian;
+        Chunk { size, samples, bits, format, compression, predictor, big_endian }.decode(&data)
     }
 
     /// A strip, perhaps the one read last.
@@ -204,7 +244,7 @@ impl ImageInput for TiffInput {
         if last > first + 1 {
             l.table(&self.source)?;
             let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
-            // As many at once as keep the threads busy: a few strips more in memory than the result has.
+            // As many at once as keep the threads busy: this takes the memory of a few strips more than the result.
             let at_once = 4 * rayon::current_num_threads() as u32;
             for group in (first..last).step_by(at_once as usize) {
                 let strips: Vec<Pixels> = (group..last.min(group + at_once))
@@ -263,7 +303,29 @@ impl ImageInput for TiffInput {
     }
 }
 
-/// Whether floats of this type are written with floating-point prediction.
+/// The `needed` bytes of `size` pixels of `samples` values in `packed`. `Err` says what is wrong with the data.
+fn unpack(
+    level: &Level,
+    packed: Vec<u8>,
+    needed: usize,
+    (size, samples): ((usize, usize), usize),
+) -> std::result::Result<Vec<u8>, String> {
+    if level.compression == Compression::None {
+        return Ok(packed);
+    }
+    let mut bytes = vec![0; needed];
+    match level.compression {
+        Compression::Jpeg => {
+            let tables = level.jpeg_tables.as_deref();
+            jpeg::decode(tables, &packed, &mut bytes, size, samples, level.ycc)?;
+        }
+        Compression::WebP => webp::decode(&packed, &mut bytes, size, samples)?,
+        other => other.decode(&packed, &mut bytes)?,
+    }
+    Ok(bytes)
+}
+
+/// True when floats of this type are written with floating-point prediction.
 pub(crate) fn is_float(pixel_type: PixelType) -> bool {
     matches!(pixel_type, PixelType::Half | PixelType::Float)
 }

@@ -1,4 +1,4 @@
-//! Strips and tiles that are JPEG pictures (TIFF Technical Note 2).
+//! Strips and tiles that are JPEG images (TIFF Technical Note 2).
 
 use granita_image::contained;
 use zune_core::bytestream::ZCursor;
@@ -6,9 +6,9 @@ use zune_core::colorspace::ColorSpace;
 use zune_core::options::DecoderOptions;
 use zune_jpeg::JpegDecoder;
 
-/// Fills `out` with `size` pixels of `samples` values from `data`, which needs the quantization and
-/// Huffman tables in `tables` unless it has its own. `ycc` says that colours are stored as luminance and
-/// differences, and come out as RGB; others come out as they are. `Err` says what is wrong with the data.
+/// Fills `out` with `size` pixels of `samples` values from `data`, which needs the quantization and Huffman tables in
+/// `tables` unless it has its own. With `ycc`, colours are stored as luminance and differences, and are converted to
+/// RGB. Others are not converted. `Err` describes the error in the data.
 pub(crate) fn decode(
     tables: Option<&[u8]>,
     data: &[u8],
@@ -17,7 +17,7 @@ pub(crate) fn decode(
     samples: usize,
     ycc: bool,
 ) -> Result<(), String> {
-    // Tables are a picture without pixels: its end mark goes, and so does the start mark of the data.
+    // Tables are an image without pixels. Its end mark is removed, and so is the start mark of the data.
     let stream = match tables {
         Some([front @ .., 0xff, 0xd9]) if data.starts_with(&[0xff, 0xd8]) => [front, &data[2..]].concat(),
         Some(_) => return Err("its tables or its beginning are no JPEG".to_owned()),

@@ -1,13 +1,14 @@
 //! One directory understood: what its pixels are and how they are stored.
 
 use crate::codec::Compression;
+use crate::colors::Colors;
 use crate::directory::Directory;
-use crate::tags;
+use crate::{strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
 use std::sync::OnceLock;
 
-/// Where the strips or tiles of a level are, one after the other.
+/// The offsets of the strips or tiles of a level, in order.
 #[derive(Debug)]
 pub(crate) struct ChunkTable {
     pub(crate) offsets: Vec<u64>,
@@ -19,26 +20,44 @@ pub(crate) struct ChunkTable {
 pub(crate) struct Level {
     pub(crate) spec: ImageSpec,
     pub(crate) compression: Compression,
-    /// 1, 2 or 3 (see [`crate::codec`]).
+    /// The predictor: 1, 2 or 3 (see [`crate::codec`]).
     pub(crate) predictor: u64,
     /// Each channel in strips or tiles of its own.
     pub(crate) separate: bool,
     /// 0 is white.
     pub(crate) invert: bool,
-    /// Bits of one stored sample: 1, 2, 4, 8, 16 or 32.
+    /// Channels as stored: 1 for a palette, 4 for inks that make a colour.
+    pub(crate) samples: usize,
+    /// Bits of one stored sample: 1, 2, 4, 8, 16, 32 or 64.
     pub(crate) bits: u64,
+    /// Number of the kind of values, where the crate `tiff` decodes them ([`crate::strip_file`]).
+    pub(crate) by_crate: Option<u64>,
+    /// The bits of every byte are stored the other way around.
+    pub(crate) reversed: bool,
     /// Tables that all strips or tiles of JPEG data share.
     pub(crate) jpeg_tables: Option<Vec<u8>>,
     /// JPEG data of luminance and colour differences.
     pub(crate) ycc: bool,
     /// Colours of the indices that are stored, if they are.
     pub(crate) palette: Option<Vec<[u8; 3]>>,
+    /// What stored colours are that are neither grey nor red, green and blue.
+    pub(crate) colors: Option<Colors>,
     /// Size of a tile, or of a strip (the last may have fewer rows).
     pub(crate) chunk: (u32, u32),
     /// The writer called it a smaller version of another image.
     pub(crate) reduced: bool,
     pub(crate) directory: Directory,
     pub(crate) table: OnceLock<ChunkTable>,
+}
+
+/// What the values of one channel are.
+#[derive(Clone, Copy)]
+struct Sample {
+    /// The type that they are given out in.
+    pixel_type: PixelType,
+    bits: u64,
+    /// 1 unsigned, 2 signed, 3 floats.
+    format: u64,
 }
 
 /// Reads the tags of one directory.
@@ -54,47 +73,35 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
 
     let compression = Compression::from_code(number(tags::COMPRESSION, 1)?)
         .map_err(|name| source.unsupported(format!("TIFF compression {name} is not supported")))?;
-    let (pixel_type, bits) = sample_type(source, &directory, samples)?;
-
     let photometric = number(tags::PHOTOMETRIC, if samples >= 3 { 2 } else { 1 })?;
+    let sample = sample_type(source, &directory, samples, photometric)?;
+    let (pixel_type, bits) = (sample.pixel_type, sample.bits);
+    let separate = number(tags::PLANAR_CONFIG, 1)? == 2 && samples > 1;
+
     let palette = match photometric {
-        0..=2 => None,
-        3 if samples == 1 && bits <= 8 => Some(read_palette(source, &directory, bits)?),
+        3 if samples == 1 && bits <= 8 && sample.format == 1 => Some(read_palette(source, &directory, bits)?),
         3 => return Err(source.malformed(format!("colour map with {samples} channels of {bits} bits"))),
-        5 => None,
-        6 if compression == Compression::Jpeg => None,
-        6 => return Err(source.unsupported("TIFF in YCbCr colours is not supported")),
-        8 => return Err(source.unsupported("TIFF in CIE L*a*b* colours is not supported")),
-        32844 | 32845 => return Err(source.unsupported("TIFF in LogLuv colours is not supported")),
         _ => None,
     };
-    if bits < 8 && number(tags::FILL_ORDER, 1)? != 1 {
-        return Err(source.unsupported("TIFF with reversed bits is not supported"));
-    }
-
-    let predictor = number(tags::PREDICTOR, 1)?;
-    let fits = match predictor {
-        1 => true,
-        2 => bits >= 8,
-        3 => matches!(pixel_type, PixelType::Half | PixelType::Float),
-        _ => false,
+    let ycc = photometric == 6 && compression == Compression::Jpeg;
+    let colors = match compression {
+        // The picture says how its colours are stored, and its decoder knows.
+        Compression::Jpeg if ycc => None,
+        Compression::WebP => None,
+        _ => Colors::of(source, &directory, photometric, (pixel_type, bits, samples))?,
     };
-    if !fits {
-        return Err(source.unsupported(format!("TIFF predictor {predictor} on {bits} bits is not supported")));
-    }
+    let predictor = number(tags::PREDICTOR, 1)?;
+    check_combination(source, (compression, predictor), sample, (samples, separate, &colors))?;
 
     let mut jpeg_tables = None;
     if compression == Compression::Jpeg {
-        if bits != 8 || predictor != 1 {
-            let what = format!("TIFF with JPEG data of {bits} bits, predictor {predictor}, is not supported");
-            return Err(source.unsupported(what));
-        }
         // Tables are a kilobyte; what is far from it is none.
         jpeg_tables = directory.bytes(source, tags::JPEG_TABLES, 1 << 16)?;
     }
 
     let mut spec = ImageSpec::new(width, height, 1, pixel_type);
-    spec.channels = channel_names(source, &directory, photometric, samples as usize)?;
+    let shown = colors.as_ref().map_or(samples as usize, |c| c.channels(samples as usize));
+    spec.channels = channel_names(source, &directory, (photometric, colors.is_some()), shown)?;
     let tiled = directory.entry(tags::TILE_WIDTH).is_some() || directory.entry(tags::TILE_OFFSETS).is_some();
     let chunk = if tiled {
         let (w, h) = (side(tags::TILE_WIDTH, "tile width")?, side(tags::TILE_LENGTH, "tile height")?);
@@ -108,7 +115,6 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         (width, rows.clamp(1, u64::from(height.max(1))) as u32)
     };
     limits.check(source.path(), "TIFF", &spec)?;
-    let separate = number(tags::PLANAR_CONFIG, 1)? == 2;
     metadata(source, &directory, &mut spec)?;
     let word = |name: &str, value: &str| Param {
         name: name.into(),
@@ -121,16 +127,22 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         let (ty, data) = (ParamType::of(BaseType::Int), ParamData::from(chunk.1 as i32));
         spec.attributes.set(Param { name: "rowsperstrip".into(), ty, data });
     }
+    let by_crate = strip_file::type_for(sample.format, bits).is_some() || compression == Compression::Group4;
     Ok(Level {
         spec,
         compression,
         predictor,
-        separate: separate && samples > 1,
+        separate,
         invert: photometric == 0,
+        samples: samples as usize,
         bits,
+        by_crate: by_crate.then_some(sample.format),
+        // JPEG data is the same either way.
+        reversed: compression != Compression::Jpeg && number(tags::FILL_ORDER, 1)? == 2,
         jpeg_tables,
-        ycc: photometric == 6,
+        ycc,
         palette,
+        colors,
         chunk,
         reduced: number(tags::NEW_SUBFILE_TYPE, 0)? & 1 == 1,
         directory,
@@ -138,32 +150,84 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     })
 }
 
-/// The type that values are given out in, and the bits of one stored value.
-fn sample_type(source: &FileSource, directory: &Directory, samples: u64) -> Result<(PixelType, u64)> {
-    let all_same = |tag, default: u64, what: &str| -> Result<u64> {
-        let list = directory.numbers(source, tag, samples)?;
-        let first = list.first().copied().unwrap_or(default);
-        if list.iter().any(|n| *n != first) {
-            return Err(source.unsupported(format!("TIFF channels of different {what} are not supported")));
+/// `Ok` when such values can be compressed, predicted and laid out so.
+fn check_combination(
+    source: &FileSource,
+    (compression, predictor): (Compression, u64),
+    sample: Sample,
+    (samples, separate, colors): (u64, bool, &Option<Colors>),
+) -> Result<()> {
+    let Sample { pixel_type, bits, format } = sample;
+    let unsupported = |what: String| Err(source.unsupported(format!("TIFF {what} is not supported")));
+    let fits = match predictor {
+        1 => true,
+        2 => bits >= 8,
+        3 => format == 3,
+        _ => false,
+    };
+    if !fits {
+        return unsupported(format!("predictor {predictor} on {bits} bits"));
+    }
+    let name = compression.word();
+    match compression {
+        Compression::Jpeg | Compression::WebP
+            if pixel_type != PixelType::U8 || bits != 8 || predictor != 1 =>
+        {
+            return unsupported(format!("with {name} data of {bits} bits, predictor {predictor},"));
         }
-        Ok(first)
-    };
-    let bits = all_same(tags::BITS_PER_SAMPLE, 1, "bit depths")?;
-    let kind = match all_same(tags::SAMPLE_FORMAT, 1, "types")? {
+        Compression::WebP if separate || !matches!(samples, 3 | 4) => {
+            return unsupported(format!("with {name} data of other than 3 or 4 channels together"));
+        }
+        Compression::Group4 if bits != 1 || samples != 1 || predictor != 1 => {
+            return unsupported(format!("with {name} data of {samples} channels of {bits} bits"));
+        }
+        _ => {}
+    }
+    match colors {
+        Some(Colors::YCbCr(tags)) if tags.block != (1, 1) && (separate || samples != 3 || predictor != 1) => {
+            unsupported("in YCbCr colours that share differences, in planes or with a predictor,".to_owned())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The type that values are given out in, and what is stored.
+fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photometric: u64) -> Result<Sample> {
+    let all = |tag| directory.numbers(source, tag, samples);
+    let different =
+        |what: &str| Err(source.unsupported(format!("TIFF channels of different {what} are not supported")));
+    let depths = all(tags::BITS_PER_SAMPLE)?;
+    let bits = depths.first().copied().unwrap_or(1);
+    if depths.iter().any(|n| *n != bits) {
+        return different("bit depths");
+    }
+    let mut kinds = all(tags::SAMPLE_FORMAT)?;
+    if matches!(photometric, 8 | 9) {
+        // Some programs say that a* and b* are signed: whether they are, the kind of colours says.
+        kinds.clear();
+    }
+    let kind = kinds.first().copied().unwrap_or(1);
+    if kinds.iter().any(|n| *n != kind) {
+        return different("types");
+    }
+    let (format, name) = match kind {
         // Undefined data is taken for unsigned, as by everybody else.
-        1 | 4 => "unsigned integer",
-        2 => "signed integer",
-        3 => "float",
-        _ => "complex",
+        1 | 4 => (1, "unsigned integer"),
+        2 => (2, "signed integer"),
+        3 => (3, "float"),
+        _ => (kind, "complex"),
     };
-    Ok(match (kind, bits) {
-        ("unsigned integer", 1 | 2 | 4 | 8) => (PixelType::U8, bits),
-        ("unsigned integer", 16) => (PixelType::U16, bits),
-        ("unsigned integer", 32) => (PixelType::U32, bits),
-        ("float", 16) => (PixelType::Half, bits),
-        ("float", 32) => (PixelType::Float, bits),
-        _ => return Err(source.unsupported(format!("TIFF of {bits}-bit {kind} values is not supported"))),
-    })
+    let pixel_type = match (format, bits) {
+        (1, 1 | 2 | 4 | 8) => PixelType::U8,
+        (1, 16) => PixelType::U16,
+        (1, 32) => PixelType::U32,
+        (3, 16) => PixelType::Half,
+        (3, 32) => PixelType::Float,
+        _ => strip_file::type_for(format, bits).ok_or_else(|| {
+            source.unsupported(format!("TIFF of {bits}-bit {name} values is not supported"))
+        })?,
+    };
+    Ok(Sample { pixel_type, bits, format })
 }
 
 /// The colours of a palette image, as bytes.
@@ -179,16 +243,17 @@ fn read_palette(source: &FileSource, directory: &Directory, bits: u64) -> Result
     Ok((0..n).map(|i| [byte(map[i]), byte(map[n + i]), byte(map[2 * n + i])]).collect())
 }
 
-/// Names of the channels. One further channel beside grey or RGB is taken for alpha, whether or not the
-/// file says so; of several only the one that is declared as alpha.
+/// The names of the channels. One further channel beside grey or RGB counts as alpha, whether or not the file
+/// declares it. Of several, only the one that is declared as alpha.
 fn channel_names(
     source: &FileSource,
     directory: &Directory,
-    photometric: u64,
+    (photometric, converted): (u64, bool),
     samples: usize,
 ) -> Result<Vec<String>> {
     let colors: &[&str] = match photometric {
         3 => return Ok(ImageSpec::default_channels(3)),
+        _ if converted => &["R", "G", "B"],
         5 => &["C", "M", "Y", "K"],
         2 | 6 => &["R", "G", "B"],
         _ if samples >= 3 => &["R", "G", "B"],
@@ -247,7 +312,8 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
     let (full_width, full_height) = (full(tags::FULL_WIDTH)?, full(tags::FULL_LENGTH)?);
     spec.full_width = full_width.unwrap_or(spec.width);
     spec.full_height = full_height.unwrap_or(spec.height);
-    // A position without a full size is where a scanner or a page layout put the picture: no crop.
+    // A position without a full size is the position that a scanner or a page layout gave the image. It is not a
+    // crop.
     if full_width.is_some() && full_height.is_some() {
         let place = |position, resolution| -> Result<i32> {
             let p = directory.floats(source, position, 1)?.first().copied().unwrap_or(0.0);
@@ -261,19 +327,14 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
 }
 
 impl Level {
-    /// Channels as stored: 1 for a palette.
-    pub(crate) fn samples(&self) -> usize {
-        if self.palette.is_some() { 1 } else { self.spec.nchannels() }
-    }
-
     /// Strips or tiles across and down one plane.
     pub(crate) fn chunks(&self) -> (u32, u32) {
         (self.spec.width.div_ceil(self.chunk.0), self.spec.height.div_ceil(self.chunk.1))
     }
 
-    /// Whether `next` is the MIP level that follows this one (`first` is level 0): the same kind of
-    /// pixels, and either half the size or, in a texture file, merely not larger (reference 9.2.1,
-    /// 9.2.7: mosaics of small faces are padded and do not halve).
+    /// True when `next` is the MIP level that follows this one (`first` is level 0): the same kind of pixels, and
+    /// either half the size or, in a texture file, merely not larger (reference 9.2.1, 9.2.7: mosaics of small faces
+    /// are padded and do not halve).
     pub(crate) fn is_followed_by(&self, next: &Self, first: &Self) -> bool {
         let halves = |a: u32, b: u32| b == (a / 2).max(1) || b == a.div_ceil(2);
         let (a, b) = (&self.spec, &next.spec);
@@ -287,13 +348,13 @@ impl Level {
         alike && (texture || smaller && (a.is_tiled() || next.reduced))
     }
 
-    /// Where the strips or tiles are; read from the file the first time.
+    /// The offsets of the strips or tiles; read from the file at the first use.
     pub(crate) fn table(&self, source: &FileSource) -> Result<&ChunkTable> {
         if let Some(table) = self.table.get() {
             return Ok(table);
         }
         let (across, down) = self.chunks();
-        let planes = if self.separate { self.samples() as u64 } else { 1 };
+        let planes = if self.separate { self.samples as u64 } else { 1 };
         let needed = u64::from(across) * u64::from(down) * planes;
         let list = |tile_tag, strip_tag, what: &str| -> Result<Vec<u64>> {
             // A few files call the table of their tiles that of strips.

@@ -1,10 +1,12 @@
-//! TIFF: the suite's own format for textures, shadow maps and rendered pictures.
+//! TIFF: the suite's own format for textures, shadow maps and rendered images.
 //!
-//! Read: 1, 2, 4, 8, 16 and 32-bit unsigned integers (fewer than 8 bits and palettes become 8-bit
-//! values), 16 and 32-bit floats, any number of channels; strips and tiles; one plane or one per
-//! channel; uncompressed, LZW, deflate, PackBits, Zstandard and JPEG, with all three predictors; both byte
-//! orders; 32-bit and 64-bit offsets ("BigTIFF"). Written: the same in little-endian without Zstandard and
-//! JPEG, 64-bit offsets only where needed.
+//! Read: 1, 2, 4, 8, 16 and 32-bit unsigned integers (fewer than 8 bits and palettes become 8-bit values), 16 and
+//! 32-bit floats, any number of channels; strips and tiles; one plane or one per channel; uncompressed, LZW, deflate,
+//! PackBits, Zstandard, JPEG, WebP and CCITT group 4, with all three predictors; both byte orders; both orders of bits;
+//! 32-bit and 64-bit offsets ("BigTIFF"). Signed integers and 64-bit values become floats of the same number, by the
+//! crate `tiff`, as group 4 does: one strip or tile at a time is given to it as a file of its own (module
+//! `strip_file`). CMYK, YCbCr and CIE L*a*b* become RGB (module `colors`). Written: what stands in the first sentence,
+//! in little-endian, uncompressed or with LZW, deflate or PackBits; 64-bit offsets only where needed.
 //!
 //! **Levels.** A file is a chain of directories. A directory that holds the same kind of pixels at half
 //! the size is a MIP level of the image before it, and so is any not larger one in a file with a texture
@@ -23,9 +25,9 @@
 //! Invariants: one tile is read by one positioned read, from any thread, without touching the rest;
 //! nothing is allocated on the word of a header before it is checked against limits and file size.
 //!
-//! Deliberately absent: CCITT and LZMA compression, the JPEG of 1992, YCbCr but in JPEG, CIE colours, signed and 64-bit
-//! values, names of channels (TIFF has no place for them: they come back as "R", "G", "B", "A",
-//! "channel4" ...).
+//! Deliberately absent: CCITT run lengths and group 3, LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv, ITU L*a*b*,
+//! values of other sizes (10, 12, 24 bits), complex values, and names of channels (TIFF has no place for
+//! them: they come back as "R", "G", "B", "A", "channel4" ...).
 //!
 //! ```
 //! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
@@ -46,12 +48,15 @@
 #![forbid(unsafe_code)]
 
 mod codec;
+mod colors;
 mod directory;
 mod input;
 mod jpeg;
 mod level;
 mod output;
+mod strip_file;
 mod tags;
+mod webp;
 
 pub use input::TiffInput;
 pub use output::TiffOutput;
@@ -93,11 +98,11 @@ impl Format for TiffFormat {
     }
 }
 
-/// The format "shadow" (reference 7.4.2): a TIFF of floats in tiles, marked as a shadow map. The
-/// matrices come in the attributes `worldtocamera` and `worldtoscreen` of the spec.
+/// The format "shadow" (reference 7.4.2): a TIFF of floats in tiles, marked as a shadow map. The matrices are the
+/// attributes `worldtocamera` and `worldtoscreen` of the spec.
 ///
-/// What it is given is changed to suit: tiles of 64 x 64 where the spec has none, and the texture format
-/// "Shadow" ("Volume Shadow" from 4 channels on) where the spec names none. Rows are accepted as well as tiles.
+/// Specs are completed: tiles of 64 x 64 where the spec has none, and the texture format "Shadow" ("Volume Shadow"
+/// from 4 channels on) where the spec names none. Rows are accepted as well as tiles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShadowFormat;
 

@@ -1,4 +1,4 @@
-//! Writing: strips or tiles as they come, all directories at the end.
+//! Writing: strips or tiles in the order of arrival, all directories at the end.
 
 use crate::codec::{Compression, EFFORT, apply_floating, apply_horizontal};
 use crate::input::is_float;
@@ -14,14 +14,14 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct TiffOutput {
     file: AtomicFile,
-    /// Where the next byte goes.
+    /// The offset of the next byte.
     position: u64,
     big_tiff: bool,
     /// Options of the first level, for later ones that do not have their own.
     first: Settings,
     finished: Vec<Vec<Field>>,
     current: Writing,
-    /// All levels once they are planned; in the place of the current one stands `None`.
+    /// All planned levels; the current one is replaced by `None`.
     planned: Vec<Option<Writing>>,
 }
 
@@ -45,7 +45,7 @@ enum Rows {
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     compression: Compression,
-    /// Of deflate.
+    /// The effort of deflate.
     effort: i32,
     separate: bool,
     rows_per_strip: u32,
@@ -93,7 +93,7 @@ impl Field {
         Self { tag, kind: 11, count: values.len() as u64, bytes }
     }
 
-    /// A whole number where the format wants a fraction.
+    /// A whole number in the place of a fraction.
     fn rational(tag: u16, value: u32) -> Self {
         Self { tag, kind: 5, count: 1, bytes: [value.to_le_bytes(), 1u32.to_le_bytes()].concat() }
     }
@@ -158,9 +158,12 @@ impl Writing {
 
 impl TiffOutput {
     /// Begins a file; nothing is visible under its name before `close`.
+    ///
+    /// # Errors
+    /// Returns an error when the folder is missing or refuses the file, and for a description that TIFF cannot store.
     pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
         let current = Writing::new(path, options.spec, None)?;
-        // All levels together are less than twice the first; compression may lengthen a little.
+        // All levels together are less than twice the first one. Compression may lengthen them slightly.
         let tiles = options.spec.tiles();
         let padded = (u64::from(tiles.0) * u64::from(options.spec.tile_width))
             .saturating_mul(u64::from(tiles.1) * u64::from(options.spec.tile_height))
@@ -439,7 +442,7 @@ impl ImageOutput for TiffOutput {
         while done < count {
             let Rows::Strip { pixels: strip, filled, next_y } = &mut self.current.rows else { break };
             let number = *next_y / per_strip;
-            // Whole strips at hand, several at once.
+            // Available whole strips are packed several at once.
             let ready = if *filled == 0 { (count - done) / per_strip as usize } else { 0 };
             if ready > 1 {
                 let ready = ready.min(4 * rayon::current_num_threads());
@@ -490,7 +493,7 @@ impl ImageOutput for TiffOutput {
             .map(|(tx, ty, pixels)| Ok((self.tile_number(*tx, *ty, pixels)?, pixels)))
             .collect::<Result<_>>()?;
         let width = self.current.spec.tile_width as usize;
-        // Not all at once: packed tiles wait in memory.
+        // Not all are packed at once, because packed tiles stay in memory.
         let at_once = 8 * rayon::current_num_threads();
         numbered.chunks(at_once).try_for_each(|group| self.write_chunks(width, group))
     }
@@ -538,7 +541,7 @@ impl ImageOutput for TiffOutput {
             self.select_level(level)?;
             self.finish_level()?;
         }
-        // All directories together at the end: readers get them in one go.
+        // All directories stand together at the end, so that readers get them in one read.
         let mut link = if self.big_tiff { 8 } else { 4 };
         let width = if self.big_tiff { 8 } else { 4 };
         let mut links = Vec::new();

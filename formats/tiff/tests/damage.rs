@@ -98,7 +98,7 @@ proptest! {
     }
 }
 
-/// A file put together by hand: header, one directory at byte 8, then `data`.
+/// A file made by hand: header, one directory at byte 8, then `data`.
 fn by_hand(big_endian: bool, entries: &[(u16, u16, u32, u32)], data: &[u8]) -> Vec<u8> {
     let short = |n: u16| if big_endian { n.to_be_bytes() } else { n.to_le_bytes() };
     let long = |n: u32| if big_endian { n.to_be_bytes() } else { n.to_le_bytes() };
@@ -120,7 +120,7 @@ fn by_hand(big_endian: bool, entries: &[(u16, u16, u32, u32)], data: &[u8]) -> V
     bytes
 }
 
-/// Where `data` of [`by_hand`] begins.
+/// The offset of `data` of [`by_hand`].
 fn data_at(entries: usize) -> u32 {
     8 + 2 + 12 * entries as u32 + 4
 }
@@ -186,15 +186,24 @@ fn what_is_not_handled_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     for (tag, value, word) in [
+        (259, 2, "CCITT run-length"),
+        (259, 3, "CCITT group 3"),
+        (259, 4, "group4 data of 1 channels of 8 bits"),
         (259, 6, "JPEG (the kind of 1992)"),
+        (259, 34676, "LogLuv"),
+        (259, 34712, "JPEG 2000"),
+        (259, 34887, "LERC"),
         (259, 34925, "LZMA"),
-        (259, 4, "CCITT group 4"),
+        (259, 50001, "webp data of other than 3 or 4 channels"),
         (259, 999, "999"),
-        (262, 6, "YCbCr"),
+        (262, 10, "ITU L*a*b*"),
+        (262, 32845, "LogLuv"),
         (317, 3, "predictor 3"),
-        (339, 2, "8-bit signed integer"),
-        (258, 64, "64-bit unsigned integer"),
+        (339, 5, "8-bit complex"),
+        (258, 10, "10-bit unsigned integer"),
         (258, 12, "12-bit"),
+        (258, 24, "24-bit"),
+        (258, 128, "128-bit"),
     ] {
         let mut entries =
             vec![(256, 3, 1, 1), (257, 3, 1, 1), (258, 3, 1, 8), (273, 4, 1, 8), (279, 4, 1, 1)];

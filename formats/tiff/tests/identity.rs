@@ -1,4 +1,4 @@
-//! What is written comes back: every type, size, tile size, compression and planar configuration.
+//! Written files are read back unchanged: every type, size, tile size, compression and planar configuration.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::{Param, Params};

@@ -1,4 +1,4 @@
-//! Other people's readers see what we wrote, and we what they write.
+//! Readers of other programs read our files, and ours read theirs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -84,7 +84,7 @@ fn we_read_the_tiff_crate() {
     }
 }
 
-/// Files that libtiff made of one picture (`fuzz/corpus/tiff`), with the compressions that we only read.
+/// Files that libtiff made from one image (`fuzz/corpus/tiff`), with the compressions that are only read.
 #[test]
 fn compressions_that_are_only_read() {
     let read = |name: &str| {

@@ -1,8 +1,8 @@
-//! Types as the C++ interface counts them: `ParamType` of `paramtype.h` (reference appendix A).
+//! The numbers of types in the C++ interface: `ParamType` of `paramtype.h` (reference appendix A).
 
 use crate::{BaseType, Interp, ParamType};
 
-/// The types that have a number, with it. There are others, which no parameter has.
+/// The types that have a number, with the number. Other numbers exist, which no parameter uses.
 const NUMBERS: [(BaseType, u32); 9] = [
     (BaseType::String, 2),
     (BaseType::Float, 3),
@@ -15,34 +15,34 @@ const NUMBERS: [(BaseType, u32); 9] = [
     (BaseType::Int, 16),
 ];
 
-/// Interpolations in the order of their numbers.
+/// The interpolations in the order of their numbers.
 const INTERPS: [Interp; 4] = [Interp::Constant, Interp::PerPiece, Interp::Linear, Interp::Vertex];
 
 impl BaseType {
-    /// Its number as a `ParamBaseType`; 0 for [`BaseType::Unknown`].
+    /// Returns its number as a `ParamBaseType`; 0 for [`BaseType::Unknown`].
     pub fn number(self) -> u32 {
         NUMBERS.iter().find(|(base, _)| *base == self).map_or(0, |(_, number)| *number)
     }
 
-    /// The type of a number; `None` for those that scenes have no values of.
+    /// Returns the type of a number; `None` for types that do not occur in scenes.
     pub fn from_number(number: u32) -> Option<Self> {
         NUMBERS.iter().find(|(_, n)| *n == number).map(|(base, _)| *base)
     }
 }
 
 impl ParamType {
-    /// As the bits of a `ParamType`, whose fields lie low bits first: 5 of the base type, 18 of the length, one for an
-    /// array, 3 of the interpolation. Longer arrays lose the higher bits of their length.
+    /// Returns the bits of a `ParamType`, whose fields begin at the low bits: 5 of the base type, 18 of the length,
+    /// one for an array, 3 of the interpolation. Longer arrays lose the higher bits of their length.
     pub fn to_bits(self) -> u32 {
         let interp = INTERPS.iter().position(|i| *i == self.interp).unwrap_or(0) as u32;
         let length = self.array.unwrap_or(1) & 0x3_ffff;
         self.base.number() | length << 5 | u32::from(self.array.is_some()) << 23 | interp << 24
     }
 
-    /// The type in the bits of a `ParamType`.
+    /// Returns the type of the bits of a `ParamType`.
     ///
     /// # Errors
-    /// What it is, when scenes have no such type.
+    /// The description of a type that does not occur in scenes.
     pub fn from_bits(bits: u32) -> Result<Self, String> {
         let base = BaseType::from_number(bits & 31)
             .ok_or_else(|| format!("scenes have no values of type number {}", bits & 31))?;
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn bits_are_those_of_the_header() {
-        // A point for each vertex, and four floats, written out.
+        // The types are a point for each vertex, and four floats.
         let point = ParamType::of(BaseType::Point).with_interp(Interp::Vertex);
         assert_eq!(ParamType::from_bits(6 | 1 << 5 | 3 << 24).unwrap(), point);
         let array = ParamType::array(BaseType::Float, 4);

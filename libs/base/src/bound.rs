@@ -6,9 +6,9 @@ use glam::Vec3;
 /// An axis-aligned box; empty when `min > max` in any axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Lower corner.
+    /// The lower corner.
     pub min: Vec3,
-    /// Upper corner.
+    /// The upper corner.
     pub max: Vec3,
 }
 
@@ -19,45 +19,45 @@ impl Default for Bound {
 }
 
 impl Bound {
-    /// Contains nothing; the neutral element of [`Bound::union`].
+    /// The empty box, which is the neutral element of [`Bound::union`].
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around `points`. Points that are not finite make the box not finite.
+    /// Returns the smallest box around `points`. Points that are not finite make the box not finite.
     pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| b.with(p))
     }
 
-    /// From `xmin xmax ymin ymax zmin zmax`, the order of the scene interface.
+    /// Returns the box of `xmin xmax ymin ymax zmin zmax`, the order of the scene interface.
     pub fn from_extents(b: &[f32; 6]) -> Self {
         Self { min: Vec3::new(b[0], b[2], b[4]), max: Vec3::new(b[1], b[3], b[5]) }
     }
 
-    /// Enlarged to hold `p`.
+    /// Returns the box enlarged to contain `p`.
     pub fn with(self, p: Vec3) -> Self {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box around both.
+    /// Returns the smallest box around both.
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Whether nothing is inside.
+    /// True when the box contains nothing.
     pub fn is_empty(&self) -> bool {
         !(self.min.cmple(self.max).all())
     }
 
-    /// Whether the box is not empty and all its corners are finite.
+    /// True when the box is not empty and all its corners are finite.
     pub fn is_finite(&self) -> bool {
         self.min.is_finite() && self.max.is_finite()
     }
 
-    /// Grown by `r` on every side; an empty box stays empty.
+    /// Returns the box grown by `r` on every side. An empty box stays empty.
     pub fn padded(self, r: f32) -> Self {
         if self.is_empty() { self } else { Self { min: self.min - r, max: self.max + r } }
     }
 
-    /// The eight corners, x fastest.
+    /// Returns the eight corners, x fastest.
     pub fn corners(&self) -> [Vec3; 8] {
         std::array::from_fn(|i| {
             let pick = |axis: usize| if i >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
@@ -65,17 +65,17 @@ impl Bound {
         })
     }
 
-    /// The box around the transformed corners; empty stays empty.
+    /// Returns the box around the transformed corners. An empty box stays empty.
     pub fn transformed(&self, m: &Transform) -> Self {
         if self.is_empty() { *self } else { Self::around(self.corners().map(|c| m.point(c))) }
     }
 
-    /// Middle of the box.
+    /// Returns the middle of the box.
     pub fn center(&self) -> Vec3 {
         (self.min + self.max) * 0.5
     }
 
-    /// Edge lengths.
+    /// Returns the lengths of the edges.
     pub fn size(&self) -> Vec3 {
         self.max - self.min
     }

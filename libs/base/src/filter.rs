@@ -2,29 +2,29 @@
 
 use std::f32::consts::PI;
 
-/// A one-dimensional filter shape; two-dimensional filters are products of two.
+/// The shape of a one-dimensional filter. Two-dimensional filters are products of two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Filter {
-    /// exp(-2 x^2) over the width, the default.
+    /// exp(-2 x^2) over the width; the default.
     Gaussian,
-    /// Constant.
+    /// A constant.
     Box,
-    /// Tent.
+    /// A tent.
     Triangle,
-    /// Cubic interpolation; the width only windows it (best 4).
+    /// Cubic interpolation. The width only windows it (best 4).
     CatmullRom,
-    /// Windowed sinc; the width only windows it (best a whole number).
+    /// A windowed sinc. The width only windows it (best a whole number).
     Sinc,
-    /// Four-term cosine window.
+    /// A four-term cosine window.
     BlackmanHarris,
-    /// Mitchell and Netravali's cubic, B = C = 1/3.
+    /// The cubic of Mitchell and Netravali, B = C = 1/3.
     Mitchell,
-    /// Cubic B-spline.
+    /// The cubic B-spline.
     BSpline,
 }
 
 impl Filter {
-    /// All of them, in the order of the reference.
+    /// All filters, in the order of the reference.
     pub const ALL: [Self; 8] = [
         Self::Gaussian,
         Self::Box,
@@ -36,7 +36,7 @@ impl Filter {
         Self::BSpline,
     ];
 
-    /// The name used in scene files.
+    /// Returns the name used in scene files.
     pub fn word(self) -> &'static str {
         match self {
             Self::Gaussian => "gaussian",
@@ -50,12 +50,12 @@ impl Filter {
         }
     }
 
-    /// By name.
+    /// Returns the filter of a name.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|f| f.word() == word)
     }
 
-    /// The width at which the shape is complete.
+    /// Returns the width in pixels at which the shape is complete.
     pub fn natural_width(self) -> f32 {
         match self {
             Self::Box => 1.0,
@@ -65,8 +65,8 @@ impl Filter {
         }
     }
 
-    /// Weight at distance `x` from the centre for a filter of full width `width` (both in pixels);
-    /// not normalised; 0 outside `[-width/2, width/2]`.
+    /// Returns the weight at distance `x` from the centre for a filter of full width `width` (both in pixels). It is
+    /// not normalised, and 0 outside of `[-width/2, width/2]`.
     pub fn weight(self, x: f32, width: f32) -> f32 {
         let half = width * 0.5;
         let x = x.abs();
@@ -91,13 +91,13 @@ impl Filter {
     }
 }
 
-/// sin(pi x) / (pi x).
+/// Returns sin(pi x) / (pi x).
 fn sinc(x: f32) -> f32 {
     if x < 1e-4 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
-/// The two-parameter cubic of Mitchell and Netravali (Reconstruction Filters in Computer Graphics,
-/// SIGGRAPH 1988, eq. 8), not normalised, zero beyond 2.
+/// Returns the two-parameter cubic of Mitchell and Netravali (Reconstruction Filters in Computer Graphics, SIGGRAPH
+/// 1988, eq. 8), not normalised, zero beyond 2.
 fn cubic(x: f32, b: f32, c: f32) -> f32 {
     if x < 1.0 {
         ((12.0 - 9.0 * b - 6.0 * c) * x * x * x + (-18.0 + 12.0 * b + 6.0 * c) * x * x + (6.0 - 2.0 * b))

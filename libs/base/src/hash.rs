@@ -1,5 +1,5 @@
-//! Integer hashing: the only source of "random" numbers in the suite. The same coordinates always
-//! give the same number, whatever thread, bucket or crop asks.
+//! Integer hashing, the only source of "random" numbers in the suite. The same coordinates always give the same
+//! number, in every thread, bucket and crop.
 
 /// Mixes 32 bits thoroughly (Chris Wellons' `lowbias32`).
 pub const fn mix32(mut x: u32) -> u32 {
@@ -21,12 +21,12 @@ pub const fn words(list: &[u32]) -> u32 {
     mix32(h)
 }
 
-/// A number in [0, 1) from the upper 24 bits of a hash.
+/// Returns a number in [0, 1) from the upper 24 bits of a hash.
 pub const fn unit(h: u32) -> f32 {
     (h >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// 64-bit FNV-1a of bytes, for content hashes and checksums of small things.
+/// Returns the 64-bit FNV-1a hash of bytes, for content hashes and checksums of small data.
 pub const fn bytes64(bytes: &[u8]) -> u64 {
     let mut h = 0xcbf2_9ce4_8422_2325_u64;
     let mut i = 0;
@@ -50,7 +50,7 @@ mod tests {
             assert!((0.0..1.0).contains(&u));
             bins[(u * 16.0) as usize] += 1;
         }
-        // 4096 expected each; five standard deviations are about 310.
+        // Each bin is expected to have 4096. Five standard deviations are about 310.
         assert!(bins.iter().all(|b| b.abs_diff(4096) < 310), "{bins:?}");
     }
 

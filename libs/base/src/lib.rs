@@ -1,24 +1,24 @@
-//! Words that every crate of the suite speaks.
+//! Types and functions that all crates of the suite share.
 //!
-//! Nothing here knows a file format, a shader, a camera or a picture. A thing enters this crate
-//! when three crates need it, and it brings no policy with it:
+//! This crate does not depend on file formats, shaders, cameras or images. An item is added to it when three crates
+//! need it, and it contains no policy:
 //!
 //! - [`transform`]: 4x4 matrices acting on row vectors, and matrices that move over time;
 //! - [`bound`]: axis-aligned boxes;
-//! - [`number`]: numbers in text, read fast;
-//! - [`OnceMap`]: values that are made once each, by whichever thread first asks;
+//! - [`number`]: fast conversion of text to numbers;
+//! - [`OnceMap`]: values that are made once each, by the first thread that requests them;
 //! - [`param`]: typed, named values as the scene interface passes them (`"vertex point P"`);
 //! - [`shape`]: the description of a geometric primitive, shared by scene, readers and geometry;
-//! - [`process`]: what a run is busy with, and the processes that it started;
-//! - [`report`]: messages for the user, sorted by severity, said once per cause;
+//! - [`process`]: the activities of a run, and the processes that it started;
+//! - [`report`]: messages for the user, sorted by severity, and reported once per cause;
 //! - [`search`]: search paths with `&` and variables;
 //! - [`files`]: every file that is read or written is opened here, by the rules of the run;
 //! - [`filter`]: reconstruction filters by name;
-//! - [`hash`] and [`sample`]: random numbers that depend on nothing but their coordinates.
+//! - [`hash`] and [`sample`]: random numbers that depend only on their coordinates.
 //!
-//! Conventions of the whole suite: points are **row vectors**, matrices are stored row by row, the
-//! translation stands in the last row, `a.then(b)` applies `a` first. "camera" space is left
-//! handed: x right, y up, z into the screen.
+//! The conventions of the whole suite are these. Points are **row vectors**. Matrices are stored row by row, with the
+//! translation in the last row, and `a.then(b)` applies `a` first. "camera" space is left handed: x right, y up, z
+//! into the screen.
 //!
 //! ```
 //! use granita_base::{Transform, Vec3};

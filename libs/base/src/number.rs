@@ -1,16 +1,16 @@
-//! Numbers in text, read fast and rounded correctly; for readers of text formats.
+//! Fast and correctly rounded conversion of text to numbers, for readers of text formats.
 
-/// A number as it stands in the text.
+/// A number as written in a text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Number {
-    /// Digits alone, within 64 bits.
+    /// A number of digits alone, within 64 bits.
     Int(i64),
-    /// With a point or an exponent, or too large for an integer.
+    /// A number with a point or an exponent, or one that is too large for an integer.
     Float(f64),
 }
 
 impl Number {
-    /// The value, whichever it is.
+    /// Returns the value as a float.
     #[inline]
     pub fn to_f64(self) -> f64 {
         match self {
@@ -20,17 +20,17 @@ impl Number {
     }
 }
 
-/// Powers of ten that are exact in double precision.
+/// The powers of ten that are exact in double precision.
 const POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
     1e19, 1e20, 1e21, 1e22,
 ];
 
-/// Reads a decimal (or `0x`) number at the beginning of `text`: its value and its length in bytes. `None` when there is
-/// none; a leading `+` is none, neither are `nan` and `inf`.
+/// Reads a decimal (or `0x`) number at the beginning of `text`. Returns its value and its length in bytes; `None`
+/// when there is none. A leading `+`, `nan` and `inf` are not accepted.
 ///
-/// Up to 2^53 and exponents to 22 one exact multiplication or division gives the correctly rounded result
-/// (Clinger 1990); the rest goes through the standard library.
+/// Up to 2^53 and exponents to 22 one exact multiplication or division gives the correctly rounded result (Clinger
+/// 1990). All other numbers are converted by the standard library.
 pub fn scan_number(text: &[u8]) -> Option<(Number, usize)> {
     let mut at = 0;
     let negative = text.first() == Some(&b'-');

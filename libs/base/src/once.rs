@@ -1,13 +1,14 @@
-//! Values that are made once each, when they are first asked for.
+//! Values that are made once each, when they are first requested.
 
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Values by key, each made by the first thread that asks for it.
+/// Values by key, each made by the first thread that requests it.
 ///
-/// The map is locked only while the place of a value is looked up. Threads that ask for the same value wait until it is there;
-/// threads that ask for others do not wait. What makes a value may ask for other values, but not for its own.
+/// The map is locked only while the entry of a value is looked up. Threads that request the same value wait until it
+/// exists. Threads that request other values do not wait. The function that makes a value may request other values,
+/// but not its own.
 ///
 /// ```
 /// let squares = granita_base::OnceMap::default();
@@ -24,7 +25,7 @@ impl<K, V> Default for OnceMap<K, V> {
 }
 
 impl<K: Eq + Hash, V: Clone> OnceMap<K, V> {
-    /// The value of a key; `make` makes it when nobody has asked for it before.
+    /// Returns the value of a key. `make` makes it when it was not requested before.
     pub fn get_or_make(&self, key: K, make: impl FnOnce() -> V) -> V {
         let place = {
             let mut places = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -59,7 +60,7 @@ mod tests {
         assert_eq!(made.into_inner(), 100);
     }
 
-    /// Two values are made at the same time: each waits for the other's making to have begun.
+    /// Two values are made at the same time. Each waits until the other has begun.
     #[test]
     fn values_are_made_beside_each_other() {
         let (map, both) = (OnceMap::default(), Barrier::new(2));

@@ -1,16 +1,16 @@
-//! Typed, named values: what `Attribute`, `Parameter`, shader arguments and metadata are made of.
+//! Typed, named values, used by `Attribute`, `Parameter`, shader arguments and metadata.
 //!
-//! A declaration is written `[interpolation] type[\[n\]] name`, as in `"vertex point P"` or
-//! `"float[4] crop"`. A name without a type leaves the type [`BaseType::Unknown`]; the receiver
-//! then looks the name up among those it knows (reference 2.1.5).
+//! A declaration is written `[interpolation] type[\[n\]] name`, such as `"vertex point P"` or `"float[4] crop"`. A
+//! name without a type has the type [`BaseType::Unknown`]. The receiver then looks the name up in its table
+//! (reference 2.1.5).
 
 use std::fmt;
 use std::sync::Arc;
 
-/// What one value is made of (reference 2.1.5).
+/// The base type of a value (reference 2.1.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum BaseType {
-    /// Not declared; the data decides, or the receiver's table.
+    /// Not declared. The type follows from the data, or from the receiver's table.
     #[default]
     Unknown,
     /// One float.
@@ -34,7 +34,7 @@ pub enum BaseType {
 }
 
 impl BaseType {
-    /// How many numbers (or strings) one value takes; 1 for [`BaseType::Unknown`].
+    /// The number of numbers (or strings) of one value; 1 for [`BaseType::Unknown`].
     pub fn components(self) -> usize {
         match self {
             Self::Unknown | Self::Float | Self::Int | Self::String => 1,
@@ -44,7 +44,7 @@ impl BaseType {
         }
     }
 
-    /// The word that declares the type.
+    /// Returns the word that declares the type.
     pub fn word(self) -> &'static str {
         match self {
             Self::Unknown => "",
@@ -60,7 +60,7 @@ impl BaseType {
         }
     }
 
-    /// The type declared by `word`.
+    /// Returns the type declared by `word`.
     pub fn from_word(word: &str) -> Option<Self> {
         Some(match word {
             "float" => Self::Float,
@@ -76,13 +76,13 @@ impl BaseType {
         })
     }
 
-    /// Whether the values are three floats.
+    /// True when the values are three floats.
     pub fn is_triple(self) -> bool {
         self.components() == 3
     }
 }
 
-/// How a primitive variable spreads over a primitive (reference 2.1.6).
+/// The interpolation of a primitive variable over a primitive (reference 2.1.6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Interp {
     /// One value for the whole primitive.
@@ -90,14 +90,14 @@ pub enum Interp {
     Constant,
     /// One value per face or curve.
     PerPiece,
-    /// Corner values, interpolated (bi)linearly.
+    /// One value per corner, interpolated (bi)linearly.
     Linear,
     /// One value per control vertex, interpolated as positions are.
     Vertex,
 }
 
 impl Interp {
-    /// The word that declares it; empty for [`Interp::Constant`].
+    /// Returns the word that declares it; empty for [`Interp::Constant`].
     pub fn word(self) -> &'static str {
         match self {
             Self::Constant => "",
@@ -111,38 +111,41 @@ impl Interp {
 /// A declared type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub struct ParamType {
-    /// What one element is made of.
+    /// The base type of one element.
     pub base: BaseType,
-    /// Length of an array, `None` for a single value.
+    /// The length of an array; `None` for a single value.
     pub array: Option<u32>,
-    /// How it spreads over a primitive.
+    /// The interpolation over a primitive.
     pub interp: Interp,
 }
 
 impl ParamType {
-    /// A single, constant value.
+    /// Returns the type of a single, constant value.
     pub const fn of(base: BaseType) -> Self {
         Self { base, array: None, interp: Interp::Constant }
     }
 
-    /// A constant array.
+    /// Returns the type of a constant array.
     pub const fn array(base: BaseType, len: u32) -> Self {
         Self { base, array: Some(len), interp: Interp::Constant }
     }
 
-    /// The same type with another interpolation.
+    /// Returns the same type with another interpolation.
     pub const fn with_interp(self, interp: Interp) -> Self {
         Self { interp, ..self }
     }
 
-    /// Numbers (or strings) per item: components times array length.
+    /// The number of numbers (or strings) per item: components times array length.
     pub fn width(&self) -> usize {
         self.base.components() * self.array.unwrap_or(1) as usize
     }
 
-    /// Splits a declaration into type and name. A lone name has type [`BaseType::Unknown`].
+    /// Splits a declaration into type and name. A name alone has type [`BaseType::Unknown`].
     ///
     /// Blanks are allowed around brackets: `"float [4] crop"`.
+    ///
+    /// # Errors
+    /// An error when a word is not a type, or when a bracket or the name is invalid.
     pub fn parse(declaration: &str) -> Result<(Self, String), DeclarationError> {
         let fail = |what| DeclarationError { declaration: declaration.to_owned(), what };
         let (text, array) = match (declaration.find('['), declaration.find(']')) {
@@ -158,7 +161,7 @@ impl ParamType {
         };
         let mut words: Vec<&str> = text.split_whitespace().collect();
         let name = words.pop().ok_or_else(|| fail("no name"))?;
-        // "P[3]" with nothing else: the brackets belong to a name, not a type.
+        // In "P[3]" alone the brackets belong to a name, not to a type.
         if words.is_empty() {
             if array.is_some() {
                 return Err(fail("an array needs a type"));
@@ -202,11 +205,11 @@ impl fmt::Display for ParamType {
 pub struct DeclarationError {
     /// The declaration as given.
     pub declaration: String,
-    /// What is wrong with it.
+    /// A description of the error.
     pub what: &'static str,
 }
 
-/// The numbers or strings of a parameter, flat. Cheap to clone.
+/// The numbers or strings of a parameter in one list. It is cheap to clone.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ParamData {
     /// Floats (also of colours, points, matrices ...), in order.
@@ -218,7 +221,7 @@ pub enum ParamData {
 }
 
 impl ParamData {
-    /// How many numbers or strings.
+    /// The number of numbers or strings.
     pub fn len(&self) -> usize {
         match self {
             Self::Float(v) => v.len(),
@@ -227,12 +230,12 @@ impl ParamData {
         }
     }
 
-    /// Whether there is nothing in it.
+    /// True when there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The numbers as floats, integers converted; `None` for strings.
+    /// Returns the numbers as floats, with integers converted; `None` for strings.
     pub fn to_floats(&self) -> Option<Arc<[f32]>> {
         match self {
             Self::Float(v) => Some(v.clone()),
@@ -241,7 +244,7 @@ impl ParamData {
         }
     }
 
-    /// The numbers as integers, floats truncated; `None` for strings and for floats outside 32 bits.
+    /// Returns the numbers as integers, with floats truncated; `None` for strings and for floats outside of 32 bits.
     pub fn to_ints(&self) -> Option<Arc<[i32]>> {
         match self {
             Self::Int(v) => Some(v.clone()),
@@ -282,22 +285,25 @@ impl From<&[i32]> for ParamData {
 /// One named, typed value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Param {
-    /// Name without its declaration.
+    /// The name without its declaration.
     pub name: Arc<str>,
-    /// Declared type; [`BaseType::Unknown`] when only the name was given.
+    /// The declared type; [`BaseType::Unknown`] when only the name was given.
     pub ty: ParamType,
     /// The values.
     pub data: ParamData,
 }
 
 impl Param {
-    /// From a declaration (`"vertex point P"`) and its data.
+    /// Returns a parameter of a declaration (`"vertex point P"`) and its data.
+    ///
+    /// # Errors
+    /// The errors of [`ParamType::parse`].
     pub fn declared(declaration: &str, data: impl Into<ParamData>) -> Result<Self, DeclarationError> {
         let (ty, name) = ParamType::parse(declaration)?;
         Ok(Self { name: name.into(), ty, data: data.into() })
     }
 
-    /// The declaration as it would be written in a scene file.
+    /// Returns the declaration as written in a scene file.
     pub fn declaration(&self) -> String {
         if self.ty.base == BaseType::Unknown {
             self.name.to_string()
@@ -307,17 +313,17 @@ impl Param {
     }
 }
 
-/// A list of parameters, in the order given; of two with one name the later counts.
+/// A list of parameters, in the order given. Of two with one name the later is used.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Params(pub Vec<Param>);
 
 impl Params {
-    /// No parameters.
+    /// Returns an empty list.
     pub const fn new() -> Self {
         Self(Vec::new())
     }
 
-    /// Appends one, replacing an earlier one of the same name in its place.
+    /// Appends a parameter, or replaces an earlier one of the same name in its place.
     pub fn set(&mut self, param: Param) {
         match self.0.iter_mut().find(|p| p.name == param.name) {
             Some(old) => *old = param,
@@ -325,27 +331,27 @@ impl Params {
         }
     }
 
-    /// The parameter of this name.
+    /// Returns the parameter of this name.
     pub fn get(&self, name: &str) -> Option<&Param> {
         self.0.iter().rev().find(|p| &*p.name == name)
     }
 
-    /// The floats of this name (integers converted); `None` when absent or not numbers.
+    /// Returns the floats of this name (integers converted); `None` when absent or not numbers.
     pub fn floats(&self, name: &str) -> Option<Arc<[f32]>> {
         self.get(name)?.data.to_floats()
     }
 
-    /// The first float of this name.
+    /// Returns the first float of this name.
     pub fn float(&self, name: &str) -> Option<f32> {
         self.floats(name)?.first().copied()
     }
 
-    /// The first integer of this name (floats truncated).
+    /// Returns the first integer of this name (floats truncated).
     pub fn int(&self, name: &str) -> Option<i32> {
         self.get(name)?.data.to_ints()?.first().copied()
     }
 
-    /// The first string of this name.
+    /// Returns the first string of this name.
     pub fn string(&self, name: &str) -> Option<&Arc<str>> {
         match &self.get(name)?.data {
             ParamData::String(v) => v.first(),
@@ -353,12 +359,12 @@ impl Params {
         }
     }
 
-    /// In order.
+    /// Returns the parameters in order.
     pub fn iter(&self) -> std::slice::Iter<'_, Param> {
         self.0.iter()
     }
 
-    /// Whether there is none.
+    /// True when there are no parameters.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -391,7 +397,7 @@ mod tests {
         assert_eq!(ParamType::parse("float [4] crop").unwrap().0.array, Some(4));
         let (ty, name) = ParamType::parse("fov").unwrap();
         assert_eq!((ty.base, name.as_str()), (BaseType::Unknown, "fov"));
-        // A name may be a type's word: "vector vector" declares a vector named so.
+        // A name may be the word of a type: "vector vector" declares a vector with that name.
         assert_eq!(ParamType::parse("vector vector").unwrap().1, "vector");
         for bad in ["", "  ", "float[x] a", "float] a", "quux a", "[3] a", "a[3]"] {
             assert!(ParamType::parse(bad).is_err(), "{bad:?}");
@@ -400,7 +406,7 @@ mod tests {
 
     #[test]
     fn mistakes_of_exporters_are_read() {
-        // "vertex normal P" is wrong but declared so by real exporters; the receiver decides.
+        // "vertex normal P" is wrong, but some exporters write it. The receiver handles it.
         let (ty, name) = ParamType::parse("vertex normal P").unwrap();
         assert_eq!((ty.base, name.as_str()), (BaseType::Normal, "P"));
     }

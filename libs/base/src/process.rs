@@ -1,14 +1,15 @@
-//! What a run is busy with, and the processes that it started: both are known in one place, so that a run can be ended.
+//! The activities of a run, and the child processes that it started. Both are stored in one place, so that a run can
+//! be ended.
 //!
-//! Every child process is the leader of a process group of its own (on Unix). [`Supervisor::end`] ends the groups, and so the
-//! children of children as well. When this process is killed, nothing can run in it any more. A *guard*, a small shell that is
-//! started with the first child, then sees its connection end and ends the groups in its place. A child whose group the guard does not
-//! know yet is found by [`START`], a variable that is set for it (on Linux).
+//! Every child process is the leader of its own process group (on Unix). [`Supervisor::end`] ends the groups,
+//! including the children of children. When this process is killed, it can no longer do that. A *guard*, a small
+//! shell that is started with the first child, then detects the end of its connection and ends the groups instead. A
+//! child whose group the guard has not received yet is found by [`START`], a variable that is set for it (on Linux).
 //!
-//! Programs that a scene started without waiting for them ([`Process::detach`]) live on when the run ends by itself, and are
-//! ended when the run is.
+//! Programs that a scene started without waiting for them ([`Process::detach`]) keep running when the run ends by
+//! itself, and are ended when the run is ended.
 //!
-//! Other systems than Unix have no groups here: there only a [`Process`] that is dropped ends its child.
+//! Systems other than Unix have no groups here. There only a [`Process`] that is dropped ends its child.
 //!
 //! ```
 //! use granita_base::Supervisor;
@@ -26,10 +27,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The environment variable of child processes by which the guard finds those that were being started when this process was killed.
+/// The environment variable of child processes by which the guard finds processes that were being started when this
+/// process was killed.
 pub const START: &str = "GRANITA_START";
 
-/// Knows the activities and the child processes of a run; clones share them.
+/// Stores the activities and the child processes of a run. Clones share them.
 #[derive(Clone, Default)]
 pub struct Supervisor(Arc<Inner>);
 
@@ -53,7 +55,7 @@ struct State {
 #[derive(Clone, Copy)]
 struct Group {
     leader: u32,
-    /// The leader has ended and was waited for; other members have not ended.
+    /// True when the leader has ended and was waited for, while other members still run.
     leaderless: bool,
 }
 
@@ -64,14 +66,14 @@ impl std::fmt::Debug for Supervisor {
 }
 
 impl Supervisor {
-    /// One for children that see by themselves when this process is gone: it needs no guard.
+    /// Returns a supervisor for children that detect the end of this process by themselves and need no guard.
     pub fn unguarded() -> Self {
         let mut inner = Inner::default();
         inner.unguarded = true;
         Self(Arc::new(inner))
     }
 
-    /// Notes that the run is busy with `what` until the result is dropped.
+    /// Records that the run does `what` until the result is dropped.
     pub fn begin(&self, what: impl Into<String>) -> Activity {
         let mut state = self.state();
         state.next += 1;
@@ -80,15 +82,15 @@ impl Supervisor {
         Activity { supervisor: self.clone(), id }
     }
 
-    /// What the run is busy with, the latest last.
+    /// Returns the current activities of the run, the latest last.
     pub fn running(&self) -> Vec<String> {
         self.state().activities.values().cloned().collect()
     }
 
-    /// Starts a child process in a group of its own.
+    /// Starts a child process in its own group.
     ///
     /// # Errors
-    /// When it cannot be started, or the run is being ended ([`io::ErrorKind::Interrupted`]).
+    /// An error when it cannot be started, or when the run is being ended ([`io::ErrorKind::Interrupted`]).
     pub fn spawn(&self, command: &mut Command, what: impl Into<String>) -> io::Result<Process> {
         let refused = || io::Error::new(io::ErrorKind::Interrupted, "the run is being ended");
         if self.has_ended() {
@@ -115,21 +117,21 @@ impl Supervisor {
         if self.has_ended() { Err(refused()) } else { Ok(process) }
     }
 
-    /// Ends all child processes and what they started, and lets no more start: first by a signal that lets them tidy up, and
-    /// after a third of a second by one that does not.
+    /// Ends all child processes and the processes that they started, and prevents new ones. It first sends a signal
+    /// that allows cleaning up, and after a third of a second one that does not.
     pub fn end(&self) {
         self.0.ended.store(true, Ordering::SeqCst);
         #[cfg(unix)]
         unix::end(|| self.state().groups.values().copied().collect());
     }
 
-    /// Whether [`Supervisor::end`] was called.
+    /// True when [`Supervisor::end`] was called.
     pub fn has_ended(&self) -> bool {
         self.0.ended.load(Ordering::SeqCst)
     }
 
-    /// To be called where a run ends by itself: programs that were started without waiting for them live on.
-    /// It happens by itself when the last clone is dropped.
+    /// Releases detached programs, which keep running. It is called when a run ends by itself, and happens
+    /// automatically when the last clone is dropped.
     pub fn release(&self) {
         self.state().release();
     }
@@ -142,12 +144,12 @@ impl Supervisor {
     fn start_guard(&self) {
         let mut state = self.state();
         if state.guard.is_none() && !self.0.unguarded {
-            // Without one, only a killed process leaves children behind.
+            // Without a guard, child processes remain only when this process is killed.
             state.guard = unix::Guard::start().ok();
         }
     }
 
-    /// The leader of a group was waited for. Returns the group when it still has members.
+    /// Records that the leader of a group was waited for. Returns the group when it still has members.
     fn leader_ended(&self, id: u64) {
         let mut state = self.state();
         let Some(group) = state.groups.get(&id).copied() else { return };
@@ -198,7 +200,7 @@ impl State {
     fn tell_guard(&self, _: &str) {}
 }
 
-/// Something that a run is busy with until this is dropped.
+/// An activity of a run, until this is dropped.
 #[derive(Debug)]
 pub struct Activity {
     supervisor: Supervisor,
@@ -211,7 +213,7 @@ impl Drop for Activity {
     }
 }
 
-/// A child process. Dropped, it is ended at once, with everything that it started.
+/// A child process. When it is dropped, the child and everything that it started are ended at once.
 #[derive(Debug)]
 pub struct Process {
     child: Child,
@@ -221,20 +223,20 @@ pub struct Process {
 }
 
 impl Process {
-    /// Its standard input, where that is a pipe, once.
+    /// Returns its standard input once, if that is a pipe.
     pub fn take_stdin(&mut self) -> Option<ChildStdin> {
         self.child.stdin.take()
     }
 
-    /// Its standard output, where that is a pipe, once.
+    /// Returns its standard output once, if that is a pipe.
     pub fn take_stdout(&mut self) -> Option<ChildStdout> {
         self.child.stdout.take()
     }
 
-    /// Waits until it has ended. Programs that it started in the background are left alone.
+    /// Waits until the child has ended. Programs that it started in the background keep running.
     ///
     /// # Errors
-    /// Those of the system.
+    /// The errors of the system.
     pub fn wait(&mut self) -> io::Result<ExitStatus> {
         let status = self.child.wait();
         self.activity = None;
@@ -242,11 +244,11 @@ impl Process {
         status
     }
 
-    /// As [`Process::wait`], for a process that has closed its output and so is about to end: one that does not end within `most`
-    /// is ended.
+    /// Does the same as [`Process::wait`] for a process that has closed its output and is about to end. A process
+    /// that does not end within `most` is ended.
     ///
     /// # Errors
-    /// Those of the system.
+    /// The errors of the system.
     pub fn wait_for_end(&mut self, most: Duration) -> io::Result<ExitStatus> {
         let begin = Instant::now();
         while begin.elapsed() < most && self.child.try_wait()?.is_none() {
@@ -259,10 +261,10 @@ impl Process {
         self.wait()
     }
 
-    /// Lets it go on without being waited for.
+    /// Lets the child continue without being waited for.
     pub fn detach(mut self) {
         self.activity = None;
-        // Its end is asked for, or it stays in the table of processes.
+        // A thread waits for its end, because otherwise it would stay in the table of processes.
         std::thread::spawn(move || self.wait());
     }
 }
@@ -270,11 +272,11 @@ impl Process {
 impl Drop for Process {
     fn drop(&mut self) {
         if self.activity.is_none() {
-            // It was waited for.
+            // The child was already waited for.
             return;
         }
         self.supervisor.end_group(self.id);
-        // Where there are no groups. It may have ended by itself: then both fail.
+        // This is for systems without groups. Both calls fail when the child has already ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -292,13 +294,15 @@ mod unix {
     use std::process::{Child, Command, Stdio};
     use std::time::{Duration, Instant};
 
-    /// How long processes may tidy up.
+    /// The time that processes have for cleaning up.
     const GRACE: Duration = Duration::from_millis(300);
 
-    /// Keeps the list of groups in step with the process at the other end, and ends them when that is gone. It must outlive the
-    /// signals that end a whole terminal. A group without its leader is spared when its number belongs to another process.
+    /// A script that receives the list of groups from the process at the other end, and ends them when that process
+    /// is gone. It must outlive the signals that end a whole terminal. A group without its leader is not signalled
+    /// when its number belongs to another process.
     ///
-    /// A child holds the connection until it runs its program, and has its variables then: of those that were being started, none is missed.
+    /// A child holds the connection until it runs its program, and then has its variables. Processes that are being
+    /// started are therefore all found.
     const GUARD: &str = r#"trap '' HUP INT TERM QUIT TSTP
 cd /
 groups=
@@ -347,7 +351,7 @@ send KILL
         Pid::from_raw(i32::try_from(group.leader).ok()?)
     }
 
-    /// Whether a signal may be sent: a group without its leader whose number belongs to another process by now is gone.
+    /// True when a signal may be sent. A group without its leader is gone when its number belongs to another process.
     pub(super) fn has_members(group: Group) -> bool {
         let reused = |pid| group.leaderless && test_kill_process(pid) != Err(rustix::io::Errno::SRCH);
         pid(group).is_some_and(|pid| !reused(pid) && test_kill_process_group(pid).is_ok())
@@ -357,7 +361,7 @@ send KILL
         if has_members(group)
             && let Some(pid) = pid(group)
         {
-            // It may have ended meanwhile.
+            // The group may have ended meanwhile.
             let _ = kill_process_group(pid, signal);
         }
     }
@@ -366,7 +370,7 @@ send KILL
         signal(group, Signal::KILL);
     }
 
-    /// Ends what is in a list that grows shorter meanwhile.
+    /// Ends the groups of a list that becomes shorter meanwhile.
     pub(super) fn end(groups: impl Fn() -> Vec<Group>) {
         let begin = Instant::now();
         groups().into_iter().for_each(|group| signal(group, Signal::TERM));
@@ -384,7 +388,7 @@ send KILL
 
     impl Guard {
         pub(super) fn start() -> io::Result<Self> {
-            // A socket: writing to one whose other end is gone raises no signal, which a pipe would.
+            // This is a socket, because writing to a socket with a closed other end raises no signal, unlike a pipe.
             let (to, from) = UnixStream::pair()?;
             let child = Command::new("/bin/sh")
                 .args(["-c", GUARD])
@@ -398,7 +402,7 @@ send KILL
 
         pub(super) fn tell(&self, line: &str) {
             let line = format!("{line}\n");
-            // Without a guard, only a killed process leaves children behind.
+            // Without a guard, child processes remain only when this process is killed.
             let _ = rustix::net::send(&self.to, line.as_bytes(), SendFlags::NOSIGNAL | SendFlags::DONTWAIT);
         }
 
@@ -418,7 +422,7 @@ mod tests {
     use std::process::Stdio;
 
     fn alive(pid: &str) -> bool {
-        // A process that was ended but not waited for has a state of Z.
+        // A process that has ended but was not waited for has state Z.
         let state = Command::new("ps").args(["-o", "stat=", "-p", pid]).output().unwrap();
         let state = String::from_utf8(state.stdout).unwrap();
         !state.trim().is_empty() && !state.trim_start().starts_with('Z')
@@ -432,7 +436,7 @@ mod tests {
         !alive(pid)
     }
 
-    /// A shell, and a child of it whose number it prints.
+    /// Starts a shell with a child process, whose number it prints.
     fn shell(supervisor: &Supervisor, tail: &str) -> (Process, String) {
         let line = format!("sleep 1000 & echo $!; {tail}");
         let mut command = Command::new("sh");
@@ -469,7 +473,7 @@ mod tests {
         drop(guard);
         assert!(ends(&child.id().to_string()));
         child.wait().unwrap();
-        // One whose start failed, or whose group is known and was given up, is none.
+        // A child whose start failed, or whose group is known and was given up, is not searched for.
         let guard = unix::Guard::start().unwrap();
         let mut child = began(&guard);
         guard.tell(&format!("x {start}"));
@@ -514,7 +518,7 @@ mod tests {
         let (process, grandchild) = shell(&supervisor, "wait");
         let (other, kept) = shell(&supervisor, "exit 0");
         other.detach();
-        // As when this process is killed: its end of the connection closes, and nothing else happens.
+        // This simulates the death of this process. Its end of the connection closes, and nothing else happens.
         let guard = supervisor.state().guard.take();
         drop(guard);
         assert!(ends(&grandchild) && ends(&kept));

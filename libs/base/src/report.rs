@@ -1,210 +1,76 @@
-//! Messages for the user: sorted by severity, placed, and said once per cause.
+//! Messages for the user, sorted by severity, with their location, and reported once per cause.
 //!
-//! Libraries never print. They hand messages to a [`Reporter`]; the tool decides where they go. What is said again is
-//! counted and not shown; [`Reporter::summary`] tells how often. The reporter also hears of every file that was read
-//! ([`Reporter::file_read`]), so that a frame can say what it depends on.
+//! Libraries never print. They pass messages to a [`Reporter`], and the tool decides where these go. Repeated
+//! messages are counted and not shown. [`Reporter::summary`] returns the counts. The reporter also records every file
+//! that was read ([`Reporter::file_read`]), so that a frame can list the files that it depends on.
 
-use std::borrow::Cow;
+mod message;
+
+pub use message::{Location, Message, Severity, printable};
+
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::ThreadId;
 
-/// Errors and messages are shown.
+/// The verbosity at which only errors and messages are shown.
 pub const VERBOSITY_QUIET: u8 = 0;
-/// Warnings as well.
+/// The verbosity at which warnings are shown too.
 pub const VERBOSITY_NORMAL: u8 = 1;
-/// Information as well.
+/// The verbosity at which information is shown too.
 pub const VERBOSITY_INFO: u8 = 2;
 
-/// How bad it is (reference 2.10).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// Output that was asked for, as a shader's `printf`; always shown.
-    Message,
-    /// What is going on.
-    Info,
-    /// Perhaps a mistake; the work goes on as documented.
-    Warning,
-    /// A mistake; the work goes on with a substitute.
-    Error,
-    /// Nothing useful can come out.
-    Severe,
-}
-
-impl Severity {
-    /// The number that stands for it in interfaces of the C++ kind (reference A.3).
-    pub fn code(self) -> i32 {
-        match self {
-            Self::Info => 512,
-            Self::Warning => 1024,
-            Self::Error => 2048,
-            Self::Severe => 4096,
-            Self::Message => 8192,
-        }
-    }
-
-    /// The severity of a code; [`Severity::Message`] for unknown ones.
-    pub fn from_code(code: i32) -> Self {
-        [Self::Info, Self::Warning, Self::Error, Self::Severe]
-            .into_iter()
-            .find(|severity| severity.code() == code)
-            .unwrap_or(Self::Message)
-    }
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Message => "message",
-            Self::Info => "info",
-            Self::Warning => "warning",
-            Self::Error => "error",
-            Self::Severe => "severe error",
-        })
-    }
-}
-
-/// Where in the user's input something stands.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Location {
-    /// File name, or what stands for one (`<string>`); empty when there is no place.
-    pub file: Arc<str>,
-    /// Line, counted from 1; 0 when unknown.
-    pub line: u32,
-    /// Column, counted from 1; 0 when unknown.
-    pub column: u32,
-}
-
-impl Location {
-    /// A line of a file.
-    pub fn line(file: &Arc<str>, line: u32) -> Self {
-        Self { file: file.clone(), line, column: 0 }
-    }
-
-    /// Whether it names any place at all.
-    pub fn is_known(&self) -> bool {
-        !self.file.is_empty()
-    }
-}
-
-impl fmt::Display for Location {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.file)?;
-        if self.line > 0 {
-            write!(f, ":{}", self.line)?;
-            if self.column > 0 {
-                write!(f, ":{}", self.column)?;
-            }
-        }
-        Ok(())
-    }
-}
-
-/// One message.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Message {
-    /// How bad.
-    pub severity: Severity,
-    /// Where; may be unknown.
-    pub at: Location,
-    /// What, in lower case, without a full stop.
-    pub text: String,
-}
-
-impl Message {
-    /// Without what terminals and logs would take for something else: names and texts come from files.
-    fn new(severity: Severity, at: &Location, text: String) -> Self {
-        let clean = match severity {
-            Severity::Message => printable(&text),
-            _ => one_line(&text),
-        };
-        let clean = match clean {
-            Cow::Borrowed(_) => None,
-            Cow::Owned(clean) => Some(clean),
-        };
-        let mut at = at.clone();
-        if let Cow::Owned(file) = shown(&at.file, |_| false) {
-            at.file = file.into();
-        }
-        Self { severity, at, text: clean.unwrap_or(text) }
-    }
-}
-
-impl fmt::Display for Message {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.severity == Severity::Message {
-            return f.write_str(&self.text);
-        }
-        if self.at.is_known() {
-            write!(f, "{}: ", self.at)?;
-        }
-        write!(f, "{}: {}", self.severity, self.text)
-    }
-}
-
-/// The text as it may go to a terminal or a log: control characters, and those that change the direction of writing, become
-/// escapes as `\\u{1b}`; tabs and ends of lines stay.
-pub fn printable(text: &str) -> Cow<'_, str> {
-    shown(text, |_| true)
-}
-
-/// The text of a message of one line. Further lines stay when they are indented by four blanks, as those that quote a source
-/// are, so that no text of a scene looks like a message of its own.
-fn one_line(text: &str) -> Cow<'_, str> {
-    shown(text, |rest| rest.starts_with("    "))
-}
-
-/// Escapes what is not printed; `may_end` says whether a line may end before the rest of the text.
-fn shown(text: &str, may_end: impl Fn(&str) -> bool) -> Cow<'_, str> {
-    // Bidirectional embeddings, overrides and isolates make text look like another one.
-    let is_shown = |at: usize, c: char| match c {
-        '\t' => true,
-        '\n' => may_end(&text[at + 1..]),
-        '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => false,
-        other => !other.is_control(),
-    };
-    if text.char_indices().all(|(at, c)| is_shown(at, c)) {
-        return Cow::Borrowed(text);
-    }
-    let mut out = String::with_capacity(text.len() + 16);
-    for (at, c) in text.char_indices() {
-        if is_shown(at, c) {
-            out.push(c);
-        } else {
-            out.extend(c.escape_default());
-        }
-    }
-    Cow::Owned(out)
-}
-
-/// Receives messages; called from any thread, one at a time.
+/// A receiver of messages. It is called from any thread, one call at a time. It may report messages itself. Each of
+/// these is passed to a sink after the current call. Messages that a sink reports about those are only counted.
 pub type Sink = Box<dyn Fn(&Message) + Send + Sync>;
 
-/// Takes messages from every part of a renderer and passes them on. Clones share one state.
+/// Receives messages from every part of a renderer and passes them on. Clones share one state.
 #[derive(Clone)]
 pub struct Reporter(Arc<Inner>);
 
 struct Inner {
-    sink: Mutex<Sink>,
-    /// Takes all but [`Severity::Message`] in the place of `sink`.
-    log: Mutex<Option<Sink>>,
+    sink: Mutex<Arc<Sink>>,
+    /// Receives all messages except [`Severity::Message`] instead of `sink`.
+    log: Mutex<Option<Arc<Sink>>>,
+    /// Held by the thread whose message is being passed to a sink.
+    turn: Mutex<()>,
+    delivery: Mutex<Delivery>,
     verbosity: AtomicU8,
     said: Mutex<Said>,
     counts: [AtomicUsize; 5],
-    /// Messages that were shown, but [`Severity::Message`].
+    /// The number of messages that were shown, without [`Severity::Message`].
     shown: AtomicUsize,
     files: Mutex<BTreeSet<PathBuf>>,
 }
 
-/// Causes that were said, and how often each came again.
+/// The state of the thread that holds [`Inner::turn`].
+#[derive(Default)]
+struct Delivery {
+    thread: Option<ThreadId>,
+    /// Messages that the sink itself reported, to be passed on later.
+    waiting: Vec<Message>,
+    /// True while these messages are passed on.
+    is_late: bool,
+}
+
+/// Ends a delivery, also when the sink panics.
+struct EndOfDelivery<'a>(&'a Mutex<Delivery>);
+
+impl Drop for EndOfDelivery<'_> {
+    fn drop(&mut self) {
+        *lock(self.0) = Delivery::default();
+    }
+}
+
+/// The causes that were reported, and how often each was repeated.
 #[derive(Default)]
 struct Said {
-    /// What was said once, by cause, among the first [`MANY`].
+    /// The index of the entry of each cause, for the first [`MANY`] causes.
     index: HashMap<String, usize>,
     again: Vec<Again>,
-    /// Messages that look the same, among the first [`MANY`].
+    /// The index of the entry of each message text, for the first [`MANY`] texts.
     looks: HashMap<String, usize>,
 }
 
@@ -214,11 +80,12 @@ struct Again {
     times: usize,
 }
 
-/// So many different messages, and as many causes, are remembered for comparing; who says more than that says them all.
+/// The number of different messages, and of causes, that are stored for comparison. Messages beyond it are all
+/// reported.
 const MANY: usize = 10_000;
-/// So many messages are shown; what a broken file causes beyond them fills no disk.
+/// The largest number of messages that are shown. It limits the output for a broken file.
 const MOST_SHOWN: usize = 2000;
-/// So many repeated messages are listed in a summary.
+/// The largest number of repeated messages that a summary lists.
 const LISTED: usize = 20;
 
 impl Said {
@@ -239,11 +106,13 @@ impl fmt::Debug for Reporter {
 }
 
 impl Reporter {
-    /// Sends messages to `sink`, at verbosity 1.
+    /// Returns a reporter that sends messages to `sink`, at verbosity 1.
     pub fn new(sink: Sink) -> Self {
         Self(Arc::new(Inner {
-            sink: Mutex::new(sink),
+            sink: Mutex::new(Arc::new(sink)),
             log: Mutex::default(),
+            turn: Mutex::default(),
+            delivery: Mutex::default(),
             verbosity: AtomicU8::new(VERBOSITY_NORMAL),
             said: Mutex::default(),
             counts: Default::default(),
@@ -252,23 +121,27 @@ impl Reporter {
         }))
     }
 
-    /// Sends messages to `sink` from now on; returns what they went to before.
+    /// Sends messages to `sink` from now on. Returns the previous sink.
     pub fn set_sink(&self, sink: Sink) -> Sink {
-        std::mem::replace(&mut *lock(&self.0.sink), sink)
+        let old = std::mem::replace(&mut *lock(&self.0.sink), Arc::new(sink));
+        // A thread may be calling the old sink now.
+        Arc::try_unwrap(old).unwrap_or_else(|shared| Box::new(move |message| shared(message)))
     }
 
-    /// Sends everything but [`Severity::Message`] to `log` instead ("error:filename" of reference 4.3.7); `None` ends
-    /// that.
+    /// Sends all messages except [`Severity::Message`] to `log` instead ("error:filename" of reference 4.3.7). `None`
+    /// ends this.
     pub fn set_log(&self, log: Option<Sink>) {
-        *lock(&self.0.log) = log;
+        let old = std::mem::replace(&mut *lock(&self.0.log), log.map(Arc::new));
+        // The old log is dropped without the lock, because it may report messages.
+        drop(old);
     }
 
-    /// Drops all messages, but counts them.
+    /// Returns a reporter that drops all messages, but counts them.
     pub fn silent() -> Self {
         Self::new(Box::new(|_| ()))
     }
 
-    /// Keeps all messages, for tests and for callers that show them later.
+    /// Returns a reporter that stores all messages, for tests and for callers that show them later.
     pub fn collecting() -> (Self, Arc<Mutex<Vec<Message>>>) {
         let kept = Arc::new(Mutex::new(Vec::new()));
         let copy = kept.clone();
@@ -276,28 +149,28 @@ impl Reporter {
         (reporter, kept)
     }
 
-    /// 0: errors only; 1: also warnings; 2: also information (reference 4.3.7).
+    /// Sets the verbosity. 0 shows errors only, 1 also warnings, 2 also information (reference 4.3.7).
     pub fn set_verbosity(&self, verbosity: u8) {
         self.0.verbosity.store(verbosity, Ordering::Relaxed);
     }
 
-    /// The verbosity in force.
+    /// Returns the current verbosity.
     pub fn verbosity(&self) -> u8 {
         self.0.verbosity.load(Ordering::Relaxed)
     }
 
-    /// How many errors and severe errors were reported, whether shown or not.
+    /// The number of errors and severe errors that were reported, whether shown or not.
     pub fn errors(&self) -> usize {
         self.count(Severity::Error) + self.count(Severity::Severe)
     }
 
-    /// How many messages of this severity were reported, whether shown or not.
+    /// The number of messages of this severity that were reported, whether shown or not.
     pub fn count(&self, severity: Severity) -> usize {
         self.0.counts[severity as usize].load(Ordering::Relaxed)
     }
 
-    /// Passes a message on, if the verbosity lets it through. A warning or an error that was said before in the same
-    /// words about the same place is only counted.
+    /// Reports a message, which is shown if the verbosity permits it. A warning or an error that was already reported
+    /// with the same text and location is only counted.
     pub fn say(&self, severity: Severity, at: &Location, text: impl Into<String>) {
         let message = Message::new(severity, at, text.into());
         if severity >= Severity::Warning {
@@ -315,13 +188,14 @@ impl Reporter {
         self.pass(&message);
     }
 
-    /// As [`Reporter::say`], but only the first time for this `cause`, however the words differ. How often it comes again
-    /// does not count: for what is noticed wherever it happens to be noticed.
+    /// Reports a message only the first time for this `cause`, even when the texts differ. Repetitions are not
+    /// counted, because their number has no meaning for some causes.
     pub fn once(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
         self.first(cause, severity, at, text, 0);
     }
 
-    /// As [`Reporter::once`], but the summary tells how often it came again: for mistakes of a scene.
+    /// Does the same as [`Reporter::once`], and the summary contains the number of repetitions. It is for errors of a
+    /// scene.
     pub fn counted(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
         self.first(cause, severity, at, text, 1);
     }
@@ -367,15 +241,38 @@ impl Reporter {
     }
 
     fn show(&self, message: &Message) {
-        if message.severity != Severity::Message
-            && let Some(log) = &*lock(&self.0.log)
+        let thread = std::thread::current().id();
         {
-            return log(message);
+            let mut delivery = lock(&self.0.delivery);
+            if delivery.thread == Some(thread) {
+                if !delivery.is_late {
+                    delivery.waiting.push(message.clone());
+                }
+                return;
+            }
         }
-        (lock(&self.0.sink))(message);
+        let _turn = lock(&self.0.turn);
+        lock(&self.0.delivery).thread = Some(thread);
+        let end = EndOfDelivery(&self.0.delivery);
+        self.deliver(message);
+        let waiting = {
+            let mut delivery = lock(&self.0.delivery);
+            delivery.is_late = true;
+            std::mem::take(&mut delivery.waiting)
+        };
+        waiting.iter().for_each(|message| self.deliver(message));
+        drop(end);
     }
 
-    /// Warnings and errors in numbers, and which of them came again how often; `None` when there was at most one.
+    /// Calls the sink of a message, without holding a lock that the sink may need.
+    fn deliver(&self, message: &Message) {
+        let log = lock(&self.0.log).clone().filter(|_| message.severity != Severity::Message);
+        let sink = log.unwrap_or_else(|| lock(&self.0.sink).clone());
+        sink(message);
+    }
+
+    /// Returns the numbers of errors and warnings, and the repeated messages with their counts; `None` when there was
+    /// at most one.
     pub fn summary(&self) -> Option<String> {
         let (errors, warnings) = (self.errors(), self.count(Severity::Warning));
         let said = lock(&self.0.said);
@@ -395,7 +292,7 @@ impl Reporter {
         Some(text)
     }
 
-    /// Shows the summary, as information that verbosity 1 lets through.
+    /// Shows the summary, as information that verbosity 1 already shows.
     pub fn tell_summary(&self) {
         if self.verbosity() >= VERBOSITY_NORMAL
             && let Some(text) = self.summary()
@@ -404,7 +301,7 @@ impl Reporter {
         }
     }
 
-    /// Notes that a file was read; `./a` is the same as `a`.
+    /// Records that a file was read. `./a` is the same as `a`.
     pub fn file_read(&self, path: &Path) {
         let path = path.strip_prefix(".").unwrap_or(path);
         let mut files = lock(&self.0.files);
@@ -413,22 +310,22 @@ impl Reporter {
         }
     }
 
-    /// All files that were read, sorted.
+    /// Returns all files that were read, sorted.
     pub fn files_read(&self) -> Vec<PathBuf> {
         lock(&self.0.files).iter().cloned().collect()
     }
 
-    /// An error without a place.
+    /// Reports an error without a location.
     pub fn error(&self, text: impl Into<String>) {
         self.say(Severity::Error, &Location::default(), text);
     }
 
-    /// A warning without a place.
+    /// Reports a warning without a location.
     pub fn warning(&self, text: impl Into<String>) {
         self.say(Severity::Warning, &Location::default(), text);
     }
 
-    /// Information without a place.
+    /// Reports information without a location.
     pub fn info(&self, text: impl Into<String>) {
         self.say(Severity::Info, &Location::default(), text);
     }
@@ -512,6 +409,66 @@ mod tests {
     }
 
     #[test]
+    fn sinks_may_report_and_replace_themselves() {
+        let (done, over) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            let (reporter, kept) = Reporter::collecting();
+            let own = reporter.clone();
+            let show = Arc::new(reporter.set_sink(Box::new(|_| ())));
+            let shown = show.clone();
+            drop(reporter.set_sink(Box::new(move |message| {
+                shown(message);
+                own.error(format!("{} again", message.text));
+                own.say(Severity::Message, &Location::default(), "printed");
+                let last = shown.clone();
+                drop(own.set_sink(Box::new(move |message| last(message))));
+            })));
+            reporter.error("first");
+            reporter.error("second");
+            let texts: Vec<String> = lock(&kept).iter().map(|m| m.text.clone()).collect();
+            done.send((texts, reporter.errors())).unwrap();
+        });
+        let waited = over.recv_timeout(std::time::Duration::from_secs(20));
+        let (texts, errors) = waited.expect("a sink that reports must not wait for itself");
+        assert_eq!(texts, ["first", "first again", "printed", "second"]);
+        assert_eq!(errors, 3);
+    }
+
+    #[test]
+    fn a_sink_that_reports_each_message_comes_to_an_end() {
+        let (reporter, kept) = Reporter::collecting();
+        let own = reporter.clone();
+        let show = reporter.set_sink(Box::new(|_| ()));
+        drop(reporter.set_sink(Box::new(move |message| {
+            show(message);
+            own.error(format!("about {}", message.text));
+        })));
+        reporter.error("a");
+        let texts: Vec<String> = lock(&kept).iter().map(|m| m.text.clone()).collect();
+        assert_eq!(texts, ["a", "about a"]);
+        assert_eq!(reporter.errors(), 3, "the last one is counted only");
+    }
+
+    #[test]
+    fn threads_pass_messages_one_at_a_time() {
+        let busy = Arc::new(AtomicUsize::new(0));
+        let (inside, most) = (busy.clone(), Arc::new(AtomicUsize::new(0)));
+        let seen = most.clone();
+        let reporter = Reporter::new(Box::new(move |_| {
+            seen.fetch_max(inside.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+            std::thread::yield_now();
+            inside.fetch_sub(1, Ordering::SeqCst);
+        }));
+        std::thread::scope(|scope| {
+            for thread in 0..8 {
+                let reporter = &reporter;
+                scope.spawn(move || (0..50).for_each(|i| reporter.error(format!("{thread} {i}"))));
+            }
+        });
+        assert_eq!((most.load(Ordering::SeqCst), reporter.errors()), (1, 400));
+    }
+
+    #[test]
     fn a_flood_of_messages_is_counted() {
         let (r, kept) = Reporter::collecting();
         (0..MOST_SHOWN + 100).for_each(|i| r.error(format!("mistake {i}")));
@@ -548,7 +505,7 @@ mod tests {
         for k in 0..2 * MANY {
             reporter.once(&format!("cause {k}"), Severity::Warning, &Location::default(), "a warning");
         }
-        // The first ones are remembered, and nothing is lost.
+        // The first causes are stored, and no message is lost.
         reporter.once("cause 0", Severity::Warning, &Location::default(), "a warning");
         assert_eq!(reporter.count(Severity::Warning), 2 * MANY);
         let said = lock(&reporter.0.said);

@@ -7,11 +7,11 @@ const fn van_der_corput(i: u32) -> u32 {
     i.reverse_bits()
 }
 
-/// Second Sobol dimension.
+/// Returns the second Sobol dimension.
 ///
-/// Direction number `k` holds the binomials of `k`, modulo 2, from the highest bit down: with its bits turned around, the
-/// result is the polynomial over the field of two whose coefficients are the bits of `i`, taken at `x + 1`. As
-/// `(x + 1)^s = x^s + 1` for powers of two, that is one step for each halving of the polynomial.
+/// Direction number `k` holds the binomials of `k`, modulo 2, from the highest bit down. With its bits reversed, the
+/// result is the polynomial over the field of two elements whose coefficients are the bits of `i`, evaluated at
+/// `x + 1`. As `(x + 1)^s = x^s + 1` for powers of two, this is one step for each halving of the polynomial.
 const fn sobol_2(mut i: u32) -> u32 {
     i ^= i >> 16;
     i ^= (i >> 8) & 0x00ff_00ff;
@@ -21,8 +21,8 @@ const fn sobol_2(mut i: u32) -> u32 {
     i.reverse_bits()
 }
 
-/// Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley,
-/// Practical Hash-based Owen Scrambling, JCGT 2020).
+/// Does Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley, Practical Hash-based Owen
+/// Scrambling, JCGT 2020).
 const fn owen(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();
     x = x.wrapping_add(seed);
@@ -33,11 +33,11 @@ const fn owen(x: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
-/// Point `i` of a scrambled (0,2)-sequence in the unit square: every run of 2^k points is stratified
-/// in all elementary intervals. `seed` names pixel and dimension.
+/// Returns point `i` of a scrambled (0,2)-sequence in the unit square. Every run of 2^k points is stratified in all
+/// elementary intervals. `seed` identifies the pixel and the dimension.
 #[inline]
 pub const fn square(i: u32, seed: u32) -> (f32, f32) {
-    // Shuffle the order as well, so that different seeds pair independently.
+    // The order is shuffled too, so that different seeds are paired independently.
     let i = owen(i, mix32(seed ^ 0x68bc_21eb));
     (
         crate::hash::unit(owen(van_der_corput(i), mix32(seed))),
@@ -45,13 +45,13 @@ pub const fn square(i: u32, seed: u32) -> (f32, f32) {
     )
 }
 
-/// Point `i` of a scrambled one-dimensional sequence: every run of 2^k points is stratified.
+/// Returns point `i` of a scrambled one-dimensional sequence. Every run of 2^k points is stratified.
 #[inline]
 pub const fn line(i: u32, seed: u32) -> f32 {
     crate::hash::unit(owen(van_der_corput(i), mix32(seed)))
 }
 
-/// A hashed permutation of `0..n` (Kensler, Correlated Multi-Jittered Sampling, 2013).
+/// Returns the image of `i` under a hashed permutation of `0..n` (Kensler, Correlated Multi-Jittered Sampling, 2013).
 ///
 /// `i` must be below `n`, and `n` at least 1.
 pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
@@ -88,7 +88,7 @@ pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
 mod tests {
     use super::*;
 
-    /// By the recurrence of the direction numbers.
+    /// Compares the result with the recurrence of the direction numbers.
     #[test]
     fn the_second_dimension_is_that_of_its_direction_numbers() {
         let by_numbers = |mut i: u32| {
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn squares_are_stratified() {
         for seed in [0, 1, 77, u32::MAX] {
-            // 16 points: one in each cell of 16x1, 8x2, 4x4, 2x8, 1x16.
+            // Of 16 points one is in each cell of 16x1, 8x2, 4x4, 2x8, 1x16.
             for (nx, ny) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
                 let mut seen = [false; 16];
                 for i in 0..16 {

@@ -1,12 +1,12 @@
-//! Search paths: colon-separated folders, with `&` for the previous path and variables
-//! (reference 4.3.6). The environment is a value handed in; nothing here reads the process's own.
+//! Search paths: colon-separated folders, with `&` for the previous path and variables (reference 4.3.6). The
+//! environment is passed as a value. The process's own environment is not read here.
 
 use crate::Files;
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// What a run sees of the machine: variables that search paths and scenes may name, and [`Files`]. Tools fill it from the
+/// The environment of a run: variables that search paths and scenes may name, and [`Files`]. Tools fill it from the
 /// process's environment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Environment {
@@ -15,17 +15,17 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// No variables at all.
+    /// Returns an environment without variables.
     pub fn empty() -> Self {
         Self::default()
     }
 
-    /// Opens files by `files` from now on.
+    /// Sets the opener of files.
     pub fn set_files(&mut self, files: Files) {
         self.files = files;
     }
 
-    /// What opens the files of the run.
+    /// Returns the opener of the files of the run.
     pub fn files(&self) -> &Files {
         &self.files
     }
@@ -35,17 +35,17 @@ impl Environment {
         self.variables.insert(name.into(), value.into());
     }
 
-    /// The value of a variable.
+    /// Returns the value of a variable.
     pub fn get(&self, name: &str) -> Option<&str> {
         self.variables.get(name).map(String::as_str)
     }
 
-    /// All variables, in order of their names.
+    /// Returns all variables, in order of their names.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &str)> {
         self.variables.iter().map(|(name, value)| (name.as_str(), value.as_str()))
     }
 
-    /// Replaces `$VAR`, `${VAR}`, `$(VAR)` and `%VAR%`; what is not set stays as written.
+    /// Replaces `$VAR`, `${VAR}`, `$(VAR)` and `%VAR%`. References to variables that are not set are not changed.
     pub fn expand(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
         let mut rest = text;
@@ -67,7 +67,7 @@ impl Environment {
         out
     }
 
-    /// Name of the variable reference that `text` begins with, and the length of the reference.
+    /// Returns the name of the variable reference that `text` begins with, and the length of the reference.
     fn variable(text: &str) -> Option<(&str, usize)> {
         let closed = |open: usize, close: char| {
             let end = text[open..].find(close)? + open;
@@ -94,14 +94,14 @@ impl FromIterator<(String, String)> for Environment {
     }
 }
 
-/// As the system gives them; what is no text is left out.
+/// Collects the variables of the system. Those that are not text are left out.
 impl FromIterator<(OsString, OsString)> for Environment {
     fn from_iter<T: IntoIterator<Item = (OsString, OsString)>>(iter: T) -> Self {
         iter.into_iter().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
     }
 }
 
-/// A list of folders to look in, in order.
+/// A list of folders to search, in order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SearchPath {
     folders: Vec<PathBuf>,
@@ -109,8 +109,8 @@ pub struct SearchPath {
 }
 
 impl SearchPath {
-    /// Reads a colon-separated list. `&` stands for `previous`, variables are replaced, empty
-    /// entries are skipped, a folder named twice counts where it is first.
+    /// Parses a colon-separated list. `&` stands for `previous`, variables are replaced, and empty entries are
+    /// skipped. A folder that is named twice has its first place.
     pub fn parse(text: &str, previous: &Self, environment: &Environment) -> Self {
         let mut folders: Vec<PathBuf> = Vec::new();
         let mut add = |folder: &Path| {
@@ -128,20 +128,20 @@ impl SearchPath {
         Self { folders, files: environment.files.clone() }
     }
 
-    /// In order.
+    /// Returns the folders in order.
     pub fn folders(&self) -> &[PathBuf] {
         &self.folders
     }
 
-    /// What opens the files of the run.
+    /// Returns the opener of the files of the run.
     pub fn files(&self) -> &Files {
         &self.files
     }
 
-    /// The first place where `name` is a file that may be read; else the first where it is one that may not, so that
-    /// opening it says why. Absolute names, and names that begin with `./` or `../`, are not searched for. The current
-    /// folder is looked into only when it is on the path. Before all of them come files that the run itself wrote
-    /// under this name elsewhere ([`Files::written`]).
+    /// Returns the first path at which `name` is a readable file, or else the first path at which it is a file that
+    /// may not be read, so that opening it reports the reason. Absolute names, and names that begin with `./` or
+    /// `../`, are not searched for. The current folder is searched only when it is on the path. Files that the run
+    /// itself wrote under this name elsewhere ([`Files::written`]) come first.
     pub fn find(&self, name: &str) -> Option<PathBuf> {
         let path = Path::new(name);
         if let Some(written) = self.files.written(path) {

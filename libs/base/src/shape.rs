@@ -1,17 +1,17 @@
-//! What a geometric primitive was declared as, before anybody builds it.
+//! The declaration of a geometric primitive.
 //!
-//! Scene readers make these, the scene stores them, writers echo them and `geom` builds surfaces
-//! from them; control vertices and primitive variables travel beside them as [`crate::Params`].
+//! Scene readers make these values, the scene stores them, writers write them, and `geom` builds surfaces from them.
+//! Control vertices and primitive variables are passed separately as [`crate::Params`].
 
 use crate::Interp;
 use std::sync::Arc;
 
-/// How control vertices of one direction of a patch, or of a curve, are interpolated.
+/// The interpolation of the control vertices along one direction of a patch, or along a curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
     /// Piecewise linear.
     Linear,
-    /// Piecewise cubic Bezier, `4 + 3i` vertices.
+    /// Piecewise cubic Bezier, with `4 + 3i` vertices.
     Bezier,
     /// Uniform cubic B-spline.
     BSpline,
@@ -20,7 +20,7 @@ pub enum CurveBasis {
 }
 
 impl CurveBasis {
-    /// The name used in scene files.
+    /// Returns the name used in scene files.
     pub fn word(self) -> &'static str {
         match self {
             Self::Linear => "linear",
@@ -30,15 +30,16 @@ impl CurveBasis {
         }
     }
 
-    /// By name.
+    /// Returns the basis of a name.
     pub fn from_word(word: &str) -> Option<Self> {
         [Self::Linear, Self::Bezier, Self::BSpline, Self::CatmullRom].into_iter().find(|b| b.word() == word)
     }
 
-    /// The bases along u and v of a patch: two names with a comma between them, or one for both (reference 2.8.1).
+    /// Returns the bases along u and v of a patch: two names with a comma between them, or one for both
+    /// (reference 2.8.1).
     ///
     /// # Errors
-    /// The name that is of no basis.
+    /// The name that is not a basis.
     pub fn pair_from_words(words: &str) -> Result<(Self, Self), &str> {
         let (u, v) = words.split_once(',').unwrap_or((words, words));
         let basis = |word: &'_ str| Self::from_word(word.trim());
@@ -49,7 +50,7 @@ impl CurveBasis {
         }
     }
 
-    /// Whether `n` control vertices suit this basis.
+    /// True when `n` control vertices are valid for this basis.
     pub fn accepts(self, n: usize) -> bool {
         match self {
             Self::Linear => n >= 2,
@@ -62,15 +63,15 @@ impl CurveBasis {
 /// One direction of a NURBS patch or a NURBS curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnotSpan {
-    /// Number of control vertices.
+    /// The number of control vertices.
     pub n: usize,
-    /// Degree plus one.
+    /// The degree plus one.
     pub order: usize,
-    /// `n + order` knots, not decreasing.
+    /// The `n + order` knots, not decreasing.
     pub knots: Arc<[f32]>,
-    /// Lower end of the parametric range.
+    /// The lower end of the parametric range.
     pub min: f32,
-    /// Upper end of the parametric range.
+    /// The upper end of the parametric range.
     pub max: f32,
 }
 
@@ -79,67 +80,67 @@ pub struct KnotSpan {
 pub enum ShapeDesc {
     /// `Patch (interp, nu, nv)`: `nu x nv` control vertices, u fastest.
     Patch {
-        /// Basis along u.
+        /// The basis along u.
         u: CurveBasis,
-        /// Basis along v.
+        /// The basis along v.
         v: CurveBasis,
-        /// Vertices along u.
+        /// The number of vertices along u.
         nu: usize,
-        /// Vertices along v.
+        /// The number of vertices along v.
         nv: usize,
     },
     /// `Patch (nu, uorder, uknot, ...)`: a NURBS surface, control vertices u fastest.
     Nurbs {
-        /// Along u.
+        /// The knots along u.
         u: KnotSpan,
-        /// Along v.
+        /// The knots along v.
         v: KnotSpan,
     },
     /// `Mesh (interp, nverts, verts)`.
     Mesh {
-        /// Catmull-Clark subdivision instead of flat faces.
+        /// True for Catmull-Clark subdivision, false for flat faces.
         subdivide: bool,
-        /// Vertices of each face.
+        /// The number of vertices of each face.
         nverts: Arc<[i32]>,
-        /// Vertex indices of all faces in order; its length is the sum of `nverts`.
+        /// The vertex indices of all faces in order. Its length is the sum of `nverts`.
         verts: Arc<[i32]>,
     },
     /// `Points (n)`.
     Points {
-        /// Number of particles.
+        /// The number of particles.
         n: usize,
     },
     /// `Curves (interp, ncurves, vertspercurve)`.
     Curves {
-        /// Interpolation along each curve.
+        /// The interpolation along each curve.
         basis: CurveBasis,
-        /// Number of curves.
+        /// The number of curves.
         ncurves: usize,
-        /// Vertices of each curve.
+        /// The number of vertices of each curve.
         nverts: usize,
     },
     /// `Curves (ncurves, vertspercurve, order, knot, vmin, vmax)`: NURBS curves sharing one knot vector.
     NurbsCurves {
-        /// Number of curves.
+        /// The number of curves.
         ncurves: usize,
-        /// Along each curve; `span.n` vertices a curve.
+        /// The knots along each curve, with `span.n` vertices per curve.
         span: KnotSpan,
     },
     /// `Sphere (radius, zmin, zmax, thetamax)`.
     Sphere {
-        /// Radius in object space.
+        /// The radius in object space.
         radius: f32,
-        /// Lower cut.
+        /// The lower cut, z in object space.
         zmin: f32,
-        /// Upper cut.
+        /// The upper cut, z in object space.
         zmax: f32,
-        /// Sweep in degrees.
+        /// The sweep angle in degrees.
         thetamax_deg: f32,
     },
 }
 
 impl ShapeDesc {
-    /// The name of the call that declares it.
+    /// Returns the name of the call that declares it.
     pub fn call_name(&self) -> &'static str {
         match self {
             Self::Patch { .. } | Self::Nurbs { .. } => "Patch",
@@ -150,8 +151,8 @@ impl ShapeDesc {
         }
     }
 
-    /// How many items a parameter of this interpolation has; 0 where the primitive takes none. A mesh has as many
-    /// vertices as its faces use.
+    /// Returns the number of items of a parameter of this interpolation; 0 where the primitive accepts none. A mesh
+    /// has as many vertices as its faces use.
     pub fn items(&self, interp: Interp) -> usize {
         let (vertex, linear, perpiece) = match self {
             Self::Patch { nu, nv, .. } => (nu.saturating_mul(*nv), 4, 0),
@@ -181,18 +182,18 @@ impl ShapeDesc {
 /// The argument of `TrimCurve` (reference 2.8.1): closed loops of rational curves in the (u, v) of a patch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrimDesc {
-    /// Curves in each loop.
+    /// The number of curves in each loop.
     pub ncurves: Arc<[i32]>,
-    /// Control points of each curve.
+    /// The number of control points of each curve.
     pub n: Arc<[i32]>,
-    /// Order of each curve.
+    /// The order of each curve.
     pub order: Arc<[i32]>,
-    /// Knots of all curves, `n + order` each.
+    /// The knots of all curves, `n + order` each.
     pub knots: Arc<[f32]>,
-    /// Lower parameter of each curve.
+    /// The lower parameter of each curve.
     pub min: Arc<[f32]>,
-    /// Upper parameter of each curve.
+    /// The upper parameter of each curve.
     pub max: Arc<[f32]>,
-    /// Control points `(u, v, w)` of all curves, three numbers each.
+    /// The control points `(u, v, w)` of all curves, three numbers each.
     pub uvw: Arc<[f32]>,
 }

@@ -1,13 +1,14 @@
-//! What a misspelled word may have meant.
+//! Suggestions for misspelled words.
 
-/// Longest word, in bytes, that is compared with others: comparing costs the product of the lengths.
+/// The length of the longest word, in bytes, that is compared with others. The cost of comparing is the product of
+/// the lengths.
 const LONGEST: usize = 64;
 
-/// The candidate most like `word`, if one is near enough to be what was meant; never the word itself.
+/// Returns the candidate most similar to `word`, if one is near enough; never the word itself.
 ///
-/// Near means: at most a third of the letters (at least one, at most three) are inserted, removed, replaced or exchanged with
-/// their neighbour, and not all letters of the candidate. Case does not count. Of equally near candidates the first in the
-/// alphabet is taken.
+/// A candidate is near when at most a third of its letters (at least one, at most three), and not all of them, are
+/// inserted, removed, replaced or exchanged with their neighbour. Case is ignored. Of equally near candidates the
+/// first in alphabetical order is returned.
 pub fn suggestion<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if word.len() > LONGEST {
         return None;
@@ -36,7 +37,7 @@ mod tests {
         assert_eq!(suggestion("FOV", names()), Some("fov"));
         assert_eq!(suggestion("opacty", names()), Some("opacity"));
         assert_eq!(suggestion("quite different", names()), None);
-        // A word is no hint for itself: it was not found for another reason.
+        // A word is not suggested for itself, because it was rejected for another reason.
         assert_eq!(suggestion("world", ["word", "world"]), Some("word"));
         assert_eq!(suggestion("worl", ["world", "word"]), Some("word"));
         assert_eq!(suggestion("b", ["a"]), None);

@@ -1,17 +1,17 @@
-//! 4x4 matrices that act on row vectors, and transformations that move.
+//! 4x4 matrices that act on row vectors, and transformations that move over time.
 
 use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A 4x4 matrix acting on row vectors: `p' = p * M`, translation in the last row.
+/// A 4x4 matrix acting on row vectors: `p' = p * M`, with the translation in the last row.
 ///
-/// Stored as a `glam::Mat4` of the same memory order (row-major for row vectors is column-major for
-/// column vectors), so conversion costs nothing. What rounding takes from the translation of a product or an inverse is
-/// kept beside it, and counts in [`Transform::as_dmat4`] only: far from the origin that is more than a pixel.
+/// It is stored as a `glam::Mat4` of the same memory order (row-major for row vectors is column-major for column
+/// vectors), so that conversion is free. The rounding error of the translation of a product or an inverse is stored
+/// too, and only [`Transform::as_dmat4`] includes it. Far from the origin that error is more than a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     rounded: Mat4,
-    /// What is missing of the translation.
+    /// The rounding error of the translation.
     rest: Vec3,
 }
 
@@ -22,46 +22,46 @@ impl Default for Transform {
 }
 
 impl Transform {
-    /// The transformation that changes nothing.
+    /// The identity transformation.
     pub const IDENTITY: Self = Self::exact(Mat4::IDENTITY);
 
     const fn exact(rounded: Mat4) -> Self {
         Self { rounded, rest: Vec3::ZERO }
     }
 
-    /// `rounded`, of which `exact` is what it should be.
+    /// Returns a transform of the rounded matrix and its difference to the exact one.
     fn of(rounded: Mat4, exact: &DMat4) -> Self {
         let rest = exact.w_axis.truncate() - rounded.w_axis.truncate().as_dvec3();
         let rest = if rest.is_finite() { rest.as_vec3() } else { Vec3::ZERO };
         Self { rounded, rest }
     }
 
-    /// Whether it never divides points.
+    /// True when it never divides points.
     pub fn is_affine(&self) -> bool {
         self.rounded.row(3) == Vec4::W
     }
 
-    /// From 16 numbers, row by row (`m[12..15]` is the translation).
+    /// Returns the matrix of 16 numbers, row by row (`m[12..15]` is the translation).
     pub fn from_rows(m: &[f32; 16]) -> Self {
         Self::exact(Mat4::from_cols_array(m))
     }
 
-    /// The 16 numbers, row by row.
+    /// Returns the 16 numbers, row by row.
     pub fn to_rows(&self) -> [f32; 16] {
         self.rounded.to_cols_array()
     }
 
-    /// Moves by `t`.
+    /// Returns a translation by `t`.
     pub fn translate(t: Vec3) -> Self {
         Self::exact(Mat4::from_translation(t))
     }
 
-    /// Scales about the origin.
+    /// Returns a scale about the origin.
     pub fn scale(s: Vec3) -> Self {
         Self::exact(Mat4::from_scale(s))
     }
 
-    /// Rotates by `angle_rad` about `axis` (any length; a zero axis gives the identity).
+    /// Returns a rotation by `angle_rad` (radians) about `axis` (any length; a zero axis gives the identity).
     ///
     /// Positive angles turn x towards y when the axis is +z.
     pub fn rotate(angle_rad: f32, axis: Vec3) -> Self {
@@ -71,10 +71,10 @@ impl Transform {
         }
     }
 
-    /// Applies `self` first, then `next`.
+    /// Returns the transform that applies `self` first, then `next`.
     pub fn then(&self, next: &Self) -> Self {
         let product = next.rounded * self.rounded;
-        // Most have no translation that could be rounded.
+        // Most transforms have no translation that could be rounded.
         if self.rounded.w_axis == Vec4::W && self.rest == Vec3::ZERO {
             return Self { rounded: product, rest: next.rest };
         }
@@ -84,14 +84,15 @@ impl Transform {
         Self::of(product, &(next.as_dmat4() * self.as_dmat4()))
     }
 
-    /// As [`Transform::then`], rounded once: what large translations of both leave is as exact as a single number.
+    /// Does the same as [`Transform::then`], rounded once. When large translations of both cancel, the result is as
+    /// exact as a single number.
     pub fn then_rounded_once(&self, next: &Self) -> Self {
         let exact = next.as_dmat4() * self.as_dmat4();
         let rounded = exact.as_mat4();
         if self.is_affine() && next.is_affine() { Self::of(rounded, &exact) } else { Self::exact(rounded) }
     }
 
-    /// The inverse, computed in double precision; `None` for a singular matrix.
+    /// Returns the inverse, computed in double precision; `None` for a singular matrix.
     pub fn try_inverse(&self) -> Option<Self> {
         let m: DMat4 = self.rounded.as_dmat4();
         let det = m.determinant();
@@ -99,7 +100,7 @@ impl Transform {
             return None;
         }
         let rounded = m.inverse().as_mat4();
-        // What the translation led to comes back to the origin, also when the axes are rounded.
+        // The inverse maps the image of the origin exactly to the origin, also when the axes are rounded.
         let mut exact = rounded.as_dmat4();
         exact.w_axis = DVec4::W - exact * self.as_dmat4().w_axis.truncate().extend(0.0);
         rounded
@@ -107,24 +108,24 @@ impl Transform {
             .then(|| if self.is_affine() { Self::of(rounded, &exact) } else { Self::exact(rounded) })
     }
 
-    /// The inverse; the identity for a singular matrix.
+    /// Returns the inverse; the identity for a singular matrix.
     pub fn inverse(&self) -> Self {
         self.try_inverse().unwrap_or(Self::IDENTITY)
     }
 
-    /// Determinant of the whole matrix.
+    /// Returns the determinant of the whole matrix.
     pub fn determinant(&self) -> f32 {
         self.rounded.as_dmat4().determinant() as f32
     }
 
-    /// Whether the transformation exchanges left and right handed coordinates.
+    /// True when the transformation exchanges left and right handed coordinates.
     pub fn flips_handedness(&self) -> bool {
         let (x, y, z) =
             (self.rounded.x_axis.truncate(), self.rounded.y_axis.truncate(), self.rounded.z_axis.truncate());
         x.cross(y).dot(z) < 0.0
     }
 
-    /// Transforms a position, dividing by the homogeneous coordinate when it is not one.
+    /// Transforms a position, and divides by the homogeneous coordinate when it is not one.
     pub fn point(&self, p: Vec3) -> Vec3 {
         let h = self.rounded * p.extend(1.0);
         if h.w == 1.0 { h.truncate() } else { h.truncate() / h.w }
@@ -135,18 +136,18 @@ impl Transform {
         self.rounded * p
     }
 
-    /// Transforms a direction (the translation does not count).
+    /// Transforms a direction. The translation is ignored.
     pub fn vector(&self, v: Vec3) -> Vec3 {
         self.rounded.transform_vector3(v)
     }
 
-    /// Transforms a normal by the inverse transpose. Costs an inversion: for many normals take
+    /// Transforms a normal by the inverse transpose. It inverts the matrix. For many normals call
     /// [`Transform::normal_matrix`] once.
     pub fn normal(&self, n: Vec3) -> Vec3 {
         self.normal_matrix().vector(n)
     }
 
-    /// The matrix that transforms normals as [`Transform::vector`] transforms directions.
+    /// Returns the matrix that transforms normals as [`Transform::vector`] transforms directions.
     pub fn normal_matrix(&self) -> Self {
         let mut linear = self.rounded.as_dmat4();
         linear.w_axis = DVec4::W;
@@ -159,12 +160,12 @@ impl Transform {
         Self::exact(linear.inverse().transpose().as_mat4())
     }
 
-    /// Rows and columns exchanged.
+    /// Returns the matrix with rows and columns exchanged.
     pub fn transpose(&self) -> Self {
         Self::exact(self.rounded.transpose())
     }
 
-    /// Component-wise linear blend: `self` at `alpha` 0, `other` at 1.
+    /// Returns the component-wise linear interpolation: `self` at `alpha` 0, `other` at 1.
     pub fn lerp(&self, other: &Self, alpha: f32) -> Self {
         if alpha <= 0.0 {
             return *self;
@@ -176,19 +177,19 @@ impl Transform {
         Self::exact(rounded)
     }
 
-    /// Whether all 16 numbers are finite.
+    /// True when all 16 numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.rounded.is_finite()
     }
 
-    /// The matrix in double precision, for column vectors.
+    /// Returns the matrix in double precision, for column vectors.
     pub fn as_dmat4(&self) -> DMat4 {
         let mut m = self.rounded.as_dmat4();
         m.w_axis += self.rest.as_dvec3().extend(0.0);
         m
     }
 
-    /// The underlying matrix, for column vectors.
+    /// Returns the underlying matrix, for column vectors.
     pub fn as_mat4(&self) -> &Mat4 {
         &self.rounded
     }
@@ -202,14 +203,14 @@ impl From<Mat4> for Transform {
 
 /// A transformation with one or more keys in time.
 ///
-/// Between keys the matrices are blended linearly; before the first and after the last key the
-/// transformation stands still. There is always at least one key, and times increase strictly.
+/// Between keys the matrices are interpolated linearly. Before the first and after the last key the transformation is
+/// constant. There is always at least one key, and times increase strictly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionTransform {
     keys: Keys,
 }
 
-/// One key lies here: most transformations stand still, and a scene makes very many.
+/// A single key is stored here, because most transformations do not move, and a scene makes very many.
 #[derive(Clone, Debug, PartialEq)]
 enum Keys {
     One([(f32, Transform); 1]),
@@ -238,7 +239,7 @@ impl From<Transform> for MotionTransform {
 }
 
 impl MotionTransform {
-    /// From keys in any order; of two keys with one time the later in the list wins.
+    /// Returns the transformation of keys in any order. Of two keys with one time the later in the list is used.
     /// `None` when there is no key or a time is not finite.
     pub fn from_keys(mut keys: Vec<(f32, Transform)>) -> Option<Self> {
         if keys.is_empty() || keys.iter().any(|(t, _)| !t.is_finite()) {
@@ -255,7 +256,7 @@ impl MotionTransform {
         Some(Self { keys: keys.into() })
     }
 
-    /// Keys in order of time.
+    /// Returns the keys in order of time.
     pub fn keys(&self) -> &[(f32, Transform)] {
         match &self.keys {
             Keys::One(one) => one,
@@ -263,17 +264,17 @@ impl MotionTransform {
         }
     }
 
-    /// Whether there is more than one key.
+    /// True when there is more than one key.
     pub fn is_moving(&self) -> bool {
         matches!(self.keys, Keys::Many(_))
     }
 
-    /// The transformation at the first key.
+    /// Returns the transformation at the first key.
     pub fn first(&self) -> &Transform {
         &self.keys()[0].1
     }
 
-    /// The transformation at `time`.
+    /// Returns the transformation at `time`.
     pub fn at(&self, time: f32) -> Transform {
         let keys = self.keys();
         let next = keys.partition_point(|(t, _)| *t <= time);
@@ -287,7 +288,7 @@ impl MotionTransform {
         }
     }
 
-    /// As [`MotionTransform::at`], blended in double precision, for column vectors.
+    /// Does the same as [`MotionTransform::at`], interpolated in double precision, for column vectors.
     pub fn precise_at(&self, time: f32) -> DMat4 {
         let keys = self.keys();
         let next = keys.partition_point(|(t, _)| *t <= time);
@@ -304,17 +305,17 @@ impl MotionTransform {
         }
     }
 
-    /// Applies `self` first, then `next`, at the union of both key times.
+    /// Returns the transformation that applies `self` first, then `next`, at the union of both key times.
     pub fn then(&self, next: &Self) -> Self {
         self.combine(next, |a, b| a.then(b))
     }
 
-    /// As [`MotionTransform::then`] by [`Transform::then_rounded_once`].
+    /// Does the same as [`MotionTransform::then`] with [`Transform::then_rounded_once`].
     pub fn then_rounded_once(&self, next: &Self) -> Self {
         self.combine(next, Transform::then_rounded_once)
     }
 
-    /// Applies `first` before it, as `MotionTransform::from (first).then (self)`.
+    /// Applies `first` before it, like `MotionTransform::from (first).then (self)`.
     pub fn prepend(&mut self, first: &Transform) {
         match &mut self.keys {
             Keys::One([(time, m)]) => (*time, *m) = (0.0, first.then(m)),
@@ -340,7 +341,7 @@ impl MotionTransform {
         Self { keys: times.iter().map(|&t| (t, f(&self.at(t), &other.at(t)))).collect::<Vec<_>>().into() }
     }
 
-    /// Each key inverted (singular keys become the identity).
+    /// Returns the transformation with each key inverted (singular keys become the identity).
     pub fn inverse(&self) -> Self {
         Self { keys: self.keys().iter().map(|(t, m)| (*t, m.inverse())).collect::<Vec<_>>().into() }
     }
@@ -370,12 +371,12 @@ mod tests {
             let place = m.as_dmat4() * p.as_dvec3().extend(1.0);
             assert!(place.truncate().length() < 1e-6, "{place}");
         }
-        // The offset by which a scene is brought near is exact, whatever was turned before.
+        // The offset that moves a scene near the origin is exact, whatever the rotations before it.
         let near = to_world.then_rounded_once(&Transform::translate(-eye));
         assert_eq!(near.point(Vec3::ZERO), Vec3::ZERO);
         let seen = Transform::translate(eye).then_rounded_once(&to_camera);
         assert!(seen.point(Vec3::ZERO).length() < 1e-6, "{seen:?}");
-        // To the bit as if nothing were kept.
+        // The matrix is the same to the bit as without the stored error.
         assert_eq!(*to_camera.as_mat4(), *turned.as_mat4() * Mat4::from_translation(-eye));
         assert_eq!(to_camera.then(&Transform::IDENTITY), to_camera);
     }

@@ -1,11 +1,11 @@
-//! The shaders and scene inputs that every binary carries, so that the tools need no installation.
+//! The shaders and scene inputs that every binary contains, so that the tools need no installation.
 //!
-//! Sources only: whoever wants a shader compiles it. `$GELATOHOME` and search paths come first; this
-//! is where a search ends.
+//! These are sources only, which the caller compiles. `$GELATOHOME` and search paths are searched first, and this
+//! crate last.
 
 #![forbid(unsafe_code)]
 
-/// `name.gsl` of every bundled shader, by name.
+/// The file `name.gsl` of every bundled shader, by name.
 const SHADERS: &[(&str, &str)] = &[
     ("ambientlight", include_str!("../../../shaders/ambientlight.gsl")),
     ("ambocclude", include_str!("../../../shaders/ambocclude.gsl")),
@@ -66,22 +66,22 @@ const INPUTS: &[(&str, &[u8])] = &[
     ("teapot.pyg", include_bytes!("../../../inputs/teapot.pyg")),
 ];
 
-/// Source text of the bundled shader `name` (without extension).
+/// Returns the source text of the bundled shader `name` (without extension).
 pub fn shader(name: &str) -> Option<&'static str> {
     SHADERS.iter().find(|(n, _)| *n == name).map(|(_, text)| *text)
 }
 
-/// Names of all bundled shaders, sorted.
+/// Returns the names of all bundled shaders, sorted.
 pub fn shader_names() -> impl Iterator<Item = &'static str> {
     SHADERS.iter().map(|(n, _)| *n)
 }
 
-/// Content of the bundled input `file_name`, as `teapot.pyg`.
+/// Returns the content of the bundled input `file_name`, such as `teapot.pyg`.
 pub fn input(file_name: &str) -> Option<&'static [u8]> {
     INPUTS.iter().find(|(n, _)| *n == file_name).map(|(_, bytes)| *bytes)
 }
 
-/// Names of all bundled inputs, sorted.
+/// Returns the names of all bundled inputs, sorted.
 pub fn input_names() -> impl Iterator<Item = &'static str> {
     INPUTS.iter().map(|(n, _)| *n)
 }

@@ -1,29 +1,90 @@
-//! Options with one dash or two.
+//! Command line options with one dash or two.
 
-use clap::{ArgAction, Command, CommandFactory, FromArgMatches};
-use std::ffi::OsString;
+use clap::parser::ValueSource;
+use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
+use std::ffi::{OsStr, OsString};
 
-/// Parses a command line that begins with the tool's name, as [`std::env::args_os`] gives it; on a mistake,
-/// or `-help` or `-version`, prints and exits (2, 0, 0).
+/// Parses a command line that begins with the tool's name, as in [`std::env::args_os`]. After an error, `-help` or
+/// `-version` it prints and exits (with status 2, 0, 0).
 ///
-/// Every tool begins with it, so it also does what all of them need first: it raises the limit of open files.
+/// Every tool calls it first, so that it also raises the limit of open files, which all tools need.
 pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
-    crate::files::raise_limit();
-    let command = prepared(T::command());
-    let args = with_two_dashes(&command, words.into_iter());
-    let matches = command.get_matches_from(args);
-    T::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    parse_with_given(words).0
 }
 
-/// The version, and the day of the build.
+/// Does the same as [`parse`], and also returns the options of the command line, for a tool that passes them on to
+/// another process.
+pub fn parse_with_given<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> (T, Vec<Given>) {
+    crate::files::raise_limit();
+    try_parse(words).unwrap_or_else(|error| error.exit())
+}
+
+/// Parses a command line like [`parse_with_given`], without printing and without an effect on the process.
+///
+/// # Errors
+/// An error when the command line is invalid, and for `-help` and `-version`.
+pub fn try_parse<T: CommandFactory + FromArgMatches>(
+    words: Vec<OsString>,
+) -> Result<(T, Vec<Given>), clap::Error> {
+    let command = prepared(T::command());
+    let args = with_two_dashes(&command, words.into_iter());
+    let matches = command.clone().try_get_matches_from(args)?;
+    let given = given(&command, &matches);
+    Ok((T::from_arg_matches(&matches)?, given))
+}
+
+/// An option of a command line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Given {
+    /// The id of the option, which is the name of its field.
+    pub id: String,
+    /// Its words with all values. They have the same meaning on another command line of the tool.
+    pub words: Vec<OsString>,
+}
+
+/// Returns the options of the command line, in the order of their declaration, without positional arguments.
+fn given(command: &Command, matches: &ArgMatches) -> Vec<Given> {
+    let mut all = Vec::new();
+    for arg in command.get_arguments().filter(|arg| !arg.is_positional()) {
+        let id = arg.get_id().as_str();
+        if matches.value_source(id) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        let occurrences: Vec<Vec<&OsStr>> = match arg.get_action() {
+            ArgAction::Count => vec![Vec::new(); matches.get_count(id).into()],
+            action if !action.takes_values() => vec![Vec::new()],
+            _ => matches.get_raw_occurrences(id).into_iter().flatten().map(Iterator::collect).collect(),
+        };
+        for values in occurrences {
+            let mut words: Vec<OsString> = Vec::new();
+            match (arg.get_long(), arg.get_short(), values.as_slice()) {
+                // The option is one word, because the value may begin with a dash.
+                (Some(long), _, [value]) => {
+                    let mut word = OsString::from(format!("-{long}="));
+                    word.push(value);
+                    words.push(word);
+                }
+                (Some(long), _, _) => words.push(format!("-{long}").into()),
+                (None, short, _) => words.extend(short.map(|short| format!("-{short}").into())),
+            }
+            if !(arg.get_long().is_some() && values.len() == 1) {
+                words.extend(values.iter().map(|&value| value.to_owned()));
+            }
+            all.push(Given { id: id.to_owned(), words });
+        }
+    }
+    all
+}
+
+/// The version, and the date of the build.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("GRANITA_BUILD_DATE"), ")");
 
-/// Adds what all tools share.
+/// Adds the settings that all tools share.
 fn prepared(command: Command) -> Command {
     command.version(VERSION).disable_help_subcommand(true).max_term_width(100)
 }
 
-/// Rewrites `-name` to `--name` where a long option is meant; leaves values alone.
+/// Rewrites `-name` to `--name` where it is a long option. Values are not changed.
 fn with_two_dashes(command: &Command, args: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let long = |name: &str| {
         command.get_arguments().find(|a| {
@@ -95,9 +156,19 @@ mod tests {
     }
 
     fn tool(line: &str) -> Result<Tool, clap::Error> {
-        let command = prepared(Tool::command());
-        let args = with_two_dashes(&command, line.split(' ').map(OsString::from));
-        command.try_get_matches_from(args).and_then(|m| Tool::from_arg_matches(&m))
+        try_parse(line.split(' ').map(OsString::from).collect()).map(|(tool, _)| tool)
+    }
+
+    #[test]
+    fn given_options_mean_the_same_again() {
+        let line = "x a.tif --tile 32 64 -envcube -o out.tx --filter=-box -vv -tile 1 2";
+        let words = |given: &[Given]| given.iter().flat_map(|g| g.words.clone()).collect::<Vec<_>>();
+        let (tool, given) = try_parse::<Tool>(line.split(' ').map(OsString::from).collect()).unwrap();
+        let ids: Vec<&str> = given.iter().map(|g| &*g.id).collect();
+        assert_eq!(ids, ["envcube", "output", "tile", "tile", "filter", "v", "v"]);
+        let again = [vec!["x".into()], words(&given), vec!["a.tif".into()]].concat();
+        let (second, same) = try_parse::<Tool>(again).unwrap();
+        assert_eq!((format!("{tool:?}"), given), (format!("{second:?}"), same));
     }
 
     #[test]

@@ -1,16 +1,17 @@
-//! How a tool ends before its time: by a signal, by a time limit, or because the program that started it is gone.
+//! Early ends of a tool: by a signal, by a time limit, or because the program that started it is gone.
 
 use crate::Status;
 use std::io;
 
-/// Has `action` called when a signal asks the process to end (`SIGINT`, `SIGTERM`, `SIGHUP`), which then ends by that very signal.
-/// Signals that the process ignores, as under `nohup`, stay ignored. The action runs in a thread of its own while everything
-/// else goes on; it ends child processes. Unfinished files under hidden names are removed after it.
+/// Calls `action` when a signal requests the end of the process (`SIGINT`, `SIGTERM`, `SIGHUP`). The process then
+/// ends by that signal. Signals that the process ignores, as under `nohup`, stay ignored. The action runs in its own
+/// thread while all other threads continue. It ends child processes. Unfinished files under hidden names are removed
+/// after it.
 ///
-/// On other systems than Unix nothing happens.
+/// On systems other than Unix it has no effect.
 ///
 /// # Errors
-/// Those of the system.
+/// The errors of the system.
 pub fn before_signals(action: impl Fn() + Send + 'static) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -33,7 +34,8 @@ pub fn before_signals(action: impl Fn() + Send + 'static) -> io::Result<()> {
     Ok(())
 }
 
-/// The signals that this process ignores, as bits from signal 1 on; none where the system does not say.
+/// Returns the signals that this process ignores, as bits from signal 1 on; none where the system does not provide
+/// them.
 #[cfg(unix)]
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -41,13 +43,14 @@ fn ignored() -> u64 {
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
 }
 
-/// Has `action` called once the program at the other ends of standard input and output is gone: both are closed there. The end of
-/// the input alone means that there is nothing more to do, and the end of the output that the program does not listen.
+/// Calls `action` when the program at the other ends of standard input and output is gone, which closes both. The end
+/// of the input alone means that there is no more work, and the end of the output alone means that the program does
+/// not read it.
 ///
-/// On other systems than Unix nothing happens.
+/// On systems other than Unix it has no effect.
 ///
 /// # Errors
-/// Those of the system.
+/// The errors of the system.
 pub fn when_caller_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result<()> {
     #[cfg(unix)]
     {
@@ -63,12 +66,12 @@ pub fn when_caller_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result
     Ok(())
 }
 
-/// Waits until the other end of a pipe or socket is closed. False when the system cannot tell.
+/// Waits until the other end of a pipe or socket is closed. Returns false when the system cannot detect it.
 #[cfg(unix)]
 fn hangs_up(end: std::os::fd::BorrowedFd<'_>) -> bool {
     use rustix::event::{PollFd, PollFlags, poll};
     loop {
-        // Hanging up is reported without being asked for.
+        // A hang-up is reported without being requested.
         let mut ends = [PollFd::from_borrowed_fd(end, PollFlags::empty())];
         match poll(&mut ends, None) {
             Err(rustix::io::Errno::INTR) => (),
@@ -78,17 +81,17 @@ fn hangs_up(end: std::os::fd::BorrowedFd<'_>) -> bool {
     }
 }
 
-/// Leaves the end of the process to the thread that a signal woke: it may have ended what the tool was waiting for, and the exit
-/// status must be that of the signal.
+/// Waits for the thread that a signal woke to end the process. That thread may have ended what the tool was waiting
+/// for, and the exit status must be that of the signal.
 pub fn wait_for_end() {
-    // It takes a third of a second, and should it fail, the tool ends by itself.
+    // Ending takes a third of a second. If it fails, the tool ends by itself.
     std::thread::sleep(std::time::Duration::from_secs(5));
 }
 
 /// Ends the process at once, whatever its threads are doing.
 #[cfg(unix)]
 pub fn leave(status: Status) -> ! {
-    // Threads that render must not see statics of libraries go.
+    // Threads that render must not access destroyed statics of libraries.
     signal_hook::low_level::exit(status.code().into())
 }
 

@@ -1,24 +1,25 @@
-//! The kernel's own fence around a run for a scene from a stranger.
+//! Restrictions by the kernel for a run of an untrusted scene.
 
 use granita_base::{Files, Rules};
 
-/// How far the kernel keeps a process within its rules.
+/// The extent to which the kernel enforces the rules of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fence {
     /// Files outside of the rules cannot be opened, and no program can be started.
     Whole,
-    /// The kernel knows a part of that only.
+    /// The kernel supports only a part of this.
     Partial,
-    /// The system has no such fence, or it is switched off.
+    /// The system does not support such restrictions, or they are switched off.
     None,
 }
 
-/// Has the kernel (Linux: Landlock) hold the calling thread, and all threads that it starts from now on, to the rules of
-/// `files`: for holes in our own. To be called before threads are started. Folders of files that the user named are within
-/// the fence as a whole, since files come into being there. Without rules nothing happens.
+/// Makes the kernel (Linux: Landlock) enforce the rules of `files` for the calling thread and all threads that it
+/// starts from now on. This protects against errors in the suite's own checks. It is called before threads are
+/// started. Folders of files that the user named are accessible as a whole, because files are created there. Without
+/// rules it has no effect.
 ///
 /// # Errors
-/// What the kernel says, when it has the fence and refuses it.
+/// The kernel's error, when it supports the restrictions and refuses them.
 pub fn fence(files: &Files) -> Result<Fence, String> {
     match files.rules() {
         Some(rules) => lay(&rules),
@@ -26,8 +27,8 @@ pub fn fence(files: &Files) -> Result<Fence, String> {
     }
 }
 
-/// Files and folders that the process itself reads: how many processors there are, names of machines, libraries that
-/// look those up.
+/// The files and folders that the process itself reads: the number of processors, names of machines, and the
+/// libraries for looking these up.
 #[cfg(target_os = "linux")]
 const SYSTEM: [&str; 13] = [
     "/proc/self",
@@ -53,10 +54,10 @@ fn lay(rules: &Rules) -> Result<Fence, String> {
     };
     use std::path::Path;
 
-    // The first version that knows renaming across folders and truncation.
+    // This is the first version that supports renaming across folders and truncation.
     let abi = ABI::V3;
     let reading = AccessFs::ReadFile | AccessFs::ReadDir;
-    // Nothing here makes devices, sockets or links, or removes folders.
+    // The process makes no devices, sockets or links, and removes no folders.
     let writing = reading
         | AccessFs::WriteFile
         | AccessFs::Truncate
@@ -69,10 +70,10 @@ fn lay(rules: &Rules) -> Result<Fence, String> {
             let access = if path.is_dir() { access } else { access & AccessFs::from_file(abi) };
             set.add_rule(PathBeneath::new(handle, access))
         }
-        // What is not there needs no rule.
+        // A path that does not exist needs no rule.
         Err(_) => Ok(set),
     };
-    // Rules need something to be laid on.
+    // A rule needs an existing folder.
     if let Some(write) = &rules.write
         && let Err(error) = std::fs::create_dir(write)
         && error.kind() != std::io::ErrorKind::AlreadyExists

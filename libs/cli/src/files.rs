@@ -1,7 +1,7 @@
-//! How many files the process may have open.
+//! The limit of open files of the process.
 
-/// The most files that the limit is raised to: systems that know no limit would have programs started by a scene look at
-/// a thousand million numbers of files.
+/// The largest value to which the limit is raised. On systems without a limit, programs that a scene starts would
+/// otherwise examine a thousand million file descriptors.
 #[cfg(unix)]
 const MOST: u64 = 1 << 16;
 
@@ -12,12 +12,12 @@ pub(crate) fn raise_limit() {
     let limit = getrlimit(Resource::Nofile);
     let most = limit.maximum.unwrap_or(MOST).min(MOST);
     if limit.current.is_some_and(|now| now < most) {
-        // macOS has a limit of its own below the one that it tells, and is not asked twice.
+        // macOS has its own limit below the reported one. The call is not repeated.
         let _ = setrlimit(Resource::Nofile, Rlimit { current: Some(most), ..limit });
     }
 }
 
-/// There is no such limit.
+/// Does nothing, because there is no such limit.
 #[cfg(not(unix))]
 pub(crate) fn raise_limit() {}
 

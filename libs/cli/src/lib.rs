@@ -1,12 +1,14 @@
-//! One way to declare a tool: clap options in one or two dashes, progress, messages, exit codes.
+//! The common parts of all tools: clap options with one or two dashes, progress, messages, exit codes.
 //!
-//! The suite's users write `-envcube`; today's users write `--envcube`. [`parse`] takes both: a word
-//! `-name` is read as `--name` when the tool declares a long option of that name, or when no short
-//! option begins with its first letter (so that a misspelling gets clap's suggestion).
+//! Users of the suite write `-envcube`, and common practice today is `--envcube`. [`parse`] accepts both. A word
+//! `-name` is read as `--name` when the tool declares a long option of that name, or when no short option begins with
+//! its first letter (so that a misspelling gets clap's suggestion).
 //!
-//! A tool that starts processes or leaves unfinished files ends them through [`Ending`], or [`before_signals`] alone.
+//! A tool that starts processes or leaves unfinished files ends them through [`Ending`], or with [`before_signals`]
+//! alone.
 //!
-//! Exit codes: 0 done, 1 ran with errors, 2 could not run ([`Status`]). A closed pipe is no failure.
+//! The exit codes are 0 (done), 1 (ran with errors) and 2 (could not run); see [`Status`]. A closed pipe is not a
+//! failure.
 
 #![forbid(unsafe_code)]
 
@@ -17,7 +19,7 @@ mod files;
 mod progress;
 mod run;
 
-pub use args::parse;
+pub use args::{Given, parse, parse_with_given, try_parse};
 pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;
@@ -26,19 +28,19 @@ pub use run::{Ending, seconds};
 
 use std::process::ExitCode;
 
-/// How a tool ended.
+/// The result of a tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// All well.
+    /// The tool ran without errors.
     Done,
-    /// It ran and left something useful, but there were errors.
+    /// The tool ran and left a useful result, but there were errors.
     WithErrors,
-    /// It could not do what was asked.
+    /// The tool could not do what was requested.
     Failed,
 }
 
 impl Status {
-    /// The exit status of the process.
+    /// Returns the exit status of the process.
     pub fn code(self) -> u8 {
         match self {
             Self::Done => 0,
@@ -54,7 +56,7 @@ impl From<Status> for ExitCode {
     }
 }
 
-/// Prints to standard output; a reader that went away is no failure.
+/// Prints to standard output. A reader that is gone is not a failure.
 #[expect(clippy::exit, reason = "a closed pipe ends the tool, quietly and successfully")]
 pub fn print(text: &str) {
     use std::io::Write;
@@ -65,7 +67,7 @@ pub fn print(text: &str) {
     }
 }
 
-/// The process's environment, for the libraries that take it as a value.
+/// Returns the process's environment, for the libraries that take it as a value.
 pub fn environment() -> granita_base::Environment {
     std::env::vars_os().collect()
 }

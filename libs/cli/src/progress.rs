@@ -1,4 +1,4 @@
-//! A progress bar, and messages that do not tear it apart.
+//! A progress bar, and messages that do not break it.
 
 use granita_base::Reporter;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// How long the rest will take if it goes on as it did so far, as "1 min 20 s"; `None` while there is too little to
-/// tell by, and at the end.
+/// Returns the estimated remaining time at the current speed, such as "1 min 20 s". `None` at the beginning, when
+/// there is too little data, and at the end.
 pub fn time_left(elapsed: Duration, done: u64, total: u64) -> Option<String> {
     if done == 0 || done >= total || elapsed < Duration::from_millis(500) {
         return None;
@@ -17,7 +17,7 @@ pub fn time_left(elapsed: Duration, done: u64, total: u64) -> Option<String> {
     Some(match seconds {
         s if s < 99.5 => format!("{:.0} s", s.max(1.0)),
         s if s < 3600.0 => {
-            // Nobody can tell to the second.
+            // The estimate is not accurate to the second.
             let s = (s / 10.0).round() as u64 * 10;
             format!("{} min {} s", s / 60, s % 60)
         }
@@ -28,7 +28,7 @@ pub fn time_left(elapsed: Duration, done: u64, total: u64) -> Option<String> {
     })
 }
 
-/// The bars of one tool. Draws nothing when standard error is not a terminal.
+/// The bars of one tool. They are not drawn when standard error is not a terminal.
 #[derive(Clone, Debug)]
 pub struct Bar {
     all: MultiProgress,
@@ -43,7 +43,7 @@ impl Default for Bar {
 }
 
 impl Bar {
-    /// A bar that is not yet shown; never shown when `visible` is false.
+    /// Returns a bar that is not shown yet. It is never shown when `visible` is false.
     pub fn new(visible: bool) -> Self {
         let target =
             if visible { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
@@ -54,13 +54,13 @@ impl Bar {
         }
     }
 
-    /// Starts to show `total` steps of `what`.
+    /// Begins to show `total` steps of `what`.
     pub fn begin(&mut self, what: &str, total: u64) {
         let style = ProgressStyle::with_template("{msg} [{bar:40}] {percent:>3} % {elapsed}{left}")
             .unwrap_or_else(|_| ProgressStyle::default_bar())
             .with_key("left", |state: &ProgressState, out: &mut dyn fmt::Write| {
                 if let Some(left) = time_left(state.elapsed(), state.pos(), state.len().unwrap_or(0)) {
-                    // A terminal that takes no text is nobody to tell.
+                    // An error of writing to the terminal is ignored.
                     let _ = write!(out, ", about {left} left");
                 }
             });
@@ -70,22 +70,22 @@ impl Bar {
         self.bar.enable_steady_tick(Duration::from_millis(250));
     }
 
-    /// Whether it is ever seen: not where standard error is no terminal.
+    /// True when the bar can be visible, which requires that standard error is a terminal.
     pub fn is_shown(&self) -> bool {
         !self.all.is_hidden()
     }
 
-    /// So many steps are done.
+    /// Sets the number of steps that are done.
     pub fn done(&self, steps: u64) {
         self.bar.set_position(steps);
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn end(&self) {
         self.bar.finish_and_clear();
     }
 
-    /// Lets warnings and errors be printed no more: what fails because the tool is being ended is not worth a line.
+    /// Suppresses further warnings and errors, because failures caused by ending the tool are not of interest.
     pub fn mute(&self) {
         self.muted.store(true, Ordering::SeqCst);
     }
@@ -97,7 +97,7 @@ impl Bar {
         }
         if self.all.is_hidden() {
             use std::io::Write;
-            // Nobody is left to tell when standard error is closed.
+            // An error is ignored, because there is no output when standard error is closed.
             let _ = writeln!(std::io::stderr().lock(), "{text}");
         } else {
             let _ = self.all.println(text);
@@ -105,13 +105,13 @@ impl Bar {
     }
 }
 
-/// A reporter that prints to the terminal, above `bar`: messages to standard output, the rest to standard
-/// error behind the tool's name.
+/// Returns a reporter that prints to the terminal, above `bar`. Messages go to standard output, and the rest to
+/// standard error after the tool's name.
 pub fn console_reporter(tool: &'static str, bar: &Bar) -> Reporter {
     reporter_with(tool, bar, crate::print)
 }
 
-/// As [`console_reporter`], with messages to `say` instead of standard output.
+/// Does the same as [`console_reporter`], with messages passed to `say` instead of standard output.
 pub fn reporter_with(tool: &'static str, bar: &Bar, say: impl Fn(&str) + Send + Sync + 'static) -> Reporter {
     let bar = bar.clone();
     Reporter::new(Box::new(move |message| {

@@ -1,10 +1,10 @@
 //! Bernstein weights and Bezier nets of any number of channels, in double precision.
 
-/// Highest degree accepted.
+/// The highest degree that is accepted.
 pub(crate) const MAX_DEGREE: usize = 23;
 
-/// Weights of the `degree + 1` control vertices at a place `a + b = 1`. Exchanging `a` and `b` reverses the weights
-/// to the bit; at the ends they are exactly 0 and 1.
+/// Computes the weights of the `degree + 1` control vertices at a place `a + b = 1`. Exchanging `a` and `b` reverses
+/// the weights to the bit. At the ends they are exactly 0 and 1.
 pub(crate) fn bernstein(degree: usize, a: f64, b: f64, out: &mut [f64]) {
     let (mut pa, mut pb) = ([1.0_f64; MAX_DEGREE + 1], [1.0_f64; MAX_DEGREE + 1]);
     for k in 1..=degree {
@@ -19,7 +19,7 @@ pub(crate) fn bernstein(degree: usize, a: f64, b: f64, out: &mut [f64]) {
     }
 }
 
-/// Weights of the derivative with respect to `b`.
+/// Computes the weights of the derivative with respect to `b`.
 pub(crate) fn bernstein_derivative(degree: usize, a: f64, b: f64, out: &mut [f64]) {
     if degree == 0 {
         out[0] = 0.0;
@@ -35,7 +35,8 @@ pub(crate) fn bernstein_derivative(degree: usize, a: f64, b: f64, out: &mut [f64
     }
 }
 
-/// The weighted sum of `weights.len()` values, to the bit the same when weights and values are reversed.
+/// Returns the weighted sum of `weights.len()` values. The sum is the same to the bit when weights and values are
+/// reversed.
 pub(crate) fn symmetric_sum(weights: &[f64], value: impl Fn(usize) -> f64) -> f64 {
     let n = weights.len();
     let mut sum = 0.0;
@@ -48,12 +49,12 @@ pub(crate) fn symmetric_sum(weights: &[f64], value: impl Fn(usize) -> f64) -> f6
     sum
 }
 
-/// Replaces the control vertices of a curve by those of its part from `s0` to `s1`. Vertex `i`, channel `c` is at
-/// `i * stride + c` of `net`, for the `channels` first channels.
+/// Replaces the control vertices of a curve by those of its part from `s0` to `s1`. Channel `c` of vertex `i` is at
+/// `i * stride + c` of `net`, for the first `channels` channels.
 pub(crate) fn restrict(net: &mut [f64], degree: usize, stride: usize, channels: usize, s0: f64, s1: f64) {
     let lerp = |x: f64, y: f64, s: f64| x * (1.0 - s) + y * s;
     if s1 < 1.0 {
-        // de Casteljau, keeping the left part.
+        // De Casteljau's algorithm, which keeps the left part.
         for r in 1..=degree {
             for i in (r..=degree).rev() {
                 for c in 0..channels {

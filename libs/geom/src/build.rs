@@ -1,4 +1,4 @@
-//! From descriptions to pieces.
+//! Builds pieces from the descriptions of primitives.
 
 use crate::key::ShapeKey;
 use crate::spline::Spline;
@@ -9,13 +9,14 @@ use granita_base::{Severity, ShapeDesc};
 
 /// Builds the pieces of a primitive.
 ///
-/// `keys` are the motion keys, times increasing, all with the same parameters. Pieces move by the positions of all keys,
-/// widths of points and curves and a sphere's arguments among them; primitive variables of later keys come out by
-/// [`crate::Dice::variables_at`]. `trim` applies to patches. Mistakes that leave something to
-/// draw (an index out of range, a primitive variable of a wrong size, `"vertex normal P"`) go to `report` as
-/// warnings. A primitive with nothing to draw (no faces, no area) has no pieces.
+/// `keys` are the motion keys, times increasing, all with the same parameters. Pieces move with the positions of all
+/// keys, including widths of points and curves and the arguments of a sphere. Primitive variables of later keys are
+/// returned by [`crate::Dice::variables_at`]. `trim` applies to patches. Errors that leave something to draw (an
+/// index out of range, a primitive variable of a wrong size, `"vertex normal P"`) are passed to `report` as warnings.
+/// A primitive with nothing to draw (no faces, no area) has no pieces.
 ///
-/// Errors: [`GeomError`] when the primitive cannot be built.
+/// # Errors
+/// [`GeomError`] when the primitive cannot be built.
 pub fn build(
     shape: &ShapeDesc,
     keys: &[ShapeKey<'_>],
@@ -66,10 +67,10 @@ pub fn build(
     }
 }
 
-/// Whether there are as many control vertices as two counts multiply to; checked before anything of their size is
-/// made.
+/// Checks that there are as many control vertices as two counts multiply to, before anything of their size is
+/// allocated.
 fn check_counts(call: &'static str, keys: &[ShapeKey<'_>], [a, b]: [usize; 2]) -> Result<(), GeomError> {
-    // What else is wrong with the vertices is said later.
+    // Other errors of the vertices are reported later.
     let have = vertex_count(call, keys, &mut |_, _| {})?;
     if a.max(1).checked_mul(b.max(1)).is_none_or(|n| n > have) {
         let what = format!("{have} control vertices instead of {a} x {b}");

@@ -1,86 +1,88 @@
 //! Control cages of Catmull-Clark surfaces: topology and refinement.
 //!
-//! Rules: Catmull and Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
-//! Computer-Aided Design 10(6), 1978; along borders the cubic B-spline curve of the border's vertices. Creases follow the
-//! same curve for as many steps as they are sharp (DeRose, Kass and Truong, "Subdivision Surfaces in Character
-//! Animation", SIGGRAPH 1998).
+//! The rules are those of Catmull and Clark, "Recursively generated B-spline surfaces on arbitrary topological
+//! meshes", Computer-Aided Design 10(6), 1978. Along borders the surface follows the cubic B-spline curve of the
+//! border's vertices. Creases follow the same curve for as many steps as their sharpness (DeRose, Kass and Truong,
+//! "Subdivision Surfaces in Character Animation", SIGGRAPH 1998).
 
 /// An edge with the faces on its sides.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    /// How many steps of subdivision it stays sharp; infinite at borders and where more than two faces meet.
+    /// The number of steps of subdivision for which it stays sharp; infinite at borders and at edges with more than
+    /// two faces.
     pub(crate) sharpness: f32,
-    /// Its ends, the smaller index first.
+    /// The indices of its ends, the smaller one first.
     pub(crate) ends: [u32; 2],
-    /// Up to two faces.
+    /// The indices of up to two faces.
     pub(crate) faces: [u32; 2],
-    /// How many faces there are. Edges with other than two are always sharp: borders, and where more faces meet.
+    /// The number of faces. Edges with a number other than two, which are borders and edges with more faces, are
+    /// always sharp.
     pub(crate) count: u32,
 }
 
 impl Edge {
-    /// Whether the surface does not pass smoothly.
+    /// True when the surface does not pass smoothly.
     pub(crate) fn is_sharp(&self) -> bool {
         self.sharpness > 0.0
     }
 
-    /// Which of its ends a vertex is.
+    /// Returns which of its ends a vertex is.
     pub(crate) fn end(&self, vertex: u32) -> usize {
         usize::from(vertex != self.ends[0])
     }
 }
 
-/// Sharp edges and vertices that the surface would pass smoothly.
+/// Sharp edges and vertices where the surface would be smooth by the rules.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Creases {
-    /// Ends of edges, and how sharp each is.
+    /// The ends of edges, and their sharpness.
     pub(crate) edges: Vec<([u32; 2], f32)>,
-    /// Vertices, and how sharp each is.
+    /// The vertices, and their sharpness.
     pub(crate) vertices: Vec<(u32, f32)>,
 }
 
-/// What the surface does at a vertex.
+/// The behaviour of the surface at a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Corner {
-    /// Smooth all around.
+    /// The surface is smooth all around.
     Smooth,
-    /// On a border curve or a crease with these two neighbours.
+    /// The vertex is on a border curve or a crease with these two neighbours.
     Crease([u32; 2]),
-    /// It goes through the vertex.
+    /// The surface goes through the vertex.
     Sharp,
 }
 
-/// Faces over vertices with all that neighbours what.
+/// Faces over vertices with their adjacency.
 #[derive(Debug)]
 pub(crate) struct Cage {
-    /// Numbers per vertex.
+    /// The number of channels per vertex.
     pub(crate) channels: usize,
-    /// Vertices.
+    /// The channels of the vertices.
     pub(crate) points: Vec<f64>,
-    /// Where the corners of each face start, and one more.
+    /// The indices at which the corners of each face start, and one more.
     pub(crate) starts: Vec<u32>,
-    /// Vertex at each corner.
+    /// The vertex at each corner.
     pub(crate) corners: Vec<u32>,
-    /// Edge from each corner to the next of its face.
+    /// The edge from each corner to the next of its face.
     pub(crate) corner_edges: Vec<u32>,
     /// All edges.
     pub(crate) edges: Vec<Edge>,
-    /// Where the faces of each vertex start, and one more.
+    /// The indices at which the faces of each vertex start, and one more.
     vertex_starts: Vec<u32>,
-    /// Corners at each vertex, in order.
+    /// The corners at each vertex, in order.
     vertex_corners: Vec<u32>,
-    /// Edges at each vertex, likewise.
+    /// The edges at each vertex, in the same form.
     edge_starts: Vec<u32>,
     vertex_edges: Vec<u32>,
-    /// Whether vertices with one face are sharp ("border" 1).
+    /// True when vertices with one face are sharp ("border" 1).
     sharp_corners: bool,
-    /// How sharp each vertex is of itself; empty when none is.
+    /// The sharpness of each vertex by itself; empty when there is none.
     vertex_sharpness: Vec<f32>,
-    /// Whether any edge of two faces is sharp.
+    /// True when any edge of two faces is sharp.
     creased: bool,
 }
 
-/// Lists by vertex: where each starts, and all entries in order.
+/// Returns lists by vertex: the start of each, and all entries in order.
 fn by_vertex(n: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0_u32; n + 1];
     for (v, _) in entries.clone() {
@@ -100,7 +102,7 @@ fn by_vertex(n: usize, entries: impl Iterator<Item = (u32, u32)> + Clone) -> (Ve
 }
 
 impl Cage {
-    /// From faces; `corners` are in range of the points.
+    /// Returns the cage of some faces. `corners` must be in range of the points.
     pub(crate) fn new(
         channels: usize,
         points: Vec<f64>,
@@ -157,7 +159,7 @@ impl Cage {
         }
     }
 
-    /// Makes edges and vertices sharp; how many of each are not there.
+    /// Makes edges and vertices sharp. Returns the numbers of those that do not exist.
     pub(crate) fn crease(&mut self, creases: &Creases) -> [usize; 2] {
         let mut missing = [0; 2];
         for &([a, b], sharpness) in &creases.edges {
@@ -183,29 +185,29 @@ impl Cage {
         missing
     }
 
-    /// The sharpest that an edge of two faces or a vertex is; infinite ones do not count.
+    /// Returns the largest sharpness of an edge of two faces or of a vertex, without infinite ones.
     pub(crate) fn passing_sharpness(&self) -> f32 {
         let edges = self.edges.iter().map(|e| e.sharpness);
         let all = edges.chain(self.vertex_sharpness.iter().copied());
         all.filter(|s| s.is_finite()).fold(0.0, f32::max)
     }
 
-    /// Number of vertices.
+    /// The number of vertices.
     pub(crate) fn vertices(&self) -> usize {
         self.vertex_starts.len() - 1
     }
 
-    /// Number of faces.
+    /// The number of faces.
     pub(crate) fn faces(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The channels of a vertex.
+    /// Returns the channels of a vertex.
     pub(crate) fn point(&self, vertex: u32) -> &[f64] {
         &self.points[vertex as usize * self.channels..][..self.channels]
     }
 
-    /// The corners that are at a vertex.
+    /// Returns the corners at a vertex.
     pub(crate) fn corners_at(&self, vertex: u32) -> &[u32] {
         let v = vertex as usize;
         &self.vertex_corners[self.vertex_starts[v] as usize..self.vertex_starts[v + 1] as usize]
@@ -216,12 +218,12 @@ impl Cage {
         &self.vertex_edges[self.edge_starts[v] as usize..self.edge_starts[v + 1] as usize]
     }
 
-    /// Corner range of a face.
+    /// Returns the range of corners of a face.
     pub(crate) fn face(&self, face: usize) -> std::ops::Range<usize> {
         self.starts[face] as usize..self.starts[face + 1] as usize
     }
 
-    /// What the surface does at a vertex.
+    /// Returns the behaviour of the surface at a vertex.
     pub(crate) fn corner(&self, vertex: u32) -> Corner {
         self.corner_after(vertex, 0.0)
     }
@@ -230,7 +232,7 @@ impl Cage {
         self.vertex_sharpness.get(vertex as usize).copied().unwrap_or(0.0)
     }
 
-    /// What the surface does at a vertex when all is less sharp by so much.
+    /// Returns the behaviour of the surface at a vertex when every sharpness is reduced by `less`.
     fn corner_after(&self, vertex: u32, less: f32) -> Corner {
         if self.own_sharpness(vertex) > less {
             return Corner::Sharp;
@@ -253,10 +255,10 @@ impl Cage {
         }
     }
 
-    /// Faces around a vertex between two sharp edges, among them that of corner `k`; all faces are quadrilaterals. Of a
-    /// mesh without creases, all around the vertex.
+    /// Returns the number of faces around a vertex between two sharp edges, including that of corner `k`. All faces
+    /// are quadrilaterals. Without creases these are all faces around the vertex.
     pub(crate) fn sector(&self, k: u32) -> usize {
-        /// Beyond this nobody sees how they are divided.
+        /// With more faces than this, their division is not visible.
         const MOST: usize = 64;
         let vertex = self.corners[k as usize];
         let corners = self.corners_at(vertex);
@@ -264,7 +266,7 @@ impl Cage {
             return corners.len();
         }
         let before = |k: u32| if k.is_multiple_of(4) { k + 3 } else { k - 1 };
-        // Over the edge behind each corner, then over the one before it.
+        // The search crosses the edge behind each corner, then the edge before it.
         let (mut n, mut ends) = (1, 0);
         for forward in [true, false] {
             let mut here = k;
@@ -293,8 +295,8 @@ impl Cage {
         n.min(corners.len())
     }
 
-    /// Replaces `out` by the quadrilaterals around a vertex in winding order: the edge to the vertex that follows it in
-    /// each, that vertex, and the opposite one. False when they do not close into one fan.
+    /// Replaces `out` by the quadrilaterals around a vertex in winding order: for each the edge to the next vertex,
+    /// that vertex, and the opposite one. Returns false when they do not form one closed fan.
     pub(crate) fn fan(&self, vertex: u32, out: &mut Vec<[u32; 3]>) -> bool {
         out.clear();
         let around = |k: u32, by: u32| self.corners[(k / 4 * 4 + (k + by) % 4) as usize];
@@ -312,8 +314,9 @@ impl Cage {
         k == corners[0] && by_next.windows(2).all(|w| w[0].0 != w[1].0)
     }
 
-    /// The edges at a vertex between a sharp one and the next sharp one, which it returns: `corner` is the first face's there.
-    /// `by_out` has the vertex's corners, each with the edge that goes out from it, sorted. `None` where windings do not fit.
+    /// Returns the edges at a vertex from a sharp one to the next sharp one. `corner` is the corner of the first face
+    /// there. `by_out` holds the vertex's corners, each with the edge that starts from it, sorted. `None` where the
+    /// windings are inconsistent.
     pub(crate) fn sector_edges(
         &self,
         corner: u32,
@@ -337,12 +340,13 @@ impl Cage {
         }
     }
 
-    /// What the surface does at each vertex.
+    /// Returns the behaviour of the surface at each vertex.
     pub(crate) fn kinds(&self) -> Vec<Corner> {
         (0..self.vertices() as u32).map(|v| self.corner(v)).collect()
     }
 
-    /// Whether one bicubic patch is exactly the surface at each of these faces; `kinds` as [`Cage::kinds`] gives them.
+    /// True when one bicubic patch is exactly the surface at each of these faces. `kinds` is the result of
+    /// [`Cage::kinds`].
     pub(crate) fn is_regular(&self, kinds: &[Corner], mut drawn: impl Iterator<Item = usize>) -> bool {
         let regular = |&v: &u32| {
             let faces = self.corners_at(v).len();
@@ -356,9 +360,9 @@ impl Cage {
             && drawn.all(|f| self.corners[self.face(f)].iter().all(regular))
     }
 
-    /// One step of subdivision. The quadrilateral at corner `c` has number `c` in the result. Where the face was
-    /// one, too, corner `i` of the child at its corner `i` is that corner, so parameters keep their directions;
-    /// children of other faces start with the face's corner.
+    /// Does one step of subdivision. The quadrilateral at corner `c` has index `c` in the result. Where the face was
+    /// a quadrilateral too, corner `i` of the child at its corner `i` is that corner, so that parameters keep their
+    /// directions. Children of other faces start with the face's corner.
     pub(crate) fn refined(&self) -> Self {
         let (c, nv, ne, nf) = (self.channels, self.vertices(), self.edges.len(), self.faces());
         let mut points = vec![0.0; (nv + ne + nf) * c];
@@ -402,7 +406,7 @@ impl Cage {
                     });
                     average(&mut ring, others);
                     for k in 0..c {
-                        // Q/n + 2R/n + (n-3)v/n with R = (v + ring)/2.
+                        // The rule is Q/n + 2R/n + (n-3)v/n with R = (v + ring)/2.
                         out[k] = (middle[k] + ring[k] + (n - 2.0) * p[k]) / n;
                     }
                 }
@@ -421,7 +425,7 @@ impl Cage {
             let (now, next) = (self.corner(v), self.corner_after(v, 1.0));
             place(v, now, out);
             if now != next {
-                // What ends within this step counts in part.
+                // A sharpness that ends within this step has a partial effect.
                 let part = self.passing(v);
                 place(v, next, &mut later);
                 out.iter_mut().zip(&later).for_each(|(o, l)| *o = *o * part + l * (1.0 - part));
@@ -454,7 +458,7 @@ impl Cage {
         refined
     }
 
-    /// The mean sharpness of what is sharp at a vertex for less than one more step.
+    /// Returns the mean sharpness of everything at a vertex that is sharp for less than one more step.
     fn passing(&self, vertex: u32) -> f64 {
         let own = std::iter::once(self.own_sharpness(vertex));
         let edges = self.edges_at(vertex).iter().map(|&e| self.edges[e as usize].sharpness);
@@ -464,7 +468,7 @@ impl Cage {
     }
 }
 
-/// The mean of points, added up in order.
+/// Computes the mean of points, added in order.
 fn average<'a>(out: &mut [f64], points: impl Iterator<Item = &'a [f64]>) {
     out.fill(0.0);
     let mut n = 0.0;

@@ -1,6 +1,6 @@
-//! Curves (reference 2.8.3): ribbons along splines, u across and v along.
+//! Curves (reference 2.8.3), which are ribbons along splines, with u across and v along.
 //!
-//! With "N" a ribbon is perpendicular to it. Without, it faces the viewer: [`crate::Dice::facing`].
+//! With "N" a ribbon is perpendicular to N. Without it the ribbon faces the viewer; see [`crate::Dice::facing`].
 
 use crate::GeomError;
 use crate::bezier::{MAX_DEGREE, bernstein, bernstein_derivative, symmetric_sum};
@@ -18,28 +18,28 @@ use std::sync::Arc;
 
 const CALL: &str = "Curves";
 
-/// More segments than this are not diced together.
+/// The largest number of segments that are diced together.
 const MOST_SEGMENTS: u32 = 8;
 
-/// Segments that meet at more than this angle (radians) make a crease.
+/// The angle in radians between segments from which on they form a crease.
 const CREASE: f32 = 0.01;
 
 struct Curves {
     times: Vec<f32>,
     spline: Spline,
-    /// Control vertices of a curve.
+    /// The number of control vertices of a curve.
     nverts: usize,
     control: Control,
     vars: Vars,
-    /// For each key.
+    /// The widths for each key.
     widths: Vec<Widths>,
-    /// Curves that can be drawn, neighbours together.
+    /// The indices of the curves that can be drawn, ordered so that neighbours are together.
     order: Vec<u32>,
 }
 
 struct CurvePiece {
     all: Arc<Curves>,
-    /// Positions in the order.
+    /// The positions in the order.
     curves: std::ops::Range<usize>,
     range: [Range; 2],
     bounds: Vec<Bound>,
@@ -86,19 +86,19 @@ pub(crate) fn build(
     Ok(vec![Box::new(CurvePiece::new(all, curves, None))])
 }
 
-/// Everything about one place of a curve.
+/// The evaluated values at one place of a curve.
 struct Point {
-    /// Control channels, divided by weights.
+    /// The control channels, divided by weights.
     values: Vec<f64>,
-    /// Derivative along v at each key.
+    /// The derivative along v at each key.
     tangents: Vec<Vec3>,
-    /// Width at each key.
+    /// The width at each key.
     widths: Vec<f32>,
     v: f64,
 }
 
 impl Curves {
-    /// Bezier vertices of a segment: the control channels, then the vertex widths of each key.
+    /// Gathers the Bezier vertices of a segment: the control channels, then the vertex widths of each key.
     fn gather(&self, curve: usize, segment: u32, out: &mut Vec<f64>) {
         let s = &self.spline.segments[segment as usize];
         let (m, c, stride) = (self.spline.degree + 1, self.control.channels, self.stride());
@@ -130,7 +130,7 @@ impl Curves {
         self.control.channels + self.times.len()
     }
 
-    /// Width at a key and a fraction along the curve, where it is not interpolated like the vertices.
+    /// Returns the width at a key and a fraction along the curve, when it is not interpolated like the vertices.
     fn width(&self, key: usize, curve: usize, fraction: f64) -> Option<f64> {
         match &self.widths[key] {
             Widths::Constant(w) => Some(f64::from(*w)),
@@ -147,7 +147,8 @@ impl Curves {
         let dim = self.control.dim;
         let (mut values, mut tangents) = self.raw(curve, place, net);
         if let Some(beside) = self.beside(place) {
-            // Segments may meet at an angle; ribbons join there when both take the direction in between.
+            // Segments may have an angle between them. Their ribbons share an edge when both take the direction in
+            // between.
             let (_, others) = self.raw(curve, beside, net);
             for (t, other) in tangents.iter_mut().zip(others) {
                 let between = t.normalize_or_zero() + other.normalize_or_zero();
@@ -177,7 +178,7 @@ impl Curves {
         Point { values, tangents, widths, v }
     }
 
-    /// All channels at a place, not divided by weights, and the derivative along v at each key.
+    /// Returns all channels at a place, not divided by weights, and the derivative along v at each key.
     fn raw(&self, curve: usize, place: Place, net: &mut Vec<f64>) -> (Vec<f64>, Vec<Vec3>) {
         self.gather(curve, place.segment, net);
         let (stride, degree) = (self.stride(), self.spline.degree);
@@ -192,7 +193,7 @@ impl Curves {
         (values, tangents)
     }
 
-    /// The same place as the end of the neighbouring segment, if it is one.
+    /// Returns the same place as the end of the neighbouring segment, if there is one.
     fn beside(&self, place: Place) -> Option<Place> {
         if place.b == 0.0 && place.segment > 0 {
             Some(Place { segment: place.segment - 1, a: 0.0, b: 1.0 })
@@ -203,7 +204,8 @@ impl Curves {
         }
     }
 
-    /// Derivative within the segment at a key. Where it vanishes, the one a little further inside.
+    /// Returns the derivative within the segment at a key. Where it vanishes, the derivative slightly further inside
+    /// is returned.
     fn tangent(&self, net: &[f64], key: usize, place: Place, values: &[f64]) -> Vec3 {
         let (stride, dim, degree) = (self.stride(), self.control.dim, self.spline.degree);
         let mut d = [0.0; MAX_DEGREE + 1];
@@ -274,7 +276,7 @@ impl CurvePiece {
     }
 }
 
-/// `nu` points on each line from one border of a ribbon, which is straight across, to the other.
+/// Appends `nu` points on each line from one border of a ribbon to the other. A ribbon is straight across.
 fn spread_across(borders: &[Vec3], nu: usize, out: &mut Vec<Vec3>) {
     let last = nu.max(2) - 1;
     out.clear();
@@ -323,7 +325,8 @@ impl Surface for CurvePiece {
     }
 
     fn is_splittable(&self) -> bool {
-        // Where one parameter no longer divides the width is beyond all measure: parts along the other would be as wide.
+        // Where one parameter can no longer be divided, the width is so large that dividing the other parameter would
+        // give equally wide parts.
         self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
@@ -392,7 +395,7 @@ impl Surface for CurvePiece {
         dice.facing = Some(facing);
         match dice.n.clone() {
             Some(normals) => {
-                // The normals take the viewer's place, for good.
+                // The normals replace the viewer permanently.
                 dice.turn_by(&|_, i, _| View { toward: normals[i], pixel: 1.0 });
                 dice.facing = None;
             }

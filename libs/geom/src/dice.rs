@@ -1,4 +1,4 @@
-//! What dicing gives.
+//! The result of dicing.
 
 use crate::trim::TrimMask;
 use granita_base::{ParamType, Vec3};
@@ -7,33 +7,33 @@ use std::sync::Arc;
 /// A diced piece: a lattice of `nu x nv` points, u fastest, in object space.
 #[derive(Clone, Debug, Default)]
 pub struct Dice {
-    /// Points along u.
+    /// The number of points along u.
     pub nu: usize,
-    /// Points along v.
+    /// The number of points along v.
     pub nv: usize,
-    /// Positions for each motion key.
+    /// The positions for each motion key.
     pub p: Vec<Vec<Vec3>>,
-    /// The user's normals "N" at the first key, interpolated and not normalized; none if not given. A curve's "N"
-    /// is here, too: its ribbon is already perpendicular to it.
+    /// The user's normals "N" at the first key, interpolated and not normalized; `None` if they are not given. The
+    /// "N" of a curve is included, although its ribbon is already perpendicular to it.
     pub n: Option<Vec<Vec3>>,
-    /// dP/du at the first key, u being the parameter in [`Dice::u`]. Where the surface degenerates (the pole of a
-    /// sphere, a collapsed edge of a patch) a short vector in the limit direction, so that `dpdu x dpdv` still
+    /// dP/du at the first key, where u is the parameter in [`Dice::u`]. Where the surface degenerates (the pole of a
+    /// sphere, a collapsed edge of a patch) it is a short vector in the limit direction, so that `dpdu x dpdv` still
     /// points along the normal.
     pub dpdu: Vec<Vec3>,
-    /// dP/dv at the first key, likewise.
+    /// dP/dv at the first key, with the same properties.
     pub dpdv: Vec<Vec3>,
-    /// Surface parameter u of each point.
+    /// The surface parameter u of each point.
     pub u: Vec<f32>,
-    /// Surface parameter v of each point.
+    /// The surface parameter v of each point.
     pub v: Vec<f32>,
-    /// Where points on the sides were moved ([`crate::Surface::dice_between`]): the places of all points along u and along v,
-    /// counted in steps of the even lattice.
+    /// When points on the sides were moved ([`crate::Surface::dice_between`]): the places of all points along u and
+    /// along v, counted in steps of the even lattice.
     pub places: Option<[Vec<f32>; 2]>,
     /// All other primitive variables, at the first key.
     pub primvars: Vec<DicePrimvar>,
-    /// Which face of the mesh, curve or particle; 0 for others.
+    /// The index of the face of the mesh, curve or particle; 0 for others.
     pub face: u32,
-    /// With trim curves: what of the micropolygons is outside of them.
+    /// The parts of the micropolygons that are outside of the trim curves, if there are any.
     pub mask: Option<TrimMask>,
     /// For points and curves without "N": how the lattice turns towards the viewer. Until [`Dice::turn`] is called
     /// `p`, `dpdu` and `dpdv` face along object space z.
@@ -51,61 +51,62 @@ pub struct DicePrimvar {
     pub data: DiceData,
 }
 
-/// Values of a primitive variable over a lattice.
+/// The values of a primitive variable over a lattice.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DiceData {
-    /// Component by component (array elements included).
+    /// Numbers, component by component (array elements included).
     Floats {
-        /// Component `c` of point `i` at `c * nu * nv + i` when varying, at `c` otherwise.
+        /// Component `c` of point `i` is at `c * nu * nv + i` when varying, and at `c` otherwise.
         values: Vec<f32>,
-        /// Whether there is one value for each point.
+        /// True when there is one value for each point.
         varying: bool,
     },
     /// Strings, the same for all points.
     Strings(Vec<Arc<str>>),
 }
 
-/// Where a viewer is, seen from a point in object space.
+/// The direction and pixel size of a viewer at a point in object space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// From the point towards the viewer; any length.
+    /// The vector from the point towards the viewer, of any length.
     pub toward: Vec3,
-    /// Size of a pixel at the point, in object space.
+    /// The size of a pixel at the point, in object space units.
     pub pixel: f32,
 }
 
-/// How a lattice of a point or curve faces the viewer: each point is `centre + width / 2 * (offset[0] * side +
-/// offset[1] * up)`. For a curve, `side` is perpendicular to the curve and to the view, and there is no `up`; for a
-/// particle, `side` and `up` span the plane perpendicular to the view.
+/// The orientation of the lattice of a point or curve towards the viewer. Each point is
+/// `centre + width / 2 * (offset[0] * side + offset[1] * up)`. For a curve, `side` is perpendicular to the curve and
+/// to the view, and there is no `up`. For a particle, `side` and `up` span the plane perpendicular to the view.
 #[derive(Clone, Debug)]
 pub struct Facing {
-    /// Centre of each point of the lattice, for each motion key.
+    /// The centre of each point of the lattice, for each motion key.
     pub centre: Vec<Vec<Vec3>>,
-    /// Derivative of the centre along the curve (dP/dv) at each point for each motion key; empty for particles.
+    /// The derivative of the centre along the curve (dP/dv) at each point, for each motion key; empty for particles.
     pub tangent: Vec<Vec<Vec3>>,
-    /// Width (diameter) at each point for each motion key.
+    /// The width (diameter) at each point, for each motion key.
     pub width: Vec<Vec<f32>>,
-    /// Whether the widths are in pixels.
+    /// True when the widths are in pixels.
     pub raster: bool,
-    /// Place in the cross section, each in [-1, 1] (a little more for the corners of a particle diced as a square).
+    /// The place in the cross section, each in [-1, 1] (slightly more for the corners of a particle diced as a
+    /// square).
     pub offset: Vec<[f32; 2]>,
 }
 
 impl Dice {
-    /// Turns points and curves towards the viewer: recomputes `p`, `dpdu` and `dpdv`. `view` gets the motion key and
-    /// a position at it. Nothing happens to other primitives.
+    /// Turns points and curves towards the viewer, and recomputes `p`, `dpdu` and `dpdv`. `view` receives the motion
+    /// key and a position at that key. Other primitives are not changed.
     pub fn turn(&mut self, view: &dyn Fn(usize, Vec3) -> View) {
         self.turn_by(&|key, _, p| view(key, p));
     }
 
-    /// As [`Dice::turn`]; `view` also gets the index of the point in the lattice.
+    /// Does the same as [`Dice::turn`]. `view` also receives the index of the point in the lattice.
     pub(crate) fn turn_by(&mut self, view: &dyn Fn(usize, usize, Vec3) -> View) {
         let Some(facing) = &self.facing else { return };
         let n = facing.offset.len();
         self.p.clear();
         self.dpdu = vec![Vec3::ZERO; n];
         self.dpdv = vec![Vec3::ZERO; n];
-        // The frames of the first key steer those of the others, so that nothing spins in between.
+        // The frames of the first key determine those of the others, so that the frames do not spin in between.
         let mut first: Vec<Vec3> = Vec::new();
         for (key, centres) in facing.centre.iter().enumerate() {
             let mut positions = Vec::with_capacity(n);
@@ -140,11 +141,12 @@ impl Dice {
     }
 }
 
-/// Across a curve and perpendicular to the view, so that side x tangent looks towards the viewer.
+/// Returns the direction across a curve and perpendicular to the view. The cross product of side and tangent points
+/// towards the viewer.
 fn ribbon_side(tangent: Vec3, toward: Vec3) -> Vec3 {
     let along = tangent.try_normalize().unwrap_or_else(|| toward.any_orthonormal_vector());
     let side = along.cross(toward);
-    // Seen end on, any side will do.
+    // For a curve that is seen end on, any side is valid.
     let end_on = side.length_squared() < 1e-12;
     let side = if end_on { None } else { side.try_normalize() };
     side.unwrap_or_else(|| along.any_orthonormal_vector())

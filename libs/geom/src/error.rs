@@ -1,6 +1,6 @@
-//! What can be wrong with a primitive.
+//! The errors of building a primitive.
 
-/// Why a primitive cannot be built. The message names the call and the numbers compared.
+/// The reason why a primitive cannot be built. The message contains the call and the numbers compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GeomError {
     /// The declaration contradicts itself: wrong counts, missing positions, indices out of range, numbers that are
@@ -9,19 +9,19 @@ pub enum GeomError {
     Malformed {
         /// The call that declared the primitive.
         call: &'static str,
-        /// What is wrong with it.
+        /// The description of the error.
         what: String,
     },
-    /// More than can be handled.
+    /// A limit is exceeded.
     #[error("{call}: {what} is {asked}, the limit is {max}")]
     Limit {
         /// The call that declared the primitive.
         call: &'static str,
-        /// What there is too much of.
+        /// The kind of thing that exceeds the limit.
         what: &'static str,
-        /// How much was asked for.
+        /// The requested number.
         asked: u64,
-        /// How much is allowed.
+        /// The largest allowed number.
         max: u64,
     },
 }

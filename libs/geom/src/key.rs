@@ -1,17 +1,17 @@
-//! A primitive at one motion key.
+//! The parameters of a primitive at one motion key.
 
 use granita_base::Params;
 
 /// The parameters of a primitive at one motion key.
 #[derive(Clone, Copy, Debug)]
 pub struct ShapeKey<'a> {
-    /// Time of the key.
+    /// The time of the key.
     pub time: f32,
-    /// Control vertices and primitive variables, in object space.
+    /// The control vertices and primitive variables, in object space.
     pub params: &'a Params,
 }
 
-/// Names that shape a primitive and are not handed to shaders.
+/// The names of parameters that define the shape of a primitive and are not passed to shaders.
 pub(crate) const SPECIAL: [&str; 12] = [
     "P",
     "Pw",

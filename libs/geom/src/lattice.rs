@@ -1,5 +1,5 @@
-//! Lattices that are diced already: linear patches whose control vertices are the points of the grid (reference
-//! 4.3.7).
+//! Lattices that are diced already. They are linear patches whose control vertices are the points of the grid
+//! (reference 4.3.7).
 
 use crate::GeomError;
 use crate::dice::Dice;
@@ -10,29 +10,30 @@ use granita_base::{Bound, Severity, Vec3};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What the pieces of a lattice share.
+/// The data that the pieces of a lattice share.
 struct Whole {
     times: Vec<f32>,
-    /// Control vertices along u and v.
+    /// The numbers of control vertices along u and v.
     counts: [usize; 2],
     control: Control,
     vars: Vars,
 }
 
-/// Some rows and columns of it.
+/// Some rows and columns of a lattice.
 struct Part {
     whole: Arc<Whole>,
-    /// Indices of vertices along u and v, the last ones included.
+    /// The indices of vertices along u and v, including the last ones.
     range: [Range<usize>; 2],
     bounds: Vec<Bound>,
 }
 
-/// A linear patch of `nu x nv` control vertices as a grid that is to be taken as it is: its piece dices into exactly
-/// these points ([`Surface::lattice`]) and splits between them. Vertices that are not finite stay so.
+/// Builds a linear patch of `nu x nv` control vertices that is used as a grid without changes. Its piece dices into
+/// exactly these points ([`Surface::lattice`]) and splits between them. Vertices that are not finite stay so.
 ///
-/// `keys` and `report` are as for [`crate::build`]; there is no trimming.
+/// `keys` and `report` are those of [`crate::build`]. There is no trimming.
 ///
-/// Errors: [`GeomError::Malformed`] when there are fewer vertices than that, or fewer than 2 along u or v.
+/// # Errors
+/// [`GeomError::Malformed`] when there are fewer vertices than `nu x nv`, or fewer than 2 along u or v.
 pub fn build_lattice(
     [nu, nv]: [usize; 2],
     keys: &[ShapeKey<'_>],
@@ -65,13 +66,13 @@ impl Part {
         Box::new(part)
     }
 
-    /// Indices of its vertices, u fastest.
+    /// Returns the indices of its vertices, u fastest.
     fn vertices(&self) -> impl Iterator<Item = usize> + '_ {
         let nu = self.whole.counts[0];
         self.range[1].clone().flat_map(move |j| self.range[0].clone().map(move |i| j * nu + i))
     }
 
-    /// Parameters of its vertices along an axis.
+    /// Returns the parameters of its vertices along an axis.
     fn parameters(&self, axis: usize) -> Vec<f32> {
         let last = (self.whole.counts[axis] - 1) as f32;
         self.range[axis].clone().map(|i| i as f32 / last).collect()
@@ -87,7 +88,7 @@ impl Surface for Part {
         self.bounds[key.min(self.bounds.len() - 1)]
     }
 
-    /// The nearest vertices.
+    /// Returns the nearest vertices.
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
         let key = key.min(self.bounds.len() - 1);
         let pick = |range: &Range<usize>, k: usize, n: usize| {
@@ -112,7 +113,8 @@ impl Surface for Part {
         self.range.iter().any(|r| r.len() > 2)
     }
 
-    /// Along the direction in which there are more points if there are none between in the one that is asked for.
+    /// Splits along the requested direction, or along the one with more points if the requested direction has no
+    /// inner points.
     fn split(&self, direction: SplitDirection) -> Vec<Piece> {
         let mut axis = usize::from(direction == SplitDirection::V);
         if self.range[axis].len() <= 2 {
@@ -135,7 +137,7 @@ impl Surface for Part {
         Some([self.range[0].len(), self.range[1].len()])
     }
 
-    /// Its own points, however many are asked for.
+    /// Returns its own points and ignores the requested numbers.
     fn dice(&self, _: usize, _: usize) -> Dice {
         let Whole { times, control, vars, .. } = &*self.whole;
         let [nu, nv] = self.range.each_ref().map(Range::len);

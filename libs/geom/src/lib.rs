@@ -1,24 +1,24 @@
-//! Primitives that bound, split and dice.
+//! Primitives that can be bounded, split and diced.
 //!
 //! [`build`] turns the description of a primitive ([`granita_base::ShapeDesc`], one [`ShapeKey`] for each motion key)
-//! into [`Piece`]s; a piece knows its bound, splits into smaller pieces and dices into a lattice of points
-//! ([`Dice`]). This crate knows neither shaders nor cameras: dicing rates come in as numbers, everything is in
-//! object space.
+//! into [`Piece`]s. A piece has a bound, can be split into smaller pieces, and can be diced into a lattice of points
+//! ([`Dice`]). This crate does not depend on shaders or cameras. Dicing rates are passed as numbers, and everything
+//! is in object space.
 //!
 //! # Invariants
 //!
-//! - **Splitting does not move the surface.** Pieces share the control vertices of their primitive and differ only
-//!   in the range of parameters they cover; a point is evaluated by the same arithmetic whichever piece asks.
-//! - **Edges agree to the bit.** Two pieces that meet along an edge and are diced at rates that put points at the
-//!   same places of it give identical positions there, also when they run along it in opposite directions. This
+//! - **Splitting does not move the surface.** Pieces share the control vertices of their primitive and differ only in
+//!   the range of parameters that they cover. A point is evaluated by the same arithmetic in every piece.
+//! - **Edges agree to the bit.** Two pieces that share an edge and are diced at rates that put points at the same
+//!   places of it have identical positions there, also when they run along the edge in opposite directions. This
 //!   holds between the pieces of a patch, the faces of a mesh, and patches with equal outer Bezier vertices.
-//! - **Borders can be made to agree** whatever the rates: [`Surface::dice_between`] puts the points on each side of a
-//!   lattice where the side, not the lattice, wants them.
+//! - **Borders can be made to agree** at any rates. [`Surface::dice_between`] puts the points on each side of a
+//!   lattice at the places that the side determines, not the lattice.
 //! - **Bounds hold.** They come from convex hulls of control vertices (analytically for spheres), with the widths of
 //!   points and curves included.
-//! - **Orientation.** `dpdu x dpdv` of a mesh points along the Newell normal of its winding; of a whole sphere,
-//!   outward. Whether that is flipped is decided outside.
-//! - **Points and curves face the viewer**, whom this crate does not know: see [`Facing`] and [`Dice::turn`].
+//! - **Orientation.** `dpdu x dpdv` of a mesh points along the Newell normal of its winding, and of a whole sphere
+//!   outward. Callers decide whether to flip it.
+//! - **Points and curves face the viewer**, which is not part of this crate: see [`Facing`] and [`Dice::turn`].
 //!
 //! # Deliberately absent
 //!

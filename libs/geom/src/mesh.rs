@@ -1,4 +1,4 @@
-//! Meshes of flat faces (reference 2.8.2): each face one bilinear piece, or several triangles.
+//! Meshes of flat faces (reference 2.8.2). Each face is one bilinear piece or several triangles.
 
 use crate::GeomError;
 use crate::key::ShapeKey;
@@ -13,30 +13,30 @@ use std::sync::Arc;
 
 pub(crate) const CALL: &str = "Mesh";
 
-/// A checked face: indices into the vertices, and where they stand in the list of corners.
+/// A checked face: indices into the vertices, and their position in the list of corners.
 #[derive(Clone, Debug)]
 pub(crate) struct Face {
-    /// Index of the face as declared.
+    /// The index of the face as declared.
     pub(crate) index: u32,
-    /// Its corners: positions in `verts`.
+    /// The positions of its corners in `verts`.
     pub(crate) corners: std::ops::Range<usize>,
 }
 
 /// The faces of a mesh that can be drawn, with the vertices.
 pub(crate) struct Faces {
-    /// Faces without mistakes.
+    /// The valid faces.
     pub(crate) faces: Vec<Face>,
-    /// Vertex indices of all corners, as declared; those of faces in `faces` are in range.
+    /// The vertex indices of all corners, as declared. Those of faces in `faces` are in range.
     pub(crate) verts: Arc<[i32]>,
-    /// Vertices and what is interpolated like them, never rational.
+    /// The vertices and the variables that are interpolated like them, never rational.
     pub(crate) control: Control,
     /// The primitive variables.
     pub(crate) vars: Vars,
-    /// Faces that are holes, sorted.
+    /// The indices of faces that are holes, sorted.
     pub(crate) holes: Vec<u32>,
 }
 
-/// Checks faces, vertices and variables. Faces with mistakes are reported, counted, and left out.
+/// Checks faces, vertices and variables. Invalid faces are reported, counted and left out.
 pub(crate) fn check(
     keys: &[ShapeKey<'_>],
     nverts: &[i32],
@@ -90,7 +90,7 @@ pub(crate) fn check(
     Ok(Faces { faces, verts: verts.clone(), control, vars, holes: holes(params, nverts.len(), report) })
 }
 
-/// The parameter "holes", sorted.
+/// Returns the parameter "holes", sorted.
 fn holes(params: &Params, nfaces: usize, report: Report<'_>) -> Vec<u32> {
     let Some(list) = params.get("holes").and_then(|p| p.data.to_ints()) else { return Vec::new() };
     let mut holes: Vec<u32> = list.iter().filter_map(|&h| u32::try_from(h).ok()).collect();
@@ -103,7 +103,7 @@ fn holes(params: &Params, nfaces: usize, report: Report<'_>) -> Vec<u32> {
     holes
 }
 
-/// Collects what is wrong with faces into one message.
+/// Collects the errors of faces into one message.
 #[derive(Default)]
 struct Mistakes {
     count: usize,
@@ -127,11 +127,11 @@ impl Mistakes {
     }
 }
 
-/// A quadrilateral, or a triangle with its last corner twice.
+/// A quadrilateral, or a triangle with its last corner repeated.
 #[derive(Clone, Copy, Debug)]
 struct Facet {
     face: u32,
-    /// Corners in winding order: positions in `verts`.
+    /// The corners in winding order, as positions in `verts`.
     corners: [u32; 4],
 }
 
@@ -194,8 +194,8 @@ pub(crate) fn build(
     Ok(pieces(Box::new(Mesh { times, facets, verts, control, vars }), n))
 }
 
-/// Which corners of a triangle those of its facet are. The last one, at which a side of the lattice collapses, is the
-/// sharp one of a sliver: then it is diced along its length only, and not twice along both long sides.
+/// Maps the corners of a facet to those of a triangle. The last corner, at which a side of the lattice collapses, is
+/// the sharp corner of a sliver. The sliver is then diced along its length only, and not twice along both long sides.
 fn lattice_of(corners: [[f64; 3]; 3]) -> [usize; 4] {
     const SLIVER: f64 = 0.25;
     let side = |i: usize| {
@@ -204,12 +204,12 @@ fn lattice_of(corners: [[f64; 3]; 3]) -> [usize; 4] {
     };
     let sides = [side(0), side(1), side(2)];
     let longest = sides.into_iter().fold(0.0, f64::max);
-    // The shortest side runs along u; the first one is as good as any unless it is much longer.
+    // The shortest side runs along u. The first side is used unless it is much longer than the shortest.
     let first = (0..3).find(|&i| sides[i] < longest * (SLIVER * SLIVER)).unwrap_or(0);
     [first, (first + 1) % 3, (first + 2) % 3, (first + 2) % 3]
 }
 
-/// Winding order to u fastest: corners at (0,0), (1,0), (0,1), (1,1).
+/// Converts winding order to lattice order (u fastest): the corners at (0,0), (1,0), (0,1), (1,1).
 pub(crate) const LATTICE: [usize; 4] = [0, 1, 3, 2];
 
 impl Net for Mesh {

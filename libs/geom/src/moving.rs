@@ -1,7 +1,7 @@
 //! Primitive variables that change from motion key to motion key (reference 2.7).
 //!
-//! A surface evaluates its variables at the first key. Those that change are carried along as further variables of that
-//! key, one for each other key, under names that no scene can give; [`Dice::variables_at`] blends them.
+//! A surface evaluates its variables at the first key. Variables that change are stored as further variables of that
+//! key, one for each other key, under names that no scene can use. [`Dice::variables_at`] interpolates them.
 
 use crate::dice::{Dice, DiceData, DicePrimvar};
 use crate::key::{SPECIAL, ShapeKey};
@@ -9,14 +9,15 @@ use granita_base::{Param, ParamData, Params, Vec3};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// Begins the name of a variable at another key than the first, before the number of the key and a second mark.
+/// The mark that begins the name of a variable at a later key. It precedes the number of the key, and a second mark
+/// follows the number.
 const MARK: char = '\u{1}';
 
-/// Variables that shape the primitive at each key by themselves, or follow its shape. They change with nearly all that
-/// deforms, so that no change of theirs alone is looked at over time.
+/// Variables that define or follow the shape of the primitive at each key. They change with nearly every deformation,
+/// so that a change of these alone is not evaluated over time.
 const OF_THE_SHAPE: [&str; 3] = ["N", "width", "rasterwidth"];
 
-/// Whether primitive variables change between the motion keys of a primitive: "C", "opacity" and all others, but for
+/// True when primitive variables change between the motion keys of a primitive: "C", "opacity" and all others, except
 /// positions, normals and widths.
 pub fn variables_move(keys: &[ShapeKey<'_>]) -> bool {
     let Some((first, later)) = keys.split_first() else { return false };
@@ -24,7 +25,7 @@ pub fn variables_move(keys: &[ShapeKey<'_>]) -> bool {
     first.params.iter().filter(of_the_shape).any(|p| later.iter().any(|key| changes(p, key)))
 }
 
-/// The value of a variable at another key, where it is a number that differs.
+/// Returns the value of a variable at another key, when it is numeric and differs.
 fn changed<'a>(param: &Param, key: &ShapeKey<'a>) -> Option<&'a Param> {
     let is_text = matches!(param.data, ParamData::String(_));
     let other = key.params.get(&param.name).filter(|_| !is_text && !SPECIAL.contains(&&*param.name))?;
@@ -35,7 +36,8 @@ fn changes(param: &Param, key: &ShapeKey<'_>) -> bool {
     changed(param, key).is_some()
 }
 
-/// The parameters of the first key, and with them the variables of the others; `None` where none change.
+/// Returns the parameters of the first key together with the changing variables of the others; `None` when none
+/// change.
 pub(crate) fn with_later(keys: &[ShapeKey<'_>]) -> Option<Params> {
     if !variables_move(keys) {
         return None;
@@ -52,20 +54,21 @@ pub(crate) fn with_later(keys: &[ShapeKey<'_>]) -> Option<Params> {
     Some(all)
 }
 
-/// Whether a name is one of a variable at another key than the first.
+/// True when a name is that of a variable at a later key.
 pub(crate) fn is_later(name: &str) -> bool {
     name.starts_with(MARK)
 }
 
-/// The key and the variable that a name stands for.
+/// Returns the key and the variable that a name encodes.
 fn parse(name: &str) -> Option<(usize, &str)> {
     let (key, name) = name.strip_prefix(MARK)?.split_once(MARK)?;
     Some((key.parse().ok()?, name))
 }
 
 impl Dice {
-    /// The user's normals and the primitive variables at a time; `times` are those of the motion keys that the
-    /// primitive was built from. Between keys values are blended, before the first and after the last they stand still.
+    /// Returns the user's normals and the primitive variables at a time. `times` are those of the motion keys that
+    /// the primitive was built from. Between keys values are interpolated. Before the first and after the last key
+    /// they are constant.
     pub fn variables_at(
         &self,
         times: &[f32],
@@ -98,7 +101,7 @@ impl Dice {
     }
 }
 
-/// Normals of `n` points.
+/// Returns the normals of `n` points.
 fn normals_of(data: &DiceData, n: usize) -> Vec<Vec3> {
     match data {
         DiceData::Floats { values, varying: true } => {
@@ -121,8 +124,8 @@ fn blend(a: &DiceData, b: &DiceData, alpha: f32) -> DiceData {
     }
 }
 
-/// The arguments of a primitive at a motion key, where they differ from those at the first one (a sphere's radius, lower
-/// and upper cut and sweep): four numbers of the parameter "__arguments".
+/// Returns the arguments of a primitive at a motion key, when they differ from those at the first key (a sphere's
+/// radius, lower and upper cut and sweep). They are the four numbers of the parameter "__arguments".
 pub(crate) fn arguments(key: &ShapeKey<'_>) -> Option<[f32; 4]> {
     let values: Arc<[f32]> = key.params.get("__arguments")?.data.to_floats()?;
     <[f32; 4]>::try_from(&*values).ok()
@@ -214,7 +217,7 @@ mod tests {
             assert!(dice.p[key].iter().all(|p| (p.length() - radius).abs() < 1e-6));
             assert!((ball.bound(key).max.x - radius).abs() < 1e-5);
         }
-        // A fan that opens: points go along arcs, not along chords.
+        // The fan opens. Its points move along arcs, not along chords.
         let fan = built([1.0, -1.0, 1.0, 0.0], [1.0, -1.0, 1.0, 360.0]);
         let times = fan.key_times();
         assert!(times.len() > 100 && times.windows(2).all(|t| t[0] < t[1]) && times.last() == Some(&1.0));

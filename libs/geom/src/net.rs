@@ -1,6 +1,7 @@
-//! Pieces of anything made of Bezier nets: patches, faces, subdivided faces.
+// tidy: long: splitting and evaluating a net of control points share its layout, which nothing else knows
+//! Pieces of all primitives that consist of Bezier nets: patches, faces and subdivided faces.
 //!
-//! A [`Net`] knows how to give the Bezier vertices of one segment; [`NetPiece`] bounds, splits and dices it.
+//! A [`Net`] computes the Bezier vertices of one segment. A [`NetPiece`] bounds, splits and dices it.
 
 use crate::bezier::{MAX_DEGREE, bernstein, bernstein_derivative, restrict, symmetric_sum};
 use crate::dice::Dice;
@@ -13,68 +14,69 @@ use granita_base::{Bound, DVec3, Vec3};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// A primitive made of parts (one for a patch, one a face for a mesh), each of segments in u and v.
+/// A primitive made of parts (one for a patch, one for each face of a mesh), each with segments in u and v.
 pub(crate) trait Net: Send + Sync {
-    /// Times of the motion keys.
+    /// Returns the times of the motion keys.
     fn times(&self) -> &[f32];
-    /// 3, or 4 when rational.
+    /// Returns the number of position coordinates: 3, or 4 when rational.
     fn dim(&self) -> usize;
-    /// Numbers per control vertex: positions of all keys, then vertex variables.
+    /// Returns the number of channels per control vertex: positions of all keys, then vertex variables.
     fn channels(&self) -> usize;
-    /// The primitive variables.
+    /// Returns the primitive variables.
     fn vars(&self) -> &Vars;
-    /// Degree of all segments.
+    /// Returns the degree of all segments along u and v.
     fn degrees(&self) -> [usize; 2];
-    /// Segments of a part along u and v.
+    /// Returns the numbers of segments of a part along u and v.
     fn segments(&self, part: usize) -> [u32; 2];
-    /// Parameter at a place along u (axis 0) or v (axis 1) and the length of its segment.
+    /// Returns the parameter at a place along u (axis 0) or v (axis 1), and the length of its segment.
     fn parameter(&self, part: usize, axis: usize, place: Place) -> (f64, f64);
-    /// Parameters at the ends of a part along an axis.
+    /// Returns the parameters at the ends of a part along an axis.
     fn extent(&self, part: usize, axis: usize) -> (f64, f64);
     /// Replaces `out` by the Bezier vertices of a segment, u fastest, `channels` numbers each.
     fn gather(&self, part: usize, segment: [u32; 2], out: &mut Vec<f64>);
     /// Replaces `out` by the linear variables at the corners (0,0), (1,0), (0,1), (1,1) of a part.
     fn corners(&self, part: usize, out: &mut Vec<f64>);
-    /// Which face a part is.
+    /// Returns the index of the face of a part.
     fn face(&self, part: usize) -> u32;
-    /// Box around a whole part at a motion key, where it is cheaper than from its Bezier vertices.
+    /// Returns the box around a whole part at a motion key, when this is cheaper than from its Bezier vertices.
     fn part_bound(&self, part: usize, key: usize) -> Option<Bound>;
-    /// Corners of a flat part at a motion key; `None` for parts that are not flat faces.
+    /// Returns the corners of a flat part at a motion key; `None` for parts that are not flat faces.
     fn facet(&self, _part: usize, _key: usize) -> Option<[Vec3; 4]> {
         None
     }
-    /// Trim curves.
+    /// Returns the trim curves.
     fn trim(&self) -> Option<&Trim> {
         None
     }
-    /// Whether a piece may be diced over the ends of segments.
+    /// True when dicing a piece may cross the ends of segments.
     fn dices_over(&self) -> bool;
-    /// Whether some [`Net::seam`] may be there.
+    /// True when there may be a [`Net::seam`].
     fn has_seams(&self) -> bool {
         false
     }
-    /// Replaces `out` by the Bezier vertices of the segment beyond a side of a segment where it is not known to have the
-    /// same normals.
+    /// Replaces `out` by the Bezier vertices of the segment beyond a side of a segment, when the normals there may
+    /// differ.
     fn seam(&self, _part: usize, _segment: [u32; 2], _side: usize, _out: &mut Vec<f64>) -> Option<Seam> {
         None
     }
-    /// Most segments that need not be halved of a side of a part, or (`None`) of a line inside.
+    /// Returns the largest number of segments that need not be halved, of a side of a part, or of a line inside
+    /// (`None`).
     fn most_on_side(&self, _part: usize, _side: Option<usize>) -> u32 {
         if self.dices_over() { u32::MAX } else { 1 }
     }
 }
 
-/// What lies beyond an edge where the patches on both sides have normals of their own.
+/// The segment beyond a shared edge where the patches on both sides have different normals.
 pub(crate) struct Seam {
-    /// Place of a point of the edge in the segment beyond, along its u and v, from its place in its own segment.
+    /// Maps the place of a point of the edge in its own segment to its u and v in the segment beyond.
     pub(crate) beyond: fn(Place) -> [Place; 2],
-    /// The point's place runs the other way, and
+    /// True when the place of the point runs in the opposite direction.
     pub(crate) reversed: bool,
-    /// of its own segment this runs along the edge.
+    /// The axis of its own segment that runs along the edge.
     pub(crate) along: usize,
 }
 
-/// A run of parts, or a range of one.
+/// A run of parts, or a range of one part.
 pub(crate) struct NetPiece {
     net: Arc<Whole>,
     parts: std::ops::Range<usize>,
@@ -83,16 +85,16 @@ pub(crate) struct NetPiece {
     bounds: Vec<Bound>,
 }
 
-/// Most segments whose Bezier vertices bound a piece.
+/// The largest number of segments whose Bezier vertices bound a piece.
 const MOST_HULL_SEGMENTS: usize = 16;
 
-/// Parts of a block.
+/// The number of parts of a block.
 const BLOCK: usize = 16;
 
-/// What all pieces of a primitive share.
+/// The data that all pieces of a primitive share.
 struct Whole {
     net: Box<dyn Net>,
-    /// For each motion key: boxes around every [`BLOCK`] parts, so that groups of many need not look at each.
+    /// For each motion key: boxes around every [`BLOCK`] parts, so that large groups need not evaluate each part.
     blocks: Vec<Vec<Bound>>,
 }
 
@@ -115,7 +117,7 @@ impl Whole {
         whole
     }
 
-    /// A box around these parts at a motion key.
+    /// Returns a box around these parts at a motion key.
     fn bound(&self, parts: std::ops::Range<usize>, key: usize) -> Bound {
         let mut bound = Bound::EMPTY;
         let mut part = parts.start;
@@ -136,7 +138,7 @@ impl Whole {
     }
 }
 
-/// The whole primitive, as few pieces as possible.
+/// Returns the whole primitive in as few pieces as possible.
 pub(crate) fn pieces(net: Box<dyn Net>, parts: usize) -> Vec<Piece> {
     if parts == 0 {
         return Vec::new();
@@ -181,7 +183,7 @@ impl NetPiece {
         }
     }
 
-    /// Positions at a motion key of a lattice of places.
+    /// Returns the positions at a motion key of a lattice of places.
     fn positions_at(&self, key: usize, places: [&[Place]; 2]) -> impl Iterator<Item = DVec3> + use<> {
         let dim = self.net.dim();
         let key = key.min(self.bounds.len() - 1);
@@ -189,18 +191,19 @@ impl NetPiece {
         precise(values, dim)
     }
 
-    /// As [`NetPiece::positions_at`], at `n` places spread evenly over a part of a side.
+    /// Does the same as [`NetPiece::positions_at`] at `n` places spread evenly over a part of a side.
     fn positions_along(&self, key: usize, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + use<> {
         let along: Vec<Place> = (0..n).map(|i| part.range.place(i, n)).collect();
         let across = [self.range[1 - part.side / 2].place(part.side % 2, 2)];
         self.positions_at(key, if part.side < 2 { [&along[..], &across] } else { [&across, &along[..]] })
     }
 
-    /// Bezier vertices of all that the piece covers; `None` where their hull does not hold it, or where they are many.
+    /// Returns the Bezier vertices of all segments of the piece; `None` when their hull does not contain the piece,
+    /// or when they are many.
     fn vertices(&self, key: usize) -> Option<Vec<DVec3>> {
         let (dim, degrees) = (self.net.dim(), self.net.degrees());
         let segments = self.range.iter().map(|r| r.count() as usize).product::<usize>();
-        // Blended are quotients, not their weights.
+        // Interpolation between keys applies to the quotients, not to their weights.
         let blends = dim == 3 || self.bounds.len() == 1;
         if self.parts.len() > 1 || segments > MOST_HULL_SEGMENTS || !blends {
             return None;
@@ -234,7 +237,8 @@ impl NetPiece {
         Some(out)
     }
 
-    /// Evaluates the channels `wanted` at all points; where `derivatives` is given, also dP/du and dP/dv at key 0.
+    /// Evaluates the channels `wanted` at all points. When `derivatives` is given, it also evaluates dP/du and dP/dv
+    /// at key 0.
     fn evaluate(
         &self,
         lattice: &Lattice,
@@ -268,7 +272,7 @@ impl NetPiece {
         out
     }
 
-    /// Whether a side is one of the part, not a line inside of it.
+    /// True when a side is a side of the part, not a line inside of it.
     fn is_outer(&self, side: usize) -> bool {
         let across = 1 - side / 2;
         let all = Range::whole(self.net.segments(self.part())[across]).span();
@@ -276,7 +280,7 @@ impl NetPiece {
         if side.is_multiple_of(2) { start == all.0 } else { end == all.1 }
     }
 
-    /// Turns the derivatives at seams so that both sides have one normal: the mean of theirs.
+    /// Rotates the derivatives at shared edges so that both sides have the same normal, which is the mean of theirs.
     fn close_seams(&self, lattice: &Lattice, du: &mut [Vec3], dv: &mut [Vec3]) {
         if !self.net.has_seams() {
             return;
@@ -295,7 +299,7 @@ impl NetPiece {
                 let place = if seam.reversed { Place { a: place.b, b: place.a, ..place } } else { place };
                 let (a, b) = (self.normal(&own, [u, v]), self.normal(&other, (seam.beyond)(place)));
                 let mut n: [f64; 3] = std::array::from_fn(|x| a[x] + b[x]);
-                // Neighbours of opposite windings.
+                // The neighbours have opposite windings.
                 if (0..3).map(|x| a[x] * b[x]).sum::<f64>() < 0.0 {
                     n = std::array::from_fn(|x| a[x] - b[x]);
                 }
@@ -307,7 +311,7 @@ impl NetPiece {
         }
     }
 
-    /// Unit normal of a segment, zero where there is none.
+    /// Returns the unit normal of a segment, or zero where it has none.
     fn normal(&self, net: &[f64], [u, v]: [Place; 2]) -> [f64; 3] {
         let net = self.segment_net(net);
         let mut normal = [0.0; 3];
@@ -326,7 +330,7 @@ impl NetPiece {
         }
     }
 
-    /// As [`NetPiece::evaluate`], at every u with every v.
+    /// Does the same as [`NetPiece::evaluate`] at every u with every v.
     fn block(
         &self,
         [us, vs]: [&[Place]; 2],
@@ -375,7 +379,7 @@ impl NetPiece {
     }
 }
 
-/// Positions from their channels, divided by weights where there are any.
+/// Returns positions from their channels, divided by weights if there are any.
 fn precise(values: Vec<f64>, dim: usize) -> impl Iterator<Item = DVec3> {
     (0..values.len() / dim).map(move |i| DVec3::from_slice(&values[i * dim..]))
 }
@@ -384,7 +388,7 @@ fn scaled(d: [f64; 3], length: f64) -> Vec3 {
     Vec3::new((d[0] / length) as f32, (d[1] / length) as f32, (d[2] / length) as f32)
 }
 
-/// Runs of places in one segment.
+/// Returns the runs of places that are in one segment.
 fn runs(places: &[Place]) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (i, place) in places.iter().enumerate() {
@@ -400,7 +404,7 @@ fn runs(places: &[Place]) -> Vec<std::ops::Range<usize>> {
 struct SegmentNet<'a> {
     net: &'a [f64],
     channels: usize,
-    /// How many channels are positions.
+    /// The number of channels that are positions.
     positions: usize,
     degrees: [usize; 2],
     dim: usize,
@@ -418,8 +422,8 @@ fn all_weights(degree: usize, places: &[Place]) -> Vec<Weights> {
 }
 
 impl SegmentNet<'_> {
-    /// Hands the `wanted` channels of each point to `sink`; they start at a whole position. Of a rational net
-    /// positions come divided, their weights as 1.
+    /// Passes the `wanted` channels of each point to `sink`. They start at a whole position. The positions of a
+    /// rational net are divided by their weights, and the weights are 1.
     fn values(
         &self,
         us: &[Place],
@@ -460,7 +464,8 @@ impl SegmentNet<'_> {
         }
     }
 
-    /// As [`SegmentNet::values`], to the bit, of a net of four vertices that is not rational: one point after the other.
+    /// Does the same as [`SegmentNet::values`], to the bit, for a net of four vertices that is not rational, one
+    /// point after the other.
     fn bilinear(&self, us: &[Place], vs: &[Place], wanted: std::ops::Range<usize>, out: &mut [f64]) {
         let c = self.channels;
         let mut points = out.chunks_exact_mut(wanted.len());
@@ -468,7 +473,7 @@ impl SegmentNet<'_> {
             for u in us {
                 let Some(point) = points.next() else { return };
                 for (slot, ch) in point.iter_mut().zip(wanted.clone()) {
-                    // As `symmetric_sum`, which begins at 0.
+                    // The sum begins at 0, as in `symmetric_sum`.
                     let at = |i: usize| 0.0 + (v.a * self.net[i * c + ch] + v.b * self.net[(2 + i) * c + ch]);
                     *slot = 0.0 + (u.a * at(0) + u.b * at(1));
                 }
@@ -476,12 +481,13 @@ impl SegmentNet<'_> {
         }
     }
 
-    /// Hands the derivatives of the first key's position along the segment's u and v to `sink`.
+    /// Passes the derivatives of the first key's position along the segment's u and v to `sink`.
     ///
-    /// Where they are parallel or vanish, those a little further inside take their place: the limit from inside.
+    /// Where they are parallel or vanish, the derivatives slightly further inside are used, which is the limit from
+    /// inside.
     fn derivatives(&self, us: &[Place], vs: &[Place], mut sink: impl FnMut(usize, usize, [[f64; 3]; 2])) {
         let size = [self.longest(0), self.longest(1)];
-        // Scene files have some five digits: a pole of a patch may be a little off from itself.
+        // Scene files have about five digits, so that the points of a pole of a patch may differ slightly.
         let too_small = |d: &[f64; 3], axis: usize| length(*d) <= 1e-4 * size[axis];
         let parallel = |d: &[[f64; 3]; 2]| length(cross(d[0], d[1])) <= 1e-6 * length(d[0]) * length(d[1]);
         let columns = Column::list(self.degrees[0], us);
@@ -527,7 +533,7 @@ impl SegmentNet<'_> {
         }));
     }
 
-    /// The longest derivative the control vertices suggest.
+    /// Returns the longest derivative estimated from the control vertices.
     fn longest(&self, axis: usize) -> f64 {
         let n = self.degrees.map(|d| d + 1);
         let p = |i: usize, j: usize| {
@@ -545,9 +551,9 @@ impl SegmentNet<'_> {
         longest * self.degrees[axis] as f64
     }
 
-    /// Derivatives along u and v at one place of a row.
+    /// Returns the derivatives along u and v at one place of a row.
     fn frame(&self, column: &Column, rows: &[[[f64; 4]; 2]]) -> [[f64; 3]; 2] {
-        // Value, along u, along v.
+        // The sums are the value, the derivative along u, and the derivative along v.
         let mut sums = [[0.0_f64; 4]; 3];
         for (i, [value, along_v]) in rows.iter().enumerate() {
             for x in 0..self.dim {
@@ -565,7 +571,7 @@ impl SegmentNet<'_> {
     }
 }
 
-/// Weights along u at one place.
+/// The weights along u at one place.
 struct Column {
     value: Weights,
     derivative: Weights,
@@ -583,7 +589,7 @@ impl Column {
     }
 }
 
-/// A place a little nearer to the middle of its segment.
+/// Returns a place slightly nearer to the middle of its segment.
 fn inset(place: &Place) -> Place {
     const STEP: f64 = 1e-3;
     Place { b: place.b + (0.5 - place.b) * STEP, a: place.a + (0.5 - place.a) * STEP, ..*place }
@@ -593,7 +599,7 @@ fn sub(x: [f64; 3], y: [f64; 3]) -> [f64; 3] {
     [x[0] - y[0], x[1] - y[1], x[2] - y[2]]
 }
 
-/// The cross product.
+/// Returns the cross product.
 pub(crate) fn cross(x: [f64; 3], y: [f64; 3]) -> [f64; 3] {
     [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
 }
@@ -602,7 +608,7 @@ fn length(x: [f64; 3]) -> f64 {
     (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]).sqrt()
 }
 
-/// Box around the convex hull of a range of a part.
+/// Returns a box around the convex hull of a range of a part.
 pub(crate) fn net_bound(net: &dyn Net, part: usize, range: [Range; 2], key: usize) -> Bound {
     let dim = net.dim();
     let mut bound = Bound::EMPTY;
@@ -620,7 +626,7 @@ pub(crate) fn net_bound(net: &dyn Net, part: usize, range: [Range; 2], key: usiz
     rounded_out(bound)
 }
 
-/// Room for the rounding of positions to single precision.
+/// Returns the box padded for the rounding of positions to single precision.
 pub(crate) fn rounded_out(bound: Bound) -> Bound {
     if bound.is_empty() {
         return bound;
@@ -629,7 +635,7 @@ pub(crate) fn rounded_out(bound: Bound) -> Bound {
     Bound { min: bound.min - room, max: bound.max + room }
 }
 
-/// Box around the Bezier vertices (`dim` numbers each) of a range of one segment.
+/// Returns a box around the Bezier vertices (`dim` numbers each) of a range of one segment.
 pub(crate) fn hull(net: &mut [f64], degrees: [usize; 2], dim: usize, range: [Range; 2], depth: u32) -> Bound {
     let (nu, nv) = (degrees[0] + 1, degrees[1] + 1);
     cut(net, degrees, dim, 0, range[0].ends(), range[0].is_whole());
@@ -637,7 +643,8 @@ pub(crate) fn hull(net: &mut [f64], degrees: [usize; 2], dim: usize, range: [Ran
     if dim == 3 || net.chunks_exact(4).all(|v| v[3] > 0.0) {
         return Bound::around(net.chunks_exact(dim).map(|v| position(v, dim)));
     }
-    // Weights that are not positive have no hull; parts of the surface do.
+    // With weights that are not positive the hull does not bound the surface, but parts of the surface may have
+    // positive weights.
     if depth == 0 {
         let places: Vec<Place> = (0..9).map(|i| Range::whole(1).place(i, 9)).collect();
         let segment = SegmentNet { net, channels: dim, positions: dim, degrees, dim };
@@ -768,7 +775,7 @@ impl Surface for NetPiece {
     }
 
     fn is_splittable(&self) -> bool {
-        // Where one parameter no longer divides, parts along the other would be as long.
+        // Where one parameter can no longer be divided, dividing the other would give equally long parts.
         self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 
@@ -789,7 +796,7 @@ impl Surface for NetPiece {
             |parts, range, settled| -> Piece { Box::new(Self::new(self.net.clone(), parts, range, settled)) };
         if self.parts.len() > 1 {
             let middle = self.parts.start + self.parts.len() / 2;
-            // Between blocks where there are any.
+            // The piece is divided between blocks if there are several.
             let between = middle.next_multiple_of(BLOCK);
             let middle = if between < self.parts.end { between } else { middle };
             return [self.parts.start..middle, middle..self.parts.end]
@@ -798,7 +805,7 @@ impl Surface for NetPiece {
         }
         let mut axis = usize::from(direction == SplitDirection::V);
         let other = 1 - axis;
-        // Segments have to be parted first.
+        // Segments are separated first.
         if self.must_split() && self.range[axis].count() == 1 && self.range[other].count() > 1 {
             axis = other;
         }

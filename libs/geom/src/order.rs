@@ -1,9 +1,10 @@
-//! Putting the parts of a primitive in an order that keeps neighbours together.
+//! The order of the parts of a primitive, which keeps neighbours together.
 
 use granita_base::Vec3;
 
-/// Indices of `centres` in an order in which every half, quarter and so on is compact: split at the median along the
-/// longest side of the box, again and again. Ties go by index, so the order depends on nothing else.
+/// Returns the indices of `centres` in an order in which every half, quarter and so on is compact. The points are
+/// split repeatedly at the median along the longest side of their box. Ties are resolved by index, so that the order
+/// depends on nothing else.
 pub(crate) fn spatial_order(centres: &[Vec3]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..centres.len() as u32).collect();
     arrange(&mut order, centres);
@@ -28,7 +29,7 @@ fn arrange(order: &mut [u32], centres: &[Vec3]) {
     } else {
         2
     };
-    // The same middle as pieces are halved at.
+    // Pieces are halved at the same middle.
     let middle = order.len() / 2;
     order.select_nth_unstable_by(middle, |&a, &b| {
         centres[a as usize][axis].total_cmp(&centres[b as usize][axis]).then(a.cmp(&b))

@@ -1,4 +1,4 @@
-//! Patches: control vertices in a rectangle (reference 2.8.1), uniform or with knots.
+//! Patches, whose control vertices form a rectangle (reference 2.8.1), uniform or with knots.
 
 use crate::GeomError;
 use crate::key::ShapeKey;
@@ -10,11 +10,11 @@ use crate::trim::{Trim, Trimming};
 use crate::vars::{Control, Counts, Report, Vars, control};
 use granita_base::{Bound, Severity};
 
-/// All of a patch.
+/// The data of a patch.
 struct Patch {
     times: Vec<f32>,
     splines: [Spline; 2],
-    /// Control vertices along u.
+    /// The number of control vertices along u.
     nu: usize,
     control: Control,
     vars: Vars,
@@ -89,7 +89,8 @@ impl Net for Patch {
         out.clear();
         out.resize(mu * mv * c, 0.0);
         let vertex = |i: usize, j: usize| self.control.vertex((sv.first + j) * self.nu + su.first + i);
-        // Along v first, always: pieces to the left and right of an edge then share its Bezier vertices.
+        // The matrices are always applied along v first. Pieces to the left and right of an edge then share its
+        // Bezier vertices.
         for i in 0..mu {
             for j in 0..mv {
                 let at = &mut out[(j * mu + i) * c..][..c];
@@ -128,8 +129,8 @@ impl Net for Patch {
     }
 }
 
-/// The weighted sum of rows of channels, in order, leaving out weights of zero (so that the sum does not depend on
-/// what they multiply).
+/// Computes the weighted sum of rows of channels, in order. Weights of zero are left out, so that the sum does not
+/// depend on the rows that they multiply.
 fn combine<'a>(weights: &[f64], row: impl Fn(usize) -> &'a [f64], out: &mut [f64]) {
     out.fill(0.0);
     for (k, &w) in weights.iter().enumerate() {

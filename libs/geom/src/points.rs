@@ -1,6 +1,7 @@
-//! Particles (reference 2.8.3): disks that face the viewer, [`crate::Dice::facing`].
+//! Particles (reference 2.8.3), which are disks that face the viewer; see [`crate::Dice::facing`].
 //!
-//! Diced to two by two points a particle is a square of the disk's area; more points follow the disk's outline.
+//! A particle that is diced to two by two points is a square of the disk's area. With more points it follows the
+//! disk's outline.
 
 use crate::GeomError;
 use crate::dice::{Dice, Facing, View};
@@ -16,24 +17,24 @@ use std::sync::Arc;
 
 const CALL: &str = "Points";
 
-/// Half the side of a square with the area of the unit disk: the square root of pi, halved.
+/// Half the side of a square with the area of the unit disk, which is half the square root of pi.
 const SQUARE: f32 = 0.886_226_9;
 
 struct Points {
     times: Vec<f32>,
     control: Control,
     vars: Vars,
-    /// For each key.
+    /// The widths for each key.
     widths: Vec<Widths>,
-    /// Whether the widths are in pixels.
+    /// True when the widths are in pixels.
     raster: bool,
-    /// Particles that can be drawn, neighbours together.
+    /// The indices of the particles that can be drawn, ordered so that neighbours are together.
     order: Vec<u32>,
 }
 
 struct PointsPiece {
     all: Arc<Points>,
-    /// Positions in the order.
+    /// The positions in the order.
     particles: std::ops::Range<usize>,
     range: [Range; 2],
     bounds: Vec<Bound>,
@@ -80,7 +81,7 @@ impl Points {
     }
 }
 
-/// From the square [-1, 1]^2 to the unit disk (Shirley and Chiu, "A Low Distortion Map Between Disk and Square",
+/// Maps the square [-1, 1]^2 to the unit disk (Shirley and Chiu, "A Low Distortion Map Between Disk and Square",
 /// Journal of Graphics Tools 2(3), 1997).
 fn disk(x: f64, y: f64) -> [f64; 2] {
     const EIGHTH: f64 = std::f64::consts::FRAC_PI_4;
@@ -150,7 +151,8 @@ impl Surface for PointsPiece {
     }
 
     fn is_splittable(&self) -> bool {
-        // Where one parameter no longer divides the width is beyond all measure: parts along the other would be as wide.
+        // Where one parameter can no longer be divided, the width is so large that dividing the other parameter would
+        // give equally wide parts.
         self.must_split() || self.range.iter().all(|r| r.halves().is_some())
     }
 

@@ -1,17 +1,18 @@
-//! Cutting polygons into triangles.
+//! Triangulation of polygons.
 
 use crate::sweep::{self, turn};
 
-/// Most tests of corners, for each corner of a polygon and for a small one. A polygon that needs more is cut by sweeping over
-/// it, and where that fails, because it crosses itself or has no area, without regard to its shape.
+/// The largest number of corner tests, for each corner of a polygon and as a minimum. A polygon that needs more is
+/// triangulated by sweeping over it. Where that fails, because the polygon crosses itself or has no area, it is
+/// triangulated without regard to its shape.
 const TESTS_PER_CORNER: usize = 256;
 const TESTS_OF_ANY: usize = 1 << 20;
 
-/// Corners of the triangles of a polygon, in its winding.
+/// Returns the corners of the triangles of a polygon, in its winding.
 ///
-/// Convex polygons are cut into rounds of ears, every other corner; concave ones by ear clipping in the plane of the Newell normal,
-/// or, where that would take long, by [`sweep`]. What cannot be cut properly (crossing edges, no area) is cut anyhow: there
-/// are always `n - 2` triangles.
+/// Convex polygons are cut into rounds of ears at every other corner. Concave polygons are cut by ear clipping in the
+/// plane of the Newell normal, or by [`sweep`] where ear clipping would take long. Polygons without a valid
+/// triangulation (crossing edges, no area) are cut in an arbitrary way. There are always `n - 2` triangles.
 pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
     if points.len() < 3 {
         return Vec::new();
@@ -19,7 +20,7 @@ pub(crate) fn triangulate(points: &[[f64; 3]]) -> Vec<[usize; 3]> {
     cut(&project(points)).0
 }
 
-/// The same of a polygon in its plane; also the number of corners that were tested.
+/// Does the same for a polygon in its plane, and also returns the number of corners that were tested.
 fn cut(flat: &[[f64; 2]]) -> (Vec<[usize; 3]>, usize) {
     let n = flat.len();
     let most_tests = TESTS_OF_ANY + TESTS_PER_CORNER * n;
@@ -33,7 +34,8 @@ fn cut(flat: &[[f64; 2]]) -> (Vec<[usize; 3]>, usize) {
     let mut near = Nearby::new(flat, &reflex);
     let (mut tests, mut looked_up_at) = (0_usize, n);
     let mut triangles = Vec::with_capacity(n - 2);
-    // Where to look for the next ear; going on behind the last one avoids slivers around one corner.
+    // The corner at which the search for the next ear begins. Beginning behind the last ear avoids slivers around one
+    // corner.
     let mut at = 0;
     let mut since_ear = 0;
     while ring.left > 3 {
@@ -51,19 +53,19 @@ fn cut(flat: &[[f64; 2]]) -> (Vec<[usize; 3]>, usize) {
         }
         let [a, b, c] = ring.corners(at);
         let triangle = [flat[a], flat[b], flat[c]];
-        // Corners that no longer bend in cannot lie in an ear.
+        // Corners that no longer bend inward cannot lie in an ear.
         let blocks = |r: usize| {
             ring.is_in(r) && r != a && r != b && r != c && inside(flat[r], triangle) && bends_in(&ring, r)
         };
         let is_ear = reflex.is_empty()
             || shapeless
             || (turn(triangle[0], triangle[1], triangle[2]) > 0.0 && !near.any(triangle, &mut tests, blocks));
-        // Without an ear all around the polygon crosses itself or has no area.
+        // A polygon without any ear crosses itself or has no area.
         if is_ear || since_ear >= ring.left {
             triangles.push([a, b, c]);
             ring.remove(at);
             since_ear = 0;
-            // The corner behind would go on with the fan around `a`.
+            // The next search skips the corner behind, which would continue the fan around `a`.
             at = ring.corners(c)[2];
         } else {
             since_ear += 1;
@@ -74,7 +76,7 @@ fn cut(flat: &[[f64; 2]]) -> (Vec<[usize; 3]>, usize) {
     (triangles, tests)
 }
 
-/// Corners that are not cut off yet, in order.
+/// The corners that are not cut off yet, in order.
 struct Ring {
     before: Vec<u32>,
     after: Vec<u32>,
@@ -89,7 +91,7 @@ impl Ring {
         Self { before: step(n - 1), after: step(1), left: n }
     }
 
-    /// A corner between its neighbours.
+    /// Returns a corner between its neighbours.
     fn corners(&self, i: usize) -> [usize; 3] {
         [self.before[i] as usize, i, self.after[i] as usize]
     }
@@ -106,10 +108,10 @@ impl Ring {
     }
 }
 
-/// Corners by place, in the cells of a square lattice.
+/// Corners by their positions, in the cells of a square lattice.
 struct Nearby {
     lo: [f64; 2],
-    /// Cells per unit, and along each side.
+    /// The numbers of cells per unit, and along each side.
     scale: [f64; 2],
     cells: usize,
     starts: Vec<u32>,
@@ -148,12 +150,12 @@ impl Nearby {
         near
     }
 
-    /// The row or column of a place; those outside count to the outermost.
+    /// Returns the row or column of a position. Positions outside belong to the outermost cells.
     fn cell(&self, x: f64, axis: usize) -> usize {
         (((x - self.lo[axis]) * self.scale[axis]).max(0.0) as usize).min(self.cells - 1)
     }
 
-    /// Whether any corner in the cells that a triangle touches does; `tests` counts them.
+    /// True when `does` holds for any corner in the cells that a triangle touches. `tests` counts the corners.
     fn any(&self, triangle: [[f64; 2]; 3], tests: &mut usize, does: impl Fn(usize) -> bool) -> bool {
         let span = |axis: usize| {
             let [a, b, c] = triangle.map(|p| p[axis]);
@@ -172,19 +174,19 @@ impl Nearby {
     }
 }
 
-/// Whether a quadrilateral bends inward at a corner, seen along its Newell normal.
+/// True when a quadrilateral bends inward at a corner, seen along its Newell normal.
 pub(crate) fn is_concave(points: &[[f64; 3]; 4]) -> bool {
     let flat = project(points);
     (0..4).any(|i| turn(flat[(i + 3) % 4], flat[i], flat[(i + 1) % 4]) < 0.0)
 }
 
-/// The Newell normal: twice the vector area.
+/// Returns the Newell normal, which is twice the vector area.
 pub(crate) fn newell(points: &[[f64; 3]]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let origin = points[0];
     for (i, p) in points.iter().enumerate() {
         let q = points[(i + 1) % points.len()];
-        // Relative to a corner, so that far away polygons do not cancel.
+        // Positions relative to a corner avoid cancellation for polygons far away.
         let (p, q): ([f64; 3], [f64; 3]) =
             (std::array::from_fn(|c| p[c] - origin[c]), std::array::from_fn(|c| q[c] - origin[c]));
         sum[0] += p[1] * q[2] - p[2] * q[1];
@@ -194,7 +196,7 @@ pub(crate) fn newell(points: &[[f64; 3]]) -> [f64; 3] {
     sum
 }
 
-/// The polygon seen along its Newell normal: counter-clockwise, in the two axes that show most of it.
+/// Projects the polygon along its Newell normal: counter-clockwise, in the two axes in which its area is largest.
 fn project(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     let normal = newell(points);
     let axis = (0..3).fold(0, |best, i| if normal[i].abs() > normal[best].abs() { i } else { best });
@@ -205,7 +207,7 @@ fn project(points: &[[f64; 3]]) -> Vec<[f64; 2]> {
     points.iter().map(|p| [p[x] - points[0][x], p[y] - points[0][y]]).collect()
 }
 
-/// Whether `p` is in a counter-clockwise triangle or on its border.
+/// True when `p` is in a counter-clockwise triangle or on its border.
 fn inside(p: [f64; 2], [a, b, c]: [[f64; 2]; 3]) -> bool {
     turn(a, b, p) >= 0.0 && turn(b, c, p) >= 0.0 && turn(c, a, p) >= 0.0
 }
@@ -257,7 +259,7 @@ mod tests {
             let t = i as f64 / n as f64 * std::f64::consts::TAU;
             [r * t.cos(), r * t.sin(), 0.0]
         };
-        // Convex, and a cog wheel.
+        // The polygons are a convex one and a cog wheel.
         let convex: Vec<[f64; 3]> = (0..n).map(|i| round(i, 1.0)).collect();
         let cog: Vec<[f64; 3]> = (0..n).map(|i| round(i, if i / 3 % 2 == 0 { 1.0 } else { 0.99 })).collect();
         for polygon in [convex, cog] {
@@ -269,7 +271,7 @@ mod tests {
         }
     }
 
-    /// Of no polygon are the corners tested more than some hundred times each.
+    /// The corners of any polygon are tested at most some hundred times each.
     #[test]
     fn no_shape_takes_long() {
         const N: usize = 90_000;
@@ -282,7 +284,7 @@ mod tests {
         let line: Vec<[f64; 2]> = (0..N).map(|i| [i as f64, 0.0]).collect();
         let again: Vec<[f64; 2]> = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].repeat(N / 4);
         let wound: Vec<[f64; 2]> = (0..N).map(|i| at(i * 34_377, 1.0)).collect();
-        // Simple ones are covered, the others cut anyhow.
+        // Simple polygons are covered. The others are cut in an arbitrary way.
         for (polygon, simple) in [
             (star, true),
             (spiked, true),
@@ -293,7 +295,7 @@ mod tests {
         ] {
             let (triangles, tests) = cut(&polygon);
             assert_eq!(triangles.len(), N - 2);
-            // The last lookup may end beyond.
+            // The last search may exceed the limit.
             assert!(tests < TESTS_OF_ANY + (TESTS_PER_CORNER + 3) * N, "{tests}");
             let of = |t: &[usize; 3]| turn(polygon[t[0]], polygon[t[1]], polygon[t[2]]);
             let parts: f64 = triangles.iter().map(|t| of(t).abs()).sum();

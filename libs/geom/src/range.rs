@@ -1,84 +1,84 @@
 //! The range of a parameter that a piece covers, in whole numbers.
 //!
-//! Places in a lattice are rationals of whole numbers, rounded once: whichever piece asks for a place of an edge, in
-//! whichever direction it runs, gets the same two weights.
+//! Places in a lattice are ratios of whole numbers, rounded once. Every piece that evaluates a place of an edge, in
+//! either direction, gets the same two weights.
 
 /// A run of whole segments, or a dyadic part of one segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Range {
-    /// First segment.
+    /// The first segment.
     first: u32,
-    /// Number of segments; 1 when `level > 0`.
+    /// The number of segments; 1 when `level > 0`.
     count: u32,
-    /// Which part, of `2^level`, of the segment.
+    /// The index of the part of the segment, of `2^level` parts.
     k: u64,
-    /// How often the segment was halved.
+    /// The number of times that the segment was halved.
     level: u8,
 }
 
-/// Most halvings of a segment. A ground of 1e8 units below an eye one unit above it takes 32; with 4096 steps of each part
-/// the numbers of [`Range::place`] fill 62 bits.
+/// The largest number of halvings of a segment. A ground of 1e8 units below an eye one unit above it needs 32. With
+/// 4096 steps of each part the numbers of [`Range::place`] occupy 62 bits.
 const MAX_LEVEL: u8 = 50;
 
-/// A place in a segment: `a + b = 1`, `b = 0` at the start. Exchanging `a` and `b` reverses the segment exactly.
+/// A place in a segment. `a + b = 1`, and `b = 0` at the start. Exchanging `a` and `b` reverses the segment exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
-    /// Segment.
+    /// The segment.
     pub(crate) segment: u32,
-    /// Distance to the end of the segment.
+    /// The distance to the end of the segment.
     pub(crate) a: f64,
-    /// Distance from the start of the segment.
+    /// The distance from the start of the segment.
     pub(crate) b: f64,
 }
 
 impl Place {
-    /// Counted in segments; exact wherever two ranges may meet.
+    /// Returns the place counted in segments. It is exact wherever two ranges may share an end.
     pub(crate) fn coordinate(&self) -> f64 {
         f64::from(self.segment) + self.b
     }
 }
 
 impl Range {
-    /// All of `count` segments.
+    /// Returns the range of all of `count` segments.
     pub(crate) fn whole(count: u32) -> Self {
         Self { first: 0, count, k: 0, level: 0 }
     }
 
-    /// Number of segments touched.
+    /// The number of segments that the range touches.
     pub(crate) fn count(&self) -> u32 {
         self.count
     }
 
-    /// The segments touched.
+    /// Returns the segments that the range touches.
     pub(crate) fn segments(&self) -> std::ops::Range<u32> {
         self.first..self.first + self.count
     }
 
-    /// Start and end within the first and last segment.
+    /// Returns the start and end within the first and last segment.
     pub(crate) fn ends(&self) -> (f64, f64) {
-        // Both are below 2^53: exact.
+        // Both numbers are below 2^53, so that they are exact.
         let parts = (1_u64 << self.level) as f64;
         (self.k as f64 / parts, (self.k + 1) as f64 / parts)
     }
 
-    /// Start and end, counted in segments; exact.
+    /// Returns the start and end, counted in segments. They are exact.
     pub(crate) fn span(&self) -> (f64, f64) {
         let (start, end) = self.ends();
         (f64::from(self.first) + start, f64::from(self.first + self.count - 1) + end)
     }
 
-    /// Whether it covers whole segments.
+    /// True when the range covers whole segments.
     pub(crate) fn is_whole(&self) -> bool {
         self.level == 0
     }
 
-    /// Point `i` of `n` spread evenly (`n >= 2`).
+    /// Returns point `i` of `n` points that are spread evenly (`n >= 2`).
     pub(crate) fn place(&self, i: usize, n: usize) -> Place {
         let steps = (n.max(2) - 1) as u64;
         let i = (i as u64).min(steps);
         let den = steps << self.level;
         let num = (self.k * steps + i) * u64::from(self.count);
-        // The end belongs to the last segment, not to one behind it.
+        // The end belongs to the last segment.
         let whole = (num / den).min(u64::from(self.count) - 1);
         let rest = num - whole * den;
         Place {
@@ -88,7 +88,7 @@ impl Range {
         }
     }
 
-    /// The two halves; between segments when there are several. `None` when too small.
+    /// Returns the two halves, divided between segments when there are several. `None` when the range is too small.
     pub(crate) fn halves(&self) -> Option<(Self, Self)> {
         if self.count > 1 {
             let left = self.count / 2;

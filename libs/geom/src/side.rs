@@ -1,49 +1,50 @@
-//! The sides of pieces: where neighbours meet.
+//! The sides of pieces, which neighbours share.
 //!
-//! Neighbours that dice their common edge at different points leave cracks. So the points on a side are a function of
-//! the edge alone: whoever chooses dicing rates measures the edge itself ([`SidePart`]), halving it where it is long,
-//! and each of its parts gets equal steps. A side that is in no need of being halved is *settled* when its piece is split: the parts
-//! of the piece keep the steps that the whole side had, and have corners where these steps are. The border of a lattice is then moved along
-//! the side to these points, several of its points to the same one where the lattice is finer ([`Lattice`]).
+//! Neighbours that dice their common edge at different points leave cracks. The points on a side are therefore a
+//! function of the edge alone. The dicing rate of an edge is measured on the edge itself ([`SidePart`]), which is
+//! halved where it is long, and each of its parts gets equal steps. A side that need not be halved is *settled* when
+//! its piece is split. The parts of the piece keep the steps of the whole side, and have their corners at these
+//! steps. The border of a lattice is then moved along the side to these points. Where the lattice is finer, several
+//! of its points are moved to the same one ([`Lattice`]).
 //!
 //! Sides are numbered: 0 at the start of v and 1 at its end (both run along u), 2 at the start of u and 3 at its end.
 
 use crate::range::{Place, Range};
 
-/// A side of a piece, or a part of one, to be measured.
+/// A side of a piece, or a part of a side, to be measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SidePart {
     pub(crate) side: usize,
     pub(crate) range: Range,
-    /// It is to be halved while it has more segments than this.
+    /// The side is halved while it has more segments than this.
     pub(crate) most: u32,
 }
 
 impl SidePart {
-    /// Whether it must be halved, however short it is: a neighbour may have a corner in its middle.
+    /// True when it must be halved, however short it is, because a neighbour may have a corner in its middle.
     pub fn must_part(&self) -> bool {
         self.range.count() > self.most
     }
 
-    /// Both halves, in order; `None` when it is too small.
+    /// Returns both halves, in order; `None` when it is too small.
     pub fn halves(&self) -> Option<[Self; 2]> {
         self.range.halves().map(|(a, b)| [Self { range: a, ..*self }, Self { range: b, ..*self }])
     }
 }
 
-/// Where the points on one side of a lattice are.
+/// The places of the points on one side of a lattice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum SidePoints {
-    /// Spread evenly over the side, one for each point of the lattice. Of a settled side: at its settled steps.
+    /// Spread evenly over the side, one for each point of the lattice. On a settled side: at its settled steps.
     #[default]
     Even,
-    /// At the ends of so many equal steps; the lattice has at least as many.
+    /// At the ends of this many equal steps. The lattice has at least as many.
     Steps(u32),
-    /// The side in parts, in order, each in so many equal steps.
+    /// The parts of the side, in order, each with a number of equal steps.
     Parts(Box<[(SidePart, u32)]>),
 }
 
-/// Equal steps over a range that a side lies in.
+/// Equal steps over a range that contains a side.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     range: Range,
@@ -51,7 +52,7 @@ struct Run {
 }
 
 impl Run {
-    /// The first and last step's end on a side: those nearest to its ends.
+    /// Returns the ends of the first and the last step on a side, which are those nearest to its ends.
     fn ends(&self, own: &Range) -> [usize; 2] {
         let (r0, r1) = self.range.span();
         let (x0, x1) = own.span();
@@ -72,23 +73,24 @@ impl Settled {
         self.0.as_ref().and_then(|runs| runs[side].as_ref())
     }
 
-    /// Whether a side is settled.
+    /// True when a side is settled.
     pub(crate) fn is_settled(&self, side: usize) -> bool {
         self.get(side).is_some()
     }
 
-    /// Steps on a settled side of a piece.
+    /// Returns the number of steps on a settled side of a piece.
     pub(crate) fn steps(&self, side: usize, range: &[Range; 2]) -> Option<usize> {
         self.get(side).map(|run| run.ends(&range[side / 2])).map(|[first, last]| last - first)
     }
 
-    /// Of the halves of a piece that is cut along an axis; `steps` are those of the sides that are settled now.
+    /// Returns the settled sides of the halves of a piece that is split along an axis. `steps` are those of the sides
+    /// that become settled.
     pub(crate) fn halves(&self, range: &[Range; 2], axis: usize, steps: [Option<u32>; 4]) -> [Self; 2] {
         let mut runs: [Option<Run>; 4] = std::array::from_fn(|side| self.get(side).copied());
         for side in [2 * axis, 2 * axis + 1] {
             runs[side] = runs[side].or(steps[side].map(|steps| Run { range: range[axis], steps }));
         }
-        // The halves meet at a new line.
+        // The halves share a new line.
         let across = 2 * (1 - axis);
         [across + 1, across].map(|new| {
             let mut runs = runs;
@@ -97,7 +99,7 @@ impl Settled {
         })
     }
 
-    /// Corners that lie outside of the piece.
+    /// Returns the corners that lie outside of the piece.
     pub(crate) fn outside(&self, range: &[Range; 2]) -> Vec<[Place; 2]> {
         let mut list = Vec::new();
         for side in 0..4 {
@@ -115,32 +117,32 @@ impl Settled {
     }
 }
 
-/// Places of a lattice: every u with every v, but for the points on sides that have their own.
+/// The places of a lattice: every u with every v, except on sides that have their own points.
 pub(crate) struct Lattice {
-    /// Along u and v.
+    /// The places along u and v.
     pub(crate) places: [Vec<Place>; 2],
-    /// Along the sides, one for each point.
+    /// The places along the sides, one for each point, for sides with their own points.
     sides: [Option<Vec<Place>>; 4],
-    /// Points that are where a corner is that another side has moved: indices of corner and point.
+    /// Points that coincide with a corner that another side has moved, as indices of corner and point.
     pub(crate) copies: Vec<[usize; 2]>,
 }
 
 /// One side of a lattice that has its own points.
 pub(crate) struct Border {
-    /// Along u and v: all along the side, and one across.
+    /// The places along u and v: all along the side, and one across.
     pub(crate) places: [Vec<Place>; 2],
-    /// Index of each in the lattice; `None` for one that is where it would be anyhow.
+    /// The index of each in the lattice; `None` for a point that is not moved.
     pub(crate) at: Vec<Option<usize>>,
 }
 
 impl Lattice {
-    /// Spread evenly over ranges of u and v.
+    /// Returns a lattice that is spread evenly over ranges of u and v.
     pub(crate) fn even(range: &[Range; 2], [nu, nv]: [usize; 2]) -> Self {
         let along = |axis: usize, n: usize| (0..n).map(|i| range[axis].place(i, n)).collect();
         Self { places: [along(0, nu), along(1, nv)], sides: [const { None }; 4], copies: Vec::new() }
     }
 
-    /// Evenly inside, with these points on the sides.
+    /// Returns a lattice that is even inside and has these points on its sides.
     pub(crate) fn between(
         range: &[Range; 2],
         size: [usize; 2],
@@ -156,7 +158,7 @@ impl Lattice {
                     (first..=last).map(|i| run.place(i)).collect()
                 }
                 (None, SidePoints::Even) => continue,
-                // Those of the even lattice.
+                // The steps are those of the even lattice.
                 (None, SidePoints::Steps(steps)) if *steps as usize + 1 == size[side / 2] => continue,
                 (None, SidePoints::Steps(steps)) => {
                     let n = *steps as usize + 1;
@@ -180,8 +182,8 @@ impl Lattice {
         lattice
     }
 
-    /// A corner lies on two sides, of which at most one has it elsewhere than at its end; what the other one has at its end
-    /// goes along.
+    /// Finds the points that follow a moved corner. A corner lies on two sides, of which at most one moves it. The
+    /// points of the other side that are at the corner move along.
     fn find_copies(&self) -> Vec<[usize; 2]> {
         let mut copies = Vec::new();
         for (side, own) in self.sides.iter().enumerate() {
@@ -204,7 +206,7 @@ impl Lattice {
         copies
     }
 
-    /// Indices and places of the points on a side.
+    /// Returns the indices and places of the points on a side.
     pub(crate) fn side(&self, side: usize) -> Vec<(usize, [Place; 2])> {
         let axis = side / 2;
         let [even, across] = [&self.places[axis], &self.places[1 - axis]];
@@ -214,13 +216,13 @@ impl Lattice {
         (0..own.len()).map(|k| (self.index(axis, k, at), place(k))).collect()
     }
 
-    /// Index of a point, from its numbers along an axis and across.
+    /// Returns the index of a point from its numbers along an axis and across it.
     fn index(&self, axis: usize, along: usize, across: usize) -> usize {
         let [i, j] = if axis == 0 { [along, across] } else { [across, along] };
         j * self.places[0].len() + i
     }
 
-    /// The sides with points of their own.
+    /// Returns the sides that have their own points.
     pub(crate) fn borders(&self) -> impl Iterator<Item = Border> + '_ {
         self.sides.iter().enumerate().filter_map(move |(side, own)| {
             let own = own.as_ref()?;
@@ -235,7 +237,7 @@ impl Lattice {
         })
     }
 
-    /// A value along u (axis 0) or v (axis 1) for each point.
+    /// Returns a value along u (axis 0) or v (axis 1) for each point.
     pub(crate) fn along<T: Copy>(&self, axis: usize, value: impl Fn(&Place) -> T) -> Vec<T> {
         let [us, vs] = &self.places;
         let of_line: Vec<T> = self.places[axis].iter().map(&value).collect();
@@ -254,7 +256,7 @@ impl Lattice {
         all
     }
 
-    /// Where the points are, counted in steps of the even lattice; `None` when it is even.
+    /// Returns the places of the points, counted in steps of the even lattice; `None` when it is even.
     pub(crate) fn in_steps(&self) -> Option<[Vec<f32>; 2]> {
         (!self.is_even()).then(|| {
             [0, 1].map(|axis| {
@@ -266,18 +268,18 @@ impl Lattice {
         })
     }
 
-    /// Whether no side has points of its own.
+    /// True when no side has its own points.
     pub(crate) fn is_even(&self) -> bool {
         self.sides.iter().all(Option::is_none)
     }
 }
 
-/// The nearest of the ends of steps for each of `n` points that are spread evenly over a side, every one for at least one
-/// point.
+/// Returns the nearest of the ends of steps for each of `n` points that are spread evenly over a side. Every end is
+/// used for at least one point.
 fn spread(own: &Range, ends: &[Place], n: usize) -> Vec<Place> {
     let (last, steps) = (ends.len() - 1, n - 1);
     if steps < last {
-        // Too few: only what cannot be split comes here.
+        // There are too few points, which happens only for pieces that cannot be split.
         return (0..n).map(|i| ends[i * last / steps]).collect();
     }
     let (x0, x1) = own.span();
@@ -335,7 +337,7 @@ mod tests {
             assert_eq!(l1, (f64::from(steps) / 2.0 + 0.5).floor() / f64::from(steps));
             let count = |settled: &Settled, range| settled.steps(0, range).unwrap();
             assert_eq!(count(&left, &a) + count(&right, &b), steps as usize);
-            // The other sides and the new line are free.
+            // The other sides and the new line are not settled.
             assert!((1..4).all(|side| !left.is_settled(side) && !right.is_settled(side)));
         }
     }

@@ -14,11 +14,11 @@ use std::sync::Arc;
 
 const CALL: &str = "Sphere";
 
-/// Largest radius: squares of larger ones are no numbers any more.
+/// The largest radius. The squares of larger radii overflow.
 const LARGEST: f32 = 1e18;
 
-/// Arguments of a sphere may turn its points by so many degrees from one motion key to the next: points move along
-/// chords of their arcs.
+/// The largest angle in degrees by which the points of a sphere with changing arguments may turn from one motion key
+/// to the next. Points move along chords of their arcs.
 const MOST_TURN_DEG: f64 = 3.0;
 
 struct Sphere {
@@ -31,14 +31,14 @@ struct Sphere {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SphereKey {
     radius: f64,
-    /// Latitudes in degrees at v = 0 and v = 1.
+    /// The latitudes in degrees at v = 0 and v = 1.
     phi_deg: [f64; 2],
-    /// Sweep in degrees.
+    /// The sweep angle in degrees.
     theta_deg: f64,
 }
 
 impl SphereKey {
-    /// From radius, lower and upper cut and sweep.
+    /// Returns the sphere of a radius, a lower and upper cut, and a sweep angle.
     fn new([radius, zmin, zmax, theta_deg]: [f64; 4]) -> Self {
         let size = radius.abs();
         let latitude = |z: f64| (z / radius).clamp(-1.0, 1.0).asin().to_degrees();
@@ -51,7 +51,7 @@ impl SphereKey {
         self.radius != 0.0 && self.theta_deg != 0.0 && self.phi_deg[0] != self.phi_deg[1]
     }
 
-    /// Degrees that a point turns on its way to another key.
+    /// Returns the angle in degrees that a point turns on its way to another key.
     fn turn_deg(&self, other: &Self) -> f64 {
         let [a, b] = [0, 1].map(|k| (self.phi_deg[k] - other.phi_deg[k]).abs());
         a.max(b).max((self.theta_deg - other.theta_deg).abs())
@@ -62,12 +62,12 @@ struct SpherePiece {
     sphere: Arc<Sphere>,
     range: [Range; 2],
     settled: Settled,
-    /// At each motion key.
+    /// The bounds at each motion key.
     bounds: Vec<Bound>,
 }
 
-/// Builds a sphere; nothing (with a warning) when it has no area. Its arguments at other motion keys are those of the
-/// parameter "__arguments"; between keys they change linearly.
+/// Builds a sphere, or nothing (with a warning) when it has no area. The arguments at other motion keys are in the
+/// parameter "__arguments". Between keys they change linearly.
 pub(crate) fn build(
     keys: &[ShapeKey<'_>],
     given: [f32; 4],
@@ -96,7 +96,7 @@ pub(crate) fn build(
     Ok(vec![Box::new(SpherePiece::new(Arc::new(sphere), whole, Settled::default()))])
 }
 
-/// The motion keys, and between them as many more as keep points near their arcs.
+/// Returns the motion keys, with as many keys between them as are needed to keep points near their arcs.
 fn over_time(keys: &[ShapeKey<'_>], arguments: &[[f32; 4]]) -> (Vec<f32>, Vec<SphereKey>) {
     let arguments: Vec<[f64; 4]> = arguments.iter().map(|list| list.map(f64::from)).collect();
     let mut times = vec![keys[0].time];
@@ -120,7 +120,8 @@ fn over_time(keys: &[ShapeKey<'_>], arguments: &[[f32; 4]]) -> (Vec<f32>, Vec<Sp
     (times, spheres)
 }
 
-/// Sine and cosine of an angle in degrees, exact at multiples of 90: so seams close and poles are points.
+/// Returns the sine and cosine of an angle in degrees. They are exact at multiples of 90, so that the sphere closes
+/// and its poles are points.
 fn sin_cos_deg(x: f64) -> (f64, f64) {
     let quarter = (x / 90.0).round();
     let (s, c) = (x - quarter * 90.0).to_radians().sin_cos();
@@ -132,7 +133,7 @@ fn sin_cos_deg(x: f64) -> (f64, f64) {
     }
 }
 
-/// Smallest and largest cosine over a range of degrees.
+/// Returns the smallest and largest cosine over a range of degrees.
 fn cos_range(a: f64, b: f64) -> (f64, f64) {
     let (lo, hi) = (a.min(b), a.max(b));
     if hi - lo >= 360.0 {
@@ -151,14 +152,14 @@ fn product((a, b): (f64, f64), (c, d): (f64, f64)) -> (f64, f64) {
 }
 
 impl SphereKey {
-    /// Sine and cosine of an angle.
+    /// Returns the sine and cosine of the angle at a place.
     fn angle(&self, axis: usize, place: &Place) -> (f64, f64) {
         let [from, to] = if axis == 0 { [0.0, self.theta_deg] } else { self.phi_deg };
         sin_cos_deg(place.a * from + place.b * to)
     }
 }
 
-/// The point of a sphere at the sines and cosines of two angles.
+/// Returns the point of a sphere at the sines and cosines of two angles.
 fn point(s: &SphereKey, (st, ct): (f64, f64), (sp, cp): (f64, f64)) -> DVec3 {
     let r = s.radius;
     DVec3::new(r * ct * cp, r * st * cp, r * sp)
@@ -195,7 +196,7 @@ impl SpherePiece {
         })
     }
 
-    /// Smallest and largest x, y and z.
+    /// Returns the smallest and largest x, y and z.
     fn extents(&self, s: &SphereKey) -> [(f64, f64); 3] {
         let (u, v) = (self.range[0].ends(), self.range[1].ends());
         let theta = (u.0 * s.theta_deg, u.1 * s.theta_deg);
@@ -209,14 +210,14 @@ impl SpherePiece {
         [x, y, z]
     }
 
-    /// The points of a lattice.
+    /// Returns the points of a lattice.
     fn points(&self, key: usize, lattice: &Lattice) -> impl Iterator<Item = DVec3> + '_ {
         let s = self.key(key);
         let [us, vs] = [0, 1].map(|axis| lattice.along(axis, |p| s.angle(axis, p)));
         us.into_iter().zip(vs).map(|(u, v)| point(s, u, v))
     }
 
-    /// Points spread evenly over a part of a side.
+    /// Returns points spread evenly over a part of a side.
     fn along_side(&self, key: usize, part: &SidePart, n: usize) -> impl Iterator<Item = DVec3> + '_ {
         let s = self.key(key);
         let (axis, range) = (part.side / 2, part.range);
@@ -296,7 +297,7 @@ impl Surface for SpherePiece {
     }
 
     fn is_splittable(&self) -> bool {
-        // Where one parameter no longer divides, parts along the other would be as long.
+        // Where one parameter can no longer be divided, dividing the other would give equally long parts.
         self.range.iter().all(|r| r.halves().is_some())
     }
 
@@ -356,10 +357,10 @@ impl Surface for SpherePiece {
     }
 }
 
-/// dP/du and dP/dv of a sphere at points along u and along v, each with the sine and cosine of its angle.
+/// Returns dP/du and dP/dv of a sphere at points along u and along v, each with the sine and cosine of its angle.
 ///
-/// Where they vanish, at a pole or at a motion key without area, they are short ones with the direction that they have
-/// beside it.
+/// Where a derivative vanishes, at a pole or at a motion key without area, a short vector with the direction of
+/// neighbouring points is returned.
 fn derivatives(s: &SphereKey, us: &[(f64, (f64, f64))], vs: &[(f64, (f64, f64))]) -> (Vec<Vec3>, Vec<Vec3>) {
     let turn = |deg: f64| if deg == 0.0 { 1e-3 } else { deg.to_radians() };
     let radius = if s.radius == 0.0 { 1e-3 } else { s.radius };

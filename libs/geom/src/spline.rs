@@ -1,4 +1,4 @@
-//! Piecewise polynomials along one parameter, each piece given by its Bezier extraction.
+//! Piecewise polynomials along one parameter, with the Bezier extraction of each piece.
 
 use crate::GeomError;
 use crate::bezier::MAX_DEGREE;
@@ -9,23 +9,23 @@ use std::sync::Arc;
 /// One polynomial segment.
 #[derive(Clone, Debug)]
 pub(crate) struct Segment {
-    /// First control vertex.
+    /// The first control vertex.
     pub(crate) first: usize,
-    /// Parameter at the start.
+    /// The parameter at the start.
     pub(crate) t0: f64,
-    /// Parameter at the end.
+    /// The parameter at the end.
     pub(crate) t1: f64,
-    /// Bezier vertex `j` is the sum over `k` of `matrix[j * (degree + 1) + k]` times control vertex `first + k`;
-    /// the identity when absent.
+    /// Bezier vertex `j` is the sum over `k` of `matrix[j * (degree + 1) + k]` times control vertex `first + k`.
+    /// `None` is the identity.
     pub(crate) matrix: Option<Arc<[f64]>>,
 }
 
 /// All segments along one parameter.
 #[derive(Clone, Debug)]
 pub(crate) struct Spline {
-    /// Degree of the segments.
+    /// The degree of the segments.
     pub(crate) degree: usize,
-    /// Segments in order; at least one.
+    /// The segments in order; at least one.
     pub(crate) segments: Vec<Segment>,
 }
 
@@ -43,7 +43,7 @@ const CATMULL_ROM: [f64; 16] = {
 };
 
 impl Spline {
-    /// `n` control vertices of a uniform basis, parameterized over [0, 1] (reference 2.8.1).
+    /// Returns the spline of `n` control vertices of a uniform basis, with parameters in [0, 1] (reference 2.8.1).
     pub(crate) fn uniform(
         call: &'static str,
         what: &str,
@@ -72,7 +72,8 @@ impl Spline {
         Ok(Self { degree, segments })
     }
 
-    /// From a knot vector: Bezier extraction by blossoming over each knot span within `[min, max]`.
+    /// Returns the spline of a knot vector, by Bezier extraction with blossoms over each knot span within
+    /// `[min, max]`.
     pub(crate) fn nurbs(call: &'static str, what: &str, span: &KnotSpan) -> Result<Self, GeomError> {
         let fail = |text: String| GeomError::Malformed { call, what: format!("{text} {what}") };
         let (n, order) = (span.n, span.order);
@@ -123,25 +124,25 @@ impl Spline {
         Ok(Self { degree: p, segments })
     }
 
-    /// Parameter at a place.
+    /// Returns the parameter at a place.
     pub(crate) fn parameter(&self, segment: u32, a: f64, b: f64) -> f64 {
         let s = &self.segments[segment as usize];
         a * s.t0 + b * s.t1
     }
 
-    /// First and last parameter.
+    /// Returns the first and last parameter.
     pub(crate) fn extent(&self) -> (f64, f64) {
         let last = self.segments.len() - 1;
         (self.segments[0].t0, self.segments[last].t1)
     }
 
-    /// Number of segments.
+    /// The number of segments.
     pub(crate) fn count(&self) -> u32 {
         self.segments.len() as u32
     }
 }
 
-/// The extraction matrix of knot span `[t_k, t_{k+1}]` for the Bezier segment over `[a, b]` inside it.
+/// Returns the extraction matrix of knot span `[t_k, t_{k+1}]` for the Bezier segment over `[a, b]` inside of it.
 fn extraction(knots: &[f64], k: usize, p: usize, a: f64, b: f64) -> Vec<f64> {
     let m = p + 1;
     let mut matrix = vec![0.0; m * m];
@@ -150,7 +151,7 @@ fn extraction(knots: &[f64], k: usize, p: usize, a: f64, b: f64) -> Vec<f64> {
         for unit in 0..m {
             d.fill(0.0);
             d[unit] = 1.0;
-            // The blossom at p - j times a and j times b, by de Boor's recursion.
+            // The blossom at p - j times a and j times b is computed by de Boor's recursion.
             for r in 1..=p {
                 let x = if r <= p - j { a } else { b };
                 for i in (r..=p).rev() {
@@ -165,14 +166,14 @@ fn extraction(knots: &[f64], k: usize, p: usize, a: f64, b: f64) -> Vec<f64> {
     matrix
 }
 
-/// Makes the first row of a segment the same numbers as the last row of the segment before it, where both depend on
-/// the same control vertices: then the common edge is the same to the bit.
+/// Copies the last row of the segment before into the first row of a segment, where both depend on the same control
+/// vertices. The common edge is then the same to the bit.
 fn share_end(last: &Segment, matrix: &mut [f64], first: usize, p: usize) {
     let m = p + 1;
     let shift = first - last.first;
     let Some(before) = &last.matrix else { return };
     let end = &before[p * m..];
-    // At a knot of full multiplicity nothing is shared: the curve may jump there.
+    // At a knot of full multiplicity no vertices are shared, because the curve may jump there.
     if shift > p || end[..shift].iter().any(|w| w.abs() > 1e-9) {
         return;
     }
@@ -234,7 +235,7 @@ mod tests {
             KnotSpan { knots: [0.0, 0.0, f32::NAN, 1.0, 1.0, 1.0].into(), ..good.clone() },
             KnotSpan { knots: [0.0; 6].into(), ..good.clone() },
         ] {
-            // NaN limits fall back to the knots' range, everything else fails.
+            // NaN limits are replaced by the range of the knots. All other invalid values fail.
             if !bad.min.is_nan() {
                 assert!(Spline::nurbs("Patch", "", &bad).is_err(), "{bad:?}");
             }

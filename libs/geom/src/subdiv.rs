@@ -1,10 +1,10 @@
 //! Catmull-Clark surfaces (reference 2.8.2, interpolation "catmull-clark").
 //!
-//! The cage is refined, then every quadrilateral becomes a bicubic Bezier patch: exactly the surface where four
-//! faces meet at each vertex, and beside other vertices an approximation that passes through the limit positions of
-//! all vertices (Loop and Schaefer, "Approximating Catmull-Clark Subdivision Surfaces with Bicubic Patches", ACM
-//! Transactions on Graphics 27(1), 2008). Bezier vertices of common edges are computed once, so that patches join
-//! to the bit. A face of the cage is one part with all its patches as segments.
+//! The cage is refined, then every quadrilateral becomes a bicubic Bezier patch. The patch is exactly the surface
+//! where each vertex has four faces. Beside other vertices it is an approximation that passes through the limit
+//! positions of all vertices (Loop and Schaefer, "Approximating Catmull-Clark Subdivision Surfaces with Bicubic
+//! Patches", ACM Transactions on Graphics 27(1), 2008). The Bezier vertices of common edges are computed once, so
+//! that adjacent patches agree to the bit. A face of the cage is one part with all its patches as segments.
 
 use crate::GeomError;
 use crate::cage::{Cage, Corner, Creases};
@@ -18,28 +18,29 @@ use crate::vars::{Report, Vars};
 use granita_base::{Bound, Params, Severity, Vec3};
 use std::sync::Arc;
 
-/// Most refined faces.
+/// The largest number of refined faces.
 const MOST_FACES: u64 = 1 << 26;
 
-/// Sharpness from which on edges and vertices are sharp at every step.
+/// The sharpness from which on edges and vertices are sharp at every step.
 const ALWAYS_SHARP: f32 = 10.0;
 
-/// A quadrilateral of the cage, or one of the quadrilaterals of another face.
+/// A quadrilateral of the cage, or one of the quadrilaterals into which another face is divided.
 #[derive(Clone, Debug)]
 struct Root {
-    /// Face as declared.
+    /// The index of the face as declared.
     face: u32,
-    /// First corner of the face in the declared list.
+    /// The first corner of the face in the declared list.
     first: u32,
-    /// Corners of the face.
+    /// The number of corners of the face.
     n: u32,
-    /// Which corner, for faces that are not quadrilaterals.
+    /// The index of the corner, for faces that are not quadrilaterals.
     corner: u32,
-    /// First of its refined faces.
+    /// The index of the first of its refined faces.
     refined: u32,
-    /// How often it was halved.
+    /// The number of times that it was halved.
     levels: u32,
-    /// Which sides have a face beside them that is no quadrilateral: its parts have a corner in the middle of the side.
+    /// For each side: true when the face beside it is not a quadrilateral, so that parts of that face have a corner
+    /// in the middle of the side.
     halved: [bool; 4],
 }
 
@@ -48,14 +49,14 @@ struct Subdivision {
     channels: usize,
     vars: Vars,
     roots: Vec<Root>,
-    /// Bezier vertices at refined vertices, along edges (two each, at each end), and at corners of faces.
+    /// The Bezier vertices at refined vertices, along edges (two each, at each end), and at corners of faces.
     at_vertices: Vec<f32>,
     at_edges: Vec<f32>,
     at_corners: Vec<f32>,
     cage: Cage,
-    /// Whether all patches join smoothly.
+    /// True when all patches join smoothly.
     regular: bool,
-    /// For each root and key.
+    /// The bounds for each root and key.
     bounds: Vec<Bound>,
 }
 
@@ -75,7 +76,7 @@ pub(crate) fn build(
     let mut corners = Vec::new();
     for face in &faces {
         corners.extend(verts[face.corners.clone()].iter().map(|&v| v as u32));
-        // Refined vertices and faces are counted by 32 bits, too.
+        // Refined vertices and faces are also counted by 32 bits.
         if corners.len() as u64 * 4 > MOST_FACES {
             let asked = verts.len() as u64;
             return Err(GeomError::Limit { call: CALL, what: "corners", asked, max: MOST_FACES / 4 });
@@ -126,7 +127,7 @@ pub(crate) fn build(
             corner,
             refined,
             levels,
-            // Sides at the start and end of v, of u; corners go around.
+            // The sides are those at the start and end of v, then of u. The corners are in winding order.
             halved: if n == 4 { [0, 2, 3, 1].map(halved) } else { [false; 4] },
         };
         match (n, levels) {
@@ -157,8 +158,8 @@ pub(crate) fn build(
     Ok(pieces(Box::new(surface), n))
 }
 
-/// What the parameters say is sharp: "creaselengths", "creaseindices" and "creasesharpnesses" (chains of vertices, how sharp
-/// each is, or each of its edges), "cornerindices" and "cornersharpnesses".
+/// Returns the sharp edges and vertices of the parameters "creaselengths", "creaseindices" and "creasesharpnesses"
+/// (chains of vertices with one sharpness for each chain or each edge), and "cornerindices" and "cornersharpnesses".
 fn creases(params: &Params, report: Report<'_>) -> Creases {
     let ints = |name: &str| params.get(name).and_then(|p| p.data.to_ints()).unwrap_or_default();
     let floats = |name: &str| params.get(name).and_then(|p| p.data.to_floats()).unwrap_or_default();
@@ -205,7 +206,7 @@ fn creases(params: &Params, report: Report<'_>) -> Creases {
     creases
 }
 
-/// Says where a cage is no surface: more than two faces at an edge. The surface is creased there.
+/// Reports edges of a cage with more than two faces. The surface is creased there.
 fn tell_of_folds(cage: &Cage, report: Report<'_>) {
     let mut folds = cage.edges.iter().filter(|edge| edge.count > 2);
     if let Some(first) = folds.next() {
@@ -219,7 +220,7 @@ fn tell_of_folds(cage: &Cage, report: Report<'_>) {
 }
 
 impl Subdivision {
-    /// The Bezier vertices of all patches.
+    /// Computes the Bezier vertices of all patches.
     fn find_bezier_vertices(&mut self) {
         let (cage, c) = (&self.cage, self.channels);
         let kinds = cage.kinds();
@@ -228,7 +229,7 @@ impl Subdivision {
             let (first, i) = (k / 4 * 4, k % 4);
             let [v, next, opposite, before] = [0, 1, 2, 3].map(|step| cage.corners[first + (i + step) % 4]);
             let faces = cage.corners_at(v).len() as f64;
-            // On borders and creases as if the surface went on beyond them.
+            // On borders and creases the surface is treated as if it continued beyond them.
             let n = match kinds[v as usize] {
                 Corner::Smooth => faces,
                 Corner::Crease(_) => (2.0 * cage.sector(k as u32) as f64).max(4.0),
@@ -278,12 +279,13 @@ impl Subdivision {
             }
         }
         (self.at_corners, self.at_edges, self.at_vertices) = (at_corners, at_edges, at_vertices);
-        // The refined positions are in the Bezier vertices now.
+        // The refined positions are now in the Bezier vertices.
         self.cage.points = Vec::new();
     }
 
-    /// Moves the Bezier vertices along the edges of each smooth vertex that has not four of them into the tangent plane
-    /// of the limit there, so that all patches around it have one normal. Only positions move.
+    /// Moves the Bezier vertices along the edges of each smooth vertex with a number of edges other than four into
+    /// the tangent plane of the limit there, so that all patches around it have the same normal. Only positions are
+    /// moved.
     fn flatten_edges(&self, kinds: &[Corner], at_edges: &mut [f32]) {
         let (cage, c) = (&self.cage, self.channels);
         let mut fan = Vec::new();
@@ -292,8 +294,8 @@ impl Subdivision {
             if n == 4 || n < 3 || kinds[v as usize] != Corner::Smooth || !cage.fan(v, &mut fan) {
                 continue;
             }
-            // Limit tangents, as of Halstead, Kass and DeRose, "Efficient, Fair Interpolation using Catmull-Clark
-            // Surfaces", 1993.
+            // The limit tangents are those of Halstead, Kass and DeRose, "Efficient, Fair Interpolation using
+            // Catmull-Clark Surfaces", 1993.
             let step = std::f64::consts::TAU / n as f64;
             let a = 1.0 + step.cos() + (step * 0.5).cos() * (2.0 * (9.0 + step.cos())).sqrt();
             for key in 0..self.times.len() {
@@ -319,9 +321,10 @@ impl Subdivision {
         }
     }
 
-    /// As [`Subdivision::flatten_edges`], for the faces between two sharp edges that meet at a vertex of a border, a crease
-    /// or a corner, where these faces are not two: into the plane of the sharp edges, or if they pass
-    /// straight on, of them and the edges in between.
+    /// Does the same as [`Subdivision::flatten_edges`] for the faces between two sharp edges of an irregular vertex,
+    /// which is one of a border or a crease with more than two faces, or a sharp one with more than one. The Bezier
+    /// vertices are moved into the plane of the sharp edges, or, when these are collinear, into the plane of them and
+    /// the edges in between.
     fn flatten_sectors(&self, kinds: &[Corner], at_edges: &mut [f32]) {
         let (cage, c) = (&self.cage, self.channels);
         let (mut between, mut by_out) = (Vec::new(), Vec::new());
@@ -378,7 +381,7 @@ impl Subdivision {
         }
     }
 
-    /// Puts the roots in order and bounds them.
+    /// Orders the roots and computes their bounds.
     fn find_bounds(&mut self) {
         let bound =
             |part: usize, key: usize| net_bound(self, part, self.segments(part).map(Range::whole), key);
@@ -395,7 +398,7 @@ impl Subdivision {
         self.bounds = bounds;
     }
 
-    /// The Bezier vertices of a refined face.
+    /// Collects the Bezier vertices of a refined face.
     fn bezier_vertices(&self, face: usize, out: &mut Vec<f64>) {
         let c = self.channels;
         out.clear();
@@ -404,7 +407,7 @@ impl Subdivision {
             let to = &mut out[(j * 4 + i) * c..][..c];
             to.iter_mut().zip(&from[index * c..]).for_each(|(o, &x)| *o = f64::from(x));
         };
-        // Corners in winding order, and the way from each to the next.
+        // The corners in winding order, and the steps from each to the next.
         const AT: [[usize; 2]; 4] = [[0, 0], [3, 0], [3, 3], [0, 3]];
         const INNER: [[usize; 2]; 4] = [[1, 1], [2, 1], [2, 2], [1, 2]];
         for k in 0..4 {
@@ -420,7 +423,7 @@ impl Subdivision {
         }
     }
 
-    /// The refined face at a segment of a root.
+    /// Returns the refined face at a segment of a root.
     fn refined(&self, root: &Root, [su, sv]: [u32; 2]) -> usize {
         const CHILD: [u32; 4] = [0, 1, 3, 2];
         let path = (0..root.levels)
@@ -430,7 +433,7 @@ impl Subdivision {
     }
 }
 
-/// Moves a point into the plane through `on`, if `normal` tells of one.
+/// Moves a point into the plane through `on`, if `normal` is not zero.
 fn flatten(point: &mut [f32], on: [f64; 3], normal: [f64; 3]) {
     let square: f64 = normal.iter().map(|x| x * x).sum();
     let above: f64 = (0..3).map(|x| (f64::from(point[x]) - on[x]) * normal[x]).sum::<f64>() / square;
@@ -474,7 +477,7 @@ impl Net for Subdivision {
     fn seam(&self, part: usize, segment: [u32; 2], side: usize, out: &mut Vec<f64>) -> Option<Seam> {
         let cage = &self.cage;
         let face = self.refined(&self.roots[part], segment);
-        // The corner that the side goes out from, in winding order.
+        // The corner from which the side starts, in winding order.
         let corner = face * 4 + [0, 2, 3, 1][side];
         let index = cage.corner_edges[corner];
         let edge = &cage.edges[index as usize];
@@ -489,7 +492,7 @@ impl Net for Subdivision {
         let other = edge.faces[usize::from(edge.faces[0] as usize == face)] as usize;
         let beyond = (0..4).find(|k| cage.corner_edges[other * 4 + k] == index)?;
         self.bezier_vertices(other, out);
-        // On both sides the place runs with the winding: this way around here, the other one there.
+        // In both faces the place runs with the winding: in one direction here and in the other direction there.
         let with_winding = side == 0 || side == 3;
         let opposite = cage.corners[corner] != cage.corners[other * 4 + beyond];
         let beyond: fn(Place) -> [Place; 2] = match beyond {

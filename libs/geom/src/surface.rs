@@ -1,4 +1,4 @@
-//! The face every primitive shows to the renderer.
+//! The interface of every primitive to the renderer.
 
 use crate::dice::{Dice, View};
 use crate::side::{SidePart, SidePoints};
@@ -7,36 +7,36 @@ use granita_base::{Bound, DVec3, Vec3};
 /// A piece of a primitive.
 pub type Piece = Box<dyn Surface>;
 
-/// Along which parameter a piece is cut.
+/// The parameter along which a piece is split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SplitDirection {
-    /// The children meet at a line of constant u.
+    /// The children share a line of constant u.
     U,
-    /// The children meet at a line of constant v.
+    /// The children share a line of constant v.
     V,
 }
 
-/// A piece of a primitive that can be bounded, split and diced. All in object space.
+/// A piece of a primitive that can be bounded, split and diced. Everything is in object space.
 pub trait Surface: Send + Sync {
-    /// Times of the motion keys: one or more, increasing.
+    /// Returns the times of the motion keys: one or more, increasing.
     fn key_times(&self) -> &[f32];
 
-    /// The motion key at which the primitive is to be measured for dicing, where it may be far smaller at the others; `None`
-    /// for the first moment that is shown.
+    /// Returns the motion key at which the primitive is measured for dicing, when it may be far smaller at the
+    /// others. `None` for the first visible moment.
     fn measured_key(&self) -> Option<usize> {
         None
     }
 
-    /// A box that holds the piece at motion key `key`, widths of points and curves included (those given in object
-    /// space; for the others see [`Surface::raster_width`]).
+    /// Returns a box that contains the piece at motion key `key`. Widths of points and curves are included when they
+    /// are given in object space; for the others see [`Surface::raster_width`].
     fn bound(&self, key: usize) -> Bound;
 
-    /// Replaces `out` by `nu x nv` positions (u fastest) spread evenly over the piece at motion key `key`, to
-    /// estimate dicing rates. Points and curves face along z; see [`Surface::positions_towards`].
+    /// Replaces `out` by `nu x nv` positions (u fastest), spread evenly over the piece at motion key `key`, from
+    /// which dicing rates are estimated. Points and curves face along z; see [`Surface::positions_towards`].
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>);
 
-    /// As [`Surface::positions`], with points and curves turned towards the viewer. `view` gets the motion key and
-    /// a position.
+    /// Does the same as [`Surface::positions`], with points and curves turned towards the viewer. `view` receives the
+    /// motion key and a position.
     fn positions_towards(
         &self,
         key: usize,
@@ -49,15 +49,15 @@ pub trait Surface: Send + Sync {
         self.positions(key, nu, nv, out);
     }
 
-    /// Replaces `out` by points whose convex hull holds the piece at motion key `key`, in double precision. All keys give
-    /// equally many, and those between two keys are blended point by point.
+    /// Replaces `out` by points whose convex hull contains the piece at motion key `key`, in double precision. All
+    /// keys give the same number of points. Between two keys the points are interpolated one by one.
     fn hull(&self, key: usize, out: &mut Vec<DVec3>) {
         out.clear();
         out.extend(self.bound(key).corners().map(|p| p.as_dvec3()));
     }
 
-    /// As [`Surface::positions`], in double precision: for pieces whose coordinates are large beside their distance
-    /// from the viewer. Rounded to single precision these are the same.
+    /// Does the same as [`Surface::positions`] in double precision, for pieces whose coordinates are large relative
+    /// to their distance from the viewer. Rounded to single precision the positions are the same.
     fn precise_positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<DVec3>) {
         let mut rounded = Vec::new();
         self.positions(key, nu, nv, &mut rounded);
@@ -65,59 +65,62 @@ pub trait Surface: Send + Sync {
         out.extend(rounded.iter().map(|p| p.as_dvec3()));
     }
 
-    /// `[u0, u1, v0, v1]`: the range of the primitive's (for meshes: the face's) parameters that the piece covers.
-    /// For pieces of several faces, curves or points: of one of them.
+    /// Returns `[u0, u1, v0, v1]`, the range of the primitive's (for meshes: the face's) parameters that the piece
+    /// covers. For a piece of several faces, curves or points it is the range of one of them.
     fn domain(&self) -> [f32; 4];
 
-    /// Whether [`Surface::split`] gives smaller pieces. Pieces cease to be splittable when their parameters no
-    /// longer divide.
+    /// True when [`Surface::split`] gives smaller pieces. Pieces are not splittable when their parameters can no
+    /// longer be divided.
     fn is_splittable(&self) -> bool {
         true
     }
 
-    /// Whether the piece spans several spline segments, faces, curves or particles, so that it must be split before
+    /// True when the piece spans several spline segments, faces, curves or particles, so that it must be split before
     /// it can be diced.
     fn must_split(&self) -> bool {
         false
     }
 
-    /// Whether the piece is several faces, curves or particles: it must be split, and in no direction.
+    /// True when the piece is several faces, curves or particles. It must then be split, and the direction is
+    /// ignored.
     fn is_group(&self) -> bool {
         false
     }
 
-    /// The piece in two or more parts that together cover it. A group ignores `direction`. Empty when the piece is not splittable.
+    /// Splits the piece into two or more parts that together cover it. A group ignores `direction`. Returns no parts
+    /// when the piece is not splittable.
     fn split(&self, direction: SplitDirection) -> Vec<Piece>;
 
-    /// As [`Surface::split`], with the number of equal steps of each side (numbered as in [`Surface::side`]) that is not to
-    /// be halved any more: where the halves have parts of it, they share these steps.
+    /// Does the same as [`Surface::split`], with the number of equal steps of each side (numbered as in
+    /// [`Surface::side`]) that is not halved any further. Parts that contain a fraction of such a side
+    /// share its steps.
     fn split_settled(&self, direction: SplitDirection, steps: [Option<u32>; 4]) -> Vec<Piece> {
         let _ = steps;
         self.split(direction)
     }
 
-    /// A side of the piece as neighbours share it: 0 at the start of v and 1 at its end (both run along u), 2 at the start
-    /// of u and 3 at its end. `None` for sides that are settled, pieces of several faces, and primitives whose
-    /// pieces do not meet at points (points, curves).
+    /// Returns a side of the piece as neighbours share it: 0 at the start of v and 1 at its end (both run along u), 2
+    /// at the start of u and 3 at its end. `None` for settled sides, for pieces of several faces, and for primitives
+    /// whose pieces do not share points (points, curves).
     fn side(&self, side: usize) -> Option<SidePart> {
         let _ = side;
         None
     }
 
-    /// How many steps a settled side has; `None` for others.
+    /// Returns the number of steps of a settled side; `None` for others.
     fn settled_steps(&self, side: usize) -> Option<usize> {
         let _ = side;
         None
     }
 
-    /// Replaces `out` by `n` positions (at least 2) spread evenly over a part of a side at motion key `key`. They are those of
-    /// whoever shares the edge, to the bit.
+    /// Replaces `out` by `n` positions (at least 2) spread evenly over a part of a side at motion key `key`. They are
+    /// the same to the bit for every piece that shares the edge.
     fn side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<Vec3>) {
         let _ = (key, part, n);
         out.clear();
     }
 
-    /// As [`Surface::side_positions`], in double precision.
+    /// Does the same as [`Surface::side_positions`] in double precision.
     fn precise_side_positions(&self, key: usize, part: &SidePart, n: usize, out: &mut Vec<DVec3>) {
         let mut rounded = Vec::new();
         self.side_positions(key, part, n, &mut rounded);
@@ -125,67 +128,68 @@ pub trait Surface: Send + Sync {
         out.extend(rounded.iter().map(|p| p.as_dvec3()));
     }
 
-    /// The positions of [`Surface::dice_between`] at motion key `key` in double precision; `None` for primitives that have
-    /// no more than single precision.
+    /// Returns the positions of [`Surface::dice_between`] at motion key `key` in double precision; `None` for
+    /// primitives that have only single precision.
     fn precise_between(&self, key: usize, size: [usize; 2], sides: &[SidePoints; 4]) -> Option<Vec<DVec3>> {
         let _ = (key, size, sides);
         None
     }
 
-    /// As [`Surface::dice`], with the points on each side where `sides` says. Where the lattice has more points than the
-    /// side, neighbouring points of it are the same.
+    /// Does the same as [`Surface::dice`], with the points on each side at the places of `sides`. Where the lattice
+    /// has more points than the side, neighbouring points of the lattice coincide.
     fn dice_between(&self, nu: usize, nv: usize, sides: &[SidePoints; 4]) -> Dice {
         let _ = sides;
         self.dice(nu, nv)
     }
 
-    /// Evaluates `nu x nv` points (at least 2 each, u fastest), the first and last in each direction on the edges of
-    /// the piece. A piece that must be split dices its first part only.
+    /// Evaluates `nu x nv` points (at least 2 each, u fastest). The first and last in each direction are on the edges
+    /// of the piece. A piece that must be split dices its first part only.
     fn dice(&self, nu: usize, nv: usize) -> Dice;
 
-    /// How many facets the piece spans: quadrilaterals, or triangles of which two corners are the same, of a mesh of flat
-    /// faces. 0 for other primitives.
+    /// The number of facets that the piece spans, for a mesh of flat faces. A facet is a quadrilateral, or a triangle
+    /// of which two corners are the same. 0 for other primitives.
     fn facets(&self) -> usize {
         0
     }
 
-    /// Positions of the corners (0,0), (1,0), (0,1) and (1,1) of a facet at motion key `key`: to the bit what dicing it
-    /// gives. Zeros for a facet that does not exist.
+    /// Returns the positions of the corners (0,0), (1,0), (0,1) and (1,1) of a facet at motion key `key`. They are
+    /// the same to the bit as the result of dicing. Zeros for a facet that does not exist.
     fn facet(&self, facet: usize, key: usize) -> [Vec3; 4] {
         let _ = (facet, key);
         [Vec3::ZERO; 4]
     }
 
-    /// A facet as a piece of its own; `None` for one that does not exist.
+    /// Returns a facet as a piece of its own; `None` for one that does not exist.
     fn facet_piece(&self, facet: usize) -> Option<Piece> {
         let _ = facet;
         None
     }
 
-    /// Whether the piece turns towards the viewer ([`Dice::turn`]).
+    /// True when the piece turns towards the viewer ([`Dice::turn`]).
     fn is_facing(&self) -> bool {
         false
     }
 
-    /// Whether the piece is of a curve: u runs across it, v along.
+    /// True when the piece belongs to a curve. u then runs across the curve and v along it.
     fn is_curve(&self) -> bool {
         false
     }
 
-    /// Whether the piece may be diced over a crease: a place inside of it where its spline bends at an angle.
-    /// Splitting it along V until none is left puts every crease on an edge. Only curves are diced over creases;
-    /// pieces of other primitives always end there.
+    /// True when dicing the piece may cross a crease, which is a place inside of it where its spline bends at an
+    /// angle. Splitting it along V until there are no such pieces puts every crease on an edge. Only curves are diced
+    /// over creases. Pieces of other primitives always end there.
     fn has_crease(&self) -> bool {
         false
     }
 
-    /// The points along u and v of a piece that can only be diced into those ([`crate::build_lattice`]).
+    /// Returns the numbers of points along u and v of a piece that can only be diced into these points
+    /// ([`crate::build_lattice`]).
     fn lattice(&self) -> Option<[usize; 2]> {
         None
     }
 
-    /// Largest width in pixels among widths given in pixels ("rasterwidth" of points); 0 without. The bound of the
-    /// piece on the screen grows by half of it.
+    /// Returns the largest width in pixels among widths that are given in pixels ("rasterwidth" of points); 0
+    /// without. The bound of the piece in raster space grows by half of it.
     fn raster_width(&self) -> f32 {
         0.0
     }

@@ -1,20 +1,20 @@
-//! Cutting a polygon into triangles by a line that sweeps over it: n log n steps for any shape.
+//! Triangulation of a polygon with a sweep line, in n log n steps for any shape.
 //!
-//! The line cuts the polygon into spans, each between a left and a right edge. Diagonals at corners where spans split or merge
-//! leave polygons that are monotone in y, whose triangles are cut off as their corners come (M. de Berg et al.,
-//! "Computational Geometry", chapter 3).
+//! The line cuts the polygon into spans, each between a left and a right edge. Diagonals at corners where spans split
+//! or merge divide the polygon into polygons that are monotone in y. Their triangles are cut off when the sweep
+//! reaches their corners (M. de Berg et al., "Computational Geometry", chapter 3).
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
-/// The triangles of a polygon given counter-clockwise, in its winding: `n - 2` that cover it once. `None` where they do not,
-/// as for polygons that cross themselves or have no area.
+/// Returns the `n - 2` triangles of a counter-clockwise polygon, in its winding. Returns `None` when they do not
+/// cover it exactly once, as for polygons that cross themselves or have no area.
 pub(crate) fn triangulate(flat: &[[f64; 2]]) -> Option<Vec<[usize; 3]>> {
     let n = flat.len();
     if n < 3 || flat.iter().flatten().any(|x| !x.is_finite()) {
         return None;
     }
-    // From the top; of equal heights from the left.
+    // The order is from the top, and for equal heights from the left.
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_unstable_by(|&a, &b| downward(flat[a], flat[b]).then(a.cmp(&b)));
     let mut rank = vec![0_u32; n];
@@ -44,7 +44,7 @@ pub(crate) fn triangulate(flat: &[[f64; 2]]) -> Option<Vec<[usize; 3]>> {
     covers(flat, &sweep.out).then_some(sweep.out)
 }
 
-/// Whether triangles cover a polygon once: none is turned over, and their areas add up to that of the polygon.
+/// True when triangles cover a polygon once: none is reversed, and their areas sum up to that of the polygon.
 fn covers(flat: &[[f64; 2]], triangles: &[[usize; 3]]) -> bool {
     let n = flat.len();
     let areas = triangles.iter().map(|t| turn(flat[t[0]], flat[t[1]], flat[t[2]]));
@@ -58,14 +58,14 @@ fn covers(flat: &[[f64; 2]], triangles: &[[usize; 3]]) -> bool {
     triangles.len() == n - 2 && whole > 0.0 && (sum - whole).abs() <= small && -over <= small
 }
 
-/// Order of places from the top, and from the left.
+/// Orders places from the top, and from the left for equal heights.
 fn downward(a: [f64; 2], b: [f64; 2]) -> Ordering {
     b[1].total_cmp(&a[1]).then(a[0].total_cmp(&b[0]))
 }
 
 const NONE: u32 = u32::MAX;
 
-/// The left edge of a span, ordered from left to right among those that the line cuts.
+/// The left edge of a span. The edges on the sweep line are ordered from left to right.
 struct Edge {
     upper: [f64; 2],
     lower: [f64; 2],
@@ -77,7 +77,7 @@ impl Ord for Edge {
         if self.number == other.number {
             return Ordering::Equal;
         }
-        // Of two that do not cross, the upper end of the one that begins lower tells.
+        // For two edges that do not cross, the upper end of the lower edge determines the order.
         if downward(self.upper, other.upper) == Ordering::Less {
             self.side(other)
         } else {
@@ -87,7 +87,7 @@ impl Ord for Edge {
 }
 
 impl Edge {
-    /// Where this edge is, seen from one that begins lower.
+    /// Returns the position of this edge relative to one that begins lower.
     fn side(&self, lower: &Self) -> Ordering {
         let of = |p| 0.0_f64.total_cmp(&(turn(self.upper, self.lower, p) + 0.0));
         of(lower.upper).then_with(|| of(lower.lower)).then(self.number.cmp(&lower.number))
@@ -114,12 +114,13 @@ enum Side {
     Right,
 }
 
-/// A monotone polygon that grows downward: the corners whose triangles are not known yet. All but the first are on one side.
+/// A monotone polygon that grows downward. It holds the corners whose triangles are not cut off yet. All but the
+/// first are on one side.
 #[derive(Default)]
 struct Monotone(Vec<(usize, Side)>);
 
 impl Monotone {
-    /// The next corner, on a side.
+    /// Adds the next corner, on a side.
     fn feed(&mut self, v: usize, side: Side, flat: &[[f64; 2]], out: &mut Vec<[usize; 3]>) {
         let Some(&top) = self.0.last() else { return };
         if self.0.len() > 1 && top.1 != side {
@@ -139,13 +140,13 @@ impl Monotone {
         self.0.push((v, side));
     }
 
-    /// The last corner.
+    /// Adds the last corner.
     fn end(&mut self, v: usize, out: &mut Vec<[usize; 3]>) {
         self.fan(v, out);
         self.0.clear();
     }
 
-    /// Triangles from all corners to one on the other side.
+    /// Appends the triangles from all corners to one on the other side.
     fn fan(&self, v: usize, out: &mut Vec<[usize; 3]>) {
         out.extend(self.0.windows(2).map(|pair| {
             let ((a, _), (b, side)) = (pair[0], pair[1]);
@@ -156,10 +157,10 @@ impl Monotone {
 
 /// The inside between two edges.
 struct Span {
-    /// The edge on its right, by the corner that it begins at.
+    /// The edge on its right, identified by the corner at which it begins.
     right: usize,
     monotone: Monotone,
-    /// Behind a corner where two spans merged: the part to the right of the diagonal from there to the next corner.
+    /// After a corner where two spans merged: the part to the right of the diagonal from there to the next corner.
     other: Option<Monotone>,
 }
 
@@ -174,7 +175,7 @@ struct Sweep<'a> {
 }
 
 impl Sweep<'_> {
-    /// The edge from a corner down to the next.
+    /// Returns the edge from a corner down to the next.
     fn edge(&self, from: usize) -> Edge {
         let to = (from + 1) % self.flat.len();
         Edge { upper: self.flat[from], lower: self.flat[to], number: from }
@@ -191,7 +192,7 @@ impl Sweep<'_> {
         self.spans.get_mut(id as usize)
     }
 
-    /// A corner on the left of a span.
+    /// Adds a corner on the left of a span.
     fn feed_left(&mut self, id: u32, v: usize) -> Option<()> {
         let (flat, out) = (self.flat, &mut self.out);
         let span = self.spans.get_mut(id as usize)?;
@@ -203,7 +204,7 @@ impl Sweep<'_> {
         Some(())
     }
 
-    /// A corner on the right of a span.
+    /// Adds a corner on the right of a span.
     fn feed_right(&mut self, id: u32, v: usize) -> Option<()> {
         let (flat, out) = (self.flat, &mut self.out);
         let span = self.spans.get_mut(id as usize)?;
@@ -226,7 +227,8 @@ impl Sweep<'_> {
         let mut right = match span.other.take() {
             Some(right) => right,
             None => {
-                // The diagonal goes to the corner that came last: it stays on its side of one part and begins the other.
+                // The diagonal goes to the last corner. That corner stays on its side of one part and begins the
+                // other part.
                 let &(last, side) = span.monotone.0.last()?;
                 let begun = Monotone(vec![(last, side)]);
                 if side == Side::Left { std::mem::replace(&mut span.monotone, begun) } else { begun }
@@ -287,7 +289,7 @@ impl Sweep<'_> {
     }
 }
 
-/// Positive for a left turn at `b`.
+/// Returns a positive number for a left turn at `b`.
 pub(crate) fn turn(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
     (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0])
 }

@@ -5,36 +5,37 @@ use crate::spline::Spline;
 use granita_base::TrimDesc;
 use granita_base::shape::KnotSpan;
 
-/// Trim curves of a patch, and how closely they are followed.
+/// The trim curves of a patch, and the accuracy of their polygons.
 #[derive(Clone, Copy, Debug)]
 pub struct Trimming<'a> {
     /// The loops.
     pub desc: &'a TrimDesc,
-    /// "trimcurve:curvature": the angle in degrees by which a curve may turn before it gets another segment.
+    /// The attribute "trimcurve:curvature": the angle in degrees by which a curve may turn before it gets another
+    /// segment.
     pub curvature_deg: f32,
-    /// "trimcurve:quality": divides the angle, and multiplies the cells that a micropolygon is cut into.
+    /// The attribute "trimcurve:quality": divides the angle, and multiplies the number of cells of a micropolygon.
     pub quality: f32,
 }
 
 impl<'a> Trimming<'a> {
-    /// With the default angle and quality.
+    /// Returns a value with the default angle and quality.
     pub fn new(desc: &'a TrimDesc) -> Self {
         Self { desc, curvature_deg: 10.0, quality: 1.0 }
     }
 }
 
-/// Which cells of a trimmed lattice are outside of the loops.
+/// The cells of a trimmed lattice that are outside of the loops.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TrimMask {
-    /// Cells along each side of a micropolygon, at least 1.
+    /// The number of cells along each side of a micropolygon, at least 1.
     pub per_side: usize,
-    /// For each cell (`per_side * (nu - 1)` along u, u fastest) whether its middle is outside of the trimmed region.
-    /// True is kept under "trimcurve:sense" `"inside"`, discarded under `"outside"`.
+    /// For each cell (`per_side * (nu - 1)` along u, u fastest): true when its middle is outside of the trimmed
+    /// region. Such cells are kept under "trimcurve:sense" `"inside"` and discarded under `"outside"`.
     pub outside: Vec<bool>,
 }
 
 impl TrimMask {
-    /// For each micropolygon of a lattice of `nu` points along u whether most of its cells are outside.
+    /// Returns for each micropolygon of a lattice of `nu` points along u whether most of its cells are outside.
     pub fn micropolygons(&self, nu: usize) -> Vec<bool> {
         let (k, mu) = (self.per_side, nu - 1);
         let mv = self.outside.len() / (mu * k * k);
@@ -47,46 +48,46 @@ impl TrimMask {
     }
 }
 
-/// Cells along each side of a micropolygon at quality 1, and at most.
+/// The number of cells along each side of a micropolygon at quality 1, and its maximum.
 const CELLS: f32 = 4.0;
 const MOST_CELLS: f32 = 16.0;
 
-/// Halvings of a segment of degree above one, at least and at most.
+/// The least and largest number of halvings of a segment of degree above one.
 const LEAST_DEPTH: u32 = 2;
 const MOST_DEPTH: u32 = 12;
 
-/// A polygon may miss its curve by this part of the curve's extent, at the default angle and quality 1: a circle gets about
-/// 256 edges, which show no corners in any image.
+/// The largest deviation of a polygon from its curve, relative to the curve's extent, at the default angle and
+/// quality 1. A circle gets about 256 edges, so that no corners are visible.
 const SAG: f64 = 5e-5;
 
-/// Beyond this many edges curves are halved no more than they must be.
+/// Beyond this number of edges, curves are halved only as often as necessary.
 const MANY_EDGES: usize = 1 << 20;
 
-/// Bands of v in which edges are looked up.
+/// The number of bands of v that speed up the search for edges.
 const BANDS: usize = 64;
 
-/// The trimmed region as polygons; a point is inside when a line from it crosses them an odd number of times.
+/// The trimmed region as polygons. A point is inside when a line from it crosses them an odd number of times.
 #[derive(Clone, Debug)]
 pub(crate) struct Trim {
-    /// Edges `(u0, v0, u1, v1)` with `v0 != v1`.
+    /// The edges `(u0, v0, u1, v1)` with `v0 != v1`.
     edges: Vec<[f64; 4]>,
-    /// Edges that touch each of [`BANDS`] equal bands between the smallest and largest v.
+    /// The edges that touch each of [`BANDS`] equal bands between the smallest and largest v.
     bands: Vec<Vec<u32>>,
-    /// Smallest and largest v of all edges.
+    /// The smallest and largest v of all edges.
     range_v: (f64, f64),
-    /// Cells along each side of a micropolygon.
+    /// The number of cells along each side of a micropolygon.
     per_side: usize,
 }
 
 impl Trim {
-    /// Flattens the curves. Errors say what is wrong with them.
+    /// Flattens the curves into polygons. The error describes why the curves are invalid.
     pub(crate) fn new(trimming: Trimming<'_>) -> Result<Self, String> {
         let desc = trimming.desc;
         let positive = |x: f32, default: f32| if x.is_finite() && x > 0.0 { x } else { default };
         let quality = positive(trimming.quality, 1.0).clamp(0.01, 100.0);
         let asked_deg = positive(trimming.curvature_deg, 10.0).clamp(0.01, 180.0);
-        // Twice the angle is twice the length of the edges, which miss four times as much. What is below the default is
-        // the angle's own concern more and more.
+        // Twice the angle gives edges of twice the length, whose deviation is four times as large. Below the default
+        // angle the tolerance depends increasingly on the angle itself.
         let scale = f64::from(asked_deg / 10.0);
         let tolerance = Tolerance {
             angle: f64::from((asked_deg / quality).clamp(0.01, 180.0).to_radians()),
@@ -134,13 +135,13 @@ impl Trim {
         Ok(trim)
     }
 
-    /// The band of a v.
+    /// Returns the band of a v.
     fn band(&self, v: f64) -> usize {
         let (lo, hi) = self.range_v;
         (((v - lo) / (hi - lo) * BANDS as f64) as usize).min(BANDS - 1)
     }
 
-    /// Where a line of constant v crosses the loops, in order.
+    /// Finds the places, in order, where a line of constant v crosses the loops.
     fn crossings(&self, v: f64, out: &mut Vec<f64>) {
         out.clear();
         if !(v >= self.range_v.0 && v <= self.range_v.1) {
@@ -155,7 +156,7 @@ impl Trim {
         out.sort_by(f64::total_cmp);
     }
 
-    /// The mask of a lattice with points at these parameters.
+    /// Returns the mask of a lattice with points at these parameters.
     pub(crate) fn mask(&self, us: &[f64], vs: &[f64]) -> TrimMask {
         let k = self.per_side;
         let middles = |list: &[f64]| -> Vec<f64> {
@@ -175,8 +176,9 @@ impl Trim {
         TrimMask { per_side: k, outside }
     }
 
-    /// Corrects a mask for the micropolygons on the border of a lattice whose points there, `us` and `vs` for each, are
-    /// not those of the mask: cells lie as a micropolygon's two triangles (parted from its first to its last corner) do.
+    /// Corrects a mask for the micropolygons on the border of a lattice whose points were moved there. `us` and `vs`
+    /// hold the parameters of each point. Cells are placed like the two triangles of a micropolygon, which is divided
+    /// from its first to its last corner.
     pub(crate) fn correct(&self, mask: &mut TrimMask, us: &[f64], vs: &[f64], nu: usize) {
         let (k, mu, mv) = (self.per_side, nu - 1, us.len() / nu - 1);
         let mut crossings = Vec::new();
@@ -201,11 +203,11 @@ impl Trim {
     }
 }
 
-/// How closely polygons follow curves.
+/// The accuracy of polygons relative to their curves.
 struct Tolerance {
-    /// Most that an edge turns from the one before, in radians.
+    /// The largest turning angle from edge to edge, in radians.
     angle: f64,
-    /// Most that an edge misses, as a part of the curve's extent.
+    /// The largest deviation of an edge, relative to the curve's extent.
     sag: f64,
 }
 
@@ -247,14 +249,14 @@ fn flatten(
     Ok(())
 }
 
-/// One polynomial segment.
+/// One polynomial segment of a curve.
 struct Arc<'a> {
     net: &'a [[f64; 3]],
     degree: usize,
 }
 
 impl Arc<'_> {
-    /// The point at `b`; `None` where the weight vanishes.
+    /// Returns the point at `b`; `None` where the weight vanishes.
     fn at(&self, b: f64) -> Option<[f64; 2]> {
         let mut w = [0.0; crate::bezier::MAX_DEGREE + 1];
         bernstein(self.degree, 1.0 - b, b, &mut w);
@@ -263,7 +265,7 @@ impl Arc<'_> {
         (place[0].is_finite() && place[1].is_finite()).then_some(place)
     }
 
-    /// Size of the box around the control points.
+    /// Returns the size of the box around the control points.
     fn extent(&self) -> f64 {
         let size = |c: usize| {
             let x = self.net.iter().map(|p| p[c] / p[2]).filter(|x| x.is_finite());
@@ -273,7 +275,7 @@ impl Arc<'_> {
         size(0).max(size(1))
     }
 
-    /// Appends the points of a part behind its first; `tolerance.sag` is a length here. `None` where a weight
+    /// Appends the points of a part behind its first. `tolerance.sag` is a length here. Returns `None` where a weight
     /// vanishes.
     fn halve(
         &self,
@@ -289,7 +291,7 @@ impl Arc<'_> {
             let sub = |x: [f64; 2], y: [f64; 2]| [x[0] - y[0], x[1] - y[1]];
             let cross = |x: [f64; 2], y: [f64; 2]| x[0] * y[1] - x[1] * y[0];
             let (before, after, chord) = (sub(p, p0), sub(p1, p), sub(p1, p0));
-            // The halves differ in direction by half of what the whole part turns.
+            // The directions of the halves differ by half of the turning angle of the whole part.
             let turn = 2.0 * cross(before, after).abs().atan2(before[0] * after[0] + before[1] * after[1]);
             let length = chord[0].hypot(chord[1]);
             let off =
@@ -362,12 +364,12 @@ mod tests {
         let area = |curvature_deg, quality| {
             Trim::new(Trimming { desc: &circle(), curvature_deg, quality }).unwrap().area()
         };
-        // A polygon of n corners lacks (2 pi / n)^2 / 6 of its circle.
+        // A polygon of n corners has (2 pi / n)^2 / 6 less area than its circle.
         assert!((area(10.0, 1.0) / exact - 1.0).abs() < 2e-4, "{}", area(10.0, 1.0));
         assert!((area(1.0, 1.0) / exact - 1.0).abs() < 6e-5, "{}", area(1.0, 1.0));
         assert!((area(0.1, 1.0) / exact - 1.0).abs() < 6e-7, "{}", area(0.1, 1.0));
         assert!((area(10.0, 100.0) / exact - 1.0).abs() < 2e-6, "{}", area(10.0, 100.0));
-        // Under a cubic: B(t) of heights 0, 1, 1, 0 over [0, 1] has mean 1/2.
+        // The region is under a cubic. B(t) of heights 0, 1, 1, 0 over [0, 1] has mean 1/2.
         let cubic = TrimDesc {
             ncurves: [1].into(),
             n: [4].into(),
@@ -388,11 +390,11 @@ mod tests {
             let n = edges(&circle, curvature_deg, quality) as f32;
             assert!(n >= 360.0 * quality / curvature_deg, "{n} edges at {curvature_deg} and {quality}");
         }
-        // From very fine to coarse, the default of 10 degrees among them.
+        // The angles go from very fine to coarse and include the default of 10 degrees.
         let counts = [0.1, 0.5, 2.0, 10.0, 40.0, 120.0].map(|angle| edges(&circle, angle, 1.0));
         assert!(counts.windows(2).all(|n| n[0] > n[1]), "{counts:?}");
         assert!(edges(&circle, 10.0, 10.0) > edges(&circle, 10.0, 1.0));
-        // What is no number counts as the default.
+        // A value that is not a number is replaced by the default.
         assert_eq!(edges(&circle, f32::NAN, 0.0), edges(&circle, 10.0, 1.0));
     }
 

@@ -1,4 +1,4 @@
-//! Primitive variables and control vertices, checked and sorted by interpolation.
+//! Primitive variables and control vertices, checked and sorted by their interpolation.
 
 use crate::GeomError;
 use crate::dice::{DiceData, DicePrimvar};
@@ -7,21 +7,21 @@ use crate::moving::is_later;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params, Severity, Vec3};
 use std::sync::Arc;
 
-/// Where messages about a primitive go.
+/// The receiver of messages about a primitive.
 pub(crate) type Report<'a> = &'a mut dyn FnMut(Severity, String);
 
-/// One primitive variable of floats that varies.
+/// A primitive variable of floats that varies.
 #[derive(Clone, Debug)]
 pub(crate) struct Var {
     pub(crate) name: Arc<str>,
     pub(crate) ty: ParamType,
-    /// Floats per item.
+    /// The number of floats per item.
     pub(crate) width: usize,
-    /// All items.
+    /// The values of all items.
     pub(crate) values: Arc<[f32]>,
 }
 
-/// "perpiece" strings.
+/// A variable of "perpiece" strings.
 #[derive(Clone, Debug)]
 pub(crate) struct StringVar {
     name: Arc<str>,
@@ -30,7 +30,7 @@ pub(crate) struct StringVar {
     values: Arc<[Arc<str>]>,
 }
 
-/// How many items each interpolation needs; `None` where the primitive does not accept it.
+/// The number of items that each interpolation needs; `None` where the primitive does not accept it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counts {
     pub(crate) vertex: Option<usize>,
@@ -48,7 +48,7 @@ pub(crate) struct Vars {
     pub(crate) vertex: Vec<Var>,
 }
 
-/// The type of a well-known name given without one.
+/// Returns the type of a well-known name that is given without a type.
 fn known_type(name: &str) -> Option<ParamType> {
     let of = |base, interp| Some(ParamType::of(base).with_interp(interp));
     match name {
@@ -62,7 +62,7 @@ fn known_type(name: &str) -> Option<ParamType> {
 }
 
 impl Vars {
-    /// Sorts the primitive variables of `params`; those of a wrong size or kind are reported and left out.
+    /// Sorts the primitive variables of `params`. Variables of a wrong size or kind are reported and left out.
     pub(crate) fn collect(call: &str, params: &Params, counts: Counts, report: Report<'_>) -> Self {
         let mut vars = Self::default();
         for (i, param) in params.iter().enumerate() {
@@ -72,7 +72,7 @@ impl Vars {
             }
             let added = vars.add(param, counts, call != "Mesh");
             if is_later(&param.name) {
-                // As large as at the first key: what is wrong with it was said then.
+                // The variable has the same size as at the first key, where its errors were already reported.
                 continue;
             }
             match added {
@@ -94,7 +94,7 @@ impl Vars {
         vars
     }
 
-    /// Adds a variable; returns how many of its values are too many.
+    /// Adds a variable. Returns the number of its excess values.
     fn add(&mut self, param: &Param, counts: Counts, exact: bool) -> Result<usize, String> {
         let mut ty = param.ty;
         if ty.base == BaseType::Unknown {
@@ -121,7 +121,7 @@ impl Vars {
         if param.data.len() < wanted_len {
             return Err(format!("{} values instead of {wanted_len}", param.data.len()));
         }
-        // The vertices of a mesh may have values for vertices that no face uses.
+        // A mesh may have values for vertices that no face uses.
         let may_be_more = ty.interp == Interp::Vertex && !exact;
         let excess = if may_be_more { 0 } else { param.data.len() - wanted_len };
         let name = param.name.clone();
@@ -154,17 +154,17 @@ impl Vars {
         Ok(excess)
     }
 
-    /// Floats per control vertex of all vertex variables.
+    /// The number of floats per control vertex of all vertex variables.
     pub(crate) fn vertex_channels(&self) -> usize {
         self.vertex.iter().map(|v| v.width).sum()
     }
 
-    /// Floats per corner of all linear variables.
+    /// The number of floats per corner of all linear variables.
     pub(crate) fn linear_channels(&self) -> usize {
         self.linear.iter().map(|v| v.width).sum()
     }
 
-    /// Whether the user gives normals "N".
+    /// True when the user gives normals "N".
     pub(crate) fn has_normals(&self) -> bool {
         let varying = self.perpiece.iter().chain(&self.linear).chain(&self.vertex);
         let constant = self.constant.iter().map(|v| (&v.name, v.ty));
@@ -178,8 +178,8 @@ impl Vars {
         }
     }
 
-    /// Appends the linear variables at points with fractions `s` and `t` between the corners (0,0), (1,0), (0,1) and (1,1),
-    /// whose channels `corners` holds.
+    /// Appends the linear variables at points with fractions `s` and `t` between the corners (0,0), (1,0), (0,1) and
+    /// (1,1). `corners` holds the channels of the corners.
     pub(crate) fn emit_linear(&self, corners: &[f64], s: &[f64], t: &[f64], out: &mut Vec<DicePrimvar>) {
         let channels = self.linear_channels();
         let corner = |k: usize, ch: usize| corners[k * channels + ch];
@@ -193,12 +193,12 @@ impl Vars {
         emit(&self.linear, &values, s.len(), channels, 0, out);
     }
 
-    /// The vertex and linear variables of a single vertex.
+    /// Returns the vertex and linear variables of a single vertex.
     pub(crate) fn at_vertex(&self, index: usize) -> impl Iterator<Item = DicePrimvar> + '_ {
         self.vertex.iter().chain(&self.linear).map(move |var| var.uniform(index))
     }
 
-    /// The constant and "perpiece" variables of a piece.
+    /// Returns the constant and "perpiece" variables of a piece.
     pub(crate) fn uniform(&self, piece: usize) -> Vec<DicePrimvar> {
         let mut out = self.constant.clone();
         out.extend(self.perpiece.iter().map(|var| var.uniform(piece)));
@@ -211,7 +211,7 @@ impl Vars {
 }
 
 impl Var {
-    /// The floats of item `index`.
+    /// Returns the floats of item `index`.
     pub(crate) fn item(&self, index: usize) -> &[f32] {
         &self.values[index * self.width..(index + 1) * self.width]
     }
@@ -222,7 +222,7 @@ impl Var {
     }
 }
 
-/// Appends the variables `vars`, evaluated at `n` points: point `i` has its channels at `i * stride + offset` of
+/// Appends the variables `vars`, evaluated at `n` points. The channels of point `i` are at `i * stride + offset` of
 /// `values`.
 pub(crate) fn emit(
     vars: &[Var],
@@ -243,7 +243,7 @@ pub(crate) fn emit(
     }
 }
 
-/// Takes the user's normals out of the primitive variables.
+/// Removes the user's normals from the primitive variables and returns them.
 pub(crate) fn take_normals(n: usize, primvars: &mut Vec<DicePrimvar>) -> Option<Vec<Vec3>> {
     let at = primvars.iter().position(|v| &*v.name == "N" && v.ty.width() == 3)?;
     match primvars.remove(at).data {
@@ -255,44 +255,44 @@ pub(crate) fn take_normals(n: usize, primvars: &mut Vec<DicePrimvar>) -> Option<
     }
 }
 
-/// Control vertices with everything that is interpolated like them.
+/// Control vertices with all variables that are interpolated like them.
 ///
-/// Channels of a vertex: for each motion key its position (`dim` numbers), then the vertex variables. Of rational
-/// vertices (`dim` 4) the variables are multiplied by the weight of the first key.
+/// The channels of a vertex are its position (`dim` numbers) for each motion key, then the vertex variables. The
+/// variables of rational vertices (`dim` 4) are multiplied by the weight of the first key.
 #[derive(Clone, Debug)]
 pub(crate) struct Control {
     /// 3, or 4 for rational vertices.
     pub(crate) dim: usize,
-    /// Motion keys.
+    /// The number of motion keys.
     pub(crate) keys: usize,
-    /// Numbers per vertex.
+    /// The number of channels per vertex.
     pub(crate) channels: usize,
-    /// All vertices.
+    /// The channels of all vertices.
     pub(crate) values: Vec<f64>,
 }
 
 impl Control {
-    /// The channels of vertex `i`.
+    /// Returns the channels of vertex `i`.
     pub(crate) fn vertex(&self, i: usize) -> &[f64] {
         &self.values[i * self.channels..(i + 1) * self.channels]
     }
 
-    /// Number of vertices.
+    /// The number of vertices.
     pub(crate) fn len(&self) -> usize {
         self.values.len().checked_div(self.channels).unwrap_or(0)
     }
 
-    /// Offset of the vertex variables in a vertex.
+    /// The offset of the vertex variables in a vertex.
     pub(crate) fn vars_offset(&self) -> usize {
         self.keys * self.dim
     }
 
-    /// Position of vertex `i` at a key (divided by its weight).
+    /// Returns the position of vertex `i` at a key, divided by its weight.
     pub(crate) fn position(&self, i: usize, key: usize) -> Vec3 {
         position(&self.vertex(i)[key * self.dim..], self.dim)
     }
 
-    /// Rational vertices divided by their weights.
+    /// Divides rational vertices by their weights.
     pub(crate) fn divided(self) -> Self {
         if self.dim == 3 {
             return self;
@@ -303,7 +303,7 @@ impl Control {
         for vertex in self.values.chunks_exact(self.channels) {
             let safe = |w: f64| if w == 0.0 { 1.0 } else { w };
             for key in vertex[..offset].chunks_exact(4) {
-                // Positions are single precision, whatever they come from.
+                // Positions are in single precision, whatever their source.
                 values.extend(key[..3].iter().map(|x| f64::from((x / safe(key[3])) as f32)));
             }
             values.extend(vertex[offset..].iter().map(|x| x / safe(vertex[3])));
@@ -311,13 +311,13 @@ impl Control {
         Self { dim: 3, keys: self.keys, channels, values }
     }
 
-    /// Whether all channels of vertex `i` that are positions are finite.
+    /// True when all position channels of vertex `i` are finite.
     pub(crate) fn is_finite(&self, i: usize) -> bool {
         (0..self.keys).all(|key| self.position(i, key).is_finite())
     }
 }
 
-/// A position from its channels.
+/// Returns a position from its channels.
 pub(crate) fn position(channels: &[f64], dim: usize) -> Vec3 {
     let w = if dim == 4 && channels[3] != 0.0 { channels[3] } else { 1.0 };
     if dim == 3 {
@@ -327,7 +327,7 @@ pub(crate) fn position(channels: &[f64], dim: usize) -> Vec3 {
     }
 }
 
-/// The positions of one key: how many numbers a vertex, and all numbers.
+/// Returns the positions of one key: the number of floats per vertex, and all floats.
 fn positions(
     call: &'static str,
     params: &Params,
@@ -349,7 +349,7 @@ fn positions(
         base if base.is_triple() => 3,
         _ => return Err(fail(&format!("\"{}\" cannot be control vertices", param.declaration()))),
     };
-    // Exporters write "vertex normal P".
+    // Some exporters write "vertex normal P".
     if param.ty.base.is_triple() && param.ty.base != BaseType::Point {
         let text = format!("{call}: \"{}\" is read as \"vertex point P\"", param.declaration());
         report(Severity::Warning, text);
@@ -358,7 +358,7 @@ fn positions(
     Ok((dim, values))
 }
 
-/// How many control vertices the first key has.
+/// Returns the number of control vertices of the first key.
 pub(crate) fn vertex_count(
     call: &'static str,
     keys: &[ShapeKey<'_>],
@@ -368,9 +368,9 @@ pub(crate) fn vertex_count(
     Ok(values.len() / dim)
 }
 
-/// Gathers `n` control vertices of all keys with the vertex variables.
+/// Collects `n` control vertices of all keys with the vertex variables.
 ///
-/// Errors when a key has fewer vertices than `n`. Numbers that are not finite pass.
+/// Fails when a key has fewer vertices than `n`. Numbers that are not finite are accepted.
 pub(crate) fn control(
     call: &'static str,
     keys: &[ShapeKey<'_>],
@@ -380,7 +380,7 @@ pub(crate) fn control(
 ) -> Result<Control, GeomError> {
     let mut per_key = Vec::with_capacity(keys.len());
     for (i, key) in keys.iter().enumerate() {
-        // What is wrong with the first key was said when its vertices were counted.
+        // The errors of the first key were reported when its vertices were counted.
         let (dim, values) = positions(call, key.params, &mut |_, _| {})?;
         let first = per_key.first().map_or(dim, |f: &(usize, Arc<[f32]>)| f.0);
         let wanted = n.checked_mul(dim);

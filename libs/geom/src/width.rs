@@ -5,23 +5,23 @@ use crate::vars::Report;
 use granita_base::{Interp, ParamData, Params, Severity};
 use std::sync::Arc;
 
-/// No point or curve is wider: farther out single precision has no pixels left.
+/// The largest width of a point or curve. Farther out single precision cannot resolve pixels.
 const MOST: f32 = 1e12;
 
-/// The widths at one motion key. Numbers that are negative or not finite count as 0, larger ones as [`MOST`].
+/// The widths at one motion key. Numbers that are negative or not finite become 0, and larger ones become [`MOST`].
 #[derive(Clone, Debug)]
 pub(crate) enum Widths {
-    /// One for all.
+    /// One width for all.
     Constant(f32),
-    /// One for each curve.
+    /// One width for each curve.
     PerPiece(Arc<[f32]>),
-    /// One for each end of each curve.
+    /// One width for each end of each curve.
     Linear(Arc<[f32]>),
-    /// One for each control vertex.
+    /// One width for each control vertex.
     Vertex(Arc<[f32]>),
 }
 
-/// Numbers needed for each interpolation.
+/// The numbers of values needed for each interpolation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WidthCounts {
     pub(crate) perpiece: usize,
@@ -30,8 +30,9 @@ pub(crate) struct WidthCounts {
 }
 
 impl Widths {
-    /// The widths called `name` at every key; `None` when the first key has none, or of a wrong size. Other keys
-    /// without (or with another kind of) widths have those of the first. Numbers that are no widths are reported.
+    /// Returns the widths called `name` at every key; `None` when the first key has none, or has them in a wrong
+    /// number. Keys without widths, or with another kind of widths, use those of the first key. Invalid widths are
+    /// reported.
     pub(crate) fn collect(
         call: &str,
         keys: &[ShapeKey<'_>],

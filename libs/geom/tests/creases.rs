@@ -1,11 +1,11 @@
-//! Creases and corners of Catmull-Clark meshes: against separate meshes, closed forms, mistakes.
+//! Tests of creases and corners of Catmull-Clark meshes against separate meshes, closed forms and invalid input.
 
 mod common;
 
 use common::*;
 use granita_base::{Param, Params, ShapeDesc, Vec3};
 
-/// A grid of `nx x ny` vertices, bent, that begins with column `x0`.
+/// Returns a bent grid of `nx x ny` vertices that begins with column `x0`.
 fn grid(x0: usize, nx: usize, ny: usize) -> (ShapeDesc, Vec<f32>) {
     let p = (0..nx * ny)
         .flat_map(|k| {
@@ -32,7 +32,7 @@ fn cube() -> (ShapeDesc, Vec<f32>, Vec<i32>) {
     (ShapeDesc::Mesh { subdivide: true, nverts: [4; 6].into(), verts: verts.into() }, p, edges.collect())
 }
 
-/// Edges in pairs, all equally sharp.
+/// Returns parameters with edges in pairs of vertices, all equally sharp.
 fn creased(p: &[f32], border: i32, edges: &[i32], sharpness: f32) -> Params {
     let n = edges.len() / 2;
     let mut all = params(&[("P", p)]);
@@ -67,7 +67,8 @@ fn a_cube_with_sharp_edges_is_a_cube() {
 
 #[test]
 fn a_crease_is_where_two_borders_meet() {
-    // 5 columns of vertices, creased along the third: the same surface as two meshes of 3 columns.
+    // The mesh has 5 columns of vertices and is creased along the third. The surface is the same as that of two
+    // meshes of 3 columns.
     let (shape, p) = grid(0, 5, 4);
     let crease: Vec<i32> = (0..3).flat_map(|j| [j * 5 + 2, j * 5 + 7]).collect();
     let whole = diceable(build(&shape, &creased(&p, 1, &crease, f32::INFINITY)));
@@ -105,7 +106,7 @@ fn sharpness_leads_from_round_to_sharp() {
         last = now;
     }
     assert!(last > 0.99);
-    // A corner alone holds the surface, and only there.
+    // A single corner holds the surface only at that corner.
     let mut all = params(&[("P", &p)]);
     all.set(Param::declared("int[1] cornerindices", &[7][..]).expect("a declaration"));
     all.set(Param::declared("float[1] cornersharpnesses", &[f32::INFINITY][..]).expect("a declaration"));

@@ -1,4 +1,4 @@
-//! Whatever is declared, nothing panics, and what is diced has the asked sizes.
+//! Tests that no declaration causes a panic, and that diced lattices have the requested sizes.
 
 mod common;
 
@@ -90,7 +90,7 @@ fn any_params() -> impl Strategy<Value = Params> {
     let list = prop::collection::vec(param, 0..5).prop_map(|list| {
         let one = |(name, mut values, long): (usize, Vec<f32>, bool)| {
             if long {
-                // Enough of them, and mostly usable, so that something gets built.
+                // The list is long enough and mostly usable, so that something is built.
                 values.retain(|x| x.is_finite() && x.abs() < 1e30);
                 values.extend((0..300).map(|i| (i * 7 % 11) as f32));
             }

@@ -1,4 +1,4 @@
-//! Catmull-Clark meshes: against B-splines and limit positions, borders, joints, mistakes.
+//! Tests of Catmull-Clark meshes against B-splines and limit positions, with borders, shared edges and invalid input.
 
 mod common;
 
@@ -10,7 +10,7 @@ fn mesh(nverts: &[i32], verts: &[i32]) -> ShapeDesc {
     ShapeDesc::Mesh { subdivide: true, nverts: nverts.into(), verts: verts.into() }
 }
 
-/// A grid of `n x n` vertices, bent.
+/// Returns a bent grid of `n x n` vertices.
 fn grid(n: usize) -> (ShapeDesc, Vec<f32>) {
     let p: Vec<f32> = (0..n * n)
         .flat_map(|k| {
@@ -96,7 +96,7 @@ fn cube_is_closed_smooth_and_in_its_limit_positions() {
     for piece in &pieces {
         let dice = piece.dice(9, 9);
         check_bounds(piece, &dice);
-        // Limit of a vertex with 3 faces: (9 v + 4 sum of neighbours + sum of opposites) / 24.
+        // The limit of a vertex with 3 faces is (9 v + 4 sum of neighbours + sum of opposites) / 24.
         let v = (9.0 + 4.0 - 1.0) / 24.0;
         for k in [0, 8, 72, 80] {
             assert!((dice.p[0][k].abs() - Vec3::splat(v)).length() < 1e-5, "{}", dice.p[0][k]);
@@ -105,7 +105,7 @@ fn cube_is_closed_smooth_and_in_its_limit_positions() {
             let n = dice.dpdu[i].cross(dice.dpdv[i]).normalize();
             assert!(n.dot(dice.p[0][i].normalize()) > 0.8, "{n} {}", dice.p[0][i]);
         }
-        // Whole and parts agree.
+        // The parts agree with the whole.
         for (k, half) in piece.split(SplitDirection::U).iter().enumerate() {
             let part = half.dice(9, 9);
             let whole = piece.dice(17, 9);
@@ -119,7 +119,7 @@ fn cube_is_closed_smooth_and_in_its_limit_positions() {
 
 #[test]
 fn faces_of_any_number_of_corners() {
-    // A pyramid with a pentagon below, and "linear" corners.
+    // The mesh is a pyramid over a pentagon, with "linear" corners.
     let mut p = vec![0.0, 0.0, 2.0];
     for i in 0..5 {
         let t = i as f32 * std::f32::consts::TAU / 5.0;
@@ -131,7 +131,7 @@ fn faces_of_any_number_of_corners() {
     let list: &[(&str, &[f32])] = &[("P", &p), ("linear float c", &corner), ("perpiece float f", &face)];
     let pieces = diceable(build(&mesh(&[3, 3, 3, 3, 3, 5], &verts), &params(list)));
     assert_eq!(pieces.len(), 20);
-    // Closed: every border of every piece has its partner.
+    // The surface is closed, so that every border of every piece has its partner.
     assert_eq!(shared_borders(&pieces, 5), (40, 40));
     for piece in &pieces {
         let dice = piece.dice(3, 3);
@@ -152,7 +152,7 @@ fn faces_of_any_number_of_corners() {
 
 #[test]
 fn refinement_approximates_the_limit_well() {
-    // The surface of a cube refined by hand once more must be the same surface.
+    // The surface of a cube that is refined once by hand must be the same.
     let (shape, p) = cube();
     let pieces = build(&shape, &params(&[("P", &p)]));
     let all = |pieces: Vec<Piece>, n: usize| -> Vec<(Vec3, Vec3)> {
@@ -163,7 +163,7 @@ fn refinement_approximates_the_limit_well() {
         };
         diceable(pieces).iter().flat_map(each).collect()
     };
-    // Cube refined: 8 vertices, 12 edge points, 6 face points.
+    // The refined cube has 8 vertices, 12 edge points and 6 face points.
     let vertex = |k: usize| Vec3::new(p[k * 3], p[k * 3 + 1], p[k * 3 + 2]);
     let mut points: Vec<Vec3> = Vec::new();
     let mut index = |q: Vec3| -> i32 {
@@ -180,7 +180,7 @@ fn refinement_approximates_the_limit_well() {
     for face in verts.chunks_exact(4) {
         let c: Vec<Vec3> = face.iter().map(|&v| vertex(v as usize)).collect();
         let middle = (c[0] + c[1] + c[2] + c[3]) / 4.0;
-        // Edge points of the cube: (a + b + two face points) / 4.
+        // The edge points of the cube are (a + b + two face points) / 4.
         let edge = |a: Vec3, b: Vec3| (a + b + (a + b) / 2.0) / 4.0;
         for i in 0..4 {
             let corner = c[i] * (5.0 / 9.0);
@@ -193,7 +193,7 @@ fn refinement_approximates_the_limit_well() {
     let (a, b) = (all(pieces, 17), all(finer, 9));
     let mut worst = (0.0_f32, 1.0_f32);
     for (q, normal) in &a {
-        // Places may shift within the surface; distances from it count.
+        // Points may shift within the surface, so that only distances from it are compared.
         let near = b.iter().min_by(|x, y| (x.0 - *q).length().total_cmp(&(y.0 - *q).length())).unwrap();
         worst.0 = worst.0.max((near.0 - *q).dot(near.1).abs());
         worst.1 = worst.1.min(near.1.dot(*normal));
@@ -205,7 +205,8 @@ fn refinement_approximates_the_limit_well() {
 fn odd_meshes_do_not_fall_over() {
     let p = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.5, 1.0, 0.5, 0.5, -1.0];
     let cases: &[(&[i32], &[i32])] = &[
-        // Three faces on one edge, faces of opposite windings, a vertex twice in a face, two fans at one vertex.
+        // The meshes have three faces on one edge, faces of opposite windings, a vertex twice in a face, and two fans
+        // at one vertex.
         (&[3, 3, 3], &[0, 1, 2, 0, 1, 4, 0, 1, 5]),
         (&[3, 3], &[0, 1, 2, 0, 2, 3]),
         (&[3, 3], &[0, 1, 2, 0, 3, 2]),
@@ -246,7 +247,7 @@ fn deformation_and_holes() {
     }
 }
 
-/// A disk of `n` quadrilaterals around vertex 0, whose neighbours are the odd ones: 2n + 1 vertices.
+/// Returns a disk of `n` quadrilaterals around vertex 0, whose neighbours are the odd ones: 2n + 1 vertices.
 fn disk(n: usize) -> (ShapeDesc, Vec<f32>) {
     let mut p = vec![0.1, -0.2, 0.7];
     for i in 0..2 * n {
@@ -267,7 +268,7 @@ fn limit_positions_at_any_valence() {
     for n in (3..=12).chain([17, 25, 50]) {
         let (shape, p) = disk(n);
         let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]).as_dvec3();
-        // (n^2 v + 4 sum of neighbours + sum of opposites) / (n (n + 5)).
+        // The limit is (n^2 v + 4 sum of neighbours + sum of opposites) / (n (n + 5)).
         let ring = (1..n).fold(at(1) * 4.0 + at(2), |sum, i| sum + at(1 + 2 * i) * 4.0 + at(2 + 2 * i));
         let limit = (at(0) * (n * n) as f64 + ring) / (n * (n + 5)) as f64;
         let pieces = diceable(build(&shape, &with_border(&p, 1)));
@@ -278,7 +279,7 @@ fn limit_positions_at_any_valence() {
             let corner = dice.p[0][0].as_dvec3();
             assert!((corner - limit).length() < 2e-6, "valence {n}: {corner} is not {limit}");
             assert!(dice.dpdu.iter().zip(&dice.dpdv).all(|(u, v)| u.cross(*v).is_finite()));
-            // The tangent plane is one for all faces around.
+            // The tangent plane is the same for all faces around.
             let normal = dice.dpdu[0].cross(dice.dpdv[0]).normalize();
             let first = pieces[0].dice(17, 17);
             let reference = first.dpdu[0].cross(first.dpdv[0]).normalize();
@@ -291,7 +292,7 @@ fn limit_positions_at_any_valence() {
 
 #[test]
 fn borders_follow_the_splines_of_their_vertices() {
-    // A border curve at its vertices: (a + 4 v + b) / 6, whatever is inside.
+    // A border curve is at (a + 4 v + b) / 6 at its vertices, whatever is inside.
     for n in [3, 5, 8, 50] {
         let (shape, p) = disk(n);
         let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]);
@@ -302,10 +303,10 @@ fn borders_follow_the_splines_of_their_vertices() {
                 let dice = piece.dice(3, 3);
                 let i = 2 * dice.face as usize;
                 let on_spline = |k: usize| (ring(k + 2 * n - 1) + ring(k) * 4.0 + ring(k + 1)) / 6.0;
-                // Corners of the lattice: the middle, then around it.
+                // The corners of the lattice are the middle, then those around it.
                 assert!((dice.p[0][2] - on_spline(i)).length() < 1e-5, "{n} {border}");
                 assert!((dice.p[0][6] - on_spline(i + 2)).length() < 1e-5, "{n} {border}");
-                // A vertex of one face: sharp under 1, round under 2.
+                // A vertex of one face is sharp under 1 and round under 2.
                 let corner = if border == 1 { ring(i + 1) } else { on_spline(i + 1) };
                 assert!((dice.p[0][8] - corner).length() < 1e-5, "{n} {border}");
             }
@@ -339,7 +340,7 @@ fn a_vertex_of_a_hundred_thousand_faces() {
     assert!(bound.max.z < 1.01 && bound.min.z > -0.01, "{bound:?}");
 }
 
-/// Largest angle (radians) between normals that two pieces have at the same place.
+/// Returns the largest angle (radians) between the normals of two pieces at the same place.
 fn largest_kink(pieces: &[Piece]) -> f32 {
     let mut all: Vec<([u32; 3], Vec3)> = Vec::new();
     for piece in pieces {
@@ -357,7 +358,7 @@ fn largest_kink(pieces: &[Piece]) -> f32 {
 fn normals_pass_over_edges_without_a_kink() {
     let (shape, p) = cube();
     assert!(largest_kink(&diceable(build(&shape, &params(&[("P", &p)])))) < 2e-3);
-    // Valences up to 12, triangles and pentagons.
+    // The valences go up to 12, with triangles and pentagons.
     for n in [3, 5, 6, 12] {
         let (shape, p) = disk(n);
         let kink = largest_kink(&diceable(build(&shape, &with_border(&p, 1))));
@@ -373,7 +374,7 @@ fn normals_pass_over_edges_without_a_kink() {
     assert!(kink < 2e-3, "pyramid: {kink}");
 }
 
-/// `n` quadrilaterals around a vertex, over an angle; not flat.
+/// Returns `n` quadrilaterals around a vertex, over an angle. They are not flat.
 fn sector(n: usize, angle: f32) -> (ShapeDesc, Vec<f32>) {
     let mut p = vec![0.0, 0.0, 0.5];
     for i in 0..=2 * n {

@@ -1,4 +1,4 @@
-//! Patches, meshes and spheres: closed forms, splitting, bounds, shared edges, mistakes.
+//! Tests of patches, meshes and spheres: closed forms, splitting, bounds, shared edges and invalid input.
 
 mod common;
 
@@ -26,7 +26,7 @@ fn sphere_is_round_and_points_outward() {
         let n = dice.dpdu[i].cross(dice.dpdv[i]).normalize();
         assert!((n - p / 2.0).length() < 2e-3, "{n} at {p}");
     }
-    // The seam closes and the poles are points, to the bit.
+    // The sphere is closed and the poles are points, to the bit.
     let [bottom, top, left, right] = borders(&dice);
     assert_eq!(left, right);
     assert!(bottom.iter().all(|p| *p == Vec3::new(0.0, 0.0, -2.0)), "{bottom:?}");
@@ -45,7 +45,7 @@ fn partial_spheres() {
     let DiceData::Floats { values, varying: true } = &dice.primvars[0].data else { panic!() };
     assert_eq!(values[4], 1.5);
     assert_eq!((dice.u[1], dice.v[3]), (0.5, 0.5));
-    // Turned inside out by zmax < zmin.
+    // The sphere is turned inside out by zmax < zmin.
     let shape = ShapeDesc::Sphere { radius: 1.0, zmin: 1.0, zmax: -1.0, thetamax_deg: 360.0 };
     let dice = build(&shape, &params(&[]))[0].dice(5, 5);
     assert!(dice.dpdu[12].cross(dice.dpdv[12]).dot(dice.p[0][12]) < 0.0);
@@ -104,7 +104,7 @@ fn nurbs_cylinder_of_the_reference_is_round() {
         let dice = piece.dice(9, 3);
         check_bounds(piece, &dice);
         for (k, p) in dice.p[0].iter().enumerate() {
-            // Not a circle in the weights of the example, but between the diamond and the square.
+            // The weights of the example do not give a circle, but a curve between the diamond and the square.
             let r = p.truncate().length();
             assert!((0.7..1.42).contains(&r), "{r}");
             let n = dice.dpdu[k].cross(dice.dpdv[k]);
@@ -137,7 +137,7 @@ fn rational_quarter_circle_is_exact() {
         u: span(3, 3, &[0.0, 0.0, 0.0, 1.0, 1.0, 1.0]),
         v: span(2, 2, &[0.0, 0.0, 1.0, 1.0]),
     };
-    // A vertex variable equal to x must come out equal to x, weights and all.
+    // A vertex variable equal to x must stay equal to x, also with weights.
     let x: Vec<f32> = vec![1.0, 1.0, 0.0, 1.0, 1.0, 0.0];
     let pieces = build(&shape, &params(&[("vertex hpoint Pw", &pw), ("vertex float x", &x)]));
     let dice = pieces[0].dice(11, 2);
@@ -147,7 +147,7 @@ fn rational_quarter_circle_is_exact() {
         assert!(dice.dpdu[i].dot(p.with_z(0.0)).abs() < 1e-5);
         assert!((values[i] - p.x).abs() < 1e-6);
     }
-    // Bounds of a tiny part are tiny, too.
+    // The bounds of a tiny part are tiny too.
     let mut piece = build(&shape, &params(&[("vertex hpoint Pw", &pw)])).remove(0);
     for _ in 0..8 {
         piece = piece.split(SplitDirection::U).remove(0);
@@ -170,7 +170,7 @@ fn any_patch() -> impl Strategy<Value = (ShapeDesc, Vec<f32>)> {
     })
 }
 
-/// The halves of a piece have the points of the whole, to the bit, and their own bounds.
+/// Checks that the halves of a piece have the points of the whole, to the bit, and valid bounds.
 fn check_split(piece: &Piece) {
     let n = 17;
     let whole = piece.dice(n, n);
@@ -221,13 +221,13 @@ proptest! {
 
 #[test]
 fn neighbouring_bezier_patches_join_in_any_direction() {
-    // Two patches of their own, sharing a border that runs the other way round in the second.
+    // The two patches are separate and share a border that runs in the opposite direction in the second.
     let a: Vec<[f32; 3]> =
         (0..16).map(|i| [(i % 4) as f32 * 1.1, (i / 4) as f32 * 0.9, ((i * 7) % 5) as f32 * 0.37]).collect();
     let mut b = a.clone();
     for j in 0..4 {
         for i in 0..4 {
-            // Row 0 of b is column 3 of a, backwards.
+            // Row 0 of b is column 3 of a, reversed.
             b[j * 4 + i] = a[(3 - i) * 4 + 3];
             b[j * 4 + i][0] += j as f32 * 1.3;
         }
@@ -242,7 +242,7 @@ fn neighbouring_bezier_patches_join_in_any_direction() {
 
 #[test]
 fn collapsed_edges_have_normals() {
-    // A cone: the row v = 1 is one point, like the lid of the teapot.
+    // The shape is a cone. Its row v = 1 is one point, as in the lid of the teapot.
     let mut p = Vec::new();
     for j in 0..4 {
         let s = 1.0 - j as f32 / 3.0;
@@ -299,7 +299,7 @@ fn trimmed_patch_masks_micropolygons() {
     assert_eq!(mask.iter().filter(|kept| !**kept).count(), 16);
 }
 
-/// A cube with faces of 4 corners, a pyramid of triangles and a concave pentagon.
+/// Returns a cube with faces of 4 corners.
 fn cube() -> (ShapeDesc, Vec<f32>) {
     let p: Vec<f32> =
         (0..8).flat_map(|i| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|b| b as f32 * 1.7 + 0.1)).collect();
@@ -343,7 +343,7 @@ fn cube_faces_point_outward_and_join() {
 
 #[test]
 fn polygons_with_many_corners() {
-    // A concave pentagon, a triangle and a hexagon.
+    // The faces are a concave pentagon, a triangle and a hexagon.
     let p = [
         [0.0, 0.0, 0.0],
         [4.0, 0.0, 0.0],
@@ -384,7 +384,7 @@ fn mistakes_are_reported_and_survived() {
     let good: &[(&str, &[f32])] = &[("P", &p)];
     assert_eq!(count(&shape, good), (Ok(6), 0));
     assert_eq!(count(&shape, &[("vertex normal P", &p)]), (Ok(6), 1));
-    // One index past the end, a negative one, too few corners, faces of two corners, no faces.
+    // The cases are an index past the end, a negative index, too few corners, faces of two corners, and no faces.
     let mut bad = verts.to_vec();
     bad[5] = 8;
     assert_eq!(count(&with(&[4; 6], &bad), good), (Ok(5), 1));
@@ -394,7 +394,7 @@ fn mistakes_are_reported_and_survived() {
     assert_eq!(count(&with(&[4, i32::MAX, -3], verts), good), (Ok(1), 1));
     assert_eq!(count(&with(&[2; 12], verts), good), (Ok(0), 1));
     assert_eq!(count(&with(&[], &[]), good), (Ok(0), 0));
-    // Vertices that are not finite take their faces with them.
+    // Faces with vertices that are not finite are left out.
     let mut nan = p.clone();
     nan[0] = f32::NAN;
     assert_eq!(count(&shape, &[("P", &nan)]), (Ok(3), 1));
@@ -402,11 +402,11 @@ fn mistakes_are_reported_and_survived() {
     for name in ["vertex color C", "linear float s", "perpiece float s", "float[3] a"] {
         assert_eq!(count(&shape, &[("P", &p), (name, &[1.0, 2.0])]), (Ok(6), 1), "{name}");
     }
-    // No positions at all, or too few of them in another key.
+    // The cases are no positions, and too few positions at another key.
     assert!(count(&shape, &[]).0.is_err());
     let (pieces, _) = try_build(&shape, &[&params(good), &params(&[("P", &p[..21])])], None);
     assert!(pieces.is_err());
-    // Patches: counts, numbers, sizes.
+    // The cases are patches with wrong counts, numbers and sizes.
     let bilinear = patch(CurveBasis::Linear, CurveBasis::Linear, 2, 2);
     assert_eq!(count(&bilinear, &[("P", &p[..12])]), (Ok(1), 0));
     assert_eq!(count(&bilinear, &[("P", &p)]), (Ok(1), 1));
@@ -416,7 +416,7 @@ fn mistakes_are_reported_and_survived() {
     assert!(count(&patch(CurveBasis::Linear, CurveBasis::Linear, 1, 4), good).0.is_err());
     let huge = patch(CurveBasis::Linear, CurveBasis::BSpline, 4, 4);
     assert!(count(&huge, good).0.is_err());
-    // Spheres.
+    // The cases are invalid spheres.
     let ball = |radius, zmin, zmax, thetamax_deg| ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg };
     assert!(count(&ball(f32::NAN, -1.0, 1.0, 360.0), &[]).0.is_err());
     assert_eq!(count(&ball(0.0, -1.0, 1.0, 360.0), &[]), (Ok(0), 1));
@@ -467,7 +467,7 @@ proptest! {
 
 #[test]
 fn facets_of_flat_meshes_are_what_dicing_gives() {
-    // A quadrilateral, a triangle, a concave face and one of five corners.
+    // The faces are a quadrilateral, a triangle, a concave face and one of five corners.
     let p: Vec<f32> = (0..17_u32)
         .flat_map(|i| {
             let corner = |n: u32, k: u32, dent: bool| {

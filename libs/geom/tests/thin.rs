@@ -1,4 +1,4 @@
-//! Points and curves: widths, facing, ribbons, splitting, mistakes.
+//! Tests of points and curves: widths, facing, ribbons, splitting and invalid input.
 
 mod common;
 
@@ -100,7 +100,7 @@ fn many_curves_split_into_single_ones() {
         faces.sort_unstable();
         faces.dedup();
         assert_eq!(faces.len(), 37);
-        // Segments of one curve join, also at kinks.
+        // Segments of one curve share their ends, also at kinks.
         if per_curve > 1 {
             let ends = |f: usize| -> Vec<_> {
                 pieces
@@ -202,7 +202,7 @@ fn raster_widths_take_the_size_of_a_pixel() {
     assert!(piece.raster_width() >= 4.0 && piece.bound(0).size().max_element() < 1e-5);
     let mut out = Vec::new();
     piece.positions_towards(0, 5, 5, &toward(Vec3::Z), &mut out);
-    // Four pixels of half a unit each.
+    // The width is four pixels of half a unit each.
     let far = out.iter().map(|p| (*p - Vec3::new(1.0, 2.0, 3.0)).length()).fold(0.0, f32::max);
     assert!((far - 1.0).abs() < 1e-5);
 }
@@ -247,11 +247,11 @@ fn mistakes_are_survived() {
     assert!(count(&curves(CurveBasis::Linear, usize::MAX, 2), &[("P", &LINE)]).0.is_err());
     assert!(count(&curves(CurveBasis::Bezier, 1, 5), &[("P", &LINE)]).0.is_err());
     assert_eq!(count(&curves(CurveBasis::Bezier, 0, 4), &[]), (Ok(0), 0));
-    // All vertices in one place: nothing to see, nothing to fall over.
+    // All vertices are in one place. The curve has no area and must not cause a failure.
     let pieces = build(&curves(CurveBasis::Bezier, 1, 4), &params(&[("P", &[1.0; 12])]));
     let dice = pieces[0].dice(3, 3);
     assert!(dice.p[0].iter().all(|p| p.is_finite()) && dice.dpdu.iter().all(|p| p.is_finite()));
-    // Widths that are not numbers of any use are told.
+    // Invalid widths are reported.
     for width in [f32::NAN, f32::INFINITY, -1.0, 1e30] {
         let p = params(&[("P", &LINE), ("width", &[width])]);
         let (pieces, said) = try_build(&curves(CurveBasis::Bezier, 1, 4), &[&p], None);

@@ -1,8 +1,9 @@
-//! Which global a kind of shader may read and write, and what it may do (reference 5.1.2, table 5.4).
+//! The globals that a kind of shader may read and write, and the statements that it may use (reference 5.1.2, table
+//! 5.4).
 
 use crate::ir::{Global, ShaderKind};
 
-/// Why `global` cannot be read here; `None` when it can. Lax for generic shaders: their use is known when they
+/// Returns the reason why `global` cannot be read here; `None` when it can. Generic shaders are checked when they
 /// are attached.
 pub(crate) fn read(kind: ShaderKind, global: Global, in_lights: bool) -> Option<String> {
     use Global::{C, Cl, I, L, Nl, Ns, Pl, Ps, opacity};
@@ -22,7 +23,7 @@ pub(crate) fn read(kind: ShaderKind, global: Global, in_lights: bool) -> Option<
     never.then(|| format!("there is no `{word}` in a {} shader", kind.word()))
 }
 
-/// Why `global` cannot be written here; `None` when it can.
+/// Returns the reason why `global` cannot be written here; `None` when it can.
 pub(crate) fn write(kind: ShaderKind, global: Global) -> Option<String> {
     use Global::{C, Cl, L, N, P, opacity};
     let allowed = match kind {
@@ -35,18 +36,18 @@ pub(crate) fn write(kind: ShaderKind, global: Global) -> Option<String> {
     (!allowed).then(|| format!("a {} shader cannot change `{}`", article_free(kind), global.word()))
 }
 
-/// Why there can be no `lights` statement; `None` when there can.
+/// Returns the reason why a `lights` statement is not permitted; `None` when it is.
 pub(crate) fn lights(kind: ShaderKind) -> Option<String> {
     let allowed = matches!(kind, ShaderKind::Surface | ShaderKind::Volume | ShaderKind::Generic);
     (!allowed).then(|| format!("there can be no `lights` in a {} shader", article_free(kind)))
 }
 
-/// Why a function that gathers light cannot be called; `None` when it can.
+/// Returns the reason why a function that gathers light cannot be called; `None` when it can.
 pub(crate) fn gather(kind: ShaderKind, function: &str) -> Option<String> {
     lights(kind).map(|_| format!("`{function}` gathers light, which a {} shader cannot", article_free(kind)))
 }
 
-/// Why there can be no `emit` statement; `None` when there can.
+/// Returns the reason why an `emit` statement is not permitted; `None` when it is.
 pub(crate) fn emit(kind: ShaderKind) -> Option<String> {
     let allowed = matches!(kind, ShaderKind::Light | ShaderKind::Generic);
     (!allowed).then(|| "`emit` is for light shaders".to_owned())

@@ -1,35 +1,35 @@
 //! The parameter query (reference chapter 15).
 
-use crate::gso::{self, GslError};
 use crate::ir::{ConstValue, DefaultValue, Metadatum, Module, ShaderKind, SymbolType, ValueType};
+use crate::{GslError, gso};
 use std::sync::Arc;
 
-/// One parameter, as programs outside of the renderer see it.
+/// One parameter, for programs outside of the renderer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Arg {
     /// Its name.
     pub name: Arc<str>,
-    /// Its type; the length of an open array is that of its default.
+    /// Its type. The length of an open array is that of its default.
     pub ty: SymbolType,
-    /// Declared `output`.
+    /// True when it is declared `output`.
     pub is_output: bool,
-    /// The default value; `None` when it is computed as the shader starts.
+    /// The default value; `None` when it is computed when the shader starts.
     pub default: Option<ArgDefault>,
-    /// Metadata of the parameter.
+    /// The metadata of the parameter.
     pub metadata: Vec<Metadatum>,
 }
 
 /// A default value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ArgDefault {
-    /// Numbers or strings of all elements, one after the other.
+    /// The numbers or strings of all elements, one after the other.
     pub value: ConstValue,
-    /// The spaces that the numbers are in, one for each element: as written, else "rgb" or "common". Empty for floats and
+    /// The spaces of the numbers, one for each element: as written, else "rgb" or "common". Empty for floats and
     /// strings.
     pub spaces: Vec<Arc<str>>,
 }
 
-/// What can be asked about a compiled shader without running it.
+/// The interface of a compiled shader, available without running it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GsoArgs {
     kind: ShaderKind,
@@ -39,15 +39,15 @@ pub struct GsoArgs {
 }
 
 impl GsoArgs {
-    /// From the bytes of a `.gso` file; its code is not decoded. `file` names it in messages.
+    /// Reads the bytes of a `.gso` file without decoding its code. `file` names it in messages.
     ///
     /// # Errors
-    /// As [`gso::read`].
+    /// The errors are those of [`gso::read`].
     pub fn from_bytes(bytes: &[u8], file: &str) -> Result<Self, GslError> {
         Ok(Self::from_module(&gso::read_interface(bytes, file)?))
     }
 
-    /// From a compiled module.
+    /// Returns the interface of a compiled module.
     pub fn from_module(module: &Module) -> Self {
         let args = module.params.iter().map(|param| {
             let symbol = module.symbol(param.symbol);
@@ -85,38 +85,40 @@ impl GsoArgs {
         }
     }
 
-    /// "surface", "displacement", "volume", "light" or "shader".
+    /// Returns "surface", "displacement", "volume", "light" or "shader".
     pub fn shadertype(&self) -> &'static str {
         self.kind.word()
     }
 
-    /// Name in the source.
+    /// Returns the name in the source.
     pub fn shadername(&self) -> &str {
         &self.name
     }
 
-    /// Parameters in the order of their declaration.
+    /// Returns the parameters in the order of their declaration.
     pub fn args(&self) -> &[Arg] {
         &self.args
     }
 
-    /// The parameter called `name`.
+    /// Returns the parameter called `name`.
     pub fn arg(&self, name: &str) -> Option<&Arg> {
         self.args.iter().find(|a| *a.name == *name)
     }
 
-    /// Metadata of the shader as a whole.
+    /// Returns the metadata of the shader as a whole.
     pub fn metadata(&self) -> &[Metadatum] {
         &self.metadata
     }
 }
 
-// The text of `gsoinfo` (reference 8.3, listing 15.1). Programs read it and split it at blanks, so its form is fixed: words
-// are separated by single blanks, strings stand in double quotes, what has several numbers in brackets with blanks inside of
+// The text of `gsoinfo` (reference 8.3, listing 15.1). Programs read it and split it at blanks, so its form is fixed:
+// words
+// are separated by single blanks, strings stand in double quotes, what has several numbers in brackets with blanks
+// inside of
 // them, and a blank follows the name of the shader, "nodefault" and strings, as the listing prints them.
 
 impl GsoArgs {
-    /// All of it as text: short, or with `verbose` also metadata and spaces.
+    /// Returns the interface as text: short, or with `verbose` also metadata and spaces.
     pub fn describe(&self, verbose: bool) -> String {
         let mut out = String::new();
         if verbose {

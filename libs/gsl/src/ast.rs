@@ -17,7 +17,7 @@ pub(crate) struct Shader {
     pub(crate) metadata: Vec<Datum>,
     pub(crate) params: Vec<Param>,
     pub(crate) body: Vec<Stmt>,
-    /// Declared before the shader.
+    /// The functions declared before the shader.
     pub(crate) functions: Vec<Function>,
 }
 
@@ -119,16 +119,16 @@ pub(crate) enum StmtKind {
 pub(crate) struct Expr {
     pub(crate) kind: ExprKind,
     pub(crate) pos: Pos,
-    /// Nodes from here to the deepest leaf; the parser bounds it, so that walks may recurse. However many operators
-    /// stand beside each other, they are one node.
+    /// The number of nodes from here to the deepest leaf. The parser bounds it, so that traversals may recurse. A
+    /// sequence of any number of operators is one node.
     pub(crate) height: u16,
 }
 
-/// An operator and its right operand; the left one is all that stands before it.
+/// An operator and its right operand. The left operand is all that comes before it.
 #[derive(Debug)]
 pub(crate) struct Link {
     pub(crate) operator: Binary,
-    /// Of the operator.
+    /// The position of the operator.
     pub(crate) pos: Pos,
     pub(crate) right: Expr,
 }

@@ -1,7 +1,7 @@
 // tidy: table
-//! The standard library's signatures: one row per overload (reference 5.8).
+//! The signatures of the standard library, with one row per overload (reference 5.8).
 //!
-//! `exit`, constructors and casts are no functions here: they have their own IR.
+//! `exit`, constructors and casts are not functions here, because they have their own IR.
 
 use crate::Func;
 use crate::ir::{Global, ValueType};
@@ -32,7 +32,7 @@ impl TypeSet {
         Self(self.0 & other.0)
     }
 
-    /// In order of preference.
+    /// Returns the types in order of preference.
     pub(crate) fn iter(self) -> impl Iterator<Item = ValueType> {
         [F, C, P, V, N, M, S].into_iter().filter(move |t| self.contains(*t))
     }
@@ -44,7 +44,7 @@ const NUMBERS_MATRIX: TypeSet = TypeSet::of(&[F, C, P, V, N, M]);
 const FLOAT_COLOR: TypeSet = TypeSet::of(&[F, C]);
 const ANY_VALUE: TypeSet = TypeSet::of(&[F, C, P, V, N, M, S]);
 
-/// What an argument may be.
+/// The types that an argument may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arg {
     /// This type, or what converts to it.
@@ -67,7 +67,7 @@ pub(crate) enum Arg {
     OutData,
 }
 
-/// What a function returns.
+/// The result of a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ret {
     Is(ValueType),
@@ -77,7 +77,7 @@ pub(crate) enum Ret {
     Wanted(TypeSet),
 }
 
-/// What may follow the arguments.
+/// The arguments that may follow the fixed ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Rest {
     Nothing,
@@ -107,13 +107,13 @@ pub(crate) struct Signature {
     pub(crate) ret: Ret,
     pub(crate) args: &'static [Arg],
     pub(crate) rest: Rest,
-    /// Looks at neighbouring points.
+    /// True when the function reads neighbouring points.
     pub(crate) derivatives: bool,
-    /// Globals read without being named.
+    /// The globals that it reads implicitly.
     pub(crate) reads: &'static [Global],
-    /// Globals written without being named.
+    /// The globals that it writes implicitly.
     pub(crate) writes: &'static [Global],
-    /// Runs the lights, as a `lights` statement does.
+    /// True when it runs the lights, as a `lights` statement does.
     pub(crate) runs_lights: bool,
 }
 
@@ -218,7 +218,8 @@ const SHADOW: &[Choice] = &[
     o("samples", F),
     o("bias", F),
 ];
-/// Of `occlusion`; "filename" is in the listings of 10.4 only, and "distribution", which `trace` has, says what portion is meant.
+/// Of `occlusion`; "filename" is in the listings of 10.4 only, and "distribution", which `trace` has, says what
+/// portion is meant.
 const OCCLUSION: &[Choice] = &[
     o("samples", F),
     o("adaptive", F),
@@ -247,7 +248,7 @@ const SAVE: &[Choice] = &[
 const QUERY: &[Choice] =
     &[o("maxerror", F), o("maxdist", F), o("minsamples", F), o("filter", S), o("filemode", S)];
 const STEP: &[Choice] = &[o("width", F), o("filter", S)];
-/// Of the `trace` statement.
+/// The options of the `trace` statement.
 pub(crate) const TRACE: &[Choice] = &[o("bias", F), o("maxhitdist", F), o("distribution", S), o("shade", F)];
 
 // Arguments.
@@ -475,13 +476,13 @@ pub(crate) const CONSTANTS: &[(&str, f32)] = &[
     ("M_SQRT1_2", std::f32::consts::FRAC_1_SQRT_2),
 ];
 
-/// All overloads of the function called `name`.
+/// Returns all overloads of the function called `name`.
 pub(crate) fn named(name: &str) -> impl Iterator<Item = &'static Signature> + Clone {
     TABLE.iter().filter(move |s| s.func.word() == name)
 }
 
 impl Signature {
-    /// The reference's way to write it, for messages.
+    /// Returns its spelling in the reference, for messages.
     pub(crate) fn spell(&self) -> String {
         let set = |s: TypeSet| {
             let words: Vec<_> = s.iter().map(ValueType::word).collect();
@@ -513,18 +514,18 @@ impl Signature {
     }
 }
 
-/// One form of a function of the standard library: what tools and tests walk through.
+/// One overload of a function of the standard library, for tools and tests.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Overload {
     /// The function.
     pub func: Func,
-    /// As messages spell it: `mix (type, type, float)`. No two forms are spelled the same.
+    /// The spelling in messages: `mix (type, type, float)`. No two overloads have the same.
     pub form: String,
-    /// What it can return, in order of preference; empty where it returns nothing.
+    /// The possible result types in order of preference; empty when it returns nothing.
     pub results: Vec<ValueType>,
 }
 
-/// Every form of every function (reference 5.8), in the reference's order.
+/// Returns every overload of every function (reference 5.8), in the reference's order.
 pub fn overloads() -> impl Iterator<Item = Overload> {
     TABLE.iter().map(|row| {
         let shared = || {

@@ -1,4 +1,6 @@
-//! The checker: syntax tree to typed tree. Here declarations and statements; expressions in `check_expr`.
+// tidy: long: statements are checked by one type, with a method for each kind
+//! The checker, which converts the syntax tree to the typed tree. This file has declarations and statements;
+//! expressions are in `check_expr`.
 
 use crate::ast;
 use crate::builtins;
@@ -10,7 +12,7 @@ use crate::source::Pos;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Longest array.
+/// The largest length of an array.
 pub(crate) const MAX_ARRAY: u32 = 65_536;
 
 /// Names of one scope. Variables and functions do not hide each other.
@@ -38,7 +40,7 @@ pub(crate) struct Checker<'a> {
     inside: Vec<FuncId>,
 }
 
-/// Checks a shader; mistakes go to `diags`, and what they spoil becomes [`ExprKind::Bad`].
+/// Checks a shader. Errors go to `diags`, and invalid expressions become [`ExprKind::Bad`].
 pub(crate) fn check(
     shader: ast::Shader,
     shadeops: &[(Arc<str>, Pos, Vec<ShadeopForm>)],
@@ -138,7 +140,7 @@ impl Checker<'_> {
         id
     }
 
-    /// The variable that a name means here.
+    /// Returns the variable of a name in the current scope.
     pub(crate) fn variable(&self, name: &str) -> Option<VarId> {
         self.scopes.iter().rev().find_map(|s| s.vars.get(name)).copied()
     }
@@ -173,7 +175,7 @@ impl Checker<'_> {
         self.scopes[0].funcs.entry(name.clone()).or_default().push(id);
     }
 
-    /// The functions of the source that a name means here: those of the innermost scope that has one.
+    /// Returns the functions of the source with a name: those of the innermost scope that has one.
     pub(crate) fn user_functions(&self, name: &str) -> &[FuncId] {
         self.scopes.iter().rev().find_map(|s| s.funcs.get(name)).map_or(&[], Vec::as_slice)
     }
@@ -534,7 +536,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A condition as a float.
+    /// Checks a condition and returns it as a float.
     pub(crate) fn condition(&mut self, expr: &ast::Expr) -> Expr {
         let value = self.expr(expr, Some(ValueType::Float));
         self.truth(value)
@@ -607,7 +609,7 @@ impl Checker<'_> {
 
     // Marks for warnings.
 
-    /// A variable is read.
+    /// Records that a variable is read.
     pub(crate) fn mark_read(&mut self, id: VarId, pos: Pos) {
         let level = self.level();
         let var = &mut self.vars[id.0];
@@ -620,7 +622,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A variable is written; a mistake when it may not be.
+    /// Records that a variable is written. Reports an error when that is not permitted.
     pub(crate) fn mark_written(&mut self, id: VarId, pos: Pos) {
         let var = &mut self.vars[id.0];
         var.written = true;
@@ -636,7 +638,7 @@ impl Checker<'_> {
     }
 }
 
-/// Zero, or the empty string.
+/// Returns zero, or the empty string.
 pub(crate) fn zero(ty: ValueType) -> ConstValue {
     match ty {
         ValueType::String => ConstValue::Strings([Arc::from("")].into()),
@@ -644,7 +646,7 @@ pub(crate) fn zero(ty: ValueType) -> ConstValue {
     }
 }
 
-/// The opcode of an arithmetic operator or a comparison.
+/// Returns the opcode of an arithmetic operator or a comparison.
 pub(crate) fn opcode(op: ast::Binary) -> OpCode {
     match op {
         ast::Binary::Mul => OpCode::Mul,

@@ -1,8 +1,9 @@
-//! The checker's expressions: types, conversions, overloads, constants.
+// tidy: long: expressions are checked by one type, with a method for each kind
+//! The expressions of the checker: types, conversions, overloads, constants.
 //!
-//! Some functions return what their context wants (`noise`, `texture`, `random`). So a check has a wanted type,
-//! which assignments, casts and arguments give and which arithmetic hands down to both operands; and before
-//! an overload is chosen, [`Checker::possible`] tells what types an argument could have.
+//! The result type of some functions depends on their context (`noise`, `texture`, `random`). A check therefore has
+//! an expected type. Assignments, casts and arguments set it, and arithmetic passes it to both operands. Before an
+//! overload is chosen, [`Checker::possible`] returns the types that an argument can have.
 
 use crate::ast::{self, Binary};
 use crate::builtins::{self, Arg, Choice, NUMBERS, Rest, Ret, Signature, TypeSet};
@@ -34,7 +35,8 @@ fn fixed_type(row: &Signature, i: usize) -> Option<ValueType> {
     }
 }
 
-/// The forms of this function give back one of their arguments or what lies between: where the result is a factor, the
+/// The forms of this function give back one of their arguments or what lies between: where the result is a factor,
+/// the
 /// arguments are.
 fn passes_factor(name: &str) -> bool {
     let mut forms = builtins::named(name).peekable();
@@ -44,7 +46,7 @@ fn passes_factor(name: &str) -> bool {
 impl Checker<'_> {
     // What types are possible.
 
-    /// What types an expression can have; `factor` as in [`Wish`].
+    /// Returns the types that an expression can have, with `factor` as in [`Wish`].
     pub(crate) fn possible(&self, expr: &ast::Expr, factor: bool) -> Possible {
         use Possible::Value;
         match &expr.kind {
@@ -150,7 +152,7 @@ impl Checker<'_> {
 
     // Checking.
 
-    /// Checks an expression in a place with a wish; the result may have another type.
+    /// Checks an expression with an expected type. The result may have another type.
     pub(crate) fn expr(&mut self, expr: &ast::Expr, wish: impl Into<Wish>) -> Expr {
         let wish = wish.into();
         let checked = self.statement_expr_wanted(expr, wish);
@@ -166,7 +168,7 @@ impl Checker<'_> {
         checked
     }
 
-    /// As [`Checker::expr`], but it need not have a value.
+    /// Checks an expression as [`Checker::expr`] does, but it need not have a value.
     pub(crate) fn statement_expr(&mut self, expr: &ast::Expr) -> Expr {
         self.statement_expr_wanted(expr, Wish::default())
     }
@@ -310,7 +312,7 @@ impl Checker<'_> {
 
     // Conversions.
 
-    /// Converts to `ty` as assignments and arguments do; a mistake where that cannot be.
+    /// Converts to `ty` as assignments and arguments do. Reports an error where that is not possible.
     pub(crate) fn coerce(&mut self, value: Expr, ty: ValueType) -> Expr {
         if matches!(value.kind, ExprKind::Bad) {
             return Expr { ty: SymbolType::of(ty), ..value };
@@ -356,7 +358,7 @@ impl Checker<'_> {
         fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Convert(Box::new(value)), pos })
     }
 
-    /// A value as a condition: a float that is not 0 when it is true.
+    /// Returns a value as a condition, which is a float that is not 0 when it is true.
     pub(crate) fn truth(&mut self, value: Expr) -> Expr {
         let float = SymbolType::of(ValueType::Float);
         if value.ty == float {
@@ -648,7 +650,7 @@ impl Checker<'_> {
         Expr { ty: SymbolType::of(ret), kind, pos }
     }
 
-    /// Reports arguments that no form of a function takes.
+    /// Reports arguments that no overload of a function accepts.
     pub(crate) fn no_form(
         &mut self,
         name: &ast::Name,
@@ -676,7 +678,7 @@ impl Checker<'_> {
         self.bad(name.pos, wanted)
     }
 
-    /// An argument that the function writes.
+    /// Checks an argument that the function writes.
     pub(crate) fn output(&mut self, arg: &ast::Expr, ty: Option<ValueType>) -> Expr {
         let Some((place, found)) = self.output_place(arg) else { return self.bad(arg.pos, ty) };
         let fits = ty.is_none_or(|ty| {
@@ -703,7 +705,7 @@ impl Checker<'_> {
         Some((place, ty))
     }
 
-    /// Checks names and values of optional arguments; also tells which are written.
+    /// Checks names and values of optional arguments, and finds those that are written.
     pub(crate) fn options(
         &mut self,
         args: &[ast::Expr],

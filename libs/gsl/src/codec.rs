@@ -1,5 +1,6 @@
-//! How modules become bytes: lengths and ids as variable-length numbers (7 bits a byte, low bits first), floats
-//! by their bits, enums by place in the tables here, functions by name.
+// tidy: long: how each part is written and how it is read stand in one file, so that one cannot change alone
+//! Encodes modules as bytes: lengths and ids as variable-length numbers (7 bits a byte, low bits first), floats by
+//! their bits, enums by their index in the tables here, functions by name.
 
 use crate::Func;
 use crate::ir::*;
@@ -52,7 +53,7 @@ const CODES: [OpCode; 21] = [
     OpCode::Construct,
 ];
 
-/// Functions that a module calls, in order of first use.
+/// The functions that a module calls, in order of first use.
 #[derive(Default)]
 pub(crate) struct FuncTable(Vec<Func>);
 
@@ -84,7 +85,7 @@ impl FuncTable {
 }
 
 impl Stmt {
-    /// The blocks directly within.
+    /// Returns the blocks directly inside.
     pub(crate) fn blocks(&self) -> Vec<&Block> {
         match self {
             Self::If { then, otherwise, .. } => vec![then, otherwise],
@@ -137,7 +138,7 @@ impl Encoder {
     }
 
     fn place<T: PartialEq>(&mut self, table: &[T], item: &T) {
-        self.byte(table.iter().position(|t| t == item).unwrap_or(table.len()) as u8);
+        self.byte(place_in(table, item) as u8);
     }
 
     fn constant(&mut self, value: &ConstValue) {
@@ -247,17 +248,8 @@ impl Encoder {
             Stmt::Op(op) => {
                 self.byte(0);
                 match op.code {
-                    OpCode::Call(func) => {
-                        let place = functions.0.iter().position(|f| *f == func);
-                        let place = place.expect("invariant: the table was made of this module's functions");
-                        self.number(CODES.len() as u32 + place as u32);
-                    }
-                    code => {
-                        let place = CODES.iter().position(|c| *c == code);
-                        // A number beyond the table would be read as a call.
-                        let place = place.expect("invariant: what linking makes is not written to files");
-                        self.number(place as u32);
-                    }
+                    OpCode::Call(func) => self.number((CODES.len() + place_in(&functions.0, &func)) as u32),
+                    code => self.number(place_in(&CODES, &code) as u32),
                 }
                 self.maybe(op.dst);
                 self.list(&op.args, |e, a| e.id(*a));
@@ -332,6 +324,11 @@ impl Encoder {
             }
         }
     }
+}
+
+/// The place of an item. One that were missing could not be read again, or as something else.
+fn place_in<T: PartialEq>(table: &[T], item: &T) -> usize {
+    table.iter().position(|t| t == item).expect("invariant: the tables of the format are complete")
 }
 
 pub(crate) struct Decoder<'a> {
@@ -462,7 +459,7 @@ impl<'a> Decoder<'a> {
         Ok(SymbolType { value, array, open })
     }
 
-    /// A module with parameters only: their symbols are there, in order, everything else is empty.
+    /// Decodes a module with parameters only. Their symbols are present, in order, and everything else is empty.
     pub(crate) fn header(&mut self) -> Decoded<Module> {
         let kind = self.place(&KINDS, "kind of shader")?;
         let name = self.text()?;
@@ -620,7 +617,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Whether a constant has as many numbers or strings as its type says.
+/// Checks that a constant has as many numbers or strings as its type requires.
 pub(crate) fn check_value(ty: &SymbolType, value: &ConstValue) -> Decoded<()> {
     let fits = match value {
         ConstValue::Floats(v) => {
@@ -629,4 +626,53 @@ pub(crate) fn check_value(ty: &SymbolType, value: &ConstValue) -> Decoded<()> {
         ConstValue::Strings(v) => ty.value == ValueType::String && v.len() == ty.elements(),
     };
     if fits { Ok(()) } else { Err("a constant does not have its type's size".to_owned()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The operation after another one, in an order that has all of them: one that is added to the language and
+    /// missing here
+    /// does not compile.
+    fn next(code: OpCode) -> Option<OpCode> {
+        use OpCode as C;
+        Some(match code {
+            C::Assign => C::Neg,
+            C::Neg => C::Add,
+            C::Add => C::Sub,
+            C::Sub => C::Mul,
+            C::Mul => C::Div,
+            C::Div => C::Eq,
+            C::Eq => C::Ne,
+            C::Ne => C::Lt,
+            C::Lt => C::Le,
+            C::Le => C::Gt,
+            C::Gt => C::Ge,
+            C::Ge => C::Not,
+            C::Not => C::Truth,
+            C::Truth => C::Index,
+            C::Index => C::IndexSet,
+            C::IndexSet => C::Component,
+            C::Component => C::ComponentSet,
+            C::ComponentSet => C::MatrixComponent,
+            C::MatrixComponent => C::MatrixComponentSet,
+            C::MatrixComponentSet => C::Construct,
+            C::Construct => C::Call(crate::Func::Sin),
+            C::Call(_) => return None,
+        })
+    }
+
+    #[test]
+    fn every_operation_is_in_the_table_of_the_format() {
+        let all: Vec<OpCode> = std::iter::successors(Some(OpCode::Assign), |code| next(*code)).collect();
+        assert_eq!(all[..all.len() - 1], CODES);
+        assert!(all.iter().rev().skip(1).all(|code| CODES[place_in(&CODES, code)] == *code));
+    }
+
+    #[test]
+    #[should_panic(expected = "the tables of the format are complete")]
+    fn what_is_in_no_table_is_not_written() {
+        Encoder::default().place(&TYPES[..3], &ValueType::Matrix);
+    }
 }

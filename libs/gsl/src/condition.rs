@@ -1,4 +1,4 @@
-//! Integer expressions of `#if`.
+//! Evaluates integer expressions of `#if`.
 
 use crate::source::Pos;
 use crate::token::{Raw, RawKind};
@@ -9,7 +9,7 @@ const MAX_DEPTH: usize = 100;
 /// A mistake and where it is, if it is at a token.
 type Failure = (Option<Pos>, String);
 
-/// Value of an expression whose macros have been replaced; names that are left count as 0.
+/// Returns the value of an expression whose macros have been replaced. Remaining names count as 0.
 pub(crate) fn evaluate(tokens: &[Raw]) -> Result<i64, Failure> {
     let mut parser = Parser { tokens, at: 0, depth: 0 };
     if tokens.is_empty() {

@@ -1,4 +1,4 @@
-//! Mistakes in a source text, printed as compilers do: place, message, the line and a caret.
+//! Errors in a source text, printed as compilers do: place, message, the line and a caret.
 
 use crate::source::{Pos, Sources};
 use granita_base::{Location, Severity};
@@ -18,13 +18,13 @@ pub struct Diagnostic {
     pub severity: Severity,
     /// File, line and column.
     pub at: Location,
-    /// What is wrong, in lower case, without a full stop.
+    /// The message, in lower case, without a full stop.
     pub message: String,
-    /// The line of the source it stands in; of very long lines the part around the place.
+    /// The source line of the error; for very long lines the part around it.
     pub line: Option<String>,
-    /// Column of the caret in `line`, counted from 1 in characters.
+    /// The column of the caret in `line`, counted from 1 in characters.
     pub caret: u32,
-    /// What to do about it, as ``did you mean `noise`?``.
+    /// A hint for a correction, as ``did you mean `noise`?``.
     pub help: Option<String>,
 }
 
@@ -50,7 +50,7 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// Collects diagnostics of one compilation; each place says one thing once.
+/// Collects the diagnostics of one compilation. The same message is kept once per place.
 #[derive(Debug, Default)]
 pub(crate) struct Diagnostics {
     pub(crate) sources: Sources,
@@ -106,12 +106,12 @@ impl Diagnostics {
         self.errors > 0
     }
 
-    /// Whether there are so many errors that going on is useless.
+    /// True when there are so many errors that compilation stops.
     pub(crate) fn is_full(&self) -> bool {
         self.errors > MAX_ERRORS
     }
 
-    /// All of them, in the order of the source.
+    /// Returns all diagnostics in the order of the source.
     pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
         self.list.sort_by_key(|(p, _)| *p);
         let mut list: Vec<Diagnostic> = self.list.into_iter().map(|(_, d)| d).collect();
@@ -142,7 +142,7 @@ fn excerpt(line: &str, column: u32) -> (String, u32) {
     (format!("{before}{shown}{after}"), (at - first + before.len() + 1) as u32)
 }
 
-/// What to tell about a name that is not known, where it is probably a misspelling of one of `candidates`.
+/// Returns the hint for an unknown name that is probably a misspelling of one of `candidates`.
 pub(crate) fn suggestion<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Option<String> {
     granita_base::suggestion(name, candidates).map(|best| format!("did you mean `{best}`?"))
 }

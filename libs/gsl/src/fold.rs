@@ -1,4 +1,4 @@
-//! Constants: expressions of constants become constants.
+//! Folds expressions of constants to constants.
 
 use crate::hir::{Expr, ExprKind, Link, Operator};
 use crate::ir::{ConstValue, OpCode, SymbolType, ValueType};
@@ -17,7 +17,7 @@ pub(crate) fn floats(expr: &Expr) -> Option<&[f32]> {
     }
 }
 
-/// Converts where [`conversion`] allows it; point-like types stay as they are.
+/// Converts where [`conversion`] permits it. Point-like types stay unchanged.
 pub(crate) fn convert(value: Expr, ty: ValueType) -> Expr {
     if value.ty.value.components() == ty.components() || value.ty.array.is_some() {
         return value;
@@ -26,7 +26,7 @@ pub(crate) fn convert(value: Expr, ty: ValueType) -> Expr {
     fold(Expr { ty: SymbolType::of(ty), kind: ExprKind::Convert(Box::new(value)), pos })
 }
 
-/// `n` floats spread over the components of a type: one replicates, or fills a diagonal.
+/// Spreads `n` floats over the components of a type. A single one is replicated, or fills a diagonal.
 pub(crate) fn spread(v: &[f32], ty: ValueType) -> Option<Vec<f32>> {
     let n = ty.components();
     match v.len() {
@@ -37,7 +37,7 @@ pub(crate) fn spread(v: &[f32], ty: ValueType) -> Option<Vec<f32>> {
     }
 }
 
-/// An expression of constants as a constant.
+/// Returns an expression of constants as a constant.
 pub(crate) fn fold(expr: Expr) -> Expr {
     let ty = expr.ty.value;
     let value: Option<Vec<f32>> = match &expr.kind {

@@ -1,17 +1,18 @@
-//! `.gso` files: one compiled shader, complete in itself.
+//! `.gso` files, each with one complete compiled shader.
 //!
-//! Layout, all numbers little endian: 8 bytes of magic (as PNG's, so that a transfer as text is noticed),
-//! version, flags, length of the header, length of the body (32 bits each), a 64-bit checksum of all that
-//! follows the magic but itself; then the header (kind, name, metadata, parameters with defaults) and the body
-//! (symbols, code). The header is always plain; with flag 1 the body is mixed with a key stream,
-//! which deters reading it and nothing more (reference 8.2.1, `-x`).
+//! Layout, all numbers little endian: 8 bytes of magic (as PNG's, which detects a transfer as text), version,
+//! flags, length of the header, length of the body (32 bits each), and a 64-bit checksum of all that follows the
+//! magic except itself. Then follow the header (kind, name, metadata, parameters with defaults) and the body
+//! (symbols, code). The header is always plain. With flag 1 the body is combined with a key stream, which only
+//! prevents casual reading (reference 8.2.1, `-x`).
 //!
-//! The same module always gives the same bytes. What is read is checked so far that the executor needs no
-//! checks of its own: every symbol exists, every operation's operands have types that it takes.
+//! The same module always has the same bytes. Reading returns a [`ValidModule`]: every symbol exists, and the
+//! operands of every operation have permitted types.
 
 use crate::codec::{Decoder, Encoder, FuncTable};
+use crate::error::GslError;
 use crate::ir::Module;
-use crate::validate::validate;
+use crate::valid::ValidModule;
 use granita_base::hash;
 
 const MAGIC: [u8; 8] = [0x89, b'G', b'S', b'O', b'\r', b'\n', 0x1a, b'\n'];
@@ -20,28 +21,7 @@ const FLAG_OBFUSCATED: u32 = 1;
 /// Magic, version, flags, two lengths, checksum.
 const FRONT: usize = 8 + 4 * 4 + 8;
 
-/// Why a compiled shader cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum GslError {
-    /// The file is not what it should be.
-    #[error("{at}: {what}")]
-    Malformed {
-        /// What is wrong.
-        what: String,
-        /// The file.
-        at: String,
-    },
-    /// The file is of a kind that this version does not know.
-    #[error("{at}: {what}")]
-    Unsupported {
-        /// What is not known.
-        what: String,
-        /// The file.
-        at: String,
-    },
-}
-
-/// A module as the bytes of a `.gso` file; with `encrypt` its code cannot be read by looking at them.
+/// Returns a module as the bytes of a `.gso` file. With `encrypt` its code is not readable in the file.
 pub fn write(module: &Module, encrypt: bool) -> Vec<u8> {
     let mut header = Encoder::default();
     header.header(module);
@@ -64,11 +44,11 @@ pub fn write(module: &Module, encrypt: bool) -> Vec<u8> {
     out
 }
 
-/// Reads the bytes of a `.gso` file; `file` names it in messages.
+/// Reads the bytes of a `.gso` file. `file` names it in messages.
 ///
 /// # Errors
-/// When it is no `.gso` file, of another version, cut short or altered.
-pub fn read(bytes: &[u8], file: &str) -> Result<Module, GslError> {
+/// Returns an error when it is not a `.gso` file, has another version, or is truncated or altered.
+pub fn read(bytes: &[u8], file: &str) -> Result<ValidModule, GslError> {
     let malformed = |what: String| GslError::Malformed { what, at: file.to_owned() };
     let parts = open(bytes, file)?;
     let mut body = parts.body.to_vec();
@@ -80,11 +60,10 @@ pub fn read(bytes: &[u8], file: &str) -> Result<Module, GslError> {
     let functions = FuncTable::read(&mut decoder).map_err(malformed)?;
     decoder.body(&mut module, &functions).map_err(malformed)?;
     decoder.end().map_err(malformed)?;
-    validate(&module).map_err(|what| malformed(format!("the code is not valid: {what}")))?;
-    Ok(module)
+    ValidModule::check(module, file)
 }
 
-/// The header alone: the module without symbols' kinds and code. For parameter queries.
+/// Reads only the header: the module without code and the kinds of symbols, for parameter queries.
 pub(crate) fn read_interface(bytes: &[u8], file: &str) -> Result<Module, GslError> {
     let parts = open(bytes, file)?;
     read_header(&parts).map_err(|what| GslError::Malformed { what, at: file.to_owned() })

@@ -1,4 +1,5 @@
-//! The checked tree: names resolved, overloads chosen, every expression typed. Functions are still functions.
+//! The checked tree: names are resolved, overloads are chosen, and every expression is typed. Functions are not
+//! inlined yet.
 
 use crate::builtins::Signature;
 use crate::ir::{ConstValue, Global, OpCode, SymbolType, ValueType};
@@ -26,7 +27,7 @@ pub(crate) enum VarKind {
     },
 }
 
-/// A variable, and what is known of its use.
+/// A variable and its use.
 #[derive(Debug)]
 pub(crate) struct Var {
     pub(crate) name: Arc<str>,
@@ -35,9 +36,9 @@ pub(crate) struct Var {
     pub(crate) pos: Pos,
     pub(crate) read: bool,
     pub(crate) written: bool,
-    /// Warned about already.
+    /// True when a warning was already reported.
     pub(crate) warned: bool,
-    /// Functions and loops around the declaration.
+    /// The numbers of functions and loops around the declaration.
     pub(crate) level: (usize, usize),
 }
 
@@ -47,18 +48,18 @@ pub(crate) struct Func {
     pub(crate) ret: ValueType,
     pub(crate) formals: Vec<VarId>,
     pub(crate) body: Vec<Stmt>,
-    /// Its body is checked; before, a call is a recursion.
+    /// True when its body is checked. Before that, a call is a recursion.
     pub(crate) complete: bool,
     pub(crate) returns: bool,
-    /// Of a library: what to call instead of the body.
+    /// The external function that is called instead of the body.
     pub(crate) shadeop: Option<Arc<str>>,
 }
 
-/// Part of a variable.
+/// A part of a variable.
 #[derive(Debug)]
 pub(crate) struct Place {
     pub(crate) var: VarId,
-    /// Element of an array.
+    /// The element of an array.
     pub(crate) element: Option<Box<Expr>>,
     pub(crate) component: Component,
     pub(crate) pos: Pos,
@@ -89,11 +90,12 @@ pub(crate) struct Expr {
 /// An operator and its right operand.
 #[derive(Debug)]
 pub(crate) struct Link {
-    /// Done to the left operand first: a conversion to this type, or (`Truth`) the question whether it is true.
+    /// An operation on the left operand before the operator: a conversion to this type, or (`Truth`) a test whether
+    /// it is true.
     pub(crate) left: Option<(OpCode, ValueType)>,
     pub(crate) operator: Operator,
     pub(crate) right: Expr,
-    /// Of the result.
+    /// The type of the result.
     pub(crate) ty: ValueType,
     pub(crate) pos: Pos,
 }
@@ -159,7 +161,7 @@ pub(crate) enum Init {
     List(Vec<Expr>),
 }
 
-/// A condition and what it runs.
+/// A condition and the code that it controls.
 #[derive(Debug)]
 pub(crate) struct Arm {
     pub(crate) condition: Expr,

@@ -1,25 +1,23 @@
-//! The intermediate representation: what the compiler makes, `.gso` stores and the executor runs.
+//! The intermediate representation, which the compiler makes, `.gso` files store and the executor runs.
 //!
-//! A [`Module`] is one shader. All functions have been inlined (recursion is not allowed, arguments
-//! pass by reference), so its code is one tree of structured statements over typed **symbols**.
-//! There are no pointers and no jumps: the tree can be interpreted over masked lanes or printed as
-//! WGSL. Every symbol is either the same for all points (uniform) or not (varying); the executor
-//! tracks which at run time, the IR does not say.
+//! A [`Module`] is one shader. All functions have been inlined (recursion is not permitted, arguments are passed by
+//! reference), so its code is one tree of structured statements over typed **symbols**. There are no pointers and
+//! no jumps. The tree can be interpreted over masked lanes or printed as WGSL. Every symbol is either the same for
+//! all points (uniform) or not (varying). The executor tracks this at run time; it is not part of the IR.
 //!
-//! Meaning, stated once:
-//! - a statement affects **active lanes** only; `If` and `Loop` narrow them, `Break`, `Continue`,
-//!   [`Stmt::Leave`] and `Exit` take lanes out of the innermost loop, of the rest of its iteration,
-//!   of a named scope, of the shader;
-//! - `&&`, `||` and `?:` have been lowered to `If`, so operands with side effects run only as in C;
-//! - conversions happen in [`OpCode::Assign`] and on operands: float to triple replicates, float to
-//!   matrix fills the diagonal, triples copy among each other;
-//! - the type of an operation is the type of its `dst` symbol; operands convert to it, except where the
-//!   opcode says otherwise.
+//! Semantics:
+//! - A statement affects **active lanes** only. `If` and `Loop` narrow them. `Break`, `Continue`, [`Stmt::Leave`]
+//!   and `Exit` remove lanes from the innermost loop, the rest of its iteration, a named scope, the shader.
+//! - `&&`, `||` and `?:` have been lowered to `If`, so operands with side effects run only as in C.
+//! - Conversions happen in [`OpCode::Assign`] and on operands: a float is replicated to a triple, or fills the
+//!   diagonal of a matrix, and triples copy among each other.
+//! - The type of an operation is the type of its `dst` symbol. Operands convert to it, except where the opcode
+//!   defines otherwise.
 
 use granita_base::{BaseType, Location};
 use std::sync::Arc;
 
-/// What kind of shader (reference 5.1.2).
+/// The kind of a shader (reference 5.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the words are the language's")]
 pub enum ShaderKind {
@@ -32,7 +30,7 @@ pub enum ShaderKind {
 }
 
 impl ShaderKind {
-    /// The keyword that declares it.
+    /// Returns the keyword that declares it.
     pub fn word(self) -> &'static str {
         match self {
             Self::Surface => "surface",
@@ -44,7 +42,7 @@ impl ShaderKind {
     }
 }
 
-/// Type of one value (reference 5.2).
+/// The type of one value (reference 5.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[allow(missing_docs, reason = "the words are the language's")]
 pub enum ValueType {
@@ -59,7 +57,7 @@ pub enum ValueType {
 }
 
 impl ValueType {
-    /// Floats of one value; 1 for a string, 0 for void.
+    /// Returns the number of floats of one value; 1 for a string, 0 for void.
     pub fn components(self) -> usize {
         match self {
             Self::Void => 0,
@@ -69,7 +67,7 @@ impl ValueType {
         }
     }
 
-    /// The scene's type of such values; `None` for void.
+    /// Returns the scene's type of such values; `None` for void.
     pub fn base_type(self) -> Option<BaseType> {
         Some(match self {
             Self::Void => return None,
@@ -83,17 +81,17 @@ impl ValueType {
         })
     }
 
-    /// Whether it is a colour, point, vector or normal.
+    /// True when it is a colour, point, vector or normal.
     pub fn is_triple(self) -> bool {
         self.components() == 3
     }
 
-    /// Whether it is a point, vector or normal.
+    /// True when it is a point, vector or normal.
     pub fn is_point_like(self) -> bool {
         matches!(self, Self::Point | Self::Vector | Self::Normal)
     }
 
-    /// The keyword.
+    /// Returns the keyword.
     pub fn word(self) -> &'static str {
         match self {
             Self::Void => "void",
@@ -108,30 +106,30 @@ impl ValueType {
     }
 }
 
-/// Type of a symbol: a value or an array of values.
+/// The type of a symbol: a value or an array of values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SymbolType {
-    /// Of one element.
+    /// The type of one element.
     pub value: ValueType,
-    /// Array length; of a variable-length parameter, the number of its initialisers.
+    /// The array length; for a variable-length parameter, the number of its initialisers.
     pub array: Option<u32>,
-    /// Declared `[]`: the instance may give another length.
+    /// True when it is declared with `[]`, so that the instance may have another length.
     pub open: bool,
 }
 
 impl SymbolType {
-    /// Not an array.
+    /// Returns the type of a value that is not an array.
     pub const fn of(value: ValueType) -> Self {
         Self { value, array: None, open: false }
     }
 
-    /// Elements: 1 when not an array.
+    /// Returns the number of elements; 1 when not an array.
     pub fn elements(&self) -> usize {
         self.array.unwrap_or(1) as usize
     }
 }
 
-/// Index into [`Module::symbols`].
+/// An index into [`Module::symbols`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SymbolId(pub u32);
 
@@ -162,7 +160,7 @@ pub enum Global {
 }
 
 impl Global {
-    /// All, in declaration order.
+    /// All globals, in declaration order.
     pub const ALL: [Self; 19] = [
         Self::P,
         Self::I,
@@ -185,7 +183,7 @@ impl Global {
         Self::dPdtime,
     ];
 
-    /// Its name.
+    /// Returns its name.
     pub fn word(self) -> &'static str {
         match self {
             Self::P => "P",
@@ -210,7 +208,7 @@ impl Global {
         }
     }
 
-    /// Its type.
+    /// Returns its type.
     pub fn value_type(self) -> ValueType {
         match self {
             Self::P | Self::Ps | Self::Pl => ValueType::Point,
@@ -222,7 +220,7 @@ impl Global {
     }
 }
 
-/// What a symbol stands for.
+/// The meaning of a symbol.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SymbolKind {
     /// A predefined variable.
@@ -249,18 +247,18 @@ pub enum ConstValue {
 /// A variable, parameter, temporary or constant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Symbol {
-    /// Name in the source; for temporaries and constants empty.
+    /// The name in the source; empty for temporaries and constants.
     pub name: Arc<str>,
     /// Its type.
     pub ty: SymbolType,
-    /// What it stands for.
+    /// Its meaning.
     pub kind: SymbolKind,
 }
 
 /// Statements in order.
 pub type Block = Vec<Stmt>;
 
-/// Names a [`Stmt::Scope`].
+/// Identifies a [`Stmt::Scope`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ScopeId(pub u32);
 
@@ -349,7 +347,7 @@ pub enum Stmt {
     },
 }
 
-/// Forms of `emit` (reference 5.5.5).
+/// The forms of `emit` (reference 5.5.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EmitForm {
     /// `emit (point from)`.
@@ -377,26 +375,26 @@ pub enum EmitForm {
 /// A place in the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SourcePos {
-    /// Index into [`Module::files`].
+    /// An index into [`Module::files`].
     pub file: u16,
-    /// Counted from 1; 0 unknown.
+    /// The line, counted from 1; 0 when unknown.
     pub line: u32,
 }
 
 /// One operation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Op {
-    /// What.
+    /// The operation code.
     pub code: OpCode,
-    /// Result; `None` for functions without one.
+    /// The result; `None` for functions without one.
     pub dst: Option<SymbolId>,
-    /// Operands.
+    /// The operands.
     pub args: Vec<SymbolId>,
-    /// Where.
+    /// The place in the source.
     pub at: SourcePos,
 }
 
-/// What an operation does.
+/// The code of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum OpCode {
     /// `dst = args[0]`, converted; whole arrays copy when their lengths agree.
@@ -442,22 +440,17 @@ pub enum OpCode {
     /// Triple from 1 or 3 floats, matrix from 1 or 16, by `dst`'s type; a string in front names the
     /// space (or colour space) that they are in, and the result is in "common" (or "rgb").
     Construct,
-    /// `args[1]` where float `args[0]` is not 0, else `args[2]`; all of them are computed. Made when code is linked,
-    /// never stored.
-    Select,
-    /// Stands for the plain operations behind it, by number; no operands, no result. Made when code is linked, never
-    /// stored.
-    Straight(u32),
     /// A function of the standard library.
     Call(crate::Func),
 }
 
-/// A default that can be told without running the shader.
+/// A default that is available without running the shader.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DefaultValue {
     /// Constant, in named spaces where these were given.
     Known {
-        /// Spaces as written: `point ("shader", ...)`, `color ("hsv", ...)`. Empty: none was given; one: it holds for all
+        /// Spaces as written: `point ("shader", ...)`, `color ("hsv", ...)`. Empty: none was given; one: it holds for
+        /// all
         /// elements; several: one for each element of an array, empty texts where none was given.
         spaces: Vec<Arc<str>>,
         /// All elements.
@@ -481,14 +474,14 @@ pub struct Metadatum {
 /// A shader parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParamDecl {
-    /// Its symbol; name and type are there.
+    /// Its symbol, which has the name and type.
     pub symbol: SymbolId,
-    /// Declared `output`.
+    /// True when it is declared `output`.
     pub output: bool,
-    /// For queries.
+    /// The default, for queries.
     pub default: DefaultValue,
-    /// Computes the default into the symbol; run when nothing else gives a value. Parameters are
-    /// initialised in order, so it may read globals and earlier parameters.
+    /// Computes the default into the symbol, when the parameter has no other value. Parameters are initialised in
+    /// order, so it may read globals and earlier parameters.
     pub init: Block,
     /// Metadata of the parameter.
     pub metadata: Vec<Metadatum>,
@@ -497,15 +490,15 @@ pub struct ParamDecl {
 /// One compiled shader.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Module {
-    /// Kind.
+    /// The kind of shader.
     pub kind: ShaderKind,
     /// Name in the source.
     pub name: Arc<str>,
     /// Metadata of the shader.
     pub metadata: Vec<Metadatum>,
-    /// In order of declaration.
+    /// The parameters in order of declaration.
     pub params: Vec<ParamDecl>,
-    /// Everything that has a value. Each global and constant appears at most once.
+    /// All symbols. Each global and constant appears at most once.
     pub symbols: Vec<Symbol>,
     /// The body.
     pub body: Block,
@@ -515,22 +508,22 @@ pub struct Module {
     pub reads: Vec<Global>,
     /// Globals written anywhere.
     pub writes: Vec<Global>,
-    /// Uses a function that looks at neighbouring points.
+    /// True when a function reads neighbouring points.
     pub needs_derivatives: bool,
 }
 
 impl Module {
-    /// A symbol.
+    /// Returns a symbol.
     pub fn symbol(&self, id: SymbolId) -> &Symbol {
         &self.symbols[id.0 as usize]
     }
 
-    /// The parameter called `name`.
+    /// Returns the parameter called `name`.
     pub fn param(&self, name: &str) -> Option<&ParamDecl> {
         self.params.iter().find(|p| &*self.symbol(p.symbol).name == name)
     }
 
-    /// A source position as a place for messages.
+    /// Returns a source position as a place for messages.
     pub fn location(&self, at: SourcePos) -> Location {
         match self.files.get(at.file as usize) {
             Some(file) => Location::line(file, at.line),

@@ -1,13 +1,14 @@
-//! The shading language: source text to checked IR to `.gso`, and the parameter query.
+//! The shading language: from source text to checked IR to `.gso`, and the parameter query.
 //!
-//! [`compile`] goes through the stages: preprocessor (tokens, never text, so that every token knows its place),
-//! parser (`ast`), checker (`hir`: names resolved, overloads chosen from the one table of `builtins`), lowering
-//! ([`ir`]: functions put in place, structured statements over typed symbols). [`gso`] stores a module,
-//! [`GsoArgs`] tells its parameters without the rest.
+//! [`compile`] has these stages: the preprocessor (on tokens and not on text, so that every token has its source
+//! position), the parser (`ast`), the checker (`hir`: names resolved, overloads chosen from the table of
+//! `builtins`), lowering ([`ir`]: functions inlined, structured statements over typed symbols), and validation
+//! ([`ValidModule`]: the type that linking takes). [`gso`] stores a module, and [`GsoArgs`] returns its parameters
+//! without the rest.
 //!
-//! Nothing here reads files or the environment: included files come through a loader that the caller gives.
-//! Every input is bounded: macros, nesting and the size of what is made have limits, and passing one is an
-//! error with a place. Optimisation is deliberately absent beyond constants: the executor works on whole grids.
+//! This crate does not read files or the environment. Included files come from a loader of the caller. Every input
+//! is bounded: macros, nesting and the size of the result have limits, and exceeding one is an error with a
+//! position. Optimisation is deliberately absent except for constants, because the executor processes whole grids.
 //!
 //! ```
 //! use granita_gsl::{CompileOptions, compile};
@@ -29,6 +30,7 @@ mod check_expr;
 mod codec;
 mod condition;
 mod diagnostic;
+mod error;
 mod fold;
 mod func;
 pub mod gso;
@@ -43,33 +45,35 @@ mod shadeop;
 mod source;
 mod token;
 mod user_call;
+mod valid;
 mod validate;
 
 pub use args::{Arg, ArgDefault, GsoArgs};
 pub use builtins::{Overload, overloads};
 pub use diagnostic::Diagnostic;
+pub use error::GslError;
 pub use func::Func;
-pub use gso::GslError;
 pub use ir::Module;
 pub use shadeop::{ShadeopCall, ShadeopFinder, ShadeopForm};
+pub use valid::ValidModule;
 
 use std::io;
 
-/// Gives the text of an included file; `None` when there is no such file.
+/// Returns the text of an included file; `None` when the file does not exist.
 pub type Loader<'a> = &'a dyn Fn(&str) -> io::Result<Option<String>>;
 
-/// How to compile.
+/// The options of compilation.
 #[derive(Clone, Copy, Default)]
 pub struct CompileOptions<'a> {
-    /// Folders that `#include` looks in, in order.
+    /// The folders that `#include` searches, in order.
     pub include_paths: &'a [String],
-    /// Macros: name and value; without a value it is 1.
+    /// Macros with name and value. The default value is 1.
     pub defines: &'a [(String, Option<String>)],
-    /// Macros that are not defined after all (as `GELATO`, which always is).
+    /// Macros that are undefined (as `GELATO`, which is always defined before).
     pub undefines: &'a [String],
-    /// Reads included files; without one `#include` is a mistake.
+    /// Reads included files. Without it `#include` is an error.
     pub loader: Option<Loader<'a>>,
-    /// Finds functions that are written in C++; without one there are none.
+    /// Finds C++ functions. Without it there are none.
     pub shadeops: Option<ShadeopFinder<'a>>,
 }
 
@@ -85,12 +89,12 @@ impl std::fmt::Debug for CompileOptions<'_> {
     }
 }
 
-/// A shader without mistakes.
+/// A shader without errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compiled {
     /// The shader.
-    pub module: Module,
-    /// What looks wrong, in the order of the source.
+    pub module: ValidModule,
+    /// The warnings, in the order of the source.
     pub warnings: Vec<Diagnostic>,
 }
 
@@ -118,11 +122,11 @@ fn called(
 
 /// Compiles the shader in `source`.
 ///
-/// `file` names it in messages, and included files are looked for beside it. A file holds one shader and the
+/// `file` names it in messages, and included files are searched beside it. A file contains one shader and the
 /// functions before it.
 ///
 /// # Errors
-/// All mistakes that were found and all warnings, in the order of the source; at least one is an error.
+/// Returns all errors and warnings, in the order of the source; at least one is an error.
 pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result<Compiled, Vec<Diagnostic>> {
     let mut diags = diagnostic::Diagnostics::default();
     let tokens = preprocess::preprocess(source, file, options, &mut diags);
@@ -140,5 +144,11 @@ pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result
     if diags.has_errors() {
         return Err(diags.finish());
     }
-    Ok(Compiled { module, warnings: diags.finish() })
+    match ValidModule::check(module, file) {
+        Ok(module) => Ok(Compiled { module, warnings: diags.finish() }),
+        Err(error) => {
+            diags.error(source::Pos::default(), format!("{error}; this is a defect of the compiler"));
+            Err(diags.finish())
+        }
+    }
 }

@@ -4,10 +4,10 @@ use crate::ir::*;
 use std::fmt::Write;
 
 impl Module {
-    /// Parameters' initialisers and the body, one statement a line, blocks indented.
+    /// Returns the parameters' initialisers and the body, one statement a line, with indented blocks.
     ///
-    /// Variables go by their names (with the symbol's number when another has the same), temporaries as `%n`,
-    /// nameless locals as `$n`, constants as their values.
+    /// Variables are printed by their names (with the symbol's index when another has the same name), temporaries
+    /// as `%n`, unnamed locals as `$n`, constants as their values.
     pub fn listing(&self) -> String {
         let mut lister = Lister { module: self, out: String::new(), indent: 0 };
         for param in &self.params {

@@ -1,9 +1,9 @@
-//! Lowering: typed tree to IR. Functions are put in place of their calls, `&&`, `||` and `?:` become
-//! conditions, and the rules of reference table 5.4 are checked, since only here it is known in what kind of
-//! shader and around what statements a function runs.
+//! Lowers the typed tree to IR. Functions are inlined, and `&&`, `||` and `?:` become conditions. The rules of
+//! reference table 5.4 are checked here, because they depend on the kind of shader and the statements around a
+//! function call.
 //!
-//! Temporaries are reused as soon as the statement that made them ends. What is written more than once, or in
-//! one branch only, is a nameless local, never a [`SymbolKind::Temp`].
+//! Temporaries are reused after the statement that made them. A value that is written more than once, or in one
+//! branch only, is an unnamed local, never a [`SymbolKind::Temp`].
 
 mod defaults;
 mod expr;
@@ -27,7 +27,7 @@ const MANY_ARMS: usize = 16;
 /// Recursion of this module's walk.
 const MAX_DEPTH: usize = 800;
 
-/// Lowers a checked shader. Mistakes go to `diags`; then the module is of no use.
+/// Lowers a checked shader. Errors go to `diags`; the module is then not valid.
 pub(crate) fn lower(shader: &hir::Shader, diags: &mut Diagnostics) -> Module {
     let mut lowerer = Lowerer {
         diags,
@@ -432,6 +432,8 @@ impl<'a> Lowerer<'a> {
             }
             Init::None => {}
             Init::One(expr) => self.expr_to(expr, symbol, pos),
+            // The instance gives the elements, and their number.
+            Init::List(list) if list.is_empty() => {}
             Init::List(list) => {
                 if let Some(value) = constant_list(list) {
                     let value = self.constant(ty, &value);

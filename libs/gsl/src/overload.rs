@@ -1,10 +1,10 @@
-//! Conversions between types, and how well arguments fit an overload.
+//! Conversions between types, and the cost of arguments for an overload.
 
 use crate::ast::Binary;
 use crate::builtins::{Arg, NUMBERS, Rest, Signature, TypeSet};
 use crate::ir::{SymbolType, ValueType};
 
-/// What type an expression can have.
+/// The types that an expression can have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Possible {
     Value(ValueType),
@@ -15,7 +15,7 @@ pub(crate) enum Possible {
     Bad,
 }
 
-/// Cost of a conversion that needs no cast.
+/// Returns the cost of a conversion that needs no cast.
 pub(crate) fn conversion(from: ValueType, to: ValueType) -> Option<u32> {
     match (from, to) {
         (a, b) if a == b => Some(0),
@@ -26,7 +26,7 @@ pub(crate) fn conversion(from: ValueType, to: ValueType) -> Option<u32> {
     }
 }
 
-/// Type of `a op b`, if there is one.
+/// Returns the type of `a op b`, if there is one.
 pub(crate) fn arithmetic_type(op: Binary, a: ValueType, b: ValueType) -> Option<ValueType> {
     use ValueType::{Float, Matrix, Normal, Point, String, Vector, Void};
     match (a, b) {
@@ -45,7 +45,7 @@ pub(crate) fn arithmetic_type(op: Binary, a: ValueType, b: ValueType) -> Option<
     }
 }
 
-/// Type that two values are compared in, or chosen from.
+/// Returns the type in which two values are compared or selected.
 pub(crate) fn common_type(a: SymbolType, b: SymbolType) -> Option<ValueType> {
     if a.array.is_some() || b.array.is_some() {
         return None;
@@ -56,14 +56,14 @@ pub(crate) fn common_type(a: SymbolType, b: SymbolType) -> Option<ValueType> {
     conversion(a.value, b.value).map(|_| b.value)
 }
 
-/// What the surroundings of an expression want of it.
+/// The type that the context of an expression expects.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Wish {
-    /// The type of the assigned variable, cast, argument or result; `None` where any type will do.
+    /// The type of the assigned variable, cast, argument or result; `None` where any type is accepted.
     pub(crate) ty: Option<ValueType>,
-    /// The expression is cast: every triple is as good as another.
+    /// True when the expression is cast, so that all triples are equivalent.
     pub(crate) cast: bool,
-    /// The expression stands right of `*=` or `/=`, where noise and random functions are floats.
+    /// True when the expression is right of `*=` or `/=`, where noise and random functions are floats.
     pub(crate) factor: bool,
 }
 
@@ -101,8 +101,8 @@ fn types(possible: Possible) -> Option<TypeSet> {
     }
 }
 
-/// What the operands of an arithmetic operator should be: of all pairs of types that the operator takes and whose
-/// result fits the wish, the one that is nearest to it.
+/// Returns the expected types of the operands of an arithmetic operator: of all pairs of types that the operator
+/// accepts, the one whose result is nearest to the expected type.
 pub(crate) fn operand_wishes(op: Binary, left: Possible, right: Possible, wish: Wish) -> (Wish, Wish) {
     let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return (wish, wish) };
     // How far the type of an operand that has a choice is from what it should be.
@@ -134,7 +134,7 @@ pub(crate) fn operand_wishes(op: Binary, left: Possible, right: Possible, wish: 
     best.map_or((wish, wish), |(_, a, b)| (wish.of(a), wish.of(b)))
 }
 
-/// What types an operator's result can have.
+/// Returns the types that an operator's result can have.
 pub(crate) fn possible_result(op: Binary, left: Possible, right: Possible) -> Possible {
     let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return Possible::Bad };
     let pairs = lefts.iter().flat_map(|a| rights.iter().map(move |b| (a, b)));
@@ -154,7 +154,7 @@ pub(crate) fn possible_result(op: Binary, left: Possible, right: Possible) -> Po
     }
 }
 
-/// What a function that can return `set` returns where this is wanted.
+/// Returns the result type of a function that can return `set`, for an expected type.
 pub(crate) fn from_set(set: TypeSet, wish: Wish) -> ValueType {
     match wish.ty {
         _ if wish.factor && set == NUMBERS => ValueType::Float,
@@ -165,7 +165,8 @@ pub(crate) fn from_set(set: TypeSet, wish: Wish) -> ValueType {
     }
 }
 
-/// What argument `i` of an overload may be, and whether it is one of the `rest`; `None` beyond the last.
+/// Returns the accepted types of argument `i` of an overload, and true when it is one of the `rest`; `None` beyond
+/// the last.
 pub(crate) fn argument(row: &Signature, i: usize) -> Option<(Arg, bool)> {
     if let Some(arg) = row.args.get(i) {
         return Some((*arg, false));
@@ -179,7 +180,8 @@ pub(crate) fn argument(row: &Signature, i: usize) -> Option<(Arg, bool)> {
     Some((arg, true))
 }
 
-/// How well arguments fit an overload: the cost, and the type of `Same` arguments. `None`: not at all.
+/// Returns the cost of arguments for an overload, and the type of `Same` arguments; `None` when they are not
+/// accepted.
 pub(crate) fn fit(
     row: &Signature,
     args: &[Possible],
@@ -271,7 +273,8 @@ pub(crate) fn fit(
     Some((cost + more, Some(ty)))
 }
 
-/// The number of arguments that could be floats and become something else in a form whose arguments have these types.
+/// Returns the number of arguments that could be floats and become another type in an overload with these argument
+/// types.
 pub(crate) fn bent(args: &[Possible], ty: impl Fn(usize) -> Option<ValueType>) -> u32 {
     let is_bent = |(i, possible): (usize, &Possible)| {
         matches!(possible, Possible::Wanted(set) if set.contains(ValueType::Float))
@@ -280,7 +283,7 @@ pub(crate) fn bent(args: &[Possible], ty: impl Fn(usize) -> Option<ValueType>) -
     args.iter().enumerate().map(|arg| u32::from(is_bent(arg))).sum()
 }
 
-/// Cost of making an argument a `ty`.
+/// Returns the cost of converting an argument to `ty`.
 pub(crate) fn reach(possible: Possible, ty: ValueType) -> Option<u32> {
     match possible {
         Possible::Value(found) => conversion(found, ty),
@@ -290,7 +293,7 @@ pub(crate) fn reach(possible: Possible, ty: ValueType) -> Option<u32> {
     }
 }
 
-/// A type with its article, for messages: "an array `float[3]`".
+/// Returns a type with its article, for messages: "an array `float[3]`".
 pub(crate) fn describe(ty: SymbolType) -> String {
     match ty.array {
         Some(_) => format!("an array `{}`", spell_type(ty)),

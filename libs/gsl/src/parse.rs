@@ -1,7 +1,8 @@
-//! The parser: tokens to syntax tree, by recursive descent (reference 5.9).
+// tidy: long: the grammar is one type, with a method for each of its rules
+//! The parser, which converts tokens to the syntax tree by recursive descent (reference 5.9).
 //!
-//! After a mistake it goes on behind the next `;` or `}`, so that one run shows several mistakes. Nesting is
-//! bounded: input that is nested too deeply is an error, not a stack overflow.
+//! After an error it continues after the next `;` or `}`, so that one run reports several errors. Nesting is
+//! bounded. Input that is nested too deeply is an error, not a stack overflow.
 
 use crate::ast::*;
 use crate::diagnostic::{Diagnostics, suggestion};
@@ -49,7 +50,7 @@ const RESERVED: &[&str] = &[
     "virtual",
 ];
 
-/// Whether a word is the language's own.
+/// True when a word is a keyword of the language.
 pub(crate) fn is_keyword(word: &str) -> bool {
     KEYWORDS.contains(&word) || RESERVED.contains(&word)
 }
@@ -86,7 +87,7 @@ fn type_named(word: &str) -> Option<ValueType> {
 struct Failed;
 type Parsed<T> = Result<T, Failed>;
 
-/// Parses a file; `None` when there is no shader in it that could be understood. Mistakes go to `diags`.
+/// Parses a file; `None` when no shader in it could be parsed. Errors go to `diags`.
 pub(crate) fn parse(tokens: &[Token], diags: &mut Diagnostics) -> Option<Shader> {
     let mut parser = Parser { tokens, at: 0, depth: 0, diags };
     parser.file()

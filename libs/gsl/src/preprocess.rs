@@ -1,8 +1,9 @@
+// tidy: long: directives and macros read one stream of tokens by turns
 //! The preprocessor: `#include`, macros, conditions, line markers (reference 5.1.5, 8.2.2).
 //!
-//! It works on tokens, never on text, so that every token knows where it came from. A token out of a macro
-//! stands where the macro was used. Expansion follows D. Prosser's algorithm with sets of hidden names (the
-//! one that the C standard describes in words).
+//! It processes tokens and not text, so that every token has its source position. A token from a macro has the
+//! position where the macro was used. Expansion follows D. Prosser's algorithm with sets of hidden names (the one
+//! that the C standard describes in words).
 
 use crate::CompileOptions;
 use crate::condition;
@@ -28,7 +29,7 @@ struct Macro {
     body: Vec<Raw>,
 }
 
-/// Turns a source file into tokens; the last is [`TokenKind::End`]. Mistakes go to `diags`.
+/// Converts a source file to tokens; the last is [`TokenKind::End`]. Errors go to `diags`.
 pub(crate) fn preprocess(
     source: &str,
     file: &str,

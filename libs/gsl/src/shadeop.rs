@@ -1,37 +1,37 @@
-//! Functions that are written in C++ and declared by a table of their library (reference 14.1.3).
+//! C++ functions that a table of their library declares (reference 14.1.3).
 
 use crate::diagnostic::Diagnostics;
 use crate::ir::{ConstValue, Module, SymbolId, SymbolKind, SymbolType, ValueType};
 use crate::source::Pos;
 use std::sync::Arc;
 
-/// One form of such a function, as its library declares it.
+/// One overload of such a function, as its library declares it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ShadeopForm {
-    /// Name of the library's file, without folder and ending.
+    /// The name of the library's file, without folder and extension.
     pub library: Arc<str>,
-    /// As in "color cube3 (color)": result, function in the library, arguments.
+    /// The declaration, as "color cube3 (color)": result, function in the library, arguments.
     pub declaration: String,
 }
 
-/// Gives the forms of a function that the source does not define; none when no library has it.
+/// Returns the overloads of a function that the source does not define; none when no library has it.
 pub type ShadeopFinder<'a> = &'a dyn Fn(&str) -> Vec<ShadeopForm>;
 
-/// What an operation of `Func::Shadeop` calls; the text of its first operand.
+/// The function that an operation of `Func::Shadeop` calls, from the text of its first operand.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ShadeopCall<'a> {
-    /// For each further operand: whether it is written.
+    /// For each further operand, true when it is written.
     pub outputs: Vec<bool>,
-    /// Name of the library's file, without folder and ending.
+    /// The name of the library's file, without folder and extension.
     pub library: &'a str,
-    /// Name in the language.
+    /// The name in the language.
     pub name: &'a str,
-    /// Function in the library.
+    /// The function in the library.
     pub function: &'a str,
 }
 
 impl<'a> ShadeopCall<'a> {
-    /// From the text; `None` when it is none.
+    /// Parses the text; `None` when it is not valid.
     pub fn parse(text: &'a str) -> Option<Self> {
         let mut words = text.split(' ');
         let (flags, library, name, function) = (words.next()?, words.next()?, words.next()?, words.next()?);
@@ -39,7 +39,7 @@ impl<'a> ShadeopCall<'a> {
         words.next().is_none().then_some(Self { outputs, library, name, function })
     }
 
-    /// Of an operation's first operand in a module.
+    /// Parses the first operand of an operation in a module.
     pub fn of(module: &'a Module, operand: Option<&SymbolId>) -> Option<Self> {
         match &module.symbols.get(operand?.0 as usize)?.kind {
             SymbolKind::Const(ConstValue::Strings(text)) => Self::parse(text.first()?),
@@ -56,7 +56,7 @@ pub(crate) struct Declared {
     pub(crate) text: Arc<str>,
 }
 
-/// Reads a declaration; a mistake goes to `diags`.
+/// Parses a declaration. Errors go to `diags`.
 pub(crate) fn declared(
     name: &str,
     form: &ShadeopForm,

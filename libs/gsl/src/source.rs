@@ -7,11 +7,11 @@ use std::sync::Arc;
 /// A place in a file as it was read; ordered by file, then line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Pos {
-    /// Index into the files that were read.
+    /// The index into the files that were read.
     pub(crate) file: u16,
-    /// Counted from 1.
+    /// The line, counted from 1.
     pub(crate) line: u32,
-    /// Counted from 1, in characters.
+    /// The column, counted from 1 in characters.
     pub(crate) column: u32,
 }
 
@@ -30,7 +30,7 @@ struct File {
     markers: Vec<Marker>,
 }
 
-/// All files that were read, and the names that places go by.
+/// All files that were read, and the file names and lines of line markers.
 #[derive(Debug, Default)]
 pub(crate) struct Sources {
     files: Vec<File>,
@@ -55,7 +55,7 @@ impl Sources {
         Some(index)
     }
 
-    /// From the line after `pos` on, places are called `line` of `name` (or of the same file).
+    /// From the line after `pos` on, positions are reported as `line` of `name` (or of the same file).
     pub(crate) fn mark(&mut self, pos: Pos, line: u32, name: Option<&str>) {
         let current = self.presumed(pos).file;
         let name = name.and_then(|n| self.name(n)).unwrap_or(current);
@@ -64,18 +64,18 @@ impl Sources {
         }
     }
 
-    /// Name of a file as it was opened.
+    /// Returns the name of a file as it was opened.
     pub(crate) fn opened(&self, file: u16) -> &str {
         self.files.get(file as usize).map_or("", |f| &self.names[f.name as usize])
     }
 
-    /// The line that `pos` is in.
+    /// Returns the line of `pos`.
     pub(crate) fn line_text(&self, pos: Pos) -> Option<&str> {
         let file = self.files.get(pos.file as usize)?;
         file.text.lines().nth(pos.line.checked_sub(1)? as usize)
     }
 
-    /// What a place is called, line markers considered.
+    /// Returns the reported position, with line markers applied.
     pub(crate) fn presumed(&self, pos: Pos) -> SourcePos {
         let Some(file) = self.files.get(pos.file as usize) else { return SourcePos::default() };
         match file.markers.iter().rev().find(|m| m.after < pos.line) {
@@ -84,7 +84,7 @@ impl Sources {
         }
     }
 
-    /// As a place for messages.
+    /// Returns a position for messages.
     pub(crate) fn location(&self, pos: Pos) -> Location {
         let at = self.presumed(pos);
         match self.names.get(at.file as usize) {
@@ -93,7 +93,7 @@ impl Sources {
         }
     }
 
-    /// Names that [`SourcePos::file`] counts in.
+    /// Returns the names that [`SourcePos::file`] indexes.
     pub(crate) fn names(&self) -> &[Arc<str>] {
         &self.names
     }

@@ -1,20 +1,20 @@
-//! Tokens, and the scanner that cuts a text into them; comments and spliced lines vanish here.
+//! Tokens, and the scanner that splits a text into them. It removes comments and joins continued lines.
 
 use crate::source::Pos;
 use std::sync::Arc;
 
-/// A token for the preprocessor: still spelled, so that `#` and `##` can work on it.
+/// A token for the preprocessor, with its spelling for `#` and `##`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Raw {
     pub(crate) kind: RawKind,
-    /// As written (a string with its quotes).
+    /// The text as written (a string with its quotes).
     pub(crate) text: Arc<str>,
     pub(crate) pos: Pos,
-    /// White space stands before it.
+    /// True when white space comes before it.
     pub(crate) spaced: bool,
-    /// It is the first of its line.
+    /// True when it is the first of its line.
     pub(crate) first: bool,
-    /// Macros that may not expand it any more.
+    /// The macros that may not expand it any more.
     pub(crate) hidden: Option<Arc<Vec<Arc<str>>>>,
 }
 
@@ -41,8 +41,8 @@ const MARKS: &[&str] = &[
     "^", "~", ".",
 ];
 
-/// Cuts `text` into tokens. Never fails: what is no token becomes [`RawKind::Bad`], which is an error only
-/// where it is not skipped by `#if`.
+/// Splits `text` into tokens. It never fails. Invalid text becomes [`RawKind::Bad`], which is an error only where
+/// `#if` does not skip it.
 pub(crate) fn scan(text: &str, file: u16) -> Vec<Raw> {
     let mut scanner = Scanner { rest: text, pos: Pos { file, line: 1, column: 1 } };
     let mut out = Vec::new();
@@ -211,12 +211,12 @@ pub(crate) enum TokenKind {
     End,
 }
 
-/// The static spelling of an operator.
+/// Returns the static spelling of an operator.
 pub(crate) fn mark(text: &str) -> Option<&'static str> {
     MARKS.iter().find(|m| **m == text).copied()
 }
 
-/// Value of a number as written (C's spelling, an `f` behind it allowed).
+/// Returns the value of a number as written (C's spelling, with an optional `f`).
 pub(crate) fn number(text: &str) -> Option<f32> {
     let digits = text.strip_suffix(['f', 'F']).unwrap_or(text);
     let plain = digits.bytes().all(|c| matches!(c, b'0'..=b'9' | b'.' | b'e' | b'E' | b'+' | b'-'));
@@ -226,7 +226,7 @@ pub(crate) fn number(text: &str) -> Option<f32> {
     digits.parse::<f32>().ok()
 }
 
-/// Replaces escapes in the inside of a string; the second value is an escape that is unknown.
+/// Replaces escapes inside of a string. The second value is an unknown escape.
 pub(crate) fn unescape(inside: &str) -> (String, Option<char>) {
     let mut out = String::with_capacity(inside.len());
     let mut unknown = None;

@@ -1,4 +1,4 @@
-//! Calls of functions that the source declares (reference 5.5.6): overloads by arguments and by the wanted
+//! Calls of functions that the source declares (reference 5.5.6): overloads by arguments and by the expected
 //! result, arguments by reference.
 
 use crate::ast;
@@ -44,7 +44,8 @@ impl Checker<'_> {
         list.iter().zip(&costs).filter(|(_, c)| **c == Some(*best)).map(|(id, _)| *id).collect()
     }
 
-    /// The least cost of calling a function of the source with such arguments (conversions, then arguments that could be
+    /// The least cost of calling a function of the source with such arguments (conversions, then arguments that could
+    /// be
     /// floats and are not), and whether a function that fits best is declared as a whole; `None`: all take others.
     pub(crate) fn user_cost(&self, name: &str, args: &[Possible]) -> Option<((u32, u32), bool)> {
         let fitting = self.best_fitting(name, args);
@@ -57,7 +58,7 @@ impl Checker<'_> {
         Some(((cost, bent), fitting.iter().any(|id| !self.is_recursive(*id))))
     }
 
-    /// The functions of the source of a name, as messages spell them.
+    /// Returns the functions of the source with a name, as messages spell them.
     pub(crate) fn user_forms(&self, name: &str) -> Vec<String> {
         let spell = |id: &FuncId| {
             let f = &self.funcs[id.0];
@@ -67,7 +68,7 @@ impl Checker<'_> {
         self.user_functions(name).iter().map(spell).collect()
     }
 
-    /// What a call can return: where only the result tells functions apart, what the context wants.
+    /// Returns the types that a call can return. Where functions differ only in the result, the context decides.
     pub(crate) fn possible_user_call(&self, name: &str, args: &[Possible]) -> Possible {
         if let ([only], None) = (self.user_functions(name), builtins::named(name).next()) {
             return Possible::Value(self.funcs[only.0].ret);

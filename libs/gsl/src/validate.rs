@@ -1,6 +1,6 @@
-//! What an executor may rely on: every symbol exists and every operation has operands that it takes.
+//! Checks that every symbol exists and that every operation has permitted operands, which the executor relies on.
 //!
-//! Modules from the compiler satisfy this; files are checked when they are read.
+//! Modules from the compiler satisfy this. Files are checked when they are read.
 
 use crate::builtins::{Arg, Rest, Ret, Signature, TABLE, TRACE, TypeSet};
 use crate::codec::check_value;
@@ -8,7 +8,7 @@ use crate::ir::*;
 
 type Checked = Result<(), String>;
 
-/// Checks a module; the message tells the first thing that is wrong.
+/// Checks a module. The message describes the first error.
 pub(crate) fn validate(module: &Module) -> Checked {
     for (i, symbol) in module.symbols.iter().enumerate() {
         let bad = match &symbol.kind {
@@ -16,11 +16,17 @@ pub(crate) fn validate(module: &Module) -> Checked {
             SymbolKind::Param(p) => {
                 module.params.get(*p as usize).is_none_or(|p| p.symbol != SymbolId(i as u32))
             }
-            SymbolKind::Const(value) => check_value(&symbol.ty, value).is_err(),
+            SymbolKind::Const(value) => symbol.ty.elements() == 0 || check_value(&symbol.ty, value).is_err(),
             SymbolKind::Local | SymbolKind::Temp => symbol.ty.open,
         };
         if bad || symbol.ty.value == ValueType::Void {
             return Err(format!("symbol {i} is not what its kind says"));
+        }
+    }
+    for (i, param) in module.params.iter().enumerate() {
+        let symbol = module.symbols.get(param.symbol.0 as usize);
+        if symbol.is_none_or(|s| s.kind != SymbolKind::Param(i as u32)) {
+            return Err(format!("parameter {i} has no symbol"));
         }
     }
     let mut checker = Checker { module, scopes: Vec::new(), loops: vec![false] };

@@ -2,7 +2,7 @@
 
 mod common;
 use common::said;
-use granita_gsl::{CompileOptions, GsoArgs, compile, gso};
+use granita_gsl::{CompileOptions, GsoArgs, ValidModule, compile, gso};
 use proptest::prelude::*;
 
 /// Says `expected` about a source that is nested deeply.
@@ -319,4 +319,43 @@ proptest! {
             prop_assert_eq!(gso::read(&bytes, "t").unwrap(), compiled.module);
         }
     }
+}
+
+#[test]
+fn changed_modules_are_checked_again() {
+    use granita_gsl::ir::{
+        ConstValue, Op, OpCode, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType, ValueType,
+    };
+    let source = "surface t (float Kd = 0.5) { C = Kd * u; }";
+    let module = compile(source, "t.gsl", &CompileOptions::default()).unwrap().module;
+    let op = |code, dst, args: &[u32]| {
+        let args = args.iter().copied().map(SymbolId).collect();
+        Stmt::Op(Op { code, dst: Some(SymbolId(dst)), args, at: SourcePos::default() })
+    };
+    let kd = module.params[0].symbol.0;
+    let missing = module.symbols.len() as u32;
+    for (what, body) in [
+        ("there is no symbol", op(OpCode::Assign, kd, &[missing])),
+        ("there is no symbol", op(OpCode::Assign, missing, &[kd])),
+        ("does not take its operands", op(OpCode::Add, kd, &[kd])),
+        ("does not take its operands", op(OpCode::Call(granita_gsl::Func::Pow), kd, &[kd])),
+        ("there is no loop", Stmt::Break),
+    ] {
+        let mut changed = (*module).clone();
+        changed.body.push(body);
+        let error = ValidModule::check(changed, "t.gsl").unwrap_err().to_string();
+        assert!(error.starts_with("t.gsl: the code is not valid: ") && error.contains(what), "{error}");
+    }
+    let mut changed = (*module).clone();
+    changed.params[0].symbol = SymbolId(missing);
+    assert!(ValidModule::check(changed, "t").is_err());
+    let mut changed = (*module).clone();
+    changed.symbols.truncate(1);
+    assert!(ValidModule::check(changed, "t").is_err());
+    // A constant has a value.
+    let mut changed = (*module).clone();
+    let ty = SymbolType { value: ValueType::Float, array: Some(0), open: true };
+    let kind = SymbolKind::Const(ConstValue::Floats(Vec::new().into()));
+    changed.symbols.push(Symbol { name: "".into(), ty, kind });
+    assert!(ValidModule::check(changed, "t").is_err());
 }

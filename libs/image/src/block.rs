@@ -1,4 +1,4 @@
-//! Rectangles of pixels copied between rows and tiles.
+//! Copies of rectangles of pixels between rows and tiles.
 
 use crate::{ImageSpec, Pixels};
 use rayon::prelude::*;
@@ -6,17 +6,17 @@ use rayon::prelude::*;
 /// A rectangle to copy from one block of interleaved pixels to another.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockCopy {
-    /// Pixels per row of the source.
+    /// The number of pixels per row of the source.
     pub from_width: usize,
-    /// Column and row of the rectangle in the source.
+    /// The column and row of the rectangle in the source.
     pub from: (usize, usize),
-    /// Pixels per row of the destination.
+    /// The number of pixels per row of the destination.
     pub to_width: usize,
-    /// Column and row of the rectangle in the destination.
+    /// The column and row of the rectangle in the destination.
     pub to: (usize, usize),
-    /// Columns and rows of the rectangle.
+    /// The numbers of columns and rows of the rectangle.
     pub size: (usize, usize),
-    /// Channels per pixel, in both.
+    /// The number of channels per pixel, in both.
     pub nchannels: usize,
 }
 
@@ -24,7 +24,7 @@ impl BlockCopy {
     /// Copies the rectangle.
     ///
     /// # Panics
-    /// As [`Pixels::copy_from`]: on different types or a rectangle that is not inside both.
+    /// The panics of [`Pixels::copy_from`], for different types or a rectangle that is not inside both.
     pub fn run(&self, source: &Pixels, destination: &mut Pixels) {
         let n = self.nchannels;
         for row in 0..self.size.1 {
@@ -35,9 +35,9 @@ impl BlockCopy {
     }
 }
 
-/// Rows on their way into the tiles of a tiled level: collects rows, gives out rows of tiles.
+/// Collects the rows of a tiled level and returns rows of tiles.
 ///
-/// For writers that are handed rows of an image that is stored in tiles.
+/// It is for writers that receive rows of an image that is stored in tiles.
 #[derive(Debug)]
 pub struct TileRows {
     rows: Pixels,
@@ -46,19 +46,22 @@ pub struct TileRows {
 }
 
 impl TileRows {
-    /// Room for one row of tiles of `spec`, which must be tiled.
+    /// Returns a buffer for one row of tiles of `spec`, which must be tiled.
     pub fn new(spec: &ImageSpec) -> Self {
         let n = spec.width as usize * spec.tile_height as usize * spec.nchannels();
         Self { rows: Pixels::zeros(spec.pixel_type, n), filled: 0, next_y: 0 }
     }
 
-    /// The row of the image that comes next.
+    /// Returns the next row of the image.
     pub fn next_y(&self) -> u32 {
         self.next_y
     }
 
-    /// Adds rows (a whole number of them, no more than the image has left) and calls
-    /// `tile(tx, ty, pixels)` for every tile that became complete; missing parts of edge tiles are 0.
+    /// Adds rows (a whole number of them, no more than the image has left) and calls `tile(tx, ty, pixels)` for every
+    /// tile that became complete. Missing parts of edge tiles are 0.
+    ///
+    /// # Errors
+    /// The errors of `tile`.
     pub fn push<E>(
         &mut self,
         spec: &ImageSpec,
@@ -87,7 +90,7 @@ impl TileRows {
     }
 }
 
-/// Tile `tx` out of one row of tiles of `spec` with `height` rows; the rest of the tile is 0.
+/// Returns tile `tx` of one row of tiles of `spec` with `height` rows. The rest of the tile is 0.
 fn cut_tile(rows: &Pixels, spec: &ImageSpec, tx: u32, height: usize) -> Pixels {
     let n = spec.tile_width as usize * spec.tile_height as usize * spec.nchannels();
     let mut tile = Pixels::zeros(spec.pixel_type, n);
@@ -104,10 +107,13 @@ fn cut_tile(rows: &Pixels, spec: &ImageSpec, tx: u32, height: usize) -> Pixels {
     tile
 }
 
-/// Rows `y0..y1` of a tiled level put together from its tiles, which `tile(tx, ty)` delivers: those beside each
-/// other at once, in the threads of the caller's pool.
+/// Returns rows `y0..y1` of a tiled level, assembled from its tiles, which `tile(tx, ty)` returns. Tiles beside each
+/// other are read at once, in the threads of the caller's pool.
 ///
-/// The range must lie inside the level; the caller has checked the size of the result.
+/// The range must be inside of the level. The caller has checked the size of the result.
+///
+/// # Errors
+/// An error of `tile`. Of several errors it is one of them.
 pub fn rows_from_tiles<E: Send>(
     spec: &ImageSpec,
     y0: u32,

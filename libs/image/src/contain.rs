@@ -1,12 +1,15 @@
-//! Panics of other people's decoders, contained.
+//! Containment of panics of external decoders.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs a decoder of another library; `Err` is what it panicked with.
+/// Runs a decoder of another library. `Err` is the text of its panic.
 ///
-/// Readers promise an error for any damage to a file. Where a library panics instead (an unchecked
-/// subtraction, an index past the end), this is the place that keeps the promise. Whatever the closure
-/// was filling must be thrown away after an `Err`.
+/// Readers return an error for any damage to a file. Where a library panics instead (an unchecked subtraction, an
+/// index past the end), this function turns the panic into an error. Data that the closure was filling must be
+/// discarded after an `Err`.
+///
+/// # Errors
+/// The text of the panic.
 pub fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(decode)).map_err(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);

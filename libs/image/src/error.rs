@@ -1,16 +1,16 @@
-//! What can go wrong with an image, sorted by whose fault it is.
+//! The errors of images, sorted by their origin.
 
 use std::path::PathBuf;
 
 /// An image that cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The system refused.
+    /// The system refused an operation.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file contradicts its own format.
@@ -18,37 +18,37 @@ pub enum ImageError {
     Malformed {
         /// The file.
         path: PathBuf,
-        /// The format it was taken for.
+        /// The assumed format.
         format: &'static str,
-        /// What is wrong, and where in the file if known.
+        /// A description of the error, and its place in the file if known.
         what: String,
     },
-    /// Legal, but not handled.
+    /// The file is valid, but a feature is not supported.
     #[error("{}: {what}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What is not handled.
+        /// The unsupported feature.
         what: String,
     },
-    /// Larger than the reader may take in.
+    /// The file exceeds a limit of the reader.
     #[error("{}: {what} {asked} exceeds the limit of {max}", path.display())]
     Limit {
         /// The file.
         path: PathBuf,
-        /// What is too large.
+        /// The quantity that is too large.
         what: &'static str,
-        /// How large.
+        /// Its value.
         asked: u64,
-        /// How large it may be.
+        /// The largest allowed value.
         max: u64,
     },
-    /// The caller asked for something that does not exist or does not fit.
+    /// The caller requested something that does not exist or does not fit.
     #[error("{}: {what}", path.display())]
     Misuse {
         /// The file.
         path: PathBuf,
-        /// What was asked.
+        /// The request.
         what: String,
     },
     /// A plugin failed.
@@ -56,16 +56,16 @@ pub enum ImageError {
     Plugin {
         /// The image.
         path: PathBuf,
-        /// Which plugin.
+        /// The name of the plugin.
         plugin: String,
-        /// What it did, and what it says about it.
+        /// The failed operation, and the plugin's description of the error.
         what: String,
     },
 }
 
 impl ImageError {
-    /// The same error, when reading again would only find it again: what is wrong with a file stays wrong. `None` for what the
-    /// system said, which may have been for the moment.
+    /// Returns the same error when reading again would give it again, because errors of a file's contents are
+    /// permanent. `None` for system errors, which may be temporary.
     pub fn lasting(&self) -> Option<Self> {
         Some(match self {
             Self::Malformed { path, format, what } => {
@@ -80,7 +80,7 @@ impl ImageError {
     }
 }
 
-/// Result of an image operation.
+/// The result of an image operation.
 pub type Result<T> = std::result::Result<T, ImageError>;
 
 impl From<granita_base::FileError> for ImageError {

@@ -1,29 +1,29 @@
-//! The contract between files and everybody else: input, output, format.
+//! The interface of file formats: input, output and format.
 
 use crate::{ImageError, ImageSpec, PixelRect, PixelType, Pixels, Request, Result};
 use granita_base::Files;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What a reader may take in, and how it opens files. Checked before anything is allocated.
+/// The limits of a reader, and the opener of its files. They are checked before memory is allocated.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Largest width or height.
+    /// The largest width or height, in pixels.
     pub dimension: u32,
-    /// Largest number of pixels of one image.
+    /// The largest number of pixels of one image.
     pub pixels: u64,
-    /// Largest allocation for one read call, in bytes.
+    /// The largest allocation for one read call, in bytes.
     pub bytes: u64,
-    /// Largest number of channels.
+    /// The largest number of channels.
     pub channels: u32,
-    /// Largest number of images or MIP levels in one file.
+    /// The largest number of images or MIP levels in one file.
     pub images: u32,
     /// Opens the files.
     pub files: Files,
 }
 
 impl Default for Limits {
-    /// Generous: 1 Mi pixels a side, 64 Gi pixels, 8 GiB at once, 1024 channels, 4096 images.
+    /// Returns large limits: 1 Mi pixels per side, 64 Gi pixels, 8 GiB per read, 1024 channels, 4096 images.
     fn default() -> Self {
         Self {
             dimension: 1 << 20,
@@ -37,8 +37,11 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Checks the size of one level: neither side 0, sides, pixels and channels within the limits, and
-    /// one tile (or one row) small enough for one read.
+    /// Checks the size of one level: neither side is 0, sides, pixels and channels are within the limits, and one
+    /// tile (or one row) is small enough for one read.
+    ///
+    /// # Errors
+    /// [`ImageError::Limit`] when a limit is exceeded, [`ImageError::Malformed`] for a side of 0.
     pub fn check(&self, path: &Path, format: &'static str, spec: &ImageSpec) -> Result<()> {
         let n = spec.nchannels() as u64;
         if spec.width == 0 || spec.height == 0 || n == 0 {
@@ -59,7 +62,10 @@ impl Limits {
         Ok(())
     }
 
-    /// Bytes that `width x height` pixels of `spec` take, if one read may be that large.
+    /// Returns the number of bytes of `width x height` pixels of `spec`, if one read may be that large.
+    ///
+    /// # Errors
+    /// [`ImageError::Limit`] when one read may not be that large.
     pub fn check_read(&self, path: &Path, spec: &ImageSpec, width: u32, height: u32) -> Result<usize> {
         let bytes = u64::from(width)
             .checked_mul(u64::from(height))
@@ -71,15 +77,18 @@ impl Limits {
         Ok(bytes as usize)
     }
 
-    /// `Ok` when the system grants so many bytes of memory now. To be called before large allocations: one that fails
-    /// ends the process.
+    /// Checks that the system grants so many bytes of memory now. It is called before large allocations, because a
+    /// failed allocation ends the process.
+    ///
+    /// # Errors
+    /// [`ImageError::Io`] when the system does not grant them.
     pub fn check_memory(path: &Path, bytes: u64) -> Result<()> {
-        /// Fewer bytes than these are not worth the question.
+        /// Smaller allocations are not checked.
         const LARGE: u64 = 64 << 20;
         if bytes >= LARGE {
             let mut room: Vec<u8> = Vec::new();
             let granted = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
-            // Without this the compiler may leave out an allocation that is not used.
+            // Without this the compiler may remove an allocation that is not used.
             std::hint::black_box(&mut room);
             if !granted {
                 let text = format!("it needs {bytes} bytes of memory, which the system does not grant");
@@ -90,8 +99,11 @@ impl Limits {
         Ok(())
     }
 
-    /// `Ok` when `file_bytes` of a file can hold `pixel_bytes` of pixels, of which its codec packs at most `ratio` into
-    /// one byte. Small images pass in any case, so that what is there of a file that ends early can be read.
+    /// Checks that `file_bytes` of a file can hold `pixel_bytes` of pixels. The codec packs at most `ratio` bytes
+    /// into one byte. Small images always pass, so that the existing part of a truncated file can be read.
+    ///
+    /// # Errors
+    /// [`ImageError::Malformed`] when the file is too small for its pixels.
     pub fn check_ratio(
         &self,
         path: &Path,
@@ -99,7 +111,7 @@ impl Limits {
         (pixel_bytes, file_bytes): (u64, u64),
         ratio: u64,
     ) -> Result<()> {
-        /// Bytes of pixels that any file may promise.
+        /// The number of bytes of pixels that any file may declare.
         const SMALL: u64 = 64 << 20;
         let most = file_bytes.saturating_mul(ratio).max(SMALL);
         if pixel_bytes <= most {
@@ -111,7 +123,10 @@ impl Limits {
         Err(ImageError::Malformed { path: path.to_owned(), format, what })
     }
 
-    /// `Ok` when `asked` is at most `max`.
+    /// Checks that `asked` is at most `max`.
+    ///
+    /// # Errors
+    /// [`ImageError::Limit`] when it is more.
     pub fn within(&self, path: &Path, what: &'static str, asked: u64, max: u64) -> Result<()> {
         if asked <= max { Ok(()) } else { Err(ImageError::Limit { path: path.to_owned(), what, asked, max }) }
     }
@@ -119,176 +134,212 @@ impl Limits {
 
 /// An open image file. Any number of threads may read at once.
 ///
-/// A file holds images, each with one or more MIP levels; level 0 is the largest. Texture files that
-/// store levels as further images (TIFF, reference 9.2.1) present them as levels of image 0.
+/// A file holds images, each with one or more MIP levels. Level 0 is the largest. Texture files that store levels as
+/// further images (TIFF, reference 9.2.1) present them as levels of image 0.
 pub trait ImageInput: Send + Sync {
-    /// Name of the format, as "tiff".
+    /// Returns the name of the format, such as "tiff".
     fn format_name(&self) -> &'static str;
 
-    /// Number of images, at least 1.
+    /// The number of images, at least 1.
     fn images(&self) -> usize {
         1
     }
 
-    /// Number of MIP levels of an image, at least 1; 0 when there is no such image.
+    /// The number of MIP levels of an image, at least 1; 0 when there is no such image.
     fn levels(&self, image: usize) -> usize;
 
-    /// Description of one level; `None` when there is no such level.
+    /// Returns the description of one level; `None` when there is no such level.
     fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec>;
 
-    /// Rows `y0..y1` of the data window (0 is its top row) of a level, tiled or not.
+    /// Returns rows `y0..y1` of the data window (0 is its top row) of a level, tiled or not.
+    ///
+    /// # Errors
+    /// An error when there is no such level or no such rows, and when the file cannot be read or is damaged there.
     fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels>;
 
-    /// Tile `(tx, ty)` of a tiled level, always of full tile size; what lies outside the data window
-    /// is whatever the file holds. Reads nothing but this tile. An error for a scanline image.
+    /// Returns tile `(tx, ty)` of a tiled level, always of full tile size. Pixels outside of the data window are
+    /// those of the file. Only this tile is read. An image stored in scanlines gives an error.
+    ///
+    /// # Errors
+    /// An error when there is no such tile, and when the file cannot be read or is damaged there.
     fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels>;
 
-    /// How many rows of a level are packed together, where such blocks are read by themselves: reading one of the rows
-    /// costs what reading all of the block does, and nothing for the rows above. `None` where that is not so.
+    /// Returns the number of rows of a level that are packed together, when such blocks can be read separately.
+    /// Reading one row then costs as much as reading its block, and does not read the rows above. `None` for other
+    /// formats.
     fn rows_together(&self, image: usize, level: usize) -> Option<u32> {
         let _ = (image, level);
         None
     }
 
-    /// The whole data window of a level.
+    /// Returns the whole data window of a level.
+    ///
+    /// # Errors
+    /// The errors of [`ImageInput::read_rows`].
     fn read_level(&self, image: usize, level: usize) -> Result<Pixels> {
         let height = self.spec(image, level).map_or(0, |s| s.height);
         self.read_rows(image, level, 0, height)
     }
 
-    /// Bytes read from the file so far, headers included; for statistics and tests.
+    /// The number of bytes read from the file so far, including headers; for statistics and tests.
     fn bytes_read(&self) -> u64;
 
-    /// Bytes of memory that reading rows of a level takes beside the rows themselves: all pixels of formats that are
-    /// decoded as a whole, a strip or a row of tiles of others where these are high. Known without reading. 0 where it does not depend on the image.
+    /// The number of bytes of memory that reading rows of a level needs in addition to the rows themselves. These are
+    /// all pixels for formats that are decoded as a whole, and a strip or a row of tiles for others when these are
+    /// high. The number is computed without reading. 0 where it does not depend on the image.
     fn working_bytes(&self, image: usize, level: usize) -> u64 {
         let _ = (image, level);
         0
     }
 }
 
-/// A file being written: levels in order, each in rows or in tiles, then [`ImageOutput::close`].
+/// A file that is being written: levels in order, each in rows or in tiles, then [`ImageOutput::close`].
 ///
-/// Dropped before `close`, nothing is left under the final name.
+/// When it is dropped before `close`, no new file has the final name.
 pub trait ImageOutput: Send {
-    /// The next rows of a scanline level: as many as `pixels` holds, from the top downward.
-    /// `pixels` has the spec's type.
+    /// Writes the next rows of a scanline level, from the top downward. `pixels` holds a whole number of rows and has
+    /// the spec's type.
+    ///
+    /// # Errors
+    /// An error when the rows do not fit the level, and when the file cannot be written.
     fn write_rows(&mut self, pixels: &Pixels) -> Result<()>;
 
-    /// Tile `(tx, ty)` of a tiled level, of full tile size; any order, each once.
+    /// Writes tile `(tx, ty)` of a tiled level, of full tile size. Tiles may be in any order, each once.
+    ///
+    /// # Errors
+    /// An error when the tile does not fit the level, and when the file cannot be written.
     fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> Result<()>;
 
-    /// Several tiles of the level, each with its `(tx, ty)`, as by [`ImageOutput::write_tile`] one after the
-    /// other, and with the same bytes in the file. Formats that compress do so in the threads of the
-    /// caller's pool: give out tens of tiles at once rather than one.
+    /// Writes several tiles of the level, each with its `(tx, ty)`. The file has the same bytes as after
+    /// [`ImageOutput::write_tile`] for each. Formats that compress do so in the threads of the caller's pool, so that
+    /// callers should pass tens of tiles at once.
+    ///
+    /// # Errors
+    /// The errors of [`ImageOutput::write_tile`].
     fn write_tiles(&mut self, tiles: &[(u32, u32, Pixels)]) -> Result<()> {
         tiles.iter().try_for_each(|(tx, ty, pixels)| self.write_tile(*tx, *ty, pixels))
     }
 
-    /// Begins the next MIP level (or further image, where the format has no levels of its own).
-    /// The level before must be complete.
+    /// Begins the next MIP level (or further image, where the format has no levels). The level before must be
+    /// complete.
+    ///
+    /// # Errors
+    /// An error when the level before is not complete, when the format stores no further level, and when the file
+    /// cannot be written.
     fn next_level(&mut self, spec: &ImageSpec) -> Result<()>;
 
-    /// Announces all levels after the first at once, so that tiles of any level may be written in any
-    /// order, each after [`ImageOutput::select_level`]; `next_level` is then not called. `Ok (false)`, and
-    /// nothing else happens, when the format takes its levels one after the other only.
+    /// Announces all levels after the first at once, so that tiles of any level may be written in any order, each
+    /// after [`ImageOutput::select_level`]. `next_level` is then not called. Returns `Ok (false)`, without any
+    /// effect, when the format accepts its levels only in order.
+    ///
+    /// # Errors
+    /// An error when the format cannot store these levels.
     fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {
         let _ = specs;
         Ok(false)
     }
 
-    /// Makes a planned level (0 is the first) the one that tiles are written to.
+    /// Selects the planned level (0 is the first) to which tiles are written.
     ///
     /// # Errors
-    /// When levels were not planned, or there is none of this number.
+    /// An error when levels were not planned, or when there is none of this number.
     fn select_level(&mut self, level: usize) -> Result<()> {
         let what = format!("level {level} was not planned");
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 
-    /// Pixels of `rect`, whose values do not change any more, counted from the upper left one of the data window: in formats that support "rectangles", in any order and
-    /// instead of rows or tiles. Never waits for whoever takes them.
+    /// Writes the pixels of `rect`, whose values are final, counted from the upper left one of the data window. In
+    /// formats that support "rectangles" this may be done in any order and replaces rows or tiles. It never waits for
+    /// the receiver.
     ///
     /// # Errors
-    /// When nobody takes them any more, and in other formats.
+    /// An error when there is no receiver any more, and in other formats.
     fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
         let _ = (rect, pixels);
         let what = "the format takes no rectangles".to_owned();
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 
-    /// Somebody begins to work on these pixels.
+    /// Announces that work on these pixels begins.
     fn begin_rectangle(&mut self, rect: &PixelRect) {
         let _ = rect;
     }
 
-    /// What whoever looks at the picture asked for since the last call.
+    /// Returns the requests of viewers since the last call.
     fn requests(&mut self) -> Vec<Request> {
         Vec::new()
     }
 
-    /// Completes the file and puts it under its final name.
+    /// Completes the file and gives it its final name.
+    ///
+    /// # Errors
+    /// An error when levels are not complete, and when the file cannot be written. The final name then has no file,
+    /// or the previous one.
     fn close(self: Box<Self>) -> Result<()>;
 }
 
-/// How to create a file.
+/// The options for creating a file.
 #[derive(Clone, Debug)]
 pub struct CreateOptions<'a> {
-    /// First (largest) level. Its `attributes` carry the format's own options, as `compression`.
+    /// The first (largest) level. Its `attributes` contain the format's own options, such as `compression`.
     pub spec: &'a ImageSpec,
-    /// How many levels will follow in all, at least 1; formats that need to know it up front rely on it.
+    /// The number of levels in all, at least 1. Some formats need it in advance.
     pub levels: usize,
-    /// Creates the file.
+    /// The opener that creates the file.
     pub files: Files,
 }
 
 impl<'a> CreateOptions<'a> {
-    /// For a file wherever the process may write.
+    /// Returns options for a file in any place where the process may write.
     pub fn new(spec: &'a ImageSpec, levels: usize) -> Self {
         Self { spec, levels, files: Files::default() }
     }
 
-    /// The same for a file that `files` creates.
+    /// Returns the same options for a file that `files` creates.
     pub fn with_files(self, files: &Files) -> Self {
         Self { files: files.clone(), ..self }
     }
 }
 
-/// One file format.
+/// A file format.
 pub trait Format: Send + Sync {
-    /// Name in `Output` and `-format`, as "tiff".
+    /// Returns the name in `Output` and `-format`, such as "tiff".
     fn name(&self) -> &'static str;
 
-    /// Further names it answers to, as "OpenEXR" for "exr".
+    /// Returns further names, such as "OpenEXR" for "exr".
     fn aliases(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// File extensions without the dot, lower case, the usual one first.
+    /// Returns the file extensions without the dot, in lower case, the usual one first.
     fn extensions(&self) -> &'static [&'static str];
 
-    /// Whether a file that begins with `head` (up to 64 bytes) is of this format.
+    /// True when a file that begins with `head` (up to 64 bytes) has this format.
     fn recognizes(&self, head: &[u8]) -> bool;
 
     /// Opens a file for reading.
-    fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>>;
-
-    /// Opens a picture that lies in memory, as those inside of other files do; `path` stands for it in errors.
     ///
     /// # Errors
-    /// [`ImageError::Unsupported`] for formats that are only read from files of their own, as by default.
+    /// An error when the file cannot be read, has another format, is damaged, or exceeds the limits.
+    fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>>;
+
+    /// Opens an image in memory, such as one inside of another file. `path` is its name in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::Unsupported`] for formats that are only read from separate files, which is the default.
     fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let _ = (bytes, limits);
         let what = format!("{} pictures are not read from inside of other files", self.name());
         Err(ImageError::Unsupported { path: path.to_owned(), what })
     }
 
-    /// Whether it can write: "tiles", "levels", "half", "float", "u16", "channels" (more than 4), "alpha"
-    /// (without it, a fourth channel is left out), "rectangles" (it shows pixels as they come), "write".
+    /// True when the format supports a feature of writing: "tiles", "levels", "half", "float", "u16", "channels"
+    /// (more than 4), "alpha" (without it, a fourth channel is left out), "rectangles" (it shows pixels at once),
+    /// "write".
     fn supports(&self, feature: &str) -> bool;
 
-    /// The type in which it stores a rendered output whose quantization asks for `quantized` (8 or 16
-    /// bits, or floats); by default that, or the nearest it supports.
+    /// Returns the type in which the format stores a rendered output whose quantization requests `quantized` (8 or 16
+    /// bits, or floats). The default is that type, or the nearest that it supports.
     fn output_type(&self, quantized: PixelType) -> PixelType {
         match quantized {
             PixelType::Float if self.supports("float") => PixelType::Float,
@@ -298,24 +349,28 @@ pub trait Format: Send + Sync {
         }
     }
 
-    /// Whether its integers are always from 0 to the largest of their type, with a dither of 0.5: "quantize" then only says
-    /// how many bits there are, and "dither" nothing (reference 7.4.6).
+    /// True when its integers are always from 0 to the largest of their type, with a dither of 0.5. "quantize" then
+    /// selects only the number of bits, and "dither" has no effect (reference 7.4.6).
     fn has_fixed_levels(&self) -> bool {
         false
     }
 
-    /// What a file of this name does not keep of an image with so many channels, in words, where that would surprise.
+    /// Describes the data of an image with so many channels that a file of this name does not store, when this may be
+    /// unexpected.
     fn leaves_out(&self, path: &Path, channels: usize) -> Option<String> {
         let _ = (path, channels);
         None
     }
 
-    /// Whether it wants a rendered output's values as computed, with "gain", "gamma", "quantize" and "dither" among the
-    /// attributes, and applies these itself (reference 13.3.2).
+    /// True when the format receives a rendered output's values as computed, with "gain", "gamma", "quantize" and
+    /// "dither" among the attributes, and applies these itself (reference 13.3.2).
     fn quantizes(&self) -> bool {
         false
     }
 
     /// Creates a file.
+    ///
+    /// # Errors
+    /// An error when the file cannot be created, and for a description that the format cannot store.
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>>;
 }

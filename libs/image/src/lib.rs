@@ -1,15 +1,15 @@
-//! Pixels and files without knowing a format.
+//! Pixels and image files, independent of the format.
 //!
-//! A format crate implements [`Format`]; a [`FormatRegistry`] collects formats, opens files **by
-//! content** (the extension only breaks ties) and creates files by name. Everything above (textures,
-//! renderer, tools) speaks [`ImageInput`] and [`ImageOutput`] only.
+//! A format crate implements [`Format`]. A [`FormatRegistry`] collects formats, opens files **by content** (the
+//! extension only breaks ties) and creates files by name. All other code (textures, renderer, tools) uses
+//! [`ImageInput`] and [`ImageOutput`] only.
 //!
 //! Invariants:
-//! - readers check [`Limits`] before they allocate, and take `&self`: one open file serves many threads;
+//! - readers check [`Limits`] before they allocate memory, and take `&self`: many threads may read one open file;
 //! - a written file appears under its name complete, at [`ImageOutput::close`], or not at all;
-//! - values keep their stored type ([`Pixels`]); only the caller converts.
+//! - values keep their stored type ([`Pixels`]), and only the caller converts them.
 //!
-//! Deliberately absent: colour management, image processing, any particular format.
+//! Colour management, image processing and particular formats are deliberately absent.
 
 #![forbid(unsafe_code)]
 

@@ -1,13 +1,13 @@
-//! What those who make a picture and those who watch it say to each other: one vocabulary for the renderer, for what
-//! goes over a wire, and for the viewer.
+//! The messages between the producer and the viewers of an image. The renderer, the network protocol and the viewer
+//! use the same types.
 
-/// A rectangle of whole pixels, from (`x0`, `y0`) up to and without (`x1`, `y1`); empty when an upper end is not above
-/// its lower. Rows count downward. Whose pixel (0, 0) is, each use says.
+/// A rectangle of whole pixels, from (`x0`, `y0`) up to but not including (`x1`, `y1`). It is empty when an upper end
+/// is not above its lower end. Rows count downward. Each use defines the position of pixel (0, 0).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct PixelRect {
-    /// First column.
+    /// The first column.
     pub x0: i32,
-    /// First row.
+    /// The first row.
     pub y0: i32,
     /// One past the last column.
     pub x1: i32,
@@ -16,36 +16,36 @@ pub struct PixelRect {
 }
 
 impl PixelRect {
-    /// All there are.
+    /// The rectangle of all pixels.
     pub const EVERYWHERE: Self = Self { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
 
-    /// A rectangle by its upper left pixel and its size; ends beyond what coordinates hold are cut.
+    /// Returns the rectangle of an upper left pixel and a size. Ends that overflow are clamped.
     pub fn at(x: i32, y: i32, width: u32, height: u32) -> Self {
         let end = |from: i32, size: u32| from.saturating_add_unsigned(size);
         Self { x0: x, y0: y, x1: end(x, width), y1: end(y, height) }
     }
 
-    /// Columns; 0 when empty.
+    /// The number of columns; 0 when empty.
     pub fn width(&self) -> usize {
         usize::try_from(i64::from(self.x1) - i64::from(self.x0)).unwrap_or(0)
     }
 
-    /// Rows; 0 when empty.
+    /// The number of rows; 0 when empty.
     pub fn height(&self) -> usize {
         usize::try_from(i64::from(self.y1) - i64::from(self.y0)).unwrap_or(0)
     }
 
-    /// Columns times rows.
+    /// The number of columns times the number of rows.
     pub fn pixels(&self) -> u64 {
         self.width() as u64 * self.height() as u64
     }
 
-    /// Whether there is no pixel in it.
+    /// True when the rectangle has no pixel.
     pub fn is_empty(&self) -> bool {
         self.width() == 0 || self.height() == 0
     }
 
-    /// What both have in common; empty when that is nothing.
+    /// Returns the common part of both, which may be empty.
     #[inline]
     #[must_use]
     pub fn intersection(&self, other: &Self) -> Self {
@@ -57,13 +57,13 @@ impl PixelRect {
         }
     }
 
-    /// Grown by `n` pixels on every side.
+    /// Returns the rectangle grown by `n` pixels on every side.
     #[must_use]
     pub fn grown(&self, n: i32) -> Self {
         Self { x0: self.x0 - n, y0: self.y0 - n, x1: self.x1 + n, y1: self.y1 + n }
     }
 
-    /// Moved; ends beyond what coordinates hold are cut.
+    /// Returns the rectangle moved. Ends that overflow are clamped.
     #[must_use]
     pub fn moved(&self, x: i32, y: i32) -> Self {
         Self {
@@ -74,62 +74,62 @@ impl PixelRect {
         }
     }
 
-    /// Whether all pixels of `other`, of which there is at least one, are in this one.
+    /// True when `other` is not empty and all its pixels are in this one.
     pub fn contains(&self, other: &Self) -> bool {
         !other.is_empty() && self.intersection(other) == *other
     }
 }
 
-/// What somebody who watches a picture asks of whoever makes it. Pixel (0, 0) is the upper left one of the data window;
-/// what is asked for may lie outside of it.
+/// A request of a viewer to the producer of an image. Pixel (0, 0) is the upper left one of the data window. The
+/// requested pixels may be outside of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Go on around this pixel.
+    /// Continue around this pixel.
     Center {
-        /// Column.
+        /// The column.
         x: i32,
-        /// Row.
+        /// The row.
         y: i32,
     },
-    /// These pixels first.
+    /// Compute these pixels first.
     Priority(PixelRect),
-    /// Make no more of it.
+    /// Stop the image.
     Abort,
 }
 
-/// A command of a drawing over a picture, in its pixels; (0, 0) is the upper left corner of the first one.
+/// A drawing command for an overlay of an image, in its pixels. (0, 0) is the upper left corner of the first one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Draw {
-    /// Keeps the colours.
+    /// Saves the colours.
     Save,
-    /// Takes the kept colours.
+    /// Restores the saved colours.
     Restore,
-    /// A path goes on from here.
+    /// Continues the path from this point.
     MoveTo([f32; 2]),
-    /// A line to here.
+    /// Adds a line to this point.
     LineTo([f32; 2]),
-    /// What is filled from now on: red, green, blue, alpha.
+    /// Sets the fill colour: red, green, blue, alpha.
     FillColor([f32; 4]),
-    /// What is drawn from now on.
+    /// Sets the stroke colour.
     StrokeColor([f32; 4]),
     /// Fills the path.
     Fill,
-    /// Draws the path.
+    /// Strokes the path.
     Stroke,
-    /// A new path.
+    /// Begins a new path.
     BeginPath,
 }
 
-/// How whoever makes a picture would like it to be shown (reference 7.4.3).
+/// The display settings that the producer of an image suggests to viewers (reference 7.4.3).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Wishes {
-    /// On the whole screen.
+    /// True for the whole screen.
     pub fullscreen: bool,
-    /// So many screen pixels for one of the picture; 0 leaves it to the viewer.
+    /// The number of screen pixels for one image pixel. 0 leaves it to the viewer.
     pub zoom: u32,
-    /// File of a picture to be laid over it; empty for none.
+    /// The file of an image to be drawn over it; empty for none.
     pub foreground: String,
-    /// File of a picture to be laid under it; empty for none.
+    /// The file of an image to be drawn under it; empty for none.
     pub background: String,
 }
 

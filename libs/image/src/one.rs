@@ -1,10 +1,10 @@
-//! One image of a file that holds several, by its name: `parts.exr#2`.
+//! One image of a file that holds several, selected by its name: `parts.exr#2`.
 
 use crate::{ImageError, ImageInput, ImageSpec, Pixels, Result};
 use std::path::{Path, PathBuf};
 
-/// The file and the number of the image in a name of the form `file#2`; images count from 0. `None` for other names.
-/// A file may have such a name of its own, and is meant then.
+/// Returns the file and the index of the image in a name of the form `file#2`. Images are counted from 0. `None` for
+/// other names. A file with exactly such a name has precedence.
 pub fn split_image_name(name: &str) -> Option<(&str, usize)> {
     let (file, number) = name.rsplit_once('#')?;
     let digits = (1..=6).contains(&number.len()) && number.bytes().all(|b| b.is_ascii_digit());
@@ -14,16 +14,16 @@ pub fn split_image_name(name: &str) -> Option<(&str, usize)> {
     Some((file, number.parse().ok()?))
 }
 
-/// As [`split_image_name`], of a path.
+/// Does the same as [`split_image_name`] for a path.
 pub(crate) fn split_path(path: &Path) -> Option<(PathBuf, usize)> {
     let (file, image) = split_image_name(path.to_str()?)?;
     Some((file.into(), image))
 }
 
-/// Makes image `image` of a file its only one.
+/// Returns an input whose only image is image `image` of a file.
 ///
 /// # Errors
-/// [`ImageError::Unsupported`] when there is no such image, or what keeps it from being read.
+/// [`ImageError::Unsupported`] when there is no such image, or the error of reading it.
 pub(crate) fn one_image(
     input: Box<dyn ImageInput>,
     path: &Path,
@@ -34,7 +34,7 @@ pub(crate) fn one_image(
         return Ok(if n == 1 { input } else { Box::new(OneImage { input, image }) });
     }
     if image < n {
-        // Formats that open their images one by one say now what is wrong with it.
+        // Formats that open their images one by one report errors of the image now.
         input.read_rows(image, 0, 0, 0)?;
     }
     let what = format!("there is no image {image}, the file has {n}, counted from 0");
@@ -47,7 +47,7 @@ struct OneImage {
 }
 
 impl OneImage {
-    /// The number in the file; one that no file has for all but the first.
+    /// Returns the index in the file. For all images but the first it is an index that does not exist.
     fn of(&self, image: usize) -> usize {
         if image == 0 { self.image } else { usize::MAX }
     }

@@ -6,7 +6,7 @@ use half::slice::HalfFloatSliceExt;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Pixel values of a block: rows from the top, pixels from the left, channels interleaved.
+/// The pixel values of a block: rows from the top, pixels from the left, channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Pixels {
     /// 8-bit unsigned.
@@ -21,7 +21,7 @@ pub enum Pixels {
     Float(Vec<f32>),
 }
 
-/// Runs `$body` with `$v` bound to the vector inside, whatever its type.
+/// Runs `$body` with `$v` bound to the vector inside, for every type.
 macro_rules! each_type {
     ($pixels:expr, $v:ident => $body:expr) => {
         match $pixels {
@@ -35,7 +35,7 @@ macro_rules! each_type {
 }
 
 impl Pixels {
-    /// `n` zero values.
+    /// Returns `n` zero values.
     pub fn zeros(pixel_type: PixelType, n: usize) -> Self {
         match pixel_type {
             PixelType::U8 => Self::U8(vec![0; n]),
@@ -46,7 +46,7 @@ impl Pixels {
         }
     }
 
-    /// The stored type.
+    /// Returns the stored type.
     pub fn pixel_type(&self) -> PixelType {
         match self {
             Self::U8(_) => PixelType::U8,
@@ -57,18 +57,18 @@ impl Pixels {
         }
     }
 
-    /// Number of values (pixels times channels).
+    /// The number of values (pixels times channels).
     pub fn len(&self) -> usize {
         each_type!(self, v => v.len())
     }
 
-    /// Whether there is none.
+    /// True when there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Value `i` as a float: 8- and 16-bit integers as fractions of their range (correctly rounded, so
-    /// that the largest is exactly 1), 32-bit ones as the nearest float.
+    /// Returns value `i` as a float. 8- and 16-bit integers are fractions of their range (correctly rounded, so that
+    /// the largest is exactly 1). 32-bit integers become the nearest float.
     pub fn get(&self, i: usize) -> f32 {
         match self {
             Self::U8(v) => f32::from(v[i]) / 255.0,
@@ -79,7 +79,7 @@ impl Pixels {
         }
     }
 
-    /// All values as floats, as [`Pixels::get`] gives them.
+    /// Returns all values as floats; see [`Pixels::get`].
     pub fn to_floats(&self) -> Vec<f32> {
         let mut room = Vec::new();
         match self {
@@ -91,7 +91,7 @@ impl Pixels {
         }
     }
 
-    /// All values as floats, as [`Pixels::get`] gives them: without a copy where they are floats already.
+    /// Returns all values as floats; see [`Pixels::get`]. Values that are floats already are not copied.
     pub fn floats(&self) -> Cow<'_, [f32]> {
         match self {
             Self::Float(v) => Cow::Borrowed(v),
@@ -99,13 +99,13 @@ impl Pixels {
         }
     }
 
-    /// The values in `range` as floats, as [`Pixels::get`] gives them. They are made in `room`, whose memory is used again,
-    /// unless they are floats already.
+    /// Returns the values in `range` as floats; see [`Pixels::get`]. The result uses the memory of `room`, unless the
+    /// values are floats already.
     ///
     /// # Panics
-    /// When the range is outside, a mistake of the caller's code.
+    /// Panics when the range is outside, which is an error in the caller's code.
     pub fn floats_of<'a>(&'a self, range: Range<usize>, room: &'a mut Vec<f32>) -> &'a [f32] {
-        /// Replaces what is in `room`.
+        /// Replaces the contents of `room`.
         fn fill<T: Copy>(room: &mut Vec<f32>, values: &[T], float: impl Fn(T) -> f32) {
             room.clear();
             room.extend(values.iter().map(|v| float(*v)));
@@ -123,9 +123,9 @@ impl Pixels {
         room
     }
 
-    /// From floats, the inverse of [`Pixels::to_floats`]: integers are rounded (halves away from 0) and
-    /// clamped, NaN becomes 0. Halves are rounded to nearest even, NaN stays NaN, what is too large becomes
-    /// infinite. Going from 8 bits to any other type and back changes nothing.
+    /// Converts floats, as the inverse of [`Pixels::to_floats`]. Integers are rounded (halves away from 0) and
+    /// clamped, and NaN becomes 0. Half floats are rounded to nearest even, NaN stays NaN, and values that are too
+    /// large become infinite. Converting from 8 bits to any other type and back changes nothing.
     pub fn from_floats(pixel_type: PixelType, values: &[f32]) -> Self {
         match pixel_type {
             PixelType::U8 => Self::U8(values.iter().map(|v| (v * 255.0).round() as u8).collect()),
@@ -140,14 +140,14 @@ impl Pixels {
         }
     }
 
-    /// The same picture in another type; the same type costs nothing.
+    /// Returns the same pixels in another type. The same type is free.
     pub fn converted(self, pixel_type: PixelType) -> Self {
         if self.pixel_type() == pixel_type { self } else { Self::from_floats(pixel_type, &self.to_floats()) }
     }
 
-    /// From bytes as a file holds them, `big_endian` or little; a rest that is no whole value is dropped.
+    /// Converts the bytes of a file, `big_endian` or little-endian. An incomplete value at the end is dropped.
     pub fn from_bytes(pixel_type: PixelType, bytes: Vec<u8>, big_endian: bool) -> Self {
-        /// Whole values of `N` bytes.
+        /// Returns the complete values of `N` bytes.
         fn values<const N: usize, T>(bytes: &[u8], get: impl Fn([u8; N]) -> T) -> Vec<T> {
             bytes.as_chunks::<N>().0.iter().map(|b| get(*b)).collect()
         }
@@ -175,7 +175,7 @@ impl Pixels {
         }
     }
 
-    /// The values of channel `c` of `nchannels` alone.
+    /// Returns the values of channel `c` of `nchannels`.
     pub fn plane(&self, c: usize, nchannels: usize) -> Self {
         fn pick<T: Copy>(v: &[T], c: usize, n: usize) -> Vec<T> {
             v.iter().skip(c).step_by(n.max(1)).copied().collect()
@@ -189,10 +189,10 @@ impl Pixels {
         }
     }
 
-    /// Puts the values of `plane` into channel `c` of `nchannels`; both have the same type.
+    /// Stores the values of `plane` in channel `c` of `nchannels`. Both have the same type.
     ///
     /// # Panics
-    /// When the types differ, a mistake of the caller's code.
+    /// Panics when the types differ, which is an error in the caller's code.
     pub fn set_plane(&mut self, c: usize, nchannels: usize, plane: &Self) {
         fn put<T: Copy>(to: &mut [T], c: usize, n: usize, from: &[T]) {
             for (to, from) in to.iter_mut().skip(c).step_by(n.max(1)).zip(from) {
@@ -214,10 +214,10 @@ impl Pixels {
         each_type!(self, v => v.truncate(n));
     }
 
-    /// Copies `count` values from `source[from..]` to `self[to..]`; both have the same type.
+    /// Copies `count` values from `source[from..]` to `self[to..]`. Both have the same type.
     ///
     /// # Panics
-    /// When the types differ or a range is outside: both are mistakes of the caller's code.
+    /// Panics when the types differ or a range is outside, which are errors in the caller's code.
     pub fn copy_from(&mut self, to: usize, source: &Self, from: usize, count: usize) {
         match (self, source) {
             (Self::U8(d), Self::U8(s)) => d[to..to + count].copy_from_slice(&s[from..from + count]),
@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn halves_are_rounded_one_like_all() {
-        // Values between halves, ties among them, down to those that are no halves any more, and up to infinite ones.
+        // The values are between half floats, including ties, from values that underflow to infinite ones.
         let values: Vec<f32> =
             (0..1 << 17).map(|i: u32| f32::from_bits(i.wrapping_mul(0x7fff_0011))).collect();
         let Pixels::Half(all) = Pixels::from_floats(PixelType::Half, &values) else { panic!() };

@@ -1,65 +1,65 @@
-//! From computed floats to stored values: gain, gamma, quantization and dither (reference 7.3.4, 7.4).
+//! Conversion of computed floats to stored values: gain, gamma, quantization and dither (reference 7.3.4, 7.4).
 
 use crate::{Format, PixelType, Pixels};
 use granita_base::{Params, hash};
 use half::f16;
 
-/// How the values of an output become the values of its file.
+/// The conversion of the values of an output to the values of its file.
 ///
-/// A value `v` of a colour channel is first multiplied by `gain` and, where positive, raised to
-/// `1 / gamma`; alpha is left alone (reference 13.3.2). Then integers are
-/// `floor(zero + v * (one - zero) + dither * r + 1/2)` clamped to `min..=max`, with `r` in [-1, 1)
-/// hashed from pixel and channel. With a dither of at most 1/2 a value that is exactly representable
-/// keeps its integer. NaN becomes the zero level; infinities are clamped.
+/// A value `v` of a colour channel is first multiplied by `gain` and, where positive, raised to the power of
+/// `1 / gamma`. Alpha is not changed (reference 13.3.2). Then integers are
+/// `floor(zero + v * (one - zero) + dither * r + 1/2)` clamped to `min..=max`, with `r` in [-1, 1) hashed from pixel
+/// and channel. With a dither of at most 1/2 a value that is exactly representable keeps its integer. NaN becomes the
+/// zero level, and infinities are clamped.
 ///
-/// Floats are stored as they are after gain and gamma, without dither.
+/// Floats are stored after gain and gamma, without dither.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quantize {
-    /// Integer that stands for 0.
+    /// The integer that represents 0.
     pub zero: i32,
-    /// Integer that stands for 1.
+    /// The integer that represents 1.
     pub one: i32,
-    /// Smallest integer stored.
+    /// The smallest stored integer.
     pub min: i32,
-    /// Largest integer stored.
+    /// The largest stored integer.
     pub max: i32,
-    /// Amplitude of the dither, in integer steps.
+    /// The amplitude of the dither, in integer steps.
     pub dither: f32,
-    /// Factor of colour channels.
+    /// The factor of colour channels.
     pub gain: f32,
-    /// Colour channels are raised to the inverse of this.
+    /// Colour channels are raised to the power of the inverse of this.
     pub gamma: f32,
 }
 
 impl Default for Quantize {
-    /// Eight bits with a dither of 0.5, gain and gamma 1.
+    /// Returns eight bits with a dither of 0.5, and gain and gamma of 1.
     fn default() -> Self {
         Self { zero: 0, one: 255, min: 0, max: 255, dither: 0.5, gain: 1.0, gamma: 1.0 }
     }
 }
 
-/// Where a run of values stands in its image, for [`Quantize::apply`].
+/// The position of a run of values in its image, for [`Quantize::apply`].
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Column of the first pixel, in display window coordinates, so that crops dither alike.
+    /// The column of the first pixel, in display window coordinates, so that the dither does not depend on crops.
     pub x: i32,
-    /// Row of the first pixel.
+    /// The row of the first pixel.
     pub y: i32,
-    /// Pixels per row of the run.
+    /// The number of pixels per row of the run.
     pub width: usize,
-    /// Channels per pixel.
+    /// The number of channels per pixel.
     pub nchannels: usize,
-    /// Index of the alpha channel, which gain and gamma leave alone.
+    /// The index of the alpha channel, which gain and gamma do not change.
     pub alpha: Option<usize>,
 }
 
 impl Quantize {
-    /// Floats as they are.
+    /// The conversion to floats without changes.
     pub const FLOAT: Self = Self { zero: 0, one: 0, min: 0, max: 0, dither: 0.0, gain: 1.0, gamma: 1.0 };
 
-    /// From the parameters `quantize`, `dither`, `gain` and `gamma` of an output; what is absent, or is
-    /// no number of use (a gain or gamma that is not finite, a gamma of 0 or less, a negative dither),
-    /// is as in [`Quantize::default`].
+    /// Returns the conversion of the parameters `quantize`, `dither`, `gain` and `gamma` of an output. Parameters
+    /// that are absent or invalid (a gain or gamma that is not finite, a gamma of 0 or less, a negative dither) are
+    /// those of [`Quantize::default`].
     pub fn from_params(params: &Params) -> Self {
         let mut q = Self::default();
         if let Some(v) = params.get("quantize").and_then(|p| p.data.to_ints())
@@ -74,10 +74,9 @@ impl Quantize {
         q
     }
 
-    /// As [`Quantize::from_params`], changed to what `format` stores: the pair is what to apply to the
-    /// pixels and what to put in the spec. A format without 16 bits gets 8, one that stores only
-    /// floats ("OpenEXR", "shadow") ignores `quantize` and `dither`. Where it would store halves, the parameter
-    /// `pixeltype` may ask for "float".
+    /// Returns the result of [`Quantize::from_params`] adapted to `format`, and the type for the spec. A format
+    /// without 16 bits gets 8. One that stores only floats ("OpenEXR", "shadow") ignores `quantize` and `dither`.
+    /// Where it would store half floats, the parameter `pixeltype` may request "float".
     pub fn for_output(format: &dyn Format, params: &Params) -> (Self, PixelType) {
         let mut q = Self::from_params(params);
         let wanted = q.pixel_type();
@@ -100,8 +99,8 @@ impl Quantize {
         (q, stored)
     }
 
-    /// The type that `max` asks for: up to 255 8 bits, up to 65535 16 bits, above that, and when all
-    /// four levels are 0, floats.
+    /// Returns the type that `max` selects: 8 bits up to 255, 16 bits up to 65535, and floats above that and when all
+    /// four levels are 0.
     pub fn pixel_type(&self) -> PixelType {
         match self.max {
             _ if self.zero == 0 && self.one == 0 && self.min == 0 && self.max == 0 => PixelType::Float,
@@ -111,17 +110,17 @@ impl Quantize {
         }
     }
 
-    /// Gain and gamma of one colour value. Values of 0 and below are only multiplied.
+    /// Applies gain and gamma to one colour value. Values of 0 and below are only multiplied.
     pub fn expose(&self, v: f32) -> f32 {
         let v = v * self.gain;
         if self.gamma != 1.0 && v > 0.0 { v.powf(1.0 / self.gamma) } else { v }
     }
 
-    /// Converts rows of interleaved pixels to `stored`, any type; a type of integers uses the levels,
-    /// a type of floats only gain and gamma. `U32` (identifiers) is rounded, without levels or dither.
+    /// Converts rows of interleaved pixels to any type `stored`. Integer types use the levels, and float types only
+    /// gain and gamma. `U32` (identifiers) is rounded, without levels or dither.
     ///
-    /// `values` holds whole pixels, in rows of `at.width`. The same pixel gives the same value however
-    /// the image is cut.
+    /// `values` holds whole pixels, in rows of `at.width`. A pixel has the same result in every division of the
+    /// image.
     pub fn apply(&self, values: &[f32], at: &Placement, stored: PixelType) -> Pixels {
         let mut pixels = Pixels::zeros(stored, values.len());
         match &mut pixels {
@@ -134,7 +133,8 @@ impl Quantize {
         pixels
     }
 
-    /// Calls `store(index, value)` for every value, exposed and, if `levels`, quantized to a whole number.
+    /// Calls `store(index, value)` for every value after gain and gamma and, if `levels` is true, quantization to an
+    /// integer.
     fn each(&self, values: &[f32], at: &Placement, levels: bool, mut store: impl FnMut(usize, f32)) {
         let n = at.nchannels.max(1);
         let width = at.width.max(1);
@@ -211,7 +211,7 @@ mod tests {
         let q = Quantize { zero: 16, one: 235, min: 1, max: 254, dither: 0.0, ..Quantize::default() };
         let Pixels::U8(got) = q.apply(&odd, &at(5, 1, None), PixelType::U8) else { panic!() };
         assert_eq!(got, [16, 254, 1, 1, 254]);
-        // A maximum below the minimum, a width of nothing.
+        // The cases are a maximum below the minimum, and a width of zero.
         let q = Quantize { min: 10, max: 0, ..q };
         let Pixels::U8(got) = q.apply(&odd, &at(0, 0, None), PixelType::U8) else { panic!() };
         assert_eq!(got, [10; 5]);
@@ -232,7 +232,7 @@ mod tests {
         p.set(Param::declared("float gamma", -1.0).unwrap());
         let q = Quantize::from_params(&p);
         assert_eq!(q, Quantize { one: 65535, max: 65535, dither: 0.0, ..Quantize::default() });
-        // Floats convert to the declared integers.
+        // Floats are converted to the declared integers.
         p.set(Param::declared("float[4] quantize", &[0.0, 0.0, 0.0, 0.0][..]).unwrap());
         assert_eq!(Quantize::from_params(&p).pixel_type(), PixelType::Float);
     }

@@ -1,4 +1,4 @@
-//! The formats of a session: which one reads a file, and which one writes it.
+//! The formats of a session, and the selection of the format that reads or writes a file.
 
 use crate::one;
 use crate::{CreateOptions, Format, ImageError, ImageInput, ImageOutput, Limits, Result};
@@ -6,26 +6,26 @@ use granita_base::Files;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Finds formats beyond those of a registry, when they are asked for.
+/// Finds formats beyond those of a registry, when they are requested.
 pub trait FormatFinder: Send + Sync {
-    /// The format of this very name that comes before the registry's own: the user named it.
+    /// Returns the format with exactly this name that precedes the registry's own, because the user named it.
     fn preferred(&self, name: &str) -> Option<Arc<dyn Format>>;
 
-    /// The format that is installed under this very name; it comes after the registry's own.
+    /// Returns the format that is installed under exactly this name. It follows the registry's own.
     fn named(&self, name: &str) -> Option<Arc<dyn Format>>;
 
-    /// One that says that it writes, or reads, files with this extension; it comes after the registry's own.
+    /// Returns a format that declares to write, or read, files with this extension. It follows the registry's own.
     fn listed(&self, extension: &str, writes: bool) -> Option<Arc<dyn Format>>;
 
-    /// All that read, to be tried one after the other.
+    /// Returns all formats that read, to be tried in order.
     fn readers(&self) -> Vec<Arc<dyn Format>>;
 }
 
-/// The formats known to one session, in order of registration.
+/// The formats of one session, in order of registration.
 #[derive(Clone, Default)]
 pub struct FormatRegistry {
     formats: Vec<Arc<dyn Format>>,
-    /// Names that stand for one of the formats; they have no files of their own.
+    /// Names that stand for one of the formats. They have no files of their own.
     names: Vec<Arc<dyn Format>>,
     limits: Limits,
     finder: Option<Arc<dyn FormatFinder>>,
@@ -38,29 +38,29 @@ impl std::fmt::Debug for FormatRegistry {
 }
 
 impl FormatRegistry {
-    /// No formats.
+    /// Returns a registry without formats.
     pub fn new(limits: Limits) -> Self {
         Self { formats: Vec::new(), names: Vec::new(), limits, finder: None }
     }
 
-    /// Adds a format; of two with one name the later counts.
+    /// Adds a format. Of two with one name the later is used.
     pub fn register(&mut self, format: Arc<dyn Format>) {
         self.formats.retain(|f| f.name() != format.name());
         self.formats.push(format);
     }
 
-    /// Adds a name that stands for other formats: it is found by [`FormatRegistry::by_name`], and is not one of
-    /// [`FormatRegistry::formats`].
+    /// Adds a name that stands for other formats. [`FormatRegistry::by_name`] finds it, and
+    /// [`FormatRegistry::formats`] does not contain it.
     pub fn register_name(&mut self, name: Arc<dyn Format>) {
         self.names.push(name);
     }
 
-    /// Looks for formats that are asked for with `finder` as well; clones that are made later do so too.
+    /// Adds `finder` to the search for formats. Clones that are made later use it too.
     pub fn find_with(&mut self, finder: Arc<dyn FormatFinder>) {
         self.finder = Some(finder);
     }
 
-    /// By name or alias, or by extension.
+    /// Returns the format of a name, alias or extension.
     pub fn by_name(&self, name: &str) -> Option<Arc<dyn Format>> {
         let same = |other: &str| other.eq_ignore_ascii_case(name);
         let finder = self.finder.as_ref();
@@ -79,27 +79,27 @@ impl FormatRegistry {
             .or_else(|| finder.and_then(|f| f.listed(name, true)))
     }
 
-    /// What its readers may take in.
+    /// Returns the limits of its readers.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// All formats, in order of registration.
+    /// Returns all formats, in order of registration.
     pub fn formats(&self) -> &[Arc<dyn Format>] {
         &self.formats
     }
 
-    /// Names of all formats.
+    /// Returns the names of all formats.
     pub fn names(&self) -> Vec<&'static str> {
         self.formats.iter().map(|f| f.name()).collect()
     }
 
-    /// Opens a file, or one of its images: `parts.exr#2` is the third image of `parts.exr`, unless there is a file of
-    /// that very name. Formats that recognise its first bytes are tried first, then those of its extension.
+    /// Opens a file, or one of its images. `parts.exr#2` is the third image of `parts.exr`, unless there is a file of
+    /// exactly that name. Formats that recognise its first bytes are tried first, then those of its extension.
     ///
     /// # Errors
-    /// What the system says; [`ImageError::Unsupported`] when no format knows it or it has no such image; the format's
-    /// own.
+    /// The system's error; [`ImageError::Unsupported`] when no format supports it or there is no such image; the
+    /// format's own errors.
     pub fn open(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
         match one::split_path(path) {
             Some((file, image)) if !self.limits.files.is_file(path) => {
@@ -109,10 +109,10 @@ impl FormatRegistry {
         }
     }
 
-    /// Opens a picture that lies in memory by its first bytes; `path` stands for it in errors.
+    /// Opens an image in memory by its first bytes. `path` is its name in errors.
     ///
     /// # Errors
-    /// [`ImageError::Unsupported`] when no format knows it; the format's own.
+    /// [`ImageError::Unsupported`] when no format supports it; the format's own errors.
     pub fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>) -> Result<Box<dyn ImageInput>> {
         let head = &bytes[..bytes.len().min(64)];
         match self.formats.iter().find(|f| f.recognizes(head)) {
@@ -156,7 +156,7 @@ impl FormatRegistry {
             }
         }
         if let Some(format) = format {
-            // Not what the plugin says: the bundled format knows the file by its contents.
+            // The error of the plugin is ignored, because the bundled format recognises the contents of the file.
             return format.open(path, &self.limits);
         }
         if let Some(plugin) = finder.named(&extension).or_else(|| finder.listed(&extension, false)) {
@@ -166,12 +166,23 @@ impl FormatRegistry {
         probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path)))
     }
 
-    /// How its files are opened.
+    /// Returns the opener of its files.
     pub fn files(&self) -> &Files {
         &self.limits.files
     }
 
-    /// Creates a file in the format called `format`, by [`FormatRegistry::files`].
+    /// Returns the same formats with files that `files` opens.
+    #[must_use]
+    pub fn with_files(&self, files: Files) -> Self {
+        let mut other = self.clone();
+        other.limits.files = files;
+        other
+    }
+
+    /// Creates a file in the format called `format`, with [`FormatRegistry::files`].
+    ///
+    /// # Errors
+    /// An error when there is no such format, and the errors of [`Format::create`].
     pub fn create(
         &self,
         path: &Path,

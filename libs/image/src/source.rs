@@ -1,4 +1,4 @@
-//! Positioned reads from an open file, counted and checked.
+//! Reads at given offsets of an open file, counted and checked.
 
 use crate::{ImageError, Result};
 use granita_base::Files;
@@ -6,10 +6,10 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// An open file that any number of threads may read at once, each at its own place.
+/// An open file that any number of threads may read at once, each at its own offset.
 ///
-/// Lengths are checked against the size of the file before anything is allocated, so a damaged
-/// length in a header cannot ask for more memory than the file has bytes.
+/// Lengths are checked against the size of the file before memory is allocated, so that a damaged length in a header
+/// cannot request more memory than the file has bytes.
 #[derive(Debug)]
 pub struct FileSource {
     file: File,
@@ -20,7 +20,10 @@ pub struct FileSource {
 }
 
 impl FileSource {
-    /// Opens `path` with `files`; `format` is the name used in errors, as "TIFF".
+    /// Opens `path` with `files`. `format` is the name used in errors, such as "TIFF".
+    ///
+    /// # Errors
+    /// An error when the file cannot be opened, and when it is not a plain file.
     pub fn open(path: &Path, format: &'static str, files: &Files) -> Result<Self> {
         let io = |source| ImageError::Io { path: path.to_owned(), source };
         let file = files.open(path).map_err(io)?;
@@ -31,27 +34,30 @@ impl FileSource {
         Ok(Self { file, path: path.to_owned(), format, len: meta.len(), bytes_read: AtomicU64::new(0) })
     }
 
-    /// Size of the file in bytes, when it was opened.
+    /// The size of the file in bytes, at the time it was opened.
     pub fn len(&self) -> u64 {
         self.len
     }
 
-    /// Whether the file has no bytes.
+    /// True when the file has no bytes.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Its name.
+    /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Bytes read so far.
+    /// The number of bytes read so far.
     pub fn bytes_read(&self) -> u64 {
         self.bytes_read.load(Ordering::Relaxed)
     }
 
-    /// Fills `buf` from `offset`; `what` names what is being read, for the error.
+    /// Fills `buf` from `offset`. `what` describes the data that is read, for the error.
+    ///
+    /// # Errors
+    /// An error when the file ends before, or cannot be read.
     pub fn read_at(&self, offset: u64, buf: &mut [u8], what: &str) -> Result<()> {
         self.check(offset, buf.len() as u64, what)?;
         self.bytes_read.fetch_add(buf.len() as u64, Ordering::Relaxed);
@@ -75,7 +81,10 @@ impl FileSource {
         }
     }
 
-    /// `len` bytes from `offset`, as [`FileSource::read_at`].
+    /// Returns `len` bytes from `offset`; see [`FileSource::read_at`].
+    ///
+    /// # Errors
+    /// The errors of [`FileSource::read_at`]. No memory is allocated when the file is too short.
     pub fn read_vec(&self, offset: u64, len: u64, what: &str) -> Result<Vec<u8>> {
         self.check(offset, len, what)?;
         let len = usize::try_from(len).map_err(|_| self.malformed(format!("{what} has {len} bytes")))?;
@@ -84,17 +93,17 @@ impl FileSource {
         Ok(buf)
     }
 
-    /// A `Malformed` error of this file.
+    /// Returns a `Malformed` error of this file.
     pub fn malformed(&self, what: impl Into<String>) -> ImageError {
         ImageError::Malformed { path: self.path.clone(), format: self.format, what: what.into() }
     }
 
-    /// An `Unsupported` error of this file.
+    /// Returns an `Unsupported` error of this file.
     pub fn unsupported(&self, what: impl Into<String>) -> ImageError {
         ImageError::Unsupported { path: self.path.clone(), what: what.into() }
     }
 
-    /// A `Misuse` error of this file.
+    /// Returns a `Misuse` error of this file.
     pub fn misuse(&self, what: impl Into<String>) -> ImageError {
         ImageError::Misuse { path: self.path.clone(), what: what.into() }
     }

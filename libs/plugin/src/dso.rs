@@ -1,20 +1,20 @@
-//! Shared libraries that hold plugins.
+//! Shared libraries that contain plugins.
 //!
-//! What is loaded stays: objects of its classes may live anywhere, and the system itself keeps one copy of a library
-//! per process. The table of them is therefore the only thing that two renderers of one process share.
+//! Libraries are never unloaded. Objects of their classes may exist anywhere, and the system keeps one copy of a
+//! library per process. The table of libraries is therefore the only state that two renderers of one process share.
 
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// A library that was loaded.
+/// A loaded library.
 #[derive(Debug)]
 pub(crate) struct Dso {
     library: libloading::Library,
-    /// File, absolute.
+    /// The absolute file name.
     pub(crate) path: PathBuf,
-    /// Name of the file up to the first dot: that of what it holds.
+    /// The file name up to the first dot, which is the name of its plugin.
     pub(crate) stem: String,
     extensions: OnceLock<Vec<&'static str>>,
 }
@@ -22,10 +22,10 @@ pub(crate) struct Dso {
 static LOADED: Mutex<BTreeMap<PathBuf, &'static Dso>> = Mutex::new(BTreeMap::new());
 
 impl Dso {
-    /// The library in a file.
+    /// Returns the library in a file.
     ///
     /// # Errors
-    /// What the system says, as a symbol that is missing.
+    /// Returns the error of the system, such as a missing symbol.
     pub(crate) fn load(path: &Path) -> Result<&'static Self, String> {
         let path = std::fs::canonicalize(path).map_err(|e| e.to_string())?;
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -45,12 +45,12 @@ impl Dso {
         Ok(dso)
     }
 
-    /// The extensions of its files, found once.
+    /// Returns the extensions of its files, found once.
     pub(crate) fn extensions(&'static self, find: impl FnOnce() -> Vec<String>) -> &'static [&'static str] {
         self.extensions.get_or_init(|| find().into_iter().map(|e| &*e.leak()).collect())
     }
 
-    /// The address of a symbol.
+    /// Returns the address of a symbol.
     pub(crate) fn symbol(&self, name: &str) -> Option<*mut c_void> {
         // SAFETY: only the address is taken, as a pointer; whoever uses it says of what type it is.
         let symbol = unsafe { self.library.get::<*mut c_void>(name.as_bytes()) }.ok()?;
@@ -59,13 +59,13 @@ impl Dso {
         (!address.is_null()).then_some(address)
     }
 
-    /// The value of an `int`.
+    /// Returns the value of an `int`.
     pub(crate) fn int(&self, name: &str) -> Option<c_int> {
         // SAFETY: symbols of the names that are asked for are ints by the interface, and live as long as the library.
         self.symbol(name).map(|address| unsafe { *address.cast::<c_int>() })
     }
 
-    /// The strings of an array of `char *` that ends with NULL.
+    /// Returns the strings of an array of `char *` that ends with NULL.
     pub(crate) fn strings(&self, name: &str) -> Option<Vec<String>> {
         // SAFETY: symbols of the names that are asked for are such arrays by the interface.
         self.symbol(name).map(|address| unsafe { strings(address.cast()) })
@@ -75,7 +75,7 @@ impl Dso {
 /// So many strings are taken from an array whose end is missing.
 const MAX_STRINGS: usize = 1000;
 
-/// The strings of an array that ends with NULL.
+/// Returns the strings of an array that ends with NULL.
 ///
 /// # Safety
 /// `array` is NULL or such an array.

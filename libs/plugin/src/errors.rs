@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-/// What a C++ `ErrorManager *` points to.
+/// The target of a C++ `ErrorManager *`.
 #[repr(C)]
 pub struct ErrorManager {
     head: Errors,
@@ -42,13 +42,13 @@ static CALLS: ErrorsCalls =
     ErrorsCalls { abi: ABI, say, verbosity, set_verbosity, handler, set_handler, summary, finish, release };
 
 impl ErrorManager {
-    /// One whose messages go where those of `reporter` go.
+    /// Returns a manager that passes messages to `reporter`.
     pub fn over(reporter: Reporter) -> Self {
         let handler = Arc::default();
         Self { head: Errors { calls: &raw const CALLS }, reporter, handler, own: false }
     }
 
-    /// One with a C++ `ErrorHandler`, or with null for standard error.
+    /// Returns a manager with a C++ `ErrorHandler`, or with null for standard error.
     pub fn with_handler(handler: *mut c_void, verbosity: u8) -> Self {
         let handler = Arc::new(AtomicPtr::new(handler));
         let kept = handler.clone();
@@ -57,17 +57,17 @@ impl ErrorManager {
         Self { head: Errors { calls: &raw const CALLS }, reporter, handler, own: true }
     }
 
-    /// Where its messages go.
+    /// Returns the receiver of its messages.
     pub fn reporter(&self) -> &Reporter {
         &self.reporter
     }
 
-    /// As C++ sees it.
+    /// Returns the pointer for C++.
     pub fn as_errors(&self) -> *mut Errors {
         (&raw const self.head).cast_mut()
     }
 
-    /// From a C++ `ErrorManager *`; `None` for null and for what was made by another version.
+    /// Converts a C++ `ErrorManager *`; `None` for null and for one of another version.
     ///
     /// # Safety
     /// `errors` is null, or was made by this library or another copy of it, and lives as long as the result.
@@ -79,7 +79,7 @@ impl ErrorManager {
     }
 }
 
-/// Whose messages those of an interface are.
+/// The owner of the messages of an interface.
 #[derive(Clone, Debug)]
 pub enum Messages {
     /// A manager that the program made, and ends after its renderers; and where its messages go.
@@ -94,7 +94,7 @@ unsafe impl Send for Messages {}
 unsafe impl Sync for Messages {}
 
 impl Messages {
-    /// Where they go.
+    /// Returns the receiver of the messages.
     pub fn reporter(&self) -> &Reporter {
         match self {
             Self::Program(_, reporter) => reporter,
@@ -102,7 +102,7 @@ impl Messages {
         }
     }
 
-    /// What C++ calls the `ErrorManager`.
+    /// Returns the `ErrorManager` for C++.
     pub(crate) fn as_errors(&self) -> *mut Errors {
         match self {
             Self::Program(errors, _) => *errors,

@@ -1,4 +1,4 @@
-//! `bindings/cpp/include/gelato_c.h` in Rust: tables and structures, field by field in its order.
+//! The tables and structures of `bindings/cpp/include/gelato_c.h` in Rust, field by field in the same order.
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
@@ -208,7 +208,7 @@ pub(crate) struct InputCalls {
 unsafe extern "C" {
     pub(crate) fn gelato_shim_output() -> *const OutputCalls;
     pub(crate) fn gelato_shim_input() -> *const InputCalls;
-    /// Whether a reader converts by functions of its own: `base` is what it inherits.
+    /// True when a reader has its own conversion functions. `base` is the inherited one.
     pub(crate) fn gelato_shim_converts(
         reader: *mut c_void,
         base_scanline: *mut c_void,
@@ -241,7 +241,7 @@ unsafe extern "C" {
     ) -> c_int;
 }
 
-/// Room for a text that somebody else writes.
+/// A buffer for a text that foreign code writes.
 pub(crate) struct Text([u8; 1024]);
 
 impl Text {
@@ -249,22 +249,22 @@ impl Text {
         Self([0; 1024])
     }
 
-    /// To be passed on; valid until the text is read.
+    /// Returns the buffer to pass on, valid until the text is read.
     pub(crate) fn room(&mut self) -> Message {
         Message { text: self.0.as_mut_ptr().cast(), size: self.0.len() }
     }
 
-    /// What was written, if anything.
+    /// Returns the text that was written, if any.
     pub(crate) fn get(&self) -> Option<String> {
         let end = self.0.iter().position(|b| *b == 0).unwrap_or(self.0.len());
         (end > 0).then(|| String::from_utf8_lossy(&self.0[..end]).trim_end().to_owned())
     }
 }
 
-/// A string that may be missing, or no UTF-8; `None` for NULL.
+/// Returns a string that may be missing or not valid UTF-8; `None` for NULL.
 ///
 /// # Safety
-/// `text` is NULL or ends with 0, and stays as it is while the result lives.
+/// `text` is NULL or ends with 0, and does not change while the result lives.
 pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<std::borrow::Cow<'a, str>> {
     if text.is_null() {
         return None;

@@ -42,10 +42,10 @@ pub(crate) struct PluginGenerator {
 }
 
 impl PluginGenerator {
-    /// What a library offers.
+    /// Returns the generator of a library.
     ///
     /// # Errors
-    /// Why it is no plugin of this interface.
+    /// Returns the reason why it is not a plugin of this interface.
     pub(crate) fn new(dso: &'static Dso) -> Result<Self, String> {
         let stem = &dso.stem;
         let kind = match (dso.int("generator_version"), dso.int("generator_abi")) {
@@ -102,7 +102,8 @@ impl PluginGenerator {
 enum Params {
     Text(String),
     File(tempfile::TempPath),
-    /// A file without a name, and the name by which this process and its children find it: nothing is left when the process is killed.
+    /// A file without a name, and the name by which this process and its children find it: nothing is left when the
+    /// process is killed.
     #[cfg(target_os = "linux")]
     Unnamed(#[expect(dead_code, reason = "the file lives as long as it is open")] std::fs::File, String),
 }
@@ -221,7 +222,7 @@ impl Generator for PluginGenerator {
     }
 }
 
-/// A generator that a program gave to `Input`, until it is needed.
+/// A generator that a program passed to `Input`, kept until it is needed.
 pub(crate) struct ProgramGenerator {
     object: GeneratorObject,
 }

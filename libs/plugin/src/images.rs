@@ -62,10 +62,10 @@ pub(crate) struct PluginFormat {
 }
 
 impl PluginFormat {
-    /// What a library offers.
+    /// Returns the format of a library.
     ///
     /// # Errors
-    /// Why it is no plugin of this interface.
+    /// Returns the reason why it is not a plugin of this interface.
     pub(crate) fn new(dso: &'static Dso) -> std::result::Result<Self, String> {
         let (reader, writer) = match (dso.int("imageio_version"), dso.int("imageio_abi")) {
             (Some(VERSION), _) => cpp(dso),
@@ -106,7 +106,7 @@ impl PluginFormat {
         Ok(Self { name: &dso.stem, title, extensions, reads, writes, reader, writer, dso: Some(dso) })
     }
 
-    /// An `ImageOutput` in the memory of the program, which stays there until the frame is done.
+    /// Returns the format of an `ImageOutput` in the memory of the program, which exists until the frame is done.
     pub(crate) fn in_program(address: usize) -> Self {
         Self {
             name: "ImageOutput",
@@ -120,13 +120,13 @@ impl PluginFormat {
         }
     }
 
-    /// Whether it lists the extension among those that it writes, or reads.
+    /// True when it lists the extension among those that it writes, or reads.
     pub(crate) fn lists(&self, extension: &str, writes: bool) -> bool {
         let list = if writes { &self.writes } else { &self.reads };
         list.iter().any(|e| e.eq_ignore_ascii_case(extension))
     }
 
-    /// Whether it can read at all.
+    /// True when it can read.
     pub(crate) fn reads(&self) -> bool {
         self.reader.is_some()
     }

@@ -1,7 +1,7 @@
-//! Scene calls from C and C++ as [`Call`]s: the receiver behind a `gelato_calls` table.
+//! Converts scene calls from C and C++ to [`Call`]s, as the receiver behind a `gelato_calls` table.
 //!
-//! Arrays that `Parameter` names are not copied: their address is kept until the call that takes them, and read once,
-//! straight into the parameter that the scene holds.
+//! Arrays that `Parameter` names are not copied. Their address is kept until the call that uses them, and they are
+//! then read once, directly into the parameter of the scene.
 
 mod entry;
 mod values;
@@ -22,10 +22,14 @@ use std::ffi::{CStr, CString, c_int};
 use std::sync::Arc;
 use values::{Pending, Source};
 
-/// What an interface cannot do by itself.
+/// The operations that an interface needs from its program.
 pub trait InterfaceHost {
-    /// Keeps a generator with a bound for later: the command by which `Input` finds it. `Err` gives it back, to be run
+    /// Keeps a generator with a bound for later: the command by which `Input` finds it. `Err` gives it back, to be
+    /// run
     /// at once.
+    ///
+    /// # Errors
+    /// The generator, where none are kept.
     fn keep(&mut self, generator: GeneratorObject) -> Result<Arc<str>, GeneratorObject> {
         Err(generator)
     }
@@ -57,7 +61,7 @@ pub trait InterfaceHost {
 /// A host without any of that.
 impl InterfaceHost for () {}
 
-/// The host of a program whose calls are written down.
+/// The host of a program whose calls are written to a file.
 #[derive(Clone, Copy, Debug)]
 pub struct Archiving;
 
@@ -77,7 +81,7 @@ struct Declared {
 /// So many declarations are remembered, and as many names; a program that makes up more begins anew.
 const REMEMBERED: usize = 4096;
 
-/// Takes the calls of one program or generator, and passes them on to a sink.
+/// Receives the calls of one program or generator, and passes them on to a sink.
 pub struct Interface<'a> {
     sink: Box<dyn SceneSink + 'a>,
     host: Box<dyn InterfaceHost + 'a>,
@@ -103,7 +107,7 @@ impl std::fmt::Debug for Interface<'_> {
 }
 
 impl<'a> Interface<'a> {
-    /// Passes calls on to `sink`, as made at `at`; messages go to `errors`.
+    /// Returns an interface that passes calls on to `sink`, with the position `at`. Messages go to `errors`.
     pub fn new(
         sink: Box<dyn SceneSink + 'a>,
         host: Box<dyn InterfaceHost + 'a>,
@@ -126,7 +130,7 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// Whether the sink wants no more calls.
+    /// True when the sink accepts no more calls.
     pub fn stopped(&self) -> bool {
         self.stopped
     }
@@ -419,7 +423,7 @@ impl<'a> Interface<'a> {
     }
 }
 
-/// A sink that belongs to somebody else.
+/// A borrowed sink.
 pub(crate) struct Borrowed<'a>(pub(crate) &'a mut dyn SceneSink);
 
 impl SceneSink for Borrowed<'_> {

@@ -1,18 +1,19 @@
-//! The image formats and the generators that come with the suite, and those that other people compile.
+//! The bundled image formats and generators, and plugins.
 //!
-//! This is the only library that names format crates; everything else receives a [`FormatRegistry`].
+//! This is the only library that depends on format crates. All others receive a [`FormatRegistry`].
 //!
 //! ```
 //! let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
 //! assert!(formats.by_name("tiff").is_some());
 //! ```
 //!
-//! [`Plugins`] finds shared libraries on search paths (reference 12 to 14): `FORMAT.imageio.so`, `NAME.generator.so`.
-//! They are written in C++ against the headers in `bindings/cpp/include`, or in any language against `gelato_c.h`, which
-//! lies below those: the classes of C++ meet its tables in `cpp/shim.cpp`, and nowhere else. [`Interface`] is the other
-//! direction: scene calls that programs and generators make.
+//! [`Plugins`] finds shared libraries on search paths (reference 12 to 14): `FORMAT.imageio.so`,
+//! `NAME.generator.so`. They are written in C++ with the headers in `bindings/cpp/include`, or in any language with
+//! `gelato_c.h`, the C interface below those. Only `cpp/shim.cpp` connects the C++ classes to its tables.
+//! [`Interface`] is the other direction: scene calls that programs and generators make.
 //!
-//! Invariants: no exception of C++ and no panic crosses the border; a plugin of another version is refused and never
+//! Invariants: No C++ exception and no panic crosses the language boundary. A plugin of another version is refused
+//! and never called. An error of a plugin is one message with its name. Loaded libraries are never unloaded.
 //! called; what a plugin does wrong is one message with its name. What is loaded stays loaded.
 
 #![allow(unsafe_code, reason = "plugins are called through pointers; every block says why it is sound")]
@@ -39,10 +40,10 @@ use granita_image::{FormatRegistry, Limits};
 use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
 
-/// All bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`; "gltf" for the
-/// pictures in such files; "iv", which writes to a viewer.
+/// Returns all bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`; "gltf" for the
+/// images in such files; "iv", which writes to a viewer.
 ///
-/// `limits` bound what their readers take in.
+/// `limits` bound the input of their readers.
 pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     let mut registry = FormatRegistry::new(limits);
     registry.register(Arc::new(granita_tiff::TiffFormat));
@@ -58,8 +59,8 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     registry
 }
 
-/// The bundled formats, and those of plugins that `rules` allow in the folders of `$GELATO_IMAGEIO_PATH` and in `$GELATOHOME/lib`.
-/// `debug` tells about every file that is tried.
+/// Returns the bundled formats, and those of plugins that `rules` permit in the folders of `$GELATO_IMAGEIO_PATH`
+/// and in `$GELATOHOME/lib`. `debug` reports every file that is tried.
 pub fn formats_with_plugins(
     limits: Limits,
     environment: &Environment,
@@ -77,7 +78,7 @@ pub fn formats_with_plugins(
     registry
 }
 
-/// All bundled generators but "pyg", which the session itself runs: it may start programs.
+/// Returns all bundled generators except "pyg", which the session itself runs, because it may start programs.
 pub fn bundled_generators() -> GeneratorRegistry {
     let mut registry = GeneratorRegistry::default();
     for generator in granita_mesh::generators().into_iter().chain(granita_rib::generators()) {
@@ -86,7 +87,7 @@ pub fn bundled_generators() -> GeneratorRegistry {
     registry
 }
 
-/// What a panic says.
+/// Returns the text of a panic.
 pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".to_owned())

@@ -1,4 +1,4 @@
-//! Where plugins are, and which of them were found.
+//! Finds plugins, and keeps those that were found.
 
 use crate::dso::Dso;
 use crate::generator::{PluginGenerator, ProgramGenerator};
@@ -29,13 +29,14 @@ impl Kind {
     }
 }
 
-/// What ends the name of a shared library: ".so" everywhere, and the system's own ending.
+/// Returns the extensions of shared libraries: ".so" everywhere, and the system's own extension.
 pub(crate) fn endings() -> Vec<&'static str> {
     let own = std::env::consts::DLL_EXTENSION;
     if own == "so" { vec!["so"] } else { vec![own, "so"] }
 }
 
-/// The plugins of one session. Clones share what was found. Nothing is looked for before somebody needs it.
+/// The plugins of one session. Clones share the plugins that were found. The search starts when a plugin is first
+/// needed.
 #[derive(Clone)]
 pub struct Plugins(Arc<Inner>);
 
@@ -66,7 +67,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Plugins {
-    /// None found yet; `rules` say which may be.
+    /// Returns plugins of which none is found yet. `rules` decide which may be loaded.
     pub fn new(reporter: Reporter, rules: PluginRules) -> Self {
         Self(Arc::new(Inner {
             reporter,
@@ -82,37 +83,39 @@ impl Plugins {
         }))
     }
 
-    /// Looks for image formats in these folders ("path:imageio").
+    /// Sets the folders of image formats ("path:imageio").
     pub fn set_image_path(&self, path: SearchPath) {
         *self.0.image_path.write().unwrap_or_else(PoisonError::into_inner) = path;
     }
 
-    /// Tells about every file that is tried ("debug:dso").
+    /// Reports every file that is tried ("debug:dso").
     pub fn set_debug(&self, on: bool) {
         self.0.debug.store(on, Ordering::Relaxed);
     }
 
-    /// Lets `Output` name the `ImageOutput` at the address that a format like "0x7f00" stands for.
+    /// Permits `Output` to name the `ImageOutput` at the address of a format like "0x7f00".
     ///
     /// # Safety
-    /// There is an `ImageOutput` of `imageio.h`, and it stays until the session ends or renders no more.
+    /// There is an `ImageOutput` of `imageio.h`, and it exists until the session ends or renders no more.
     pub unsafe fn grant(&self, format: &str) {
         if let Some(address) = address(format) {
             lock(&self.0.granted).insert(address);
         }
     }
 
-    /// The program is another process: whatever address an `Output` names is one of that process, which knows what it grants.
+    /// Sets the program to be another process. Addresses in an `Output` are then of that process, which decides
+    /// what it permits.
     pub fn set_program_images(&self, make: ProgramImages) {
         *self.0.program_images.write().unwrap_or_else(PoisonError::into_inner) = Some(make);
     }
 
-    /// Takes back what [`Plugins::grant`] gave.
+    /// Revokes the permissions of [`Plugins::grant`].
     pub fn revoke_all(&self) {
         lock(&self.0.granted).clear();
     }
 
-    /// The generator `name` that comes before bundled ones: one that a program gave, or whose library the user named.
+    /// Returns the generator `name` with precedence over bundled ones: one that a program passed, or whose library
+    /// the user named.
     pub fn preferred_generator(&self, name: &str) -> Option<Arc<dyn Generator>> {
         if let Some(kept) = lock(&self.0.kept).get(name) {
             return Some(kept.clone());
@@ -120,7 +123,7 @@ impl Plugins {
         self.generator_in(self.named(Kind::Generator, name)?)
     }
 
-    /// The generator `name` in the folders of `path`, for a name that no bundled generator has.
+    /// Returns the generator `name` in the folders of `path`, for a name that no bundled generator has.
     pub fn generator(&self, name: &str, path: &SearchPath) -> Option<Arc<dyn Generator>> {
         self.generator_in(self.find(Kind::Generator, name, path)?)
     }
@@ -134,7 +137,7 @@ impl Plugins {
         made.map(|g| g as Arc<dyn Generator>)
     }
 
-    /// Tells about a file, if that is wanted.
+    /// Reports a file, if that is requested.
     pub(crate) fn tell(&self, file: &Path, what: &str) {
         if self.0.debug.load(Ordering::Relaxed) {
             let text = format!("dso: {}: {what}\n", file.display());
@@ -146,12 +149,12 @@ impl Plugins {
         &self.0.rules
     }
 
-    /// Tells that a folder of a search path does not count.
+    /// Reports that a folder of a search path is skipped.
     pub(crate) fn tell_passed_over(&self, folder: &Path) {
         self.tell(folder, "passed over: a relative folder counts only when -plugins names it");
     }
 
-    /// Keeps a program's generator until it is needed: the name by which [`Plugins::generator`] finds it.
+    /// Keeps a program's generator until it is needed. Returns the name by which [`Plugins::generator`] finds it.
     pub fn keep_generator(&self, object: GeneratorObject) -> Arc<str> {
         self.keep(Arc::new(ProgramGenerator::new(object)))
     }
@@ -196,7 +199,7 @@ impl Plugins {
         None
     }
 
-    /// What a file holds; what keeps it from being used is said once.
+    /// Returns the plugin of a file. A reason why it cannot be used is reported once.
     pub(crate) fn load<T>(
         &self,
         file: &Path,
@@ -275,12 +278,12 @@ fn address(format: &str) -> Option<usize> {
 }
 
 impl Plugins {
-    /// The image plugin of this very name.
+    /// Returns the image plugin of exactly this name.
     pub(crate) fn image_named(&self, name: &str) -> Option<Arc<PluginFormat>> {
         self.image(&self.find(Kind::Image, name, &self.image_path())?, Severity::Error)
     }
 
-    /// The first image plugin that lists the extension.
+    /// Returns the first image plugin that lists the extension.
     pub(crate) fn image_listed(&self, extension: &str, writes: bool) -> Option<Arc<PluginFormat>> {
         self.images().into_iter().find(|f| !extension.is_empty() && f.lists(extension, writes))
     }

@@ -1,25 +1,26 @@
-//! Which shared libraries may be loaded, and which come before what is bundled.
+//! The rules for loading shared libraries, and their precedence over bundled parts.
 
 use std::path::{Path, PathBuf};
 
-/// What may be loaded as a plugin.
+/// The rules for loading plugins.
 ///
-/// A library runs its own code as soon as it is loaded, so none is taken from a folder just because the program was
-/// started there: of search paths, absolute folders count. Reference 2.4, 12 and 13 look into the current folder as well.
+/// A library runs its own code as soon as it is loaded. A library in the folder where the program was started is
+/// therefore not loaded for that reason alone. Of search paths, only absolute folders count. Reference 2.4, 12 and
+/// 13 also search the current folder.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PluginRules {
-    /// No plugin at all: for scenes from strangers.
+    /// True to load no plugin at all, for untrusted scenes.
     pub none: bool,
-    /// Folders and libraries that the user named (`-plugins`): they come first, relative ones count, and a library that is named
-    /// itself comes before what is bundled under its name.
+    /// Folders and libraries that the user named (`-plugins`). They have precedence, relative ones count, and a
+    /// library that is named itself has precedence over the bundled part of its name.
     pub named: Vec<PathBuf>,
-    /// Relative folders of search paths may hold generators and shader functions that a scene names: for programs in which
-    /// a scene runs scripts anyway.
+    /// True when relative folders of search paths may contain generators and shader functions that a scene names.
+    /// It is for programs in which a scene runs scripts in any case.
     pub current_folder: bool,
 }
 
 impl PluginRules {
-    /// Libraries that the user named, by the file names that `wanted` accepts.
+    /// Returns the library that the user named whose file name `wanted` accepts.
     pub(crate) fn libraries(&self, wanted: impl Fn(&str) -> bool) -> Option<PathBuf> {
         let is_wanted = |path: &&PathBuf| {
             path.is_file() && path.file_name().and_then(|name| name.to_str()).is_some_and(&wanted)
@@ -27,8 +28,8 @@ impl PluginRules {
         self.named.iter().find(is_wanted).cloned()
     }
 
-    /// Folders to look into, in order: those that the user named, then those of a search path. The flag is false for a folder
-    /// that is passed over.
+    /// Returns the folders to search, in order: those that the user named, then those of a search path. The flag is
+    /// false for a folder that is skipped.
     pub(crate) fn folders<'a>(
         &'a self,
         path: &'a [PathBuf],

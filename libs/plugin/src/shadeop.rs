@@ -1,4 +1,4 @@
-//! Shadeops (reference 14): functions in C++ that shaders call, in shared libraries beside the shaders.
+//! Shadeops (reference 14), which are C++ functions that shaders call, in shared libraries beside the shaders.
 
 use crate::Plugins;
 use crate::dso::Dso;
@@ -66,7 +66,7 @@ static CALLS: ExecutionCalls = ExecutionCalls {
     getsymbol,
 };
 
-/// `gelato_execution`, and what belongs to it.
+/// `gelato_execution`, and its data.
 #[repr(C)]
 pub(crate) struct Execution {
     calls: *const ExecutionCalls,
@@ -424,10 +424,10 @@ extern "C" fn getsymbol(execution: *mut Execution, name: *const c_char) -> c_int
     })
 }
 
-/// The noise of the language, for `noise.h`: `gelato_noise_function`.
+/// Computes the noise of the language for `noise.h`: `gelato_noise_function`.
 ///
 /// # Safety
-/// `x` (and `period`, for kinds that repeat) have `indim` floats, and there is room for `outdim` in `out`.
+/// `x` (and `period`, for periodic kinds) have `indim` floats, and `out` has space for `outdim`.
 pub unsafe extern "C" fn noise(
     kind: c_int,
     indim: c_int,
@@ -476,7 +476,8 @@ fn library(dso: &'static Dso) -> Result<&'static Dso, String> {
 }
 
 impl Plugins {
-    /// Libraries in the folders of a path that may hold shadeops: the one called `name` first, then the others by name.
+    /// Libraries in the folders of a path that may hold shadeops: the one called `name` first, then the others by
+    /// name.
     fn libraries(&self, name: &str, path: &SearchPath) -> Vec<PathBuf> {
         let mut list = Vec::new();
         if self.rules().none {
@@ -516,7 +517,7 @@ impl Plugins {
         list
     }
 
-    /// The forms of the function `name`, from the first library that declares it.
+    /// Returns the forms of the function `name`, from the first library that declares it.
     pub fn shadeop_forms(&self, name: &str, path: &SearchPath) -> Vec<ShadeopForm> {
         for file in self.libraries(name, path) {
             let Some(dso) = self.load(&file, library, Severity::Warning) else { continue };
@@ -534,10 +535,10 @@ impl Plugins {
         Vec::new()
     }
 
-    /// The function that a compiled shader calls, by the text of `granita_gsl::ShadeopCall`.
+    /// Returns the function that a compiled shader calls, by the text of `granita_gsl::ShadeopCall`.
     ///
     /// # Errors
-    /// Why there is none.
+    /// Returns the reason why there is none.
     pub fn shadeop(&self, text: &str, path: &SearchPath) -> Result<Arc<dyn Shadeop>, String> {
         let call = ShadeopCall::parse(text).ok_or("a shadeop without a name")?;
         let table = format!("{}_shadeop", call.name);

@@ -1,36 +1,36 @@
-//! The rectangles of pixels that are worked on one at a time, and their order (reference 4.1).
+//! Buckets, the rectangles of pixels that are rendered one at a time, and their order (reference 4.1).
 
 use crate::PixelRect;
 
-/// Most samples of one bucket: larger "limits:bucketsize" are divided, which changes no pixel.
+/// The largest number of samples of one bucket. A larger "limits:bucketsize" is divided, which changes no pixel.
 const MAX_SAMPLES: usize = 1 << 21;
 
-/// In which order buckets are begun.
+/// The order in which buckets are started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct BucketOrder<'a> {
-    /// "horizontal", "vertical" or "spiral"; anything else counts as "horizontal".
+    /// The order: "horizontal", "vertical" or "spiral". Any other word counts as "horizontal".
     pub(crate) word: &'a str,
-    /// "limits:bucketblocksize": buckets along each side of the clusters that are done one after the other; a spiral
-    /// has none.
+    /// "limits:bucketblocksize", the number of buckets along each side of the clusters that are rendered one after
+    /// the other. A spiral has no clusters.
     pub(crate) block: u32,
 }
 
 impl<'a> BucketOrder<'a> {
-    /// Without clusters.
+    /// Returns an order without clusters.
     pub(crate) fn plain(word: &'a str) -> Self {
         Self { word, block: 1 }
     }
 }
 
-/// The buckets of an image, in the order in which they are begun.
+/// The buckets of an image, in the order in which they are started.
 #[derive(Clone, Debug)]
 pub(crate) struct Buckets {
-    /// In order.
+    /// The buckets in order.
     pub(crate) order: Vec<PixelRect>,
-    /// Cut lines, for finding the buckets that a rectangle touches.
+    /// The cut lines, for finding the buckets that a rectangle touches.
     xs: Vec<i32>,
     ys: Vec<i32>,
-    /// Position in `order` of bucket (column, row), row by row.
+    /// The position in `order` of bucket (column, row), row by row.
     position: Vec<u32>,
 }
 
@@ -73,7 +73,7 @@ impl Buckets {
         Self { order: cells.iter().map(rect).collect(), xs, ys, position }
     }
 
-    /// When bucket `index` has its turn in a spiral around a pixel, which may be outside of the image.
+    /// Returns the turn of bucket `index` in a spiral around a pixel, which may be outside of the image.
     pub(crate) fn turn_around(&self, index: usize, [x, y]: [i32; 2]) -> (usize, usize) {
         let cell = |cuts: &[i32], at: i32| {
             cuts.partition_point(|c| *c <= at).saturating_sub(1).min(cuts.len().saturating_sub(2))
@@ -83,12 +83,13 @@ impl Buckets {
         turn(dx as isize - middle[0] as isize, dy as isize - middle[1] as isize)
     }
 
-    /// First rows of the rows of buckets, the end of the last one, and how many buckets stand in a row.
+    /// Returns the first pixel rows of the rows of buckets, the end of the last one, and the number of buckets in a
+    /// row.
     pub(crate) fn rows(&self) -> (&[i32], usize) {
         (&self.ys, self.xs.len() - 1)
     }
 
-    /// Positions of all buckets that share a pixel with `rect`, row by row.
+    /// Returns the positions of all buckets that share a pixel with `rect`, row by row.
     pub(crate) fn touching(&self, rect: &PixelRect) -> impl Iterator<Item = u32> + '_ {
         let span = |cuts: &[i32], from: i32, to: i32| {
             let last = cuts.len() - 1;
@@ -102,12 +103,12 @@ impl Buckets {
     }
 }
 
-/// Rings around the middle, each ring clockwise from its upper left corner.
+/// Returns the ring around the centre, and the position in the ring clockwise from its upper left corner.
 fn spiral_key(i: usize, j: usize, nx: usize, ny: usize) -> (usize, usize) {
     turn(i as isize - (nx as isize - 1) / 2, j as isize - (ny as isize - 1) / 2)
 }
 
-/// The same by columns and rows from the middle.
+/// Returns the same for columns and rows from the centre.
 fn turn(dx: isize, dy: isize) -> (usize, usize) {
     let ring = dx.abs().max(dy.abs());
     let along = if dy == -ring {
@@ -179,7 +180,7 @@ mod tests {
         assert_eq!(corners("horizontal", 1)[..4], [(0, 0), (1, 0), (2, 0), (0, 1)]);
         assert_eq!(corners("vertical", 1)[..4], [(0, 0), (0, 1), (0, 2), (1, 0)]);
         assert_eq!(corners("spiral", 1)[..3], [(1, 1), (0, 0), (1, 0)]);
-        // Clusters of 2 x 2, and what is left of them at the border; 0 counts as 1.
+        // Clusters of 2 x 2, and smaller ones at the border. 0 counts as 1.
         assert_eq!(corners("horizontal", 2)[..6], [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (2, 1)]);
         assert_eq!(corners("vertical", 2)[..6], [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (1, 2)]);
         assert_eq!(corners("spiral", 2), corners("spiral", 1));

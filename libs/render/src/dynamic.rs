@@ -1,20 +1,20 @@
-//! Dynamic shadow maps (reference 10.1.5): depth maps that are rendered while shaders look at them.
+//! Dynamic shadow maps (reference 10.1.5), which are depth maps that are rendered on demand while shaders look them
+//! up.
 
-use crate::frame::{FrameShader, OnDemand, Surroundings};
-use crate::object::ObjectState;
+use crate::frame::{OnDemand, Surroundings};
 use crate::output::plan::{OutputSet, is_dynamic};
 use crate::{CameraView, RenderEnvironment, RenderError};
 use granita_scene::Scene;
+use granita_shading::{DepthMaps, ObjectState, ShadingContext};
 use granita_texture::{MadeShadow, TextureCache, TextureId};
 
-/// Width and height of a tile in pixels.
+/// The width and height of a tile in pixels.
 const TILE: u32 = 64;
 
-/// Depth where nothing is, as depth images have it.
+/// The depth of empty pixels, as in depth images.
 const EMPTY: f32 = 1e30;
 
 /// The maps of a frame.
-#[derive(Default)]
 pub(crate) struct DynamicMaps {
     maps: Vec<(TextureId, OnDemand<ObjectState>)>,
     threads: usize,
@@ -23,7 +23,8 @@ pub(crate) struct DynamicMaps {
 impl DynamicMaps {
     /// Declares the dynamic outputs of a scene. Renders nothing.
     ///
-    /// Errors: as [`OutputSet::new`].
+    /// # Errors
+    /// The errors are those of [`OutputSet::new`].
     pub(crate) fn new(
         scene: &Scene,
         views: &[CameraView],
@@ -63,24 +64,23 @@ impl DynamicMaps {
         Ok(Self { maps, threads })
     }
 
-    /// The threads that render tiles.
-    pub(crate) fn threads(&self) -> usize {
-        self.threads
-    }
-
-    /// A tile of a map; nothing of one that is not among these.
-    pub(crate) fn tile<S: FrameShader<Object = ObjectState>>(
-        &self,
-        map: TextureId,
-        around: &Surroundings<'_, S>,
-        (tx, ty): (u32, u32),
-    ) -> Vec<f32> {
-        let Some((_, map)) = self.maps.iter().find(|(id, _)| *id == map) else { return Vec::new() };
-        map.tile(around, (tx, ty), EMPTY)
-    }
-
-    /// Whether there are any.
+    /// True when there are no dynamic maps.
     pub(crate) fn is_empty(&self) -> bool {
         self.maps.is_empty()
+    }
+}
+
+impl DepthMaps for DynamicMaps {
+    /// Returns an empty tile for a map that is not one of these.
+    fn tile(&self, frame: &ShadingContext, map: TextureId, tile: [u32; 2]) -> Vec<f32> {
+        let Some((_, map)) = self.maps.iter().find(|(id, _)| *id == map) else { return Vec::new() };
+        let around = Surroundings {
+            scene: &frame.scene,
+            shader: frame,
+            dicing_camera: &frame.camera,
+            threads: self.threads,
+            reporter: &frame.reporter,
+        };
+        map.tile(&around, tile, EMPTY)
     }
 }

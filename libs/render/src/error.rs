@@ -1,38 +1,38 @@
-//! What can keep a frame from being rendered.
+//! Errors of rendering a frame.
 
 use std::path::PathBuf;
 
-/// Why a frame could not be rendered, or not completely.
+/// The reason why a frame could not be rendered completely.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The system refused.
+    /// A system call failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// An image cannot be written.
     #[error(transparent)]
     Image(#[from] granita_image::ImageError),
-    /// Larger than can be rendered.
+    /// The value is larger than the limit.
     #[error("{what} {asked} exceeds the limit of {max}")]
     Limit {
-        /// What is too large.
+        /// The limited quantity.
         what: &'static str,
-        /// How large.
+        /// The requested value.
         asked: u64,
-        /// How large it may be.
+        /// The largest permitted value.
         max: u64,
     },
-    /// The scene lacks what rendering needs, or the caller asked for something that is not there.
+    /// The scene lacks data that rendering needs, or the caller requested something that does not exist.
     #[error("{what}")]
     Misuse {
-        /// What was asked.
+        /// A description of the error.
         what: String,
     },
-    /// The caller asked to stop before the frame was done.
+    /// The caller stopped rendering before the frame was complete.
     #[error("rendering was stopped before the frame was done")]
     Stopped,
 }

@@ -1,4 +1,4 @@
-//! One camera's images, from primitives to filtered pixels.
+//! Renders one camera's images, from primitives to filtered pixels.
 
 mod bucket;
 mod cells;
@@ -11,12 +11,8 @@ mod shade;
 mod spread;
 
 use crate::bucket::{BucketOrder, Buckets};
-use crate::camera::is_moving;
-use crate::dicing::{Measure, SceneDicing};
 use crate::environment::Progress;
-use crate::hider::{CompositeSettings, Projector, SamplePattern};
 use crate::output::canvas::{Canvas, Finished};
-use crate::output::film;
 use crate::output::griddump::GridDump;
 use crate::output::plan::{OutputImage, OutputSet, Shown};
 use crate::priority::{Priority, Turns};
@@ -24,7 +20,11 @@ use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{Location, Reporter, Severity};
+use granita_dicing::camera::is_moving;
+use granita_dicing::{Measure, SceneDicing};
 use granita_gsl::ir::ValueType;
+use granita_hider::film;
+use granita_hider::{CompositeSettings, Projector, SamplePattern};
 use granita_image::{FormatRegistry, Request};
 use granita_scene::{Primitive, Scene, attr};
 use granita_shade::Grid;
@@ -34,62 +34,65 @@ use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-pub(crate) use crate::hider::Holdout;
 pub(crate) use demand::{OnDemand, Surroundings};
+pub(crate) use granita_scene::Holdout;
 
-/// What the frame must know of an object without running its shaders.
+/// The properties of an object that the frame needs without running its shaders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ObjectTraits {
-    /// Known to be opaque without running a shader.
+    /// True when the object is opaque whatever its shaders compute.
     pub(crate) opaque: bool,
-    /// Taken for opaque where only depths are shown: it is, or "ray:opaqueshadows" says so (reference 10.1.1).
+    /// True when it counts as opaque where only depths are shown: it is opaque, or "ray:opaqueshadows" is set
+    /// (reference 10.1.1).
     pub(crate) opaque_in_depth: bool,
     /// "holdout".
     pub(crate) holdout: Holdout,
-    /// Whether a displacement shader runs.
+    /// True when a displacement shader runs.
     pub(crate) displaces: bool,
-    /// Bound of displacement in world units.
+    /// The bound of the displacement in world units.
     pub(crate) max_displacement_world: f32,
-    /// The scene gives no bound of displacement, and a shader moves points: the bound is measured.
+    /// True when the scene has no bound of the displacement and a shader moves points, so that the bound is
+    /// measured.
     pub(crate) measures: bool,
-    /// A grid that comes shaded: its vertices are its points.
+    /// True for a preshaded grid, whose vertices are its points.
     pub(crate) preshaded: bool,
-    /// Small grids may be shaded together: nothing shows it.
-    pub(crate) joins: bool,
-    /// Shading leaves something behind: no grid may be shaded that nobody sees.
+    /// True when small grids may be batched without a change of results.
+    pub(crate) may_batch: bool,
+    /// True when shading saves data, so that grids that are not visible must not be shaded.
     pub(crate) saves: bool,
 }
 
-/// Shades grids. The frame knows no shaders; tests shade with closures of their own.
+/// Shades grids. The frame does not depend on shaders, so tests shade with closures of their own.
 pub(crate) trait FrameShader: Sync {
-    /// State of an object, shared by the primitives that have it.
+    /// The state of an object, shared by the primitives that have it.
     type Object: Send + Sync;
-    /// What one thread keeps from grid to grid.
+    /// The data that one thread keeps from grid to grid.
     type Thread<'a>
     where
         Self: 'a;
 
-    /// The state of a primitive's object.
+    /// Returns the state of a primitive's object.
     fn object(&self, primitive: &Primitive) -> Arc<Self::Object>;
-    /// What must be known of it.
+    /// Returns its properties.
     fn traits(&self, object: &Self::Object) -> ObjectTraits;
-    /// For a new thread.
+    /// Returns the state of a new thread.
     fn thread(&self) -> Self::Thread<'_>;
-    /// For a new thread of a frame that shows no colours: its shaders need no light (reference 10.1.1).
+    /// Returns the state of a new thread of a frame without colours, whose shaders need no light (reference
+    /// 10.1.1).
     fn unlit_thread(&self) -> Self::Thread<'_> {
         self.thread()
     }
-    /// Makes the shaders of a thread print and save nothing, for grids that are shaded again, or everything as before.
+    /// Makes the shaders of a thread print and save nothing, for grids that are shaded again, or turns that off.
     fn mute(&self, thread: &mut Self::Thread<'_>, mute: bool) {
         let _ = (thread, mute);
     }
-    /// A number that grows when shading saves anything for later frames.
+    /// Returns a number that grows when shading saves anything for later frames.
     fn saves(&self) -> u64 {
         0
     }
     /// Displaces a grid.
     fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
-    /// Shades a grid; returns the wanted variables, component by component.
+    /// Shades a grid. Returns the requested variables, component by component.
     fn shade(
         &self,
         thread: &mut Self::Thread<'_>,
@@ -99,33 +102,34 @@ pub(crate) trait FrameShader: Sync {
     ) -> Vec<Option<Vec<f32>>>;
 }
 
-/// What a frame is told apart from its scene and shaders.
+/// The options of a frame besides its scene and shaders.
 pub(crate) struct FrameOptions<'a> {
     /// The camera that is rendered.
     pub(crate) camera: &'a CameraView,
-    /// What it sees with: itself, or its left and right eye. They share everything but place and window.
+    /// The views of the camera: itself, or its left and right eye. They differ only in position and window.
     pub(crate) eyes: &'a [CameraView],
-    /// The first camera: splits, dicing and shading are as it sees them.
+    /// The first camera, which determines splitting, dicing and shading.
     pub(crate) dicing_camera: &'a CameraView,
-    /// Threads, at least 1.
+    /// The number of threads, at least 1.
     pub(crate) threads: usize,
     pub(crate) reporter: &'a Reporter,
     pub(crate) progress: &'a dyn Progress,
     pub(crate) stop: &'a AtomicBool,
     /// Receives the grids.
     pub(crate) dump: Option<&'a GridDump>,
-    /// Formats, for images that are too large to be kept; without them all are kept.
+    /// The formats of images that are too large to be kept. Without it all are kept.
     pub(crate) registry: Option<&'a FormatRegistry>,
     /// Scene files, for messages.
     pub(crate) scene_files: &'a [String],
-    /// Who renders the buckets.
+    /// The processes that render the buckets.
     pub(crate) spread: &'a Spread,
-    /// What somebody would have first.
+    /// The priority of buckets.
     pub(crate) priority: Option<&'a Priority>,
 }
 
 impl<'a> FrameOptions<'a> {
-    /// All of what a camera sees, in this process alone, with one thread and without anything beside the images.
+    /// Returns options for all that a camera sees, in this process alone, with one thread and no other output than
+    /// the images.
     pub(crate) fn new(camera: &'a CameraView, reporter: &'a Reporter, stop: &'a AtomicBool) -> Self {
         Self {
             camera,
@@ -154,7 +158,7 @@ struct Eye<'a> {
 struct Frame<'a, S: FrameShader> {
     options: FrameOptions<'a>,
     shader: &'a S,
-    /// What is wanted, by every eye.
+    /// The requested outputs of every eye.
     outputs: &'a OutputSet,
     eyes: Vec<Eye<'a>>,
     pattern: SamplePattern,
@@ -163,21 +167,22 @@ struct Frame<'a, S: FrameShader> {
     measure: Measure<'a>,
     composite: CompositeSettings,
     buckets: Buckets,
-    /// Pixels whose samples count: the crop window and the margins of the filters.
+    /// The pixels whose samples count: the crop window and the margins of the filters.
     region: PixelRect,
     margin: i32,
     dicing: SceneDicing,
     counters: Counters,
-    /// Buckets may be rendered again.
+    /// True when buckets may be rendered again.
     again: bool,
-    /// Buckets must come from the top.
+    /// True when buckets must be rendered from the top.
     from_top: bool,
 }
 
-/// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which want the same. Returns what was
-/// done, and whether all buckets were.
+/// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which request the same images.
+/// Returns the statistics, and true when all buckets were rendered.
 ///
-/// Errors: [`RenderError::Stopped`] when `options.stop` was set; the pixels are not complete then.
+/// # Errors
+/// Returns [`RenderError::Stopped`] when `options.stop` was set. The pixels are then not complete.
 pub(crate) fn render<S: FrameShader>(
     scene: &Scene,
     shader: &S,
@@ -252,8 +257,8 @@ pub(crate) fn render<S: FrameShader>(
     Ok((statistics, failed == 0))
 }
 
-/// The size of buckets, so much smaller than asked for that all threads have some to do, as in preview mode, where one
-/// bucket holds the image. No pixel shows it.
+/// Returns the size of buckets in pixels. It is reduced from the requested size so that all threads have work, as
+/// in preview mode, where one bucket covers the image. It changes no pixel.
 fn shared(camera: &CameraView, threads: usize) -> [u32; 2] {
     let mut size = camera.bucketsize;
     let image = [camera.crop.width(), camera.crop.height()].map(|n| n as u32);
@@ -266,7 +271,7 @@ fn shared(camera: &CameraView, threads: usize) -> [u32; 2] {
 }
 
 impl<'a, S: FrameShader> Frame<'a, S> {
-    /// Gets ready to render; `bucket` is the size of buckets and their order.
+    /// Prepares a frame. `bucket` is the size of buckets and their order.
     fn new(
         scene: &Scene,
         shader: &'a S,
@@ -275,7 +280,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         (size, order): ([u32; 2], BucketOrder<'_>),
     ) -> Self {
         let camera = options.camera;
-        // The whole scene counts, not what is in view: a crop must not change the samples.
+        // Motion is tested in the whole scene and not only in view, because a crop must not change the samples.
         let moving = is_moving(scene, camera);
         let pattern = SamplePattern::new(camera, moving);
         let margin = plan.margin();
@@ -305,7 +310,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
     }
 
-    /// For a new thread.
+    /// Returns the state of a new thread.
     fn thread(&self) -> S::Thread<'a> {
         let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
         if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() }
@@ -360,14 +365,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         Jobs { list, of_bucket }
     }
 
-    /// Whether this camera's geometry set, or "camera", holds the primitive (reference 4.4.3).
+    /// True when this camera's geometry set, or "camera", contains the primitive (reference 4.4.3).
     fn is_visible(&self, primitive: &Primitive) -> bool {
         let name = &self.options.camera.name;
         let sets = &primitive.attributes.geometry_sets;
         sets.iter().any(|set| set == name || &**set == "camera")
     }
 
-    /// Renders buckets; returns how many failed. The others are on the canvases, those of an eye one after the other.
+    /// Renders buckets and returns the number of those that failed. The others are on the canvases, those of an eye
+    /// one after the other.
     fn run(
         &self,
         jobs: &Jobs<S::Object>,
@@ -394,7 +400,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         self.begin(canvases, index);
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
-                            // Shaders ended early: these are no pixels.
+                            // Shaders ended early, so these pixels are not valid.
                             Ok(_) if self.options.stop.load(Ordering::Relaxed) => break,
                             Ok(values) => {
                                 for (canvas, values) in canvases.iter().zip(&values) {
@@ -404,7 +410,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                             Err(panic) => {
                                 failed.fetch_add(1, Ordering::Relaxed);
                                 self.report_panic(index, &panic_text(&*panic));
-                                // Whatever it was doing is half done.
+                                // Its state is inconsistent after a panic.
                                 thread = self.thread();
                             }
                         }
@@ -418,12 +424,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         failed.into_inner()
     }
 
-    /// What somebody would have first, where the order is free.
+    /// Returns the priority, where the order is free.
     fn priority(&self) -> Option<&Priority> {
         self.options.priority.filter(|_| !self.from_top)
     }
 
-    /// Does what those who look at the images ask for.
+    /// Applies the requests of the viewers of the images.
     fn hear(&self, canvases: &[Mutex<Canvas>]) {
         for canvas in canvases {
             let requests = lock(canvas).requests();
@@ -443,12 +449,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
     }
 
-    /// Tells those who look at the images that a bucket is begun.
+    /// Reports to the viewers of the images that a bucket is started.
     fn begin(&self, canvases: &[Mutex<Canvas>], index: usize) {
         canvases.iter().for_each(|canvas| lock(canvas).begin(&self.buckets.order[index]));
     }
 
-    /// Takes the pixels of a bucket.
+    /// Stores the pixels of a bucket.
     fn store(&self, canvas: &Mutex<Canvas>, rect: &PixelRect, values: &[f32]) {
         let mut canvas = lock(canvas);
         canvas.store(rect, values);
@@ -457,7 +463,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.complain_of(trouble);
     }
 
-    /// Says what is wrong with images that are shown: rendering goes on without them.
+    /// Reports errors of viewers. Rendering continues without them.
     fn complain(&self, canvases: &[Mutex<Canvas>]) {
         for canvas in canvases {
             let trouble = lock(canvas).trouble();
@@ -472,7 +478,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
     }
 
-    /// Says which bucket failed, and how to render only that one.
+    /// Reports the bucket that failed, and the command that renders only that one.
     fn report_panic(&self, index: usize, what: &str) {
         let bucket = self.buckets.order[index];
         let [width, height] = self.options.camera.resolution.map(f64::from);
@@ -502,13 +508,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 /// The primitives of a frame.
 struct Jobs<O> {
     list: Vec<Job<O>>,
-    /// Indices into `list` of what a bucket may see.
+    /// Indices into `list` of the primitives that a bucket may see.
     of_bucket: Vec<Vec<usize>>,
 }
 
 impl<O> Jobs<O> {
-    /// Steps of progress that a bucket counts for: one where nothing is to be seen takes next to no time. What it really
-    /// costs is known afterwards only.
+    /// Returns the number of progress steps of a bucket, which estimates its cost. An empty one takes nearly no
+    /// time.
     fn cost(&self, index: usize) -> u64 {
         1 + 4 * self.of_bucket.get(index).map_or(0, |jobs| jobs.len().min(16)) as u64
     }
@@ -518,7 +524,7 @@ fn lock(canvas: &Mutex<Canvas>) -> MutexGuard<'_, Canvas> {
     canvas.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What a panic said.
+/// Returns the text of a panic.
 fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     panic
         .downcast_ref::<&str>()

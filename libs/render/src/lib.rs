@@ -1,72 +1,53 @@
-//! A frame: buckets, split, dice, displace, shade, hide, filter, write.
+//! Renders frames: buckets, splitting, dicing, displacement, shading, hiding, filtering, and writing of images.
 //!
-//! [`Renderer::render`] takes a finished [`granita_scene::Scene`] and writes the images that its
-//! `Output` calls asked for. Everything from outside (formats, shaders, search paths, messages) comes
-//! in through a [`RenderEnvironment`]; nothing here reads the process's environment, prints or exits.
+//! [`Renderer::render`] takes a finished [`granita_scene::Scene`] and writes the images that its `Output` calls
+//! request. Everything from outside of the scene (formats, shaders, search paths, messages) is passed in as a
+//! [`RenderEnvironment`]. This crate does not read the environment of the process, does not print and does not exit.
 //!
-//! The way of a primitive: `geom` builds it into pieces; `dicing` bounds, culls and splits the pieces
-//! until each dices into a grid of a bearable size; the grid is displaced and shaded **once**, in
-//! "common" space (the world, or that moved: `nearby`), however many buckets need it; `hider` samples its micropolygons at
-//! jittered places, times and lens points; `output` filters
-//! the samples into pixels and writes them. What shaders ask for is answered by `services`, with `rays` and `lighting`.
+//! `geom` builds a primitive into pieces. `frame` bounds, culls and splits the pieces until each dices into a grid of
+//! limited size ([`granita_dicing`]). The grid is displaced and shaded once ([`granita_shading`]), in "common" space
+//! (world space, or world space moved by the offset of `nearby`), for all buckets that need it. [`granita_hider`]
+//! samples its micropolygons at jittered places, times and lens points, and filters the samples into pixels. `output`
+//! collects the pixels and writes the images.
 //!
 //! # Invariants
 //!
-//! - Pixels are the same to the bit for any number of threads, bucket order, bucket size and crop:
-//!   splitting and dicing depend on the primitive and the camera only, samples are hashed from
-//!   (absolute pixel, sample, dimension), and every sum has a fixed order.
-//! - A grid is shaded at most once, and only when a bucket that must be rendered may see it.
-//! - A panic while a bucket is rendered is reported with the bucket; the other buckets go on.
+//! - Pixels are the same to the bit for any number of threads, bucket order, bucket size and crop. Splitting and dicing
+//!   depend on the primitive and the camera only, samples are hashed from the absolute pixel, the sample and the
+//!   dimension, and every sum has a fixed order.
+//! - A grid is shaded at most once while it is needed, and only when a bucket that is rendered may see it.
+//! - A panic while a bucket is rendered is reported with the bucket, and the other buckets are rendered.
 //!
 //! # Deliberately absent
 //!
-//! File formats, scene parsing, the shading language; those are handed in.
+//! This crate does not contain file formats, scene parsing or the shading language.
 
 #![forbid(unsafe_code)]
 
 mod bucket;
-mod camera;
-mod dicing;
+mod deferred;
 mod dynamic;
 mod environment;
 mod error;
-mod finite;
 mod frame;
-mod hider;
-mod lighting;
 mod nearby;
-mod object;
 mod output;
 mod preshaded;
 mod preview;
 mod priority;
-mod rays;
 mod renderer;
-mod sampling;
-mod services;
-mod shading;
-mod spaces;
 mod spread;
 mod statistics;
-mod texts;
 mod unknown;
-mod unread;
 
-#[cfg(test)]
-mod fixture;
 #[cfg(test)]
 mod tests;
 
-pub use camera::{CameraView, EyeProjection, Lens, PreviewLimits, Projection, ShadedFrom, Stereo};
-pub use environment::{CallText, NoShader, Progress, RenderEnvironment, ShaderLibrary, Silent};
+pub use environment::{CallText, Progress, RenderEnvironment, Silent};
 pub use error::RenderError;
-pub use granita_image::PixelRect;
+pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
+pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics};
 pub use priority::Priority;
 pub use renderer::{FrameReport, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
-pub use statistics::{ShadingStatistics, Statistics};
-
-/// How a shader's lookups are answered from texture files: for who runs shaders without a frame.
-pub mod lookups {
-    pub use crate::services::maps::{environment, shadow, texture, texture3d};
-}
+pub use statistics::Statistics;

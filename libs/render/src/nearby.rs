@@ -1,35 +1,37 @@
-//! Scenes that are seen from far away from the origin of the world: their "common" space begins near the camera.
+//! Moves scenes that are seen far away from the world origin, so that their "common" space begins near the camera.
 //!
-//! Shading happens in single precision, which far from the origin has steps that are seen. So such a frame takes the scene in a
-//! "common" space that is the world moved by a fixed offset, as pbrt-v4 does in its "rendering space" (Pharr, Jakob, Humphreys: Physically Based
-//! Rendering, 4th edition, 6.1); grids, rays, lights and maps of all its cameras agree with each other there. In all other
-//! frames "common" space is the world, to the bit.
+//! Shading uses single precision, whose steps are visible far from the origin. Such a frame therefore takes the
+//! scene in a "common" space that is world space moved by a fixed offset, as pbrt-v4 does in its "rendering space"
+//! (Pharr, Jakob, Humphreys: Physically Based Rendering, 4th edition, 6.1). Grids, rays, lights and maps of all its
+//! cameras agree with each other there. In all other frames "common" space is world space, to the bit.
 
-use crate::camera::{Projection, seen_from};
-use crate::object::longest_axis;
 use crate::{CameraView, ShaderLibrary};
 use granita_base::{BaseType, DVec3, MotionTransform, Param, ParamData, Params, Transform, Vec3};
+use granita_dicing::camera::{Projection, seen_from};
+use granita_dicing::longest_axis;
 use granita_gsl::Func;
 use granita_gsl::ir::{Block, EmitForm, OpCode, Stmt};
 use granita_scene::{AttributeSet, Camera, Light, Primitive, Scene, ShaderGroup, ShaderInstance, ShapeKey};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A camera with a coordinate of at least this is far: below, single precision says where a point near it is to less than
-/// a thousandth of a unit.
+/// The smallest coordinate in world units of a camera that is far away. Below it, single precision stores a point
+/// near the camera to less than a thousandth of a unit.
 const FAR: f64 = 32768.0;
 
-/// Offsets are multiples of this: they are exact, sums with them often, and a camera that moves a little finds the same.
+/// The offsets are multiples of this. They are exact, sums with them often are, and a camera that moves slightly
+/// gets the same offset.
 const STEP: f64 = 64.0;
 
-/// A camera with more pixels to a unit at depth 1 looks at what is far from itself, perhaps near the origin. Up to here what "common"
-/// space beside the camera does to such a place is a hundredth of a pixel.
+/// The largest number of raster pixels per unit at depth 1. A camera with more looks at distant geometry, perhaps
+/// near the origin. Up to this number the effect of the offset on such geometry is a hundredth of a pixel.
 const MOST_PIXELS: f64 = 131_072.0;
 
-/// The most by which points may move, in units of the world, when their coordinates are made smaller.
+/// The largest distance in world units by which points may move when their coordinates are made smaller.
 const MOST_ERROR: f64 = 1.0 / 16384.0;
 
-/// Where in the world "common" space begins, for frames whose first camera this is: at the origin unless the camera is far from it.
+/// Returns the origin of "common" space in world space for frames with this first camera: the world origin unless
+/// the camera is far from it.
 pub(crate) fn common_origin(camera: &CameraView) -> Vec3 {
     let time = camera.shading_time();
     let to_camera = camera.world_to_camera.precise_at(time);
@@ -45,7 +47,7 @@ pub(crate) fn common_origin(camera: &CameraView) -> Vec3 {
                 return Vec3::ZERO;
             }
         }
-        // How far away it stands changes nothing: a light may look at the origin from any distance.
+        // The distance of an orthographic camera does not matter. A light may look at the origin from any distance.
         Projection::Orthographic => {
             let axis = to_world.z_axis.truncate().normalize_or_zero();
             eye -= axis * axis.dot(eye);
@@ -58,8 +60,8 @@ pub(crate) fn common_origin(camera: &CameraView) -> Vec3 {
     }
 }
 
-/// A scene whose transformations lead to "common" space, which begins at `origin` of the world; the scene itself where
-/// that is the world.
+/// Returns a scene whose transformations lead to "common" space, which begins at `origin` of world space. Returns
+/// the scene itself where that is world space.
 pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3, library: &dyn ShaderLibrary) -> Arc<Scene> {
     let mut mover = Mover { origin: origin.as_dvec3(), ..Mover::default() };
     if origin == Vec3::ZERO && !scene.primitives.iter().any(|p| mover.is_far(&p.attributes.to_world)) {
@@ -83,12 +85,13 @@ pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3, library: &dyn ShaderLibrar
     Arc::new(near)
 }
 
-/// Brings what many parts of a scene share over once: they share it afterwards.
+/// Moves data that many parts of a scene share once, so that it stays shared.
 #[derive(Default)]
 struct Mover {
-    /// Where in the world "common" space begins.
+    /// The origin of "common" space in world space.
     origin: DVec3,
-    /// By the addresses of what they were, which the scene keeps alive, and what bits are taken off their points.
+    /// The moved attributes by the address of the original, which the scene keeps alive, and the bits of the offset
+    /// of their points.
     attributes: HashMap<(usize, [u32; 3]), Arc<AttributeSet>>,
     groups: HashMap<usize, Arc<ShaderGroup>>,
     shaders: HashMap<usize, Arc<ShaderInstance>>,
@@ -102,7 +105,7 @@ impl Mover {
         to_world.then_rounded_once(&Transform::translate(-self.origin.as_vec3()).into())
     }
 
-    /// Whether what lies near the origin of "common" space has large coordinates in a space.
+    /// True when geometry near the origin of "common" space has large coordinates in a space.
     fn is_far(&self, to_world: &MotionTransform) -> bool {
         let from = to_world.first().as_dmat4().w_axis.truncate() - self.origin;
         from.abs().max_element() >= FAR && to_world.first().is_affine()
@@ -120,7 +123,8 @@ impl Mover {
         Arc::new(Primitive { keys, attributes, ..Primitive::clone(primitive) })
     }
 
-    /// What to take off the points of objects that are far away in their own space: about where "common" space begins there.
+    /// Returns the offset to subtract from the points of objects with large coordinates in their own space:
+    /// approximately the origin of "common" space there.
     fn off(&self, set: &AttributeSet) -> Option<Vec3> {
         let to_world = set.to_world.first().as_dmat4();
         if !self.is_far(&set.to_world) || to_world.determinant() == 0.0 {
@@ -130,7 +134,7 @@ impl Mover {
         Some(((off / STEP).round() * STEP).as_vec3()).filter(|off| off.is_finite() && *off != Vec3::ZERO)
     }
 
-    /// Attributes of objects whose points `off` is taken off.
+    /// Returns attributes of objects whose points have `off` subtracted.
     fn attributes(&mut self, set: &Arc<AttributeSet>, off: Vec3) -> Arc<AttributeSet> {
         let address = (Arc::as_ptr(set) as usize, off.to_array().map(f32::to_bits));
         if let Some(known) = self.attributes.get(&address) {
@@ -138,7 +142,7 @@ impl Mover {
         }
         let to_world = match off == Vec3::ZERO {
             true => self.place(&set.to_world),
-            // In this order: `then_rounded_once` keeps what rounding took from the first product.
+            // The order matters: `then_rounded_once` keeps the rounding error of the first product.
             false => {
                 self.place(&MotionTransform::from(Transform::translate(off)).then_rounded_once(&set.to_world))
             }
@@ -158,8 +162,8 @@ impl Mover {
         near
     }
 
-    /// Of lights that only know directions, the spaces far away are taken to where "common" space begins: two points near the
-    /// origin of one say the direction between them exactly.
+    /// Moves the distant spaces of directional lights to the origin of "common" space. Two points near the origin
+    /// of a space give the direction between them exactly.
     fn light(&mut self, group: &ShaderGroup, library: &dyn ShaderLibrary) -> ShaderGroup {
         let mut moved = self.group(group);
         let knows_directions = |layer: &Arc<ShaderInstance>| {
@@ -190,7 +194,7 @@ impl Mover {
     }
 }
 
-/// Whether a light shader sends light along directions only, and transforms no points.
+/// True when a light shader sends light only along directions and transforms no points.
 fn directions_alone(block: &Block) -> bool {
     block.iter().all(|statement| match statement {
         Stmt::Op(op) => op.code != OpCode::Call(Func::Transform),
@@ -206,8 +210,8 @@ fn directions_alone(block: &Block) -> bool {
     })
 }
 
-/// The keys of a primitive with `off` taken off their points; `None` where that brings no part of it near, or moves a point by
-/// more than may be seen.
+/// Returns the keys of a primitive with `off` subtracted from their points; `None` when that moves no part of it
+/// near, or moves a point by a visible distance.
 fn keys_without(primitive: &Primitive, off: Vec3, set: &AttributeSet) -> Option<Vec<ShapeKey>> {
     let to_world = set.to_world.first();
     let stretch = f64::from(longest_axis(|v| to_world.vector(v)));
@@ -237,22 +241,22 @@ fn keys_without(primitive: &Primitive, off: Vec3, set: &AttributeSet) -> Option<
         }
         keys.push(ShapeKey { time: key.time, params: Params(params) });
     }
-    // How far the box of what is left is from the new origin.
+    // The distance from the new origin to the box of the moved points.
     let nearest = DVec3::ZERO.clamp(low, high).length();
     (nearest < 0.5 * off.as_dvec3().length()).then_some(keys)
 }
 
-/// Points that something was taken off.
+/// Points with an offset subtracted.
 struct Taken {
     param: Param,
-    /// Most that rounding moved one by.
+    /// The largest distance that rounding moved a point.
     error: f64,
     /// Their box.
     low: DVec3,
     high: DVec3,
 }
 
-/// A parameter of points of `width` numbers with `off` taken off; `None` for one that is not.
+/// Returns a parameter of points of `width` numbers with `off` subtracted; `None` for another parameter.
 fn without(param: &Param, width: usize, off: Vec3) -> Option<Taken> {
     let mut values = param.data.to_floats()?.to_vec();
     let (mut error, mut low, mut high) = (0.0_f64, DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -274,8 +278,8 @@ fn without(param: &Param, width: usize, off: Vec3) -> Option<Taken> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::{Fixture, param};
     use granita_base::{Reporter, ShapeDesc};
+    use granita_fixture::{Fixture, param};
 
     fn camera(place: Vec3, params: Params) -> CameraView {
         let world_to_camera = Transform::translate(-place).into();
@@ -308,7 +312,7 @@ mod tests {
         f.add(shape.clone(), points(0.5), at(1e7));
         // It is far away, wherever its numbers begin.
         f.add(shape, points(0.5), at(0.0));
-        let (scene, _, environment) = f.finish();
+        let (scene, _, environment) = crate::tests::finish(&f);
         let near = moved(&scene, Vec3::X * 1e7, &*environment.shaders);
         let found: Vec<(f32, f32, f32)> = near
             .primitives
@@ -320,7 +324,7 @@ mod tests {
             })
             .collect();
         assert_eq!(found, [(0.0, 0.0, -1e7), (0.5, 0.5, 0.0), (0.5, 0.5 - 1e7, -1e7)]);
-        // In the world itself nothing is touched, but what is brought back to its origin from far away.
+        // In world space only geometry that is moved back to its origin from far away changes.
         assert!(Arc::ptr_eq(
             &moved(&scene, Vec3::ZERO, &*environment.shaders).primitives[0],
             &scene.primitives[0]

@@ -1,57 +1,34 @@
-//! Grids that come shaded: what one frame dumped, or another program made, and a later frame takes as it is (reference
-//! 4.3.7).
-//!
-//! A linear `Patch` with a colour "C" at every vertex, under the surface shader "nullsurface" alone and without a
-//! displacement, is such a grid: its vertices are the points of the grid, and no shader runs. Parameters that
-//! only the dump writes say what else the hider knew of the grid.
+//! The parameters of preshaded grids that only the dump writes. They hold the data that the hider needs of a grid
+//! besides its points and colours (reference 4.3.7).
 
-use crate::dicing::Leaf;
-use crate::object::LinkedShaders;
-use granita_base::{CurveBasis, Interp, Params, ShapeDesc};
-use granita_scene::Primitive;
-use std::sync::Arc;
-
-/// The surface shader that asks for it.
-const SURFACE: &str = "nullsurface";
+use granita_base::Params;
+use granita_dicing::Leaf;
 
 /// `"int grid:primitive"`: grids of one primitive have the same number.
 pub(crate) const PRIMITIVE: &str = "grid:primitive";
-/// `"float[4] grid:rim"`: by how many pixels the sides at v = 0, u = 1, v = 1 and u = 0 are widened to close the
-/// hairline between them and their neighbours; 0 for a side inside of a trimmed grid.
+/// `"float[4] grid:rim"`: the widths in raster pixels by which the sides at v = 0, u = 1, v = 1 and u = 0 are
+/// widened to close the hairline gap to their neighbours. The width is 0 for a side inside of a trimmed grid.
 pub(crate) const RIM: &str = "grid:rim";
 
-/// Most points of a grid that is taken whole; others are taken in parts.
+/// The largest number of points of a grid that is taken whole. Larger ones are split.
 pub(crate) const MOST_POINTS: usize = 1 << 12;
 
-/// The points along u and v of a primitive that is a grid with colours of its own, whatever its shaders are.
-pub(crate) fn lattice(primitive: &Primitive) -> Option<[usize; 2]> {
-    let ShapeDesc::Patch { u: CurveBasis::Linear, v: CurveBasis::Linear, nu, nv } = primitive.shape else {
-        return None;
-    };
-    let color = primitive.keys.first()?.params.get("C")?;
-    (color.ty.interp == Interp::Vertex && color.ty.width() == 3).then_some([nu, nv])
-}
-
-/// Whether these shaders ask for grids to be taken as they are.
-pub(crate) fn asked_by(surface: &LinkedShaders, displacement: Option<&Arc<LinkedShaders>>) -> bool {
-    displacement.is_none() && matches!(&surface.names[..], [name] if &**name == SURFACE)
-}
-
-/// What the hider is to know of a grid.
+/// The properties of a grid that the hider needs.
 pub(crate) struct GridTraits {
     /// The primitive that it was part of.
     pub(crate) primitive: Option<u32>,
-    /// Widening of its rim in pixels.
+    /// The widening of its boundary edges in raster pixels.
     pub(crate) rim_px: Option<f32>,
-    /// Which of its sides are rims: at v = 0, u = 1, v = 1 and u = 0.
+    /// Which of its sides are boundary edges: at v = 0, u = 1, v = 1 and u = 0.
     pub(crate) sides: [bool; 4],
 }
 
 impl GridTraits {
-    /// Of a grid that does not come shaded: its primitive and the width of its rim are as everywhere.
+    /// The properties of a grid that is not preshaded. Its primitive and the width of its boundary edges follow the
+    /// defaults.
     pub(crate) const NOTHING: Self = Self { primitive: None, rim_px: None, sides: [true; 4] };
 
-    /// Of a part of a primitive.
+    /// Returns the properties of a part of a primitive.
     pub(crate) fn new(params: &Params, leaf: &Leaf) -> Self {
         let [u0, u1, v0, v1] = leaf.piece.domain();
         let outer = [v0 == 0.0, u1 == 1.0, v1 == 1.0, u0 == 0.0];

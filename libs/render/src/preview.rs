@@ -1,22 +1,23 @@
-//! What preview mode draws instead of a scene's objects (reference 4.1, 6.5): a few of many curves and points, and boxes.
+//! Simplifies a scene's objects in preview mode (reference 4.1, 6.5), to a few of many curves and points, and to
+//! boxes.
 
-use crate::camera::{CameraView, PreviewLimits, Projection};
-use crate::dicing::{Placement, trimming};
-use crate::hider::{NOWHERE, Projector};
 use granita_base::{
     Bound, Interp, Param, ParamData, ParamType, Params, Reporter, Severity, ShapeDesc, Vec3, hash,
 };
+use granita_dicing::camera::{CameraView, PreviewLimits, Projection};
+use granita_dicing::{Placement, trimming};
+use granita_hider::{NOWHERE, Projector};
 use granita_scene::{AttributeSet, LightSet, Primitive, Scene, ShapeKey, attr};
 use std::sync::Arc;
 
-/// Calls of fewer curves or points are small, and drawn whole.
+/// The largest number of curves or points of a call that is drawn whole.
 const LARGE: usize = 100;
 
-/// The scene as preview mode shows it to `view`; the scene itself where that is the same.
+/// Returns the scene as preview mode shows it to `view`; the scene itself where that is the same.
 ///
-/// Which curves and points are left depends on their number in their primitive alone. They are widened so that together
-/// they cover what all covered. Boxes have the colour and opacity of their object and the default surface, or the
-/// surface that "shadertype" gives to all.
+/// The remaining curves and points depend only on their index in their primitive. They are widened so that together
+/// they cover the area of all. Boxes have the colour and opacity of their object and the default surface, or the
+/// surface that "shadertype" sets for all.
 pub(crate) fn simplified(scene: &Arc<Scene>, view: &CameraView, reporter: &Reporter) -> Arc<Scene> {
     let Some(limits) = view.preview_limits else { return scene.clone() };
     let draws_boxes = limits.limitpixelsize > 0.0 || limits.limitdistance < 1.0e38;
@@ -45,14 +46,14 @@ pub(crate) fn simplified(scene: &Arc<Scene>, view: &CameraView, reporter: &Repor
     Arc::new(simple)
 }
 
-/// How many numbers a primitive of many parts has for each of them.
+/// The number of values that a primitive of many parts has for each of them.
 #[derive(Clone, Copy)]
 struct PerPart {
     vertex: usize,
     linear: usize,
 }
 
-/// A few of the curves or points of a large primitive; `None` when all are drawn.
+/// Returns a few of the curves or points of a large primitive; `None` when all are drawn.
 fn thinned(primitive: &Primitive, limits: &PreviewLimits) -> Option<Primitive> {
     let (count, n, per_part) = match &primitive.shape {
         ShapeDesc::Curves { ncurves, nverts, .. } => {
@@ -68,7 +69,7 @@ fn thinned(primitive: &Primitive, limits: &PreviewLimits) -> Option<Primitive> {
     if n < 2 || count < LARGE {
         return None;
     }
-    // One of every n in order, not always the same one: what is laid out in rows keeps its look.
+    // One of every n is picked, at a hashed position, so that parts laid out in rows keep their appearance.
     let pick = |group: usize| group * n + hash::words(&[group as u32, 0x7468_696e]) as usize % n;
     let chosen: Vec<usize> = (0..count.div_ceil(n)).map(pick).filter(|i| *i < count).collect();
     let factor = count as f32 / chosen.len() as f32;
@@ -97,7 +98,7 @@ fn thinned(primitive: &Primitive, limits: &PreviewLimits) -> Option<Primitive> {
     Some(Primitive { shape, keys: keys?, ..primitive.clone() })
 }
 
-/// The values of some parts; `None` when there are not as many as there should be, which is said when the primitive is
+/// Returns the values of some parts; `None` when their number is wrong, which is reported when the primitive is
 /// built.
 fn picked(param: &Param, count: usize, chosen: &[usize], per_part: PerPart) -> Option<Param> {
     let items = match param.ty.interp {
@@ -121,7 +122,7 @@ fn picked(param: &Param, count: usize, chosen: &[usize], per_part: PerPart) -> O
     Some(Param { data, ..param.clone() })
 }
 
-/// With all widths multiplied; 1 is the width of what has none.
+/// Multiplies all widths. The default width is 1.
 fn widened(mut params: Params, factor: f32) -> Params {
     let mut found = false;
     for param in params.0.iter_mut().filter(|p| matches!(&*p.name, "width" | "rasterwidth")) {
@@ -137,18 +138,18 @@ fn widened(mut params: Params, factor: f32) -> Params {
     params
 }
 
-/// Decides what is drawn as a box.
+/// Decides which objects are drawn as boxes.
 struct Boxes<'a> {
     view: &'a CameraView,
     limits: PreviewLimits,
     projector: Projector,
-    /// All objects have one simple surface already.
+    /// True when all objects already have one simple surface.
     keeps_surface: bool,
     reporter: &'a Reporter,
 }
 
 impl Boxes<'_> {
-    /// The box of a primitive that is too small or too far away to be drawn itself.
+    /// Returns the box of a primitive that is too small or too far away to be drawn itself.
     fn instead_of(&self, primitive: &Primitive) -> Option<Primitive> {
         let bounds = self.bounds(primitive)?;
         let attributes = &primitive.attributes;
@@ -177,7 +178,7 @@ impl Boxes<'_> {
         Some(Primitive { shape: box_shape(), keys, attributes: Arc::new(plain), ..primitive.clone() })
     }
 
-    /// Object space box at each key; `None` for what has none.
+    /// Returns the object space box at each key; `None` for a primitive without one.
     fn bounds(&self, primitive: &Primitive) -> Option<Vec<Bound>> {
         let keys: Vec<granita_geom::ShapeKey<'_>> = primitive
             .keys
@@ -185,7 +186,7 @@ impl Boxes<'_> {
             .map(|k| granita_geom::ShapeKey { time: k.time, params: &k.params })
             .collect();
         let trim = trimming(&primitive.attributes, 1.0);
-        // What is wrong with it is said when it is built to be drawn.
+        // Errors are reported when it is built to be drawn.
         let mut report = |_: Severity, _: String| ();
         let pieces = granita_geom::build(&primitive.shape, &keys, trim, &mut report).ok()?;
         let whole = |key: &granita_geom::ShapeKey<'_>| {
@@ -201,7 +202,7 @@ impl Boxes<'_> {
         usable.then_some(bounds)
     }
 
-    /// From the camera to the nearest place in a camera space box.
+    /// Returns the distance in camera units from the camera to the nearest point of a camera space box.
     fn distance(&self, hull: &Bound) -> f32 {
         match self.view.projection {
             Projection::Perspective { .. } => Vec3::ZERO.clamp(hull.min, hull.max).length(),
@@ -209,7 +210,8 @@ impl Boxes<'_> {
         }
     }
 
-    /// Pixels that a camera space box covers, about; no limit for what reaches before the near plane.
+    /// Returns the approximate number of pixels that a camera space box covers; infinite for one that crosses the
+    /// near plane.
     fn pixels(&self, hull: &Bound) -> f32 {
         let perspective = matches!(self.view.projection, Projection::Perspective { .. });
         if perspective && hull.min.z < self.view.near {
@@ -222,13 +224,13 @@ impl Boxes<'_> {
     }
 }
 
-/// Six faces over the corners of [`corners`], seen from outside.
+/// Returns six faces over the corners of [`corners`], seen from outside.
 fn box_shape() -> ShapeDesc {
     const FACES: [i32; 24] = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5];
     ShapeDesc::Mesh { subdivide: false, nverts: [4; 6].into(), verts: FACES.into() }
 }
 
-/// The corners of a box as the vertices of a mesh, x fastest.
+/// Returns the corners of a box as the vertices of a mesh, x fastest.
 fn corners(bound: &Bound) -> Params {
     let points: Vec<f32> = bound.corners().iter().flat_map(|p| p.to_array()).collect();
     let ty = ParamType::of(granita_base::BaseType::Point).with_interp(Interp::Vertex);
@@ -261,7 +263,7 @@ mod tests {
         simplified(&scene, &view, &Reporter::silent())
     }
 
-    /// `n` straight curves of two vertices, numbered everywhere.
+    /// Returns `n` straight curves of two vertices with an index in every variable.
     fn curves(n: usize) -> Arc<Primitive> {
         let p: Vec<f32> = (0..n).flat_map(|i| [i as f32, 0.0, 0.0, i as f32, 1.0, 0.0]).collect();
         let ids: Vec<f32> = (0..n).map(|i| i as f32).collect();

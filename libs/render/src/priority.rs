@@ -1,6 +1,6 @@
-//! Which buckets come first, changed while a frame is rendered (reference 4.5).
+//! The priority of buckets, which may change while a frame is rendered (reference 4.5).
 //!
-//! Whoever looks on says what matters to them; the buckets that wait are put into another order. No pixel depends on it.
+//! A viewer sets the priority, and the waiting buckets are sorted again. No pixel depends on it.
 
 use crate::PixelRect;
 use crate::bucket::Buckets;
@@ -8,8 +8,8 @@ use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What to render first; shared by whoever renders and whoever looks on. It counts for the frame that is being rendered,
-/// and is forgotten before the next one.
+/// The priority of buckets, shared by the renderer and its viewers. It applies to the frame that is being rendered,
+/// and is reset before the next one.
 #[derive(Debug, Default)]
 pub struct Priority {
     wanted: Mutex<Wanted>,
@@ -24,23 +24,23 @@ struct Wanted {
 }
 
 impl Priority {
-    /// From now on in a spiral around this pixel of the image.
+    /// Continues in a spiral around this pixel of the image.
     pub fn center(&self, x: i32, y: i32) {
         self.change(|wanted| *wanted = Wanted { center: Some([x, y]), rectangle: None });
     }
 
-    /// These pixels of the image first, then on as before.
+    /// Renders these pixels of the image first, then continues as before.
     pub fn rectangle(&self, rect: PixelRect) {
         self.change(|wanted| wanted.rectangle = Some(rect));
     }
 
-    /// The pixel around which the frame goes on, and the pixels that come first.
+    /// Returns the pixel around which the frame continues, and the pixels that come first.
     pub fn current(&self) -> (Option<[i32; 2]>, Option<PixelRect>) {
         let wanted = self.wanted();
         (wanted.center, wanted.rectangle)
     }
 
-    /// The order that the scene asks for.
+    /// Restores the order of the scene.
     pub(crate) fn reset(&self) {
         self.change(|wanted| *wanted = Wanted::default());
     }
@@ -56,21 +56,21 @@ impl Priority {
     }
 }
 
-/// Buckets whose turn has not come.
+/// The buckets that were not started.
 pub(crate) struct Turns {
     waiting: VecDeque<usize>,
-    /// The version that they are ordered by; `None` before the first change.
+    /// The version that they are sorted by; `None` before the first change.
     ordered: Option<u64>,
 }
 
 impl Turns {
-    /// In the order of `list`, until somebody wants another one.
+    /// Returns the buckets in the order of `list`, until the priority changes.
     pub(crate) fn new(list: impl IntoIterator<Item = usize>, priority: Option<&Priority>) -> Self {
         let ordered = priority.map(|p| p.version.load(Ordering::Acquire));
         Self { waiting: list.into_iter().collect(), ordered }
     }
 
-    /// The next one. What `priority` wants is looked at anew when it changed.
+    /// Returns the next bucket. The buckets are sorted again when `priority` changed.
     pub(crate) fn next(&mut self, buckets: &Buckets, priority: Option<&Priority>) -> Option<usize> {
         if let Some(priority) = priority {
             let version = priority.version.load(Ordering::Acquire);
@@ -90,17 +90,17 @@ impl Turns {
         self.waiting.pop_front()
     }
 
-    /// Those that were taken in vain come next.
+    /// Returns buckets that were taken but not rendered. They come next.
     pub(crate) fn give_back(&mut self, indices: &[usize]) {
         indices.iter().rev().for_each(|index| self.waiting.push_front(*index));
     }
 
-    /// Whether none is left.
+    /// True when none is left.
     pub(crate) fn is_empty(&self) -> bool {
         self.waiting.is_empty()
     }
 
-    /// What nobody took.
+    /// Returns the buckets that were not taken.
     pub(crate) fn left(self) -> impl Iterator<Item = usize> {
         self.waiting.into_iter()
     }
@@ -133,7 +133,7 @@ mod tests {
         priority.center(45, 50);
         assert_eq!(turns.next(&buckets, Some(&priority)), Some(10));
         assert_eq!(turns.next(&buckets, Some(&priority)), Some(5));
-        // The rectangle touches 4 and 8 only; the spiral goes on behind them.
+        // The rectangle touches 4 and 8 only. The spiral continues after them.
         priority.rectangle(PixelRect { x0: 3, y0: 39, x1: 20, y1: 41 });
         assert_eq!(drain(&mut turns, &buckets, &priority), [8, 4, 6, 7, 11, 9, 2, 3]);
     }

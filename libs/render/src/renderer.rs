@@ -1,192 +1,66 @@
-//! The door to this crate: a scene in, image files out.
+//! The entry point of this crate, which renders a scene to image files.
 
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
-use crate::object::{Holdout, ObjectState};
 use crate::output::griddump::GridDump;
-use crate::output::plan::{OutputSet, WrittenFiles, is_dynamic};
-use crate::shading::{ShaderThread, ShadingContext};
+use crate::output::plan::{ImageWriter, OutputSet, WrittenFiles, is_dynamic};
 use crate::spread::Spread;
-use crate::{CameraView, RenderError, ShadingStatistics, Statistics, hider, nearby, preview, unknown};
+use crate::{CameraView, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
 use granita_base::{Location, Severity, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
+use granita_shading::ObjectState;
+use granita_shading::{ShaderThread, ShadingContext};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Renders scenes. Holds nothing of a scene after its frame is done.
+/// Renders scenes. It keeps nothing of a scene after its frame is done.
 #[derive(Clone, Debug)]
 pub struct Renderer {
     pub(crate) environment: RenderEnvironment,
 }
 
-/// What came out of a frame.
+/// The results of a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameReport {
-    /// Files written, in order of declaration; of a stereo camera the left one before the right.
+    /// The written files, in order of declaration. For a stereo camera the left one is before the right.
     pub images: Vec<PathBuf>,
-    /// Spatial databases written, by name.
+    /// The written spatial databases, by name.
     pub databases: Vec<PathBuf>,
-    /// Whether every pixel was rendered and every image and database written.
+    /// True when every pixel was rendered and every image and database was written.
     pub complete: bool,
-    /// What was done for each camera that has images, by its name.
+    /// The statistics of each camera that has images, by its name.
     pub statistics: Vec<(Arc<str>, Statistics)>,
-    /// What shading looked up and built, for all of them together.
+    /// The statistics of shading, for all of them together.
     pub shading: ShadingStatistics,
 }
 
 impl Renderer {
-    /// A renderer with these formats, shaders and so on.
+    /// Returns a renderer with these inputs.
     pub fn new(environment: RenderEnvironment) -> Self {
         Self { environment }
     }
 
     /// Renders the images of `camera`, or of all cameras that have any.
     ///
-    /// What goes wrong with one image or one bucket is reported and leaves the others alone; see
+    /// An error in one image or one bucket is reported and does not affect the others; see
     /// [`FrameReport::complete`].
     ///
-    /// Errors: [`RenderError::Misuse`] when there is no camera (of that name),
-    /// [`RenderError::Limit`] for images that are too large, [`RenderError::Stopped`].
+    /// # Errors
+    /// [`RenderError::Misuse`] when there is no camera (of that name), [`RenderError::Limit`] for images that are too
+    /// large, [`RenderError::Stopped`].
     pub fn render(&self, scene: &Arc<Scene>, camera: Option<&str>) -> Result<FrameReport, RenderError> {
-        let environment = &self.environment;
-        let reporter = &environment.reporter;
-        let views = self.views(scene);
-        let origin = views.first().map_or(Vec3::ZERO, nearby::common_origin);
-        let scene = &nearby::moved(scene, origin, &*environment.shaders);
-        let views: Vec<CameraView> = views.into_iter().map(|view| view.nearby(origin)).collect();
-        let first = views
-            .first()
-            .map(CameraView::shading_view)
-            .ok_or_else(|| RenderError::Misuse { what: "the scene has no camera".to_owned() })?;
-        if let Some(name) = camera
-            && !views.iter().any(|v| &*v.name == name)
-        {
-            return Err(RenderError::Misuse { what: format!("the scene has no camera \"{name}\"") });
-        }
-        let threads = match environment.threads {
-            0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
-            n => n,
-        };
-        environment.databases.begin();
-        let is_worker = matches!(environment.spread, Spread::For(_));
-        let scene = &preview::simplified(scene, &first, reporter);
-        let mut report = FrameReport { complete: true, ..FrameReport::default() };
-        let mut files = WrittenFiles::default();
-        if !is_worker {
-            unknown::report(scene, &*environment.shaders, reporter);
-        }
-        let mut shown = Vec::new();
-        let mut shading = None;
+        let mut frame = FrameInProgress::begin(self, scene, camera)?;
+        let views = frame.views.clone();
         for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
-            let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
-            let outputs: Vec<&Output> = scene.outputs.iter().filter(own).collect();
-            let plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
-            if plan.images.is_empty() {
-                continue;
-            }
-            if view.crop.is_empty() {
-                reporter.error(format!("camera \"{}\": its crop window holds no pixel", view.name));
-                report.complete = false;
-                continue;
-            }
-            let eyes = view.eyes().map_or_else(|| vec![view.clone()], Vec::from);
-            let mut outputs = match &eyes[..] {
-                [_] => vec![plan],
-                _ => plan.for_eyes(reporter),
-            };
-            let refused = if is_worker { Vec::new() } else { self.refused(&eyes, &outputs, &mut files) };
-            report.complete &= refused.is_empty();
-            if refused.len() == eyes.len() * outputs[0].images.len() {
-                continue;
-            }
-            // Of several views the first one that is rendered.
-            let dump = if report.statistics.is_empty() { self.dump(scene, &views[0]) } else { None };
-            // Shading always looks from the first camera (reference 7.7), so all share what it builds.
-            let shading = match &mut shading {
-                Some(shading) => &*shading,
-                none => {
-                    let mut context = ShadingContext::new(scene, &first, environment);
-                    context.dynamic =
-                        DynamicMaps::new(scene, &views, &context.textures, environment, threads)?;
-                    &*none.insert(context)
-                }
-            };
-            let options = FrameOptions {
-                camera: view,
-                eyes: &eyes,
-                dicing_camera: &first,
-                threads,
-                reporter,
-                progress: &*environment.progress,
-                dump: dump.as_ref(),
-                stop: &environment.stop,
-                registry: Some(&environment.registry),
-                scene_files: &environment.scene_files,
-                spread: &environment.spread,
-                priority: Some(&environment.priority),
-            };
-            let (statistics, complete) = frame::render(scene, shading, options, &mut outputs)?;
-            report.statistics.push((view.name.clone(), statistics));
-            if is_worker {
-                continue;
-            }
-            if let Some(dump) = dump {
-                report.complete &= self.finish_dump(dump, complete);
-            }
-            report.complete &= complete;
-            for k in 0..outputs[0].images.len() {
-                for (eye, set) in eyes.iter().zip(&mut outputs) {
-                    let image = &mut set.images[k];
-                    if refused.iter().any(|path| path.as_os_str() == image.path.as_os_str()) {
-                        continue;
-                    }
-                    if image.is_shown {
-                        shown.extend(std::mem::take(&mut image.shown).0.into_inner().ok().flatten());
-                        continue;
-                    }
-                    let written = match image.written.take() {
-                        Some(done) => done,
-                        None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
-                    };
-                    match written {
-                        Ok(()) => report.images.push(image.path.clone()),
-                        Err(error) => {
-                            reporter.error(format!("output \"{}\": {error}", image.path.display()));
-                            report.complete = false;
-                        }
-                    }
-                }
-            }
+            frame.render_camera(view)?;
         }
-        if let Some(shading) = &shading {
-            report.complete &= shading.texts.finish(&shading.files, reporter);
-        }
-        if is_worker {
-            return Ok(report);
-        }
-        match environment.databases.finish(&environment.texture_path) {
-            Ok(finished) => report.databases = finished.written,
-            Err(errors) => {
-                let say = |error| reporter.error(format!("a spatial database is not written: {error}"));
-                errors.iter().for_each(say);
-                report.complete = false;
-            }
-        }
-        // Files first: a slow viewer may take its time.
-        for viewer in shown {
-            if let Err(error) = viewer.close() {
-                let text = format!("an image is not shown whole: {error}");
-                reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
-            }
-        }
-        report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
-        Ok(report)
+        Ok(frame.finish())
     }
 
-    /// Names of images that cannot be written, each reported; `files` are those of images before them.
+    /// Returns the names of images that cannot be written, each reported. `files` are those of images before them.
     fn refused(&self, eyes: &[CameraView], outputs: &[OutputSet], files: &mut WrittenFiles) -> Vec<PathBuf> {
         let Self { environment } = self;
         let mut refused = Vec::new();
@@ -208,7 +82,7 @@ impl Renderer {
         refused
     }
 
-    /// "griddump:filename".
+    /// Starts the dump of "griddump:filename".
     fn dump(&self, scene: &Scene, camera: &CameraView) -> Option<GridDump> {
         let path = scene.get(attr::GRIDDUMP_FILENAME);
         if path.is_empty() {
@@ -223,7 +97,7 @@ impl Renderer {
         GridDump::new(path, files, binary, self.environment.call_text, camera).inspect_err(report).ok()
     }
 
-    /// Writes a dump, of a frame that is `complete`. Whether that went well.
+    /// Writes a dump of a frame that is `complete`. Returns false when that failed.
     fn finish_dump(&self, dump: GridDump, complete: bool) -> bool {
         let reporter = &self.environment.reporter;
         if !complete {
@@ -239,7 +113,7 @@ impl Renderer {
         }
     }
 
-    /// The cameras, with the crop window that the environment asks for.
+    /// Returns the cameras, with the crop window of the environment.
     pub(crate) fn views(&self, scene: &Scene) -> Vec<CameraView> {
         let reporter = &self.environment.reporter;
         let view = |camera| CameraView::new(camera, reporter).at_earliest(scene);
@@ -250,6 +124,200 @@ impl Renderer {
             }
         }
         views
+    }
+}
+
+/// A call of [`Renderer::render`]: what its cameras have in common, and what came of them so far.
+struct FrameInProgress<'r> {
+    renderer: &'r Renderer,
+    scene: Arc<Scene>,
+    views: Vec<CameraView>,
+    /// The camera that dices and shades: the first one, whichever is rendered (reference 7.7).
+    shading_view: CameraView,
+    threads: usize,
+    /// True when the buckets are rendered for a coordinator, which writes the images.
+    is_worker: bool,
+    /// Files of images so far.
+    files: WrittenFiles,
+    /// Viewers of images that are complete.
+    viewers: Vec<ImageWriter>,
+    /// Made for the first camera that is rendered; all cameras share what shading builds.
+    shading: Option<ShadingContext>,
+    report: FrameReport,
+}
+
+impl<'r> FrameInProgress<'r> {
+    /// Prepares the scene.
+    fn begin(renderer: &'r Renderer, scene: &Arc<Scene>, camera: Option<&str>) -> Result<Self, RenderError> {
+        let environment = &renderer.environment;
+        let reporter = &environment.reporter;
+        let views = renderer.views(scene);
+        let origin = views.first().map_or(Vec3::ZERO, nearby::common_origin);
+        let scene = &nearby::moved(scene, origin, &*environment.shaders);
+        let views: Vec<CameraView> = views.into_iter().map(|view| view.nearby(origin)).collect();
+        let misuse = |what: String| RenderError::Misuse { what };
+        let first = views.first().ok_or_else(|| misuse("the scene has no camera".to_owned()))?;
+        let shading_view = first.shading_view();
+        if let Some(name) = camera
+            && !views.iter().any(|v| &*v.name == name)
+        {
+            return Err(misuse(format!("the scene has no camera \"{name}\"")));
+        }
+        let threads = match environment.threads {
+            0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
+            n => n,
+        };
+        environment.databases.begin();
+        let is_worker = matches!(environment.spread, Spread::For(_));
+        let scene = preview::simplified(scene, &shading_view, reporter);
+        if !is_worker {
+            unknown::report(&scene, &*environment.shaders, reporter);
+        }
+        Ok(Self {
+            renderer,
+            scene,
+            views,
+            shading_view,
+            threads,
+            is_worker,
+            files: WrittenFiles::default(),
+            viewers: Vec::new(),
+            shading: None,
+            report: FrameReport { complete: true, ..FrameReport::default() },
+        })
+    }
+
+    /// Renders and writes the images of a camera, if it has any.
+    fn render_camera(&mut self, view: &CameraView) -> Result<(), RenderError> {
+        let environment = &self.renderer.environment;
+        let reporter = &environment.reporter;
+        let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
+        let outputs: Vec<&Output> = self.scene.outputs.iter().filter(own).collect();
+        let plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
+        if plan.images.is_empty() {
+            return Ok(());
+        }
+        if view.crop.is_empty() {
+            reporter.error(format!("camera \"{}\": its crop window holds no pixel", view.name));
+            self.report.complete = false;
+            return Ok(());
+        }
+        let eyes = view.eyes().map_or_else(|| vec![view.clone()], Vec::from);
+        let mut outputs = match &eyes[..] {
+            [_] => vec![plan],
+            _ => plan.for_eyes(reporter),
+        };
+        let refused = match self.is_worker {
+            true => Vec::new(),
+            false => self.renderer.refused(&eyes, &outputs, &mut self.files),
+        };
+        self.report.complete &= refused.is_empty();
+        if refused.len() == eyes.len() * outputs[0].images.len() {
+            return Ok(());
+        }
+        // Of several cameras the first one that is rendered.
+        let is_first = self.report.statistics.is_empty();
+        let dump = if is_first { self.renderer.dump(&self.scene, &self.views[0]) } else { None };
+        self.begin_shading()?;
+        let Some(shading) = &self.shading else { return Ok(()) };
+        let options = FrameOptions {
+            camera: view,
+            eyes: &eyes,
+            dicing_camera: &self.shading_view,
+            threads: self.threads,
+            reporter,
+            progress: &*environment.progress,
+            dump: dump.as_ref(),
+            stop: &environment.stop,
+            registry: Some(&environment.registry),
+            scene_files: &environment.scene_files,
+            spread: &environment.spread,
+            priority: Some(&environment.priority),
+        };
+        let (statistics, complete) = frame::render(&self.scene, shading, options, &mut outputs)?;
+        self.report.statistics.push((view.name.clone(), statistics));
+        if self.is_worker {
+            return Ok(());
+        }
+        if let Some(dump) = dump {
+            self.report.complete &= self.renderer.finish_dump(dump, complete);
+        }
+        self.report.complete &= complete;
+        self.write(&eyes, &mut outputs, &refused);
+        Ok(())
+    }
+
+    /// Makes what shading shares, unless it is there.
+    fn begin_shading(&mut self) -> Result<(), RenderError> {
+        if self.shading.is_some() {
+            return Ok(());
+        }
+        let Self { renderer: Renderer { environment }, scene, views, .. } = self;
+        let mut shading = ShadingContext::new(scene, &self.shading_view, &environment.shading());
+        let maps = DynamicMaps::new(scene, views, &shading.textures, environment, self.threads)?;
+        if !maps.is_empty() {
+            shading.dynamic = Some(Box::new(maps));
+        }
+        self.shading = Some(shading);
+        Ok(())
+    }
+
+    /// Writes the images of a camera but for those that are refused; viewers are kept until the end.
+    fn write(&mut self, eyes: &[CameraView], outputs: &mut [OutputSet], refused: &[PathBuf]) {
+        let environment = &self.renderer.environment;
+        for k in 0..outputs[0].images.len() {
+            for (eye, set) in eyes.iter().zip(&mut *outputs) {
+                let image = &mut set.images[k];
+                if refused.iter().any(|path| path.as_os_str() == image.path.as_os_str()) {
+                    continue;
+                }
+                if image.is_shown {
+                    let viewer = std::mem::take(&mut image.shown).0.into_inner().ok().flatten();
+                    self.viewers.extend(viewer);
+                    continue;
+                }
+                let written = match image.written.take() {
+                    Some(done) => done,
+                    None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
+                };
+                match written {
+                    Ok(()) => self.report.images.push(image.path.clone()),
+                    Err(error) => {
+                        environment.reporter.error(format!("output \"{}\": {error}", image.path.display()));
+                        self.report.complete = false;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Writes what is neither image nor dump, and closes the viewers.
+    fn finish(self) -> FrameReport {
+        let Self { renderer: Renderer { environment }, shading, viewers, mut report, .. } = self;
+        let reporter = &environment.reporter;
+        if let Some(shading) = &shading {
+            report.complete &= shading.finish_texts();
+        }
+        if self.is_worker {
+            return report;
+        }
+        match environment.databases.finish(&environment.texture_path) {
+            Ok(finished) => report.databases = finished.written,
+            Err(errors) => {
+                let say = |error| reporter.error(format!("a spatial database is not written: {error}"));
+                errors.iter().for_each(say);
+                report.complete = false;
+            }
+        }
+        // Files first: a slow viewer may take its time.
+        for viewer in viewers {
+            if let Err(error) = viewer.close() {
+                let text = format!("an image is not shown whole: {error}");
+                reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+            }
+        }
+        report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
+        report
     }
 }
 
@@ -265,16 +333,12 @@ impl FrameShader for ShadingContext {
         ObjectTraits {
             opaque: object.opaque,
             opaque_in_depth: object.opaque_to_shadows,
-            holdout: match object.holdout {
-                Holdout::No => hider::Holdout::None,
-                Holdout::Matte => hider::Holdout::Matte,
-                Holdout::Shaded => hider::Holdout::Shaded,
-            },
+            holdout: object.holdout,
             displaces: object.displacement.is_some(),
             max_displacement_world: object.max_displacement_world,
             measures: object.max_displacement_world <= 0.0 && object.moves_points(),
             preshaded: object.preshaded,
-            joins: object.joins,
+            may_batch: object.may_batch,
             saves: object.saves,
         }
     }
@@ -309,7 +373,7 @@ impl FrameShader for ShadingContext {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade(object, grid, wanted);
-        // Images show where in the world surfaces are. What other points are relative to is known to the shader alone.
+        // Images show world space positions of surfaces. Only the shader knows the space of other points.
         let origin = self.camera.common_origin;
         let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
         let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));

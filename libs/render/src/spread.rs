@@ -1,69 +1,70 @@
 //! Frames whose buckets are rendered by several processes (reference 6.6.3).
 //!
-//! All processes read the same scene and cut its frames into the same buckets. One hands out the numbers of
-//! buckets and puts their pixels together; the others, its workers, render them. How they talk is not known here.
+//! All processes read the same scene and cut its frames into the same buckets. The coordinator assigns bucket
+//! indices and collects the pixels. Its workers render them. The transport is not part of this crate.
 
 use crate::bucket;
 use crate::priority::{Priority, Turns};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// The pixels of a bucket: for each image (those of an eye one after the other) its channels side by side, row by row.
+/// The pixels of a bucket: for each image (those of an eye one after the other) its interleaved channels, row by
+/// row.
 pub type BucketPixels = Vec<Vec<f32>>;
 
-/// Who renders the buckets of frames.
+/// The processes that render the buckets of frames.
 #[derive(Clone, Default)]
 pub enum Spread {
-    /// This process.
+    /// This process renders all buckets.
     #[default]
     Alone,
-    /// These workers.
+    /// These workers render the buckets.
     Over(Arc<dyn Workers>),
-    /// This process is a worker; it writes nothing.
+    /// This process is a worker, which writes no files.
     For(Arc<dyn Coordinator>),
 }
 
-/// What a worker's conversation needs from the frame.
+/// The access of a worker's connection to the buckets of the frame.
 pub trait Buckets {
-    /// The number of a bucket to be rendered. With `wait`, waits until there is one or nothing is left to do for anybody;
-    /// without, tells only of what is there at once.
+    /// Returns the index of a bucket to render. With `wait`, waits until there is one or the frame is done. Without
+    /// it, returns `None` when none is available at once.
     fn take(&self, wait: bool) -> Option<usize>;
-    /// Whether the frame needs no buckets any more: all are done, or it is being stopped.
+    /// True when the frame needs no more buckets: all are done, or it is being stopped.
     fn is_over(&self) -> bool;
-    /// The pixels of a bucket that was taken, or why the worker has none.
+    /// Stores the pixels of a bucket that was taken, or the reason why the worker has none.
     ///
     /// # Errors
-    /// What is wrong with them.
+    /// Returns a description of invalid pixels.
     fn put(&self, index: usize, pixels: Result<BucketPixels, String>) -> Result<(), String>;
 }
 
 /// Processes that render buckets for this one.
 pub trait Workers: Send + Sync {
-    /// A frame begins: how many workers there are for it.
+    /// Starts a frame. Returns the number of workers for it.
     fn begin(&self) -> usize;
-    /// Keeps a worker busy until no bucket is left. Called by a thread for each.
+    /// Gives buckets to a worker until none is left. Each worker has a thread that calls this function.
     ///
     /// # Errors
-    /// Why the worker is of no more use; what it had taken is done by others.
+    /// Returns the reason why the worker is lost. Others then render its buckets.
     fn work(&self, worker: usize, buckets: &dyn Buckets) -> Result<(), String>;
-    /// The frame is over.
+    /// Ends the frame.
     fn end(&self);
 }
 
 /// The process that this one renders buckets for.
 pub trait Coordinator: Send + Sync {
-    /// A frame begins.
+    /// Starts a frame.
     fn begin(&self);
-    /// The number of a bucket to be rendered; `None` when the frame is over. Called by several threads.
+    /// Returns the index of a bucket to render; `None` when the frame is over. Called by several threads.
     fn next(&self) -> Option<usize>;
-    /// The pixels of a bucket, or why there are none.
+    /// Sends the pixels of a bucket, or the reason why there are none.
     fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>);
 }
 
-/// How long a stop may go unseen.
+/// The largest delay until a stop is noticed.
 const GLANCE: Duration = Duration::from_millis(100);
 
-/// Buckets of a frame that are not done.
+/// The buckets of a frame that are not done.
 pub(crate) struct Queue {
     state: Mutex<State>,
     changed: Condvar,
@@ -71,9 +72,9 @@ pub(crate) struct Queue {
 
 struct State {
     waiting: Turns,
-    /// Taken by somebody.
+    /// The number of taken buckets.
     taken: usize,
-    /// Those that no worker could render.
+    /// The buckets that no worker could render.
     failed: Vec<usize>,
 }
 
@@ -87,7 +88,7 @@ impl Queue {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// As [`Buckets::take`].
+    /// Takes a bucket as [`Buckets::take`] does.
     pub(crate) fn take(
         &self,
         wait: bool,
@@ -107,18 +108,18 @@ impl Queue {
             if !wait || state.taken == 0 {
                 return None;
             }
-            // Whoever stops a frame does not tell here.
+            // A stop of the frame does not notify this condition.
             (state, _) = self.changed.wait_timeout(state, GLANCE).unwrap_or_else(PoisonError::into_inner);
         }
     }
 
-    /// Whether no bucket is waiting or taken.
+    /// True when no bucket is waiting or taken.
     pub(crate) fn is_done(&self) -> bool {
         let state = self.state();
         state.taken == 0 && state.waiting.is_empty()
     }
 
-    /// A bucket that was taken is done; `failed`: not by a worker.
+    /// Marks a taken bucket as done. `failed` is true when the worker could not render it.
     pub(crate) fn finish(&self, index: usize, failed: bool) {
         let mut state = self.state();
         state.taken -= 1;
@@ -129,7 +130,7 @@ impl Queue {
         self.changed.notify_all();
     }
 
-    /// Buckets that were taken in vain are there again.
+    /// Returns buckets that were taken but not rendered.
     pub(crate) fn give_back(&self, indices: &[usize]) {
         let mut state = self.state();
         state.taken -= indices.len();
@@ -138,7 +139,7 @@ impl Queue {
         self.changed.notify_all();
     }
 
-    /// What nobody rendered, in order.
+    /// Returns the buckets that were not rendered, in order.
     pub(crate) fn left(self) -> Vec<usize> {
         let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut left: Vec<usize> = state.waiting.left().chain(state.failed).collect();

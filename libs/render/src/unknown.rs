@@ -1,17 +1,18 @@
-//! Variables of outputs that no shader of the scene gives.
+//! Finds output variables that no shader of the scene computes.
 
 use crate::ShaderLibrary;
-use crate::object::DEFAULT_SURFACE;
 use granita_base::{BaseType, Location, ParamType, Reporter, Severity, suggestion};
 use granita_gsl::ir::{Global, Module};
 use granita_scene::{Scene, ShaderGroup};
+use granita_shading::DEFAULT_SURFACE;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Warns about outputs of variables that are neither globals nor output parameters of a surface or volume shader of
-/// the scene: their images will be black. Says which name is the nearest, or which type a parameter of the name has.
+/// the scene. Their images will be black. The message names the most similar name, or the type of a parameter of
+/// that name.
 ///
-/// Loads the shaders of the scene, as rendering will; only when an output shows a variable.
+/// Loads the shaders of the scene, as rendering will, but only when an output shows a variable.
 pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Reporter) {
     let mut asked = Vec::new();
     for output in &scene.outputs {
@@ -57,14 +58,14 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Given {
     name: String,
-    /// As declared, spelled as `color[2]`.
+    /// The declared type, spelled as `color[2]`.
     ty: String,
     output: bool,
     shader: String,
 }
 
 impl Given {
-    /// True when it can be shown as data of this type: arrays of variable length have any.
+    /// True when it can be shown as data of this type. Arrays of variable length match any length.
     fn fits(&self, ty: ParamType) -> bool {
         let wanted = ParamType { array: ty.array, ..ParamType::of(ty.base) }.to_string();
         let base = |text: &str| text.split('[').next().unwrap_or("").to_owned();
@@ -82,7 +83,7 @@ fn is_global(ty: ParamType, name: &str) -> bool {
         && Global::ALL.iter().any(|g| g.word() == name && g.value_type().components() == components)
 }
 
-/// The parameters of all surface and volume shaders of a scene.
+/// Returns the parameters of all surface and volume shaders of a scene.
 fn given(scene: &Scene, library: &dyn ShaderLibrary) -> BTreeSet<Given> {
     let mut seen: BTreeSet<*const ShaderGroup> = BTreeSet::new();
     let mut names: BTreeSet<Arc<str>> = BTreeSet::new();

@@ -1,5 +1,5 @@
-//! The attribute table: one row per attribute of reference chapter 4. Defaults, types and scopes come from here and from
-//! nowhere else; programs ask for attributes by the keys of [`attr`], never by their names.
+//! The attribute table, with one row for each attribute of reference chapter 4. It is the only source of defaults,
+//! types and scopes. Programs access attributes by the keys of [`attr`], never by their names.
 
 mod key;
 mod table;
@@ -7,7 +7,7 @@ mod table;
 pub use key::{AttributeValue, Key, scope};
 pub use table::TABLE;
 
-/// The key of every attribute.
+/// The keys of all attributes.
 pub mod attr {
     pub use super::table::*;
 }
@@ -16,27 +16,27 @@ use granita_base::{Param, ParamData, ParamType};
 use rustc_hash::FxHashMap;
 use std::sync::{Arc, LazyLock};
 
-/// What an attribute belongs to.
+/// The kind of object that an attribute belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Scope {
-    /// A camera (4.1): parameter of `Camera`, or `Attribute` before the next one.
+    /// A camera (4.1). The attribute is a parameter of `Camera`, or set by `Attribute` before the next one.
     Camera,
-    /// An image (4.2): parameter of `Output`.
+    /// An image (4.2). The attribute is a parameter of `Output`.
     Output,
-    /// The whole scene (4.3): `Attribute` before `World`.
+    /// The whole scene (4.3). The attribute is set by `Attribute` before `World`.
     Global,
-    /// Each object (4.4): `Attribute` at any time, saved and restored with the state.
+    /// Each object (4.4). The attribute is set by `Attribute` at any time, and saved and restored with the state.
     Object,
-    /// Controls writers of scene files (4.3.12), ignored by a renderer; `Attribute` at any time.
+    /// Writers of scene files (4.3.12). A renderer ignores the attribute. It is set by `Attribute` at any time.
     Writer,
-    /// Can be asked for, not set (4.3.10, 4.4.1).
+    /// Read-only values, which can be queried but not set (4.3.10, 4.4.1).
     ReadOnly,
 }
 
-/// Default value of an attribute.
+/// The default value of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DefaultValue {
-    /// None: the attribute is absent until set.
+    /// There is no default. The attribute is absent until it is set.
     Unset,
     /// Floats, also of colours.
     Floats(&'static [f32]),
@@ -44,40 +44,40 @@ pub enum DefaultValue {
     Ints(&'static [i32]),
     /// A string.
     Text(&'static str),
-    /// The first of these strings; no other is taken.
+    /// The first of these strings. No others are accepted.
     OneOf(&'static [&'static str]),
 }
 
-/// What comes of setting an attribute.
+/// The effect of setting an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// What the reference says.
+    /// The effect that the reference describes.
     Full,
-    /// Nothing, and nothing is missing: it tunes how the work is done, and this renderer needs no tuning there.
+    /// There is no effect. The attribute tunes how the work is done, and this renderer needs no tuning there.
     Hint,
 }
 
-/// One attribute.
+/// An attribute of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct AttributeRow {
-    /// Its name, without a declaration.
+    /// The name, without a declaration.
     pub name: &'static str,
-    /// Its type; values of any numeric type are converted to it.
+    /// The type. Values of any numeric type are converted to it.
     pub ty: ParamType,
-    /// Its value when nobody sets it.
+    /// The value when it is not set.
     pub default: DefaultValue,
-    /// What it belongs to.
+    /// The kind of object that it belongs to.
     pub scope: Scope,
-    /// Section of the reference.
+    /// The section of the reference.
     pub section: &'static str,
-    /// What it does, in one line.
+    /// A description in one line.
     pub help: &'static str,
-    /// What comes of setting it.
+    /// The effect of setting it.
     pub effect: Effect,
 }
 
 impl AttributeRow {
-    /// The default as a parameter; `None` when there is none.
+    /// Returns the default as a parameter; `None` when there is none.
     pub fn default_param(&self) -> Option<Param> {
         let data = match self.default {
             DefaultValue::Unset => return None,
@@ -89,7 +89,7 @@ impl AttributeRow {
         Some(Param { name: self.name.into(), ty: self.ty, data })
     }
 
-    /// The strings that it may take; empty for any.
+    /// Returns the strings that it accepts; empty for any.
     pub fn words(&self) -> &'static [&'static str] {
         match self.default {
             DefaultValue::OneOf(words) => words,
@@ -97,18 +97,18 @@ impl AttributeRow {
         }
     }
 
-    /// Whether it takes a list of strings that grows with every call.
+    /// True when its value is a list of strings that grows with every call.
     pub fn is_list(&self) -> bool {
         self.name.starts_with("spatialdb:")
     }
 
-    /// The declaration, as `"int[2] resolution"`.
+    /// Returns the declaration, such as `"int[2] resolution"`.
     pub fn declaration(&self) -> String {
         format!("{} {}", self.ty, self.name)
     }
 }
 
-/// Other spellings in use, and the row that each means.
+/// Alternative spellings in use, and the row of each.
 const ALIASES: &[(&str, &str)] = &[
     ("ray:opaquesadows", "ray:opaqueshadows"),
     ("texture:subtexture", "texture:substtexture"),
@@ -118,14 +118,14 @@ const ALIASES: &[(&str, &str)] = &[
     ("versionstring", "renderer:versionstring"),
 ];
 
-/// What is known of a row beside the table: its name and default, to be shared.
+/// A row with its name and default in shared form.
 #[derive(Clone, Debug)]
 pub(crate) struct Known {
-    /// The row.
+    /// The row of the table.
     pub(crate) row: &'static AttributeRow,
-    /// Its name.
+    /// The name.
     pub(crate) name: Arc<str>,
-    /// Its default, if it has one.
+    /// The default, if it has one.
     pub(crate) default: Option<Param>,
 }
 
@@ -144,22 +144,22 @@ static INDEX: LazyLock<FxHashMap<&'static str, Known>> = LazyLock::new(|| {
     rows
 });
 
-/// What is known of an attribute, also by another spelling that is in use.
+/// Returns the data of an attribute, also for an alternative spelling.
 pub(crate) fn known(name: &str) -> Option<&'static Known> {
     INDEX.get(name)
 }
 
-/// The row of an attribute, also by another spelling that is in use.
+/// Returns the row of an attribute, also for an alternative spelling.
 pub fn attribute_row(name: &str) -> Option<&'static AttributeRow> {
     known(name).map(|known| known.row)
 }
 
-/// The default of an attribute as a parameter; `None` for an unknown name or one without a default.
+/// Returns the default of an attribute as a parameter; `None` for an unknown name or one without a default.
 pub fn attribute_default(name: &str) -> Option<Param> {
     known(name)?.default.clone()
 }
 
-/// The value of `name` that was set, or its default from the table.
+/// Returns the value of `name` that was set, or its default from the table.
 pub(crate) fn lookup(set: Option<&Param>, name: &str) -> Option<Param> {
     set.cloned().or_else(|| attribute_default(name))
 }

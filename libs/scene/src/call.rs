@@ -1,7 +1,7 @@
 //! Every call of the scene interface (reference chapter 2) as one value.
 //!
-//! Readers, generators and bindings produce calls; the renderer, the Pyg writer and recorders
-//! consume them. Nothing else describes a scene.
+//! Readers, generators and bindings produce calls. The renderer, the Pyg writer and recorders receive them. There is
+//! no other description of a scene.
 
 use granita_base::{Location, Param, Params, ShapeDesc, TrimDesc};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// Sixteen numbers, row by row.
 pub type Matrix = [f32; 16];
 
-/// What `SetTransform` sets the current transformation to.
+/// The target of `SetTransform`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TransformTarget {
     /// A matrix relative to camera space (before `World`) or world space.
@@ -18,7 +18,7 @@ pub enum TransformTarget {
     Named(Arc<str>),
 }
 
-/// One call. Parameters that a call takes from the pending list travel in it.
+/// One call. Parameters that a call takes from the pending list are part of it.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs, reason = "fields carry the argument names of the reference")]
 pub enum Call {
@@ -69,7 +69,7 @@ pub enum Call {
         params: Params,
     },
     Comment(Arc<str>),
-    /// `name` is `None` to clear the usage.
+    /// A shader. `name` is `None` to clear the usage.
     Shader {
         usage: Arc<str>,
         name: Option<Arc<str>>,
@@ -84,7 +84,7 @@ pub enum Call {
         target_layer: Arc<str>,
         target: Arc<str>,
     },
-    /// `shader` is `None` (or "null") to remove the light.
+    /// A light. `shader` is `None` (or "null") to remove the light.
     Light {
         id: Arc<str>,
         shader: Option<Arc<str>>,
@@ -99,9 +99,9 @@ pub enum Call {
         shape: Box<ShapeDesc>,
         params: Params,
     },
-    /// `None` turns trimming off.
+    /// Trim curves. `None` turns trimming off.
     TrimCurve(Option<Box<TrimDesc>>),
-    /// A scene file, generator or program; with a bound it may be read later or never.
+    /// A scene file, generator or program. With a bound it may be read later or never.
     Input {
         command: Arc<str>,
         bound: Option<[f32; 6]>,
@@ -109,7 +109,7 @@ pub enum Call {
 }
 
 impl Call {
-    /// The name of the call in the scene interface.
+    /// Returns the name of the call in the scene interface.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Parameter(_) => "Parameter",
@@ -146,41 +146,44 @@ impl Call {
     }
 }
 
-/// Whatever takes a stream of calls: the live state, the Pyg writer, a recorder.
+/// A receiver of a stream of calls: the live state, the Pyg writer, or a recorder.
 pub trait SceneSink {
-    /// Takes one call made at `at`. Mistakes of the scene are reported by the sink itself and are no
-    /// error; an `Err` means that going on is pointless (a closed pipe, an aborted frame).
+    /// Receives one call that was made at `at`. The sink itself reports errors of the scene and returns `Ok` for
+    /// them.
+    ///
+    /// # Errors
+    /// [`Stop`] when no further call has an effect (a closed pipe, an aborted frame).
     fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop>;
 
-    /// Whether `World` was called: geometry is taken from then on, and cameras no longer. `true` for receivers that do
-    /// not follow the state.
+    /// True when `World` was called. Geometry is accepted from then on, and cameras are not. Receivers that do not
+    /// follow the state return `true`.
     fn in_world(&self) -> bool {
         true
     }
 
-    /// Begins another frame after `Render`, with nothing but the scene-wide attributes kept. `false` where one frame is
-    /// all that is taken, or none was rendered.
+    /// Begins another frame after `Render` and keeps only the scene-wide attributes. Returns `false` when only one
+    /// frame is accepted, or none was rendered.
     fn new_frame(&mut self) -> bool {
         false
     }
 
-    /// The value of an attribute in the current state, for `GetAttribute`; `None` when there is none.
+    /// Returns the value of an attribute in the current state, for `GetAttribute`; `None` when there is none.
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let _ = declaration;
         None
     }
 }
 
-/// Why a stream of calls ended early.
+/// The reason why a stream of calls ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum Stop {
-    /// `Command ("exit")`.
+    /// The command `Command ("exit")`.
     #[error("stopped by the scene's own request")]
     Exit,
-    /// Output that cannot be written.
+    /// Output could not be written.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// Anything else, already told to the user.
+    /// Any other reason, which was already reported.
     #[error("{0}")]
     Failed(String),
 }

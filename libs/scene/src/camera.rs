@@ -3,27 +3,27 @@
 use crate::{Camera, attr};
 use granita_base::Transform;
 
-/// The "screen" window of a frame of so many pixels, where "screen" is not set: y from -1 to 1, x by the number of pixels
-/// across and down (reference 4.1). "pixelaspect" does not count.
+/// Returns the "screen" window of a frame of so many pixels, when "screen" is not set. y runs from -1 to 1, and x
+/// follows from the numbers of pixels across and down (reference 4.1). "pixelaspect" has no effect.
 pub(crate) fn default_window(resolution: [f32; 2]) -> [f32; 4] {
     let aspect = resolution[0].max(1.0) / resolution[1].max(1.0);
     [-aspect, aspect, -1.0, 1.0]
 }
 
 impl Camera {
-    /// Width and height of the full image in pixels, at least 1.
+    /// Returns the width and height of the full image in pixels, at least 1.
     pub fn resolution(&self) -> [u32; 2] {
         self.get(attr::RESOLUTION).map(|n| n.max(1) as u32)
     }
 
-    /// `xmin xmax ymin ymax` of the image in "screen" space; from the frame's shape when not set.
+    /// Returns `xmin xmax ymin ymax` of the image in "screen" space. The default follows from the shape of the frame.
     pub fn screen_window(&self) -> [f32; 4] {
         self.get(attr::SCREEN).unwrap_or_else(|| default_window(self.resolution().map(|n| n as f32)))
     }
 
-    /// "camera" to "screen" space: projected, z running from 0 at "near" to 1 at "far".
+    /// Returns the transform from "camera" to "screen" space. It projects, and z runs from 0 at "near" to 1 at "far".
     ///
-    /// The edge of the vertical field of view of a perspective camera comes to y = 1.
+    /// The edge of the vertical field of view of a perspective camera is at y = 1.
     pub fn camera_to_screen(&self) -> Transform {
         let near = self.get(attr::NEAR);
         let far = self.get(attr::FAR);
@@ -48,7 +48,7 @@ impl Camera {
         ]);
     }
 
-    /// "camera" to "NDC" space: (0, 0) upper left, (1, 1) lower right.
+    /// Returns the transform from "camera" to "NDC" space: (0, 0) upper left, (1, 1) lower right.
     pub fn camera_to_ndc(&self) -> Transform {
         let [xmin, xmax, ymin, ymax] = self.screen_window();
         let (w, h) = (xmax - xmin, ymin - ymax);
@@ -62,7 +62,7 @@ impl Camera {
         self.camera_to_screen().then(&window)
     }
 
-    /// "camera" to "raster" space: pixels, (0, 0) upper left.
+    /// Returns the transform from "camera" to "raster" space: pixels, (0, 0) upper left.
     pub fn camera_to_raster(&self) -> Transform {
         let [x, y] = self.resolution();
         self.camera_to_ndc().then(&Transform::scale(granita_base::Vec3::new(x as f32, y as f32, 1.0)))

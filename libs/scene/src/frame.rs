@@ -1,20 +1,21 @@
-//! What the state machine asks of the renderer behind it.
+//! The interface of the state machine to the renderer.
 
 use crate::{AttributeSet, Scene, SceneSink, Stop};
 use granita_base::{Location, Param, Params};
 use std::sync::Arc;
 
-/// Reads a scene file, a generator's calls or a program's output into a sink. It is a value of its own so that an
+/// Reads a scene file, a generator's calls or a program's output into a sink. It is a separate value, so that an
 /// `Input` with a bound can be read later, and so that one `Input` may contain others.
 pub type InputReader = Box<dyn FnOnce(&mut dyn SceneSink) -> Result<(), Stop> + Send>;
 
-/// What the name of an `Input` turned out to be; made by [`FrameRenderer::input`].
+/// The result of resolving the name of an `Input`, made by [`FrameRenderer::input`].
 pub struct FoundInput {
-    /// Tells it from others: what names the same thing again while it is being read would never end.
+    /// An identifier of the input. An input that contains itself is detected by it, because reading it would never
+    /// end.
     pub identity: Arc<str>,
-    /// The bound that the generator itself knows: xmin, xmax, ymin, ymax, zmin, zmax in the space of the call.
+    /// The bound that the generator provides: xmin, xmax, ymin, ymax, zmin, zmax in the space of the call.
     pub bound: Option<[f32; 6]>,
-    /// Opens and reads it. Nothing is opened, and no program is started, before.
+    /// Opens and reads the input. Nothing is opened, and no program is started, before.
     pub reader: InputReader,
 }
 
@@ -24,38 +25,47 @@ impl std::fmt::Debug for FoundInput {
     }
 }
 
-/// Where inputs are looked for, as the scene set it: `&` resolved, variables not.
+/// The search paths of inputs, as set by the scene: `&` is resolved, variables are not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct InputPaths<'a> {
-    /// "path:input".
+    /// The attribute "path:input".
     pub input: &'a str,
-    /// "path:generator".
+    /// The attribute "path:generator".
     pub generator: &'a str,
 }
 
-/// An `Input` with a bound that was not read yet.
+/// An `Input` with a bound that is not read yet.
 #[derive(Clone, Debug)]
-pub struct UnreadInput {
-    /// xmin, xmax, ymin, ymax, zmin, zmax in the space of the call.
+pub struct DeferredInput {
+    /// The bound: xmin, xmax, ymin, ymax, zmin, zmax in the space of the call.
     pub bound: [f32; 6],
     /// The state at the call.
     pub attributes: Arc<AttributeSet>,
 }
 
-/// The other side of [`crate::State`]: makes pictures, executes commands, finds inputs.
+/// The renderer behind [`crate::State`]. It makes images, executes commands and finds inputs.
 pub trait FrameRenderer: Send {
-    /// Renders a finished scene and returns when the images are written. `camera` is the name given to
-    /// `Render`, always one of `scene.cameras`; `None` renders every camera that has outputs.
+    /// Renders a finished scene and returns when the images are written. `camera` is the name given to `Render`,
+    /// always one of `scene.cameras`. `None` renders every camera that has outputs.
     ///
-    /// Failures are reported by the renderer itself; `Err` ends the stream of calls.
+    /// The renderer itself reports failures. `Err` ends the stream of calls.
+    ///
+    /// # Errors
+    /// [`Stop`] when no further call has an effect.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop>;
 
-    /// Executes a command (reference 4.5) other than "exit". `name` is the whole argument of `Command`,
-    /// with what follows the first word (`"system maketx a.tif a.tx"`). Returns whether the command is known.
+    /// Executes a command (reference 4.5) other than "exit". `name` is the whole argument of `Command`, including the
+    /// text after the first word (`"system maketx a.tif a.tx"`). Returns whether the command exists.
+    ///
+    /// # Errors
+    /// [`Stop`] when no further call has an effect.
     fn command(&mut self, name: &str, params: &Params, at: &Location) -> Result<bool, Stop>;
 
-    /// Finds what an `Input` names: a file, a generator with its argument, `"pyg << text"`, `"pyg < program"`. `None`
-    /// when there is no such thing, which the implementation has reported.
+    /// Finds the input that an `Input` names: a file, a generator with its argument, `"pyg << text"`, or
+    /// `"pyg < program"`. Returns `None` when it does not exist, which the implementation has reported.
+    ///
+    /// # Errors
+    /// [`Stop`] when no further call has an effect.
     fn input(
         &mut self,
         command: &str,
@@ -63,20 +73,20 @@ pub trait FrameRenderer: Send {
         at: &Location,
     ) -> Result<Option<FoundInput>, Stop>;
 
-    /// Which of the inputs that were put off may be seen, or met by a ray, when `scene` is rendered as it is so far: one
-    /// answer each, `true` when in doubt. Asked again after those are read.
-    fn needed(&mut self, scene: &Arc<Scene>, unread: &[UnreadInput]) -> Vec<bool> {
+    /// Returns for each deferred input whether it may be visible, or hit by a ray, when `scene` is rendered in its
+    /// current form; `true` when in doubt. It is called again after these inputs are read.
+    fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         let _ = scene;
         vec![true; unread.len()]
     }
 
-    /// Told of every scene-wide attribute as it is set (checked and converted), for those that work at
-    /// once, as "verbosity".
+    /// Receives every scene-wide attribute when it is set (checked and converted), for attributes that apply at once,
+    /// such as "verbosity".
     fn attribute(&mut self, param: &Param) {
         let _ = param;
     }
 
-    /// Values that only the renderer knows, as "render:progress".
+    /// Returns a value that only the renderer can compute, such as "render:progress".
     fn query(&self, name: &str) -> Option<Param> {
         let _ = name;
         None

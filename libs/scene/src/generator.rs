@@ -1,56 +1,56 @@
-//! Generators: whatever makes scene calls out of a file, a program's output or a string (reference 2.9, 12).
+//! Generators, which make scene calls from a file, the output of a program or a string (reference 2.9, 12).
 
 use crate::{SceneSink, Stop};
 use granita_base::{Files, Reporter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a generator reads.
+/// The source of a generator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum GeneratorSource {
-    /// A file; for a generator called by its name, whatever follows the name.
+    /// A file. For a generator that is called by its name, it is the argument after the name.
     File {
-        /// Its name.
+        /// The path of the file.
         path: PathBuf,
-        /// Opens it, and what it names.
+        /// Opens the file and the files that it names.
         files: Files,
     },
-    /// Bytes with a name for messages: a program's output, `name << text`, a bundled file.
+    /// Bytes with a name for messages: the output of a program, `name << text`, or a bundled file.
     Bytes {
-        /// Stands for the bytes in messages.
+        /// The name of the bytes in messages.
         name: String,
         /// The whole contents.
         bytes: Arc<[u8]>,
-        /// Opens what they name.
+        /// Opens the files that the bytes name.
         files: Files,
     },
 }
 
 impl GeneratorSource {
-    /// A file that the process may open.
+    /// Returns a file that the process may open.
     pub fn file(path: impl Into<PathBuf>) -> Self {
         Self::File { path: path.into(), files: Files::default() }
     }
 
-    /// Bytes under a name for messages.
+    /// Returns bytes with a name for messages.
     pub fn bytes(name: impl Into<String>, bytes: impl Into<Arc<[u8]>>) -> Self {
         Self::Bytes { name: name.into(), bytes: bytes.into(), files: Files::default() }
     }
 
-    /// The same, opened by `files`, as is what it names.
+    /// Returns the same source, opened by `files`, which also opens the files that it names.
     pub fn with_files(mut self, by: &Files) -> Self {
         let (Self::File { files, .. } | Self::Bytes { files, .. }) = &mut self;
         *files = by.clone();
         self
     }
 
-    /// What opens it, and what it names.
+    /// Returns the opener of the source and of the files that it names.
     pub fn files(&self) -> &Files {
         let (Self::File { files, .. } | Self::Bytes { files, .. }) = self;
         files
     }
 
-    /// What messages call it.
+    /// Returns the name of the source in messages.
     pub fn name(&self) -> String {
         match self {
             Self::File { path, .. } => path.display().to_string(),
@@ -58,7 +58,7 @@ impl GeneratorSource {
         }
     }
 
-    /// The folder that relative names inside of the file start from; `None` for bytes.
+    /// Returns the folder in which relative names inside of the file start; `None` for bytes.
     pub fn folder(&self) -> Option<&Path> {
         match self {
             Self::File { path, .. } => path.parent(),
@@ -67,50 +67,51 @@ impl GeneratorSource {
     }
 }
 
-/// Why a generator gave up. Mistakes that it can go on after are reported instead, with their place.
+/// The reason why a generator ended early. Errors after which it can continue are reported with their location
+/// instead.
 #[derive(Debug, thiserror::Error)]
 pub enum GeneratorError {
     /// The source cannot be read.
     #[error("{name}: {source}")]
     Io {
-        /// What was read.
+        /// The source.
         name: String,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The source is not what it claims to be; begins with the name, and the line where there is one.
+    /// The source is malformed. The text begins with the name, and the line if there is one.
     #[error("{0}")]
     Malformed(String),
-    /// The source uses something that the generator does not know.
+    /// The source uses a feature that the generator does not support.
     #[error("{0}")]
     Unsupported(String),
-    /// The receiver of the calls wants no more.
+    /// The receiver accepts no more calls.
     #[error(transparent)]
     Stopped(#[from] Stop),
 }
 
-/// One kind of source. Implementations are streams: what they hold does not grow with the file, except for what one
-/// call must carry whole.
+/// A generator for one kind of source. Implementations are streams. Their memory does not grow with the file, except
+/// for the data of a single call.
 pub trait Generator: Send + Sync {
-    /// Its name in `Input ("name argument")`; in lower case.
+    /// Returns its name in `Input ("name argument")`, in lower case.
     fn name(&self) -> &'static str;
 
-    /// The endings, in lower case and without the first dot, of the files that belong to it: "obj", "rib.gz".
+    /// Returns the extensions of its files, in lower case and without the first dot: "obj", "rib.gz".
     fn extensions(&self) -> &'static [&'static str];
 
-    /// Whether its sources are whole scenes, with a camera, `World` and `Render`, rather than objects for a scene.
+    /// True when its sources are whole scenes, with a camera, `World` and `Render`, instead of objects for a scene.
     fn makes_frames(&self) -> bool {
         false
     }
 
-    /// Where everything lies that `source` describes, in the space of the `Input` call: xmin, xmax, ymin, ymax, zmin,
-    /// zmax; `None` when that is not known without reading it all.
+    /// Returns the bound of everything in `source`, in the space of the `Input` call: xmin, xmax, ymin, ymax, zmin,
+    /// zmax. `None` when it cannot be determined without reading everything.
     fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
         let _ = source;
         None
     }
 
-    /// Makes the calls that `source` stands for. Calls carry the place in the source that they come from.
+    /// Makes the calls of `source`. Calls have the location in the source from which they come.
     ///
     /// # Errors
     /// See [`GeneratorError`].
@@ -135,24 +136,24 @@ impl std::fmt::Debug for GeneratorRegistry {
 }
 
 impl GeneratorRegistry {
-    /// Adds one; a later one of the same name or ending wins.
+    /// Adds a generator. Of two with the same name or extension the later one is used.
     pub fn add(&mut self, generator: Arc<dyn Generator>) {
         self.all.push(generator);
     }
 
-    /// The generator called `name`.
+    /// Returns the generator called `name`.
     pub fn by_name(&self, name: &str) -> Option<&Arc<dyn Generator>> {
         self.all.iter().rev().find(|g| g.name() == name)
     }
 
-    /// The generator that the ending of `path` belongs to, whatever its case.
+    /// Returns the generator for the extension of `path`, ignoring case.
     pub fn by_extension(&self, path: &Path) -> Option<&Arc<dyn Generator>> {
         let name = path.file_name()?.to_str()?.to_ascii_lowercase();
         let ends = |extension: &&str| name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.'));
         self.all.iter().rev().find(|g| g.extensions().iter().any(ends))
     }
 
-    /// All of them, in the order in which they were added.
+    /// Returns all generators, in the order in which they were added.
     pub fn iter(&self) -> impl Iterator<Item = &Arc<dyn Generator>> {
         self.all.iter()
     }

@@ -1,20 +1,21 @@
-//! The scene interface: its calls as data, the attribute state, the finished scene.
+//! The scene interface: its calls as data, the attribute state, and the finished scene.
 //!
-//! Readers, generators and bindings produce [`Call`]s; whatever takes them is a [`SceneSink`]: the live
-//! [`State`], the Pyg writer, a recorder. [`State`] is the graphics state machine of reference chapter 2. At
-//! `Render` it freezes everything into an immutable [`Scene`] and hands it to a [`FrameRenderer`].
+//! Readers, generators and bindings produce [`Call`]s. A receiver of calls is a [`SceneSink`]: the live [`State`],
+//! the Pyg writer, or a recorder. [`State`] is the graphics state machine of reference chapter 2. At `Render` it
+//! freezes everything into an immutable [`Scene`] and passes it to a [`FrameRenderer`].
 //!
-//! Invariants of a [`Scene`]: all transformations lead to world space; there is at least one camera and one
-//! output; every [`LightId`] is an index into its lights; positions are finite; parameters have the data
-//! that their types declare (how many items a primitive needs is checked by `geom`). Attribute names and
-//! types are those of the table in [`attribute`], the only place where a default stands.
+//! The invariants of a [`Scene`] are these. All transformations lead to world space. There is at least one camera and
+//! one output. Every [`LightId`] is an index into its lights. Positions are finite. Parameters have the data that
+//! their types declare (`geom` checks the number of items that a primitive needs). Attribute names and types are
+//! those of the table in [`attribute`], the only place that defines defaults.
 //!
-//! Mistakes of a scene are told once per cause, with file, line and object name, and the call is ignored or
-//! taken as far as it makes sense; no sequence of calls panics. Deliberately absent: file formats, shaders
-//! and their parameters, pictures.
+//! Errors of a scene are reported once per cause, with file, line and object name. The call is then ignored or
+//! applied as far as possible. No sequence of calls panics. File formats, shaders and their parameters, and images
+//! are deliberately absent.
 //!
-//! An `Input` with a bound is put off: the state at the call is kept, and at `Render` the [`FrameRenderer`] says which
-//! of them may be needed; those are read then, in the place of the call, and leave no traces in the state.
+//! An `Input` with a bound is deferred. The state at the call is kept, and at `Render` the [`FrameRenderer`]
+//! determines which deferred inputs may be needed. These are then read in the place of the call and do not change the
+//! state.
 //!
 //! ```
 //! use granita_base::{Location, Param, Params, Reporter, ShapeDesc};
@@ -64,11 +65,11 @@ mod values;
 
 pub use attribute::{attr, attribute_default, attribute_row};
 pub use call::{Call, Matrix, SceneSink, Stop, TransformTarget};
-pub use frame::{FoundInput, FrameRenderer, InputPaths, InputReader, UnreadInput};
+pub use frame::{DeferredInput, FoundInput, FrameRenderer, InputPaths, InputReader};
 pub use generator::{Generator, GeneratorError, GeneratorRegistry, GeneratorSource};
 pub use lights::{LightId, LightSet};
 pub use scene::{
-    AttributeSet, Camera, Connection, InputCounts, Light, Output, Primitive, Scene, ShaderGroup,
+    AttributeSet, Camera, Connection, Holdout, InputCounts, Light, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
 pub use state::{State, predeclared, version_attribute};

@@ -1,23 +1,23 @@
-//! Lights by number, and sets of them.
+//! Light indices, and sets of them.
 
 use rpds::RedBlackTreeSetSync;
 
-/// Index into [`Scene::lights`](crate::Scene::lights).
+/// An index into [`Scene::lights`](crate::Scene::lights).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct LightId(pub u32);
 
-/// The lights that shine on an object, in the order of declaration. A copy shares its memory with the original, as that of
-/// [`Values`](crate::Values) does.
+/// The lights that illuminate an object, in the order of declaration. A copy shares its memory with the original,
+/// like a copy of [`Values`](crate::Values).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightSet(RedBlackTreeSetSync<LightId>);
 
 impl LightSet {
-    /// Whether a light is among them.
+    /// True when a light is in the set.
     pub fn contains(&self, light: LightId) -> bool {
         self.0.contains(&light)
     }
 
-    /// Adds a light or takes it out.
+    /// Adds or removes a light.
     pub fn switch(&mut self, light: LightId, on: bool) {
         if on {
             self.0.insert_mut(light);
@@ -26,7 +26,7 @@ impl LightSet {
         }
     }
 
-    /// All of them, in the order of declaration.
+    /// Returns all lights, in the order of declaration.
     pub fn iter(&self) -> impl Iterator<Item = LightId> {
         self.0.iter().copied()
     }
@@ -36,7 +36,7 @@ impl LightSet {
         self.0.size()
     }
 
-    /// Whether there is none.
+    /// True when there are no lights.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -1,21 +1,21 @@
-//! Attributes by name, of which states that differ in few share the others.
+//! Attributes by name. States that differ in few attributes share the others.
 
 use granita_base::Param;
 use rpds::RedBlackTreeMapSync;
 use std::sync::Arc;
 
-/// Attributes by name, in the order of names. A copy shares its memory with the original: changing one attribute of a copy
-/// costs as much as there are steps to it in a tree, however many attributes there are.
+/// Attributes by name, in the order of names. A copy shares its memory with the original. Changing one attribute of a
+/// copy costs the depth of a tree, whatever the number of attributes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Values(RedBlackTreeMapSync<Arc<str>, Param>);
 
 impl Values {
-    /// The attribute of this name.
+    /// Returns the attribute of this name.
     pub fn get(&self, name: &str) -> Option<&Param> {
         self.0.get(name)
     }
 
-    /// The attribute of this name, and the name as it is kept.
+    /// Returns the attribute of this name, and the name as it is stored.
     pub fn get_key_value(&self, name: &str) -> Option<(&Arc<str>, &Param)> {
         self.0.get_key_value(name)
     }
@@ -25,17 +25,17 @@ impl Values {
         self.0.insert_mut(name, value);
     }
 
-    /// Takes an attribute out; whether it was there.
+    /// Removes an attribute. Returns whether it existed.
     pub fn remove(&mut self, name: &str) -> bool {
         self.0.remove_mut(name)
     }
 
-    /// All of them, in the order of names.
+    /// Returns all attributes, in the order of names.
     pub fn iter(&self) -> impl Iterator<Item = (&Arc<str>, &Param)> {
         self.0.iter()
     }
 
-    /// Keeps those of which `keep` says so.
+    /// Removes the attributes for which `keep` returns false.
     pub fn retain(&mut self, keep: impl Fn(&str) -> bool) {
         let gone: Vec<Arc<str>> = self.0.keys().filter(|name| !keep(name)).cloned().collect();
         gone.iter().for_each(|name| {
@@ -76,7 +76,7 @@ mod tests {
         }
         assert_eq!(copies[9].iter().count(), 10);
         assert_eq!(all.iter().count(), 1000);
-        // What two neighbours have in common is one piece of memory.
+        // The common part of two neighbours is stored once.
         let shared = (0..999).filter(|i| {
             let name = format!("user:a{i}");
             let (a, b) = (copies[998].get(&name), all.get(&name));

@@ -1,4 +1,4 @@
-//! Every attribute of the reference's list: set, asked for, saved, restored, put back, refused.
+//! Tests that every attribute of the reference's list is set, queried, saved, restored, reset and rejected correctly.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::{BaseType, Location, Param, ParamData, ParamType, Params, Reporter};
@@ -50,14 +50,14 @@ impl Run {
         Some(found.data)
     }
 
-    /// What was said since the last time.
+    /// Returns the messages since the last call.
     fn said(&self) -> Vec<String> {
         let said = std::mem::take(&mut *self.said.lock().unwrap());
         said.iter().map(ToString::to_string).collect()
     }
 }
 
-/// The rows of the list: scope, type and name, default ("-" for none).
+/// Returns the rows of the list: scope, type and name, default ("-" for none).
 fn list() -> Vec<(&'static str, &'static AttributeRow, &'static str)> {
     let lines = include_str!("data/attributes.tsv").lines();
     let rows = lines.map(|line| {
@@ -71,7 +71,7 @@ fn list() -> Vec<(&'static str, &'static AttributeRow, &'static str)> {
     rows.collect()
 }
 
-/// A value of the row's type that is not its default.
+/// Returns a value of the row's type that is not its default.
 fn other(row: &AttributeRow) -> ParamData {
     if let Some(word) = row.words().get(1) {
         return (*word).into();
@@ -89,7 +89,7 @@ fn param(row: &AttributeRow, data: ParamData) -> Param {
     Param { name: row.name.into(), ty: row.ty, data }
 }
 
-/// What `GetAttribute` answers when nothing was set.
+/// Returns the result of `GetAttribute` when the attribute is not set.
 fn default_of(row: &AttributeRow, text: &str) -> Option<ParamData> {
     if row.name == "screen" {
         return Some(ParamData::from(&[-640.0 / 480.0, 640.0 / 480.0, -1.0, 1.0][..]));
@@ -119,7 +119,7 @@ fn every_attribute_is_set_got_and_put_back() {
         let value = other(row);
         run.set(param(row, value.clone()));
         assert_eq!(run.get(row), Some(value.clone()), "{}", row.name);
-        // By its name alone, and with another numeric type.
+        // The attribute is set by its name alone, and with another numeric type.
         run.set(Param { ty: ParamType::default(), ..param(row, value.clone()) });
         if let (BaseType::Int, Some(v)) = (row.ty.base, value.to_floats())
             && row.name != "pyg:indent"
@@ -211,7 +211,7 @@ fn every_attribute_refuses_the_wrong_type() {
             wrong.push(kind(BaseType::Unknown, text(width)));
             wrong.push(kind(BaseType::Float, number(width + 1)));
             wrong.push(kind(BaseType::Float, number(0)));
-            // The number of values is right and the declaration wrong.
+            // The number of values is right, and the declaration is wrong.
             wrong.push(Param {
                 ty: ParamType::array(BaseType::Float, 7),
                 ..kind(BaseType::Float, number(width))
@@ -289,7 +289,7 @@ fn cameras_and_outputs_take_theirs_and_no_others() {
         } else {
             assert!(said.len() == 1 && said[0].contains("unknown parameter"), "{}: {said:?}", row.name);
         }
-        // Outputs hand what they do not know to the image format.
+        // Outputs pass unknown parameters to the image format.
         let mut run = Run::new();
         let (name, format, data, camera) = ("a.tif".into(), "tiff".into(), "rgba".into(), "c".into());
         run.call(Call::Output { name, format, data, camera, params: params() });
@@ -340,7 +340,7 @@ fn user_attributes_need_a_type() {
     set("string user:c", "word".into());
     set("matrix user:m", ParamData::Float((0..16).map(|i| i as f32).collect()));
     set("color[2] user:colors", ParamData::Float((0..6).map(|i| i as f32).collect()));
-    // Of another type they are others: the last declaration counts.
+    // An attribute of another type is a different one. The last declaration is used.
     set("string user:a", "now a word".into());
     assert!(run.state.attribute("float user:a").is_none());
     run.set(Param::declared("float[3] user:d", 1.0).unwrap());

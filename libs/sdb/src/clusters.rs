@@ -1,39 +1,39 @@
-//! Sums over boxes: far records taken together.
+//! Sums over boxes, which combine distant records.
 
 use crate::Packed;
 use crate::packed::FAN;
 
-/// Records under one box, taken together.
+/// The combined records of one box.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cluster {
-    /// Sum of their values.
+    /// The sum of their values.
     pub sum: [f32; 3],
-    /// Mean of their positions, weighted by the size of their values.
+    /// The mean of their positions, weighted by the size of their values.
     pub centre: [f32; 3],
-    /// Square of the diagonal of their box.
+    /// The square of the diagonal of their box.
     pub diagonal_squared: f32,
-    /// Lowest corner of their box.
+    /// The lowest corner of their box.
     lo: [f32; 3],
-    /// Highest corner.
+    /// The highest corner of their box.
     hi: [f32; 3],
 }
 
 impl Cluster {
-    /// Square of the distance of a position from its box; 0 inside.
+    /// Returns the square of the distance of a position from the box; 0 inside.
     pub fn distance_squared(&self, p: [f32; 3]) -> f32 {
         (0..3).map(|c| (self.lo[c] - p[c]).max(p[c] - self.hi[c]).max(0.0)).map(|x| x * x).sum()
     }
 }
 
-/// The clusters of a database with triples at points.
+/// The clusters of a database with three-component values at points.
 #[derive(Debug)]
 pub struct Clusters {
-    /// Level by level, from the boxes around records to the one around all.
+    /// The clusters level by level, from the boxes around records to the one around all.
     levels: Vec<Vec<Cluster>>,
 }
 
 impl Clusters {
-    /// Of all boxes of a database.
+    /// Computes the clusters of all boxes of a database.
     pub fn new(records: &Packed) -> Self {
         let mut levels: Vec<Vec<Cluster>> = Vec::new();
         for level in 0..records.level_count() {
@@ -69,8 +69,8 @@ impl Clusters {
         Self { levels }
     }
 
-    /// Passes all records to `each`, as position and value: one by one where `opens` says so of their clusters, else
-    /// together as one at the centre. Always in the same order.
+    /// Passes all records to `each`, as position and value. Records are passed one by one when `opens` is true for
+    /// their cluster, and otherwise combined at the centre. The order is always the same.
     pub fn gather(
         &self,
         records: &Packed,

@@ -1,4 +1,4 @@
-//! All databases of a session: which are read, which are written, and when.
+//! All databases of a session, with their modes of reading and writing.
 
 use crate::error::{Result, SdbError};
 use crate::file::{Spool, read_with};
@@ -6,27 +6,28 @@ use crate::picture::{LARGEST, PictureOptions, picture};
 use crate::{Key, Packed, Schema};
 use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What may be done with a database's file: an option "filemode", or what the attributes say (reference 4.3.9, 5.8.13).
+/// The mode of a database's file, from an option "filemode" or from the attributes (reference 4.3.9, 5.8.13).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Mode {
-    /// Queries see the file's records ("r", "rw", "ro").
+    /// True when queries see the file's records ("r", "rw", "ro").
     pub read: bool,
-    /// The file is written after the frame ("w", "rw", "wo").
+    /// True when the file is written after the frame ("w", "rw", "wo").
     pub write: bool,
-    /// Queries always succeed ("ro").
+    /// True when queries always succeed ("ro").
     pub readonly: bool,
-    /// What is saved is not seen by queries ("wo").
+    /// True when queries do not see saved records ("wo").
     pub writeonly: bool,
 }
 
 impl Mode {
-    /// From the word of an option; the empty one is no mode. `None` for other words.
+    /// Returns the mode of an option's word. The empty word gives the default mode. `None` for other words.
     pub fn from_word(word: &str) -> Option<Self> {
         let none = Self::default();
         Some(match word {
@@ -41,21 +42,21 @@ impl Mode {
     }
 }
 
-/// Names of the attributes "spatialdb:read" and so on.
+/// The database names of the attributes "spatialdb:read" and so on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Attributes {
-    /// Databases that queries see the files of.
+    /// The databases whose files queries see.
     pub read: Vec<String>,
-    /// Databases that are written.
+    /// The databases that are written.
     pub write: Vec<String>,
-    /// Databases whose queries always succeed.
+    /// The databases whose queries always succeed.
     pub readonly: Vec<String>,
-    /// Databases that are written and not asked.
+    /// The databases that are written and not queried.
     pub writeonly: Vec<String>,
 }
 
 impl Attributes {
-    /// The mode of a database: that of the option when it gives one, or what the attributes say.
+    /// Returns the mode of a database: that of the option when it gives one, or else that of the attributes.
     pub fn mode(&self, name: &str, option: Mode) -> Mode {
         if option != Mode::default() {
             return option;
@@ -71,67 +72,69 @@ impl Attributes {
     }
 }
 
-/// What [`Databases::finish`] did.
+/// The result of [`Databases::finish`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Finished {
-    /// Files written, in the order of their names.
+    /// The files that were written, in the order of their names.
     pub written: Vec<PathBuf>,
-    /// Records in them.
+    /// The number of records in them.
     pub records: u64,
 }
 
-/// Numbers of records that are kept in memory for one database before they go to a file: 256 MiB of them.
+/// The largest number of floats that are kept in memory for one database before they go to a file: 256 MiB.
 const IN_MEMORY: usize = 64 << 20;
 
 /// Databases by name.
 ///
-/// Any number of threads save and ask at once. A query sees what was there **before the frame**: the file, when the mode
-/// says to read it, or else the records of earlier frames of this session that were not written. What a frame saves is
-/// seen from [`Databases::finish`] on. So answers do not depend on who came first.
+/// Any number of threads save and query at once. A query sees the records from **before the frame**: those of the
+/// file, when the mode is to read it, or else those of earlier frames of this session that were not written. Records
+/// that a frame saves are visible from [`Databases::finish`] on. Results therefore do not depend on the order of
+/// threads.
 #[derive(Debug)]
 pub struct Databases {
     formats: FormatRegistry,
     reporter: Reporter,
     in_memory: usize,
-    entries: Mutex<BTreeMap<String, Entry>>,
+    /// Locked to find a database, and not while a database is used.
+    entries: Mutex<BTreeMap<String, Arc<Mutex<Entry>>>>,
     saves: AtomicU64,
 }
 
-/// One database.
+/// The state of one database.
 #[derive(Debug, Default)]
 struct Entry {
-    /// Of this frame.
+    /// The records of this frame.
     saved: Option<Spool>,
     write: bool,
-    /// To what the file holds ("rw").
+    /// True when the records are added to those of the file ("rw").
     adds: bool,
     picture: PictureOptions,
-    /// Records that were left out because they are not finite.
+    /// The number of records that were left out because they are not finite.
     broken: u64,
-    /// Why some of this frame are not kept.
+    /// The error by which some records of this frame were lost.
     lost: Option<ErrorKind>,
-    /// Of earlier frames.
+    /// The records of earlier frames.
     memory: Option<Arc<Packed>>,
-    /// Looked for already; with what was found.
+    /// The result of the search for the file, if it was searched for.
     file: Option<Option<Arc<Packed>>>,
 }
 
-fn lock(entries: &Mutex<BTreeMap<String, Entry>>) -> MutexGuard<'_, BTreeMap<String, Entry>> {
-    entries.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Databases {
-    /// None yet. Pictures are written in a format of `formats`.
+    /// Returns an empty set of databases. Images are written in a format of `formats`.
     pub fn new(formats: FormatRegistry, reporter: Reporter) -> Self {
         Self { formats, reporter, in_memory: IN_MEMORY, entries: Mutex::default(), saves: AtomicU64::new(0) }
     }
 
-    /// With another bound on the numbers kept in memory per database while a frame runs.
+    /// Sets the largest number of floats that are kept in memory per database during a frame.
     pub fn with_memory(self, numbers: usize) -> Self {
         Self { in_memory: numbers, ..self }
     }
 
-    /// The mode that an option's word means for a database; a word that is none is told once and taken as empty.
+    /// Returns the mode of an option's word for a database. An invalid word is reported once and treated as empty.
     pub fn mode(&self, attributes: &Attributes, name: &str, word: &str) -> Mode {
         let option = Mode::from_word(word).unwrap_or_else(|| {
             let text = format!("spatial database \"{name}\": no file mode \"{word}\" (r, w, rw, ro, wo)");
@@ -141,13 +144,22 @@ impl Databases {
         attributes.mode(name, option)
     }
 
+    /// Returns the database of this name, which is empty when it is new.
+    fn entry(&self, name: &str) -> Arc<Mutex<Entry>> {
+        let mut entries = lock(&self.entries);
+        match entries.get(name) {
+            Some(entry) => entry.clone(),
+            None => entries.entry(name.to_owned()).or_default().clone(),
+        }
+    }
+
     fn tell(&self, name: &str, severity: Severity, text: String) {
         let cause = format!("spatial database {name}: {text}");
         self.reporter.once(&cause, severity, &Location::default(), text);
     }
 
-    /// Adds records: numbers of the key and the value, one record after another. Those that are not finite are left
-    /// out, and told about after the frame. Records of another schema than the first are refused, once.
+    /// Adds records: the numbers of the key and the value, one record after another. Records that are not finite are
+    /// left out and reported after the frame. Records of a schema other than the first are refused and reported once.
     pub fn save(
         &self,
         name: &str,
@@ -157,15 +169,17 @@ impl Databases {
         records: &[f32],
     ) {
         self.saves.fetch_add(1, Ordering::Relaxed);
-        let mut entries = lock(&self.entries);
-        let entry = entries.entry(name.to_owned()).or_default();
+        let (finite, broken) = finite(records, schema.numbers());
+        let entry = self.entry(name);
+        let mut entry = lock(&entry);
         entry.write |= mode.write;
         entry.adds |= mode.write && mode.read;
         if let Some(options) = options {
             entry.picture = options.clone();
         }
+        let is_lost = entry.lost.is_some();
         let spool = entry.saved.get_or_insert_with(|| {
-            // Only what goes to a file can wait in one.
+            // Only records for a file may be stored in a temporary file.
             let most = if mode.write { self.in_memory } else { usize::MAX };
             Spool::new(schema, most, name.into(), self.formats.files().clone())
         });
@@ -175,34 +189,28 @@ impl Databases {
                 spool.schema().words(),
                 schema.words()
             );
-            drop(entries);
+            drop(entry);
             self.tell(name, Severity::Error, text);
             return;
         }
-        if entry.lost.is_some() {
+        if is_lost {
             return;
         }
-        let mut pushed = Ok(());
-        for record in records.chunks_exact(schema.numbers()) {
-            if record.iter().all(|x| x.is_finite()) {
-                pushed = pushed.and(spool.push(record));
-            } else {
-                entry.broken += 1;
-            }
-        }
+        let pushed = spool.push(&finite);
+        entry.broken += broken;
         if let Err(source) = pushed {
             entry.lost = Some(source.kind());
             let error = SdbError::Io { path: name.into(), source };
-            drop(entries);
+            drop(entry);
             self.tell(name, Severity::Error, format!("records cannot be kept: {error}"));
         }
     }
 
-    /// The records that queries of a database see; `None` when there are none. Its file is looked for along `search`,
-    /// once a frame.
+    /// Returns the records of a database that queries see; `None` when there are none. Its file is searched for along
+    /// `search`, once per frame.
     pub fn records(&self, name: &str, mode: Mode, search: &SearchPath) -> Option<Arc<Packed>> {
-        let mut entries = lock(&self.entries);
-        let entry = entries.entry(name.to_owned()).or_default();
+        let entry = self.entry(name);
+        let mut entry = lock(&entry);
         if !mode.read {
             return entry.memory.clone();
         }
@@ -214,7 +222,7 @@ impl Databases {
 
     fn load(&self, name: &str, may_lack: bool, search: &SearchPath) -> Option<Arc<Packed>> {
         let Some(path) = search.find(name) else {
-            // What a frame is to write need not be there before the first.
+            // A file that the frame writes need not exist before the first frame.
             if !may_lack {
                 self.tell(name, Severity::Warning, format!("spatial database \"{name}\" not found"));
             }
@@ -230,34 +238,36 @@ impl Databases {
         }
     }
 
-    /// How often something was saved so far: for who must know whether something was.
+    /// The number of calls of `save` so far, from which callers see whether records were saved.
     pub fn saves(&self) -> u64 {
         self.saves.load(Ordering::Relaxed)
     }
 
-    /// Whether queries may see what earlier frames saved without its being read from a file: no other process has that.
+    /// True when queries may see records of earlier frames that were not read from a file. Other processes do not
+    /// have these.
     pub fn hold_memory(&self) -> bool {
-        lock(&self.entries).values().any(|entry| entry.memory.is_some())
+        lock(&self.entries).values().any(|entry| lock(entry).memory.is_some())
     }
 
-    /// Before a frame: forgets what one that came to no end saved.
+    /// Begins a frame. Records of a frame that did not finish are dropped.
     pub fn begin(&self) {
-        for entry in lock(&self.entries).values_mut() {
+        for entry in lock(&self.entries).values() {
+            let mut entry = lock(entry);
             (entry.saved, entry.broken, entry.lost, entry.file) = (None, 0, None, None);
         }
     }
 
-    /// After a frame: writes what is to be written, and makes what was saved visible. What "rw" adds to is looked for along
-    /// `search`.
+    /// Finishes a frame. It writes the files and makes the saved records visible. Files to which "rw" adds are
+    /// searched for along `search`.
     ///
     /// # Errors
-    /// Of each database that could not be written, or that records were lost of; the others are written all the same, and the
-    /// files that were there before stay as they were.
+    /// The errors of each database that could not be written, or of which records were lost. The others are written,
+    /// and the previous files stay unchanged.
     pub fn finish(&self, search: &SearchPath) -> std::result::Result<Finished, Vec<SdbError>> {
         let mut finished = Finished::default();
         let mut errors = Vec::new();
-        let mut entries = lock(&self.entries);
-        for (name, entry) in entries.iter_mut() {
+        for (name, entry) in &*lock(&self.entries) {
+            let entry = &mut *lock(entry);
             if entry.broken > 0 {
                 let count = std::mem::take(&mut entry.broken);
                 let text =
@@ -326,11 +336,22 @@ impl Databases {
         Ok(Some((path, count)))
     }
 
-    /// The picture format that a name's extension means.
+    /// Returns the image format of a name's extension.
     fn picture_format(&self, path: &Path) -> Option<Arc<dyn Format>> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         let has = |f: &&Arc<dyn Format>| f.extensions().contains(&extension.as_str());
         self.formats.formats().iter().find(has).cloned()
+    }
+}
+
+/// Returns the records of which all numbers are finite, and the number of the others.
+fn finite(records: &[f32], numbers: usize) -> (Cow<'_, [f32]>, u64) {
+    let is_finite = |record: &&[f32]| record.iter().all(|x| x.is_finite());
+    let whole = records.chunks_exact(numbers);
+    let broken = whole.clone().filter(|record| !is_finite(record)).count() as u64;
+    match broken {
+        0 => (records.into(), 0),
+        _ => (whole.filter(is_finite).flatten().copied().collect(), broken),
     }
 }
 
@@ -354,4 +375,42 @@ fn write_picture(
     let mut file = format.create(path, &CreateOptions::new(&spec, 1).with_files(files))?;
     file.write_rows(&Pixels::from_floats(pixel_type, &picture(packed, &options)))?;
     Ok(file.close()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Value;
+
+    #[test]
+    fn a_database_does_not_wait_for_another_one() {
+        let databases = Arc::new(Databases::new(FormatRegistry::default(), Reporter::silent()));
+        let schema = Schema { key: Key::Point, value: Value::Float };
+        let record = vec![0.5; schema.numbers()];
+        // This simulates a thread that writes many records of "a" to a file.
+        let a = databases.entry("a");
+        let busy = lock(&a);
+        let (done, over) = std::sync::mpsc::channel();
+        let (other, more) = (databases.clone(), record.clone());
+        std::thread::spawn(move || {
+            other.save("b", schema, Mode::default(), None, &more);
+            done.send(other.records("b", Mode::default(), &SearchPath::default()).is_none()).unwrap();
+        });
+        assert!(over.recv_timeout(std::time::Duration::from_secs(20)).unwrap());
+        drop(busy);
+        databases.save("a", schema, Mode::default(), None, &record);
+        databases.finish(&SearchPath::default()).unwrap();
+        for name in ["a", "b"] {
+            let records = databases.records(name, Mode::default(), &SearchPath::default()).unwrap();
+            assert_eq!(records.records(), record);
+        }
+    }
+
+    #[test]
+    fn records_that_are_not_finite_are_counted() {
+        let records = [1.0, 2.0, f32::NAN, 3.0, 4.0, 5.0, 6.0, f32::INFINITY, 7.0];
+        let (kept, broken) = finite(&records, 2);
+        assert_eq!((&*kept, broken), (&[1.0, 2.0, 4.0, 5.0][..], 2));
+        assert!(matches!(finite(&records[..2], 2), (Cow::Borrowed(&[1.0, 2.0]), 0)));
+    }
 }

@@ -1,4 +1,4 @@
-//! What can go wrong with spatial databases, sorted by whose fault it is.
+//! The errors of spatial databases, sorted by their origin.
 
 use granita_image::ImageError;
 use std::path::PathBuf;
@@ -6,26 +6,26 @@ use std::path::PathBuf;
 /// A database that cannot be read, written or added to.
 #[derive(Debug, thiserror::Error)]
 pub enum SdbError {
-    /// The system refused.
+    /// The system refused an operation.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The picture that a database over surfaces was to become could not be written.
+    /// The image of a database over surfaces could not be written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A file that is no database, or a broken one.
+    /// A file is not a database, or is damaged.
     #[error("{}: {what}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What is wrong, with the numbers compared.
+        /// A description of the error, with the numbers compared.
         what: String,
     },
-    /// A file of a later version.
+    /// A file has a later version.
     #[error("{}: version {version} of the format, only 1 is known", path.display())]
     Unsupported {
         /// The file.
@@ -33,17 +33,17 @@ pub enum SdbError {
         /// Its version.
         version: u32,
     },
-    /// Records that do not belong together, or nothing to write.
+    /// Records do not belong together, or there is nothing to write.
     #[error("spatial database \"{name}\": {what}")]
     Misuse {
         /// The database.
         name: String,
-        /// What was asked.
+        /// The request.
         what: String,
     },
 }
 
-/// Result of an operation on databases.
+/// The result of an operation on databases.
 pub type Result<T> = std::result::Result<T, SdbError>;
 
 impl From<granita_base::FileError> for SdbError {

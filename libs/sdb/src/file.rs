@@ -1,6 +1,6 @@
-//! Databases in files (extension `.sdb`).
+//! Database files (extension `.sdb`).
 //!
-//! All numbers are little endian. A header of 128 bytes:
+//! All numbers are little endian. The header has 128 bytes:
 //!
 //! | byte | type | what |
 //! |---|---|---|
@@ -15,16 +15,16 @@
 //! | 44 | 80 bytes | 0 |
 //! | 124 | u32 | CRC-32 of bytes 0 to 123 |
 //!
-//! Then all numbers as 32-bit floats: the records (numbers of the key, then of the value) in the order of a Morton curve, then
-//! the boxes around the keys of each 16 of them (lowest corner, highest corner), the boxes around each 16
-//! boxes, and so on to one. Files are mapped into memory and searched where they are.
+//! Then all numbers follow as 32-bit floats: the records (numbers of the key, then of the value) in the order of a
+//! Morton curve, the boxes around the keys of each 16 of them (lowest corner, highest corner), the boxes around each
+//! 16 boxes, and so on to one box. Files are mapped into memory and searched there.
 
 use crate::error::{Result, SdbError};
-use crate::map::Map;
 use crate::order::{Extent, by_bits, place, sort};
 use crate::packed::{Boxes, FAN, layout};
 use crate::{Key, Packed, Schema, Value};
 use granita_base::{AtomicFile, Files};
+use granita_machine::memory::Map;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::fs::File;
@@ -51,16 +51,16 @@ fn header(schema: Schema, count: u64, bytes: u64, sum: u32) -> [u8; HEADER] {
     out
 }
 
-/// Reads a database. Records that are there are checked (the sums match) but not copied.
+/// Reads a database. The checksums of the records are checked, but the records are not copied.
 ///
 /// # Errors
-/// [`SdbError::Io`]; [`SdbError::Malformed`] for what is no database, is shorter or longer than it says, or was altered;
+/// [`SdbError::Io`]; [`SdbError::Malformed`] for a file that is not a database, has a wrong length, or was altered;
 /// [`SdbError::Unsupported`] for later versions.
 pub fn read(path: &Path) -> Result<Packed> {
     read_with(path, &Files::default())
 }
 
-/// As [`read`], of a file that `files` opens.
+/// Does the same as [`read`] for a file that `files` opens.
 pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
     let io = |source| SdbError::Io { path: path.to_owned(), source };
     let bad = |what: String| SdbError::Malformed { path: path.to_owned(), what };
@@ -113,8 +113,8 @@ pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
     Ok(Packed::mapped(schema, count, levels, map))
 }
 
-/// The bytes of a file with the checksums that they should have; `None` for what is shorter than a header. For tests, which
-/// would not get past the checksums otherwise.
+/// Returns the bytes of a file with correct checksums; `None` for a file that is shorter than a header. It is for
+/// tests, which could not pass the checksums otherwise.
 pub fn with_checksums(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut out = bytes.to_vec();
     if out.len() < HEADER {
@@ -127,30 +127,30 @@ pub fn with_checksums(bytes: &[u8]) -> Option<Vec<u8>> {
     Some(out)
 }
 
-/// Collects records for a file: those that do not fit in memory wait in a file without a name.
+/// Collects records for a file. Records that do not fit in memory are stored in a file without a name.
 #[derive(Debug)]
 pub(crate) struct Spool {
     schema: Schema,
     extent: Extent,
     count: u64,
     memory: Vec<f32>,
-    /// Numbers that are kept in memory, at most.
+    /// The largest number of floats that are kept in memory.
     most: usize,
-    /// The file that the database will be; the others wait beside it.
+    /// The path of the database file. The temporary file is in its folder.
     beside: PathBuf,
     files: Files,
     spilled: Option<Spilled>,
 }
 
-/// Runs of records in a file.
+/// The runs of records in a file.
 #[derive(Debug)]
 struct Spilled {
     file: File,
-    /// Numbers of each.
+    /// The number of floats of each run.
     runs: Vec<usize>,
 }
 
-/// Numbers as bytes of a file, and back.
+/// Converts numbers to the bytes of a file.
 fn to_bytes(numbers: &[f32]) -> Vec<u8> {
     numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
@@ -160,7 +160,8 @@ fn from_bytes(bytes: &[u8]) -> Vec<f32> {
 }
 
 impl Spool {
-    /// Keeps at most so many numbers in memory, at least a record, the others in a file beside `beside`.
+    /// Returns a spool that keeps at most `most` numbers in memory, but at least a record, and the others in a file
+    /// beside `beside`.
     pub(crate) fn new(schema: Schema, most: usize, beside: PathBuf, files: Files) -> Self {
         let most = most.max(schema.numbers());
         Self {
@@ -175,7 +176,7 @@ impl Spool {
         }
     }
 
-    /// Number of records.
+    /// The number of records.
     pub(crate) fn len(&self) -> u64 {
         self.count
     }
@@ -209,7 +210,7 @@ impl Spool {
         Ok(())
     }
 
-    /// All records in memory, and none here.
+    /// Returns all records in memory and removes them from the spool.
     pub(crate) fn take(&mut self) -> io::Result<Vec<f32>> {
         let mut all = Vec::new();
         if let Some(mut spilled) = self.spilled.take() {
@@ -223,8 +224,8 @@ impl Spool {
         Ok(all)
     }
 
-    /// Writes a database of all records: the same bytes whatever order they came in. The file appears whole, or the
-    /// one before stays.
+    /// Writes a database of all records. The bytes do not depend on the order in which the records were added. The
+    /// file appears complete, or the previous one stays.
     pub(crate) fn write(mut self, path: &Path, files: &Files) -> Result<()> {
         let io = |source| SdbError::Io { path: path.to_owned(), source };
         let runs = self.sorted_runs().map_err(io)?;
@@ -246,7 +247,7 @@ impl Spool {
         file.commit().map_err(SdbError::from)
     }
 
-    /// Each run in the order of the file; what is in memory is one.
+    /// Returns each run in the order of the file. The records in memory are one run.
     fn sorted_runs(&mut self) -> io::Result<Vec<Run>> {
         let (own, _) = sort(self.schema, &self.extent, &std::mem::take(&mut self.memory));
         let mut runs = vec![Run::Memory(own, 0)];
@@ -272,7 +273,7 @@ impl Spool {
     }
 }
 
-/// A stretch of a file that several stretches are read of in turns.
+/// A part of a file. Several parts are read alternately.
 #[derive(Debug)]
 struct Part {
     file: File,
@@ -282,7 +283,7 @@ struct Part {
 
 impl Read for Part {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        // The place in the file is shared with the other parts.
+        // The position in the file is shared with the other parts.
         self.file.seek(SeekFrom::Start(self.at))?;
         let most = usize::try_from(self.left).unwrap_or(usize::MAX).min(buffer.len());
         let n = self.file.read(&mut buffer[..most])?;
@@ -292,14 +293,14 @@ impl Read for Part {
     }
 }
 
-/// Sorted records.
+/// A run of sorted records.
 enum Run {
     Memory(Vec<f32>, usize),
     File(BufReader<Part>),
 }
 
 impl Run {
-    /// The next record; `None` at the end.
+    /// Returns the next record; `None` at the end.
     fn next(&mut self, numbers: usize) -> io::Result<Option<Vec<f32>>> {
         match self {
             Self::Memory(all, at) => {
@@ -319,7 +320,7 @@ impl Run {
     }
 }
 
-/// The first record of a run that waits to be written.
+/// The first remaining record of a run.
 struct Head {
     place: u64,
     record: Vec<f32>,
@@ -369,7 +370,7 @@ fn merge(
     Ok(())
 }
 
-/// A file whose sum is taken as it is written.
+/// A file whose checksum is computed while it is written.
 struct Summed {
     file: AtomicFile,
     sum: crc32fast::Hasher,

@@ -1,22 +1,23 @@
-//! Spatial databases: records that are found by where they lie (reference 4.3.9, 5.8.13).
+//! Spatial databases, whose records are found by their positions (reference 4.3.9, 5.8.13).
 //!
-//! A shader saves numbers under a place, which is (s, t) on a surface, a point, or a point and a normal; later frames ask
-//! what stands near a place, or how dense it stands there. Photon maps, baked light and caches of occlusion are such
-//! databases.
+//! A shader saves numbers at a place, which is (s, t) on a surface, a point, or a point and a normal. Later frames
+//! query the values near a place, or the density of records there. Photon maps, baked light and occlusion caches are
+//! such databases.
 //!
-//! - [`Packed`] is a set of records that can be searched: [`Packed::between`] for values, [`Packed::density`] for densities.
-//!   In memory or in a file, the numbers are the same; files are mapped and not copied.
+//! - [`Packed`] is a set of records that can be searched: [`Packed::between`] for values, [`Packed::density`] for
+//!   densities. The numbers are the same in memory and in a file. Files are mapped and not copied.
 //! - [`Databases`] are all databases of a session by name, with their file modes.
-//! - [`Clusters`] take far records together.
+//! - [`Clusters`] combine distant records.
 //! - [`picture`] turns a database over surfaces into rows of pixels.
 //!
 //! Invariants:
-//! - what a query sees was there before the frame, so that threads and buckets change nothing;
+//! - a query sees only records from before the frame, so that threads and buckets do not affect it;
 //! - the order of records, in memory and in files, follows from the records alone;
-//! - files appear whole or not at all, and what was altered, cut off or is no database is refused by name;
-//! - while a frame runs, what is to be written takes bounded memory.
+//! - files appear complete or not at all, and files that are altered, truncated or not databases are refused by name;
+//! - while a frame runs, records that will be written use a limited amount of memory.
 //!
-//! Deliberately absent: units and spaces (the caller's), records of more than a key and a value, removal of records.
+//! Units and spaces (the caller's), records of more than a key and a value, and removal of records are deliberately
+//! absent.
 //!
 //! ```
 //! use granita_sdb::{Between, Key, Packed, Probe, Schema, Value};
@@ -28,13 +29,12 @@
 //! assert_eq!(value.map(|v| v[0]), Some(15.0));
 //! ```
 
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 mod clusters;
 mod databases;
 mod error;
 mod file;
-mod map;
 mod order;
 mod packed;
 mod picture;

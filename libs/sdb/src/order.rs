@@ -1,10 +1,10 @@
-//! The order of records: along a curve through space, then by their bits. It depends on the records alone, never on who
-//! added them when.
+//! The order of records: along a curve through space, then by their bits. It depends on the records alone, not on the
+//! threads or the order in which they were added.
 
 use crate::Schema;
 use std::cmp::Ordering;
 
-/// A box around keys: positions, and normals where there are any.
+/// A box around keys: positions, and normals if there are any.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extent {
     pub(crate) lo: [f32; 6],
@@ -14,7 +14,7 @@ pub(crate) struct Extent {
 impl Extent {
     pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 6], hi: [f32::NEG_INFINITY; 6] };
 
-    /// Grows to hold a key, or the position in it.
+    /// Extends the box to contain a key, or the position in it.
     pub(crate) fn add(&mut self, key: &[f32]) {
         for (i, &x) in key.iter().enumerate() {
             self.lo[i] = self.lo[i].min(x);
@@ -22,7 +22,7 @@ impl Extent {
         }
     }
 
-    /// Grows to hold another box.
+    /// Extends the box to contain another box.
     pub(crate) fn merge(&mut self, other: &Self) {
         for i in 0..6 {
             self.lo[i] = self.lo[i].min(other.lo[i]);
@@ -31,7 +31,7 @@ impl Extent {
     }
 }
 
-/// The lowest 21 bits of `v`, two apart.
+/// Returns the lowest 21 bits of `v`, each followed by two zero bits.
 fn spread(v: u64) -> u64 {
     let v = v & 0x1f_ffff;
     let v = (v | v << 32) & 0x1f_0000_0000_ffff;
@@ -41,7 +41,7 @@ fn spread(v: u64) -> u64 {
     (v | v << 2) & 0x1249_2492_4924_9249
 }
 
-/// Place of a position on the Morton curve through `extent`, a cube's 21 bits in each direction.
+/// Returns the place of a position on the Morton curve through `extent`, a cube with 21 bits in each direction.
 pub(crate) fn place(extent: &Extent, position: &[f32]) -> u64 {
     let side =
         (0..position.len()).map(|i| f64::from(extent.hi[i]) - f64::from(extent.lo[i])).fold(0.0, f64::max);
@@ -51,19 +51,19 @@ pub(crate) fn place(extent: &Extent, position: &[f32]) -> u64 {
     spread(cell(0)) | spread(cell(1)) << 1 | spread(cell(2)) << 2
 }
 
-/// Order of two records at the same place.
+/// Returns the order of two records at the same place.
 pub(crate) fn by_bits(a: &[f32], b: &[f32]) -> Ordering {
     a.iter().map(|x| x.to_bits()).cmp(b.iter().map(|x| x.to_bits()))
 }
 
-/// Sorts records, and gives the place of each.
+/// Sorts records. Returns them with the place of each.
 pub(crate) fn sort(schema: Schema, extent: &Extent, records: &[f32]) -> (Vec<f32>, Vec<u64>) {
     let (n, d) = (schema.numbers(), schema.key.dimensions());
     let mut order: Vec<(u64, u32)> =
         records.chunks_exact(n).enumerate().map(|(i, r)| (place(extent, &r[..d]), i as u32)).collect();
     let record = |i: u32| &records[i as usize * n..][..n];
     order.sort_unstable_by(|a, b| {
-        // Numbers last: equal records may stand in any order, and look the same in all of them.
+        // The indices are compared last. Equal records have no visible order.
         a.0.cmp(&b.0).then_with(|| by_bits(record(a.1), record(b.1))).then(a.1.cmp(&b.1))
     });
     let mut sorted = Vec::with_capacity(records.len());

@@ -1,21 +1,22 @@
-//! Records in their order, and boxes around them to find them by.
+//! Records in their order, with boxes around them for searching.
 //!
-//! Sixteen neighbours along the curve share a box, sixteen boxes share another, and so on to one box around all: a
-//! packed tree without pointers (compare Kamel and Faloutsos, On Packing R-trees, CIKM 1993). The same numbers in the
-//! same order stand in memory and in files.
+//! Sixteen neighbours along the curve share a box, sixteen boxes share another, and so on to one box around all. This
+//! is a packed tree without pointers (compare Kamel and Faloutsos, On Packing R-trees, CIKM 1993). Memory and files
+//! hold the same numbers in the same order.
 
 use crate::order::{Extent, sort};
-use crate::{Key, Schema, map::Map};
+use crate::{Key, Schema};
+use granita_machine::memory::Map;
 
-/// Records, or boxes, under one box.
+/// The number of records, or boxes, under one box.
 pub(crate) const FAN: usize = 16;
 
-/// Records that can be searched.
+/// A set of records that can be searched.
 #[derive(Debug)]
 pub struct Packed {
     schema: Schema,
     count: usize,
-    /// First box of each level, from the boxes around records to the one around all.
+    /// The boxes of each level, from the boxes around records to the one around all.
     levels: Vec<Level>,
     numbers: Numbers,
 }
@@ -26,16 +27,16 @@ enum Numbers {
     File(Map),
 }
 
-/// Boxes of one level.
+/// The boxes of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Level {
-    /// Where they begin, in numbers.
+    /// The index of the first number.
     pub(crate) from: usize,
-    /// How many.
+    /// The number of boxes.
     pub(crate) count: usize,
 }
 
-/// The levels of boxes over so many records, and the number of numbers of everything; `None` when that overflows.
+/// Returns the levels of boxes over so many records, and the number of all floats; `None` when that overflows.
 pub(crate) fn layout(schema: Schema, count: usize) -> Option<(Vec<Level>, usize)> {
     let wide = 2 * schema.key.numbers();
     let mut from = count.checked_mul(schema.numbers())?;
@@ -48,7 +49,7 @@ pub(crate) fn layout(schema: Schema, count: usize) -> Option<(Vec<Level>, usize)
     Some((levels, from))
 }
 
-/// Collects boxes while records come in their order.
+/// Collects boxes while records are added in their order.
 pub(crate) struct Boxes {
     schema: Schema,
     open: Extent,
@@ -61,7 +62,7 @@ impl Boxes {
         Self { schema, open: Extent::EMPTY, held: 0, first: Vec::new() }
     }
 
-    /// The next record.
+    /// Adds the next record.
     pub(crate) fn add(&mut self, record: &[f32]) {
         self.open.add(&record[..self.schema.key.numbers()]);
         self.held += 1;
@@ -75,7 +76,7 @@ impl Boxes {
         self.held = 0;
     }
 
-    /// All boxes, level by level: the lowest corner, then the highest.
+    /// Returns all boxes, level by level: the lowest corner, then the highest.
     pub(crate) fn finish(mut self) -> Vec<f32> {
         if self.held > 0 {
             self.close();
@@ -101,7 +102,7 @@ impl Boxes {
 }
 
 impl Packed {
-    /// From records in any order: numbers of the key, then of the value, all finite.
+    /// Builds the set of records in any order. Each has the numbers of the key, then of the value, all finite.
     pub fn new(schema: Schema, records: &[f32]) -> Self {
         let n = schema.numbers();
         let mut extent = Extent::EMPTY;
@@ -118,22 +119,22 @@ impl Packed {
         Self { schema, count, levels, numbers: Numbers::Memory(numbers) }
     }
 
-    /// Over a file whose header was read: `map` holds all numbers of `layout`.
+    /// Returns the set of a file whose header was read. `map` holds all numbers of `layout`.
     pub(crate) fn mapped(schema: Schema, count: usize, levels: Vec<Level>, map: Map) -> Self {
         Self { schema, count, levels, numbers: Numbers::File(map) }
     }
 
-    /// What the records are.
+    /// Returns the schema of the records.
     pub fn schema(&self) -> Schema {
         self.schema
     }
 
-    /// Number of records.
+    /// The number of records.
     pub fn len(&self) -> usize {
         self.count
     }
 
-    /// Whether there are none.
+    /// True when there are no records.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
@@ -145,13 +146,13 @@ impl Packed {
         }
     }
 
-    /// Record `i`, in the order of the database: the key, then the value.
+    /// Returns record `i`, in the order of the database: the key, then the value.
     pub fn record(&self, i: usize) -> &[f32] {
         let n = self.schema.numbers();
         &self.numbers()[i * n..][..n]
     }
 
-    /// The position of a record; of (s, t) the third number is 0.
+    /// Returns the position of a record. For (s, t) the third number is 0.
     pub fn position(&self, i: usize) -> [f32; 3] {
         let d = self.schema.key.dimensions();
         let mut out = [0.0; 3];
@@ -159,8 +160,8 @@ impl Packed {
         out
     }
 
-    /// The value of a record, as many numbers as [`Value::components`](crate::Value::components); a single number stands
-    /// in the first place.
+    /// Returns the value of a record, with as many numbers as [`Value::components`](crate::Value::components). A
+    /// single number is the first.
     pub fn value(&self, i: usize) -> [f32; 3] {
         let n = self.schema.value.components();
         let mut out = [0.0; 3];
@@ -168,41 +169,41 @@ impl Packed {
         out
     }
 
-    /// All numbers of a record's value.
+    /// Returns all numbers of a record's value.
     pub fn all_of(&self, i: usize) -> &[f32] {
         &self.record(i)[self.schema.key.numbers()..]
     }
 
-    /// Levels of boxes.
+    /// The number of levels of boxes.
     pub(crate) fn level_count(&self) -> usize {
         self.levels.len()
     }
 
-    /// Corners of box `i` of a level.
+    /// Returns the corners of box `i` of a level.
     pub(crate) fn corners_of(&self, level: usize, i: usize) -> ([f32; 3], [f32; 3]) {
         self.corners(self.numbers(), &self.levels[level], i)
     }
 
-    /// All records, one after another.
+    /// Returns all records, one after another.
     pub fn records(&self) -> &[f32] {
         &self.numbers()[..self.count * self.schema.numbers()]
     }
 
-    /// The box around all records: lowest and highest corner, of which `key.dimensions ()` numbers count; `None` when
-    /// there are no records.
+    /// Returns the box around all records: the lowest and highest corner, of which `key.dimensions ()` numbers are
+    /// used. `None` when there are no records.
     pub fn bound(&self) -> Option<([f32; 3], [f32; 3])> {
         let top = self.levels.last()?;
         Some(self.corners(self.numbers(), top, 0))
     }
 
-    /// Lowest and highest corner of a box, of keys.
+    /// Returns the lowest and highest corner of a box of keys.
     #[inline]
     fn keys<'n>(&self, numbers: &'n [f32], level: &Level, i: usize) -> (&'n [f32], &'n [f32]) {
         let n = self.schema.key.numbers();
         numbers[level.from + 2 * n * i..][..2 * n].split_at(n)
     }
 
-    /// Corners of a box, of positions.
+    /// Returns the corners of a box of positions.
     #[inline]
     fn corners(&self, numbers: &[f32], level: &Level, i: usize) -> ([f32; 3], [f32; 3]) {
         let d = self.schema.key.dimensions();
@@ -220,7 +221,7 @@ impl Packed {
         }
     }
 
-    /// What no record under a box is below.
+    /// Returns a lower bound of the measure of all records under a box.
     #[inline]
     fn least<L: Fn(f32, f32) -> f32>(
         &self,
@@ -258,7 +259,8 @@ impl Packed {
             return;
         }
         let inner = &self.levels[level - 1];
-        // Measures are not negative, so their bits are in their order; boxes in order of their numbers after that.
+        // Measures are not negative, so that their bits have the same order. Boxes with equal measures are ordered by
+        // their indices.
         let mut order = [0_u64; FAN];
         let (mut n, most) = (0, found.most());
         for (k, i) in children.clone().enumerate() {
@@ -277,19 +279,19 @@ impl Packed {
     }
 }
 
-/// What is near in a search.
+/// The parameters of a search.
 pub(crate) struct Nearness<L> {
     pub(crate) at: [f32; 3],
     pub(crate) normal: Option<[f32; 3]>,
-    /// The smallest measure that records can have whose squared distance is at least the first number, and the cosine
-    /// of whose angle to the normal is at most the second; not negative, infinite for none that counts.
+    /// Returns the smallest measure of records whose squared distance is at least the first number and whose cosine
+    /// of the angle to the normal is at most the second. It is not negative, and infinite when no such record counts.
     pub(crate) least: L,
 }
 
-/// Takes what a search finds.
+/// Receives the results of a search.
 pub(crate) trait Found {
-    /// Some records, one after another, and the number of the first.
+    /// Receives some records, one after another, and the index of the first.
     fn records(&mut self, first: usize, records: &[f32]);
-    /// The largest measure that still counts.
+    /// Returns the largest measure that still counts.
     fn most(&self) -> f32;
 }

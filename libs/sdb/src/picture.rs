@@ -1,38 +1,39 @@
-//! Databases over surfaces as pictures.
+//! Conversion of databases over surfaces to images.
 
 use crate::Packed;
 
-/// How a database over (s, t) becomes a picture.
+/// The options for converting a database over (s, t) to an image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureOptions {
-    /// Pixels across and down.
+    /// The numbers of pixels across and down.
     pub resolution: [u32; 2],
-    /// "8", "16", "half" or "float"; others mean what the format of the file likes best of floats.
+    /// The data format: "8", "16", "half" or "float". Other values select the default of the file format for floats.
     pub data_format: String,
-    /// Most pixels that the filter is wide, at least 2.
+    /// The largest width of the filter in pixels, at least 2.
     pub filter_width: f32,
 }
 
 impl Default for PictureOptions {
-    /// 1024 x 1024 pixels, a filter 2 pixels wide.
+    /// Returns 1024 x 1024 pixels and a filter 2 pixels wide.
     fn default() -> Self {
         Self { resolution: [1024, 1024], data_format: String::new(), filter_width: 2.0 }
     }
 }
 
-/// Largest picture, in pixels of one side.
+/// The largest side of an image, in pixels.
 pub(crate) const LARGEST: u32 = 1 << 16;
 
-/// The records over [0, 1] x [0, 1] as rows of pixels, (0, 0) the upper left corner, of one or three channels.
+/// Returns the records over [0, 1] x [0, 1] as rows of pixels of one or three channels. (0, 0) is the upper left
+/// corner.
 ///
-/// A pixel is the mean of the records around its centre, weighted by `(1 - (d / r)^2)^2` where `r` is one pixel, or as
-/// much more, up to half of `filter_width`, as is needed to find one. Pixels that find none are 0.
+/// A pixel is the mean of the records around its centre, weighted by `(1 - (d / r)^2)^2`. The radius `r` is one
+/// pixel, or larger, up to half of `filter_width`, until a record is found. Pixels without any record are 0.
 pub fn picture(records: &Packed, options: &PictureOptions) -> Vec<f32> {
     let schema = records.schema();
     let (width, height) = (options.resolution[0] as usize, options.resolution[1] as usize);
     let (key, channels) = (schema.key.numbers(), schema.value.numbers());
     let place = |record: &[f32]| (record[0] * width as f32, record[1] * height as f32);
-    // Records by the pixel that they lie in: numbers of all, and where each pixel's begin.
+    // The records are sorted by their pixels: the indices of all, and where those of each pixel begin.
     let pixel = |record: &[f32]| {
         let (x, y) = place(record);
         let inside = x >= 0.0 && y >= 0.0 && x <= width as f32 && y <= height as f32;
@@ -124,7 +125,7 @@ mod tests {
             got.chunks(3).filter(|p| (p[2] - 3.0).abs() < 1e-5).count()
         };
         assert_eq!((lit(0.0), lit(2.0), lit(8.0), lit(64.0)), (1, 1, 4, 16));
-        // What lies outside, or nothing at all, leaves black.
+        // Records outside, or no records at all, give black.
         let outside = Packed::new(SCHEMA, &[-0.1, 0.5, 1.0, 1.0, 1.0]);
         assert!(picture(&outside, &options(4, 4, 2.0)).iter().all(|v| *v == 0.0));
         assert!(picture(&Packed::new(SCHEMA, &[]), &options(4, 4, 9.0)).iter().all(|v| *v == 0.0));

@@ -1,52 +1,53 @@
-//! What stands near a place: values between records, and how dense records are.
+//! Queries at a place: values between records, and the density of records.
 
 use crate::packed::{FAN, Found, Nearness};
 use crate::{Key, Packed};
 use std::cmp::Ordering;
 use std::f32::consts::PI;
 
-/// Where to look.
+/// The place of a query.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Position; of (s, t) the first two.
+    /// The position. For (s, t) the first two numbers are used.
     pub p: [f32; 3],
-    /// Normal of unit length; counts for records that have one.
+    /// The unit normal. It is used for records that have one.
     pub n: Option<[f32; 3]>,
 }
 
-/// How values are taken from records near a place (`spatialdbquery` with filter "value").
+/// The parameters for values from records near a place (`spatialdbquery` with filter "value").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
-    /// Records that are needed, at least 1.
+    /// The number of records that are needed, at least 1.
     pub minsamples: usize,
-    /// No farther away than this.
+    /// The largest distance of a record.
     pub maxdist: f32,
-    /// At 0.25, records as far as `maxdist` count, or such whose normals are 20 degrees apart; see
-    /// [`Packed::between`].
+    /// The largest error of a record. At 0.25 records as far as `maxdist` are accepted, or those with normals 20
+    /// degrees apart; see [`Packed::between`].
     pub maxerror: f32,
-    /// The nearest records count in any case (mode "ro").
+    /// True when the nearest records are always accepted (mode "ro").
     pub always: bool,
 }
 
-/// How the density of records is taken (`spatialdbquery` with filter "areadensity").
+/// The parameters for the density of records (`spatialdbquery` with filter "areadensity").
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Density {
-    /// Records that are needed, at least 1.
+    /// The number of records that are needed, at least 1.
     pub minsamples: usize,
-    /// No farther away than this.
+    /// The largest distance of a record.
     pub maxdist: f32,
-    /// Standard error of the number of records, relative to it.
+    /// The standard error of the number of records, relative to it.
     pub maxerror: f32,
 }
 
-/// Most records that one query takes into account.
+/// The largest number of records that one query uses.
 const MOST: usize = 1 << 16;
 
-/// How much longer a way along the normal is than one across it, for densities: photons of a wall near a corner, or on
-/// the other side of a sheet, belong to other surfaces.
+/// The weight with which the squared distance along the normal is added to the squared distance, for densities. With
+/// 3 distances along the normal count twice. Photons of a wall near a corner, or on the other side of a sheet, belong
+/// to other surfaces.
 const FLATTEN: f32 = 3.0;
 
-/// A record and how far it is, by some measure that is not below the distance.
+/// A record and its measure, which is not below its distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Near {
     far: f32,
@@ -67,14 +68,14 @@ impl PartialOrd for Near {
     }
 }
 
-/// Fewest records that are taken before the worst are put aside.
+/// The smallest number of records that are collected before the worst are dropped.
 const SPARE: usize = 32;
 
-/// The best records of a search so far, and some more: these are put aside together when there are many, which costs less than
-/// keeping the best in order.
+/// The best records of a search so far, and some more. The additional records are dropped together when there are
+/// many, which costs less than keeping the best in order.
 struct Best<M> {
     count: usize,
-    /// Numbers of a record.
+    /// The number of floats of a record.
     stride: usize,
     kept: Vec<Near>,
     most: f32,
@@ -82,7 +83,7 @@ struct Best<M> {
 }
 
 impl<M: Fn(&[f32]) -> f32> Best<M> {
-    /// Puts aside all but the best.
+    /// Drops all records except the best.
     fn thin(&mut self) {
         if self.kept.len() > self.count {
             self.kept.select_nth_unstable(self.count - 1);
@@ -120,10 +121,10 @@ fn dot(a: [f32; 3], b: &[f32]) -> f32 {
 }
 
 impl Packed {
-    /// The `count` (1 or more) records of smallest `measure`, at most `most`; nearest first, and in the order of the database
-    /// when they are alike. `measure` gets the square of the distance, the vector to the record, and the record; what it
-    /// returns is not below what `least` says of its box (see [`Nearness`]), or not a number for records that do not
-    /// count.
+    /// Returns the `count` (1 or more) records of smallest `measure`, at most `most`, nearest first, and in the order
+    /// of the database for equal measures. `measure` receives the square of the distance, the vector to the record,
+    /// and the record. Its result is not below the value of `least` for the record's box (see [`Nearness`]), or NaN
+    /// for records that do not count.
     fn nearest(
         &self,
         probe: &Probe,
@@ -154,13 +155,13 @@ impl Packed {
         kept
     }
 
-    /// The value at a place, from the `minsamples` records that are best there; `None` when there are not so many, or
-    /// when the place is not finite.
+    /// Returns the value at a place, from the `minsamples` records with the smallest errors there; `None` when there
+    /// are fewer, or when the place is not finite.
     ///
-    /// A record's error is `distance / (4 maxdist)`, and for normals `sqrt (1 - cos (angle))` more; it may be
-    /// `maxerror` at most. Weights fall to 0 at the error of the next best record, so that values change smoothly as
-    /// records come and go (compare Ward, Rubinstein and Clear, A Ray Tracing Solution for Diffuse Interreflection,
-    /// SIGGRAPH 1988, for the error).
+    /// A record's error is `distance / (4 maxdist)`, plus `sqrt (1 - cos (angle))` for normals. It may be at most
+    /// `maxerror`. Weights fall to 0 at the error of the next best record, so that values change smoothly when the
+    /// set of used records changes (compare Ward, Rubinstein and Clear, A Ray Tracing Solution for Diffuse
+    /// Interreflection, SIGGRAPH 1988, for the error).
     pub fn between(&self, probe: &Probe, how: &Between) -> Option<[f32; 3]> {
         let shares = self.shares(probe, how)?;
         let mut sum = [0.0_f32; 3];
@@ -174,7 +175,7 @@ impl Packed {
         Some(sum.map(|s| s / total))
     }
 
-    /// As [`Packed::between`], for all numbers of the values.
+    /// Does the same as [`Packed::between`] for all numbers of the values.
     pub fn all_between(&self, probe: &Probe, how: &Between) -> Option<Vec<f32>> {
         let shares = self.shares(probe, how)?;
         let mut sum = vec![0.0_f32; self.schema().value.numbers()];
@@ -189,7 +190,7 @@ impl Packed {
         Some(sum)
     }
 
-    /// The first record that lies exactly here, its normal included; `None` where there is none.
+    /// Returns the first record that is exactly at this place, including its normal; `None` when there is none.
     pub fn exactly(&self, probe: &Probe) -> Option<&[f32]> {
         if !probe.p.iter().chain(probe.n.iter().flatten()).all(|x| x.is_finite()) {
             return None;
@@ -203,7 +204,7 @@ impl Packed {
         found.first().map(|near| self.all_of(near.index))
     }
 
-    /// Records and their weights.
+    /// Returns the records and their weights.
     fn shares(&self, probe: &Probe, how: &Between) -> Option<Vec<(usize, f32)>> {
         if !probe.p.iter().all(|x| x.is_finite()) {
             return None;
@@ -212,7 +213,7 @@ impl Packed {
         let scale = 4.0 * how.maxdist.max(f32::MIN_POSITIVE);
         let most = if how.always { f32::MAX } else { how.maxerror * scale };
         let turned = |cosine: f32| (1.0 - cosine).max(0.0).sqrt();
-        // A little less than the bound: normals are not quite of unit length.
+        // The value is slightly less than the bound, because normals are not exactly of unit length.
         let least = |squared: f32, cosine: f32| squared.sqrt() + scale * (turned(cosine) - 1e-3).max(0.0);
         let best = self.nearest(probe, wanted + 1, most, least, |squared, _, record| {
             let distance = squared.sqrt();
@@ -232,19 +233,19 @@ impl Packed {
             (1.0 - x * x).max(0.0)
         };
         let used = &best[..best.len().min(wanted)];
-        // Records as far away as the next best one have no weight; when all are, they count alike.
+        // Records as far away as the next best one have no weight. When all of them are, they have equal weights.
         let equal = used.iter().all(|near| weight(near) <= 0.0);
         Some(used.iter().map(|near| (near.index, if equal { 1.0 } else { weight(near) })).collect())
     }
 
-    /// Sum of values per area around a place, `None` when fewer than `minsamples` records are near.
+    /// Returns the sum of values per area around a place; `None` when fewer than `minsamples` records are near.
     ///
-    /// The rule of bias and variance: `max (minsamples, 1 / maxerror^2)` records are taken, because the standard error
-    /// of a count of N is 1 / sqrt (N) of it; the circle that they need is as large as the next record is far, and at
-    /// most `maxdist` (the bias). Within the circle they weigh as 2 (1 - (d / r)^2) (Epanechnikov's kernel): given the next
-    /// record, those inside are anywhere with equal chance, so the estimate has no bias where density is even.
-    /// Records with normals count when these are less than 60 degrees from the probe's; ways along the normal count
-    /// twice.
+    /// The number of records balances bias and variance. `max (minsamples, 1 / maxerror^2)` records are used, because
+    /// the relative standard error of a count of N is 1 / sqrt (N). The radius of their circle is the distance of the
+    /// next record, and at most `maxdist` (the bias). Within the circle the weights are 2 (1 - (d / r)^2)
+    /// (Epanechnikov's kernel). Given the next record, the records inside are uniformly distributed, so that the
+    /// estimate has no bias where the density is uniform. Records with normals count when these are less than 60
+    /// degrees from the probe's. Distances along the normal count twice.
     pub fn density(&self, probe: &Probe, how: &Density) -> Option<[f32; 3]> {
         if !probe.p.iter().all(|x| x.is_finite()) || how.maxdist.is_nan() || how.maxdist <= 0.0 {
             return None;
@@ -291,7 +292,7 @@ mod tests {
 
     const PHOTONS: Schema = Schema { key: Key::Oriented, value: Value::Color };
 
-    /// Records on the plane z = 0, in the unit square, of value (1, 2, 3).
+    /// Returns records on the plane z = 0, in the unit square, of value (1, 2, 3).
     fn plane(count: u32) -> Packed {
         let record = |i| [unit(i, 0), unit(i, 1), 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0];
         Packed::new(PHOTONS, &(0..count).flat_map(record).collect::<Vec<f32>>())
@@ -366,7 +367,7 @@ mod tests {
         let p = [0.4, 0.6, 0.0];
         let found = packed.between(&Probe { p, n: Some([0.0, 0.0, 1.0]) }, &how).unwrap();
         assert!((found[0] - 1.0).abs() < 1e-6 && (found[2] - 3.0).abs() < 1e-5);
-        // Turned away, or far: only when it must be.
+        // Records that are turned away or distant are used only when they must be.
         for probe in [Probe { p, n: Some([1.0, 0.0, 0.0]) }, Probe { p: [9.0; 3], n: None }] {
             assert_eq!(packed.between(&probe, &how), None);
             assert!(packed.between(&probe, &Between { always: true, ..how }).is_some());
@@ -374,7 +375,7 @@ mod tests {
         let empty = Packed::new(PHOTONS, &[]);
         let probe = Probe { p, n: None };
         assert_eq!(empty.between(&probe, &Between { always: true, ..how }), None);
-        // As many as asked for, and no more than there are.
+        // As many records are used as requested, and at most as many as there are.
         let few = Packed::new(PHOTONS, packed.record(0));
         assert_eq!(few.between(&Probe { p: [unit(0, 0); 3], n: None }, &how), None);
     }
@@ -403,7 +404,7 @@ mod tests {
         let packed = Packed::new(schema, &[0.5, 0.5, 7.0, 0.6, 0.5, 9.0]);
         let how = Between { minsamples: 1, maxdist: 0.3, maxerror: 0.25, always: false };
         assert_eq!(packed.between(&Probe { p: [0.5, 0.5, 0.0], n: None }, &how), Some([7.0, 0.0, 0.0]));
-        // Half way, both.
+        // Half way between them both are used.
         let two = Between { minsamples: 2, ..how };
         let middle = packed.between(&Probe { p: [0.55, 0.5, 0.0], n: None }, &two).unwrap()[0];
         assert!((middle - 8.0).abs() < 1e-3, "{middle}");

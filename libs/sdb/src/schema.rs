@@ -1,6 +1,6 @@
-//! What the records of a database are made of.
+//! The schema of the records of a database.
 
-/// Where records lie (reference 5.8.13).
+/// The positions of records (reference 5.8.13).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Key {
     /// (s, t) on a surface: two numbers.
@@ -12,7 +12,7 @@ pub enum Key {
 }
 
 impl Key {
-    /// Numbers of a position: 2 or 3.
+    /// The number of coordinates of a position: 2 or 3.
     pub const fn dimensions(self) -> usize {
         match self {
             Self::Surface => 2,
@@ -20,7 +20,7 @@ impl Key {
         }
     }
 
-    /// Numbers of a key: 2, 3 or 6.
+    /// The number of floats of a key: 2, 3 or 6.
     pub const fn numbers(self) -> usize {
         match self {
             Self::Surface => 2,
@@ -29,7 +29,7 @@ impl Key {
         }
     }
 
-    /// In words, for messages.
+    /// Returns a description for messages.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Surface => "(s, t)",
@@ -39,12 +39,12 @@ impl Key {
     }
 }
 
-/// What records hold.
+/// The values of records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Value {
     /// One number.
     Float,
-    /// Three, as all that follow.
+    /// Three numbers, like the following types.
     Color,
     /// A position.
     Point,
@@ -52,14 +52,15 @@ pub enum Value {
     Vector,
     /// A normal.
     Normal,
-    /// Indirect light where records of a light cache lie: a color, then how it changes (`indirect ()`).
+    /// Indirect light at the records of an irradiance cache: a color, then its derivatives (`indirect ()`).
     Irradiance,
-    /// Occlusion there: a float, then the mean open direction and how occlusion changes (`occlusion ()`).
+    /// Occlusion at such records: a float, then the mean open direction and the derivatives of occlusion
+    /// (`occlusion ()`).
     Occlusion,
 }
 
 impl Value {
-    /// All of them, by their number in files.
+    /// All values, by their number in files.
     pub const ALL: [Self; 7] = [
         Self::Float,
         Self::Color,
@@ -70,11 +71,12 @@ impl Value {
         Self::Occlusion,
     ];
 
-    /// Numbers of a value.
+    /// The number of floats of a value.
     ///
-    /// Irradiance: the color, three gradients over places (of red, green and blue), three over normals, and the second
-    /// derivatives xx, yy, zz, xy, xz and yz of the mean of the channels. Occlusion: the blocked share, the mean open
-    /// direction, a gradient over places, one over normals, and second derivatives in the same order. All in "common" space.
+    /// Irradiance has the color, three translational gradients (of red, green and blue), three rotational gradients,
+    /// and the second derivatives xx, yy, zz, xy, xz and yz of the mean of the channels. Occlusion has the blocked
+    /// fraction, the mean open direction, a translational gradient, a rotational gradient, and the second derivatives
+    /// in the same order. All are in "common" space.
     pub const fn numbers(self) -> usize {
         match self {
             Self::Float => 1,
@@ -84,7 +86,7 @@ impl Value {
         }
     }
 
-    /// The first numbers of a value, 1 or 3, which are what `spatialdbquery` gives.
+    /// The number of the first floats of a value, 1 or 3, which `spatialdbquery` returns.
     pub const fn components(self) -> usize {
         match self {
             Self::Float | Self::Occlusion => 1,
@@ -92,7 +94,7 @@ impl Value {
         }
     }
 
-    /// The type's name in the shading language, or what a light cache keeps.
+    /// Returns the type's name in the shading language, or the kind of cached data.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Float => "float",
@@ -106,22 +108,22 @@ impl Value {
     }
 }
 
-/// What all records of a database are: a key, then a value.
+/// The schema of all records of a database: a key, then a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Schema {
-    /// Where they lie.
+    /// The key.
     pub key: Key,
-    /// What they hold.
+    /// The value.
     pub value: Value,
 }
 
 impl Schema {
-    /// Numbers of a record: the key's, then the value's.
+    /// The number of floats of a record: those of the key, then those of the value.
     pub const fn numbers(self) -> usize {
         self.key.numbers() + self.value.numbers()
     }
 
-    /// In words: "color by points".
+    /// Returns a description, such as "color by points".
     pub fn words(self) -> String {
         format!("{} by {}", self.value.word(), self.key.word())
     }

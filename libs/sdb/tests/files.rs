@@ -1,4 +1,4 @@
-//! Databases in files, and what sessions do with them.
+//! Tests of database files and of sessions with them.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use granita_base::{Environment, Reporter, SearchPath, hash};
@@ -34,7 +34,7 @@ fn mode(word: &str) -> Mode {
     Mode::from_word(word).unwrap()
 }
 
-/// Name of a file in a folder.
+/// Returns the name of a file in a folder.
 fn name(folder: &tempfile::TempDir, file: &str) -> String {
     folder.path().join(file).to_string_lossy().into_owned()
 }
@@ -50,7 +50,7 @@ fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
         let file = name(&folder, &format!("{round}.sdb"));
         let mut pieces: Vec<&[f32]> = all.chunks(6 * 7).collect();
         pieces.sort_by_key(|p| hash::words(&[p[0].to_bits(), round as u32]));
-        // From two threads.
+        // Records are added from two threads.
         let (a, b) = pieces.split_at(pieces.len() / 2);
         std::thread::scope(|scope| {
             for half in [a, b] {
@@ -76,7 +76,7 @@ fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
         list
     };
     assert_eq!(sorted(packed.records()), sorted(&all));
-    // Nothing else is left in the folder.
+    // The folder contains nothing else.
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
 }
 
@@ -116,7 +116,7 @@ fn broken_files_are_refused_by_name() {
     );
     assert!(matches!(read(folder.path()), Err(SdbError::Malformed { .. } | SdbError::Io { .. })));
     assert!(matches!(read(&folder.path().join("none.sdb")), Err(SdbError::Io { .. })));
-    // A session goes on without it, with one message.
+    // A session continues without it, with one message.
     std::fs::write(&broken, &whole[..500]).unwrap();
     let (databases, texts) = self::databases();
     for _ in 0..3 {
@@ -147,10 +147,10 @@ fn what_cannot_be_written_leaves_what_was_there() {
     }
 }
 
-/// Names the folder of a process of this test whose files cannot grow.
+/// The variable that names the folder of a process of this test whose files cannot grow.
 const FOLDER: &str = "GRANITA_TEST_OF_A_FULL_DISK";
 
-/// Files that cannot grow stand for a disk that is full: each database is named, and what was there stays.
+/// Files that cannot grow simulate a full disk. Each database is named, and the previous files stay.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_leaves_what_was_there() {
@@ -165,7 +165,7 @@ fn a_full_disk_leaves_what_was_there() {
     databases.finish(&path(folder.path())).unwrap();
     let bytes = |file: &str| std::fs::read(folder.path().join(file)).unwrap();
     let before = ["a.sdb", "b.sdb", "small.sdb"].map(bytes);
-    // Without its default handling the signal becomes an error of the write.
+    // When the signal is ignored, the write returns an error instead.
     let limited =
         "trap '' XFSZ; ulimit -f 32; exec \"$0\" --exact a_full_disk_leaves_what_was_there --nocapture";
     let ran = std::process::Command::new("sh")
@@ -183,7 +183,7 @@ fn a_full_disk_leaves_what_was_there() {
 #[cfg(target_os = "linux")]
 fn on_a_full_disk(folder: &Path) {
     let at = |file: &str| folder.join(file).to_string_lossy().into_owned();
-    // One is too large at the end, one already while records wait for it in a file.
+    // One database is too large at the end, and one already while its records are stored in a temporary file.
     let (databases, texts) = databases();
     let databases = databases.with_memory(4096);
     databases.save(&at("a.sdb"), POINTS, mode("w"), None, &records(680));
@@ -195,7 +195,7 @@ fn on_a_full_disk(folder: &Path) {
     let said: Vec<String> = errors.iter().map(ToString::to_string).collect();
     assert!(said.len() == 2 && said[0].contains("a.sdb") && said[1].contains("b.sdb"), "{said:?}");
     assert!(said[1].contains("records are missing"), "{said:?}");
-    // The next frame begins anew.
+    // The next frame begins with empty databases.
     databases.save(&at("b.sdb"), POINTS, mode("wo"), None, &[]);
     databases.begin();
     assert!(databases.finish(&path(folder)).unwrap().written.is_empty());
@@ -209,7 +209,7 @@ fn modes_say_what_is_seen_and_what_is_kept() {
         databases.records(&file, mode(word), &path(folder.path())).map_or(0, |packed| packed.len())
     };
     let (databases, texts) = databases();
-    // Without a mode: for later frames of the session, never for a file.
+    // Without a mode records are kept for later frames of the session and never written to a file.
     databases.save(&file, POINTS, mode(""), None, &records(3));
     assert_eq!(count(&databases, ""), 0, "a frame does not see what it saves");
     assert_eq!(databases.finish(&path(folder.path())).unwrap().written.len(), 0);
@@ -218,11 +218,11 @@ fn modes_say_what_is_seen_and_what_is_kept() {
     databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, ""), 5);
     assert!(!Path::new(&file).exists());
-    // Written: from then on in the file.
+    // Records that are written are in the file from then on.
     databases.save(&file, POINTS, mode("w"), None, &records(4));
     databases.finish(&path(folder.path())).unwrap();
     assert_eq!((count(&databases, ""), count(&databases, "r"), count(&databases, "ro")), (0, 4, 4));
-    // Replaced by "w" and "wo", added to by "rw".
+    // "w" and "wo" replace the file, and "rw" adds to it.
     databases.save(&file, POINTS, mode("wo"), None, &records(6));
     databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, "r"), 6);
@@ -230,7 +230,7 @@ fn modes_say_what_is_seen_and_what_is_kept() {
     databases.finish(&path(folder.path())).unwrap();
     assert_eq!(count(&databases, "r"), 13);
     assert!(texts().is_empty(), "{:?}", texts());
-    // "rw" on nothing is no mistake.
+    // "rw" on a file that does not exist is not an error.
     let new = name(&folder, "new.sdb");
     assert!(databases.records(&new, mode("rw"), &path(folder.path())).is_none());
     databases.save(&new, POINTS, mode("rw"), None, &records(1));
@@ -275,7 +275,7 @@ fn records_that_do_not_belong_are_told() {
     assert_eq!(texts.len(), 2, "{texts:?}");
     assert!(texts[0].contains("holds color by points: float by (s, t) is not added"), "{texts:?}");
     assert!(texts[1].contains("1 records are not finite"), "{texts:?}");
-    // No picture of points.
+    // Points cannot be written as an image.
     let picture = name(&folder, "a.tif");
     databases.save(&picture, POINTS, mode("w"), None, &records(3));
     let error = databases.finish(&path(folder.path())).unwrap_err()[0].to_string();
@@ -315,7 +315,7 @@ fn surfaces_become_pictures() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
-    /// Any records: the file gives the answers of memory, to the bit.
+    /// For any records the file gives the same results as memory, to the bit.
     #[test]
     fn a_file_answers_as_memory(
         numbers in prop::collection::vec(prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::SUBNORMAL, 0..900),

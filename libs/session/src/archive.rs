@@ -1,15 +1,15 @@
-//! Calls of a program that are written down and not carried out (reference 2.3, "pyg").
+//! Writes the calls of a program to a file instead of executing them (reference 2.3, "pyg").
 
 use crate::SessionError;
 use granita_base::Reporter;
 use granita_pyg::{PygError, Writer};
 use std::io::{Read, Write};
 
-/// Writes the calls of a stream as Pyg to `out` until the stream ends, and gives it back; questions are answered on
-/// `answers` (see `granita_pyg::serve`). Mistakes of single calls are reported.
+/// Writes the calls of a stream as Pyg to `out` until the stream ends, and returns it. Queries are answered on
+/// `answers` (see `granita_pyg::serve`). Errors of single calls are reported.
 ///
 /// # Errors
-/// [`SessionError::Failed`] for a stream that makes no sense, and when `out` cannot be written.
+/// Returns [`SessionError::Failed`] for an invalid stream, and when `out` cannot be written.
 pub fn archive_calls<W: Write>(
     input: &mut dyn Read,
     answers: &mut dyn Write,

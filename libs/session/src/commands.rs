@@ -1,4 +1,4 @@
-//! `Command` (reference 4.5).
+//! Executes `Command` (reference 4.5).
 
 use crate::SessionOptions;
 use granita_base::{Location, ParamData, Params, Reporter, Severity};
@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Runs one command; returns whether it is known.
+/// Runs one command. Returns true when the command exists.
 pub(crate) fn run(
     name: &str,
     params: &Params,
@@ -28,7 +28,7 @@ pub(crate) fn run(
         }),
         "unlink" => command.file("unlink", |path| std::fs::remove_file(path)),
         "return" => context.stop.store(true, Ordering::Relaxed),
-        // A blocking renderer is never in the middle of a frame when a scene's command comes: there is nothing
+        // A blocking renderer is never in the middle of a frame when a scene's command arrives, so there is nothing
         // to wait for.
         "wait" => (),
         "bucketpriority" => command.priority(),
@@ -44,27 +44,27 @@ pub(crate) fn run(
     true
 }
 
-/// What commands act on.
+/// The state that commands act on.
 pub(crate) struct CommandContext {
     /// Receives messages.
     pub(crate) reporter: Reporter,
     /// Ends the frame.
     pub(crate) stop: Arc<AtomicBool>,
-    /// What comes first of a frame that is being rendered; forgotten when one begins.
+    /// The priority of buckets of the frame that is being rendered; reset when one begins.
     pub(crate) priority: Arc<Priority>,
 }
 
-/// What `Command ("bucketpriority")` asks for, in pixels of the image.
+/// The request of `Command ("bucketpriority")`, in pixels of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PriorityRequest {
-    /// To go on around this pixel.
+    /// Continues around this pixel.
     Center([i32; 2]),
-    /// These pixels first, from the first up to and with the last one: xmin, ymin, xmax, ymax.
+    /// Renders these pixels first, from the first up to and including the last one: xmin, ymin, xmax, ymax.
     Rectangle([i32; 4]),
 }
 
 impl PriorityRequest {
-    /// From the parameters of the command.
+    /// Reads the parameters of the command.
     pub(crate) fn of(params: &Params) -> Result<Self, &'static str> {
         let ints = |name: &str| params.get(name).and_then(|p| p.data.to_ints());
         let (center, rectangle) = (ints("center"), ints("rectangle"));
@@ -77,7 +77,7 @@ impl PriorityRequest {
         }
     }
 
-    /// Changes the order of the buckets that wait.
+    /// Changes the order of the waiting buckets.
     pub(crate) fn apply(self, priority: &Priority) {
         match self {
             Self::Center([x, y]) => priority.center(x, y),
@@ -88,7 +88,7 @@ impl PriorityRequest {
         }
     }
 
-    /// Its numbers, for a connection.
+    /// Returns its numbers for a connection.
     pub(crate) fn to_bytes(self) -> Vec<u8> {
         let numbers = match &self {
             Self::Center(center) => &center[..],
@@ -97,7 +97,7 @@ impl PriorityRequest {
         numbers.iter().flat_map(|n| n.to_le_bytes()).collect()
     }
 
-    /// From what [`PriorityRequest::to_bytes`] gives.
+    /// Reads the result of [`PriorityRequest::to_bytes`].
     pub(crate) fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (numbers, rest) = bytes.as_chunks::<4>();
         let numbers: Vec<i32> = numbers.iter().map(|n| i32::from_le_bytes(*n)).collect();
@@ -121,13 +121,13 @@ impl Running<'_> {
         self.context.reporter.say(severity, self.at, text);
     }
 
-    /// The first form: a line for the shell.
+    /// Runs the first form: a line for the shell.
     fn shell(&self, line: &str) {
         let mut command = shell(line, self.options);
         self.start(&mut command, line, true);
     }
 
-    /// The second form: a program with arguments. It is waited for unless "wait" is 0.
+    /// Runs the second form: a program with arguments. Waits for it unless "wait" is 0.
     fn program(&self) {
         let words = ["command", "argv"].iter().find_map(|name| match &self.params.get(name)?.data {
             ParamData::String(words) if !words.is_empty() => Some(words.clone()),
@@ -165,7 +165,7 @@ impl Running<'_> {
         match ran {
             Ok(None) => (),
             Ok(Some(status)) if status.success() => (),
-            // That it failed because it was ended is not worth a line.
+            // A failure because the program was ended is not reported.
             _ if supervisor.has_ended() => (),
             Ok(Some(status)) => self.say(Severity::Error, format!("\"{line}\" failed: {status}")),
             Err(error) => self.say(Severity::Error, format!("cannot run \"{line}\": {error}")),
@@ -179,7 +179,7 @@ impl Running<'_> {
         }
     }
 
-    /// "mkdir" and "unlink": one parameter "name".
+    /// Runs "mkdir" and "unlink" with one parameter "name".
     fn file(&self, word: &str, act: impl FnOnce(&str) -> std::io::Result<()>) {
         let Some(name) = self.params.string("name") else {
             return self
@@ -194,7 +194,7 @@ impl Running<'_> {
     }
 }
 
-/// A command line for the default shell.
+/// Returns a command line for the default shell.
 pub(crate) fn shell(line: &str, options: &SessionOptions) -> Command {
     let mut command = if cfg!(windows) {
         let mut command = Command::new("cmd");
@@ -209,14 +209,14 @@ pub(crate) fn shell(line: &str, options: &SessionOptions) -> Command {
     command
 }
 
-/// Functions of the shell that give our own tools their names, also in pipelines and lists.
+/// Returns shell functions with the names of the suite's own tools, which also work in pipelines and lists.
 fn shell_functions(options: &SessionOptions) -> String {
     let Some(own) = &options.own_tools else { return String::new() };
     let program = format!("'{}'", own.program.to_string_lossy().replace('\'', "'\\''"));
     own.names.iter().map(|name| format!("{name}() {{ {program} --as {name} \"$@\"; }}\n")).collect()
 }
 
-/// A program by name: one of our own tools, or whatever `PATH` has.
+/// Returns a program by name: one of the suite's own tools, or one of `PATH`.
 fn program(name: &str, options: &SessionOptions) -> Command {
     match &options.own_tools {
         Some(own) if own.names.iter().any(|n| n == name) => {
@@ -228,10 +228,11 @@ fn program(name: &str, options: &SessionOptions) -> Command {
     }
 }
 
-/// Gives a program the session's variables.
+/// Sets the session's variables for a program.
 fn prepare(command: &mut Command, options: &SessionOptions) {
     command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
-    // Standard input may be the scene, and a program that is not in the foreground of a terminal is stopped when it reads there.
+    // Standard input may be the scene. A program that is not in the foreground of a terminal is stopped when it
+    // reads there.
     command.stdin(Stdio::null());
     if options.programs_print_to_stderr {
         command.stdout(std::io::stderr());

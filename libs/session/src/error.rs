@@ -1,38 +1,38 @@
-//! Why a session cannot go on.
+//! Errors that end a session.
 
 use std::path::PathBuf;
 
-/// Why a scene could not be read, or reading it ended early.
+/// The reason why a scene could not be read completely.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// A file that was asked for by name cannot be read.
+    /// A file that was requested by name cannot be read.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// There is no such scene, neither as a file nor on the input path.
+    /// The scene exists neither as a file nor on the input path.
     #[error("cannot find the scene \"{name}\" (looked in {places})")]
     Missing {
-        /// As it was named.
+        /// The name that was given.
         name: String,
-        /// Where was looked.
+        /// The places that were searched.
         places: String,
     },
-    /// The scene asked to stop: `Command ("exit")`.
+    /// The scene stopped the session with `Command ("exit")`.
     #[error("stopped by the scene's own request")]
     Exit,
-    /// A scene that cannot be read on.
+    /// The scene cannot be read further.
     #[error("{at}: {what}")]
     Scene {
-        /// What is wrong.
+        /// A description of the error.
         what: String,
-        /// Where.
+        /// The position of the error.
         at: granita_base::Location,
     },
-    /// Anything else that ended reading.
+    /// Another error that ended reading.
     #[error("{0}")]
     Failed(String),
 }

@@ -1,4 +1,4 @@
-//! What `Input` names (reference 2.9): scene files, generators, programs, strings.
+//! Resolves the names of `Input` (reference 2.9): scene files, generators, programs, strings.
 
 use crate::{SessionOptions, commands};
 use granita_base::process::Process;
@@ -14,51 +14,51 @@ use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
-/// Most bytes that a program may write for a generator other than "pyg".
+/// The largest number of bytes that a program may write for a generator other than "pyg".
 const MAX_OUTPUT: u64 = 2 << 30;
 
-/// Why an input cannot be read.
+/// The reason why an input cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum InputError {
-    /// There is nothing of that name.
+    /// No input has that name.
     #[error("cannot find Input \"{command}\" (looked in {places})")]
     Missing {
-        /// As it was named.
+        /// The name that was given.
         command: String,
-        /// Where was looked.
+        /// The places that were searched.
         places: String,
     },
-    /// It is something that nobody here reads.
+    /// No generator reads it.
     #[error("{0}")]
     Unsupported(String),
-    /// It would run a program, and none may run.
+    /// It would run a program, and programs are not permitted.
     #[error("Input \"{0}\": programs are not allowed")]
     Refused(String),
-    /// It cannot be read, or not to the end.
+    /// It cannot be read completely.
     #[error("{path}: {source}")]
     Io {
-        /// Name of the source.
+        /// The name of the source.
         path: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
-    /// It is not what it claims to be; with its place.
+    /// Its content is invalid. The text contains the position.
     #[error("{0}")]
     Malformed(String),
-    /// A scene that cannot be read on.
+    /// A scene cannot be read further.
     #[error("{at}: {what}")]
     Scene {
-        /// What is wrong.
+        /// A description of the error.
         what: String,
-        /// Where.
+        /// The position of the error.
         at: Location,
     },
-    /// The receiver of the calls wants no more.
+    /// The receiver of the calls stopped.
     #[error(transparent)]
     Stopped(#[from] Stop),
 }
 
-/// Finds inputs; what scenes and command lines name is the same.
+/// Finds inputs by the names of scenes and command lines.
 #[derive(Clone, Debug)]
 pub struct Inputs {
     options: Arc<SessionOptions>,
@@ -67,7 +67,7 @@ pub struct Inputs {
     reporter: Reporter,
 }
 
-/// Something to read, found but not opened.
+/// An input that was found but not opened.
 #[derive(Debug)]
 pub struct Input {
     identity: Arc<str>,
@@ -76,13 +76,13 @@ pub struct Input {
     scripts: Option<Scripts>,
 }
 
-/// Who reads it.
+/// The reader of an input.
 enum Kind {
     Pyg(Origin),
     Generator(Arc<dyn Generator>, Origin),
 }
 
-/// What it is read from.
+/// The source of an input.
 enum Origin {
     File(PathBuf),
     /// A name for messages, and the text.
@@ -90,7 +90,7 @@ enum Origin {
     Standard,
     /// The output of a line of the shell.
     Program(String),
-    /// What follows a generator's name and is no file: for the generator to know.
+    /// An argument of a generator that is not a file. The generator interprets it.
     Argument(String),
 }
 
@@ -104,18 +104,19 @@ impl std::fmt::Debug for Kind {
 }
 
 impl Inputs {
-    /// With the bundled generators. Of the options the variables, the suite's own tools and `safe` count.
+    /// Returns inputs with the bundled generators. Of the options, the variables, the suite's own tools and `safe`
+    /// are used.
     pub fn new(options: Arc<SessionOptions>, reporter: Reporter) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
         Self::with_plugins(options, reporter, plugins)
     }
 
-    /// With those of `plugins` besides.
+    /// Returns inputs that also have the generators of `plugins`.
     pub fn with_plugins(options: Arc<SessionOptions>, reporter: Reporter, plugins: Plugins) -> Self {
         Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
     }
 
-    /// The generator called `name`: one that the user named, a bundled one, or an installed one.
+    /// Returns the generator called `name`: one that the user named, a bundled one, or an installed one.
     fn generator(&self, name: &str, paths: InputPaths<'_>) -> Option<Arc<dyn Generator>> {
         self.plugins
             .preferred_generator(name)
@@ -123,11 +124,11 @@ impl Inputs {
             .or_else(|| self.plugins.generator(name, &self.folders(paths.generator)))
     }
 
-    /// Finds what `command` names. A whole file name comes first, so that names may contain blanks; then a generator with
-    /// its argument, a program on the path of generators.
+    /// Finds the input that `command` names. A whole file name has precedence, so that names may contain blanks.
+    /// Then follow a generator with its argument, and a program on the path of generators.
     ///
     /// # Errors
-    /// [`InputError::Missing`], [`InputError::Unsupported`], [`InputError::Refused`].
+    /// Returns [`InputError::Missing`], [`InputError::Unsupported`] or [`InputError::Refused`].
     pub fn find(&self, command: &str, paths: InputPaths<'_>) -> Result<Input, InputError> {
         let command = command.trim();
         if let Some(found) = self.scene_file(command, paths) {
@@ -175,10 +176,10 @@ impl Inputs {
         }
     }
 
-    /// A scene file by its own path.
+    /// Finds a scene file by its path.
     ///
     /// # Errors
-    /// [`InputError::Unsupported`] when no generator reads files of its kind; [`InputError::Refused`].
+    /// Returns [`InputError::Unsupported`] when no generator reads files of its kind, or [`InputError::Refused`].
     pub fn file(&self, path: &Path, paths: InputPaths<'_>) -> Result<Input, InputError> {
         let identity = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let identity = identity.to_string_lossy().into_owned();
@@ -211,7 +212,7 @@ impl Inputs {
         }
     }
 
-    /// A scene that comes in through a stream, under the name that messages give it.
+    /// Returns the options of a scene that is read from a stream.
     pub(crate) fn pyg_options(&self) -> PygOptions {
         let set = |name: &str| self.options.environment.get(name).is_some();
         PygOptions {
@@ -230,8 +231,8 @@ impl Inputs {
         }
     }
 
-    /// What scripts find in their environment: also the program that `CreateRenderer` starts, which is this one where
-    /// "GELATO" names no other.
+    /// Returns the environment of scripts. It includes the program that `CreateRenderer` starts, which is this one
+    /// unless "GELATO" names another.
     fn script_environment(&self) -> Vec<(String, String)> {
         let mut environment = self.options.program_environment.clone();
         let own = self.options.own_tools.as_ref().filter(|own| own.names.iter().any(|name| name == "gelato"));
@@ -241,7 +242,7 @@ impl Inputs {
         environment
     }
 
-    /// What opens files.
+    /// Returns the object that opens files.
     fn files(&self) -> &Files {
         self.options.environment.files()
     }
@@ -282,17 +283,17 @@ impl Inputs {
 }
 
 impl Input {
-    /// Tells it from others: the same file has the same identity, by whatever name it was found.
+    /// Returns the identity of the input. The same file has the same identity under any name.
     pub fn identity(&self) -> &Arc<str> {
         &self.identity
     }
 
-    /// The same as a part of a scene whose parts share what their scripts define.
+    /// Returns the input as a part of a scene whose parts share the definitions of their scripts.
     pub(crate) fn sharing(self, scripts: Scripts) -> Self {
         Self { scripts: Some(scripts), ..self }
     }
 
-    /// Whether it may hold a whole scene, rather than objects for one.
+    /// True when it may contain a whole scene, and not only objects for one.
     pub fn makes_frames(&self) -> bool {
         match &self.kind {
             Kind::Pyg(_) => true,
@@ -300,7 +301,7 @@ impl Input {
         }
     }
 
-    /// What its generator knows of where everything lies, without reading it all.
+    /// Returns the bound that its generator finds without reading all of it.
     pub fn bound(&self) -> Option<[f32; 6]> {
         match &self.kind {
             Kind::Generator(_, Origin::Program(_) | Origin::Standard) | Kind::Pyg(_) => None,
@@ -308,10 +309,11 @@ impl Input {
         }
     }
 
-    /// Reads it; its calls go to `sink`. Mistakes that can be gone on after are reported, not returned.
+    /// Reads the input and passes its calls to `sink`. Errors that do not end reading are reported, not returned.
     ///
     /// # Errors
-    /// [`InputError::Io`], [`InputError::Malformed`], [`InputError::Unsupported`], [`InputError::Stopped`].
+    /// Returns [`InputError::Io`], [`InputError::Malformed`], [`InputError::Unsupported`] or
+    /// [`InputError::Stopped`].
     pub fn read(self, sink: &mut dyn SceneSink) -> Result<(), InputError> {
         let Self { kind, inputs, scripts, .. } = self;
         let reporter = &inputs.reporter;
@@ -354,7 +356,7 @@ impl Input {
         })
     }
 
-    /// For the graphics state: what keeps it from being read is reported when it is read.
+    /// Returns the input for the graphics state. An error that prevents reading is reported when it is read.
     pub(crate) fn found(self, command: &str, at: &Location) -> FoundInput {
         let reporter = self.inputs.reporter.clone();
         let (command, at) = (command.to_owned(), at.clone());
@@ -368,7 +370,7 @@ impl Input {
                     match error {
                         InputError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
                         other => {
-                            // Most errors begin with the name of what is read.
+                            // Most errors begin with the name of the input.
                             let text = other.to_string();
                             let named = text.starts_with(&command);
                             let text = if named { text } else { format!("Input \"{command}\": {text}") };
@@ -393,7 +395,7 @@ impl Origin {
         }
     }
 
-    /// For a generator; `None` for what has to be collected from a stream.
+    /// Returns the source for a generator; `None` for one that must be collected from a stream.
     fn source(&self, files: &Files) -> Option<GeneratorSource> {
         Some(match self {
             Self::File(path) => GeneratorSource::file(path.clone()).with_files(files),
@@ -428,7 +430,7 @@ pub(crate) fn pyg_error(error: PygError) -> InputError {
     }
 }
 
-/// The output of a program, read while it runs. Dropped, it ends the program.
+/// The output of a program, read while it runs. Dropping it ends the program.
 struct Output {
     child: Process,
     out: ChildStdout,
@@ -457,7 +459,7 @@ impl Read for Output {
     }
 }
 
-/// A file name as one word of the shell; one without a folder is not looked for on `PATH`.
+/// Returns a file name as one word of the shell. A name without a folder is not searched on `PATH`.
 fn quoted(file: &Path) -> String {
     let has_folder = file.parent().is_some_and(|folder| folder != OsStr::new(""));
     let file = if has_folder { file.to_owned() } else { Path::new(".").join(file) };
@@ -540,9 +542,7 @@ mod tests {
         let file = folder.path().join("it's grass");
         let program = folder.path().join("grass");
         for path in [&file, &program] {
-            std::fs::write(path, "#!/bin/sh\nfor i in \"$@\"; do echo \"Translate ($i, 0, 0)\"; done\n")
-                .unwrap();
-            std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o755)).unwrap();
+            granita_needs::write_script(path, "for i in \"$@\"; do echo \"Translate ($i, 0, 0)\"; done");
         }
         assert_eq!(read("grass 1 '2' 3", folder.path()).unwrap(), "Translate Translate Translate");
         assert_eq!(read("it's grass", folder.path()).unwrap(), "");

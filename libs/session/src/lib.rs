@@ -1,20 +1,20 @@
-//! Wires a renderer together: one door for the tools and the bindings.
+//! Connects the parts of a renderer, as one entry point for the tools and the bindings.
 //!
-//! A [`Session`] joins the graphics state machine (`scene::State`), the scene reader (`pyg`), the renderer, the
-//! bundled image formats, shaders and inputs. Whatever the process knows (variables, folders, threads) comes in
-//! through [`SessionOptions`]; nothing here reads the environment, prints or exits. Two sessions in one process
+//! A [`Session`] connects the graphics state machine (`scene::State`), the scene reader (`pyg`), the renderer, and
+//! the bundled image formats, shaders and inputs. All data of the process (variables, folders, threads) is passed
+//! in [`SessionOptions`]. This crate does not read the environment, print or exit. Two sessions in one process
 //! share nothing.
 //!
-//! Where things are looked for, in order:
-//! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones;
-//! - scene files: as named, then in the folders of "path:input"; then the bundled ones;
+//! Search order:
+//! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones
+//! - scene files: as named, then in the folders of "path:input"; then the bundled ones
 //! - generators: those of [`SessionOptions::plugins`]; the bundled ones; `NAME.generator.so` in the folders of
-//!   "path:generator"; then programs in those folders;
+//!   "path:generator"; then programs in those folders
 //! - image formats: those of [`SessionOptions::plugins`]; the bundled ones; then plugins in the absolute folders of
-//!   "path:imageio";
-//! - textures: in the folders of "path:texture".
+//!   "path:imageio"
+//! - textures: in the folders of "path:texture"
 //!
-//! The default paths name `$GELATOHOME`, so that an installation's own files come before the bundled ones.
+//! The default paths name `$GELATOHOME`, so that an installation's own files have precedence over the bundled ones.
 //!
 //! Deliberately absent so far: scene writing.
 //!

@@ -1,27 +1,28 @@
-//! One frame by several processes (reference 6.6.3): how a coordinator talks with its workers.
+//! Renders one frame with several processes (reference 6.6.3): the protocol between a coordinator and its workers.
 //!
-//! A worker is this program with `-worker`, started by the coordinator, here or through `ssh`, for the same scene files.
-//! It reads them as the coordinator does, but runs no commands and writes no images. Both count the commands and
-//! frames that they come to, and the worker is never ahead: it waits at a command until the coordinator has run it, and
-//! at a frame until it is asked for buckets of it.
+//! A worker is this program with `-worker`, started by the coordinator, on this machine or through `ssh`, for the
+//! same scene files. It reads them as the coordinator does, but runs no commands and writes no images. Both count
+//! the commands and frames that they reach, and the worker is never ahead. It waits at a command until the
+//! coordinator has run it, and at a frame until buckets of it are requested.
 //!
-//! What the coordinator says are lines:
-//! - `commands N`: so many commands of the scene are done;
-//! - `frame N`: the frames before this one are over;
+//! The coordinator sends lines:
+//! - `commands N`: this number of commands of the scene is done.
+//! - `frame N`: the frames before this one are over.
 //! - `bucket F I`: render bucket I of frame F. Frames are counted from 0.
 //!
-//! The worker greets with [`GREETING`] and its threads, a line; its answers are binary, little-endian: the bucket, the frame and the
-//! number of its images, and for each image the number of its values and these; or the bucket, the frame, [`NO_IMAGES`], the length
-//! of a text and the text. All counts have 32 bits.
+//! The worker first sends a line with [`GREETING`] and its number of threads. Its answers are binary,
+//! little-endian: the bucket, the frame and the number of its images, and for each image the number of its values
+//! and the values; or the bucket, the frame, [`NO_IMAGES`], the length of a text and the text. All counts have 32
+//! bits.
 //!
-//! As long as a worker has buckets to render, it sends [`ALIVE`] from a thread of its own, twice a second. So a worker that takes long is told from one
-//! that is stopped: when nothing comes for the seconds of "net:timeout", the worker is ended, and others do its part. Writing to a
-//! worker is left to a thread, so that one that does not read holds nobody up. What is the answer to a frame that was stopped is
-//! passed over.
+//! As long as a worker has buckets to render, a separate thread sends [`ALIVE`] twice a second. This distinguishes
+//! a slow worker from a stopped one. When nothing arrives for the seconds of "net:timeout", the worker is ended,
+//! and others render its buckets. A thread writes to each worker, so that one that does not read blocks no other.
+//! Answers for a stopped frame are ignored.
 
 mod worker;
 
-pub(crate) use worker::Master;
+pub(crate) use worker::WorkerCoordinator;
 
 use crate::SessionOptions;
 use crate::patient::{Patience, Patient};
@@ -35,22 +36,22 @@ use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// What a worker of this version says first: the version of the suite, and that of this protocol.
+/// The first line of a worker of this version: the version of the suite, and that of this protocol.
 const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/2");
 
-/// Stands for a bucket: the worker lives.
+/// Sent in place of a bucket to show that the worker is running.
 const ALIVE: u32 = u32::MAX;
 
-/// Stands for a number of images when there are none.
+/// Sent in place of a number of images when there are none.
 const NO_IMAGES: u32 = u32::MAX;
 
-/// More values than any bucket has.
+/// The largest number of values of a bucket.
 const MOST_VALUES: u32 = 1 << 28;
 
-/// More images than any frame has.
+/// The largest number of images of a frame.
 const MOST_IMAGES: u32 = 1 << 16;
 
-/// How long a worker without output may take to end.
+/// The time in which a worker without output must end.
 const ENDING: Duration = Duration::from_secs(1);
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -63,13 +64,13 @@ pub(crate) struct Net {
     reporter: Reporter,
     state: Mutex<Progress>,
     patience: Patience,
-    /// Frames are rendered without workers.
+    /// True when frames are rendered without workers.
     alone: AtomicBool,
-    /// Started with the first frame; `None` once a worker is of no more use.
+    /// The workers, started with the first frame; `None` for a lost worker.
     workers: Mutex<Vec<Arc<Mutex<Option<Worker>>>>>,
 }
 
-/// How far the coordinator is.
+/// The progress of the coordinator.
 #[derive(Default)]
 struct Progress {
     commands: usize,
@@ -78,12 +79,12 @@ struct Progress {
 
 struct Worker {
     name: String,
-    /// Dropped, it is ended.
+    /// Its process, which is ended when this is dropped.
     process: Process,
-    /// Lines for it.
+    /// The lines to send to it.
     to: Sender<String>,
     from: Patient,
-    /// Threads that it has; 0 until it has greeted.
+    /// The number of its threads; 0 before its greeting.
     threads: usize,
 }
 
@@ -99,8 +100,8 @@ impl Net {
         }
     }
 
-    /// Starts workers on machines, unless they are there already; `command` is how `gelato` is called on them, and `patience` the
-    /// longest silence in seconds. False when there are none.
+    /// Starts workers on machines, unless they are running already. `command` is the command line of `gelato` on
+    /// them, and `patience` the longest silence in seconds. Returns false when there are none.
     pub(crate) fn start(&self, servers: &[&str], command: &str, patience: f32) -> bool {
         let Some(arguments) = &self.options.net_arguments else {
             refuse(&self.reporter, "the scene is no file that workers could read");
@@ -113,7 +114,7 @@ impl Net {
             for server in servers {
                 match Worker::start(server, command, arguments, &self.options, &self.patience) {
                     Ok(worker) => {
-                        // One that is gone already is told of when it is needed.
+                        // A worker that has ended is reported when it is needed.
                         let _ = worker
                             .say(&format!("commands {}\nframe {}\n", progress.commands, progress.frame));
                         workers.push(Arc::new(Mutex::new(Some(worker))));
@@ -127,8 +128,8 @@ impl Net {
         workers.iter().any(|worker| lock(worker).is_some())
     }
 
-    /// Whether the cameras of the next frame are rendered without workers: these have no databases of earlier frames but
-    /// those in files.
+    /// Sets whether the cameras of the next frame are rendered without workers. Workers have no databases of
+    /// earlier frames except those in files.
     pub(crate) fn set_alone(&self, alone: bool) {
         if alone {
             refuse(&self.reporter, "workers do not have the spatial databases that earlier frames saved");
@@ -136,7 +137,7 @@ impl Net {
         self.alone.store(alone, Ordering::Relaxed);
     }
 
-    /// The scene's next command was run.
+    /// Counts a command of the scene that was run.
     pub(crate) fn command_done(&self) {
         let mut state = lock(&self.state);
         state.commands += 1;
@@ -147,7 +148,7 @@ impl Net {
 
     fn tell(&self, line: &str) {
         for worker in lock(&self.workers).iter() {
-            // One that is gone is told of when it is needed.
+            // A worker that has ended is reported when it is needed.
             let _ = lock(worker).as_ref().map(|worker| worker.say(line));
         }
     }
@@ -188,39 +189,14 @@ impl Worker {
         options: &SessionOptions,
         patience: &Patience,
     ) -> io::Result<Self> {
-        let mut start = match (server, &options.own_tools) {
-            ("local" | "localhost", Some(own)) if command.is_empty() => {
-                let mut start = Command::new(&own.program);
-                start.arg("-worker").args(arguments);
-                start
-            }
-            _ => {
-                let command = if command.is_empty() { "gelato" } else { command };
-                let words = arguments.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
-                let folder = std::env::current_dir()?;
-                let line = format!("cd {} && {command} -worker {words}", quoted(&folder.to_string_lossy()));
-                let mut start = if matches!(server, "local" | "localhost") {
-                    let mut start = Command::new("/bin/sh");
-                    start.arg("-c");
-                    start
-                } else {
-                    let mut start = Command::new("ssh");
-                    start.args(["-o", "BatchMode=yes", "-o", "ServerAliveInterval=15", "--", server]);
-                    start
-                };
-                start.arg(line);
-                start
-            }
-        };
-        start.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
-        start.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut start = start_command(server, command, arguments, options)?;
         let mut process = options.supervisor.spawn(&mut start, format!("rendering with {server}"))?;
         let (Some(mut to), Some(from)) = (process.take_stdin(), process.take_stdout()) else {
             return Err(io::Error::other("it has no streams"));
         };
         let (sender, lines) = channel::<String>();
         std::thread::Builder::new().name("net".to_owned()).spawn(move || {
-            // Ends with the worker, or with its process.
+            // The thread ends with the worker, or with its process.
             while let Ok(line) = lines.recv()
                 && to.write_all(line.as_bytes()).and_then(|()| to.flush()).is_ok()
             {}
@@ -233,7 +209,7 @@ impl Worker {
         self.to.send(line.to_owned()).map_err(|_| "it does not listen".to_owned())
     }
 
-    /// Reads the greeting, once. False when there is nothing to do for it any more.
+    /// Reads the greeting once. Returns false when there is no more work for it.
     fn greet(&mut self, buckets: &dyn Buckets) -> Result<bool, String> {
         if self.threads > 0 {
             return Ok(true);
@@ -271,7 +247,7 @@ impl Worker {
         }
         let mut waiting = 0;
         loop {
-            // Two for each thread, so that none waits for the wire.
+            // Two buckets per thread are sent, so that no thread waits for the connection.
             while waiting < 2 * self.threads {
                 let Some(index) = buckets.take(waiting == 0) else { break };
                 self.say(&format!("bucket {frame} {index}\n"))?;
@@ -285,13 +261,13 @@ impl Worker {
                     buckets.put(index, pixels)?;
                     waiting -= 1;
                 }
-                // It lives, or answers what was asked in a frame that was stopped.
+                // This is a sign of life, or an answer for a stopped frame.
                 _ => {}
             }
         }
     }
 
-    /// A bucket, its frame and its pixels; `None` when the worker only shows that it lives.
+    /// Returns a bucket, its frame and its pixels; `None` for a sign of life.
     fn answer(&mut self) -> io::Result<Option<Answer>> {
         let index = number(&mut self.from)?;
         if index == ALIVE {
@@ -327,7 +303,46 @@ impl Worker {
     }
 }
 
-/// A bucket, its frame, and its pixels or why there are none.
+/// Returns the command that starts the worker on a machine.
+fn start_command(
+    server: &str,
+    command: &str,
+    arguments: &[String],
+    options: &SessionOptions,
+) -> io::Result<Command> {
+    let mut start = match (server, &options.own_tools) {
+        ("local" | "localhost", Some(own)) if command.is_empty() => {
+            let mut start = Command::new(&own.program);
+            start.arg("-worker").args(arguments);
+            start
+        }
+        _ => {
+            let command = if command.is_empty() { "gelato" } else { command };
+            let words = arguments.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
+            let folder = &options.current_folder;
+            if folder.as_os_str().is_empty() {
+                return Err(io::Error::other("the folder of this run is not known"));
+            }
+            let line = format!("cd {} && {command} -worker {words}", quoted(&folder.to_string_lossy()));
+            let mut start = if matches!(server, "local" | "localhost") {
+                let mut start = Command::new("/bin/sh");
+                start.arg("-c");
+                start
+            } else {
+                let mut start = Command::new("ssh");
+                start.args(["-o", "BatchMode=yes", "-o", "ServerAliveInterval=15", "--", server]);
+                start
+            };
+            start.arg(line);
+            start
+        }
+    };
+    start.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
+    start.stdin(Stdio::piped()).stdout(Stdio::piped());
+    Ok(start)
+}
+
+/// A bucket, its frame, and its pixels or the reason why there are none.
 type Answer = (usize, usize, Result<BucketPixels, String>);
 
 fn number(from: &mut impl Read) -> io::Result<u32> {
@@ -336,13 +351,35 @@ fn number(from: &mut impl Read) -> io::Result<u32> {
     Ok(u32::from_le_bytes(bytes))
 }
 
-/// A word for a shell.
+/// Returns a word for a shell.
 fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-/// Says that a frame cannot be spread.
+/// Reports that a frame cannot be rendered by workers.
 pub(crate) fn refuse(reporter: &Reporter, why: &str) {
     let text = format!("-net: {why}: this machine renders alone");
     reporter.once("net refused", Severity::Warning, &granita_base::Location::default(), text);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn workers_elsewhere_start_in_the_folder_that_the_options_name() {
+        let words = |server: &str, folder: &str| {
+            let options =
+                SessionOptions { current_folder: PathBuf::from(folder), ..SessionOptions::default() };
+            let start = start_command(server, "", &["a b.pyg".to_owned()], &options)?;
+            Ok(start.get_args().last().unwrap_or_default().to_string_lossy().into_owned())
+        };
+        let line = |server, folder| words(server, folder).map_err(|e: io::Error| e.to_string());
+        for server in ["alpha", "local"] {
+            let expected = "cd '/scenes/it'\\''s' && gelato -worker 'a b.pyg'";
+            assert_eq!(line(server, "/scenes/it's").as_deref(), Ok(expected));
+            assert_eq!(line(server, "").unwrap_err(), "the folder of this run is not known");
+        }
+    }
 }

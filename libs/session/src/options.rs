@@ -1,4 +1,4 @@
-//! What a session is told by whoever runs it.
+//! The options of a session.
 
 use granita_base::{Environment, Supervisor};
 use granita_plugin::PluginRules;
@@ -8,12 +8,13 @@ use std::sync::Arc;
 /// An image in addition to the scene's own (`-o`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExtraOutput {
-    /// File name; its extension names the format unless `format` does. In the format "iv", the name of the picture.
+    /// The file name, whose extension selects the format unless `format` does. For the format "iv", the name of the
+    /// image.
     pub name: String,
-    /// Image format; `None` for the one that the extension belongs to.
+    /// The image format; `None` for the one of the extension.
     pub format: Option<String>,
-    /// "rgba", "first" for what the scene's first output shows, "all" for what each of them shows (written beside
-    /// each other, as `name-1.ext`; in the format "iv" as pictures of their own names), or anything that `Output` takes.
+    /// The data: "rgba", "first" for that of the scene's first output, "all" for that of each of them (written as
+    /// `name-1.ext` and so on; for the format "iv" as images of their own names), or any data of `Output`.
     pub data: String,
 }
 
@@ -22,14 +23,14 @@ pub struct ExtraOutput {
 pub struct OwnTools {
     /// Runs any of them as `program --as NAME ARGUMENT ...`.
     pub program: PathBuf,
-    /// Names that mean this program rather than whatever `PATH` has under them.
+    /// The names that mean this program, whatever `PATH` has under them.
     pub names: Vec<String>,
 }
 
-/// Finds a viewer for pictures of the format "iv": its address, or why there is none.
+/// Finds a viewer for images of the format "iv". Returns its address, or the reason why there is none.
 pub type FindViewer = dyn Fn() -> Result<String, String> + Send + Sync;
 
-/// Where pictures of the format "iv" go that do not say so themselves. Asked when the first one is made.
+/// The viewer of images of the format "iv" that do not name one. Called when the first one is made.
 #[derive(Clone, Default)]
 pub struct Viewer(pub Option<Arc<FindViewer>>);
 
@@ -39,61 +40,66 @@ impl std::fmt::Debug for Viewer {
     }
 }
 
-/// Everything that a session takes from outside.
+/// All inputs of a session from outside.
 #[derive(Clone, Debug, Default)]
 pub struct SessionOptions {
-    /// Variables: `GELATOHOME`, `HOME`, `PYG_...`, and whatever search paths name.
+    /// The variables: `GELATOHOME`, `HOME`, `PYG_...`, and those of search paths.
     pub environment: Environment,
+    /// The current folder for relative names, for workers on other machines; empty when it is not known.
+    pub current_folder: PathBuf,
     /// Variables that programs started by the scene get in addition to those of this process.
     pub program_environment: Vec<(String, String)>,
-    /// Standard output belongs to somebody else: what programs started by the scene print goes to standard error.
+    /// True when standard output has another use. Output of programs that the scene starts then goes to standard
+    /// error.
     pub programs_print_to_stderr: bool,
-    /// The suite's own tools: what their names mean when a scene runs a program.
+    /// The suite's own tools, which take precedence when a scene runs a program by name.
     pub own_tools: Option<OwnTools>,
-    /// Threads to render with; 0 leaves it to the scene ("limits:threads").
+    /// The number of threads to render with. 0 takes that of the scene ("limits:threads").
     pub threads: usize,
-    /// The number of files that the process may have open at once; `None` when there is no limit. Textures leave some of
-    /// them for everything else.
+    /// The number of files that the process may have open at once; `None` when there is no limit. Textures use only
+    /// a part of them.
     pub open_files: Option<usize>,
-    /// Fixes the verbosity; `None` leaves it to the scene.
+    /// Sets the verbosity; `None` takes that of the scene.
     pub verbosity: Option<u8>,
-    /// Least "statistics:level".
+    /// The smallest "statistics:level".
     pub statistics: i32,
     /// Replaces the crop window of every camera.
     pub crop: Option<[f32; 4]>,
-    /// Preview mode of every camera, when not 0: stands for "shadingquality".
+    /// The preview mode of every camera, which replaces "shadingquality" when not 0.
     pub preview: f32,
     /// Replaces "shadertype" of every camera.
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
-    /// Where pictures of the format "iv" go; without it, to one that listens on the usual port of this machine.
+    /// The viewer of images of the format "iv"; by default the one at the standard port of this machine.
     pub viewer: Viewer,
-    /// Do not read `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg` first.
+    /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.
     pub no_startup_files: bool,
-    /// For scenes from strangers: refuses scripts, programs and plugins, reads beneath the folders of the scene files, of
-    /// `$GELATOHOME` and of the user's search paths only, and writes beneath one folder only (see
-    /// [`granita_base::Confinement`]).
+    /// True for untrusted scenes. Scripts, programs and plugins are refused. Files are read only beneath the
+    /// folders of the scene files, of `$GELATOHOME` and of the user's search paths, and written only beneath one
+    /// folder (see [`granita_base::Confinement`]).
     pub safe: bool,
     /// Plugins that the user named: libraries, and folders of them (`-plugins`).
     pub plugins: Vec<PathBuf>,
-    /// Generators and shader functions that a scene names are also taken from relative folders of search paths.
+    /// True when generators and shader functions that a scene names may also come from relative folders of search
+    /// paths.
     pub plugins_from_current_folder: bool,
-    /// The folder for what a scene writes under `safe`; by default one beside the scene, `a.out` for `a.pyg`.
+    /// The folder for files that a scene writes under `safe`; by default one beside the scene, `a.out` for `a.pyg`.
     pub safe_output: Option<PathBuf>,
-    /// Knows what the session is busy with, and the processes that it started.
+    /// Tracks the work of the session and the processes that it started.
     pub supervisor: Supervisor,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
-    /// Machines that share the work on each frame ("net:workers"), "local" for this one; empty leaves it to the scene.
+    /// Machines that share the work on each frame ("net:workers"), "local" for this one; empty leaves it to the
+    /// scene.
     pub net_workers: Vec<String>,
-    /// The command line of `gelato`, without what concerns the net, from which a worker gets the same scene; `None` when
-    /// it cannot get it, as from a pipe.
+    /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
+    /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,
 }
 
 impl SessionOptions {
-    /// Which plugins may be loaded.
+    /// Returns the rules for loading plugins.
     pub(crate) fn plugin_rules(&self) -> PluginRules {
         PluginRules {
             none: self.safe,

@@ -1,4 +1,4 @@
-//! Images that the command line adds, and attributes that it replaces.
+//! Images and attributes that the command line adds or replaces.
 
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The scene with the session's own outputs and camera attributes.
+/// Returns the scene with the session's own outputs and camera attributes.
 pub(crate) fn amended(
     scene: &Arc<Scene>,
     options: &SessionOptions,
@@ -31,27 +31,27 @@ pub(crate) fn amended(
             camera.params.set(Param { name: "shadertype".into(), ty, data: name.as_str().into() });
         }
     }
-    // Shading looks from the first camera, so that one decides (reference 7.7).
+    // Shading uses the first camera, so that one decides (reference 7.7).
     if let Some(surface) = proxy(&scene) {
         shade_plainly(&mut scene, surface);
     }
     let own: Vec<Output> = scene.outputs.clone();
-    // An output of the command line is an output: the automatic one of a scene without any is not needed then.
-    // What only a viewer has is not kept, so that one stays.
+    // With an output of the command line, the automatic output of a scene without any is not needed. An image in a
+    // viewer is not a file, so the automatic one is kept then.
     if options.extra_outputs.iter().any(|extra| !is_iv(extra)) && is_automatic(&own, &scene) {
         scene.outputs.clear();
     }
     for extra in &options.extra_outputs {
         let outputs = extra_outputs(extra, &own, &scene, registry, reporter);
-        // The user named them, or what they are named after.
+        // The user named these files, or the files that their names derive from.
         outputs.iter().for_each(|output| registry.files().grant_output(Path::new(&*output.name)));
         scene.outputs.extend(outputs);
     }
     Arc::new(scene)
 }
 
-/// The surface shader that stands for all shaders under the camera's "shadertype" (reference 4.1); `None` when the
-/// scene's own shaders run.
+/// Returns the surface shader that replaces all shaders under the camera's "shadertype" (reference 4.1); `None`
+/// when the scene's own shaders run.
 fn proxy_shader(camera: &Camera) -> Option<&'static str> {
     match &*camera.get(attr::SHADERTYPE) {
         "defaultsurface" => Some("defaultsurface"),
@@ -90,7 +90,7 @@ fn shade_plainly(scene: &mut Scene, surface: &str) {
     scene.lights.clear();
 }
 
-/// Whether the outputs are just the one that a scene without outputs gets.
+/// True when the outputs are only the automatic one of a scene without outputs.
 fn is_automatic(outputs: &[Output], scene: &Scene) -> bool {
     let [output] = outputs else { return outputs.is_empty() };
     let Some(camera) = scene.cameras.first() else { return false };
@@ -98,12 +98,12 @@ fn is_automatic(outputs: &[Output], scene: &Scene) -> bool {
     *output.name == *name && &*output.data == "rgba" && output.params.is_empty()
 }
 
-/// Whether it is shown, not kept.
+/// True when it is shown in a viewer and not written to a file.
 pub(crate) fn is_iv(extra: &ExtraOutput) -> bool {
     extra.format.as_deref() == Some("iv")
 }
 
-/// The scene without what it wants to show in a viewer, for which nobody asked.
+/// Returns the scene without its own outputs to viewers, which the user did not request.
 pub(crate) fn without_viewers(scene: &Arc<Scene>, reporter: &Reporter) -> Arc<Scene> {
     let is_shown = |output: &Output| &*output.format == "iv";
     let Some(shown) = scene.outputs.iter().find(|output| is_shown(output)) else { return scene.clone() };
@@ -116,15 +116,15 @@ pub(crate) fn without_viewers(scene: &Arc<Scene>, reporter: &Reporter) -> Arc<Sc
     Arc::new(scene)
 }
 
-/// Whether any picture goes to a viewer, and whether one of these does not say to which.
+/// Returns whether any image goes to a viewer, and whether one of these does not name its viewer.
 pub(crate) fn shows(scene: &Scene, safe: bool) -> (bool, bool) {
     let mut shown = scene.outputs.iter().filter(|output| &*output.format == "iv").peekable();
     let any = shown.peek().is_some();
     (any, shown.any(|output| safe || output.params.get("display").is_none()))
 }
 
-/// The scene with `address` for pictures of the format "iv" that do not name a viewer themselves ("display"), as those of
-/// strangers' scenes must not.
+/// Returns the scene with `address` for images of the format "iv" that do not name a viewer themselves ("display").
+/// Untrusted scenes must not name one.
 pub(crate) fn displayed(
     scene: &Arc<Scene>,
     address: Option<&str>,
@@ -186,7 +186,7 @@ fn extra_outputs(
     let like = |name: String, output: &Output| {
         let mut output = Output { name: name.into(), format: plain.format.clone(), ..output.clone() };
         if is_iv(extra) {
-            // A viewer has its own idea of brightness, and takes all bits.
+            // A viewer has its own exposure and takes values of full precision.
             let of_files = ["quantize", "dither", "gain", "gamma"];
             output.params.0.retain(|param| !of_files.contains(&&*param.name));
         }

@@ -1,4 +1,4 @@
-//! Reading from a process that may be stopped or silent.
+//! Reads from a process that may be stopped or silent.
 
 use std::io::{self, Read};
 use std::sync::Arc;
@@ -6,22 +6,22 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-/// Silence is counted in steps of this length. A process that was stopped itself, with the other one, counts one step for that
-/// time, and not the time.
+/// The step in which silence is counted. When this process was stopped together with the other one, that time
+/// counts as one step.
 const STEP: Duration = Duration::from_millis(100);
 
-/// How often a process at work shows that it lives, whatever it is busy with.
+/// The interval of the signs of life of a working process.
 pub(crate) const PULSE: Duration = Duration::from_millis(500);
 
-/// The shortest patience, in seconds: a few pulses.
+/// The shortest patience in seconds, which is a few signs of life.
 pub(crate) const LEAST_PATIENCE: f32 = 2.0;
 
-/// The longest silence that is waited for; clones share it.
+/// The longest silence before a timeout; clones share it.
 #[derive(Clone, Debug)]
 pub(crate) struct Patience(Arc<AtomicU32>);
 
 impl Patience {
-    /// So many seconds, at least [`LEAST_PATIENCE`].
+    /// Returns a patience of this number of seconds, at least [`LEAST_PATIENCE`].
     pub(crate) fn new(seconds: f32) -> Self {
         let patience = Self(Arc::default());
         patience.set(seconds);
@@ -37,14 +37,15 @@ impl Patience {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// The error of a silence that was too long.
+    /// Returns the error of a timeout.
     fn over(&self) -> io::Error {
         let seconds = f64::from(self.steps()) * STEP.as_secs_f64();
         io::Error::new(io::ErrorKind::TimedOut, format!("it has been silent for {seconds} s"))
     }
 }
 
-/// Reads what a thread of its own receives. A read fails when nothing has come for too long ([`io::ErrorKind::TimedOut`]).
+/// Reads the data that a separate thread receives. A read fails when nothing has arrived for too long
+/// ([`io::ErrorKind::TimedOut`]).
 pub(crate) struct Patient {
     pieces: Receiver<io::Result<Vec<u8>>>,
     piece: Vec<u8>,
@@ -73,7 +74,7 @@ impl Patient {
         Ok(Self { pieces, piece: Vec::new(), at: 0, ended: false, patience })
     }
 
-    /// Waits until there is something to read, or its end. False when `gives_up` says so before.
+    /// Waits until there is data to read, or its end. Returns false when `gives_up` returns true before.
     pub(crate) fn wait(&mut self, gives_up: &dyn Fn() -> bool) -> io::Result<bool> {
         let mut silent = 0;
         while self.at == self.piece.len() && !self.ended {

@@ -1,4 +1,4 @@
-//! What a session remembers and writes down about its frames: statistics, lists of files, error logs.
+//! The records of a session about its frames: statistics, lists of files, error logs.
 
 use granita_base::report::Sink;
 use granita_base::{FileError, Files, Reporter};
@@ -9,25 +9,25 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// One `Render`.
+/// The record of one `Render`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameRecord {
-    /// Whether every pixel was rendered and every image written.
+    /// True when every pixel was rendered and every image written.
     pub complete: bool,
-    /// From the call to its end.
+    /// The time from the call to its end.
     pub time: Duration,
-    /// What was done for each camera that has images, by its name.
+    /// The statistics of each camera that has images, by its name.
     pub cameras: Vec<(Arc<str>, Statistics)>,
-    /// What shading looked up and built, for all cameras together.
+    /// The statistics of shading, for all cameras together.
     pub shading: ShadingStatistics,
-    /// Inputs with a bound.
+    /// The counts of inputs with a bound.
     pub inputs: InputCounts,
-    /// Files written, in order of declaration.
+    /// The written files, in order of declaration.
     pub images: Vec<PathBuf>,
 }
 
 impl FrameRecord {
-    /// Of a frame that came to an end, or that gave up (`None`).
+    /// Makes the record of a frame that ended, or that was aborted (`None`).
     pub(crate) fn new(report: Option<FrameReport>, inputs: InputCounts, time: Duration) -> Self {
         match report {
             Some(report) => Self {
@@ -42,7 +42,7 @@ impl FrameRecord {
         }
     }
 
-    /// For people, in the detail of "statistics:level".
+    /// Returns a text for people, in the detail of "statistics:level".
     pub(crate) fn text(&self, level: i32, reporter: &Reporter) -> String {
         let mut text = String::new();
         for (camera, statistics) in &self.cameras {
@@ -65,7 +65,7 @@ impl FrameRecord {
     }
 }
 
-/// Writes a text so that the file appears whole or not at all; failures are reported.
+/// Writes a text so that the file appears complete or not at all. Failures are reported.
 pub(crate) fn write_whole(path: &Path, text: &str, files: &Files, reporter: &Reporter) {
     let written = files.create(path).and_then(|mut file| {
         file.write_all(text.as_bytes()).map_err(|error| file.io_error(error))?;
@@ -76,12 +76,12 @@ pub(crate) fn write_whole(path: &Path, text: &str, files: &Files, reporter: &Rep
     }
 }
 
-/// "debug:filesread" (reference 4.3.7): one name a line, as `tar -T` takes them.
+/// Writes "debug:filesread" (reference 4.3.7): one name a line, in the format of `tar -T`.
 pub(crate) fn write_files_read(path: &Path, files: &Files, reporter: &Reporter) {
     let mut text = String::new();
     for file in reporter.files_read() {
         let name = file.to_string_lossy();
-        // A name that begins with a dash would be taken for an option.
+        // `tar` would read a name with a leading dash as an option.
         if name.starts_with('-') {
             text.push_str("./");
         }
@@ -97,13 +97,13 @@ pub(crate) fn write_files_read(path: &Path, files: &Files, reporter: &Reporter) 
     write_whole(path, &text, files, reporter);
 }
 
-/// "error:filename" (reference 4.3.7): messages go to this file as they come, each line whole, so that the log of a
-/// program that was killed ends with its last message.
+/// Opens "error:filename" (reference 4.3.7). Messages are written to this file at once as whole lines, so that the
+/// log of a killed program ends with its last message.
 pub(crate) fn error_log(path: &Path, files: &Files) -> Result<Sink, FileError> {
     let file = Mutex::new(files.create_log(path)?);
     Ok(Box::new(move |message| {
         let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
-        // A log that cannot be written leaves nobody to tell.
+        // There is no other place to report a log that cannot be written.
         let _ = file.write_all(format!("{message}\n").as_bytes());
     }))
 }

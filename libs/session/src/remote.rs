@@ -1,17 +1,20 @@
-//! The renderer that is another process (reference 2.3, "remote"): both ends of the connection.
+//! A renderer in another process (reference 2.3, "remote"): both sides of the connection.
 //!
-//! The program's end is [`Remote`], a receiver of calls; the renderer's is a [`Session`] that [`Session::obey`]s. Calls go as
-//! flat Pyg, in pieces. Kinds of frames (see [`granita_pyg::frames`]), from the program:
-//! - `T` calls, `A` asks for an attribute (answered by `G`), `W` waits (answered by `W`);
-//! - `X` ends the frame that is being rendered, `P` (a pixel or a rectangle) says which buckets of it come first; `Z`: there will be nothing more. An end without it means that the program is
-//!   gone, and its frame is of no use to anybody.
+//! The program's side is [`Remote`], a receiver of calls. The renderer's side is a [`Session`] in
+//! [`Session::obey`]. Calls are sent as flat Pyg, in pieces. Kinds of frames (see [`granita_pyg::frames`]) from the
+//! program:
+//! - `T` contains calls, `A` queries an attribute (answered by `G`), `W` waits (answered by `W`).
+//! - `X` ends the frame that is being rendered. `P` (a pixel or a rectangle) sets the priority of its buckets. `Z`
+//!   ends the connection. A connection that ends without it means that the program has crashed, so its frame is not
+//!   needed.
 //!
 //! From the renderer:
-//! - `H` greets with the version, first;
-//! - `B` it lives: sent from a thread of its own, twice a second. A renderer that is silent for too long is ended;
-//! - `M` a message: severity, line, column, file, text;
-//! - `R` how far the frame is, 0 to 1; `D`: `Render` is done;
-//! - `O`, `S`, `L` open, rows and close of an image in the memory of the program.
+//! - `H` is the first frame and contains the version.
+//! - `B` is a sign of life, sent from a separate thread twice a second. A renderer that is silent for too long is
+//!   ended.
+//! - `M` is a message: severity, line, column, file, text.
+//! - `R` is the progress of the frame, 0 to 1. `D` reports that `Render` is done.
+//! - `O`, `S`, `L` open an image in the memory of the program, send its rows and close it.
 
 mod client;
 mod images;
@@ -25,10 +28,10 @@ use granita_base::report::Message;
 use granita_base::{Location, Severity};
 use granita_pyg::frames::{Frame, put_text};
 
-/// What a renderer of this version says first.
+/// The first text of a renderer of this version.
 const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/3");
 
-/// The payload of `M`.
+/// Returns the payload of `M`.
 fn message_bytes(message: &Message) -> Vec<u8> {
     let mut out = Vec::new();
     for number in [message.severity.code() as u32, message.at.line, message.at.column] {
@@ -39,7 +42,7 @@ fn message_bytes(message: &Message) -> Vec<u8> {
     out
 }
 
-/// The message of an `M`.
+/// Returns the message of an `M`.
 fn message(payload: &[u8]) -> Option<Message> {
     let mut frame = Frame(payload);
     let code = i32::try_from(frame.word()?).ok()?;

@@ -2,7 +2,7 @@
 
 use crate::commands::{self, CommandContext};
 use crate::inputs::Inputs;
-use crate::net::{self, Master, Net};
+use crate::net::{self, Net, WorkerCoordinator};
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
@@ -12,18 +12,20 @@ use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
-use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, UnreadInput, attr};
+use granita_scene::{
+    Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, attr,
+};
 use granita_sdb::Databases;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::Instant;
 
-/// What a session remembers of its frames; clones share it.
+/// The records of a session about its frames; clones share them.
 #[derive(Clone, Default)]
 pub(crate) struct Finished(pub(crate) Arc<Record>);
 
-/// See [`Finished`].
+/// The data of [`Finished`].
 #[derive(Default)]
 pub(crate) struct Record {
     /// All frames, in order.
@@ -31,18 +33,18 @@ pub(crate) struct Record {
 }
 
 impl Record {
-    /// All frames, in order.
+    /// Returns the records of all frames, in order.
     pub(crate) fn frames(&self) -> MutexGuard<'_, Vec<FrameRecord>> {
         self.frames.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Steps done and to do of the running frame, for "render:progress".
+/// The steps done and to do of the running frame, for "render:progress".
 struct Tracked {
     inner: Arc<dyn Progress>,
     total: AtomicU64,
     done: AtomicU64,
-    /// The frame has ended, early or not: nothing is being rendered.
+    /// True when the frame has ended, early or not.
     over: AtomicBool,
 }
 
@@ -75,15 +77,15 @@ pub(crate) struct SessionRenderer {
     plugins: Plugins,
     finished: Finished,
     success: bool,
-    /// The file that messages go to, as "error:filename" names it.
+    /// The file for messages, from "error:filename".
     error_file: Arc<str>,
-    /// Statistics of the frames so far, for "statistics:filename".
+    /// The statistics of the frames so far, for "statistics:filename".
     statistics: String,
     net: Arc<Net>,
-    /// Where pictures are shown, once that was asked.
+    /// The address of the viewer, once it was requested.
     viewer: OnceLock<Option<String>>,
-    /// Whom this session renders buckets for.
-    master: Option<Arc<Master>>,
+    /// The coordinator that this session renders buckets for.
+    master: Option<Arc<WorkerCoordinator>>,
 }
 
 impl SessionRenderer {
@@ -92,7 +94,7 @@ impl SessionRenderer {
         reporter: Reporter,
         progress: Arc<dyn Progress>,
         finished: Finished,
-        master: Option<Master>,
+        master: Option<WorkerCoordinator>,
     ) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
         let mut registry = granita_plugin::bundled_formats(Limits {
@@ -128,7 +130,7 @@ impl SessionRenderer {
         }
     }
 
-    /// Writes down what a frame did, as far as the scene and the options ask for it (reference 4.3.7).
+    /// Writes the records of a frame that the scene and the options request (reference 4.3.7).
     fn record(&mut self, scene: &Scene, record: FrameRecord) {
         let level = scene.get(attr::STATISTICS_LEVEL).max(self.options.statistics);
         if level > 0 {
@@ -153,7 +155,7 @@ impl SessionRenderer {
         self.finished.0.frames().push(record);
     }
 
-    /// "error:filename".
+    /// Opens "error:filename".
     fn log_errors(&mut self, file: &Arc<str>) {
         if self.error_file == *file {
             return;
@@ -173,7 +175,7 @@ impl SessionRenderer {
         SearchPath::parse(&scene.get(key), &SearchPath::default(), &self.options.environment)
     }
 
-    /// What finds inputs, with this session's plugins.
+    /// Returns the inputs, with this session's plugins.
     pub(crate) fn inputs(&self) -> Inputs {
         self.inputs.clone()
     }
@@ -190,7 +192,7 @@ impl SessionRenderer {
         self.commands.priority.clone()
     }
 
-    /// Plugins as the scene wants them found.
+    /// Applies the plugin settings of the scene.
     fn configure_plugins(&self, scene: &Scene) {
         self.plugins.set_image_path(self.search_path(scene, attr::PATH_IMAGEIO));
     }
@@ -219,7 +221,7 @@ impl SessionRenderer {
         }
     }
 
-    /// Where pictures are shown that do not say so.
+    /// Returns the viewer of images that do not name one.
     fn viewer(&self) -> Option<&str> {
         let found = self.viewer.get_or_init(|| match self.options.viewer.0.as_ref()?() {
             Ok(address) => Some(address),
@@ -232,7 +234,7 @@ impl SessionRenderer {
         found.as_deref()
     }
 
-    /// Who renders the buckets: "net:workers", "net:workercmd" and "net:timeout".
+    /// Returns the processes that render the buckets, from "net:workers", "net:workercmd" and "net:timeout".
     fn spread(&self, scene: &Scene) -> Spread {
         if let Some(master) = &self.master {
             return Spread::For(master.clone());
@@ -256,7 +258,7 @@ impl SessionRenderer {
     }
 }
 
-/// Calls as Pyg.
+/// Converts calls to Pyg.
 fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
     let mut writer = Writer::with_options(Vec::new(), WriterOptions { binary, ..WriterOptions::default() });
     for call in calls {
@@ -270,8 +272,9 @@ fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
 }
 
 impl FrameRenderer for SessionRenderer {
-    /// Renders the images of the camera that `Render` names alone; those of all cameras where none is named, or the named
-    /// one has none: exporters name their main camera in shadow passes too, in which only the lights' cameras have images.
+    /// Renders the images of the camera that `Render` names; those of all cameras where none is named, or the named
+    /// one has none. Exporters name their main camera also in shadow passes, in which only the lights' cameras have
+    /// images.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
         let supervisor = self.options.supervisor.clone();
@@ -283,12 +286,12 @@ impl FrameRenderer for SessionRenderer {
         self.configure_plugins(&scene);
         let has_images = |name: &&str| {
             let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
-            // Maps that are made on demand are no files; only depths can be.
+            // Maps that are made on demand are not files. Only depths can be dynamic.
             own.any(|o| !o.get(attr::DYNAMIC) || !matches!(&*o.data, "z" | "avgz"))
         };
         let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
-        // Workers show nothing.
+        // Workers show no images.
         let safe = self.options.safe;
         if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
             scene = outputs::without_viewers(&scene, &self.reporter);
@@ -348,7 +351,7 @@ impl FrameRenderer for SessionRenderer {
         }
     }
 
-    fn needed(&mut self, scene: &Arc<Scene>, unread: &[UnreadInput]) -> Vec<bool> {
+    fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         self.configure_plugins(scene);
         let scene = outputs::amended(scene, &self.options, &self.registry, &self.reporter);
         Renderer::new(self.environment(&scene)).needed(&scene, unread)

@@ -1,4 +1,4 @@
-//! What a run with [`SessionOptions::safe`] may open: the files of a scene from a stranger.
+//! The files that a run with [`SessionOptions::safe`] may open.
 
 use crate::SessionOptions;
 use granita_base::{Confinement, Files, SearchPath};
@@ -8,16 +8,16 @@ use granita_scene::{State, attr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Endings of files that scenes write beside those of image formats: textures, shadow maps, databases and logs.
+/// Extensions of files that scenes write besides those of image formats: textures, shadow maps, databases and logs.
 const ENDINGS: [&str; 9] = ["tx", "tex", "env", "shd", "sm", "vsm", "sdb", "log", "txt"];
 
 /// Search paths whose folders the user may have set in startup files.
 const PATHS: [Key<scope::Global, Arc<str>>; 5] =
     [attr::PATH_INPUT, attr::PATH_TEXTURE, attr::PATH_SHADER, attr::PATH_GENERATOR, attr::PATH_IMAGEIO];
 
-/// The rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`, and write
-/// beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them that is named after it: `a.out` for
-/// `a.pyg`. Files of the command line may be written wherever the user said.
+/// Returns the rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`.
+/// They write beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them with a derived
+/// name: `a.out` for `a.pyg`. Files of the command line may be written anywhere.
 pub(crate) fn files(options: &SessionOptions) -> Files {
     let scenes: Vec<PathBuf> =
         options.scene_files.iter().map(PathBuf::from).filter(|path| path.is_file()).collect();
@@ -54,12 +54,12 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
     files
 }
 
-/// From the current folder, so that the folder stays the same wherever names are taken from.
+/// Returns the path relative to the root, so that the folder stays the same when the current folder changes.
 fn absolute(path: PathBuf) -> PathBuf {
     std::path::absolute(&path).unwrap_or(path)
 }
 
-/// Lets scenes read beneath the absolute folders of the search paths that startup files have set.
+/// Permits scenes to read beneath the absolute folders of the search paths that startup files have set.
 pub(crate) fn add_search_paths(options: &SessionOptions, state: &State) {
     let files = options.environment.files();
     for key in PATHS {

@@ -1,6 +1,6 @@
-//! The session itself.
+//! The session.
 
-use crate::net::Master;
+use crate::net::WorkerCoordinator;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs, safe};
 use granita_base::{Files, Location, Reporter, Severity};
@@ -15,12 +15,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// Is told how far a frame is.
+/// Receives the progress of a frame.
 #[derive(Clone)]
 pub struct SharedProgress(pub Arc<dyn Progress>);
 
 impl Default for SharedProgress {
-    /// Tells nobody.
+    /// Returns a receiver that ignores all progress.
     fn default() -> Self {
         Self(Arc::new(Silent))
     }
@@ -32,28 +32,28 @@ impl std::fmt::Debug for SharedProgress {
     }
 }
 
-/// What a session did.
+/// The result of a session.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Whether a `Render` was reached.
+    /// True when a `Render` was reached.
     pub rendered: bool,
-    /// Whether all frames have all their pixels and images.
+    /// True when all frames have all their pixels and images.
     pub complete: bool,
-    /// What each frame did.
+    /// The record of each frame.
     pub frames: Vec<FrameRecord>,
-    /// Images written.
+    /// The written images.
     pub images: Vec<PathBuf>,
-    /// Primitives that wait for a `Render` that never came.
+    /// The number of primitives that no `Render` followed.
     pub waiting: usize,
-    /// Errors reported.
+    /// The number of reported errors.
     pub errors: usize,
-    /// Warnings reported, shown or not.
+    /// The number of reported warnings, shown or not.
     pub warnings: usize,
-    /// Files read, sorted: scenes, shaders, textures and what the scene itself says ("fileread").
+    /// The files read, sorted: scenes, shaders, textures and those that the scene declares ("fileread").
     pub files_read: Vec<PathBuf>,
 }
 
-/// One renderer: scene calls go in, images come out.
+/// One renderer, which receives scene calls and renders images.
 pub struct Session {
     state: State,
     reporter: Reporter,
@@ -62,10 +62,10 @@ pub struct Session {
     plugins: Plugins,
     stop: Arc<AtomicBool>,
     priority: Arc<Priority>,
-    /// A file that holds objects for a scene, and was read as if it were one.
+    /// The name of a file of objects that was read as if it were a scene.
     objects: Option<String>,
     finished: Finished,
-    /// What the scripts of its scenes have defined.
+    /// The definitions of the scripts of its scenes.
     scripts: Scripts,
 }
 
@@ -76,20 +76,20 @@ impl std::fmt::Debug for Session {
 }
 
 impl Session {
-    /// A fresh session; reads the startup files (reference 6.2), whose mistakes are reported.
+    /// Returns a new session. It reads the startup files (reference 6.2), whose errors are reported.
     pub fn new(options: SessionOptions, reporter: Reporter, progress: SharedProgress) -> Self {
         Self::with_master(options, reporter, progress, None)
     }
 
-    /// A session that renders buckets for another one, which it hears by `input` and answers by `output`: it runs no commands and
-    /// writes no images (reference 6.6.3).
+    /// Returns a session that renders buckets for another one. It receives requests from `input` and answers to
+    /// `output`. It runs no commands and writes no images (reference 6.6.3).
     pub fn worker(
         options: SessionOptions,
         reporter: Reporter,
         input: Box<dyn Read + Send>,
         output: Box<dyn Write + Send>,
     ) -> Self {
-        let master = Master::new(input, output, options.threads.max(1), &reporter);
+        let master = WorkerCoordinator::new(input, output, options.threads.max(1), &reporter);
         Self::with_master(options, reporter, SharedProgress::default(), Some(master))
     }
 
@@ -97,7 +97,7 @@ impl Session {
         options: SessionOptions,
         reporter: Reporter,
         progress: SharedProgress,
-        master: Option<Master>,
+        master: Option<WorkerCoordinator>,
     ) -> Self {
         if let Some(verbosity) = options.verbosity {
             reporter.set_verbosity(verbosity);
@@ -165,14 +165,15 @@ impl Session {
         }
     }
 
-    /// Reads the scene `name`: "-" is standard input, handed in by [`Session::read_stream`]; otherwise a file, or
-    /// what `Input` would find under that name. Scenes read one after the other count as one that contains them all
-    /// (reference 6.1): what their scripts define goes on.
+    /// Reads the scene `name`: "-" is standard input, passed by [`Session::read_stream`]; otherwise a file, or the
+    /// input that `Input` finds under that name. Scenes read one after the other count as one that contains them
+    /// all (reference 6.1), so definitions of their scripts stay.
     ///
-    /// Mistakes inside of the scene are reported and are no errors.
+    /// Errors inside of the scene are reported and not returned.
     ///
     /// # Errors
-    /// [`SessionError::Missing`], [`SessionError::Io`]; [`SessionError::Exit`] when the scene asked to stop.
+    /// Returns [`SessionError::Missing`], [`SessionError::Io`], or [`SessionError::Exit`] when the scene stopped
+    /// the session.
     pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
         let path = Path::new(name);
         if path.is_file() {
@@ -184,10 +185,10 @@ impl Session {
         self.input(name)
     }
 
-    /// Reads a scene from a stream, as standard input; `name` stands for it in messages.
+    /// Reads a scene from a stream, as standard input. `name` identifies it in messages.
     ///
     /// # Errors
-    /// As [`Session::read_file`].
+    /// The errors are those of [`Session::read_file`].
     pub fn read_stream(&mut self, name: &str, stream: Box<dyn Read + Send>) -> Result<(), SessionError> {
         let options = PygOptions { scripts: Some(self.scripts.clone()), ..self.inputs.pyg_options() };
         let source = PygSource::Stream { name: name.into(), stream };
@@ -196,11 +197,11 @@ impl Session {
         self.state.read(name, name, read).map_err(|error| failed(inputs::pyg_error(error)))
     }
 
-    /// Takes calls from a program that started this one, until its stream ends; answers go to `output` (see
+    /// Executes calls from a program that started this one, until its stream ends. Answers go to `output` (see
     /// `granita_pyg::serve`).
     ///
     /// # Errors
-    /// As [`Session::read_file`].
+    /// The errors are those of [`Session::read_file`].
     pub fn serve(&mut self, input: &mut dyn Read, output: &mut dyn Write) -> Result<(), SessionError> {
         granita_pyg::serve(input, output, &mut self.state, &self.reporter).map_err(|error| match error {
             PygError::Stopped(stop) => stopped(stop),
@@ -208,35 +209,35 @@ impl Session {
         })
     }
 
-    /// As the scene call `Input` without a bound.
+    /// Reads an input, as the scene call `Input` without a bound does.
     ///
     /// # Errors
-    /// As [`Session::read_file`].
+    /// The errors are those of [`Session::read_file`].
     pub fn input(&mut self, command: &str) -> Result<(), SessionError> {
         let (input, generator) = (self.path(attr::PATH_INPUT), self.path(attr::PATH_GENERATOR));
         let found = self.inputs.find(command, InputPaths { input: &input, generator: &generator });
         self.read(found, command)
     }
 
-    /// Takes one call of the scene interface.
+    /// Executes one call of the scene interface.
     ///
     /// # Errors
-    /// [`SessionError::Exit`], [`SessionError::Failed`].
+    /// Returns [`SessionError::Exit`] or [`SessionError::Failed`].
     pub fn call(&mut self, call: Call) -> Result<(), SessionError> {
         self.state.call(call, &Location::default()).map_err(stopped)
     }
 
-    /// The graphics state, for readers and bindings that make calls themselves.
+    /// Returns the graphics state, for readers and bindings that make calls themselves.
     pub fn state(&mut self) -> &mut State {
         &mut self.state
     }
 
-    /// The same, to be looked at.
+    /// Returns the graphics state for reading.
     pub fn state_ref(&self) -> &State {
         &self.state
     }
 
-    /// To be called when nothing more comes: reports blocks left open and sums up.
+    /// Ends the session after the last call: reports blocks left open and returns the result.
     pub fn finish(mut self) -> Outcome {
         self.state.end();
         if let Some(name) = self.objects.filter(|_| !self.state.has_rendered()) {
@@ -258,27 +259,27 @@ impl Session {
         }
     }
 
-    /// The plugins that this session finds, and what its program lets it use.
+    /// Returns the plugins of this session, including those that its program permits.
     pub fn plugins(&self) -> &Plugins {
         &self.plugins
     }
 
-    /// Where its messages go.
+    /// Returns the receiver of its messages.
     pub fn reporter(&self) -> Reporter {
         self.reporter.clone()
     }
 
-    /// What opens its files.
+    /// Returns the object that opens its files.
     pub fn files(&self) -> &Files {
         self.options.environment.files()
     }
 
-    /// Set from any thread, it ends the frame that is being rendered as soon as that can be.
+    /// Returns a flag that ends the current frame as soon as possible. Any thread may set it.
     pub fn stop(&self) -> Arc<AtomicBool> {
         self.stop.clone()
     }
 
-    /// What comes first of the frame that is being rendered.
+    /// Returns the priority of buckets of the current frame.
     pub(crate) fn priority(&self) -> Arc<Priority> {
         self.priority.clone()
     }

@@ -1,7 +1,7 @@
 //! Finds and compiles shaders.
 
 use granita_base::{Location, Reporter, SearchPath, Severity};
-use granita_gsl::{CompileOptions, Module, compile};
+use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_plugin::Plugins;
 use granita_render::{NoShader, ShaderLibrary};
 use granita_shade::Shadeop;
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A function in C++, or why there is none.
+/// A C++ function, or the reason why it is not available.
 type FoundShadeop = Result<Arc<dyn Shadeop>, String>;
 
 /// The shaders of one frame: compiled ones on the path, sources on the path, then the bundled ones.
@@ -18,16 +18,16 @@ pub(crate) struct Shaders {
     plugins: Plugins,
     reporter: Reporter,
     shadeops: Mutex<BTreeMap<String, FoundShadeop>>,
-    known: Mutex<BTreeMap<String, Result<Arc<Module>, NoShader>>>,
+    known: Mutex<BTreeMap<String, Result<ValidModule, NoShader>>>,
 }
 
 impl Shaders {
-    /// Looks into the folders of `path`.
+    /// Returns the shaders in the folders of `path`.
     pub(crate) fn new(path: SearchPath, plugins: Plugins, reporter: Reporter) -> Self {
         Self { path, plugins, reporter, shadeops: Mutex::default(), known: Mutex::default() }
     }
 
-    fn find(&self, name: &str) -> Result<Arc<Module>, NoShader> {
+    fn find(&self, name: &str) -> Result<ValidModule, NoShader> {
         // A name may carry the extension of either form.
         let name = name.strip_suffix(".gso").or_else(|| name.strip_suffix(".gsl")).unwrap_or(name);
         if let Some(file) = self.path.find(&format!("{name}.gso")) {
@@ -50,7 +50,7 @@ impl Shaders {
         Err(NoShader::Missing(format!("looked in {}, and among the bundled ones", folders.join(", "))))
     }
 
-    fn compiled(&self, file: &Path) -> Result<Arc<Module>, NoShader> {
+    fn compiled(&self, file: &Path) -> Result<ValidModule, NoShader> {
         self.reporter.info(format!("shader {}", file.display()));
         self.reporter.file_read(file);
         let bytes = match self.path.files().read(file) {
@@ -61,7 +61,7 @@ impl Shaders {
             }
         };
         match granita_gsl::gso::read(&bytes, &file.to_string_lossy()) {
-            Ok(module) => Ok(Arc::new(module)),
+            Ok(module) => Ok(module),
             Err(error) => {
                 self.reporter.error(error.to_string());
                 Err(NoShader::Broken)
@@ -69,7 +69,7 @@ impl Shaders {
         }
     }
 
-    fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Result<Arc<Module>, NoShader> {
+    fn source(&self, source: &str, file: &str, folder: Option<&Path>) -> Result<ValidModule, NoShader> {
         self.reporter.info(format!("compiling {file}"));
         let folders: Vec<String> = folder
             .into_iter()
@@ -100,7 +100,7 @@ impl Shaders {
                 for warning in &compiled.warnings {
                     self.reporter.warning(warning.to_string());
                 }
-                Ok(Arc::new(compiled.module))
+                Ok(compiled.module)
             }
             Err(diagnostics) => {
                 for diagnostic in &diagnostics {
@@ -113,8 +113,8 @@ impl Shaders {
 }
 
 impl ShaderLibrary for Shaders {
-    fn load(&self, name: &str) -> Result<Arc<Module>, NoShader> {
-        // Held while it compiles: whoever else needs the shader waits for it instead of compiling it again.
+    fn load(&self, name: &str) -> Result<ValidModule, NoShader> {
+        // The lock is held while the shader compiles, so that other threads wait instead of compiling it again.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(module) = known.get(name) {
             return module.clone();

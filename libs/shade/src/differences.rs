@@ -1,10 +1,11 @@
-//! Differences along the rows and columns of a grid.
+//! Computes differences along the rows and columns of a grid.
 //!
-//! They are central inside and one-sided of second order at the borders, so that a quadratic has no seam between grids.
+//! They are central inside and one-sided of second order at the borders, so that a quadratic is continuous between
+//! grids.
 
 use crate::{Grid, Rect, Topology, Uneven};
 
-/// Differences along u and v at one point. Those of a whole line are the same.
+/// Returns the differences along u and v at one point, equal to those of a whole line.
 pub(crate) fn both_differences(v: &[f32], Rect { first, nu, nv }: Rect, lane: usize) -> [f32; 2] {
     let along = |i: usize, count: usize, stride: usize| {
         let at = |k: usize| v[lane - i * stride + k * stride];
@@ -21,15 +22,15 @@ pub(crate) fn both_differences(v: &[f32], Rect { first, nu, nv }: Rect, lane: us
 }
 
 impl Grid {
-    /// Finds the points of a rectangular grid that are [`Uneven`]: `places` are those of all points along u and along v,
-    /// counted in steps of an even grid.
+    /// Finds the points of a rectangular grid that are [`Uneven`]. `places` holds the positions of all points along
+    /// u and along v, in steps of an even grid.
     pub fn find_uneven(&mut self, places: &[Vec<f32>; 2]) {
         self.uneven = uneven(&self.topology, places);
     }
 }
 
-/// See [`Grid::find_uneven`]: the inverse of how much the places change along the lines of the grid. Where that has none,
-/// a point stays as it is.
+/// Finds the uneven points for [`Grid::find_uneven`], with the inverse of the change of the positions along the
+/// lines of the grid. A point where that has no inverse stays unchanged.
 fn uneven(topology: &Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
     const LEAST: f32 = 0.2;
     let Some(rect) = topology.rects().next() else { return Vec::new() };
@@ -46,20 +47,20 @@ fn uneven(topology: &Topology, places: &[Vec<f32>; 2]) -> Vec<Uneven> {
     list
 }
 
-/// `a - b`, but 0 for what is the same to the bit: an infinity does not change along the grid, and a
-/// uniform value is the same value in every lane.
+/// Returns `a - b`, but 0 for values with the same bits. An infinity does not change along the grid, and a uniform
+/// value is the same in every lane.
 #[inline]
 pub(crate) fn minus(a: f32, b: f32) -> f32 {
     if a.to_bits() == b.to_bits() { 0.0 } else { a - b }
 }
 
-/// Slope at `a` of the parabola through three equidistant values.
+/// Returns the slope at `a` of the parabola through three equidistant values.
 pub(crate) fn forward(a: f32, b: f32, c: f32) -> f32 {
-    // Written by differences: constants give exactly 0.
+    // The form by differences gives exactly 0 for constants.
     2.0 * minus(b, a) - 0.5 * minus(c, a)
 }
 
-/// The same at the other end: not `-forward`, whose zero would be negative.
+/// Returns the slope at the other end. It is not `-forward`, whose zero would be negative.
 pub(crate) fn backward(a: f32, b: f32, c: f32) -> f32 {
     2.0 * minus(a, b) - 0.5 * minus(a, c)
 }
@@ -88,7 +89,7 @@ mod tests {
             let even = of.map(|of| of[0] * du + of[1] * dv);
             assert!((even[0] - 3.0).abs() < 1e-4 && (even[1] + 2.0).abs() < 1e-4, "{lane}: {even:?}");
         }
-        // All that is not beside one of them is left alone.
+        // Points that are not beside one of them are left unchanged.
         assert!(list.iter().all(|u| u.lane != 6 + nu as u32 && u.lane != 15));
     }
 }

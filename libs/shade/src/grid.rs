@@ -1,4 +1,4 @@
-//! Points to be shaded together, as structure-of-arrays lanes.
+//! Points that are shaded together, as structure-of-arrays lanes.
 
 use granita_base::{ParamType, Vec3};
 use granita_gsl::ir::ShaderKind;
@@ -12,27 +12,27 @@ pub struct Lanes3 {
 }
 
 impl Lanes3 {
-    /// `n` zeros.
+    /// Returns `n` zeros.
     pub fn zeros(n: usize) -> Self {
         Self { xyz: std::array::from_fn(|_| vec![0.0; n]) }
     }
 
-    /// `n` copies.
+    /// Returns `n` copies of `v`.
     pub fn splat(v: Vec3, n: usize) -> Self {
         Self { xyz: std::array::from_fn(|c| vec![v[c]; n]) }
     }
 
-    /// From points.
+    /// Converts points to lanes.
     pub fn from_points(points: &[Vec3]) -> Self {
         Self { xyz: std::array::from_fn(|c| points.iter().map(|p| p[c]).collect()) }
     }
 
-    /// Some lanes.
+    /// Returns a copy of some lanes.
     pub fn part(&self, lanes: std::ops::Range<usize>) -> Self {
         Self { xyz: self.xyz.each_ref().map(|c| c[lanes.clone()].to_vec()) }
     }
 
-    /// Value of lane `i`.
+    /// Returns the value of lane `i`.
     pub fn get(&self, i: usize) -> Vec3 {
         Vec3::new(self.xyz[0][i], self.xyz[1][i], self.xyz[2][i])
     }
@@ -44,12 +44,12 @@ impl Lanes3 {
         }
     }
 
-    /// Number of lanes.
+    /// Returns the number of lanes.
     pub fn len(&self) -> usize {
         self.xyz[0].len()
     }
 
-    /// Whether there is none.
+    /// True when there are no lanes.
     pub fn is_empty(&self) -> bool {
         self.xyz[0].is_empty()
     }
@@ -58,47 +58,47 @@ impl Lanes3 {
 /// A rectangle of points of a grid, u fastest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rect {
-    /// Lane of its first point.
+    /// The lane of its first point.
     pub first: usize,
-    /// Points along u.
+    /// The number of points along u.
     pub nu: usize,
-    /// Points along v.
+    /// The number of points along v.
     pub nv: usize,
 }
 
 impl Rect {
-    /// Its lanes.
+    /// Returns its lanes.
     pub fn lanes(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.nu * self.nv
     }
 }
 
-/// How the points of a grid neighbour each other; derivatives follow from it.
+/// The neighbour relation of the points of a grid, which derivatives follow.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Topology {
     /// `nu x nv` points, u fastest.
     Rect {
-        /// Points along u.
+        /// The number of points along u.
         nu: usize,
-        /// Points along v.
+        /// The number of points along v.
         nv: usize,
     },
-    /// Rectangles that have nothing to do with each other, one after the other.
+    /// Independent rectangles, one after the other.
     Rects(Arc<[Rect]>),
-    /// `3 n` points: `n` centres, then their `n` neighbours along u, then along v. Ray hits.
+    /// Ray hits as `3 n` points: `n` centres, then their `n` neighbours along u, then along v.
     Triplets {
         /// Number of centres.
         n: usize,
     },
-    /// Unrelated points; derivatives are 0.
+    /// Unrelated points, whose derivatives are 0.
     Scattered {
-        /// Number of points.
+        /// The number of points.
         n: usize,
     },
 }
 
 impl Topology {
-    /// Number of points (lanes).
+    /// Returns the number of points (lanes).
     pub fn points(&self) -> usize {
         match self {
             Self::Rect { nu, nv } => nu * nv,
@@ -108,7 +108,7 @@ impl Topology {
         }
     }
 
-    /// Its rectangles, in order; none where points have no place in one.
+    /// Returns its rectangles in order; none for topologies without rectangles.
     pub fn rects(&self) -> impl Iterator<Item = Rect> + '_ {
         let (one, list) = match self {
             Self::Rect { nu, nv } => (Some(Rect { first: 0, nu: *nu, nv: *nv }), &[][..]),
@@ -118,7 +118,7 @@ impl Topology {
         one.into_iter().chain(list.iter().copied())
     }
 
-    /// The rectangle that a lane lies in.
+    /// Returns the rectangle that contains a lane.
     pub fn rect_of(&self, lane: usize) -> Option<Rect> {
         match self {
             Self::Rects(list) => {
@@ -130,25 +130,25 @@ impl Topology {
     }
 }
 
-/// A point of a rectangular grid whose neighbours are not where an even grid would have them.
+/// A point of a rectangular grid whose neighbours are not at the positions of an even grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uneven {
     /// Its lane.
     pub lane: u32,
-    /// Differences as an even grid would have them, of those between neighbours: towards the next point along u
-    /// `of[0][0] * along_u + of[0][1] * along_v`, along v likewise with `of[1]`.
+    /// The coefficients that convert differences between neighbours to those of an even grid: towards the next
+    /// point along u `of[0][0] * along_u + of[0][1] * along_v`, along v likewise with `of[1]`.
     pub of: [[f32; 2]; 2],
 }
 
-/// Numbers or strings of a primitive variable over a grid.
+/// The numbers or strings of a primitive variable over a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PrimvarData {
-    /// Component by component (array elements included): value `c` of lane `i` at `c * n + i`, or at `c` when
-    /// uniform.
+    /// Numbers component by component (array elements included). The value `c` of lane `i` is at `c * n + i`, or at
+    /// `c` when uniform.
     Floats {
         /// The values.
         values: Vec<f32>,
-        /// Whether there is one value per lane.
+        /// True when there is one value per lane.
         varying: bool,
     },
     /// Uniform strings.
@@ -160,95 +160,96 @@ pub enum PrimvarData {
 pub struct Primvar {
     /// Its name.
     pub name: Arc<str>,
-    /// Its type; the interpolation no longer matters.
+    /// Its type. The interpolation is not used.
     pub ty: ParamType,
     /// Its values.
     pub data: PrimvarData,
 }
 
-/// What a shader left on a grid for `getmessage` of the object's later shaders.
+/// A message that a shader left on a grid for `getmessage` of later shaders of the object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Usage of the shader that left it.
+    /// The usage of the shader that left it.
     pub from: ShaderKind,
-    /// Name and value; its type's interpolation does not matter.
+    /// Its name and value. The interpolation of the type is not used.
     pub value: Primvar,
 }
 
-/// Why a grid is shaded.
+/// The ray that a grid is shaded for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayKind {
-    /// 0 for the camera, 1 for a one-bounce ray and so on.
+    /// The ray level: 0 for the camera, 1 for a one-bounce ray and so on.
     pub level: u32,
-    /// Only opacity is wanted, for a shadow ray.
+    /// True for a shadow ray, which needs only opacity.
     pub shadow: bool,
-    /// For indirect illumination.
+    /// True for indirect illumination.
     pub indirect: bool,
 }
 
-/// Points to be shaded together; spatial values in "common" space.
+/// Points that are shaded together. Spatial values are in "common" space.
 ///
-/// Displacement changes `p` and `n`; surface and volume shaders change `c` and `opacity`.
+/// Displacement shaders change `p` and `n`. Surface and volume shaders change `c` and `opacity`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// Neighbourhood; gives the number of lanes.
+    /// The neighbour relation, which also gives the number of lanes.
     pub topology: Topology,
-    /// Points whose neighbours are not evenly spread; empty for most grids.
+    /// Points whose neighbours are not evenly spaced; empty for most grids.
     pub uneven: Vec<Uneven>,
     /// Positions.
     pub p: Lanes3,
-    /// Shading normals, any length.
+    /// Shading normals of any length.
     pub n: Lanes3,
-    /// Geometric normals, any length, not zero where the surface has one.
+    /// Geometric normals of any length, not zero where the surface has one.
     pub ng: Lanes3,
-    /// From the viewing position to `p`.
+    /// Vectors from the viewing position to `p`.
     pub i: Lanes3,
-    /// Change of `p` per unit of `u`.
+    /// The derivative of `p` over `u`.
     pub dpdu: Lanes3,
-    /// Change of `p` per unit of `v`.
+    /// The derivative of `p` over `v`.
     pub dpdv: Lanes3,
-    /// Change of `p` per unit of time.
+    /// The derivative of `p` over time.
     pub dpdtime: Lanes3,
-    /// Of each rectangle, on which sides the surface goes on smoothly although its parameters end there (a face of a smooth
-    /// mesh): along u and v, first and last. Nowhere on those that are not listed.
+    /// For each rectangle, the sides where the surface continues smoothly although its parameters end there (a face
+    /// of a smooth mesh): along u and v, first and last. Rectangles that are not listed have none.
     pub seams: Vec<[bool; 4]>,
-    /// Of flat faces under the normals of a smooth surface: from each point to about where that surface lies, on the side that the normals
-    /// point to and on the other one; zero where it lies on the wrong side of the face. None for other surfaces.
+    /// For flat faces with the normals of a smooth surface, the approximate offset from each point to that surface,
+    /// on the side that the normals point to and on the other one. It is zero where the smooth surface lies on the
+    /// wrong side of the face. `None` for other surfaces.
     pub lift: Option<Arc<[Lanes3; 2]>>,
     /// Surface parameters.
     pub u: Vec<f32>,
     /// Surface parameters.
     pub v: Vec<f32>,
-    /// Shutter time.
+    /// The shutter time.
     pub time: f32,
-    /// Length of the shutter interval that this shading stands for.
+    /// The length of the shutter interval that this shading represents.
     pub dtime: f32,
-    /// Colour; before shading, the surface colour.
+    /// The colour. Before shading it is the surface colour.
     pub c: Lanes3,
-    /// Opacity; before shading, the object's.
+    /// The opacity. Before shading it is the object's.
     pub opacity: Lanes3,
     /// Primitive variables.
     pub primvars: Vec<Primvar>,
-    /// Whether the geometric normal is `-cross (dPdu, dPdv)` (see `scene::AttributeSet::flip_normals`).
+    /// True when the geometric normal is `-cross (dPdu, dPdv)` (see `scene::AttributeSet::flip_normals`).
     pub flip_normals: bool,
-    /// Seeds `random ()`; depends on nothing but the primitive and the place on it.
+    /// The seed of `random ()`. It depends only on the primitive and the position on it.
     pub seed: u32,
-    /// Of points that others of the grid must not show at: what each is named for random numbers, in place of the seed and its
+    /// The seed of each point, for grids whose points must not depend on each other. It replaces the seed and the
     /// lane. Empty otherwise.
     pub names: Vec<u32>,
-    /// Why it is shaded.
+    /// The ray that it is shaded for.
     pub ray: RayKind,
-    /// Name of the object, for messages.
+    /// The name of the object, for messages.
     pub object: Arc<str>,
-    /// Left by the shaders that ran on this grid before.
+    /// Messages left by the shaders that ran on this grid before.
     pub messages: Vec<Message>,
-    /// Of hits: messages and parameters of the shader that spawned the rays, for `getmessage ("parent", ...)`,
-    /// for each point those of its ray. Of one name the first of the right type counts.
+    /// For ray hits, the messages and parameters of the shader that spawned the rays, for `getmessage ("parent",
+    /// ...)`. Each point has those of its ray. Among entries of one name the first of the right type counts.
     pub parent: Vec<Primvar>,
 }
 
 impl Grid {
-    /// A grid with everything zero, C and opacity one.
+    /// Returns a grid with C and opacity one and all other values zero.
     pub fn new(topology: Topology) -> Self {
         let n = topology.points();
         Self {
@@ -280,12 +281,12 @@ impl Grid {
         }
     }
 
-    /// Number of lanes.
+    /// Returns the number of lanes.
     pub fn len(&self) -> usize {
         self.topology.points()
     }
 
-    /// Whether there is none.
+    /// True when there are no lanes.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -1,13 +1,13 @@
-//! Small grids shaded as one: what is done once for a grid is done once for all of them.
+//! Batches small grids into one, so that work that is done once per grid is done once for all of them.
 
 use crate::{Grid, Lanes3, Primvar, PrimvarData, Rect, Topology, Uneven};
 use granita_base::hash;
 use std::sync::Arc;
 
 impl Grid {
-    /// Whether this grid and another can be [joined](Self::joined): rectangles of points of one object, seen alike, with the same
-    /// primitive variables, of which strings are the same.
-    pub fn joins(&self, other: &Self) -> bool {
+    /// True when this grid and another can be [batched](Self::batched). Both must be rectangles of points of one
+    /// object, seen in the same way, with the same primitive variables, of which strings are equal.
+    pub fn may_batch(&self, other: &Self) -> bool {
         let alike = |a: &Primvar, b: &Primvar| {
             a.name == b.name
                 && a.ty == b.ty
@@ -32,16 +32,17 @@ impl Grid {
             && self.primvars.iter().zip(&other.primvars).all(|(a, b)| alike(a, b))
     }
 
-    /// Grids that [join](Self::joins) the first of them, as one: their points in turn, rectangle by rectangle.
+    /// Batches grids that [match](Self::may_batch) the first of them. The points follow each other, rectangle by
+    /// rectangle.
     ///
-    /// Nothing shows who was joined with whom, as long as no shader [sees grids as a whole](crate::Group::is_gridwise):
-    /// random numbers follow from [names](Self::names) that come from the seed of each grid, and primitive variables
-    /// have one value for each point, also where a grid had one for all.
+    /// The results do not depend on which grids are batched, as long as no shader [reads grids as a
+    /// whole](crate::Group::is_gridwise). Random numbers follow from [names](Self::names) that come from the seed
+    /// of each grid. Primitive variables have one value for each point, also where a grid had one for all.
     ///
     /// # Panics
     ///
-    /// Without any grid.
-    pub fn joined(grids: &[Self]) -> Self {
+    /// Panics without any grid.
+    pub fn batched(grids: &[Self]) -> Self {
         let first = &grids[0];
         let mut rects = Vec::with_capacity(grids.len());
         let mut n = 0;
@@ -94,7 +95,7 @@ impl Grid {
     }
 }
 
-/// [`Grid::lift`] of all grids, zero for those without, for their `n` points.
+/// Returns [`Grid::lift`] of all grids for their `n` points, zero for grids without it.
 fn joined_lift(grids: &[Grid], n: usize) -> [Lanes3; 2] {
     std::array::from_fn(|side| Lanes3 {
         xyz: std::array::from_fn(|c| {
@@ -110,7 +111,7 @@ fn joined_lift(grids: &[Grid], n: usize) -> [Lanes3; 2] {
     })
 }
 
-/// A primitive variable of all grids, one value for each of their `n` points.
+/// Returns a primitive variable of all grids, with one value for each of their `n` points.
 fn joined_primvar(grids: &[Grid], k: usize, n: usize) -> Primvar {
     let first = &grids[0].primvars[k];
     let data = match &first.data {

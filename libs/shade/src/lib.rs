@@ -24,49 +24,36 @@
 //! (a ray hit is a small grid); compilation to machine code.
 //!
 //! ```
-//! use granita_gsl::ir::*;
 //! use granita_shade::*;
 //! use std::sync::Arc;
 //! # struct Nothing;
-//! # impl Services for Nothing {
+//! # impl Spaces for Nothing {
 //! #     fn to_common(&mut self, _: &str, _: usize) -> Option<granita_base::Transform> { None }
 //! #     fn unit_scale(&mut self, _: &str, _: &str) -> Option<f32> { None }
+//! # }
+//! # impl Textures for Nothing {
 //! #     fn texture(&mut self, _: &TextureQuery<'_>, _: &mut LookupResult) {}
 //! #     fn environment(&mut self, _: &EnvironmentQuery<'_>, _: &mut LookupResult) {}
 //! #     fn shadow(&mut self, _: &ShadowQuery<'_>, _: &mut Lanes3) {}
+//! #     fn texture_info(&mut self, _: &str, _: &str) -> Option<granita_base::Param> { None }
+//! # }
+//! # impl Lights for Nothing {
 //! #     fn light_count(&mut self) -> usize { 0 }
 //! #     fn light_info(&mut self, _: usize) -> LightInfo { LightInfo::default() }
 //! #     fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> { Arc::default() }
-//! #     fn attribute(&mut self, _: &str) -> Option<granita_base::Param> { None }
-//! #     fn texture_info(&mut self, _: &str, _: &str) -> Option<granita_base::Param> { None }
+//! # }
+//! # impl Rays for Nothing {}
+//! # impl Databases for Nothing {}
+//! # impl Messages for Nothing {
 //! #     fn say(&mut self, _: granita_base::Severity, _: &str) {}
 //! # }
-//! // surface show_u () { C = u; }
-//! let symbol = |g: Global| Symbol {
-//!     name: g.word().into(),
-//!     ty: SymbolType::of(g.value_type()),
-//!     kind: SymbolKind::Global(g),
-//! };
-//! let copy = Op {
-//!     code: OpCode::Assign,
-//!     dst: Some(SymbolId(0)),
-//!     args: vec![SymbolId(1)],
-//!     at: SourcePos::default(),
-//! };
-//! let module = Module {
-//!     kind: ShaderKind::Surface,
-//!     name: "show_u".into(),
-//!     metadata: vec![],
-//!     params: vec![],
-//!     symbols: vec![symbol(Global::C), symbol(Global::u)],
-//!     body: vec![Stmt::Op(copy)],
-//!     files: vec![],
-//!     reads: vec![Global::u],
-//!     writes: vec![Global::C],
-//!     needs_derivatives: false,
-//! };
+//! # impl Host for Nothing {
+//! #     fn attribute(&mut self, _: &str) -> Option<granita_base::Param> { None }
+//! # }
+//! let source = "surface show_u () { C = u; }";
+//! let module = granita_gsl::compile(source, "show_u.gsl", &Default::default()).unwrap().module;
 //! let params = granita_base::Params::new();
-//! let layer = LayerSource { module: Arc::new(module), params: &params, name: None };
+//! let layer = LayerSource { module, params: &params, name: None };
 //! let group = Group::link(&[layer], &[], &mut |_, text| panic!("{text}"))?;
 //! let mut grid = Grid::new(Topology::Rect { nu: 3, nv: 1 });
 //! grid.u = vec![0.0, 0.5, 1.0];
@@ -74,9 +61,20 @@
 //! assert_eq!(grid.c.get(1), granita_base::Vec3::splat(0.5));
 //! # Ok::<(), ShadeError>(())
 //! ```
+//!
+//! Only what the validator has checked can be linked ([`ValidModule`](granita_gsl::ValidModule)). A module that
+//! somebody put together or changed is none until it is checked:
+//!
+//! ```compile_fail,E0308
+//! # let compiled = granita_gsl::compile("surface s () { }", "s.gsl", &Default::default()).unwrap();
+//! let changed: granita_gsl::Module = (*compiled.module).clone();
+//! let params = granita_base::Params::new();
+//! let layer = granita_shade::LayerSource { module: changed, params: &params, name: None };
+//! ```
 
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
+mod call;
 mod differences;
 mod error;
 mod grid;
@@ -95,8 +93,10 @@ pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
 pub use services::{
-    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, HitValues, IlluminateQuery, Lane,
-    Lane3, LightInfo, LightResult, LightSample, LookupOptions, LookupResult, Services, ShadowQuery,
-    SubsurfaceQuery, TextureQuery, TraceQuery, TraceResult,
+    Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Databases, EnvironmentOptions, EnvironmentQuery,
+    GatherOptions, GatherQuery, HitValues, Host, IlluminateQuery, Lane, Lane3, LightInfo, LightResult,
+    LightSample, Lights, LookupResult, MapHandle, Messages, Rays, Services, ShadowOptions, ShadowQuery,
+    Spaces, SubsurfaceQuery, Texture3dQuery, TextureOptions, TextureQuery, Textures, TraceOptions,
+    TraceQuery, TraceResult,
 };
 pub use shadeop::{OptionValue, Shadeop, ShadeopArg, ShadeopContext, ShadeopData, Spot, is_text_option};

@@ -1,4 +1,4 @@
-//! Functions that are written elsewhere, as in C++ (reference 14): what they are given, and what they may ask.
+//! External functions, as in C++ (reference 14), and the context that they run in.
 
 use crate::RayKind;
 use granita_base::{Param, Vec3};
@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 /// A function that shaders call for a whole grid.
 pub trait Shadeop: Send + Sync {
-    /// Runs it for the active points.
+    /// Runs the function for the active points.
     ///
     /// # Errors
-    /// What went wrong; it is told once, and what was written until then stays.
+    /// Returns a description of the error, which is reported once. Values written before the error are kept.
     fn run(&self, context: &mut dyn ShadeopContext) -> Result<(), String>;
 }
 
-/// Values of an argument, point after point, each with all its components.
+/// The values of an argument, point after point, each with all its components.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ShadeopData {
     /// Numbers.
@@ -23,28 +23,28 @@ pub enum ShadeopData {
     Strings(Vec<Arc<str>>),
 }
 
-/// One argument, or a variable of the shader that was asked for.
+/// One argument, or a variable of the shader that was requested.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadeopArg {
-    /// Type of an element.
+    /// The type of an element.
     pub value: ValueType,
-    /// Length of an array.
+    /// The length of an array.
     pub array: Option<u32>,
-    /// Whether each point has a value of its own; otherwise there is one for all.
+    /// True when each point has its own value. Otherwise there is one for all.
     pub varying: bool,
-    /// Whether it is taken back when the function is done.
+    /// True when its values are stored after the call.
     pub output: bool,
     /// The values.
     pub data: ShadeopData,
 }
 
 impl ShadeopArg {
-    /// Numbers or strings of one point.
+    /// Returns the number of values of one point.
     pub fn width(&self) -> usize {
         self.value.components() * self.array.unwrap_or(1) as usize
     }
 
-    /// Gives each of `points` points a value of its own.
+    /// Copies the value so that each of `points` points has its own.
     pub fn spread(&mut self, points: usize) {
         if self.varying {
             return;
@@ -57,7 +57,7 @@ impl ShadeopArg {
     }
 }
 
-/// A value of an option of a lookup.
+/// The value of an option of a lookup.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum OptionValue<'a> {
     /// A number.
@@ -77,44 +77,45 @@ pub struct Spot {
     pub dy: Vec3,
 }
 
-/// A run of a function: its arguments, the active points, and the shader around it.
+/// The context of a run of a function: its arguments, the active points, and the calling shader.
 pub trait ShadeopContext {
-    /// Points of the grid.
+    /// Returns the number of points of the grid.
     fn points(&self) -> usize;
 
-    /// The active points, increasing; at least one.
+    /// Returns the active points, increasing; at least one.
     fn active(&self) -> &[u32];
 
-    /// Why the grid is shaded.
+    /// Returns the ray that the grid is shaded for.
     fn ray(&self) -> RayKind;
 
-    /// The arguments: the result first, if there is one; variables that were asked for behind.
+    /// Returns the arguments: the result first, if there is one, and requested variables last.
     fn args(&mut self) -> &mut Vec<ShadeopArg>;
 
-    /// Puts a parameter or global of the shader behind the arguments, and gives its number; `None` when the shader names
-    /// none such.
+    /// Appends a parameter or global of the shader to the arguments, and returns its index; `None` when the shader
+    /// has no such name.
     fn symbol(&mut self, name: &str) -> Option<usize>;
 
-    /// An attribute of the renderer.
+    /// Returns an attribute of the renderer.
     fn attribute(&mut self, name: &str) -> Option<Param>;
 
-    /// Data about a texture file.
+    /// Returns data about a texture file.
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param>;
 
-    /// A message of the function, said once for its words.
+    /// Reports an error of the function, once for each text.
     fn complain(&mut self, what: &str);
 
-    /// A filtered lookup at (s, t), with the differences dsdx, dtdx, dsdy, dtdy, into as many channels as `out` has.
+    /// Looks up a texture at (s, t), filtered with the differences dsdx, dtdx, dsdy, dtdy, into as many channels as
+    /// `out` has.
     fn texture(&mut self, name: &str, at: [f32; 6], options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 
-    /// An environment, at the grid's own position of the point whose turn it is.
+    /// Looks up an environment. The position is that of the grid's current point.
     fn environment(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 
-    /// A shadow map or set: 0 open, 1 blocked.
+    /// Looks up a shadow map or set: 0 open, 1 blocked.
     fn shadow(&mut self, name: &str, at: Spot, options: &[(&str, OptionValue<'_>)], out: &mut [f32]);
 }
 
-/// Whether an option takes a string.
+/// True when an option takes a string.
 pub fn is_text_option(name: &str) -> bool {
     matches!(name, "wrap" | "swrap" | "twrap" | "space" | "up" | "distribution" | "filename" | "filemode")
 }

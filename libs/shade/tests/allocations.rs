@@ -40,33 +40,55 @@ static ALLOCATOR: Counting = Counting;
 
 struct Nothing;
 
-impl Services for Nothing {
+impl Spaces for Nothing {
     fn to_common(&mut self, _: &str, _: usize) -> Option<Transform> {
         Some(Transform::IDENTITY)
     }
+
     fn unit_scale(&mut self, _: &str, _: &str) -> Option<f32> {
         Some(1.0)
     }
+}
+
+impl Textures for Nothing {
     fn texture(&mut self, _: &TextureQuery<'_>, _: &mut LookupResult) {}
+
     fn environment(&mut self, _: &EnvironmentQuery<'_>, _: &mut LookupResult) {}
+
     fn shadow(&mut self, _: &ShadowQuery<'_>, _: &mut Lanes3) {}
-    fn light_count(&mut self) -> usize {
-        0
-    }
-    fn light_info(&mut self, _: usize) -> LightInfo {
-        LightInfo::default()
-    }
-    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
-        Arc::default()
-    }
-    fn attribute(&mut self, _: &str) -> Option<Param> {
-        None
-    }
+
     fn texture_info(&mut self, _: &str, _: &str) -> Option<Param> {
         None
     }
+}
+
+impl Lights for Nothing {
+    fn light_count(&mut self) -> usize {
+        0
+    }
+
+    fn light_info(&mut self, _: usize) -> LightInfo {
+        LightInfo::default()
+    }
+
+    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        Arc::default()
+    }
+}
+
+impl Rays for Nothing {}
+
+impl Databases for Nothing {}
+
+impl Messages for Nothing {
     fn say(&mut self, _: Severity, text: &str) {
         panic!("{text}");
+    }
+}
+
+impl Host for Nothing {
+    fn attribute(&mut self, _: &str) -> Option<Param> {
+        None
     }
 }
 
@@ -92,7 +114,7 @@ const SOURCE: &str =
 
 #[test]
 fn no_allocation_per_grid() {
-    let module = Arc::new(compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module);
+    let module = compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module;
     let params = Params::new();
     for optimize in [false, true] {
         let layer = LayerSource { module: module.clone(), params: &params, name: None };

@@ -1,4 +1,4 @@
-//! Slices of a picture as one block.
+//! Slices of an image as one block.
 
 use crate::Wrap;
 use crate::footprint::mix;
@@ -6,7 +6,7 @@ use crate::picture::{half, taps};
 use crate::wrap::cell;
 use granita_base::{Filter, Vec3};
 
-/// One level, channels side by side, columns fastest, slices slowest.
+/// One level, with interleaved channels, columns fastest, slices slowest.
 #[derive(Debug)]
 pub(crate) struct Block {
     pub(crate) size: [usize; 3],
@@ -15,7 +15,7 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Half the size in every direction, each texel the mean of what it covers.
+    /// Returns the block at half the size in every direction. Each texel is the mean of those that it covers.
     pub(crate) fn halved(&self) -> Self {
         let mut block = Self { size: self.size, channels: self.channels, data: self.data.clone() };
         for axis in 0..3 {
@@ -44,7 +44,7 @@ impl Block {
         Self { size, channels: self.channels, data }
     }
 
-    /// Trilinear value of channels `first .. first + n` at a place in fractions of the block.
+    /// Returns the trilinear value of channels `first .. first + n` at a position in fractions of the block.
     pub(crate) fn at(&self, p: Vec3, wrap: [Wrap; 3], first: usize, n: usize) -> [f32; 4] {
         let size = self.size.map(|n| n as u32);
         let place: [(i32, f32); 3] = std::array::from_fn(|a| cell(wrap[a].reduce(p[a]), size[a]));

@@ -1,15 +1,17 @@
-//! The texture cache: names to files, files to tiles, tiles to answers.
+//! The texture cache, which finds files by name, reads tiles and answers lookups.
 
 use crate::file::TextureFile;
 use crate::made::MadeShadow;
 use crate::shared::Shared;
 use crate::{
-    CacheOptions, CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureId, TextureKind,
+    CacheOptions, CacheStatistics, EnvLookup, Lookup, Lookup3d, ShadowLookup, TextureHandle, TextureId,
+    TextureKind,
 };
 use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, Transform};
 use granita_image::FormatRegistry;
+use std::sync::Arc;
 
-/// What a texture is asked for; decides about substitutes.
+/// The use of a texture, which decides about substitutes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Use {
     /// `texture ()`.
@@ -20,35 +22,36 @@ pub enum Use {
     Shadow,
 }
 
-/// Texture files, opened when first named, of which tiles are read when first looked at.
+/// A cache of texture files. A file is opened when it is first named, and a tile is read when it is first used.
 ///
-/// Any number of threads look up at once. Answers do not depend on the memory bound, the file bound, the
-/// order of lookups or the number of threads.
+/// Any number of threads may look up at once. Results do not depend on the memory bound, the file bound, the order
+/// of lookups or the number of threads.
 #[derive(Debug)]
 pub struct TextureCache {
     shared: Shared,
+    /// Identifies the cache, also among caches with a short life.
+    identity: Arc<()>,
 }
 
 impl TextureCache {
-    /// An empty cache that looks for files along `search` and opens them with `registry`.
+    /// Returns an empty cache that finds files along `search` and opens them with `registry`.
     pub fn new(
         registry: FormatRegistry,
         search: SearchPath,
         options: CacheOptions,
         reporter: Reporter,
     ) -> Self {
-        Self { shared: Shared::new(registry, search, options, reporter) }
+        Self { shared: Shared::new(registry, search, options, reporter), identity: Arc::default() }
     }
 
-    /// The texture of this name, without regard to substitutes: [`TextureCache::find_for`] a
-    /// [`Use::Shadow`].
+    /// Returns the texture of this name, without substitutes: [`TextureCache::find_for`] a [`Use::Shadow`].
     pub fn find(&self, name: &str) -> Option<TextureId> {
         self.find_for(name, Use::Shadow)
     }
 
-    /// The texture of this name, or the substitute for this use. `None`, after one error, when there is
-    /// no such file or it cannot be used; a shader then gets `fill` in all channels and alpha 0 of a
-    /// texture or environment, and no shadow.
+    /// Returns the texture of this name, or the substitute for this use. Returns `None`, after one error, when the
+    /// file does not exist or cannot be used. A shader then gets `fill` in all channels and alpha 0 of a texture or
+    /// environment, and no shadow.
     pub fn find_for(&self, name: &str, usage: Use) -> Option<TextureId> {
         let options = &self.shared.options;
         let substitute = match usage {
@@ -59,49 +62,61 @@ impl TextureCache {
         self.shared.find(substitute.filter(|s| !s.is_empty()).unwrap_or(name)).map(TextureId)
     }
 
-    /// A depth map under a name that is no file: its tiles are made by the [`TileMaker`](crate::TileMaker) of the reader
-    /// that looks at them, and held and dropped as those of files are. `None` when the name is taken.
+    /// Does the same as [`TextureCache::find_for`], but returns a handle. [`TextureCache::id_of`] converts it
+    /// without the name.
+    pub fn handle_for(&self, name: &str, usage: Use) -> Option<TextureHandle> {
+        self.find_for(name, usage).map(|id| TextureHandle { id, of: self.identity.clone() })
+    }
+
+    /// Returns the texture of a handle; `None` when it is of another cache.
+    pub fn id_of(&self, handle: &TextureHandle) -> Option<TextureId> {
+        Arc::ptr_eq(&handle.of, &self.identity).then_some(handle.id)
+    }
+
+    /// Declares a depth map under a name without a file. The [`TileMaker`](crate::TileMaker) of the reader that
+    /// looks it up makes its tiles, which are cached like those of files. Returns `None` when the name is taken.
     pub fn declare(&self, name: &str, map: &MadeShadow) -> Option<TextureId> {
         self.shared.declare(name, map).map(TextureId)
     }
 
-    /// The kind of a texture.
+    /// Returns the kind of a texture.
     ///
     /// # Panics
-    /// As every function here that takes an id: when the id is of another cache.
+    /// Panics when the id is of another cache, as every function here that takes an id does.
     pub fn kind(&self, id: TextureId) -> TextureKind {
         self.file(id).kind
     }
 
-    /// Filtered value of a texture: channels `first_channel` and following into `out`, of which the last
-    /// is the one that shaders call alpha. Channels that the file lacks become `fill`; at coordinates that
-    /// are not finite the others become 0.
+    /// Looks up the filtered value of a texture: channels `first_channel` and following into `out`. The last one is
+    /// the alpha of shaders. Channels that the file lacks become `fill`. At coordinates that are not finite the
+    /// others become 0.
     pub fn texture(&self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         self.reader().texture(id, lookup, out);
     }
 
-    /// Filtered value of a picture that has depth: the images of the file are its slices, from front to back. Channels as of
-    /// [`TextureCache::texture`]; files whose images do not fit together give `fill` and alpha 0, after one warning.
+    /// Looks up the filtered value of a volume texture. The images of the file are its slices, from front to back.
+    /// Channels are as in [`TextureCache::texture`]. Files whose images do not have the same size give `fill` and
+    /// alpha 0, after one warning.
     pub fn texture3d(&self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
         self.reader().texture3d(id, lookup, out);
     }
 
-    /// Filtered value of an environment map, as [`TextureCache::texture`]. Any map that is not a cube-face
-    /// environment is taken for a latitude-longitude map. A direction of no length, or that is not finite,
-    /// gives 0.
+    /// Looks up the filtered value of an environment map, with channels as in [`TextureCache::texture`]. Any map
+    /// that is not a cube-face environment counts as a latitude-longitude map. A direction of zero length, or that
+    /// is not finite, gives 0.
     pub fn environment(&self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
         self.reader().environment(id, lookup, out);
     }
 
-    /// How much of a point is in shadow, 0 (none) to 1 (all). Points behind the light, outside the map or
-    /// not finite are not in shadow.
+    /// Returns the shadowed share of a point, from 0 to 1. Points behind the light, outside the map or not finite
+    /// are not in shadow.
     pub fn shadow(&self, id: TextureId, lookup: &ShadowLookup) -> f32 {
         self.reader().shadow(id, lookup)
     }
 
-    /// Data about a texture file (reference table 5.5): "resolution", "type", "textureformat", "channels",
-    /// "viewingmatrix", "projectionmatrix". `None` when there is no such file (after one warning: it may be the question) or
-    /// datum.
+    /// Returns data about a texture file (reference table 5.5): "resolution", "type", "textureformat", "channels",
+    /// "viewingmatrix", "projectionmatrix". Returns `None` when the file (after one warning, because a shader may
+    /// test for it) or the datum does not exist.
     pub fn info(&self, name: &str, what: &str) -> Option<Param> {
         let file = self.file(self.shared.find_to_ask(name).map(TextureId)?);
         let matrix = |m: &Option<Transform>| m.map(|m| ParamData::from(&m.to_rows()[..]));
@@ -121,7 +136,7 @@ impl TextureCache {
         Some(Param { name: what.into(), ty, data })
     }
 
-    /// What was done so far.
+    /// Returns the counts so far.
     pub fn statistics(&self) -> CacheStatistics {
         self.shared.counters.read()
     }

@@ -1,17 +1,17 @@
-//! Six faces of a cube: directions, mosaics, and texels across edges.
+//! The six faces of a cube: directions, mosaics, and texels across edges.
 
 use crate::level::Level;
 use granita_base::Vec3;
 use granita_image::ImageSpec;
 
-/// How one face looks: from the centre of the cube. Unit vectors along the axes.
+/// The orientation of one face as seen from the centre of the cube, as unit vectors along the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Face {
-    /// To the centre of the face.
+    /// The direction to the centre of the face.
     pub forward: Vec3,
-    /// From there to its upper edge.
+    /// The direction from there to its upper edge.
     pub up: Vec3,
-    /// From there to its right edge.
+    /// The direction from there to its right edge.
     pub right: Vec3,
 }
 
@@ -42,7 +42,7 @@ const RIGHT_HANDED: [Face; 6] = [
     face([0., 0., -1.], [0., 1., 0.], [1., 0., 0.]),
 ];
 
-/// How six faces are laid out in one picture.
+/// The layout of six faces in one image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CubeLayout {
     /// 3 x 2: px py pz over nx ny nz, left handed (reference 9.2.5).
@@ -52,7 +52,7 @@ pub enum CubeLayout {
 }
 
 impl CubeLayout {
-    /// In the order of [`FACE_NAMES`].
+    /// Returns the faces in the order of [`FACE_NAMES`].
     pub fn faces(self) -> &'static [Face; 6] {
         match self {
             Self::Mosaic => &LEFT_HANDED,
@@ -60,7 +60,7 @@ impl CubeLayout {
         }
     }
 
-    /// Column and row of a face in the mosaic.
+    /// Returns the column and row of a face in the mosaic.
     pub fn cell(self, face: usize) -> (u32, u32) {
         match self {
             Self::Mosaic => ((face / 2) as u32, (face % 2) as u32),
@@ -68,7 +68,7 @@ impl CubeLayout {
         }
     }
 
-    /// Columns and rows of the mosaic.
+    /// Returns the number of columns and rows of the mosaic.
     pub fn cells(self) -> (u32, u32) {
         match self {
             Self::Mosaic => (3, 2),
@@ -76,37 +76,38 @@ impl CubeLayout {
         }
     }
 
-    /// That of files of a format, by the format's name.
+    /// Returns the layout of files of a format, by the format's name.
     pub fn of_format(format: &str) -> Self {
         if is_openexr(format) { Self::Column } else { Self::Mosaic }
     }
 
-    /// Size of a face, and the step between faces, of a level that holds a cube; `None` when it cannot hold one.
+    /// Returns the size in texels of a face, and the step between faces, of a level that holds a cube; `None` when
+    /// it cannot hold one.
     pub fn face_size(self, spec: &ImageSpec) -> Option<(u32, (u32, u32))> {
         let level = cube_level(self, spec, (spec.width, spec.height))?;
         Some((level.face_width, (level.step_x, level.step_y)))
     }
 
-    /// Where `d` (finite, not 0) meets the cube.
+    /// Returns the point where `d` (finite, not 0) intersects the cube.
     pub fn point(self, d: Vec3) -> CubePoint {
         project(self, d)
     }
 }
 
-/// Where a direction meets the cube.
+/// The point where a direction intersects the cube.
 #[derive(Clone, Copy, Debug)]
 pub struct CubePoint {
-    /// Its number among [`FACE_NAMES`].
+    /// The index of the face among [`FACE_NAMES`].
     pub face: usize,
-    /// Fraction of the face from its left edge.
+    /// The fraction of the face from its left edge.
     pub s: f32,
-    /// Fraction of the face from its upper edge.
+    /// The fraction of the face from its upper edge.
     pub t: f32,
-    /// Length of the direction over its component along the face's axis, 1 to sqrt 3.
+    /// The length of the direction over its component along the face's axis, from 1 to sqrt 3.
     pub stretch: f32,
 }
 
-/// The face whose axis is nearest to `d`, which is finite and not 0.
+/// Returns the face whose axis is nearest to `d`, which is finite and not 0.
 pub(crate) fn face_of(d: Vec3) -> usize {
     let a = d.abs();
     if a.x >= a.y && a.x >= a.z {
@@ -118,7 +119,7 @@ pub(crate) fn face_of(d: Vec3) -> usize {
     }
 }
 
-/// Where `d` (finite, not 0) meets the cube.
+/// Returns the point where `d` (finite, not 0) intersects the cube.
 pub(crate) fn project(layout: CubeLayout, d: Vec3) -> CubePoint {
     let face = face_of(d);
     let f = &layout.faces()[face];
@@ -131,15 +132,15 @@ pub(crate) fn project(layout: CubeLayout, d: Vec3) -> CubePoint {
     }
 }
 
-/// The direction through a point of a face, which may lie outside [0, 1]; its component along the axis is 1.
+/// Returns the direction through a point of a face, which may lie outside [0, 1]. Its component along the axis is
+/// 1.
 pub(crate) fn direction(layout: CubeLayout, face: usize, s: f32, t: f32) -> Vec3 {
     let f = &layout.faces()[face];
     f.forward + f.right * (2.0 * s - 1.0) + f.up * (1.0 - 2.0 * t)
 }
 
-/// The texel at (x, y) of a face of `n` x `n` texels, where x or y may be one outside: then it is the
-/// texel of the neighbouring face that lies against it. `None` for the corners where only three faces
-/// meet: there is no such texel.
+/// Returns the texel at (x, y) of a face of `n` x `n` texels. When x or y is one outside, it is the adjacent texel
+/// of the neighbouring face. Returns `None` for the corners, where only three faces meet and no such texel exists.
 pub(crate) fn texel_across(
     layout: CubeLayout,
     face: usize,
@@ -159,12 +160,12 @@ pub(crate) fn texel_across(
     Some((p.face, index(p.s), index(p.t)))
 }
 
-/// Whether files of a format follow OpenEXR's conventions for environment maps.
+/// True when files of a format follow OpenEXR's conventions for environment maps.
 pub(crate) fn is_openexr(format: &str) -> bool {
     matches!(format.to_ascii_lowercase().as_str(), "exr" | "openexr")
 }
 
-/// The size of a face, and the step between faces, of a level that holds a cube.
+/// Returns the size of a face, and the step between faces, of a level that holds a cube.
 pub(crate) fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)) -> Option<Level> {
     let (columns, rows) = layout.cells();
     let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);

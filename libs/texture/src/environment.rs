@@ -1,5 +1,5 @@
-//! `environment ()`: filtered lookup in maps of all directions. Footprints of more than a texel are means under an ellipse
-//! on the sphere (`solid`); narrower ones are probes between texels, which are here.
+//! Filtered lookups of `environment ()`. Footprints of more than a texel are means under an ellipse on the sphere
+//! (`solid`). Narrower ones are probes between texels, which are here.
 
 use crate::cube;
 use crate::file::TextureFile;
@@ -15,31 +15,33 @@ use crate::{TextureId, TextureKind};
 use granita_base::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// Widest cone that is filtered, in radians.
+/// The widest cone that is filtered, in radians.
 const WIDEST: f32 = PI;
 
-/// Widest footprint of a quick lookup, in radians: the texels of smaller levels are too unlike in size to stand for their light.
+/// The widest footprint of a quick lookup, in radians. The texels of smaller levels differ too much in solid angle
+/// to represent their light.
 const WIDEST_QUICK: f32 = 0.2;
 
-/// Footprints this wide (in texels of the largest level, across) are probes, those of [`WIDE`] are means of all texels
-/// under a Gaussian, and in between one goes over into the other.
+/// Footprints of this width (in texels of the largest level, across) are probes. Those of [`WIDE`] are means of all
+/// texels under a Gaussian. In between the two are blended.
 const NARROW: f64 = 1.0;
 const WIDE: f64 = 1.5;
 
-/// Largest ratio of the widths of a footprint that is filtered as it is; beyond it the footprint is made wider.
+/// The largest ratio of the widths of a footprint that is filtered unchanged. Beyond it the footprint is made
+/// wider.
 const MAX_RATIO: f64 = 64.0;
 
-/// Most texels of one row that a probe near a pole averages.
+/// The largest number of texels of one row that a probe near a pole averages.
 const MAX_ROW: u32 = 32;
 
-/// A unit direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z
-/// to its upper edge.
+/// Returns a unit direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z to
+/// its upper edge.
 pub(crate) fn to_map(r: Vec3, up: Up) -> Vec3 {
     up.to_map(r)
 }
 
 impl TextureReader<'_> {
-    /// See [`TextureCache::environment`](crate::TextureCache::environment).
+    /// Implements [`TextureCache::environment`](crate::TextureCache::environment).
     pub fn environment(&mut self, id: TextureId, lookup: &EnvLookup, out: &mut [f32]) {
         let file = self.look_up(id);
         environment(self, file, lookup, out);
@@ -76,7 +78,7 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
         }
     }
     let mut ellipse = spread.ellipse();
-    // What the footprint of a ray adds may be cut. A blur that is asked for may not.
+    // The footprint of a ray may be reduced, but not a requested blur.
     let quick = q.quick && (q.angle.is_some() || q.sblur.max(q.tblur) * FRAC_PI_2 <= WIDEST_QUICK);
     let widest = f64::from(if quick { WIDEST_QUICK } else { WIDEST });
     ellipse.a = ellipse.a.min(widest);
@@ -116,13 +118,14 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
     reader.probes += count;
 }
 
-/// Angle that one texel of the largest level covers where the map is coarsest.
+/// Returns the angle in radians of one texel of the largest level where the map is coarsest.
 fn texel_angle(file: &TextureFile, cube: bool) -> f32 {
     let level = &file.levels[0];
     if cube { 2.0 / level.face_width as f32 } else { PI / level.height as f32 }
 }
 
-/// Angle that a texel of the largest level covers where a footprint of this width around `r` meets the largest ones.
+/// Returns the angle in radians of the largest texel of the largest level under a footprint of this width around
+/// `r`.
 fn texel_at(file: &TextureFile, cube: bool, r: Vec3, width: f64) -> f64 {
     let most = f64::from(texel_angle(file, cube));
     if !cube {
@@ -133,7 +136,7 @@ fn texel_at(file: &TextureFile, cube: bool, r: Vec3, width: f64) -> f64 {
     most * (angle - 1.5 * width).clamp(0.0, 1.0).cos().powf(1.5)
 }
 
-/// The level in which the ellipse is just [`WIDE`] texels or more across, and its filter there.
+/// Returns the level in which the ellipse is at least [`WIDE`] texels across, and its filter there.
 fn smooth(
     file: &TextureFile,
     cube: bool,
@@ -143,7 +146,7 @@ fn smooth(
 ) -> (usize, Lobe) {
     let ellipse = ellipse.at_least(texel, MAX_RATIO);
     let size = |level: &Level| if cube { level.face_width } else { level.height };
-    // The smallest levels know too little of directions.
+    // The smallest levels have too little angular detail.
     let enough = |level: &Level| size(level) >= if cube { 8 } else { 16 };
     let last = file.levels.iter().rposition(enough).unwrap_or(0);
     let level = ((ellipse.b / texel / WIDE).log2().max(0.0) as usize).min(last);
@@ -154,8 +157,8 @@ fn smooth(
     (level, Lobe::new(r, (east, north), ellipse.at_least(texel, MAX_RATIO).spread(), (around, texel)))
 }
 
-/// Round probe of a cube: direction `d`, of length about 1, full width in radians; at least one texel is covered,
-/// wherever on the face. A quick one looks at the nearer level alone.
+/// Returns a round probe of a cube in a direction `d` of length about 1, with the full width in radians. It covers
+/// at least one texel anywhere on the face. A quick probe reads only the nearer level.
 fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f32; 4] {
     let p = cube::project(sampler.file.layout, d);
     // On the face's plane lengths grow by stretch^2 outward and stretch across: their geometric mean.
@@ -168,8 +171,8 @@ fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f
     if share > 0.0 { mix(value, sampler.cube_bilinear(level + 1, p.face, s, t), share) } else { value }
 }
 
-/// Round probe of a latitude-longitude map: direction in the map's frame; `width` chooses the level,
-/// `exact` is what is to be covered along the rows. A quick one looks at the nearer level alone.
+/// Returns a round probe of a latitude-longitude map in a direction in the map's frame. `width` selects the level,
+/// and `exact` is the width along the rows. A quick probe reads only the nearer level.
 fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, (width, exact): (f32, f32), quick: bool) -> [f32; 4] {
     let around = d.x.hypot(d.y);
     let s = d.y.atan2(d.x) / TAU + 0.5;
@@ -181,9 +184,9 @@ fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, (width, exact): (f32, f32),
     if share > 0.0 { mix(value, latlong_level(sampler, level + 1, s, t, span), share) } else { value }
 }
 
-/// Round probe into one level; `span` is the part of a row that it covers. Towards the poles that becomes
-/// more and more texels: rows are averaged over it, up to [`MAX_ROW`] texels. Above the middle of the first
-/// row (below that of the last) the value goes over into one value at the pole itself.
+/// Returns a round probe into one level. `span` is the part of a row that it covers. Near the poles that is more
+/// and more texels, and rows are averaged over it, up to [`MAX_ROW`] texels. Above the centre of the first row
+/// (below that of the last) the value is blended into one value at the pole itself.
 fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: f32) -> [f32; 4] {
     let (width, height) = (sampler.level(level).width, sampler.level(level).height);
     // One texel is covered by interpolation itself.
@@ -203,8 +206,8 @@ fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: 
     }
 }
 
-/// Mean of the linearly interpolated texels of a row, over `reach` texels around `s`. It is integrated
-/// exactly: a sum over points would jump with their number.
+/// Returns the mean of the linearly interpolated texels of a row, over `reach` texels around `s`. It is integrated
+/// exactly, because a sum over points would be discontinuous in their number.
 fn row(sampler: &mut Sampler<'_>, level: usize, y: u32, s: f32, reach: f32) -> [f32; 4] {
     let width = sampler.level(level).width;
     let column = |x: i32| x.rem_euclid(width as i32) as u32;
@@ -231,7 +234,7 @@ fn row(sampler: &mut Sampler<'_>, level: usize, y: u32, s: f32, reach: f32) -> [
     mean.value()
 }
 
-/// The value at a pole: the mean of the row next to it.
+/// Returns the value at a pole, which is the mean of the row next to it.
 fn pole(sampler: &mut Sampler<'_>, level: usize, row: u32) -> [f32; 4] {
     let width = sampler.level(level).width;
     let count = width.min(MAX_ROW);

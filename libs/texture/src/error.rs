@@ -1,55 +1,55 @@
-//! What can go wrong with making textures, sorted by whose fault it is.
+//! Errors of making textures, sorted by their cause.
 
 use granita_image::ImageError;
 use std::path::PathBuf;
 
-/// A texture that cannot be made.
+/// The reason why a texture cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum TextureError {
-    /// The system refused.
+    /// A system call failed.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// A picture could not be read or written.
+    /// An image could not be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// Input that does not fit what is to be made of it.
+    /// The input is not suitable for the requested texture.
     #[error("{}: {what}", path.display())]
     Malformed {
         /// The input.
         path: PathBuf,
-        /// What does not fit, with the numbers compared.
+        /// A description of the mismatch, with the numbers compared.
         what: String,
     },
-    /// The file format cannot do what textures need.
+    /// The file format lacks a feature that textures need.
     #[error("{what}")]
     Unsupported {
-        /// What is missing.
+        /// The missing feature.
         what: String,
     },
-    /// More than can be held.
+    /// The value exceeds a limit.
     #[error("{}: {what} {asked} exceeds the limit of {max}", path.display())]
     Limit {
         /// The file.
         path: PathBuf,
-        /// What is too large.
+        /// The limited quantity.
         what: &'static str,
-        /// How large.
+        /// The requested value.
         asked: u64,
-        /// How large it may be.
+        /// The largest permitted value.
         max: u64,
     },
-    /// Options that contradict each other, or the wrong number of inputs.
+    /// The options contradict each other, or the number of inputs is wrong.
     #[error("{what}")]
     Misuse {
-        /// What was asked.
+        /// A description of the error.
         what: String,
     },
 }
 
-/// Result of making a texture.
+/// The result of making a texture.
 pub type Result<T> = std::result::Result<T, TextureError>;

@@ -1,4 +1,4 @@
-//! One texture file: what it says of itself, and how its texels are reached.
+//! One texture file: its attributes, and access to its texels.
 
 use crate::block::Block;
 use crate::cube::{CubeLayout, cube_level, is_openexr};
@@ -14,21 +14,21 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
-/// An open file, or none while it is closed.
+/// An open file; `None` while it is closed.
 pub(crate) type Handle = Mutex<Option<Arc<dyn ImageInput>>>;
 
-/// Where the texels are.
+/// The source of the texels.
 pub(crate) enum Source {
-    /// In tiles of the file, read one by one.
+    /// The tiles of the file, read one by one.
     Tiles {
-        /// Open file; closed when too many are open.
+        /// The open file. It is closed when too many are open.
         handle: Handle,
-        /// When it was last read from.
+        /// The time when it was last read from.
         stamp: AtomicU64,
     },
-    /// In memory, made from the whole file when first looked at: one block per level.
+    /// In memory, made from the whole file when first used, with one block per level.
     Memory(Lack, OnceLock<Vec<Arc<Cell>>>),
-    /// Nowhere: there is no file, tiles are made when they are looked at.
+    /// Made on demand, without a file.
     Made,
 }
 
@@ -48,30 +48,31 @@ pub(crate) struct TextureFile {
     pub(crate) index: u32,
     pub(crate) path: PathBuf,
     pub(crate) kind: TextureKind,
-    /// It does not say what it is, and has several images of one size: slices, where it is looked up in three dimensions.
+    /// True when it does not declare its kind and has several images of one size. These are slices when it is
+    /// looked up in three dimensions.
     is_stack: bool,
-    /// At least one.
+    /// The levels, at least one.
     pub(crate) levels: Vec<Level>,
     pub(crate) channels: usize,
     pub(crate) swrap: Wrap,
     pub(crate) twrap: Wrap,
-    /// Orientation of a latitude-longitude map.
+    /// The orientation of a latitude-longitude map.
     pub(crate) up: Up,
     pub(crate) layout: CubeLayout,
     pub(crate) world_to_camera: Option<Transform>,
     pub(crate) world_to_screen: Option<Transform>,
     pub(crate) source: Source,
-    /// Bytes of one texel.
+    /// The bytes of one texel.
     pub(crate) texel_bytes: u64,
-    /// Of all its tiles.
+    /// The pixel type of all its tiles.
     pub(crate) pixel_type: PixelType,
-    /// Its images as slices of one, when that was asked for.
+    /// Its images as slices of one block, when that was requested.
     pub(crate) slices: OnceLock<Vec<Block>>,
-    /// Its levels could not be made: all of it is black, and need not be filtered.
+    /// True when its levels could not be made. All of it is then black and needs no filtering.
     pub(crate) broken: AtomicBool,
 }
 
-/// What keeps a file from being used as it is.
+/// The reason why a file cannot be used directly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Lack {
     Tiles,
@@ -79,7 +80,7 @@ pub(crate) enum Lack {
 }
 
 impl Lack {
-    /// What to say of the file.
+    /// Returns the description for a message about the file.
     pub(crate) fn words(self) -> &'static str {
         match self {
             Self::Tiles => "is not tiled",
@@ -89,7 +90,7 @@ impl Lack {
 }
 
 impl TextureFile {
-    /// Reads what the file says of itself. Also what it lacks for direct use; then its source is memory.
+    /// Reads the attributes of the file, and finds what it lacks for direct use. Its source is then memory.
     pub(crate) fn open(
         index: u32,
         path: PathBuf,
@@ -178,7 +179,7 @@ impl TextureFile {
         Ok((file, lack))
     }
 
-    /// Of a file whose matrices are of the world: the same where "common" space begins at `origin`.
+    /// Converts the matrices of the file from world space to "common" space, which begins at `origin`.
     pub(crate) fn nearby(mut self, origin: Vec3) -> Self {
         if origin != Vec3::ZERO {
             let to_world = Transform::translate(origin);
@@ -189,12 +190,12 @@ impl TextureFile {
         self
     }
 
-    /// What shaders are told that the file is: one whose images are slices of one size is a volume.
+    /// Returns the kind that is reported to shaders. A file whose images are slices of one size is a volume.
     pub(crate) fn told_kind(&self) -> TextureKind {
         if self.is_stack { TextureKind::Volume } else { self.kind }
     }
 
-    /// A depth map whose tiles are made on demand.
+    /// Returns a depth map whose tiles are made on demand.
     pub(crate) fn made(index: u32, name: &str, map: &MadeShadow) -> Self {
         let [width, height] = map.resolution.map(|n| n.max(1));
         Self {
@@ -218,7 +219,7 @@ impl TextureFile {
         }
     }
 
-    /// The levels that [`TextureFile::make_levels`] will make.
+    /// Returns the levels that [`TextureFile::make_levels`] will make.
     fn memory_levels(kind: TextureKind, first: Level) -> Vec<Level> {
         let whole = |l: Level| Level { tile_width: l.width, tile_height: l.height, ..l };
         let mut levels = vec![whole(first)];
@@ -279,8 +280,8 @@ impl TextureFile {
         Ok(out)
     }
 
-    /// Bytes of memory that [`TextureFile::make_levels`] takes: the levels as stored, the largest once more, cubes also in
-    /// floats and once more by faces, and what reading takes.
+    /// Returns the bytes of memory that [`TextureFile::make_levels`] takes: the levels as stored, the largest once
+    /// more, cubes also in floats and once more by faces, and the memory of reading.
     fn bytes_to_make(&self, input: &dyn ImageInput) -> u64 {
         let texels = |l: &Level| u64::from(l.width) * u64::from(l.height);
         let largest = texels(&self.levels[0]);
@@ -291,7 +292,7 @@ impl TextureFile {
         stored.saturating_add(floats).saturating_add(input.working_bytes(0, 0))
     }
 
-    /// All levels of a picture that is no cube, as stored; in floats there are only some rows at a time.
+    /// Makes all levels of an image that is not a cube, as stored. Only some rows at a time are in floats.
     fn levels_of_rows(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Pixels>> {
         /// Rows read at once.
         const ROWS: usize = 256;
@@ -320,7 +321,7 @@ impl TextureFile {
         Ok(levels.into_iter().map(|(pixels, _)| pixels).collect())
     }
 
-    /// Upper left corner of a face of a level.
+    /// Returns the upper left corner of a face of a level.
     pub(crate) fn face_origin(&self, level: &Level, face: usize) -> (u32, u32) {
         if !self.kind.is_cube() {
             return (0, 0);
@@ -329,34 +330,35 @@ impl TextureFile {
         (column * level.step_x, row * level.step_y)
     }
 
-    /// Depths are looked at texel by texel, all else is filtered.
+    /// Returns the memory layout. Depths are read texel by texel, all others are filtered.
     pub(crate) fn layout_in_memory(&self) -> Layout {
         if self.kind.is_shadow() { Layout::Texels } else { Layout::Planes }
     }
 
-    /// Bytes of a tile of a level.
+    /// Returns the bytes of a tile of a level.
     pub(crate) fn tile_bytes(&self, level: usize) -> u64 {
         let level = &self.levels[level];
         u64::from(level.tile_width) * u64::from(level.tile_height) * self.texel_bytes
     }
 
-    /// Bytes of a tile of a level that count to the bound of the cache; none where levels are kept anyway.
+    /// Returns the bytes of a tile of a level that count for the bound of the cache; 0 where levels are kept in any
+    /// case.
     pub(crate) fn counted_bytes(&self, level: usize) -> u64 {
         if matches!(self.source, Source::Memory(..)) { 0 } else { self.tile_bytes(level) }
     }
 
-    /// Whether all of it is known to be black because it cannot be read.
+    /// True when all of it is black because it cannot be read.
     #[inline]
     pub(crate) fn is_broken(&self) -> bool {
         self.broken.load(Ordering::Relaxed)
     }
 
-    /// Black texels in the place of a tile that cannot be read.
+    /// Returns black texels in place of a tile that cannot be read.
     pub(crate) fn black_tile(&self, level: &Level) -> Tile {
         Tile::black(self.pixel_type, level.tile_width as usize, self.channels)
     }
 
-    /// A stored number as what lookups give.
+    /// Converts a stored number to the value of lookups.
     #[inline]
     pub(crate) fn number(&self, raw: f32) -> f32 {
         from_raw(self.pixel_type, raw)

@@ -1,20 +1,20 @@
-//! The files of a cache: found by name once, never removed, reached without a lock.
+//! The files of a cache. They are found by name once, never removed, and accessed without a lock.
 
 use crate::file::TextureFile;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
-/// Files of the first block; each further block holds twice as many.
+/// The number of files of the first block. Each further block holds twice as many.
 const FIRST: usize = 64;
 const BLOCKS: usize = 24;
 
-/// An append-only list, readable while it grows.
+/// An append-only list that can be read while it grows.
 struct List {
     blocks: [OnceLock<Box<[OnceLock<TextureFile>]>>; BLOCKS],
     count: Mutex<u32>,
 }
 
-/// Block and place of an index.
+/// Returns the block and position of an index.
 fn place(index: u32) -> (usize, usize) {
     let n = index as usize / FIRST + 1;
     let block = n.ilog2() as usize;
@@ -27,7 +27,7 @@ impl List {
         self.blocks.get(block)?.get()?.get(at)?.get()
     }
 
-    /// Appends what `make` makes for the index it is told; `None` when it makes nothing.
+    /// Appends the file that `make` makes for the index; `None` when it makes none.
     fn push(&self, make: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
         let mut count = self.count.lock().unwrap_or_else(PoisonError::into_inner);
         let (block, at) = place(*count);
@@ -39,7 +39,7 @@ impl List {
     }
 }
 
-/// The answer for one name; found by one thread while others wait.
+/// The result for one name, found by one thread while others wait.
 type Answer = Arc<OnceLock<Option<u32>>>;
 
 /// All files named so far.
@@ -66,7 +66,7 @@ impl Files {
         self.list.get(index)
     }
 
-    /// Index of the file called `name`; the first to ask makes it with `open`.
+    /// Returns the index of the file called `name`. The first caller makes it with `open`.
     pub(crate) fn find(&self, name: &str, open: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
         let known = self.names.read().unwrap_or_else(PoisonError::into_inner).get(name).cloned();
         let answer = known.unwrap_or_else(|| {

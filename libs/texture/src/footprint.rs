@@ -1,16 +1,16 @@
-//! The region that a lookup averages, and the probes that stand for it in environments and in narrow footprints.
+//! The region that a lookup averages, and its probes in environments and in narrow footprints.
 //!
-//! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian that has fallen to
-//! exp(-2) at the ellipse (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section
-//! 3.5): a standard deviation of half the width along each axis. One trilinear probe into the MIP level
-//! whose texels are `b` wide has just that deviation across (a texel's box has the variance b^2/12, the
-//! tent between texels b^2/6, together (b/2)^2); along the ellipse, probes with Gaussian weights of
-//! deviation sqrt(a^2 - b^2)/2 make up the rest (compare McCormack and others, Feline, SIGGRAPH 1999).
+//! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian with the value exp(-2) at the
+//! ellipse (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section 3.5), so its standard
+//! deviation is half the width along each axis. One trilinear probe into the MIP level whose texels are `b` wide
+//! has exactly that deviation across: a texel's box has the variance b^2/12, the tent between texels b^2/6,
+//! together (b/2)^2. Along the ellipse, probes with Gaussian weights of deviation sqrt(a^2 - b^2)/2 add the rest
+//! (compare McCormack and others, Feline, SIGGRAPH 1999).
 
-/// Largest ratio of `a` to `b` that is filtered as it is; beyond it the footprint is made wider.
+/// The largest ratio of `a` to `b` that is filtered unchanged. Beyond it the footprint is made wider.
 pub(crate) const MAX_ANISOTROPY: f64 = 16.0;
 
-/// Symmetric 2 x 2 matrix of squared widths.
+/// A symmetric 2 x 2 matrix of squared widths.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Spread {
     pub(crate) xx: f64,
@@ -18,13 +18,13 @@ pub(crate) struct Spread {
     pub(crate) yy: f64,
 }
 
-/// A number as footprints take it: not-a-number counts as 0, and nothing is larger than 1e12.
+/// Limits a number: NaN counts as 0, and nothing is larger than 1e12.
 fn finite(v: f32) -> f64 {
     if v.is_nan() { 0.0 } else { f64::from(v).clamp(-1e12, 1e12) }
 }
 
 impl Spread {
-    /// Adds a parallelogram's side: what a pixel covers is two of them.
+    /// Adds a side of a parallelogram. The region of a pixel has two of them.
     pub(crate) fn add(&mut self, x: f32, y: f32) {
         let (x, y) = (finite(x), finite(y));
         self.xx += x * x;
@@ -32,31 +32,31 @@ impl Spread {
         self.yy += y * y;
     }
 
-    /// The same in other units.
+    /// Returns the spread in other units.
     pub(crate) fn scaled(self, x: f64, y: f64) -> Self {
         Self { xx: self.xx * x * x, xy: self.xy * x * y, yy: self.yy * y * y }
     }
 
-    /// With `least` as the smallest width.
+    /// Returns the spread with `least` as the smallest width.
     pub(crate) fn at_least(self, least: f64) -> Self {
         self.ellipse().at_least(least, f64::INFINITY).spread()
     }
 
-    /// Squares of the widths of the ellipse, the larger first.
+    /// Returns the squared widths of the ellipse, the larger first.
     pub(crate) fn squares(self) -> (f64, f64) {
         let (mean, difference) = (0.5 * (self.xx + self.yy), 0.5 * (self.xx - self.yy));
         let root = (difference * difference + self.xy * self.xy).sqrt();
         (mean + root, (mean - root).max(0.0))
     }
 
-    /// The axes of the ellipse.
+    /// Returns the ellipse.
     pub(crate) fn ellipse(self) -> Ellipse {
         let Self { xx, xy, yy } = self;
         let (large, small) = self.squares();
         let difference = 0.5 * (xx - yy);
-        // No overflow: what `finite` lets pass is far from it.
+        // There is no overflow, because `finite` bounds the values.
         let root = (difference * difference + xy * xy).sqrt();
-        // Of the two formulas for the axis, the one that does not cancel.
+        // Of the two formulas for the axis, this one has no cancellation.
         let (x, y) = if difference >= 0.0 { (difference + root, xy) } else { (xy, root - difference) };
         let length = (x * x + y * y).sqrt();
         let axis = if length > 0.0 { [(x / length) as f32, (y / length) as f32] } else { [1.0, 0.0] };
@@ -73,20 +73,20 @@ pub(crate) struct Ellipse {
 }
 
 impl Ellipse {
-    /// At least `least` across, and at most `ratio` times as long as wide.
+    /// Returns an ellipse with a width of at least `least` and a length of at most `ratio` times the width.
     pub(crate) fn at_least(self, least: f64, ratio: f64) -> Self {
         let b = self.b.max(self.a / ratio).max(least);
         Self { a: self.a.max(b), b, ..self }
     }
 
-    /// Squared widths along x and y.
+    /// Returns the squared widths along x and y.
     pub(crate) fn spread(&self) -> Spread {
         let [x, y] = self.axis.map(f64::from);
         let (a, b) = (self.a * self.a, self.b * self.b);
         Spread { xx: a * x * x + b * y * y, xy: (a - b) * x * y, yy: a * y * y + b * x * x }
     }
 
-    /// Probes of width at least `least`.
+    /// Returns probes of width at least `least`.
     pub(crate) fn probes(&self, least: f64) -> Probes {
         let exact = self.b.max(self.a / MAX_ANISOTROPY);
         let width = exact.max(least);
@@ -100,16 +100,16 @@ impl Ellipse {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Probes {
     pub(crate) count: u32,
-    /// They stand within this distance from the centre.
+    /// The largest distance of a probe from the centre.
     reach: f32,
-    /// Full width of each, at least the least that was asked for.
+    /// The full width of each, at least the requested minimum.
     pub(crate) width: f32,
-    /// The same without that bound: 0 for a footprint of nothing.
+    /// The full width without that bound: 0 for an empty footprint.
     pub(crate) exact: f32,
 }
 
 impl Probes {
-    /// Distance from the centre, and weight (not normalised), of each.
+    /// Returns the distance from the centre and the weight (not normalised) of each.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (f32, f32)> + use<> {
         let Self { count, reach, .. } = *self;
         (0..count).map(move |i| {
@@ -119,7 +119,7 @@ impl Probes {
     }
 }
 
-/// A weighted mean of texels that is exact when they are all alike.
+/// A weighted mean of texels that is exact when all are equal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Mean {
     value: [f32; 4],
@@ -127,7 +127,7 @@ pub(crate) struct Mean {
 }
 
 impl Mean {
-    /// Adds a value; the weight is positive.
+    /// Adds a value with a positive weight.
     #[inline]
     pub(crate) fn add(&mut self, value: [f32; 4], weight: f32) {
         self.weight += weight;
@@ -142,7 +142,7 @@ impl Mean {
     }
 }
 
-/// `a` at 0, `b` at 1; exactly `a` when both are alike.
+/// Returns `a` at 0 and `b` at 1; exactly `a` when both are equal.
 #[inline]
 pub(crate) fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     std::array::from_fn(|c| a[c] + (b[c] - a[c]) * f)

@@ -1,29 +1,29 @@
 //! The weights of texels under an ellipse: a Gaussian that is cut off at [`CUT`] deviations.
 //!
-//! It is made wider by as much as the cut takes from its variance, and narrower by the variance of a texel, so that the
-//! whole has the spread of the footprint.
+//! It is made wider to compensate for the variance that the cut removes, and narrower by the variance of a texel,
+//! so that the total filter has the spread of the footprint.
 
 use crate::footprint::Spread;
 
-/// Where the Gaussian ends, in its deviations.
+/// The end of the Gaussian, in standard deviations.
 pub(crate) const CUT: f32 = 3.0;
 
-/// What is left of its variance, in each direction, when it is lowered by what it is there, so that it ends at 0:
-/// `1 - (h^2 / 2) e / (1 - (1 + h) e)` with `h = CUT^2 / 2`, `e = exp (-h)`.
+/// The remaining part of its variance in each direction, after its value at the end is subtracted so that it ends
+/// at 0: `1 - (h^2 / 2) e / (1 - (1 + h) e)` with `h = CUT^2 / 2`, `e = exp (-h)`.
 pub(crate) const KEPT: f64 = 0.880_202;
 
-/// Variance of a texel.
+/// The variance of a texel.
 const TEXEL: f64 = 1.0 / 12.0;
 
-/// The largest whole number that is not above `x`; the instruction for it is not everywhere, and the library's function
-/// is slow.
+/// Returns the largest whole number that is not above `x`. The instruction for it does not exist on all machines,
+/// and the library's function is slow.
 #[inline(always)]
 pub(crate) fn floor(x: f32) -> i32 {
     let whole = x as i32;
     whole - i32::from(x < whole as f32)
 }
 
-/// Exponents of 2 along a row: `a dx^2 + b dx + c`, dx being the distance from the centre in texels.
+/// The exponents of 2 along a row: `a dx^2 + b dx + c`, where dx is the distance from the centre in texels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Exponents {
     pub(crate) a: f32,
@@ -39,14 +39,15 @@ pub(crate) struct Gaussian {
     yy: f32,
     /// Half of its extent in x and y.
     pub(crate) reach: (f32, f32),
-    /// Where the middle of a row stands, per step in y.
+    /// The shift of the centre of a row, per step in y.
     slant: f32,
-    /// Square of half a row's length at the centre, and what it loses per squared step in y.
+    /// The square of half a row's length at the centre, and its decrease per squared step in y.
     half: (f32, f32),
 }
 
 impl Gaussian {
-    /// For a footprint of these squared full widths in texels; both widths of the ellipse are at least 1.
+    /// Makes a Gaussian for a footprint of these squared full widths in texels. Both widths of the ellipse are at
+    /// least 1.
     pub(crate) fn new(spread: Spread) -> Self {
         let variance = |squared: f64, texel: f64| (0.25 * squared - texel) * (1.0 / KEPT);
         let (xx, xy, yy) = (variance(spread.xx, TEXEL), variance(spread.xy, 0.0), variance(spread.yy, TEXEL));
@@ -65,8 +66,8 @@ impl Gaussian {
         }
     }
 
-    /// The first texel that is covered in the row at `dy` from the centre, and the first after them; the centre is at
-    /// `cx`.
+    /// Returns the first covered texel in the row at `dy` from the centre, and the first one after them. The centre
+    /// is at `cx`.
     #[inline(always)]
     pub(crate) fn row(&self, cx: f32, dy: f32) -> Option<(i32, i32)> {
         let squared = self.half.0 - self.half.1 * dy * dy;
@@ -76,7 +77,7 @@ impl Gaussian {
         })
     }
 
-    /// Of the row at `dy`.
+    /// Returns the exponents of the row at `dy`.
     #[inline(always)]
     pub(crate) fn exponents(&self, dy: f32) -> Exponents {
         Exponents { a: self.xx, b: self.xy * dy, c: self.yy * dy * dy }

@@ -1,11 +1,11 @@
-//! The kinds of texture file.
+//! The kinds of texture files.
 
 use granita_image::ImageSpec;
 
-/// What a texture file is for: its `textureformat` attribute (reference 9.2).
+/// The kind of a texture file: its `textureformat` attribute (reference 9.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TextureKind {
-    /// An ordinary 2D texture; also any file that does not say what it is.
+    /// An ordinary 2D texture, or a file that does not declare its kind.
     Plain,
     /// A depth map seen from a light, ordinary or Woo.
     Shadow,
@@ -13,18 +13,18 @@ pub enum TextureKind {
     CubeFaceShadow,
     /// Opacity against depth.
     VolumeShadow,
-    /// The same in six views around a light.
+    /// Opacity against depth in six views around a light.
     CubeFaceVolumeShadow,
     /// Six views around a point.
     CubeFaceEnvironment,
     /// All directions by latitude and longitude.
     LatLongEnvironment,
-    /// A picture that has depth: the images of the file are its slices.
+    /// A volume texture. The images of the file are its slices.
     Volume,
 }
 
 impl TextureKind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 8] = [
         Self::Plain,
         Self::Shadow,
@@ -36,7 +36,7 @@ impl TextureKind {
         Self::Volume,
     ];
 
-    /// The value of the `textureformat` attribute.
+    /// Returns the value of the `textureformat` attribute.
     pub fn word(self) -> &'static str {
         match self {
             Self::Plain => "Plain Texture",
@@ -50,13 +50,13 @@ impl TextureKind {
         }
     }
 
-    /// By the value of the attribute, upper and lower case alike.
+    /// Returns the kind for a value of the attribute. Upper and lower case do not matter.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|k| k.word().eq_ignore_ascii_case(word.trim()))
     }
 
-    /// The kind a file says it is; a single-channel float picture with both matrices is a depth map even if
-    /// it does not say so.
+    /// Returns the declared kind of a file. A single-channel float image with both matrices is a depth map even
+    /// without a declaration.
     pub fn of(spec: &ImageSpec) -> Self {
         if let Some(kind) = spec.string("textureformat").and_then(Self::from_word) {
             return kind;
@@ -72,7 +72,7 @@ impl TextureKind {
         if matrices && spec.nchannels() == 1 { Self::Shadow } else { Self::Plain }
     }
 
-    /// The coarser name that `gettextureinfo` gives for "type" (reference table 5.5).
+    /// Returns the more general name that `gettextureinfo` returns for "type" (reference table 5.5).
     pub fn type_word(self) -> &'static str {
         match self {
             Self::Plain => "texture",
@@ -82,22 +82,22 @@ impl TextureKind {
         }
     }
 
-    /// Whether six faces share the picture.
+    /// True when six faces share the image.
     pub fn is_cube(self) -> bool {
         matches!(self, Self::CubeFaceShadow | Self::CubeFaceVolumeShadow | Self::CubeFaceEnvironment)
     }
 
-    /// Whether texels hold opacity against depth.
+    /// True when texels hold opacity against depth.
     pub fn is_volume_shadow(self) -> bool {
         matches!(self, Self::VolumeShadow | Self::CubeFaceVolumeShadow)
     }
 
-    /// Whether depths are compared, not colours filtered.
+    /// True when depths are compared instead of filtering colours.
     pub fn is_shadow(self) -> bool {
         self.type_word() == "shadow"
     }
 
-    /// Whether the file is expected to have MIP levels (ordinary and cube-face shadow maps have one).
+    /// True when the file should have MIP levels (ordinary and cube-face shadow maps have one).
     pub fn is_mipmapped(self) -> bool {
         !matches!(self, Self::Shadow | Self::CubeFaceShadow)
     }

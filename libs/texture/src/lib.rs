@@ -1,29 +1,27 @@
-//! Textures: a tile cache with filtered lookups, and the making of texture files (reference 9, 5.8.10).
+//! Textures: a tile cache with filtered lookups, and a maker of texture files (reference 9, 5.8.10).
 //!
-//! A renderer makes one [`TextureCache`] per frame and asks it from any number of threads: pictures with
-//! [`TextureCache::texture`], maps of all directions with [`TextureCache::environment`], depth maps seen
-//! from lights with [`TextureCache::shadow`]. `maketx` calls [`make::make`], which turns pictures of any
-//! format into tiled, MIP-mapped files.
+//! A renderer makes one [`TextureCache`] per frame, and any number of threads use it: images with
+//! [`TextureCache::texture`], environment maps with [`TextureCache::environment`], depth maps of lights with
+//! [`TextureCache::shadow`]. `maketx` calls [`make::make`], which converts images of any format to tiled,
+//! MIP-mapped files.
 //!
 //! Invariants:
-//! - an answer depends on the file and the question alone, to the bit: not on memory, open files,
-//!   threads or what was asked before;
-//! - only tiles that a lookup touches are read, and what the cache keeps stays within its bound;
-//! - a constant picture looks constant everywhere, exactly; without a footprint a texel's centre gives the
-//!   texel; what is not a number anywhere has a defined result;
-//! - texels are sampled where they are: rows run downward, (0, 0) is the outer corner of the first texel,
-//!   texel centres stand at half numbers.
+//! - A result depends on the file and the query only, to the bit. It does not depend on memory, open files, threads
+//!   or earlier queries.
+//! - Only tiles that a lookup touches are read, and the memory of the cache stays within its bound.
+//! - A constant image is exactly constant everywhere. Without a footprint a texel's centre gives the texel. NaN at
+//!   any place has a defined result.
+//! - Rows run downward, (0, 0) is the outer corner of the first texel, and texel centres are at half numbers.
 //!
-//! How things are filtered is said where it is done: `gaussian` (pictures: all texels under an ellipse of up to 64 : 1),
-//! `footprint` (ellipses and probes), `solid` (maps of all directions: all texels under an ellipse on the sphere),
-//! `environment` (what is narrower than a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
-//! Threads that ask for many points do so through a [`TextureReader`].
+//! Each module describes its filters: `gaussian` (images: all texels under an ellipse of up to 64 : 1), `footprint`
+//! (ellipses and probes), `solid` (environment maps: all texels under an ellipse on the sphere), `environment`
+//! (footprints below a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
+//! Threads with many lookups use a [`TextureReader`].
 //!
-//! Shadow maps that are made while rendering (reference 10.1.5) are declared, and their tiles come from a [`TileMaker`].
-//! Pictures that have depth ([`TextureCache::texture3d`]) are files with several images (`slices`).
+//! Shadow maps that are rendered on demand (reference 10.1.5) are declared, and a [`TileMaker`] makes their tiles.
+//! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`).
 //!
-//! Deliberately absent: colour profiles, names of geometry sets (the renderer sorts those out before it asks).
-//!
+//! Deliberately absent: colour profiles, and names of geometry sets (the renderer resolves those before a lookup).
 //! ```
 //! use granita_base::{Environment, Reporter, SearchPath};
 //! use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
@@ -53,7 +51,7 @@
 //! # }
 //! ```
 
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 /// The example in the README is compiled and run with the tests.
 #[cfg(doctest)]
@@ -97,7 +95,7 @@ mod wrap;
 pub use cache::{TextureCache, Use};
 pub use cube::{CubeLayout, CubePoint, FACE_NAMES, Face};
 pub use error::{Result, TextureError};
-pub use id::TextureId;
+pub use id::{TextureHandle, TextureId};
 pub use kind::TextureKind;
 pub use lookup::{EnvLookup, Lookup, Lookup3d, ShadowLookup, Up};
 pub use made::{MadeShadow, TileMaker};

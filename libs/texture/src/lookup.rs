@@ -1,4 +1,4 @@
-//! The questions that can be asked of a texture, one point at a time.
+//! The parameters of lookups, one point at a time.
 
 use crate::Wrap;
 use granita_base::Vec3;
@@ -6,8 +6,8 @@ use granita_image::ImageSpec;
 
 /// `texture ()` at one point (reference 5.8.10).
 ///
-/// Coordinates are fractions of the picture: (0, 0) is the outer corner of its upper left texel, (1, 1)
-/// of its lower right one.
+/// Coordinates are fractions of the image: (0, 0) is the outer corner of its upper left texel, (1, 1) that of its
+/// lower right one.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup {
     /// Coordinate to the right.
@@ -22,9 +22,9 @@ pub struct Lookup {
     pub dsdy: f32,
     /// Change of `t` in y.
     pub dtdy: f32,
-    /// Full width of additional blur, as a fraction of the picture's width.
+    /// Full width of additional blur, as a fraction of the image's width.
     pub sblur: f32,
-    /// Full height of additional blur, as a fraction of the picture's height.
+    /// Full height of additional blur, as a fraction of the image's height.
     pub tblur: f32,
     /// Scales the differentials of `s`.
     pub swidth: f32,
@@ -64,11 +64,11 @@ impl Default for Lookup {
 
 /// `texture3d ()` at one point (reference 5.8.10).
 ///
-/// Coordinates are fractions: (0, 0, 0) is the outer corner of the first texel of the first slice, (1, 1, 1) that of the
-/// last texel of the last one.
+/// Coordinates are fractions: (0, 0, 0) is the outer corner of the first texel of the first slice, (1, 1, 1) that of
+/// the last texel of the last one.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup3d {
-    /// Place: to the right, downward, to the back.
+    /// The position: to the right, downward, to the back.
     pub p: Vec3,
     /// Change of `p` from this point to the next in x.
     pub dpdx: Vec3,
@@ -76,7 +76,8 @@ pub struct Lookup3d {
     pub dpdy: Vec3,
     /// Full width of additional blur, as a fraction of the width.
     pub sblur: f32,
-    /// The same of the height and the depth. The larger of the blurs in texels is taken all around.
+    /// Full width of additional blur, as a fraction of the height and the depth. The larger of the blurs in texels
+    /// applies in all directions.
     pub tblur: f32,
     /// Scales the differentials to the right.
     pub swidth: f32,
@@ -84,7 +85,7 @@ pub struct Lookup3d {
     pub twidth: f32,
     /// Replaces the file's wrap mode to the right.
     pub swrap: Option<Wrap>,
-    /// Replaces the file's wrap mode downward, which is that to the back as well.
+    /// Replaces the file's wrap mode downward and to the back.
     pub twrap: Option<Wrap>,
     /// First channel of the file to look up.
     pub first_channel: u32,
@@ -111,7 +112,7 @@ impl Default for Lookup3d {
     }
 }
 
-/// Which axis of a latitude-longitude map points to its upper edge (option "up").
+/// The axis of a latitude-longitude map that points to its upper edge (option "up").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
     /// +y up, right handed, +z in the centre: the convention of OpenEXR files.
@@ -121,16 +122,16 @@ pub enum Up {
 }
 
 impl Up {
-    /// The attribute of a file that says how its panorama is meant: "y" or "z". In formats without a place for any attribute, a
-    /// word `latlongup=y` of the description.
+    /// The attribute of a file with the orientation of its panorama: "y" or "z". In formats without arbitrary
+    /// attributes it is a word `latlongup=y` of the description.
     pub(crate) const ATTRIBUTE: &str = "latlongup";
 
-    /// The convention of panoramas in files of a format.
+    /// Returns the orientation of panoramas in files of a format.
     pub(crate) fn of_format(openexr: bool) -> Self {
         if openexr { Self::Y } else { Self::Z }
     }
 
-    /// How the panorama of a file is meant: as it says of itself, else as is usual in its format.
+    /// Returns the orientation of the panorama of a file: its attribute, else that of its format.
     pub(crate) fn of(spec: &ImageSpec, openexr: bool) -> Self {
         let own = spec.string(Self::ATTRIBUTE).and_then(Self::from_word);
         let described = || {
@@ -151,7 +152,8 @@ impl Up {
         }
     }
 
-    /// A direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z to its upper edge.
+    /// Returns a direction in the frame of a latitude-longitude map: x to its centre, y to the right of it, z to
+    /// its upper edge.
     pub fn to_map(self, r: Vec3) -> Vec3 {
         match self {
             Self::Z => r,
@@ -159,7 +161,7 @@ impl Up {
         }
     }
 
-    /// "y" or "z"; `None` for anything else: the map decides.
+    /// Returns the orientation for "y" or "z"; `None` for anything else, so that the map decides.
     pub fn from_word(word: &str) -> Option<Self> {
         match word {
             "y" => Some(Self::Y),
@@ -178,7 +180,7 @@ pub struct EnvLookup {
     pub drdx: Vec3,
     /// Change of `r` in y.
     pub drdy: Vec3,
-    /// Half angle of an additional cone, in radians; takes the place of both blurs.
+    /// Half angle of an additional cone in radians; replaces both blurs.
     pub angle: Option<f32>,
     /// Additional blur around the axis of the map: 1 is 90 degrees.
     pub sblur: f32,
@@ -190,8 +192,9 @@ pub struct EnvLookup {
     pub twidth: f32,
     /// Replaces the orientation of a latitude-longitude map.
     pub up: Option<Up>,
-    /// Wide footprints are looked up in the level whose texels are as wide, not averaged under their ellipse, and
-    /// cut to 0.2 radians: for what only counts in sums of many lookups. A blur of more than that is looked up as usual.
+    /// True to look up wide footprints in the level whose texels have their width, and to limit them to 0.2
+    /// radians, instead of averaging under their ellipse. It is for sums of many lookups. A larger requested blur
+    /// is looked up as usual.
     pub quick: bool,
     /// First channel of the file to look up.
     pub first_channel: u32,
@@ -236,12 +239,12 @@ pub struct ShadowLookup {
     pub swidth: f32,
     /// Scales the footprint in the map's height.
     pub twidth: f32,
-    /// Samples; at least 16 and at most 4096 are taken.
+    /// The number of samples, limited to 16 to 4096.
     pub samples: u32,
-    /// Added to the depths of the map. Not negative: the caller puts the attribute "shadow:bias" in the
-    /// place of a negative one.
+    /// The bias in "common" units that is added to the depths of the map. It is not negative. The caller replaces a
+    /// negative one by the attribute "shadow:bias".
     pub bias: f32,
-    /// Chooses the sample pattern; hash of the pixel or point.
+    /// The seed of the sample pattern, which is a hash of the pixel or point.
     pub seed: u32,
 }
 

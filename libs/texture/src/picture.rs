@@ -1,11 +1,11 @@
-//! Pictures in floats: resizing, halving, MIP pyramids. Shared by texture making and automipmap.
+//! Images in floats: resizing, halving, MIP pyramids. Used by texture making and automipmap.
 
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::{ImageInput, Pixels, Result};
 use rayon::prelude::*;
 
-/// A picture of floats: rows from the top, channels interleaved.
+/// An image of floats: rows from the top, channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
     pub(crate) width: usize,
@@ -14,12 +14,12 @@ pub(crate) struct Picture {
     pub(crate) data: Vec<f32>,
 }
 
-/// Number of MIP levels down to 1 x 1.
+/// Returns the number of MIP levels down to 1 x 1.
 pub(crate) fn level_count(width: usize, height: usize) -> usize {
     (width.max(height).max(1)).ilog2() as usize + 1
 }
 
-/// Size of the next level in one direction: half, rounded down, at least 1 (reference 9.2.1).
+/// Returns the size of the next level in one direction: half, rounded down, at least 1 (reference 9.2.1).
 pub(crate) fn half(n: usize) -> usize {
     (n / 2).max(1)
 }
@@ -30,14 +30,15 @@ pub(crate) struct Taps {
     taps: Vec<(usize, f32)>,
 }
 
-/// For each of `to` texels, what it is made of among `from` texels.
+/// Returns the source texels and weights among `from` texels for each of `to` texels.
 pub(crate) fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     (0..to)
         .map(|o| {
             let mut list: Vec<(i64, f64)> = Vec::new();
             if filter == Filter::Box {
-                // The box is integrated exactly over the texels it covers: sizes that do not divide keep the mean.
+                // The box is integrated exactly over the texels that it covers, so that sizes that do not divide
+                // keep the mean.
                 let (begin, end) = (o as f64 * scale, (o + 1) as f64 * scale);
                 for i in begin.floor() as i64..end.ceil() as i64 {
                     let covered = end.min((i + 1) as f64) - begin.max(i as f64);
@@ -137,15 +138,15 @@ impl Taps {
         sum.clamp(low, high)
     }
 
-    /// The weighted sum, exact for constants, and kept within the range of what it is made of: filters
-    /// with negative lobes do not ring.
+    /// Computes the weighted sum, exact for constants and clamped to the range of its values, so that filters with
+    /// negative lobes do not ring.
     #[inline]
     pub(crate) fn apply(&self, value: impl Fn(usize) -> f32) -> f32 {
         self.apply_to(self.taps.len(), |i| value(self.taps[i].0))
     }
 }
 
-/// Values that are not numbers become 0, infinite ones large. The number of values that were not numbers.
+/// Replaces NaN by 0 and infinity by large values. Returns the number of NaNs.
 pub(crate) fn make_finite(values: &mut [f32]) -> u64 {
     let mut nans = 0;
     for v in values {
@@ -160,7 +161,7 @@ pub(crate) fn make_finite(values: &mut [f32]) -> u64 {
 }
 
 impl Picture {
-    /// Black.
+    /// Returns a black image.
     pub(crate) fn new(width: usize, height: usize, channels: usize) -> Self {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }

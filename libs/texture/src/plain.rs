@@ -1,4 +1,4 @@
-//! `texture ()`: filtered lookup in a plain picture.
+//! Filtered lookups of `texture ()` in a plain image.
 
 use crate::TextureId;
 use crate::file::TextureFile;
@@ -7,8 +7,8 @@ use crate::gaussian::Gaussian;
 use crate::lookup::Lookup;
 use crate::reader::TextureReader;
 
-/// Runs `each` for runs of up to four channels that the file has, and puts the results in their places;
-/// the others get `fill`.
+/// Runs `each` for groups of up to four channels that the file has, and stores the results in their places. The
+/// others get `fill`.
 pub(crate) fn by_channels(
     file: &TextureFile,
     first: u32,
@@ -26,19 +26,20 @@ pub(crate) fn by_channels(
     }
 }
 
-/// Largest ratio of the widths of a footprint that is filtered as it is; beyond it the footprint is made wider.
+/// The largest ratio of the widths of a footprint that is filtered unchanged. Beyond it the footprint is made
+/// wider.
 const MAX_RATIO: f64 = 64.0;
 
-/// Footprints this wide (in texels of the largest level, across) are bilinear probes, those of [`WIDE`] are means of
-/// all texels under a Gaussian, and in between one goes over into the other.
+/// Footprints of this width (in texels of the largest level, across) are bilinear probes. Those of [`WIDE`] are
+/// means of all texels under a Gaussian. In between the two are blended.
 const NARROW: f64 = 1.0;
 const WIDE: f64 = 1.5;
 
-/// Widest footprint that is filtered in the smallest level, in its texels.
+/// The widest footprint that is filtered in the smallest level, in its texels.
 const MOST: f64 = 32.0;
 
 impl TextureReader<'_> {
-    /// See [`TextureCache::texture`](crate::TextureCache::texture).
+    /// Implements [`TextureCache::texture`](crate::TextureCache::texture).
     pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         let file = self.look_up(id);
         texture(self, file, lookup, out);
@@ -104,8 +105,8 @@ struct Footprint {
     b: f64,
 }
 
-/// The level in which the ellipse, of widths in texels of the largest one, is just [`WIDE`] or more across, and its
-/// filter there.
+/// Returns the level in which the ellipse, whose widths are in texels of the largest one, is at least [`WIDE`]
+/// across, and its filter there.
 fn smooth(file: &TextureFile, footprint: &Footprint) -> (usize, Gaussian) {
     let last = file.levels.len() - 1;
     let ratio = footprint.b * (1.0 / (WIDE * WIDE));

@@ -1,11 +1,11 @@
-//! The smaller levels of a flat picture, made while its rows come.
+//! Makes the smaller levels of a flat image while its rows arrive.
 
 use crate::picture::half;
 use crate::stage::{Measure, Resample, Stage};
 use crate::{TextureKind, Wrap};
 use granita_base::Filter;
 
-/// Sizes of a picture and all its smaller levels.
+/// Returns the sizes of an image and all its smaller levels.
 pub(crate) fn level_sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
     let mut sizes = vec![(width, height)];
     while let Some(&(w, h)) = sizes.last().filter(|(w, h)| *w > 1 || *h > 1) {
@@ -14,7 +14,8 @@ pub(crate) fn level_sizes(width: usize, height: usize) -> Vec<(usize, usize)> {
     sizes
 }
 
-/// The smaller levels of a flat picture, made while its rows come: as [`make`](crate::make::make) makes them without resizing.
+/// Makes the smaller levels of a flat image while its rows arrive, as [`make`](crate::make::make) makes them
+/// without resizing.
 pub(crate) struct Levels(Vec<Stage>);
 
 impl Levels {
@@ -28,7 +29,7 @@ impl Levels {
         Self(sizes.windows(2).map(stage).collect())
     }
 
-    /// Takes the next rows of the largest level; calls `put` with the number of each smaller level and its next rows.
+    /// Adds the next rows of the largest level. Calls `put` with the index of each smaller level and its next rows.
     pub(crate) fn push(&mut self, rows: &[f32], mut put: impl FnMut(usize, &[f32])) {
         let mut above: Option<Vec<f32>> = None;
         for (i, stage) in self.0.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! One thread's way into a cache.
+//! The access of one thread to a cache.
 
 use crate::file::TextureFile;
 use crate::made::TileMaker;
@@ -7,9 +7,9 @@ use crate::shared::Shared;
 use crate::statistics::add;
 use crate::{TextureCache, TextureId};
 
-/// Looks up one point after another and keeps the few tiles it used last: threads that ask for many points do not
-/// meet in the cache for each. Made by [`TextureCache::reader`]; answers are those of the cache. What it looked up
-/// enters the statistics when it is dropped.
+/// Looks up points and keeps the few tiles that it used last, so that threads with many lookups do not access the
+/// shared cache for each. [`TextureCache::reader`] makes it. Results are those of the cache. Its counts are added
+/// to the statistics when it is dropped.
 pub struct TextureReader<'a> {
     cache: &'a TextureCache,
     maker: Option<&'a dyn TileMaker>,
@@ -29,12 +29,12 @@ impl<'a> TextureReader<'a> {
         Self { cache, maker, held: Held::new(cache.shared()), lookups: 0, probes: 0 }
     }
 
-    /// The cache it reads.
+    /// Returns the cache that it reads.
     pub fn cache(&self) -> &'a TextureCache {
         self.cache
     }
 
-    /// The file to look up a point in.
+    /// Returns the file for the lookup of a point.
     pub(crate) fn look_up(&mut self, id: TextureId) -> &'a TextureFile {
         self.lookups += 1;
         self.cache.file(id)
@@ -56,12 +56,13 @@ impl<'a> TextureReader<'a> {
 }
 
 impl TextureCache {
-    /// For many lookups from one thread.
+    /// Returns a reader for many lookups from one thread.
     pub fn reader(&self) -> TextureReader<'_> {
         TextureReader::new(self, None)
     }
 
-    /// The same; tiles of maps without a file come from `maker`. To other readers there is nothing in such maps.
+    /// Returns a reader whose tiles of maps without a file come from `maker`. For other readers such maps are
+    /// empty.
     pub fn reader_with<'a>(&'a self, maker: &'a dyn TileMaker) -> TextureReader<'a> {
         TextureReader::new(self, Some(maker))
     }

@@ -42,7 +42,8 @@ struct HeldTile {
 #[derive(Debug)]
 pub(crate) struct Held {
     tiles: [Option<HeldTile>; PLACES],
-    /// Bytes of these, and most that there may be: a small part of the bound, so that threads keep each other little room.
+    /// Bytes of these, and most that there may be: a small part of the bound, so that threads keep each other little
+    /// room.
     bytes: u64,
     most: u64,
     /// How often the cache was asked.
@@ -139,8 +140,8 @@ impl<'a> Sampler<'a> {
         (self.held.tile(key, self.shared, self.file), x, y)
     }
 
-    /// Texel (x, y) of a level, the one to its right, and the two below them, if they lie in one tile, as they nearly always
-    /// do; all are inside of the level.
+    /// Texel (x, y) of a level, the one to its right, and the two below them, if they lie in one tile, as they nearly
+    /// always do; all are inside of the level.
     #[inline]
     pub(crate) fn four(&mut self, level: usize, x: u32, y: u32) -> Option<[[f32; 4]; 4]> {
         let l = &self.file.levels[level];
@@ -177,7 +178,8 @@ impl<'a> Sampler<'a> {
         count
     }
 
-    /// Adds texels from (x, y), inside, to the right with the weights of lanes `from .. to`; all lie inside of the level.
+    /// Adds texels from (x, y), inside, to the right with the weights of lanes `from .. to`; all lie inside of the
+    /// level.
     #[inline]
     pub(crate) fn add_weighted(
         &mut self,

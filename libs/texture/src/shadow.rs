@@ -1,4 +1,4 @@
-//! `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
+//! Filtered lookups of `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
 //! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of them, and volume shadow maps.
 
 use crate::TextureId;
@@ -10,10 +10,10 @@ use crate::sampler::Sampler;
 use crate::wrap::cell;
 use granita_base::{Transform, Vec3, hash, sample};
 
-/// Fewest and most samples of one lookup.
+/// The smallest and largest number of samples of one lookup.
 const SAMPLES: (u32, u32) = (16, 4096);
 
-/// Sample positions: two stratified points in [-1/2, 1/2] squared each, one inside the footprint and one
+/// Returns sample positions: two stratified points in [-1/2, 1/2] squared each, one inside the footprint and one
 /// inside the blur.
 fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use<> {
     let still = |v: Vec3| v == Vec3::ZERO;
@@ -31,7 +31,7 @@ fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use
     })
 }
 
-/// Derivatives that are not finite count as none.
+/// Replaces derivatives that are not finite by zero.
 fn sane(q: &ShadowLookup) -> Option<ShadowLookup> {
     let vector = |v: Vec3| if v.is_finite() { v } else { Vec3::ZERO };
     let number = |v: f32| if v.is_finite() { v } else { 0.0 };
@@ -48,7 +48,7 @@ fn sane(q: &ShadowLookup) -> Option<ShadowLookup> {
 }
 
 impl TextureReader<'_> {
-    /// See [`TextureCache::shadow`](crate::TextureCache::shadow).
+    /// Implements [`TextureCache::shadow`](crate::TextureCache::shadow).
     pub fn shadow(&mut self, id: TextureId, lookup: &ShadowLookup) -> f32 {
         let file = self.look_up(id);
         shadow(self, file, lookup)
@@ -69,7 +69,7 @@ fn shadow(reader: &mut TextureReader<'_>, file: &TextureFile, q: &ShadowLookup) 
     }
 }
 
-/// Place in the map and depth of a point; `None` behind the light.
+/// Returns the position in the map and the depth of a point; `None` behind the light.
 fn place(camera: &Transform, screen: &Transform, p: Vec3) -> Option<(f32, f32, f32)> {
     let h = screen.hpoint(p.extend(1.0));
     let z = camera.point(p).z;
@@ -129,8 +129,8 @@ fn lod_of(q: &ShadowLookup, dx: f32, dy: f32, (w, h): (f32, f32)) -> f32 {
     (width / samples.sqrt()).max(1.0).log2()
 }
 
-/// Share of the four texels around (s, t) that are nearer than `z`, weighted bilinearly; nothing outside
-/// the map is.
+/// Returns the bilinearly weighted share of the four texels around (s, t) that are nearer than `z`. Outside the map
+/// it is 0.
 fn occluded(sampler: &mut Sampler<'_>, s: f32, t: f32, z: f32) -> f32 {
     let (width, height) = (sampler.level(0).width, sampler.level(0).height);
     if !(-1.0..=2.0).contains(&s) || !(-1.0..=2.0).contains(&t) {

@@ -25,7 +25,8 @@ pub(crate) struct Shared {
     tiles: TileCache,
     pub(crate) files: Files,
     open: Mutex<Open>,
-    /// Notified when a file was closed, when a file that stays open was opened, and when a read ends while a thread waits.
+    /// Notified when a file was closed, when a file that stays open was opened, and when a read ends while a thread
+    /// waits.
     opened: Condvar,
     /// The number of threads that wait for `opened`.
     waiting: AtomicUsize,
@@ -101,8 +102,8 @@ impl Drop for Reading<'_> {
 
 /// Whether the system refused to open a file because too many are open.
 fn too_many_files(error: &ImageError) -> bool {
-    /// `ENFILE` and `EMFILE`, of the system and of the process, which have these numbers on all systems of the Unix family;
-    /// the number of the same error of Windows.
+    /// `ENFILE` and `EMFILE`, of the system and of the process, which have these numbers on all systems of the Unix
+    /// family; the number of the same error of Windows.
     const CODES: &[i32] = if cfg!(windows) { &[4] } else { &[23, 24] };
     matches!(error, ImageError::Io { source, .. } if source.raw_os_error().is_some_and(|code| CODES.contains(&code)))
 }
@@ -145,8 +146,8 @@ impl Shared {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that no thread reads
-    /// from now.
+    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that no thread
+    /// reads from now.
     fn leave(&self) -> Leave<'_> {
         let mut open = self.open();
         while open.files.len() + open.more >= open.most {
@@ -186,8 +187,8 @@ impl Shared {
         false
     }
 
-    /// Runs `with_files`, which opens files. Where the system refuses one because too many are open, files of the cache are
-    /// closed and it runs again; from then on the cache keeps fewer open.
+    /// Runs `with_files`, which opens files. Where the system refuses one because too many are open, files of the cache
+    /// are closed and it runs again; from then on the cache keeps fewer open.
     fn retried<T>(&self, with_files: impl Fn() -> granita_image::Result<T>) -> granita_image::Result<T> {
         loop {
             let result = with_files();

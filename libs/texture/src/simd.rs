@@ -1,25 +1,18 @@
-//! Rows of texels under a Gaussian, eight at a time: for every machine, and for those with AVX2, chosen as the program
-//! runs.
+// tidy: long: kernels that share one set of sums, and the tests that compare them
+//! Rows of texels under a Gaussian, eight at a time.
 //!
-//! Both do the same operations in the same order (nothing is contracted), so that the results are the same to the
-//! bit; a test compares them. `cargo run -p granita-benches --bin peers -- --lookups` measures what it brings.
-//!
-//! The only unsafe code of the crate: intrinsics that need what was found to be there, and calls of functions compiled
-//! for it.
-
-#![allow(unsafe_code, reason = "AVX2; measured by the bench of peers")]
+//! How texels are cut into runs changes nothing, to the bit. `cargo run -p granita-benches --bin peers -- --lookups`
+//! measures what vectors bring.
 
 use crate::gaussian::{Exponents, Gaussian};
+use granita_machine::simd::{Kernel, Portable, Simd, Vectors, WIDE, half};
 use half::f16;
 
 /// Texels that are taken at once.
-pub(crate) const LANES: usize = 8;
+pub(crate) const LANES: usize = WIDE;
 
 /// What a weight loses, so that a Gaussian cut off at three deviations ends at 0: `exp (-9/2)`.
 pub(crate) const FLOOR: f32 = 0.011_109;
-
-/// 2^112: the difference of the biases of the exponents of a half and a float.
-const HALF_BIAS: f32 = f32::from_bits((127 + 112) << 23);
 
 /// A stored value.
 pub(crate) trait Texel: Copy {
@@ -27,10 +20,9 @@ pub(crate) trait Texel: Copy {
     fn raw(self) -> f32;
 
     /// Eight of them.
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(simd: Avx2, values: &[Self; LANES]) -> <Avx2 as Simd>::F {
-        simd.load(&Portable.texels(values))
+    fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
+        simd.load8(&values.map(Self::raw))
     }
 }
 
@@ -40,12 +32,9 @@ impl Texel for u8 {
         f32::from(self)
     }
 
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(_: Avx2, values: &[Self; LANES]) -> <Avx2 as Simd>::F {
-        use std::arch::x86_64::{_mm_cvtsi64_si128, _mm256_cvtepi32_ps, _mm256_cvtepu8_epi32};
-        // SAFETY: an `Avx2` is made where the machine has AVX2.
-        unsafe { _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(*values)))) }
+    fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
+        simd.bytes8(values)
     }
 }
 
@@ -55,12 +44,9 @@ impl Texel for u16 {
         f32::from(self)
     }
 
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(_: Avx2, values: &[Self; LANES]) -> <Avx2 as Simd>::F {
-        use std::arch::x86_64::{_mm_loadu_si128, _mm256_cvtepi32_ps, _mm256_cvtepu16_epi32};
-        // SAFETY: an `Avx2` is made where the machine has AVX2; the eight values are the 16 bytes that are read.
-        unsafe { _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(values.as_ptr().cast()))) }
+    fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
+        simd.words8(values)
     }
 }
 
@@ -77,214 +63,39 @@ impl Texel for f32 {
         self
     }
 
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn eight(simd: Avx2, values: &[Self; LANES]) -> <Avx2 as Simd>::F {
-        simd.load(values)
+    fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
+        simd.load8(values)
     }
 }
 
 impl Texel for f16 {
-    /// Exact for finite numbers; without a branch, which conversions of the library have.
+    /// Exact for finite numbers.
     #[inline(always)]
     fn raw(self) -> f32 {
-        let bits = u32::from(self.to_bits());
-        let magnitude = f32::from_bits((bits & 0x7fff) << 13) * HALF_BIAS;
-        f32::from_bits(magnitude.to_bits() | (bits & 0x8000) << 16)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[inline(always)]
-    fn eight(_: Avx2, values: &[Self; LANES]) -> <Avx2 as Simd>::F {
-        use std::arch::x86_64 as x;
-        // SAFETY: an `Avx2` is made where the machine has AVX2; the eight values are the 16 bytes that are read.
-        unsafe {
-            let bits = x::_mm256_cvtepu16_epi32(x::_mm_loadu_si128(values.as_ptr().cast()));
-            let magnitude =
-                x::_mm256_slli_epi32::<13>(x::_mm256_and_si256(bits, x::_mm256_set1_epi32(0x7fff)));
-            let magnitude = x::_mm256_mul_ps(x::_mm256_castsi256_ps(magnitude), x::_mm256_set1_ps(HALF_BIAS));
-            let sign = x::_mm256_slli_epi32::<16>(x::_mm256_and_si256(bits, x::_mm256_set1_epi32(0x8000)));
-            x::_mm256_or_ps(magnitude, x::_mm256_castsi256_ps(sign))
-        }
-    }
-}
-
-/// Operations on eight numbers, none of which is NaN.
-pub(crate) trait Simd: Copy {
-    /// Eight numbers.
-    type F: Copy;
-
-    fn splat(self, x: f32) -> Self::F;
-    fn load(self, x: &[f32; LANES]) -> Self::F;
-    fn store(self, x: Self::F) -> [f32; LANES];
-    fn texels<T: Texel>(self, x: &[T; LANES]) -> Self::F;
-    fn add(self, a: Self::F, b: Self::F) -> Self::F;
-    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
-    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
-    fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    fn sqrt(self, x: Self::F) -> Self::F;
-    fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    fn max(self, a: Self::F, b: Self::F) -> Self::F;
-    /// 2 to the power of the whole number that stands in the lowest bits of each.
-    fn power(self, x: Self::F) -> Self::F;
-    /// 0 in lanes outside `from .. to`.
-    fn only(self, x: Self::F, from: usize, to: usize) -> Self::F;
-}
-
-/// What every machine can do.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Portable;
-
-#[inline(always)]
-fn each(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> f32) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    for i in 0..LANES {
-        out[i] = f(a[i], b[i]);
-    }
-    out
-}
-
-impl Simd for Portable {
-    type F = [f32; LANES];
-
-    #[inline(always)]
-    fn splat(self, x: f32) -> Self::F {
-        [x; LANES]
-    }
-    #[inline(always)]
-    fn load(self, x: &[f32; LANES]) -> Self::F {
-        *x
-    }
-    #[inline(always)]
-    fn store(self, x: Self::F) -> [f32; LANES] {
-        x
-    }
-    #[inline(always)]
-    fn texels<T: Texel>(self, x: &[T; LANES]) -> Self::F {
-        x.map(T::raw)
-    }
-    #[inline(always)]
-    fn add(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn div(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn sqrt(self, x: Self::F) -> Self::F {
-        x.map(f32::sqrt)
-    }
-    #[inline(always)]
-    fn min(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max(self, a: Self::F, b: Self::F) -> Self::F {
-        each(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn power(self, x: Self::F) -> Self::F {
-        x.map(|x| f32::from_bits((x.to_bits() << 23).wrapping_add(127 << 23)))
-    }
-    #[inline(always)]
-    fn only(self, x: Self::F, from: usize, to: usize) -> Self::F {
-        let mut out = [0.0; LANES];
-        out[from..to].copy_from_slice(&x[from..to]);
-        out
-    }
-}
-
-/// Machines with AVX2; made by [`Avx2::here`] only.
-#[cfg(target_arch = "x86_64")]
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx2(());
-
-#[cfg(target_arch = "x86_64")]
-impl Avx2 {
-    /// Where the machine has it.
-    fn here() -> Option<Self> {
-        std::arch::is_x86_feature_detected!("avx2").then_some(Self(()))
-    }
-}
-
-/// One safe operation for each.
-#[cfg(target_arch = "x86_64")]
-macro_rules! avx2 {
-    ($($name:ident ($($arg:ident : $ty:ty),*) -> $out:ty { $body:expr })*) => {$(
-        #[inline(always)]
-        fn $name(self $(, $arg: $ty)*) -> $out {
-            use std::arch::x86_64::*;
-            // SAFETY: an `Avx2` is made where the machine has AVX2; what is read and written is eight floats.
-            unsafe { $body }
-        }
-    )*};
-}
-
-#[cfg(target_arch = "x86_64")]
-impl Simd for Avx2 {
-    type F = std::arch::x86_64::__m256;
-
-    avx2! {
-        splat(x: f32) -> Self::F { _mm256_set1_ps(x) }
-        load(x: &[f32; LANES]) -> Self::F { _mm256_loadu_ps(x.as_ptr()) }
-        add(a: Self::F, b: Self::F) -> Self::F { _mm256_add_ps(a, b) }
-        sub(a: Self::F, b: Self::F) -> Self::F { _mm256_sub_ps(a, b) }
-        mul(a: Self::F, b: Self::F) -> Self::F { _mm256_mul_ps(a, b) }
-        div(a: Self::F, b: Self::F) -> Self::F { _mm256_div_ps(a, b) }
-        sqrt(x: Self::F) -> Self::F { _mm256_sqrt_ps(x) }
-        min(a: Self::F, b: Self::F) -> Self::F { _mm256_min_ps(a, b) }
-        max(a: Self::F, b: Self::F) -> Self::F { _mm256_max_ps(a, b) }
-        power(x: Self::F) -> Self::F {
-            _mm256_castsi256_ps(_mm256_add_epi32(
-                _mm256_slli_epi32::<23>(_mm256_castps_si256(x)),
-                _mm256_set1_epi32(127 << 23),
-            ))
-        }
-        only(x: Self::F, from: usize, to: usize) -> Self::F {{
-            let lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-            let below = _mm256_cmpgt_epi32(_mm256_set1_epi32(from as i32), lane);
-            let within = _mm256_cmpgt_epi32(_mm256_set1_epi32(to as i32), lane);
-            _mm256_and_ps(x, _mm256_castsi256_ps(_mm256_andnot_si256(below, within)))
-        }}
+        half(self.to_bits())
     }
 
     #[inline(always)]
-    fn store(self, x: Self::F) -> [f32; LANES] {
-        let mut out = [0.0; LANES];
-        // SAFETY: as above.
-        unsafe { std::arch::x86_64::_mm256_storeu_ps(out.as_mut_ptr(), x) };
-        out
-    }
-
-    #[inline(always)]
-    fn texels<T: Texel>(self, x: &[T; LANES]) -> Self::F {
-        T::eight(self, x)
+    fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
+        simd.halves8(&values.map(f16::to_bits))
     }
 }
 
 /// `2^x` within 1e-6 of itself, for `x` in [-120, 120]; other numbers are taken to these.
 #[inline(always)]
-fn exp2<S: Simd>(simd: S, x: S::F) -> S::F {
+fn exp2<S: Simd>(simd: S, x: S::F8) -> S::F8 {
     // 1.5 * 2^23: adding it rounds to whole numbers, which stand in the lowest bits of the sum.
-    let round = simd.splat(12_582_912.0);
-    let x = simd.min(simd.max(x, simd.splat(-120.0)), simd.splat(120.0));
-    let rounded = simd.add(x, round);
-    let f = simd.sub(x, simd.sub(rounded, round));
+    let round = simd.splat8(12_582_912.0);
+    let x = simd.min8(simd.max8(x, simd.splat8(-120.0)), simd.splat8(120.0));
+    let rounded = simd.add8(x, round);
+    let f = simd.sub8(x, simd.sub8(rounded, round));
     // 2^f in [-0.5, 0.5], by least squares at Chebyshev's points.
-    let mut p = simd.splat(1.321_87e-3);
+    let mut p = simd.splat8(1.321_87e-3);
     for c in [9.671_7e-3, 5.550_893e-2, 0.240_222_38, 0.693_146_9, 1.0] {
-        p = simd.add(simd.mul(p, f), simd.splat(c));
+        p = simd.add8(simd.mul8(p, f), simd.splat8(c));
     }
-    simd.mul(p, simd.power(rounded))
+    simd.mul8(p, simd.power8(rounded))
 }
 
 /// `2^x` of one number.
@@ -332,25 +143,25 @@ impl Row {
 
 /// Distances of eight texels from the centre, the first at `dx`.
 #[inline(always)]
-fn distances<S: Simd>(simd: S, dx: f32) -> S::F {
-    simd.add(simd.splat(dx), simd.load(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]))
+fn distances<S: Simd>(simd: S, dx: f32) -> S::F8 {
+    simd.add8(simd.splat8(dx), simd.load8(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]))
 }
 
 /// Weights of the first eight texels of a row.
 #[inline(always)]
-fn first_weights<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F {
+fn first_weights<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     let dx = distances(simd, dx);
-    let sum = simd.add(simd.mul(simd.splat(e.a), dx), simd.splat(e.b));
-    exp2(simd, simd.add(simd.mul(sum, dx), simd.splat(e.c)))
+    let sum = simd.add8(simd.mul8(simd.splat8(e.a), dx), simd.splat8(e.b));
+    exp2(simd, simd.add8(simd.mul8(sum, dx), simd.splat8(e.c)))
 }
 
 /// Factors from these to the next eight.
 #[inline(always)]
-fn first_steps<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F {
+fn first_steps<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     const N: f32 = LANES as f32;
     let dx = distances(simd, dx);
-    let both = simd.add(simd.mul(simd.splat(2.0 * N), dx), simd.splat(N * N));
-    exp2(simd, simd.add(simd.mul(simd.splat(e.a), both), simd.splat(e.b * N)))
+    let both = simd.add8(simd.mul8(simd.splat8(2.0 * N), dx), simd.splat8(N * N));
+    exp2(simd, simd.add8(simd.mul8(simd.splat8(e.a), both), simd.splat8(e.b * N)))
 }
 
 /// A row at work.
@@ -358,18 +169,18 @@ struct Weights<S: Simd> {
     simd: S,
     exponents: Exponents,
     dx: f32,
-    bend: S::F,
-    weight: S::F,
-    step: S::F,
+    bend: S::F8,
+    weight: S::F8,
+    step: S::F8,
     state: State,
 }
 
 impl<S: Simd> Weights<S> {
     #[inline(always)]
     fn of(simd: S, row: &Row, bend: f32) -> Self {
-        let (weight, step) = (simd.load(&row.weight), simd.load(&row.step));
+        let (weight, step) = (simd.load8(&row.weight), simd.load8(&row.step));
         let (exponents, dx, state) = (row.exponents, row.dx, row.state);
-        Self { simd, exponents, dx, bend: simd.splat(bend), weight, step, state }
+        Self { simd, exponents, dx, bend: simd.splat8(bend), weight, step, state }
     }
 
     /// Makes the weights of the eight at hand.
@@ -386,8 +197,8 @@ impl<S: Simd> Weights<S> {
                 if self.state == State::FirstDue {
                     self.step = first_steps(simd, self.exponents, self.dx);
                 }
-                self.weight = simd.mul(self.weight, self.step);
-                self.step = simd.mul(self.step, self.bend);
+                self.weight = simd.mul8(self.weight, self.step);
+                self.step = simd.mul8(self.step, self.bend);
                 self.state = State::Later;
             }
         }
@@ -401,9 +212,9 @@ impl<S: Simd> Weights<S> {
 
     /// Weights as they count.
     #[inline(always)]
-    fn lowered(&self) -> S::F {
+    fn lowered(&self) -> S::F8 {
         let simd = self.simd;
-        simd.max(simd.sub(self.weight, simd.splat(FLOOR)), simd.splat(0.0))
+        simd.max8(simd.sub8(self.weight, simd.splat8(FLOOR)), simd.splat8(0.0))
     }
 }
 
@@ -417,8 +228,7 @@ pub(crate) struct Sums {
     begun: bool,
     /// Factor from the steps of eight texels to those of the next: `2^(128 a)`.
     bend: f32,
-    #[cfg(target_arch = "x86_64")]
-    avx2: Option<Avx2>,
+    vectors: Vectors,
 }
 
 impl Sums {
@@ -430,8 +240,7 @@ impl Sums {
             weight: [0.0; LANES],
             begun: false,
             bend: if long { exp2_of(2.0 * (LANES * LANES) as f32 * a) } else { 1.0 },
-            #[cfg(target_arch = "x86_64")]
-            avx2: Avx2::here(),
+            vectors: Vectors::widest(),
         }
     }
 
@@ -466,38 +275,23 @@ impl Sums {
     /// `values[at + c * plane]`. The sums have begun.
     #[inline]
     pub(crate) fn run<T: Texel, const N: usize>(&mut self, row: &mut Row, run: Run<'_, T>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.avx2 {
-            // SAFETY: an `Avx2` is made where the machine has AVX2.
-            return unsafe { run_avx2::<T, N>(simd, self, row, run) };
-        }
-        run_any::<_, T, N>(Portable, self, row, run);
+        self.vectors.run(AddRun::<T, N> { sums: self, row, run });
     }
 
     /// All rows of an ellipse that lies inside of one tile, a texel from its border at least; nothing was added before.
     #[inline]
     pub(crate) fn rows<T: Texel, const N: usize>(&mut self, g: &Gaussian, rows: Rows<'_, T>) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.avx2 {
-            // SAFETY: an `Avx2` is made where the machine has AVX2.
-            return unsafe { rows_avx2::<T, N>(simd, self, g, rows) };
-        }
-        rows_any::<_, T, N>(Portable, self, g, rows);
+        self.vectors.run(AddRows::<T, N> { sums: self, g, rows });
     }
 
     /// Weights of eight directions under a lobe.
     #[inline]
     pub(crate) fn weights(&self, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.avx2 {
-            // SAFETY: an `Avx2` is made where the machine has AVX2.
-            return unsafe { dome_avx2(simd, dome, line) };
-        }
-        dome_any(Portable, dome, line)
+        self.vectors.run(DomeWeights { dome, line })
     }
 
-    /// Adds texels side by side, those of lanes `from .. to` of eight with these weights: that of lane `from`, channel c,
-    /// is `values[at + c * plane]`, and `N` channels count. The sums have begun.
+    /// Adds texels side by side, those of lanes `from .. to` of eight with these weights: that of lane `from`, channel
+    /// c, is `values[at + c * plane]`, and `N` channels count. The sums have begun.
     #[inline]
     pub(crate) fn weighted<T: Texel, const N: usize>(
         &mut self,
@@ -505,12 +299,8 @@ impl Sums {
         (from, to): (usize, usize),
         (values, at, plane): (&[T], usize, usize),
     ) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.avx2 {
-            // SAFETY: an `Avx2` is made where the machine has AVX2.
-            return unsafe { weighted_avx2::<T, N>(simd, self, weights, (from, to), (values, at, plane)) };
-        }
-        weighted_any::<_, T, N>(Portable, self, weights, (from, to), (values, at, plane));
+        let texels = Run { values, at, plane, count: to - from };
+        self.vectors.run(AddWeighted::<T, N> { sums: self, weights, from, texels });
     }
 
     /// The mean; `None` where no weight was.
@@ -527,9 +317,10 @@ pub(crate) struct Dome {
     pub(crate) scale: [f32; 2],
 }
 
-/// Eight directions on a line of a map of all directions, in the frame of a lobe: component q (0 along the lobe's centre, 1
-/// and 2 along its axes) of direction k is `at[q] + x[k] across[0][q] + y[k] across[1][q]`. Their squared lengths are
-/// `squared + x[k]^2` if these are given, else 1; weights count `factor` times, by the solid angle of the texel.
+/// Eight directions on a line of a map of all directions, in the frame of a lobe: component q (0 along the lobe's
+/// centre, 1 and 2 along its axes) of direction k is `at[q] + x[k] across[0][q] + y[k] across[1][q]`. Their squared
+/// lengths are `squared + x[k]^2` if these are given, else 1; weights count `factor` times, by the solid angle of the
+/// texel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line<'a> {
     pub(crate) at: [f32; 3],
@@ -540,65 +331,67 @@ pub(crate) struct Line<'a> {
     pub(crate) factor: f32,
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn dome_avx2(simd: Avx2, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
-    dome_any(simd, dome, line)
+/// [`Sums::weights`].
+struct DomeWeights<'a> {
+    dome: &'a Dome,
+    line: &'a Line<'a>,
 }
 
-#[inline(always)]
-fn dome_any<S: Simd>(simd: S, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
-    let one = simd.splat(1.0);
-    let (x, y) = (simd.load(line.x), simd.load(line.y));
-    let component = |q: usize| {
-        let sum = simd.add(simd.splat(line.at[q]), simd.mul(x, simd.splat(line.across[0][q])));
-        simd.add(sum, simd.mul(y, simd.splat(line.across[1][q])))
-    };
-    let mut q = [component(0), component(1), component(2)];
-    let mut factor = simd.splat(line.factor);
-    if let Some(squared) = line.squared {
-        let length = simd.sqrt(simd.add(simd.splat(squared), simd.mul(x, x)));
-        let inverse = simd.div(one, length);
-        q = q.map(|q| simd.mul(q, inverse));
-        factor = simd.mul(factor, simd.mul(inverse, simd.mul(inverse, inverse)));
+impl Kernel for DomeWeights<'_> {
+    type Output = [f32; LANES];
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> [f32; LANES] {
+        let Self { dome, line } = self;
+        let one = simd.splat8(1.0);
+        let (x, y) = (simd.load8(line.x), simd.load8(line.y));
+        let component = |q: usize| {
+            let sum = simd.add8(simd.splat8(line.at[q]), simd.mul8(x, simd.splat8(line.across[0][q])));
+            simd.add8(sum, simd.mul8(y, simd.splat8(line.across[1][q])))
+        };
+        let mut q = [component(0), component(1), component(2)];
+        let mut factor = simd.splat8(line.factor);
+        if let Some(squared) = line.squared {
+            let length = simd.sqrt8(simd.add8(simd.splat8(squared), simd.mul8(x, x)));
+            let inverse = simd.div8(one, length);
+            q = q.map(|q| simd.mul8(q, inverse));
+            factor = simd.mul8(factor, simd.mul8(inverse, simd.mul8(inverse, inverse)));
+        }
+        let square = |q: S::F8, scale: f32| simd.mul8(simd.mul8(q, q), simd.splat8(scale));
+        let sum = simd.add8(square(q[1], dome.scale[0]), square(q[2], dome.scale[1]));
+        let below = simd.max8(simd.add8(one, q[0]), simd.splat8(1e-6));
+        let exponent = simd.div8(simd.mul8(sum, simd.splat8(2.0)), below);
+        let weight = simd.max8(simd.sub8(exp2(simd, exponent), simd.splat8(FLOOR)), simd.splat8(0.0));
+        simd.store8(simd.mul8(weight, factor))
     }
-    let square = |q: S::F, scale: f32| simd.mul(simd.mul(q, q), simd.splat(scale));
-    let sum = simd.add(square(q[1], dome.scale[0]), square(q[2], dome.scale[1]));
-    let below = simd.max(simd.add(one, q[0]), simd.splat(1e-6));
-    let exponent = simd.div(simd.mul(sum, simd.splat(2.0)), below);
-    let weight = simd.max(simd.sub(exp2(simd, exponent), simd.splat(FLOOR)), simd.splat(0.0));
-    simd.store(simd.mul(weight, factor))
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn weighted_avx2<T: Texel, const N: usize>(
-    simd: Avx2,
-    sums: &mut Sums,
-    weights: &[f32; LANES],
-    lanes: (usize, usize),
-    texels: (&[T], usize, usize),
-) {
-    weighted_any::<_, T, N>(simd, sums, weights, lanes, texels);
+/// [`Sums::weighted`].
+struct AddWeighted<'a, T, const N: usize> {
+    sums: &'a mut Sums,
+    weights: &'a [f32; LANES],
+    /// The lane of the first texel.
+    from: usize,
+    texels: Run<'a, T>,
 }
 
-#[inline(always)]
-fn weighted_any<S: Simd, T: Texel, const N: usize>(
-    simd: S,
-    sums: &mut Sums,
-    weights: &[f32; LANES],
-    (from, to): (usize, usize),
-    (values, at, plane): (&[T], usize, usize),
-) {
-    let mut taken = Taken::<S, N>::of(simd, sums);
-    let weight = simd.only(simd.load(weights), from, to);
-    taken.total = simd.add(taken.total, weight);
-    for c in 0..N {
-        let first = (at + c * plane) as isize - from as isize;
-        let above = simd.sub(eight(simd, values, first, from, to), taken.base[c]);
-        taken.above[c] = simd.add(taken.above[c], simd.mul(weight, above));
+impl<T: Texel, const N: usize> Kernel for AddWeighted<'_, T, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { sums, weights, from, texels: Run { values, at, plane, count } } = self;
+        let to = from + count;
+        let mut taken = Taken::<S, N>::of(simd, sums);
+        let weight = simd.only8(simd.load8(weights), from, to);
+        taken.total = simd.add8(taken.total, weight);
+        for c in 0..N {
+            let first = (at + c * plane) as isize - from as isize;
+            let above = simd.sub8(eight(simd, values, first, from, to), taken.base[c]);
+            taken.above[c] = simd.add8(taken.above[c], simd.mul8(weight, above));
+        }
+        taken.put(sums);
     }
-    taken.put(sums);
 }
 
 /// Texels of a row that lie side by side, see [`Sums::run`].
@@ -626,68 +419,81 @@ pub(crate) struct Rows<'a, T> {
     pub(crate) y: (i32, i32),
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn run_avx2<T: Texel, const N: usize>(simd: Avx2, sums: &mut Sums, row: &mut Row, run: Run<'_, T>) {
-    run_any::<_, T, N>(simd, sums, row, run);
+/// [`Sums::run`].
+struct AddRun<'a, T, const N: usize> {
+    sums: &'a mut Sums,
+    row: &'a mut Row,
+    run: Run<'a, T>,
 }
 
-#[inline(always)]
-fn run_any<S: Simd, T: Texel, const N: usize>(simd: S, sums: &mut Sums, row: &mut Row, run: Run<'_, T>) {
-    let mut taken = Taken::<S, N>::of(simd, sums);
-    let mut weights = Weights::of(simd, row, sums.bend);
-    row.lane = taken.chunks(&mut weights, row.lane, run);
-    (row.weight, row.step, row.state) = (simd.store(weights.weight), simd.store(weights.step), weights.state);
-    taken.put(sums);
-}
+impl<T: Texel, const N: usize> Kernel for AddRun<'_, T, N> {
+    type Output = ();
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn rows_avx2<T: Texel, const N: usize>(simd: Avx2, sums: &mut Sums, g: &Gaussian, rows: Rows<'_, T>) {
-    rows_any::<_, T, N>(simd, sums, g, rows);
-}
-
-#[inline(always)]
-fn rows_any<S: Simd, T: Texel, const N: usize>(simd: S, sums: &mut Sums, g: &Gaussian, rows: Rows<'_, T>) {
-    let zero = simd.splat(0.0);
-    let mut taken = Taken::<S, N>::of(simd, sums);
-    for y in rows.y.0..=rows.y.1 {
-        let dy = y as f32 - rows.centre.1;
-        let Some((x, end)) = g.row(rows.centre.0, dy) else { continue };
-        if x >= end {
-            continue;
-        }
-        let at = (y - rows.corner.1) as usize * rows.stride
-            + rows.first * rows.plane
-            + (x - rows.corner.0) as usize;
-        if !sums.begun {
-            sums.begun = true;
-            for c in 0..N {
-                sums.base[c] = rows.values[at + c * rows.plane].raw();
-            }
-            taken = Taken::of(simd, sums);
-        }
-        let mut weights = Weights {
-            simd,
-            exponents: g.exponents(dy),
-            dx: x as f32 - rows.centre.0,
-            bend: simd.splat(sums.bend),
-            weight: zero,
-            step: zero,
-            state: State::New,
-        };
-        let run = Run { values: rows.values, at, plane: rows.plane, count: (end - x) as usize };
-        taken.chunks(&mut weights, 0, run);
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { sums, row, run } = self;
+        let mut taken = Taken::<S, N>::of(simd, sums);
+        let mut weights = Weights::of(simd, row, sums.bend);
+        row.lane = taken.chunks(&mut weights, row.lane, run);
+        (row.weight, row.step, row.state) =
+            (simd.store8(weights.weight), simd.store8(weights.step), weights.state);
+        taken.put(sums);
     }
-    taken.put(sums);
+}
+
+/// [`Sums::rows`].
+struct AddRows<'a, T, const N: usize> {
+    sums: &'a mut Sums,
+    g: &'a Gaussian,
+    rows: Rows<'a, T>,
+}
+
+impl<T: Texel, const N: usize> Kernel for AddRows<'_, T, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { sums, g, rows } = self;
+        let zero = simd.splat8(0.0);
+        let mut taken = Taken::<S, N>::of(simd, sums);
+        for y in rows.y.0..=rows.y.1 {
+            let dy = y as f32 - rows.centre.1;
+            let Some((x, end)) = g.row(rows.centre.0, dy) else { continue };
+            if x >= end {
+                continue;
+            }
+            let at = (y - rows.corner.1) as usize * rows.stride
+                + rows.first * rows.plane
+                + (x - rows.corner.0) as usize;
+            if !sums.begun {
+                sums.begun = true;
+                for c in 0..N {
+                    sums.base[c] = rows.values[at + c * rows.plane].raw();
+                }
+                taken = Taken::of(simd, sums);
+            }
+            let mut weights = Weights {
+                simd,
+                exponents: g.exponents(dy),
+                dx: x as f32 - rows.centre.0,
+                bend: simd.splat8(sums.bend),
+                weight: zero,
+                step: zero,
+                state: State::New,
+            };
+            let run = Run { values: rows.values, at, plane: rows.plane, count: (end - x) as usize };
+            taken.chunks(&mut weights, 0, run);
+        }
+        taken.put(sums);
+    }
 }
 
 /// Sums at work.
 struct Taken<S: Simd, const N: usize> {
     simd: S,
-    base: [S::F; N],
-    above: [S::F; N],
-    total: S::F,
+    base: [S::F8; N],
+    above: [S::F8; N],
+    total: S::F8,
 }
 
 impl<S: Simd, const N: usize> Taken<S, N> {
@@ -695,18 +501,18 @@ impl<S: Simd, const N: usize> Taken<S, N> {
     fn of(simd: S, sums: &Sums) -> Self {
         Self {
             simd,
-            base: std::array::from_fn(|c| simd.splat(sums.base[c])),
-            above: std::array::from_fn(|c| simd.load(&sums.above[c])),
-            total: simd.load(&sums.weight),
+            base: std::array::from_fn(|c| simd.splat8(sums.base[c])),
+            above: std::array::from_fn(|c| simd.load8(&sums.above[c])),
+            total: simd.load8(&sums.weight),
         }
     }
 
     #[inline(always)]
     fn put(&self, sums: &mut Sums) {
         for c in 0..N {
-            sums.above[c] = self.simd.store(self.above[c]);
+            sums.above[c] = self.simd.store8(self.above[c]);
         }
-        sums.weight = self.simd.store(self.total);
+        sums.weight = self.simd.store8(self.total);
     }
 
     /// Adds a run that begins at `lane`; the lane of what follows.
@@ -721,13 +527,13 @@ impl<S: Simd, const N: usize> Taken<S, N> {
             weights.prepare();
             let mut weight = weights.lowered();
             if to - from < LANES {
-                weight = simd.only(weight, from, to);
+                weight = simd.only8(weight, from, to);
             }
-            self.total = simd.add(self.total, weight);
+            self.total = simd.add8(self.total, weight);
             for c in 0..N {
                 let first = at + (c * plane) as isize;
-                let above = simd.sub(eight(simd, values, first, from, to), self.base[c]);
-                self.above[c] = simd.add(self.above[c], simd.mul(weight, above));
+                let above = simd.sub8(eight(simd, values, first, from, to), self.base[c]);
+                self.above[c] = simd.add8(self.above[c], simd.mul8(weight, above));
             }
             count -= to - from;
             lane = to;
@@ -743,18 +549,18 @@ impl<S: Simd, const N: usize> Taken<S, N> {
 
 /// The eight values from `first` on; of lanes outside `from .. to` any.
 #[inline(always)]
-fn eight<S: Simd, T: Texel>(simd: S, values: &[T], first: isize, from: usize, to: usize) -> S::F {
+fn eight<S: Simd, T: Texel>(simd: S, values: &[T], first: isize, from: usize, to: usize) -> S::F8 {
     // A place before the beginning is as a number far behind the end.
     let at = first as usize;
     match values.get(at..at.wrapping_add(LANES)).and_then(|v| v.first_chunk::<LANES>()) {
-        Some(eight) => simd.texels(eight),
+        Some(eight) => T::eight(simd, eight),
         None => {
             // At the ends of a tile.
             let mut out = [0.0; LANES];
             for (i, out) in out.iter_mut().enumerate().take(to).skip(from) {
                 *out = values[(first + i as isize) as usize].raw();
             }
-            simd.load(&out)
+            simd.load8(&out)
         }
     }
 }
@@ -790,12 +596,20 @@ mod tests {
     #[test]
     fn texels_are_the_same_on_all_machines() {
         fn same<T: Texel + std::fmt::Debug>(values: [T; LANES]) {
-            #[cfg(target_arch = "x86_64")]
-            if let Some(simd) = Avx2::here() {
-                let got = simd.store(simd.texels(&values)).map(f32::to_bits);
-                assert_eq!(got, Portable.texels(&values).map(f32::to_bits), "{values:?}");
+            struct Stored<T>([T; LANES]);
+
+            impl<T: Texel> Kernel for Stored<T> {
+                type Output = [u32; LANES];
+
+                #[inline(always)]
+                fn run<S: Simd>(self, simd: S) -> [u32; LANES] {
+                    simd.store8(T::eight(simd, &self.0)).map(f32::to_bits)
+                }
             }
-            assert_eq!(Portable.texels(&values), values.map(T::raw));
+
+            let raw = values.map(|v| v.raw().to_bits());
+            assert_eq!(Vectors::widest().run(Stored(values)), raw, "{values:?}");
+            assert_eq!(Vectors::PORTABLE.run(Stored(values)), raw, "{values:?}");
         }
         same([0_u8, 1, 2, 127, 128, 200, 254, 255]);
         same([0_u16, 1, 255, 256, 32767, 32768, 65534, 65535]);
@@ -807,10 +621,7 @@ mod tests {
     #[test]
     fn lobes_are_the_same_on_all_machines() {
         let sums = Sums::new(0.0, false);
-        #[cfg(target_arch = "x86_64")]
-        let portable = Sums { avx2: None, ..sums };
-        #[cfg(not(target_arch = "x86_64"))]
-        let portable = sums;
+        let portable = Sums { vectors: Vectors::PORTABLE, ..sums };
         for i in 0..200 {
             let r = |k: u32| 2.0 * noise(i * 64 + k) - 1.0;
             let line = Line {
@@ -844,11 +655,9 @@ mod tests {
         let exponents = Exponents { a: -0.003, b: 0.01, c: -0.2 };
         let sum = |cuts: &[usize], portable: bool| {
             let mut sums = Sums::new(exponents.a, true);
-            #[cfg(target_arch = "x86_64")]
             if portable {
-                sums.avx2 = None;
+                sums.vectors = Vectors::PORTABLE;
             }
-            let _ = portable;
             sums.begin(|| [0.5, 0.25, 0.125, 0.0]);
             let mut row = Row::new(exponents, -30.0);
             let mut x = 0;

@@ -1,9 +1,9 @@
-//! `texture3d ()`: filtered lookup in pictures that have depth (reference 5.8.10).
+//! Filtered lookups of `texture3d ()` in volume textures (reference 5.8.10).
 //!
-//! The images of a file are its slices, from front to back: all of one size and with the same channels; a picture of one
-//! image has one slice. All of it is held in memory with its MIP levels, each half as large in the three directions.
-//! A footprint is an ellipse in space: its width across chooses the level, and along it stand probes between eight texels
-//! of the two levels around (as for what is narrow in pictures, see `footprint`).
+//! The images of a file are its slices, from front to back, all of one size and with the same channels. An image
+//! file with one image has one slice. All of it is held in memory with its MIP levels, each half as large in the
+//! three directions. A footprint is an ellipse in space. Its width across selects the level, and probes along it
+//! interpolate between eight texels of the two levels around (as for narrow footprints in images, see `footprint`).
 
 use crate::TextureId;
 use crate::block::Block;
@@ -17,14 +17,15 @@ use crate::shared::Shared;
 use granita_base::Vec3;
 use granita_image::ImageInput;
 
-/// How many times as wide as in another direction a blur is; beyond it the other direction is blurred more.
+/// The largest ratio of the blurs in two directions. Beyond it the smaller one is increased.
 const MAX_BLUR_RATIO: f32 = 8.0;
-/// Most bytes that the largest level may take.
+/// The largest number of bytes of the largest level.
 const MAX_BYTES: u64 = 1 << 32;
 
 /// Reads the slices of a file and makes the smaller levels.
 ///
-/// Errors: what is wrong with it.
+/// # Errors
+/// Returns a description of the error in the file.
 fn read(input: &dyn ImageInput, channels: usize) -> Result<Vec<Block>, String> {
     let first = input.spec(0, 0).ok_or("it has no image")?;
     let (width, height, count) = (first.width as usize, first.height as usize, input.images());
@@ -57,7 +58,7 @@ fn read(input: &dyn ImageInput, channels: usize) -> Result<Vec<Block>, String> {
 }
 
 impl Shared {
-    /// The levels of a file's slices, read when first asked for; empty when it cannot be.
+    /// Returns the levels of a file's slices, read on first use; empty when they cannot be read.
     fn slices<'f>(&self, file: &'f TextureFile) -> &'f [Block] {
         file.slices.get_or_init(|| {
             let read = self.open_whole(file).and_then(|input| read(&*input, file.channels));
@@ -70,7 +71,7 @@ impl Shared {
 }
 
 impl TextureReader<'_> {
-    /// See [`TextureCache::texture3d`](crate::TextureCache::texture3d).
+    /// Implements [`TextureCache::texture3d`](crate::TextureCache::texture3d).
     pub fn texture3d(&mut self, id: TextureId, lookup: &Lookup3d, out: &mut [f32]) {
         let file = self.look_up(id);
         texture3d(self, file, lookup, out);

@@ -196,8 +196,8 @@ impl Sampler<'_> {
         self.mean_of(&sums)
     }
 
-    /// Mean of a level of a panorama, in whose frame (x to the centre of the picture, y to the right of it, z to its upper
-    /// edge) the lobe is; `None` when no texel's centre has weight.
+    /// Mean of a level of a panorama, in whose frame (x to the centre of the picture, y to the right of it, z to its
+    /// upper edge) the lobe is; `None` when no texel's centre has weight.
     pub(crate) fn latlong_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let (width, height) = (self.level(level).width, self.level(level).height);
         let r = lobe.centre.as_dvec3();
@@ -255,8 +255,8 @@ impl Sampler<'_> {
     }
 }
 
-/// What of the rows of a panorama a footprint may cover: the cap around all of it and, where that is less, the ellipse as
-/// it would lie on a plane, made wider by as much as rows are bent.
+/// What of the rows of a panorama a footprint may cover: the cap around all of it and, where that is less, the ellipse
+/// as it would lie on a plane, made wider by as much as rows are bent.
 struct Outline {
     cos_end: f64,
     /// Squared half widths, east and north, made wider.
@@ -280,8 +280,8 @@ impl Outline {
         Self { cos_end, xx: s.xx * squared + more, xy: s.xy * squared, yy: s.yy * squared + more }
     }
 
-    /// From where to where, in azimuth from the centre, of a row `north` of it, both with the sine and the cosine of their
-    /// polar angle; `None` for a row beyond the cap.
+    /// From where to where, in azimuth from the centre, of a row `north` of it, both with the sine and the cosine of
+    /// their polar angle; `None` for a row beyond the cap.
     fn columns(&self, north: f64, (sin, cos): (f64, f64), centre: (f64, f64)) -> Option<(f64, f64)> {
         let (rest, most) = (self.cos_end - cos * centre.1, sin * centre.0);
         if rest > most {

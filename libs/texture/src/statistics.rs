@@ -1,33 +1,33 @@
-//! What the cache did.
+//! The statistics of the cache.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Counts since the cache was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CacheStatistics {
-    /// Lookups of all sorts.
+    /// The number of lookups of all kinds.
     pub lookups: u64,
-    /// Filter probes; each reads up to eight texels.
+    /// The number of filter probes, each of which reads up to eight texels.
     pub probes: u64,
-    /// Times a thread asked for a tile that it did not have at hand.
+    /// The number of times a thread requested a tile that it did not hold.
     pub tile_requests: u64,
-    /// Times a tile had to be read or made.
+    /// The number of times a tile had to be read or made.
     pub tiles_read: u64,
-    /// Bytes of these tiles, unpacked.
+    /// The uncompressed bytes of these tiles.
     pub tile_bytes: u64,
-    /// Most bytes of tiles held at once.
+    /// The largest number of bytes of tiles held at once.
     pub peak_bytes: u64,
-    /// Texture files in use.
+    /// The number of texture files in use.
     pub files: u64,
-    /// Times a file was opened, reopening included.
+    /// The number of times a file was opened, including reopening.
     pub files_opened: u64,
-    /// Most files open at once.
+    /// The largest number of files open at once.
     pub peak_files_open: u64,
-    /// Files for which MIP levels or tiles were made in memory.
+    /// The number of files for which MIP levels or tiles were made in memory.
     pub automipmaps: u64,
-    /// Bytes of these, outside the memory bound.
+    /// The bytes of these, which do not count for the memory bound.
     pub automipmap_bytes: u64,
-    /// Names that could not be used.
+    /// The number of names that could not be used.
     pub missing: u64,
 }
 

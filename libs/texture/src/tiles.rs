@@ -1,4 +1,4 @@
-//! The tile cache: sharded, bounded in memory, each tile read once however many threads want it.
+//! The tile cache. It is sharded and bounded in memory, and each tile is read once for any number of threads.
 
 use crate::gaussian::Gaussian;
 use crate::simd::{LANES, Row, Rows, Run, Sums, Texel};
@@ -11,15 +11,16 @@ use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Largest magnitude of a float texel: filtering can neither overflow nor meet infinity minus infinity.
+/// The largest magnitude of a float texel, so that filtering can neither overflow nor compute infinity minus
+/// infinity.
 const LARGEST: f32 = 1e30;
 
-/// How the channels of a tile lie in memory.
+/// The memory layout of the channels of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layout {
-    /// Texel by texel, for what is looked at texel by texel.
+    /// Texel by texel, for access to single texels.
     Texels,
-    /// Row by row, in each row channel by channel: what filters take is side by side.
+    /// Row by row, and in each row channel by channel, so that the values for filters are contiguous.
     Planes,
 }
 
@@ -124,8 +125,8 @@ impl Tile {
         }
     }
 
-    /// Adds `count` texels from (x, y) to the right, the next of a row: channels `first .. first + n`, as [`Tile::raw`]
-    /// gives them.
+    /// Adds `count` texels from (x, y) to the right, the next of a row: channels `first .. first + n`, with the
+    /// values of [`Tile::raw`].
     #[inline]
     pub(crate) fn add_run(
         &self,
@@ -181,8 +182,8 @@ impl Tile {
         }
     }
 
-    /// Adds the texels of rows that lie under a Gaussian; `(centre, corner, y)` as in [`Rows`]. Not if the tile lies texel
-    /// by texel; whether it did.
+    /// Adds the texels of rows that lie under a Gaussian; `(centre, corner, y)` as in [`Rows`]. Not if the tile lies
+    /// texel by texel; whether it did.
     #[inline]
     pub(crate) fn add_rows(
         &self,
@@ -316,7 +317,7 @@ impl Hasher for KeyHasher {
     }
 }
 
-/// Memory that a tile takes of the bound, until nobody has the tile any more.
+/// Memory of the bound that a tile uses until it is dropped.
 #[derive(Debug)]
 struct Room {
     bytes: u64,
@@ -329,11 +330,11 @@ impl Drop for Room {
     }
 }
 
-/// A tile that is there, or being read by one thread while others wait.
+/// A tile that is available, or being read by one thread while others wait.
 #[derive(Debug, Default)]
 pub(crate) struct Cell {
     tile: OnceLock<Tile>,
-    /// What it takes of the bound; none outside of the cache.
+    /// Its share of the bound; `None` outside of the cache.
     _room: Option<Room>,
 }
 
@@ -343,7 +344,7 @@ impl Cell {
         Self { tile: OnceLock::from(tile), _room: None }
     }
 
-    /// The tile, once it is there.
+    /// Returns the tile, once it is available.
     #[inline]
     pub(crate) fn tile(&self) -> &Tile {
         self.tile.get().expect("invariant: cells are handed out with their tile")
@@ -353,7 +354,7 @@ impl Cell {
 struct Slot {
     key: TileKey,
     cell: Arc<Cell>,
-    /// Asked for since the hand last passed.
+    /// True when it was requested since the clock last passed.
     used: bool,
 }
 
@@ -376,7 +377,7 @@ impl Shard {
         self.slots.push(Slot { key, cell, used: true });
     }
 
-    /// Takes out the next tile that was not asked for lately (the clock algorithm) and that no thread has.
+    /// Removes the next tile that was not requested lately (the clock algorithm) and that no thread holds.
     fn evict(&mut self) -> Option<Arc<Cell>> {
         for _ in 0..2 * self.slots.len() {
             self.hand %= self.slots.len();
@@ -402,7 +403,7 @@ const SHARDS: usize = 32;
 pub(crate) struct TileCache {
     shards: [Mutex<Shard>; SHARDS],
     max_bytes: u64,
-    /// Bytes of all tiles that are there, those included that only some thread still has.
+    /// The bytes of all existing tiles, including those that only a thread holds.
     now: Arc<AtomicU64>,
 }
 
@@ -421,13 +422,13 @@ impl TileCache {
         Self { shards: std::array::from_fn(|_| Mutex::default()), max_bytes, now: Arc::default() }
     }
 
-    /// The bound.
+    /// Returns the bound in bytes.
     pub(crate) fn max_bytes(&self) -> u64 {
         self.max_bytes
     }
 
-    /// The tile, read with `read` when it is not there; `bytes` is what it will take. When there is no room, even without
-    /// the tiles that no thread has, the tile is read for this caller alone.
+    /// Returns the tile, which `read` reads when it is not cached. `bytes` is its size. When there is no memory
+    /// left, even without the tiles that no thread holds, the tile is read for this caller alone.
     pub(crate) fn get(
         &self,
         key: TileKey,
@@ -462,8 +463,8 @@ impl TileCache {
         cell
     }
 
-    /// A tile that was read for one caller. It is kept when it takes less than the `bytes` that had no room: black
-    /// texels in the place of a large tile, which would otherwise be read in vain by every lookup.
+    /// Returns a tile that was read for one caller. It is kept when it takes less than the `bytes` that did not
+    /// fit: black texels in place of a large tile, which every lookup would otherwise try to read again.
     fn keep_small(
         &self,
         (home, key): (usize, TileKey),

@@ -1,10 +1,10 @@
 //! Volume shadow maps: opacity against depth, per texel (reference 9.2.4).
 
-/// Depth where nothing is (reference 9.2.4).
+/// The depth of empty texels (reference 9.2.4).
 pub(crate) const EMPTY: f32 = 1e30;
 
-/// Fills a texel: `curve` holds (depth, opacity) in order of depth, opacity never falling; where it jumps, both ends
-/// stand at one depth. Between its points opacity grows linearly.
+/// Fills a texel. `curve` holds (depth, opacity) in order of depth, with opacity that never decreases. At a jump
+/// both ends have the same depth. Between its points opacity grows linearly.
 pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
     texel.fill(EMPTY);
     texel[0] = opaque;
@@ -35,9 +35,9 @@ pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
     }
 }
 
-/// The depth of the opaque surface that several texels have in common, and the least depth that counts to it: those
-/// within `opaque_width` of the farthest are one surface, at their mean. What is nearer is in front of it, and belongs
-/// to the transparent part.
+/// Returns the depth of the opaque surface that several texels share, and the least depth that belongs to it.
+/// Depths within `opaque_width` of the farthest are one surface, at their mean. Nearer ones belong to the
+/// transparent part.
 pub(crate) fn common_surface(opaque: &[f32], opaque_width: f32) -> (f32, f32) {
     let farthest = opaque.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let least = farthest - opaque_width;
@@ -47,7 +47,7 @@ pub(crate) fn common_surface(opaque: &[f32], opaque_width: f32) -> (f32, f32) {
     (((sum / count) as f32).clamp(nearest, farthest), least)
 }
 
-/// What the samples of a pixel see, on its way to a texel of a volume shadow map (reference 10.1.3).
+/// The samples of a pixel, which become a texel of a volume shadow map (reference 10.1.3).
 ///
 /// ```
 /// use granita_texture::VolumePixel;
@@ -61,17 +61,17 @@ pub(crate) fn common_surface(opaque: &[f32], opaque_width: f32) -> (f32, f32) {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct VolumePixel {
-    /// Depth, and by how much opacity rises there: of each sample, all together.
+    /// The depths and increases of opacity of all samples together.
     steps: Vec<(f32, f32)>,
-    /// Depth of the opaque surface of each sample, and how opaque it is before.
+    /// The depth of the opaque surface of each sample, and its opacity before.
     opaque: Vec<f32>,
     before: Vec<f32>,
     curve: Vec<(f32, f32)>,
 }
 
 impl VolumePixel {
-    /// Adds a sample: depths with the rise of accumulated opacity at each (0 to 1 in total), and the depth at which the
-    /// sample is opaque (infinite, or 1e30, if it never is).
+    /// Adds a sample: depths with the increase of accumulated opacity at each (0 to 1 in total), and the depth at
+    /// which the sample becomes opaque (infinite, or 1e30, if it never does).
     pub fn sample(&mut self, steps: impl IntoIterator<Item = (f32, f32)>, opaque: f32) {
         let first = self.steps.len();
         self.steps.extend(steps);
@@ -79,9 +79,9 @@ impl VolumePixel {
         self.opaque.push(opaque.min(EMPTY));
     }
 
-    /// The texel: z_opaque, alpha_trans, z_0 ... z_1 (at least four numbers), whose opacity at each depth is the mean of
-    /// the samples'. Opaque depths that differ by no more than `opaque_width` are one surface. Empties itself for the next
-    /// pixel.
+    /// Computes the texel: z_opaque, alpha_trans, z_0 ... z_1 (at least four numbers). Its opacity at each depth is
+    /// the mean of the samples'. Opaque depths that differ by no more than `opaque_width` are one surface. The
+    /// pixel is then empty for reuse.
     pub fn finish(&mut self, opaque_width: f32, texel: &mut [f32]) {
         if self.opaque.is_empty() {
             return store(EMPTY, &[], texel);
@@ -109,9 +109,9 @@ impl VolumePixel {
     }
 }
 
-/// Opacity at depth `z` of a texel: `v` is z_opaque, alpha_trans, z_0 ... z_1 (at least four numbers).
+/// Returns the opacity at depth `z` of a texel. `v` is z_opaque, alpha_trans, z_0 ... z_1 (at least four numbers).
 ///
-/// Between the stored depths opacity grows linearly; at `z_opaque` it becomes 1.
+/// Between the stored depths opacity grows linearly. At `z_opaque` it becomes 1.
 pub(crate) fn opacity(v: &[f32], z: f32) -> f32 {
     let (opaque, alpha, depths) = (v[0], v[1], &v[2..]);
     if z > opaque {

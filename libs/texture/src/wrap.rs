@@ -1,6 +1,6 @@
-//! What a texture is outside [0, 1].
+//! Wrap modes of textures outside [0, 1].
 
-/// Behaviour of a texture outside its picture, per direction (reference 9.1.2).
+/// The behaviour of a texture outside its image, per direction (reference 9.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Wrap {
     /// 0 in all channels, alpha included.
@@ -8,9 +8,9 @@ pub enum Wrap {
     Black,
     /// The nearest texel of the border.
     Clamp,
-    /// Repeats.
+    /// The image repeats.
     Periodic,
-    /// Repeats, every other copy reversed.
+    /// The image repeats, every second copy reversed.
     Mirror,
 }
 
@@ -18,7 +18,7 @@ impl Wrap {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Black, Self::Clamp, Self::Periodic, Self::Mirror];
 
-    /// The word in files, shaders and options.
+    /// Returns the word in files, shaders and options.
     pub fn word(self) -> &'static str {
         match self {
             Self::Black => "black",
@@ -28,8 +28,8 @@ impl Wrap {
         }
     }
 
-    /// By name; "mirrow" (a spelling found in files) is read as "mirror". `None` for anything else,
-    /// "default" included.
+    /// Returns the mode of a name. "mirrow" (a spelling found in files) is read as "mirror". Returns `None` for
+    /// anything else, "default" included.
     pub fn from_word(word: &str) -> Option<Self> {
         match word.trim() {
             "mirrow" => Some(Self::Mirror),
@@ -45,7 +45,7 @@ impl Wrap {
         }
     }
 
-    /// Texel that stands at index `i` of a row of `n` (at least 1); `None` for the black outside.
+    /// Returns the texel at index `i` of a row of `n` (at least 1); `None` for black outside.
     pub(crate) fn index(self, i: i32, n: i32) -> Option<i32> {
         if (0..n).contains(&i) {
             return Some(i);
@@ -62,8 +62,8 @@ impl Wrap {
         }
     }
 
-    /// Brings a coordinate near [0, 1] without changing what is looked up, so that texel numbers stay
-    /// small and exact; `x` is finite.
+    /// Moves a coordinate near [0, 1] without changing the result, so that texel indices stay small and exact. `x`
+    /// is finite.
     pub(crate) fn reduce(self, x: f32) -> f32 {
         match self {
             Self::Black | Self::Clamp => x.clamp(-64.0, 65.0),
@@ -74,7 +74,7 @@ impl Wrap {
     }
 }
 
-/// The texel to the left of (above) a coordinate in a row of `n`, and how far the coordinate is from
+/// Returns the texel to the left of (above) a coordinate in a row of `n`, and the distance of the coordinate from
 /// that texel's centre towards the next.
 #[inline]
 pub(crate) fn cell(s: f32, n: u32) -> (i32, f32) {

@@ -141,8 +141,8 @@ fn information() {
     assert!(cache.info("no.tx", "type").is_none());
 }
 
-/// Files whose headers promise far more than there is: their texels are black, they cost next to nothing, and one message
-/// tells of each.
+/// Files whose headers promise far more than there is: their texels are black, they cost next to nothing, and one
+/// message tells of each.
 #[test]
 fn a_broken_file_of_any_size_is_black() {
     const SIDE: u16 = 65535;

@@ -250,8 +250,8 @@ fn latlong_seam_and_poles_are_continuous() {
     }
 }
 
-/// The mean of a map over the sphere under a Gaussian in Lambert's azimuthal projection around `r`, of half these widths
-/// (radians) of deviation along two perpendicular directions: all texels of `texels`, each with its solid angle.
+/// The mean of a map over the sphere under a Gaussian in Lambert's azimuthal projection around `r`, of half these
+/// widths (radians) of deviation along two perpendicular directions: all texels of `texels`, each with its solid angle.
 fn brute(
     texels: &[(Vec3, f64, [f32; 3])],
     r: Vec3,
@@ -362,8 +362,8 @@ fn orientation_of_latlong_maps() {
     }
 }
 
-/// A panorama means the directions of the convention of its own file, in whatever format its map is: +z up and left handed in TIFF,
-/// +y up and right handed in OpenEXR.
+/// A panorama means the directions of the convention of its own file, in whatever format its map is: +z up and left
+/// handed in TIFF, +y up and right handed in OpenEXR.
 #[test]
 fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
     let folder = Folder::new();

@@ -4,9 +4,11 @@
 mod support;
 
 use granita_base::Filter;
-use granita_image::{ImageSpec, PixelType};
+use granita_image::{CreateOptions, Format, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::Wrap;
 use granita_texture::make::{Made, MakeOptions};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, SystemTime};
 use support::{Folder, matrix, random};
 
@@ -132,6 +134,79 @@ fn update_mode_compares_time_stamps() {
     assert!(time() > stamp + Duration::from_secs(1000));
 }
 
+/// TIFF that notes the time of each file as it appears.
+struct Watched(Arc<dyn Format>, Arc<Mutex<Vec<SystemTime>>>);
+
+struct WatchedOutput(Box<dyn ImageOutput>, PathBuf, Arc<Mutex<Vec<SystemTime>>>);
+
+impl Format for Watched {
+    fn name(&self) -> &'static str {
+        "watched"
+    }
+
+    fn extensions(&self) -> &'static [&'static str] {
+        &["watched"]
+    }
+
+    fn recognizes(&self, _: &[u8]) -> bool {
+        false
+    }
+
+    fn open(&self, path: &Path, limits: &Limits) -> granita_image::Result<Box<dyn ImageInput>> {
+        self.0.open(path, limits)
+    }
+
+    fn supports(&self, feature: &str) -> bool {
+        self.0.supports(feature)
+    }
+
+    fn create(
+        &self,
+        path: &Path,
+        options: &CreateOptions<'_>,
+    ) -> granita_image::Result<Box<dyn ImageOutput>> {
+        let output = self.0.create(path, options)?;
+        Ok(Box::new(WatchedOutput(output, path.to_owned(), self.1.clone())))
+    }
+}
+
+impl ImageOutput for WatchedOutput {
+    fn write_rows(&mut self, pixels: &Pixels) -> granita_image::Result<()> {
+        self.0.write_rows(pixels)
+    }
+
+    fn write_tile(&mut self, tx: u32, ty: u32, pixels: &Pixels) -> granita_image::Result<()> {
+        self.0.write_tile(tx, ty, pixels)
+    }
+
+    fn next_level(&mut self, spec: &ImageSpec) -> granita_image::Result<()> {
+        self.0.next_level(spec)
+    }
+
+    fn close(self: Box<Self>) -> granita_image::Result<()> {
+        self.0.close()?;
+        self.2.lock().unwrap().push(std::fs::metadata(&self.1).unwrap().modified().unwrap());
+        Ok(())
+    }
+}
+
+#[test]
+fn an_updated_file_appears_with_its_time() {
+    let mut folder = Folder::new();
+    let times = Arc::new(Mutex::new(Vec::new()));
+    let tiff = folder.registry.by_name("tiff").unwrap();
+    folder.registry.register(Arc::new(Watched(tiff, times.clone())));
+    folder.picture("a.tif", (8, 8), 1, |_, _, _| 0.5);
+    let stamp = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+    std::fs::File::options().append(true).open(folder.path("a.tif")).unwrap().set_modified(stamp).unwrap();
+    // Row by row, and as a whole.
+    for filter in [Filter::Box, Filter::Gaussian] {
+        let o = MakeOptions { update: true, format: "watched".to_owned(), filter, ..options() };
+        folder.make(&["a.tif"], &format!("{filter:?}.tx"), &o).unwrap();
+    }
+    assert_eq!(*times.lock().unwrap(), [stamp, stamp]);
+}
+
 #[test]
 fn broken_texels_and_small_tiles_are_told() {
     let folder = Folder::new();
@@ -180,8 +255,8 @@ fn the_display_window_is_what_counts() {
     }
 }
 
-/// What `memory_bytes` allows holds for images that repeat as well: rows of their other end are read ahead, and the file is the
-/// same. Where all rows are needed nothing is made.
+/// What `memory_bytes` allows holds for images that repeat as well: rows of their other end are read ahead, and the
+/// file is the same. Where all rows are needed nothing is made.
 #[test]
 fn memory_is_bounded_for_images_that_repeat() {
     let folder = Folder::new();

@@ -234,7 +234,8 @@ fn wraps_reach_over_the_border() {
     }
 }
 
-/// Every kind of map can be made in every format, whatever the size of the input: faces get a side that the format can tile.
+/// Every kind of map can be made in every format, whatever the size of the input: faces get a side that the format can
+/// tile.
 #[test]
 fn every_mode_goes_with_every_format_and_size() {
     let folder = Folder::new();

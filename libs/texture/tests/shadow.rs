@@ -237,8 +237,8 @@ fn no_edge_of_a_cube_shows() {
     assert!(partly > 500 && worst < 1e-3, "{worst}, {partly}");
 }
 
-/// A ball of fog around a light, half as opaque at its surface as possible, in a cube of volume maps: opacity grows evenly
-/// from radius 2 to 6, whatever the face, and no edge shows.
+/// A ball of fog around a light, half as opaque at its surface as possible, in a cube of volume maps: opacity grows
+/// evenly from radius 2 to 6, whatever the face, and no edge shows.
 #[test]
 fn cubes_of_volume_maps() {
     let folder = Folder::new();

@@ -1,18 +1,18 @@
-//! A tree over boxes: which parts of a scene a ray passes.
+//! A tree of boxes, which finds the parts of a scene that a ray passes.
 
 use crate::Ray;
 use crate::build::{self, Item, Span, Topology};
 use crate::layout::{Box3, Link, Node};
 use crate::probe::{Probe, Scale, Wide, still_plane};
-use crate::simd::{self, Kernel, Simd};
 use granita_base::Bound;
+use granita_machine::simd::{Kernel, Simd, dispatch};
 
-/// Boxes around parts of a scene, to be asked which of them a ray passes.
+/// A tree of boxes around parts of a scene.
 #[derive(Debug)]
 pub struct BoxTree {
     nodes: Vec<Node>,
     spans: Vec<Span>,
-    /// In the order of the leaves.
+    /// The indices and boxes in the order of the leaves.
     boxes: Vec<(u32, Box3)>,
     scale: Scale,
     bounds: Box3,
@@ -22,28 +22,31 @@ pub struct BoxTree {
 /// A box that a ray passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Passage {
-    /// Which one.
+    /// The index of the box.
     pub index: u32,
-    /// Where the ray comes in, or starts, in units of its direction; never behind anything in the box that it hits.
+    /// The distance at which the ray enters the box, or its start, in units of the ray's direction. It is never
+    /// behind a hit inside of the box.
     pub enters: f32,
 }
 
-/// Room for [`BoxTree::visit`]: for many rays, made once.
+/// Scratch for [`BoxTree::visit`], which is made once for many rays.
 #[derive(Clone, Debug, Default)]
-pub struct BoxRoom {
+pub struct BoxScratch {
     stack: Vec<(f32, Link)>,
     inside: Vec<(f32, u32)>,
 }
 
-/// What [`BoxTree::visit`] is given.
+/// The arguments of [`BoxTree::visit`].
 struct Visit<'a> {
     boxes: &'a BoxTree,
     ray: &'a Ray,
-    room: &'a mut BoxRoom,
+    room: &'a mut BoxScratch,
     passed: &'a mut dyn FnMut(Passage) -> f32,
 }
 
 impl Kernel for Visit<'_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         self.boxes.visit_with(s, self.ray, self.room, self.passed);
@@ -51,7 +54,7 @@ impl Kernel for Visit<'_> {
 }
 
 impl BoxTree {
-    /// A tree over `boxes`; those that are empty or not finite are never passed.
+    /// Returns a tree of `boxes`. Boxes that are empty or not finite are never passed.
     pub fn new(boxes: &[Bound]) -> Self {
         let there = |b: &Bound| !b.is_empty() && b.is_finite();
         let bound = boxes.iter().filter(|b| there(b)).fold(Bound::EMPTY, |all, b| all.union(*b));
@@ -68,22 +71,23 @@ impl BoxTree {
         Self { nodes, spans: blocks, boxes, scale, bounds: scale.bounds(&bound), bound }
     }
 
-    /// Box around all boxes.
+    /// Returns the box around all boxes.
     pub fn bound(&self) -> Bound {
         self.bound
     }
 
-    /// Bytes of memory that it takes.
+    /// The number of bytes of memory that the tree occupies.
     pub fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + self.spans.capacity() * size_of::<Span>()
             + self.boxes.capacity() * size_of::<(u32, Box3)>()
     }
 
-    /// Tells `passed` of the boxes that the ray passes, those whose insides it may hit first mostly first. `passed`
-    /// answers how far the ray goes from then on: boxes beyond are left out. A negative answer ends it.
-    pub fn visit(&self, ray: &Ray, room: &mut BoxRoom, passed: &mut dyn FnMut(Passage) -> f32) {
-        simd::dispatch(Visit { boxes: self, ray, room, passed });
+    /// Calls `passed` with each box that the ray passes, mostly in the order in which the ray may hit their contents.
+    /// `passed` returns how far the ray goes from then on, and boxes beyond are skipped. A negative distance ends the
+    /// visit.
+    pub fn visit(&self, ray: &Ray, room: &mut BoxScratch, passed: &mut dyn FnMut(Passage) -> f32) {
+        dispatch(Visit { boxes: self, ray, room, passed });
     }
 
     #[inline(always)]
@@ -91,7 +95,7 @@ impl BoxTree {
         &self,
         s: S,
         ray: &Ray,
-        BoxRoom { stack, inside }: &mut BoxRoom,
+        BoxScratch { stack, inside }: &mut BoxScratch,
         passed: &mut dyn FnMut(Passage) -> f32,
     ) {
         let Some(probe) = Probe::new(ray, self.scale, &self.bounds).filter(|_| !self.nodes.is_empty()) else {
@@ -142,8 +146,8 @@ impl BoxTree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Portable;
     use granita_base::{Vec3, hash};
+    use granita_machine::simd::Portable;
 
     fn random(i: u32, d: u32) -> f32 {
         hash::unit(hash::words(&[i, d]))
@@ -162,7 +166,7 @@ mod tests {
             })
             .collect();
         let tree = BoxTree::new(&boxes);
-        let (mut found, mut room) = (0, BoxRoom::default());
+        let (mut found, mut room) = (0, BoxScratch::default());
         for i in 0..2000 {
             let (origin, to) = (point(i, 10) * 20.0 - 5.0, point(i, 13) * 10.0);
             let dir = if i % 9 == 0 { Vec3::X } else { to - origin };
@@ -215,7 +219,7 @@ mod tests {
         };
         let ask = |answer: &dyn Fn(Passage) -> f32| {
             let mut seen = Vec::new();
-            tree.visit(&ray, &mut BoxRoom::default(), &mut |p| {
+            tree.visit(&ray, &mut BoxScratch::default(), &mut |p| {
                 seen.push(p.index);
                 answer(p)
             });
@@ -223,7 +227,7 @@ mod tests {
             seen
         };
         assert_eq!(ask(&|_| f32::INFINITY).len(), 100);
-        // To x = 7: boxes 0 to 7, and what was told before the answer.
+        // The ray ends at x = 7. It passes boxes 0 to 7, and boxes that were visited before `passed` returned.
         let some = ask(&|_| 5.0);
         assert!(
             some.iter().filter(|i| **i > 7).count() <= 1 && (0..7).all(|i| some.contains(&i)),
@@ -231,6 +235,6 @@ mod tests {
         );
         assert_eq!(ask(&|_| -1.0).len(), 1);
         let nothing = BoxTree::new(&[]);
-        nothing.visit(&ray, &mut BoxRoom::default(), &mut |_| panic!("nothing is passed"));
+        nothing.visit(&ray, &mut BoxScratch::default(), &mut |_| panic!("nothing is passed"));
     }
 }

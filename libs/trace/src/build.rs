@@ -1,39 +1,40 @@
-//! Building a tree: top down, by a binned surface area heuristic, eight children at a time.
+//! Builds a tree top down by a binned surface area heuristic, eight children at a time.
 //!
-//! After Wald: "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE RT 2007, and Wald et al.:
-//! "Getting Rid of Packets", IEEE RT 2008 (children are opened by their surface until a node is full). The cost
-//! of a leaf is that of the blocks of four that its triangles fill. What is built does not depend on the number
-//! of threads.
+//! The method follows Wald: "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE RT 2007, and Wald
+//! et al.: "Getting Rid of Packets", IEEE RT 2008 (children are opened in the order of their surface areas until a
+//! node is full). The cost of a leaf is that of the blocks of four that its triangles fill. The tree does not depend
+//! on the number of threads.
 
 use crate::layout::{Box3, Link, Node};
-use crate::simd::{self, NARROW, WIDE};
+use granita_machine::memory::with_large_pages;
+use granita_machine::simd::{NARROW, WIDE};
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Something to be put into a tree.
+/// An item to be put into a tree.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Item {
-    /// Lower corner; fourth its number.
+    /// The lower corner. The fourth value is the number of the item.
     lo: [f32; 4],
-    /// Upper corner.
+    /// The upper corner.
     hi: [f32; 4],
 }
 
 impl Item {
-    /// A triangle of this number.
+    /// Returns the item of a triangle with this number.
     pub(crate) fn new(id: u32, bounds: &Box3) -> Self {
         let ([a, b, c], [d, e, f]) = (bounds.lo, bounds.hi);
         Self { lo: [a, b, c, f32::from_bits(id)], hi: [d, e, f, 0.0] }
     }
 
-    /// Its number.
+    /// The number of the item.
     pub(crate) fn id(&self) -> u32 {
         self.lo[3].to_bits()
     }
 
-    /// Twice its middle.
+    /// Returns twice the middle of the box.
     #[inline(always)]
     fn middle(&self) -> [f32; 4] {
         std::array::from_fn(|a| self.lo[a] + self.hi[a])
@@ -43,48 +44,48 @@ impl Item {
 /// A tree without its triangles.
 #[derive(Debug, Default)]
 pub(crate) struct Topology {
-    /// Nodes, the root first. Children come after their parents.
+    /// The nodes, the root first. Children come after their parents.
     pub(crate) nodes: Vec<Node>,
-    /// Of each block: index of its first item and number of items.
+    /// For each block: the index of its first item and the number of items.
     pub(crate) blocks: Vec<Span>,
 }
 
-/// Items of a block, which stand together.
+/// The consecutive items of a block.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Span {
-    /// First item.
+    /// The index of the first item.
     pub(crate) first: u32,
-    /// How many, 1 to 4.
+    /// The number of items, 1 to 4.
     pub(crate) count: u32,
 }
 
-/// Most bins.
+/// The largest number of bins.
 const BINS: usize = 32;
-/// Items of a leaf at most.
+/// The largest number of items of a leaf.
 const LEAF: usize = Link::BLOCKS * NARROW;
-/// Cost of visiting a node, in blocks.
+/// The cost of visiting a node, in blocks.
 const NODE_COST: f32 = 1.0;
-/// Levels below which items are divided evenly: no arrangement makes a tree deeper than [`LEVELS`].
+/// The level from which on items are divided evenly, so that no tree is deeper than [`LEVELS`].
 const UNEVEN_LEVELS: usize = 20;
-/// Most levels of nodes. Evenly divided, 2^31 items need eleven.
+/// The largest number of levels of nodes. Evenly divided, 2^31 items need eleven levels.
 pub(crate) const LEVELS: usize = UNEVEN_LEVELS + 12;
-/// Items that are worth a thread.
+/// The number of items from which on a separate thread is worthwhile.
 const PARALLEL: usize = 1 << 14;
 
-/// Builds a tree over items, which are put in the order of the leaves; on up to `threads` threads.
+/// Builds a tree over items on up to `threads` threads. The items are sorted into the order of the leaves.
 pub(crate) fn build(items: &mut [Item], threads: usize) -> Topology {
     let mut out = Topology::default();
     if items.is_empty() {
         return out;
     }
     let all = Range::around(items, 0);
-    // Room for more nodes than there will be: what is not written to takes no memory.
-    out.nodes = simd::with_large_pages(items.len() / NARROW + 1);
+    // The capacity is more than the number of nodes. Memory that is not written to is not allocated.
+    out.nodes = with_large_pages(items.len() / NARROW + 1);
     subtree(items, all, 0, threads, &mut out);
     out
 }
 
-/// Boxes of some items and of their middles.
+/// The box of some items and the box of their middles.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     lo: [f32; 4],
@@ -133,7 +134,7 @@ impl Extent {
     }
 }
 
-/// Items that stand together.
+/// Consecutive items.
 #[derive(Clone, Copy, Debug)]
 struct Range {
     first: usize,
@@ -159,13 +160,13 @@ fn blocks(items: usize) -> f32 {
     items.div_ceil(NARROW) as f32
 }
 
-/// Builds the node for `range`, the first of whose items is `items[0]`, and all below it.
+/// Builds the node for `range`, the first of whose items is `items[0]`, and everything below it.
 fn subtree(items: &mut [Item], range: Range, level: usize, threads: usize, out: &mut Topology) {
     let base = range.first;
     let even = level >= UNEVEN_LEVELS;
     let mut children = [range; WIDE];
     let mut n = 1;
-    // What is a leaf is not opened; at the root there must be a node, whatever it holds.
+    // A leaf is not opened. The root must be a node, even with few items.
     let mut closed = [false; WIDE];
     while n < WIDE {
         let size = |c: &Range| if even { c.len() as f32 } else { c.area() };
@@ -187,7 +188,7 @@ fn subtree(items: &mut [Item], range: Range, level: usize, threads: usize, out: 
     if threads > 1 && range.len() >= PARALLEL {
         return branches(items, &children[..n], is_leaf, level, threads, out);
     }
-    // Leaves first, so that a node's own stand together.
+    // Leaves come first, so that the leaves of a node are consecutive.
     for (slot, child) in children.iter().enumerate().take(n) {
         out.nodes[node].set_bounds(slot, &child.extent.bounds());
         if is_leaf(slot) {
@@ -213,7 +214,7 @@ fn leaf(range: &Range, out: &mut Topology) -> Link {
     Link::leaf(first, n)
 }
 
-/// Builds the children of the last node, each on whatever thread is free, and puts them where one thread would.
+/// Builds the children of the last node on any free threads, and stores them in the order of a single thread.
 fn branches(
     mut items: &mut [Item],
     children: &[Range],
@@ -223,7 +224,7 @@ fn branches(
     out: &mut Topology,
 ) {
     let node = out.nodes.len() - 1;
-    // In the order of their items.
+    // The children are ordered by their items.
     let mut order: Vec<usize> = (0..children.len()).collect();
     order.sort_by_key(|&i| children[i].first);
     let mut tasks = Vec::new();
@@ -234,7 +235,7 @@ fn branches(
             tasks.push((i, own));
         }
     }
-    // The largest first: others fill the time left.
+    // The largest come first, so that smaller ones fill the remaining time.
     tasks.sort_by_key(|(i, own)| (usize::MAX - own.len(), *i));
     let workers = threads.min(tasks.len());
     let inner = threads.div_ceil(tasks.len().max(1));
@@ -285,7 +286,7 @@ impl Bin {
     const EMPTY: Self = Self { lo: [f32::INFINITY; 4], hi: [f32::NEG_INFINITY; 4], count: 0 };
 }
 
-/// How middles are sorted into bins.
+/// The assignment of middles to bins.
 struct Binning {
     bins: usize,
     lo: [f32; 4],
@@ -298,7 +299,7 @@ impl Binning {
         let e = &range.extent;
         let scale = std::array::from_fn(|a| {
             let size = e.middle_hi[a] - e.middle_lo[a];
-            // Sizes whose reciprocal overflows are as good as none.
+            // Sizes whose reciprocal overflows are treated as zero.
             if a < 3 && size > 1e-30 { bins as f32 * 0.99 / size } else { 0.0 }
         });
         Self { bins, lo: e.middle_lo, scale }
@@ -313,7 +314,7 @@ impl Binning {
     }
 }
 
-/// Divides items in two; `None` when they are better off as one leaf.
+/// Divides items in two; `None` when a single leaf is cheaper.
 fn split(items: &mut [Item], range: &Range, even: bool) -> Option<(Range, Range)> {
     let halves = |items: &[Item], at: usize| {
         let (left, right) = items.split_at(at);
@@ -322,14 +323,14 @@ fn split(items: &mut [Item], range: &Range, even: bool) -> Option<(Range, Range)
     let binning = Binning::new(range);
     let found = if even || binning.scale == [0.0; 4] { None } else { best_plane(items, &binning) };
     let Some((cost, axis, plane)) = found else {
-        // Nothing tells them apart, or there was enough of it.
+        // All middles are equal, or the uneven levels are used up.
         return if items.len() <= LEAF && !even { None } else { halves(items, items.len() / 2) };
     };
     let area = range.area();
     if items.len() <= LEAF && blocks(items.len()) * area <= NODE_COST * area + cost {
         return None;
     }
-    // Swap what is on the wrong side, and see both sides as they pass.
+    // Items on the wrong side are swapped, and the extents of both sides are collected in the same pass.
     let (mut i, mut j) = (0, items.len());
     let (mut left, mut right) = (Extent::EMPTY, Extent::EMPTY);
     let grow = |e: &mut Extent, item: &Item| {
@@ -358,7 +359,7 @@ fn split(items: &mut [Item], range: &Range, even: bool) -> Option<(Range, Range)
     Some((Range { first, end: middle, extent: left }, Range { first: middle, end: range.end, extent: right }))
 }
 
-/// The cheapest plane: its cost, axis and the first bin right of it.
+/// Returns the cheapest plane: its cost, axis and the first bin to the right of it.
 fn best_plane(items: &[Item], binning: &Binning) -> Option<(f32, usize, usize)> {
     let mut table = [[Bin::EMPTY; BINS]; 3];
     for item in items {
@@ -372,7 +373,7 @@ fn best_plane(items: &[Item], binning: &Binning) -> Option<(f32, usize, usize)> 
     }
     let mut best: Option<(f32, usize, usize)> = None;
     for (axis, bins) in table.iter().enumerate().filter(|(a, _)| binning.scale[*a] > 0.0) {
-        // From the right, cost of all from each plane on.
+        // This pass from the right computes the cost of everything from each plane on.
         let mut right = [(0.0_f32, 0_u32); BINS];
         let mut sum = Bin::EMPTY;
         for k in (1..binning.bins).rev() {

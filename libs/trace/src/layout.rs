@@ -1,29 +1,30 @@
-//! Nodes and leaves as they lie in memory.
+//! The memory layout of nodes and leaves.
 
-use crate::simd::{NARROW, WIDE};
 use granita_base::Vec3;
+use granita_machine::simd::{NARROW, WIDE};
 
-/// A reference to what is below a node: another node, or one to four blocks of triangles.
+/// A reference from a node to another node, or to one to four blocks of triangles.
 ///
-/// Bit 31 tells leaves; their bits 29 and 30 hold the number of blocks less one, the rest the first of them.
+/// Bit 31 marks leaves. Bits 29 and 30 of a leaf are the number of blocks minus one, and the lower bits are the index
+/// of the first block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Link(pub(crate) u32);
 
 impl Link {
-    /// Bit that tells leaves.
+    /// The bit that marks leaves.
     pub(crate) const LEAF: u32 = 1 << 31;
-    /// Most blocks of a leaf.
+    /// The largest number of blocks of a leaf.
     pub(crate) const BLOCKS: usize = 4;
-    /// Mask of the first block.
+    /// The mask of the first block.
     const FIRST: u32 = (1 << 29) - 1;
 
-    /// To the node of this index.
+    /// Returns a link to the node of this index.
     pub(crate) fn node(index: usize) -> Self {
         assert!(index < Self::LEAF as usize, "{index} nodes are more than a link can tell apart");
         Self(index as u32)
     }
 
-    /// To the blocks from `first` on.
+    /// Returns a link to the blocks from `first` on.
     pub(crate) fn leaf(first: usize, blocks: usize) -> Self {
         assert!((1..=Self::BLOCKS).contains(&blocks), "a leaf of {blocks} blocks");
         assert!(
@@ -33,20 +34,20 @@ impl Link {
         Self(Self::LEAF | (blocks as u32 - 1) << 29 | first as u32)
     }
 
-    /// Whether triangles follow.
+    /// True when the link refers to triangles.
     #[inline(always)]
     pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
-    /// Blocks of a leaf.
+    /// Returns the blocks of a leaf.
     #[inline(always)]
     pub(crate) fn blocks(self) -> std::ops::Range<usize> {
         let first = (self.0 & Self::FIRST) as usize;
         first..first + (self.0 >> 29 & 3) as usize + 1
     }
 
-    /// The same in a list into which `nodes` nodes and `blocks` blocks came before.
+    /// Returns the link adjusted to a list in which `nodes` nodes and `blocks` blocks precede.
     pub(crate) fn moved(self, nodes: usize, blocks: usize) -> Self {
         if self.is_leaf() {
             let of = self.blocks();
@@ -57,41 +58,42 @@ impl Link {
     }
 }
 
-/// Lower planes of boxes of children that are not there; the upper ones are as far the other way. Finite, so that
-/// they can be blended.
+/// The lower planes of the boxes of missing children. The upper ones are its negative. The value is finite, so that
+/// boxes can be interpolated.
 const NOWHERE: f32 = f32::MAX;
 
-/// Row of a node in which the links stand.
+/// The row of a node that holds the links.
 const LINKS: usize = 6;
 
-/// A node: the boxes of up to eight children, as lower and upper planes of x, y and z, and what they are.
+/// A node: the boxes of up to eight children, as lower and upper planes of x, y and z, and the links to the children.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Node {
-    /// Bits of the planes, in rows 0 to 5; row 6 holds the links. Eight rows: an index needs no check.
+    /// The bits of the planes in rows 0 to 5, and the links in row 6. There are eight rows, so that an index needs no
+    /// bounds check.
     rows: [[u32; WIDE]; 8],
 }
 
 impl Node {
-    /// No children: nothing meets their boxes.
+    /// A node without children. No ray hits its boxes.
     pub(crate) const EMPTY: Self = {
         let (none, all) = ([NOWHERE.to_bits(); WIDE], [(-NOWHERE).to_bits(); WIDE]);
         Self { rows: [none, all, none, all, none, all, [0; WIDE], [0; WIDE]] }
     };
 
-    /// A row of planes: `2 * axis` the lower ones, `2 * axis + 1` the upper ones.
+    /// Returns a row of planes: `2 * axis` for the lower ones, `2 * axis + 1` for the upper ones.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> &[u32; WIDE] {
         &self.rows[row & 7]
     }
 
-    /// What the children are; without meaning for those that are not there.
+    /// Returns the links of the children. Those of missing children are undefined.
     #[inline(always)]
     pub(crate) fn links(&self) -> &[u32; WIDE] {
         &self.rows[LINKS]
     }
 
-    /// The children that are there.
+    /// Returns the slots and links of the children that exist.
     pub(crate) fn children(&self) -> impl Iterator<Item = (usize, Link)> + '_ {
         let there = |slot: &usize| self.rows[0][*slot] != NOWHERE.to_bits();
         (0..WIDE).filter(there).map(|slot| (slot, Link(self.rows[LINKS][slot])))
@@ -105,12 +107,12 @@ impl Node {
         }
     }
 
-    /// Sets what a child is.
+    /// Sets the link of a child.
     pub(crate) fn set_link(&mut self, slot: usize, link: Link) {
         self.rows[LINKS][slot] = link.0;
     }
 
-    /// Moves the links of all children; see [`Link::moved`].
+    /// Adjusts the links of all children; see [`Link::moved`].
     pub(crate) fn move_links(&mut self, nodes: usize, blocks: usize) {
         for slot in 0..WIDE {
             if self.rows[0][slot] != NOWHERE.to_bits() {
@@ -123,17 +125,17 @@ impl Node {
 /// A box in the coordinates of the tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Box3 {
-    /// Lower corner.
+    /// The lower corner.
     pub(crate) lo: [f32; 3],
-    /// Upper corner.
+    /// The upper corner.
     pub(crate) hi: [f32; 3],
 }
 
 impl Box3 {
-    /// Holds nothing.
+    /// The empty box.
     pub(crate) const EMPTY: Self = Self { lo: [f32::INFINITY; 3], hi: [f32::NEG_INFINITY; 3] };
 
-    /// The smallest one around points.
+    /// Returns the smallest box around points.
     pub(crate) fn around(points: &[Vec3]) -> Self {
         let mut b = Self::EMPTY;
         for p in points {
@@ -142,7 +144,7 @@ impl Box3 {
         b
     }
 
-    /// The smallest one around both.
+    /// Returns the smallest box around both boxes.
     #[inline]
     pub(crate) fn union(&self, other: &Self) -> Self {
         Self {
@@ -151,7 +153,7 @@ impl Box3 {
         }
     }
 
-    /// Part of the way from one box to another, plane by plane: rounding keeps what is inside, inside.
+    /// Interpolates between two boxes, plane by plane. Rounding is monotonic, so that the contents stay inside.
     pub(crate) fn between(&self, other: &Self, alpha: f32) -> Self {
         let mix = |a: f32, b: f32| a * (1.0 - alpha) + b * alpha;
         Self {
@@ -165,17 +167,17 @@ impl Box3 {
 #[derive(Clone, Debug)]
 #[repr(C, align(32))]
 pub(crate) struct Block {
-    /// By vertex, axis and triangle; NaN, which nothing meets, for triangles that are not there.
+    /// The coordinates by vertex, axis and triangle. Missing triangles have NaN, which no ray hits.
     pub(crate) v: [[[f32; NARROW]; 3]; 3],
-    /// Numbers of the triangles among all of the tracer.
+    /// The numbers of the triangles among all triangles of the tracer.
     pub(crate) id: [u32; NARROW],
 }
 
 impl Block {
-    /// No triangles.
+    /// A block without triangles.
     pub(crate) const EMPTY: Self = Self { v: [[[f32::NAN; NARROW]; 3]; 3], id: [u32::MAX; NARROW] };
 
-    /// Puts a triangle into a lane.
+    /// Stores a triangle in a lane.
     pub(crate) fn set(&mut self, lane: usize, id: u32, vertices: &[Vec3; 3]) {
         for (v, p) in vertices.iter().enumerate() {
             for axis in 0..3 {
@@ -185,7 +187,7 @@ impl Block {
         self.id[lane] = id;
     }
 
-    /// The vertices of a lane.
+    /// Returns the vertices of a lane.
     #[inline]
     pub(crate) fn vertices(&self, lane: usize) -> [[f32; 3]; 3] {
         std::array::from_fn(|v| std::array::from_fn(|axis| self.v[v][axis][lane]))
@@ -202,7 +204,7 @@ mod tests {
         assert_eq!(Link::leaf(most - 7, 3).moved(99, 7).blocks(), most..most + 3);
         assert_eq!(Link::node(5).moved(1 << 20, 7).0, 5 + (1 << 20));
         assert!(!Link::node(Link::LEAF as usize - 1).is_leaf());
-        // One more would be read as something else.
+        // A larger index would be read as another link.
         let refused: [fn() -> Link; 5] = [
             || Link::leaf(Link::FIRST as usize + 1, 1),
             || Link::leaf(0, Link::BLOCKS + 1),

@@ -1,24 +1,23 @@
-//! Acceleration structures over moving triangles; rays in batches.
+//! Acceleration structures over still and moving triangles, for batches of rays.
 //!
-//! Meshes are added to a [`TracerBuilder`], which builds a [`Tracer`]; the tracer answers rays in batches.
+//! Meshes are added to a [`TracerBuilder`], which builds a [`Tracer`]. The tracer finds the hits of rays in batches.
 //!
 //! # Invariants
 //!
 //! - **Watertight**: a ray through a shared edge or vertex hits one of the triangles around it (Woop, Benthin, Wald:
 //!   "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013).
-//! - **Exact**: a tree finds what a test of all triangles finds, to the bit; of several hits at one distance the one
-//!   with the smallest (mesh, triangle).
-//! - **Deterministic**: neither threads, nor the order of a batch, nor the machine (AVX2 or not; no multiply-add is
-//!   fused) changes a bit.
-//! - **Any scale**: coordinates are scaled by a power of two; nothing depends on absolute sizes.
-//! - Rays with NaN anywhere, or with a zero direction, miss.
-//!
-//! - **In parts as whole**: tracers made [`TracerBuilder::within`] one bound answer as a single one of all their meshes
-//!   would. A [`BoxTree`] says which of them a ray passes.
+//! - **Exact**: a tree finds the same hits as a test of all triangles, to the bit. Of several hits at one distance it
+//!   returns the one with the smallest (mesh, triangle).
+//! - **Deterministic**: the number of threads, the order of a batch and the machine (AVX2 or not; no multiply-add is
+//!   fused) do not change a bit of the result.
+//! - **Any scale**: coordinates are scaled by a power of two. Results do not depend on absolute sizes.
+//! - Rays with a NaN in any number, or with a zero direction, miss.
+//! - **Independent of the division into parts**: tracers that are made [`TracerBuilder::within`] one bound find the
+//!   same hits as a single tracer of all their meshes. A [`BoxTree`] finds the tracers that a ray passes.
 //!
 //! # Deliberately absent
 //!
-//! Shading, transparency and materials: see [`Tracer::closest_where`] for the hook.
+//! Shading, transparency and materials. [`Tracer::closest_where`] is the hook for them.
 //!
 //! # Example
 //!
@@ -37,7 +36,7 @@
 //! tracer.closest(&[ray], &mut hits);
 //! assert_eq!((hits[0].t, hits[0].triangle), (2.0, 0));
 //! ```
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 
 mod boxes;
 mod build;
@@ -48,7 +47,6 @@ mod order;
 mod probe;
 mod ray;
 mod scene;
-mod simd;
 mod still;
 mod trace;
 mod tracer;
@@ -57,9 +55,9 @@ mod tree;
 #[cfg(test)]
 mod tests;
 
-pub use boxes::{BoxRoom, BoxTree, Passage};
+pub use boxes::{BoxScratch, BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
 pub use still::Triangles;
-pub use trace::RayRoom;
+pub use trace::RayScratch;
 pub use tracer::{Tracer, TracerBuilder};

@@ -1,25 +1,25 @@
-//! What can be traced.
+//! Meshes that can be traced.
 
 use granita_base::{Bound, Vec3};
 
-/// Which mesh of a tracer: its position in the order of [`crate::TracerBuilder::add`].
+/// The index of a mesh in a tracer, in the order of [`crate::TracerBuilder::add`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct MeshId(pub u32);
 
-/// Triangles, perhaps moving.
+/// Triangles that may move.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriangleMesh {
-    /// Times of the motion keys, increasing; one for a mesh that stands still. Between keys vertices move linearly;
-    /// before the first and after the last the mesh does not exist.
+    /// The times of the motion keys, increasing; one for a mesh that does not move. Between keys the vertices move
+    /// linearly. Before the first and after the last key the mesh does not exist.
     pub times: Vec<f32>,
-    /// Vertices for each time.
+    /// The vertices for each time.
     pub positions: Vec<Vec<Vec3>>,
-    /// Three vertex indices for each triangle.
+    /// The three vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl TriangleMesh {
-    /// Whether times and positions fit together.
+    /// True when the numbers of times and positions agree.
     pub(crate) fn is_usable(&self) -> bool {
         let n = self.times.len();
         n > 0
@@ -28,7 +28,7 @@ impl TriangleMesh {
             && self.times.windows(2).all(|w| w[0] < w[1])
     }
 
-    /// Box around a triangle at all times; `None` if it cannot be hit.
+    /// Returns the box around a triangle at all times; `None` if the triangle cannot be hit.
     pub(crate) fn triangle_bound(&self, triangle: usize) -> Option<Bound> {
         let mut bound = Bound::EMPTY;
         for positions in &self.positions[..self.times.len()] {
@@ -41,14 +41,14 @@ impl TriangleMesh {
             }
         }
         if self.times.len() > 1 {
-            // Blending between keys rounds.
+            // The padding covers the rounding of the interpolation between keys.
             let room = bound.min.abs().max(bound.max.abs()) * 2.4e-7;
             bound = Bound { min: bound.min - room, max: bound.max + room };
         }
         bound.is_finite().then_some(bound)
     }
 
-    /// Whether there is anything at a time.
+    /// True when the mesh exists at a time.
     pub(crate) fn exists_at(&self, time: f32) -> bool {
         match self.times[..] {
             [first, .., last] => (first..=last).contains(&time),
@@ -56,7 +56,8 @@ impl TriangleMesh {
         }
     }
 
-    /// The vertices of a triangle at a time, or at the nearest one at which it exists. The triangle exists and its vertices do.
+    /// Returns the vertices of a triangle at a time, or at the nearest time at which it exists. The triangle and its
+    /// vertices must be valid.
     pub(crate) fn triangle_at(&self, triangle: usize, time: f32) -> [Vec3; 3] {
         let next = self.times.partition_point(|t| *t <= time);
         let corners = self.triangles[triangle].map(|v| v as usize);

@@ -1,38 +1,39 @@
-//! The tree of all that moves.
+//! The tree of all moving triangles.
 //!
-//! A box for the first time of all and one for the last; between them boxes are blended, as vertices are. The boxes
-//! of a triangle that does not move in one straight line all the time are wide enough for the bends.
+//! Each node has a box for the first time of all meshes and one for the last. Between these times boxes are
+//! interpolated as vertices are. The boxes of a triangle that does not move in one straight line are large enough for
+//! its path.
 
 use crate::TriangleMesh;
 use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
 use crate::probe::{Scale, Wide, still_plane};
-use crate::simd::{Simd, WIDE};
 use crate::tree::Tree;
 use granita_base::Vec3;
+use granita_machine::simd::{Simd, WIDE};
 
-/// A tree over moving triangles.
+/// A tree of moving triangles.
 #[derive(Debug)]
 pub(crate) struct MovingTree {
-    /// Those of all meshes; of meshes that stand still nothing.
+    /// The moving meshes. The entries of meshes that do not move are empty.
     meshes: Vec<TriangleMesh>,
-    /// Number of the first triangle of each mesh.
+    /// The number of the first triangle of each mesh.
     first: Vec<u32>,
     scale: Scale,
-    /// First and last time.
+    /// The first and the last time.
     times: [f32; 2],
     nodes: Vec<MovingNode>,
-    /// Numbers of triangles, four by four; `u32::MAX` for none.
+    /// The numbers of triangles in groups of four; `u32::MAX` for none.
     blocks: Vec<[u32; 4]>,
 }
 
-/// A node at the first and at the last time. Links are those of the first.
+/// A node at the first and at the last time. The links are those of the first.
 #[derive(Clone, Debug)]
 struct MovingNode {
     ends: [Node; 2],
 }
 
-/// Boxes of a triangle at the first and at the last time.
+/// The boxes of a triangle at the first and at the last time.
 type Ends = [Box3; 2];
 
 impl MovingTree {
@@ -52,7 +53,7 @@ impl MovingTree {
         for (m, mesh) in tree.meshes.iter().enumerate().filter(|(_, m)| m.times.len() > 1) {
             for t in 0..mesh.triangles.len() {
                 if mesh.triangle_bound(t).is_some() {
-                    // By where it is in the middle of the time.
+                    // Items are sorted by their positions in the middle of the time range.
                     let [a, b] = tree.ends(m, t);
                     items.push(Item::new(first[m] + t as u32, &a.between(&b, 0.5)));
                 }
@@ -99,13 +100,13 @@ impl MovingTree {
         self.nodes.is_empty()
     }
 
-    /// How many blocks there are.
+    /// The number of blocks.
     #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.blocks.len()
     }
 
-    /// Bytes that it takes, with the meshes.
+    /// The number of bytes of memory of the tree and its meshes.
     pub(crate) fn bytes(&self) -> usize {
         let mesh = |m: &TriangleMesh| {
             let vertices: usize = m.positions.iter().map(Vec::capacity).sum();
@@ -116,7 +117,7 @@ impl MovingTree {
             + self.meshes.iter().map(mesh).sum::<usize>()
     }
 
-    /// The tree at a time.
+    /// Returns the tree at a time.
     pub(crate) fn at(&self, time: f32) -> MovedTree<'_> {
         let [t0, t1] = self.times;
         MovedTree { tree: self, time, alpha: self.alpha(time.clamp(t0, t1)) }
@@ -127,7 +128,7 @@ impl MovingTree {
         ((f64::from(time) - t0) / (t1 - t0)) as f32
     }
 
-    /// Mesh and triangle of a number.
+    /// Returns the mesh and triangle of a number.
     fn place(&self, id: u32) -> (usize, usize) {
         let mesh = self.first.partition_point(|f| *f <= id) - 1;
         (mesh, (id - self.first[mesh]) as usize)
@@ -137,7 +138,7 @@ impl MovingTree {
         self.meshes[mesh].triangle_at(triangle, time).map(|p| self.scale.point(p))
     }
 
-    /// Boxes whose blend holds the triangle at all times.
+    /// Returns boxes whose interpolation contains the triangle at all times.
     fn ends(&self, mesh: usize, triangle: usize) -> Ends {
         let at = |time: f32| Box3::around(&self.vertices(mesh, triangle, time));
         let mut ends = self.times.map(at);
@@ -151,7 +152,7 @@ impl MovingTree {
             }
         }
         for a in 0..3 {
-            // Blends round, those of vertices as well as those of boxes.
+            // The padding covers the rounding of the interpolation of vertices and boxes.
             let size = ends.iter().fold(0.0_f32, |s, e| s.max(e.lo[a].abs()).max(e.hi[a].abs()));
             let room = 1e-6 * (size + lo[a] + hi[a]);
             for end in &mut ends {
@@ -190,7 +191,7 @@ impl Tree for MovedTree<'_> {
         let [a, b] = &self.tree.nodes[node].ends;
         let (alpha, rest) = (s.splat8(self.alpha), s.splat8(1.0 - self.alpha));
         let (first, second) = (still_plane(s, a), still_plane(s, b));
-        // As `Box3::between`, operation by operation.
+        // The operations are those of `Box3::between`, one by one.
         let plane = |row: usize| s.add8(s.mul8(first(row), rest), s.mul8(second(row), alpha));
         let (mask, near) = wide.enter(s, plane, tmax);
         (mask, near, a.links())

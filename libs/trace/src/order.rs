@@ -1,34 +1,34 @@
 //! The order in which the rays of a batch are traced.
 //!
-//! Rays that follow each other through the same nodes find them near. A large batch whose rays do not follow each
-//! other is sorted by where they come in and which way they go, along a space-filling curve in those five
-//! dimensions; what is found does not depend on the order. A batch that is in order is left as it is: sorting
-//! costs about as much as tracing coherent rays.
+//! Rays that traverse the same nodes one after the other find the nodes in the processor's cache. A large batch whose
+//! rays are not coherent is therefore sorted by where the rays enter the scene and by their directions, along a
+//! space-filling curve in these five dimensions. The hits do not depend on the order. A coherent batch is not sorted,
+//! because sorting costs about as much as tracing coherent rays.
 
 use crate::Ray;
 use crate::layout::Box3;
 use granita_base::Vec3;
 
-/// Smaller batches are not worth sorting.
+/// Batches with fewer rays than this are not sorted.
 const FEW: usize = 256;
-/// Rays sorted together, at most: what the sorting itself touches stays near.
+/// The largest number of rays that are sorted together. It keeps the data of the sort in the processor's cache.
 pub(crate) const MANY: usize = 1 << 18;
-/// Levels of the curve.
+/// The number of levels of the curve.
 const LEVELS: u32 = 6;
-/// Pairs of neighbours that are looked at.
+/// The number of pairs of neighbouring rays that are compared.
 const PAIRS: usize = 64;
 
-/// Makes keys of rays.
+/// Computes the sort keys of rays.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sorter {
     lo: Vec3,
     hi: Vec3,
-    /// Steps per unit.
+    /// The number of steps per unit of the coordinates.
     scale: Vec3,
 }
 
 impl Sorter {
-    /// For a scene within these bounds, in its own coordinates.
+    /// Returns a sorter for a scene within these bounds, in the coordinates of the tree.
     pub(crate) fn new(bounds: &Box3) -> Self {
         let (lo, hi) = (Vec3::from_array(bounds.lo), Vec3::from_array(bounds.hi));
         let size = hi - lo;
@@ -37,7 +37,7 @@ impl Sorter {
         Self { lo, hi, scale: Vec3::new(step(size.x), step(size.y), step(size.z)) }
     }
 
-    /// Indices of the rays in the order in which to trace them; `None` for that in which they are.
+    /// Returns the indices of the rays in the order in which to trace them; `None` when the order is not changed.
     pub(crate) fn order(&self, rays: &[Ray]) -> Option<Vec<u32>> {
         if rays.len() < FEW || self.is_coherent(rays) {
             return None;
@@ -46,10 +46,10 @@ impl Sorter {
         Some(sorted(keyed))
     }
 
-    /// Whether most rays are like the one before.
+    /// True when most rays are similar to the ray before.
     fn is_coherent(&self, rays: &[Ray]) -> bool {
         let step = ((rays.len() - 1) / PAIRS).max(1);
-        // Within a cell of the middle levels, or across the border of one.
+        // Two places are near when they are within a cell of the middle levels, or in neighbouring cells.
         let near = |a: u32, b: u32| {
             (0..5).all(|d| {
                 let at = |key: u32| (0..3).fold(0_i32, |v, l| v << 1 | (key >> (29 - d - 5 * l) & 1) as i32);
@@ -61,7 +61,7 @@ impl Sorter {
         pairs.filter(|&i| near(self.key(&rays[i]), self.key(&rays[i + 1]))).count() * 4 > count * 3
     }
 
-    /// Place on the curve. Any number for rays that are not finite.
+    /// Returns the position on the curve. It is undefined for rays that are not finite.
     #[inline]
     fn key(&self, ray: &Ray) -> u32 {
         let inverse = 1.0 / ray.dir;
@@ -69,7 +69,7 @@ impl Sorter {
         let enters = a.min(b).max_element().max(ray.tmin);
         let enters = if enters.is_finite() { enters } else { 0.0 };
         let at = (ray.origin + ray.dir * enters - self.lo) * self.scale;
-        // The octahedron's two coordinates.
+        // The direction is mapped to the two coordinates of an octahedron.
         let length = ray.dir.abs().dot(Vec3::ONE);
         let d = ray.dir / length;
         let (mut u, mut v) = (d.x, d.y);
@@ -77,7 +77,7 @@ impl Sorter {
             (u, v) = ((1.0 - d.y.abs()).copysign(d.x), (1.0 - d.x.abs()).copysign(d.y));
         }
         let most = (1 << LEVELS) - 1;
-        // Casts saturate, and make 0 of NaN.
+        // Casts saturate and convert NaN to 0.
         let whole = |x: f32| (x as i32).clamp(0, most) as u32;
         let half = (1 << (LEVELS - 1)) as f32;
         [whole(at.x), whole(at.y), whole(at.z), whole((u + 1.0) * half), whole((v + 1.0) * half)]
@@ -87,7 +87,7 @@ impl Sorter {
     }
 }
 
-/// The bits of each number up to 63, five places apart.
+/// The bits of each number up to 63, spread five places apart.
 const SPREAD: [u32; 1 << LEVELS] = {
     let mut table = [0; 1 << LEVELS];
     let mut x = 0;
@@ -102,7 +102,7 @@ const SPREAD: [u32; 1 << LEVELS] = {
     table
 };
 
-/// Second values in the order of the first, of 30 bits.
+/// Returns the second values in the order of the first values, which have 30 bits.
 fn sorted(mut keyed: Vec<(u32, u32)>) -> Vec<u32> {
     const DIGIT: u32 = 10;
     let mut other = vec![(0, 0); keyed.len()];

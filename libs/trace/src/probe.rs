@@ -1,114 +1,115 @@
-//! A ray against boxes and triangles.
+//! Tests of a ray against boxes and triangles.
 //!
-//! Triangles: Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. Vertices are moved and
-//! sheared so that the ray runs along z from the origin; three 2D edge functions then say whether it passes inside.
-//! A rounded product never falls on the wrong side of another, so an edge function has the right sign or is 0;
-//! those lanes, as all that may be hit, are looked at again in double precision, where products of single precision
-//! numbers are exact. An edge through which the ray passes counts as inside for both of its triangles: nothing
-//! passes between them. Where on the triangle the ray is, and how far away, is found in double precision from the
-//! vertices themselves.
+//! Triangles are tested as in Woop, Benthin, Wald: "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013. The
+//! vertices are translated and sheared so that the ray runs along z from the origin. Three 2D edge functions then
+//! determine whether the ray passes inside. Rounding of products is monotonic, so that an edge function has the right
+//! sign or is 0. Lanes with a 0, and all candidates for a hit, are tested again in double precision, where products
+//! of single precision numbers are exact. An edge through which the ray passes counts as inside for both of its
+//! triangles, so that no ray passes between them. The place on the triangle and the distance are computed in double
+//! precision from the vertices themselves.
 //!
-//! Boxes: planes are moved outward by what the sheared coordinates may be off, so that the box of a triangle
-//! that is hit is hit. A hit counts only when the triangle's own box is met by the same arithmetic, and not before
-//! that box: rounding is monotonic, so all boxes around it are met no later, and a tree finds exactly what a test of
-//! all triangles finds.
+//! Boxes are enlarged by the largest error of the sheared coordinates, so that the ray hits the box of each triangle
+//! that it hits. A hit is valid only when the ray also hits the triangle's own box by the same arithmetic, and when
+//! the hit does not lie before that box. Rounding is monotonic, so that the ray enters all enclosing boxes no later.
+//! A tree therefore finds the same hits as a test of all triangles.
 
 use crate::Ray;
 use crate::layout::{Block, Box3, Node};
-use crate::simd::{NARROW, Simd, WIDE};
 use granita_base::{Bound, Vec3};
+use granita_machine::simd::{NARROW, Simd, WIDE};
 
-/// Origins farther away than this, in sizes of the scene, are moved towards it.
+/// Origins farther away than this, in sizes of the scene, are moved towards the scene.
 const FAR: f32 = 4.0;
-/// What coordinates and distances to planes may be off, relative to the largest distance of a vertex along an axis:
-/// at most six roundings of sheared coordinates and three each of two distances to planes, 2^-24 each.
+/// The largest error of coordinates and distances to planes, relative to the largest distance of a vertex along an
+/// axis. There are at most six roundings of sheared coordinates and three for each of two distances to planes, 2^-24
+/// each.
 const ROOM: f32 = 1.0 / (1 << 20) as f32;
 
-/// The coordinates of a tree: those of the scene times a power of two that makes the largest less than 1.
+/// The coordinates of a tree. They are those of the scene times a power of two that makes the largest less than 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Scale {
     factor: f32,
 }
 
 impl Scale {
-    /// For coordinates up to `size`.
+    /// Returns the scale for coordinates up to `size`.
     pub(crate) fn new(size: f32) -> Self {
         Self { factor: if size > 0.0 { power_of_two(-exponent(size) - 1) } else { 1.0 } }
     }
 
-    /// For what is within `bound`, which may be empty.
+    /// Returns the scale for everything within `bound`, which may be empty.
     pub(crate) fn of(bound: &Bound) -> Self {
         let size = bound.min.abs().max(bound.max.abs()).max_element();
         Self::new(if bound.is_empty() { 0.0 } else { size })
     }
 
-    /// A box of the scene.
+    /// Converts a box of the scene.
     pub(crate) fn bounds(&self, bound: &Bound) -> Box3 {
         Box3 { lo: self.point(bound.min).to_array(), hi: self.point(bound.max).to_array() }
     }
 
-    /// A place of the scene.
+    /// Converts a point of the scene.
     #[inline]
     pub(crate) fn point(&self, p: Vec3) -> Vec3 {
         p * self.factor
     }
 }
 
-/// `e` for `1 <= x / 2^e < 2`, within what [`power_of_two`] can do.
+/// Returns `e` for `1 <= x / 2^e < 2`, within the range of [`power_of_two`].
 fn exponent(x: f32) -> i32 {
     (((x.to_bits() >> 23) & 255) as i32 - 127).clamp(-125, 126)
 }
 
-/// `2^e` for `e` from -127 to 127.
+/// Returns `2^e` for `e` from -127 to 127.
 fn power_of_two(e: i32) -> f32 {
     if e < -126 { f32::MIN_POSITIVE * 0.5 } else { f32::from_bits(((e + 127) as u32) << 23) }
 }
 
-/// What is the same for all boxes and triangles that a ray meets.
+/// The values of a ray that are the same for all boxes and triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Probe {
-    /// Origin for near planes, moved so that they come nearer.
+    /// The origin for near planes, shifted so that the planes come nearer.
     near_origin: [f32; 3],
-    /// Origin for far planes, moved so that they go farther.
+    /// The origin for far planes, shifted so that the planes are farther away.
     far_origin: [f32; 3],
     inverse: [f32; 3],
-    /// Rows of a node with the near planes; those with the far ones differ in bit 0.
+    /// The rows of a node with the near planes. The rows with the far planes differ in bit 0.
     near_row: [usize; 3],
-    /// The axes in an order in which the last is the ray's longest.
+    /// The axes, ordered so that the last is the ray's longest.
     axes: [usize; 3],
     origin: [f32; 3],
-    /// How far x and y move with z.
+    /// The shear of x and y along z.
     shear: [f32; 2],
-    /// The same, and the scale of z.
+    /// The shear of x and y and the scale of z, in double precision.
     exact: [f64; 3],
-    /// Smallest distance, in the units of the tree.
+    /// The smallest distance, in the units of the tree.
     pub(crate) tmin: f32,
-    /// Largest distance, in the units of the tree.
+    /// The largest distance, in the units of the tree.
     pub(crate) tmax: f32,
-    /// What the origin was moved by.
+    /// The distance by which the origin was moved.
     advance: f64,
-    /// The ray's unit of distance in those of the tree.
+    /// The ray's unit of distance, in the units of the tree.
     unit: f64,
 }
 
-/// Where a ray meets a triangle.
+/// The intersection of a ray with a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Met {
-    /// Distance in the units of the tree.
+    /// The distance in the units of the tree.
     pub(crate) t: f32,
-    /// Weight of the second vertex.
+    /// The weight of the second vertex.
     pub(crate) b1: f32,
-    /// Weight of the third vertex.
+    /// The weight of the third vertex.
     pub(crate) b2: f32,
 }
 
 impl Probe {
-    /// `bounds` are those of everything in the coordinates of the tree. `None` for rays that hit nothing: not
-    /// finite, without direction, or far from everything.
+    /// Returns the probe of a ray. `bounds` is the box of everything in the coordinates of the tree. `None` for rays
+    /// that hit nothing, because they are not finite, have no direction, or pass far from everything.
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, scale: Scale, bounds: &Box3) -> Option<Self> {
         let size = largest(ray.dir);
-        // NaN compares false; that of a component may hide behind others.
+        // NaN compares false, but the NaN of one component may be hidden by other components.
         let finite = ray.origin.is_finite() & ray.dir.is_finite() & ray.time.is_finite() & (size > 0.0);
         if !(finite & (ray.tmin <= ray.tmax)) {
             return None;
@@ -120,7 +121,7 @@ impl Probe {
         }
         let (lo, hi) = (Vec3::from_array(bounds.lo), Vec3::from_array(bounds.hi));
         let reach = largest((lo - origin).abs().max((hi - origin).abs()));
-        // And what adding it to the origin rounds.
+        // The padding includes the rounding when it is added to the origin.
         let room = reach * ROOM + largest(origin) * f32::EPSILON;
         let inverse = 1.0 / dir;
         let moved = Vec3::splat(room).copysign(inverse);
@@ -149,7 +150,7 @@ impl Probe {
         })
     }
 
-    /// A distance in the units of the ray.
+    /// Converts a distance to the units of the ray.
     #[inline]
     pub(crate) fn distance(&self, t: f32) -> f32 {
         if self.unit == 1.0 && self.advance == 0.0 {
@@ -158,12 +159,13 @@ impl Probe {
         ((f64::from(t) + self.advance) / self.unit) as f32
     }
 
-    /// A distance in the units of the tree.
+    /// Converts a distance to the units of the tree.
     pub(crate) fn within(&self, t: f32) -> f32 {
         (f64::from(t) * self.unit - self.advance) as f32
     }
 
-    /// Where the line of the ray enters and leaves a box. As for nodes, operation by operation.
+    /// Returns the distances at which the line of the ray enters and leaves a box. The operations are those for
+    /// nodes, one by one.
     pub(crate) fn through(&self, bounds: &Box3) -> (f32, f32) {
         let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
         for a in 0..3 {
@@ -180,7 +182,7 @@ impl Probe {
         (near, far)
     }
 
-    /// Looks again at a triangle that [`Wide::candidates`] named; `bounds` are its own.
+    /// Tests a triangle again that [`Wide::candidates`] returned. `bounds` is its own box.
     #[inline(always)]
     pub(crate) fn meet(
         &self,
@@ -195,7 +197,7 @@ impl Probe {
         let mut depth = [0.0; 3];
         for k in 0..3 {
             let (vx, vy, vz) = (vertices[k][kx], vertices[k][ky], vertices[k][kz]);
-            // As in `Wide`, operation by operation.
+            // The operations are those of `Wide`, one by one.
             let z = vz - oz;
             flat[k][0] = f64::from((vx - ox) - self.shear[0] * z);
             flat[k][1] = f64::from((vy - oy) - self.shear[1] * z);
@@ -205,35 +207,35 @@ impl Probe {
             depth[k] = z * self.exact[2];
         }
         let weights = edges(&flat)?;
-        // Near edges the finer numbers may say outside: then on the edge.
+        // Near edges the double precision test may find the point outside. It is then on the edge.
         let weights = edges(&solid).unwrap_or(weights);
         let scale = 1.0 / (weights[0] + weights[1] + weights[2]);
         let t = ((weights[0] * depth[0] + weights[1] * depth[1] + weights[2] * depth[2]) * scale) as f32;
         let (near, far) = self.through(&bounds());
         let t = if near > t { near } else { t };
-        // NaN fails, too.
+        // The comparison fails for NaN too.
         let hit = (near <= far) & (self.tmin <= far) & (t >= self.tmin) & (t <= tmax);
         hit.then(|| Met { t, b1: (weights[1] * scale) as f32, b2: (weights[2] * scale) as f32 })
     }
 }
 
-/// The axes after each, twice.
+/// The axes that follow each axis, listed twice.
 const NEXT: [usize; 4] = [1, 2, 0, 1];
 
-/// Lengths of directions that are left as they are: distances neither overflow nor vanish.
+/// The range of direction lengths that are not rescaled. Within it distances neither overflow nor vanish.
 const MODERATE: std::ops::Range<f32> = 1e-6..1e6;
 
-/// The largest coordinate, without its sign.
+/// Returns the largest absolute coordinate.
 #[inline(always)]
 fn largest(v: Vec3) -> f32 {
     v.abs().max_element()
 }
 
-/// Origin and direction in the coordinates of the tree, the ray's unit of distance there, and what the origin was
-/// moved by. `None` for a ray that passes by.
+/// Returns the origin and direction in the coordinates of the tree, the ray's unit of distance there, and the
+/// distance by which the origin was moved. `None` for a ray that passes by.
 #[cold]
 fn moderate(ray: &Ray, scale: Scale, bounds: &Box3) -> Option<(Vec3, Vec3, f64, f64)> {
-    // Powers of two: nothing is rounded.
+    // Scaling by powers of two does not round.
     let mut dir = ray.dir;
     let mut unit = f64::from(scale.factor);
     if largest(dir) < f32::MIN_POSITIVE {
@@ -253,7 +255,8 @@ fn moderate(ray: &Ray, scale: Scale, bounds: &Box3) -> Option<(Vec3, Vec3, f64, 
     Some((Vec3::new(at(0), at(1), at(2)), dir, unit, advance))
 }
 
-/// The edge functions of a triangle around the origin, `None` when it is outside or the triangle has no area.
+/// Returns the edge functions of a triangle around the origin. `None` when the origin is outside or the triangle has
+/// no area.
 #[inline(always)]
 fn edges([a, b, c]: &[[f64; 2]; 3]) -> Option<[f64; 3]> {
     let u = c[0] * b[1] - c[1] * b[0];
@@ -264,13 +267,13 @@ fn edges([a, b, c]: &[[f64; 2]; 3]) -> Option<[f64; 3]> {
     (low != high).then_some([u, v, w])
 }
 
-/// How far a ray from far away may go without passing anything; `None` when it passes by.
+/// Returns the distance that a ray from far away can be advanced without passing anything; `None` when it passes by.
 fn approach(origin: Vec3, scale: Scale, dir: Vec3, bounds: &Box3) -> Option<f64> {
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for a in 0..3 {
         let o = f64::from(origin[a]) * f64::from(scale.factor);
         let d = f64::from(dir[a]);
-        // The scene is at most 1 large; twice that is room enough for everything rounded.
+        // The size of the scene is at most 1. Twice that size covers all rounding.
         let (lo, hi) = (f64::from(bounds.lo[a]) - 1.0 - o, f64::from(bounds.hi[a]) + 1.0 - o);
         if d == 0.0 {
             if lo > 0.0 || hi < 0.0 {
@@ -285,7 +288,7 @@ fn approach(origin: Vec3, scale: Scale, dir: Vec3, bounds: &Box3) -> Option<f64>
     (near <= far).then_some(near)
 }
 
-/// A probe spread over vectors.
+/// A probe with each value in all lanes of a vector.
 #[derive(Clone, Copy)]
 pub(crate) struct Wide<S: Simd> {
     near_origin: [S::F8; 3],
@@ -317,7 +320,8 @@ impl<S: Simd> Wide<S> {
         }
     }
 
-    /// Which children of a node the ray meets up to `tmax`, and where it enters them.
+    /// Returns the children of a node that the ray hits up to `tmax`, as bits, and the distances at which it enters
+    /// them.
     #[inline(always)]
     pub(crate) fn enter(&self, s: S, plane: impl Fn(usize) -> S::F8, tmax: f32) -> (u32, [f32; WIDE]) {
         let (mut near, mut far) = (self.tmin, s.splat8(tmax));
@@ -331,7 +335,8 @@ impl<S: Simd> Wide<S> {
         (s.le8(near, far), s.store8(near))
     }
 
-    /// Which triangles of a block may be hit up to `tmax`; all that are hit, and few others.
+    /// Returns the triangles of a block that may be hit up to `tmax`, as bits. They include all that are hit and few
+    /// others.
     #[inline(always)]
     pub(crate) fn candidates(&self, s: S, block: &Block, tmax: f32) -> u32 {
         let [kx, ky, kz] = self.axes;
@@ -354,7 +359,7 @@ impl<S: Simd> Wide<S> {
         if inside == 0 {
             return 0;
         }
-        // The hit is between the nearest and the farthest vertex.
+        // The hit lies between the nearest and the farthest vertex.
         let t = z.map(|z| s.mul4(z, self.zscale));
         let first = s.min4(s.min4(t[0], t[1]), t[2]);
         let last = s.max4(s.max4(t[0], t[1]), t[2]);
@@ -365,10 +370,10 @@ impl<S: Simd> Wide<S> {
     }
 }
 
-/// Planes of a node that stands still.
+/// Returns the planes of a node that does not move.
 #[inline(always)]
 pub(crate) fn still_plane<'a, S: Simd + 'a>(s: S, node: &'a Node) -> impl Fn(usize) -> S::F8 + 'a {
-    move |row| s.load8(node.row(row))
+    move |row| s.bits8(node.row(row))
 }
 
 const _: () = assert!(NARROW == 4);

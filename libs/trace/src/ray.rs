@@ -6,39 +6,39 @@ use granita_base::Vec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
-    /// Where it starts.
+    /// The origin.
     pub origin: Vec3,
-    /// Smallest distance that counts, in units of `dir`.
+    /// The smallest distance of a hit, in units of `dir`.
     pub tmin: f32,
-    /// Direction, of any length but zero.
+    /// The direction, of any length but zero.
     pub dir: Vec3,
-    /// Largest distance that counts; may be infinite.
+    /// The largest distance of a hit, in units of `dir`; may be infinite.
     pub tmax: f32,
-    /// Time, for moving geometry.
+    /// The time, for moving geometry.
     pub time: f32,
 }
 
-/// Where a ray met a triangle.
+/// The hit of a ray on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Hit {
-    /// Distance in units of the ray's direction; infinite for a miss.
+    /// The distance in units of the ray's direction; infinite for a miss.
     pub t: f32,
-    /// Index of the mesh; `u32::MAX` for a miss.
+    /// The index of the mesh; `u32::MAX` for a miss.
     pub mesh: u32,
-    /// Index of the triangle in its mesh.
+    /// The index of the triangle in its mesh.
     pub triangle: u32,
-    /// Weight of the triangle's second vertex.
+    /// The weight of the triangle's second vertex.
     pub b1: f32,
-    /// Weight of the triangle's third vertex; that of the first is `1 - b1 - b2`.
+    /// The weight of the triangle's third vertex. The weight of the first is `1 - b1 - b2`.
     pub b2: f32,
 }
 
 impl Hit {
-    /// No hit.
+    /// The value for a ray that hits nothing.
     pub const MISS: Self = Self { t: f32::INFINITY, mesh: u32::MAX, triangle: u32::MAX, b1: 0.0, b2: 0.0 };
 
-    /// Whether something was hit.
+    /// True when the ray hit a triangle.
     pub fn is_hit(&self) -> bool {
         self.mesh != u32::MAX
     }

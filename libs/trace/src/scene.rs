@@ -1,4 +1,4 @@
-//! What rays go through: the trees of all meshes.
+//! The trees of all meshes of a tracer.
 
 use crate::Hit;
 use crate::layout::Box3;
@@ -6,20 +6,20 @@ use crate::moving::MovingTree;
 use crate::probe::{Met, Probe, Scale};
 use crate::still::StillTree;
 
-/// What rays go through.
+/// The trees that rays traverse.
 #[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) still: StillTree,
     pub(crate) moving: MovingTree,
-    /// Number of the first triangle of each mesh.
+    /// The number of the first triangle of each mesh.
     pub(crate) first: Vec<u32>,
     pub(crate) scale: Scale,
-    /// Box around everything in the coordinates of the trees.
+    /// The box around everything, in the coordinates of the trees.
     pub(crate) bounds: Box3,
 }
 
 impl Scene {
-    /// What the world is told of a hit.
+    /// Converts a hit in the coordinates of the trees to one in world space.
     pub(crate) fn hit(&self, probe: &Probe, met: &Met, id: u32) -> Hit {
         let mesh = self.first.partition_point(|first| *first <= id) - 1;
         Hit {

@@ -1,28 +1,29 @@
-//! The tree of all that stands still.
+//! The tree of all triangles that do not move.
 
 use crate::TriangleMesh;
 use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
 use crate::probe::{Scale, Wide, still_plane};
-use crate::simd::{self, NARROW, Simd, WIDE};
 use crate::tree::Tree;
 use granita_base::Vec3;
+use granita_machine::memory::with_large_pages;
+use granita_machine::simd::{NARROW, Simd, WIDE};
 
-/// Triangles that stand still and lie elsewhere: nothing of them is copied before the tree is built.
+/// Triangles that do not move and are stored elsewhere. They are not copied before the tree is built.
 pub trait Triangles: Sync {
-    /// How many there are.
+    /// The number of triangles.
     fn count(&self) -> usize;
 
-    /// The vertices of one; `None` for one that is never hit.
+    /// Returns the vertices of a triangle; `None` for one that is never hit.
     fn triangle(&self, triangle: usize) -> Option<[Vec3; 3]>;
 }
 
-/// The vertices of a triangle that lies elsewhere, if it can be hit.
+/// Returns the vertices of a triangle that is stored elsewhere, if it can be hit.
 pub(crate) fn corners_elsewhere(triangles: &dyn Triangles, t: usize) -> Option<[Vec3; 3]> {
     triangles.triangle(t).filter(|v| v.iter().all(|p| p.is_finite()))
 }
 
-/// The tree of all that stands still.
+/// The tree of all triangles that do not move.
 #[derive(Debug, Default)]
 pub(crate) struct StillTree {
     nodes: Vec<Node>,
@@ -60,10 +61,10 @@ impl StillTree {
         }
         let Topology { mut nodes, blocks: spans } = build::build(&mut items, threads);
         nodes.shrink_to_fit();
-        // The boxes are not needed any more, and the blocks are about to take their room.
+        // The boxes are not needed any more, and their memory is freed before the blocks are allocated.
         let ids: Vec<u32> = items.iter().map(Item::id).collect();
         drop(items);
-        let mut blocks = simd::with_large_pages(spans.len());
+        let mut blocks = with_large_pages(spans.len());
         blocks.resize(spans.len(), Block::EMPTY);
         let part = spans.len().div_ceil(threads.max(1)).max(1);
         std::thread::scope(|scope| {
@@ -86,7 +87,7 @@ impl StillTree {
         Self { nodes, blocks }
     }
 
-    /// How many blocks there are.
+    /// The number of blocks.
     #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.blocks.len()

@@ -1,13 +1,13 @@
-//! The kernel against a test of all triangles, and the wide against the plain one.
+//! Tests of the kernel against a test of all triangles, and of the wide vectors against the portable ones.
 
 use crate::layout::Block;
 use crate::probe::{Met, Probe, Wide};
 use crate::scene::Scene;
-use crate::simd::Portable;
-use crate::trace::{Batch, Best, RayRoom, Task};
+use crate::trace::{Batch, Best, RayScratch, Task};
 use crate::tree::Tree;
 use crate::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use granita_base::{Vec3, hash};
+use granita_machine::simd::Portable;
 
 fn random(seed: u32, i: u32) -> f32 {
     hash::unit(hash::words(&[seed, i])) * 2.0 - 1.0
@@ -17,7 +17,7 @@ fn random_point(seed: u32, i: u32) -> Vec3 {
     Vec3::new(random(seed, i * 3), random(seed, i * 3 + 1), random(seed, i * 3 + 2))
 }
 
-/// All triangles one by one, whatever the tree.
+/// Tests all triangles one by one, without a tree.
 fn brute_force(scene: &Scene, ray: &Ray) -> Hit {
     let Some(probe) = Probe::new(ray, scene.scale, &scene.bounds) else { return Hit::MISS };
     let wide = Wide::new(Portable, &probe);
@@ -34,7 +34,7 @@ fn all_of(tree: &impl Tree, blocks: usize, probe: &Probe, wide: &Wide<Portable>,
     let mut room = Block::EMPTY;
     for k in 0..blocks {
         let block = tree.block(k, &mut room);
-        // Looked at without a limit, so that no order matters.
+        // The candidates are found without a limit, so that the order has no effect.
         let mask = wide.candidates(Portable, block, f32::INFINITY);
         for lane in (0..4).filter(|lane| mask >> lane & 1 != 0) {
             let found = probe.meet(&block.vertices(lane), || tree.bounds(block, lane), probe.tmax);
@@ -47,12 +47,12 @@ fn all_of(tree: &impl Tree, blocks: usize, probe: &Probe, wide: &Wide<Portable>,
     }
 }
 
-/// Triangles of all sizes and of no size, coincident ones, ones that share edges; still and moving.
+/// Returns still and moving triangles of all sizes including zero, some coincident and some with shared edges.
 fn soup(seed: u32, n: u32) -> Tracer {
     let corners = |shift: f32| {
         let at = |i: u32| {
             let t = i / 3;
-            // On a grid now and then, where much coincides.
+            // Some triangles are on a grid, where many coincide.
             let middle = match t % 4 {
                 0 => (random_point(seed, t / 2) * 4.0).round() * 0.25,
                 _ => random_point(seed, t),
@@ -83,12 +83,13 @@ fn soup(seed: u32, n: u32) -> Tracer {
         positions: vec![corners(0.5), corners(0.0)],
         triangles: triangles[..n as usize / 8].to_vec(),
     });
-    // Once more: ties.
+    // The meshes are added twice, which makes ties.
     builder.add(still);
     builder.build(1)
 }
 
-/// Rays of all kinds: from inside and from far away, along axes, in planes, through vertices, ranges, odd ones.
+/// Returns rays of all kinds: from inside and from far away, along axes, in planes, through vertices, with ranges and
+/// with unusual values.
 fn odd_ray(seed: u32, i: u32) -> Ray {
     let mut origin = random_point(seed, 2 * i) * 1.5;
     let mut dir = random_point(seed, 2 * i + 1);
@@ -151,7 +152,7 @@ fn wide_is_portable_to_the_bit() {
     let rays: Vec<Ray> = (0..20_000).map(|i| odd_ray(99, i)).collect();
     let batch = Batch { scene: &tracer.scene, rays: &rays, order: None };
     let (mut wide, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
-    let mut room = RayRoom::default();
+    let mut room = RayScratch::default();
     batch.trace(Task::Closest(&mut wide), &mut room);
     batch.run(Portable, Task::Closest(&mut plain), &mut room);
     let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
@@ -218,7 +219,7 @@ fn trees_do_not_depend_on_threads() {
 
 #[test]
 fn trees_of_items_that_nothing_tells_apart_are_shallow() {
-    // All in one place, and each a thousandth of the one before.
+    // The sizes are all equal, or each is a thousandth of the one before.
     for scale in [1.0, 1e-3] {
         let size = |i: u32| 1e18_f32 * f32::powi(scale, (i % 12) as i32);
         let positions: Vec<Vec3> = (0..30_000).map(|i| random_point(1, i % 3) * size(i / 3)).collect();
@@ -235,7 +236,7 @@ fn trees_of_items_that_nothing_tells_apart_are_shallow() {
     }
 }
 
-/// A closed, bumpy ball of `n` by `2 n` squares, each of two triangles; slivers at the poles.
+/// Returns a closed, bumpy ball of `n` by `2 n` quads of two triangles each, with slivers at the poles.
 fn ball(n: u32) -> TriangleMesh {
     let mut positions = Vec::new();
     for j in 0..=n {
@@ -262,7 +263,7 @@ fn ball(n: u32) -> TriangleMesh {
     TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
 }
 
-/// Rays from inside of the ball through its vertices and places on its edges, near and far.
+/// Returns rays from inside of the ball through its vertices and points on its edges, near and far.
 fn rays_at_edges(mesh: &TriangleMesh, count: u32) -> Vec<Ray> {
     let p = &mesh.positions[0];
     let ray = |i: u32| {
@@ -290,7 +291,8 @@ fn nothing_passes_between_triangles_that_share_an_edge() {
     let mut hits = vec![Hit::MISS; rays.len()];
     whole.closest(&rays, &mut hits);
     assert_eq!(hits.iter().position(|h| !h.is_hit()), None);
-    // Nor between those of different tracers within one bound, which answer as the whole does.
+    // Rays do not pass between triangles of different tracers within one bound either. Together these find the same
+    // hits as one tracer.
     let parts: Vec<Tracer> = (0..7)
         .map(|k| {
             let mut builder = TracerBuilder::within(whole.bound());

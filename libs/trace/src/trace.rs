@@ -1,52 +1,52 @@
-//! Going through a tree.
+//! Traversal of a tree.
 //!
-//! Nearest children first; what begins behind the best hit so far is not visited. The kernel is written once and
-//! compiled for each kind of machine, see `simd`.
+//! The nearest children are visited first. Children that begin behind the best hit so far are skipped. The kernel is
+//! written once and compiled for each kind of machine, see `simd`.
 
 use crate::build::LEVELS;
 use crate::layout::{Block, Link};
 use crate::probe::{Met, Probe, Wide};
 use crate::scene::Scene;
-use crate::simd::{self, Kernel, Simd, WIDE};
 use crate::tree::Tree;
 use crate::{Hit, Ray};
+use granita_machine::simd::{Kernel, Simd, WIDE, dispatch};
 
 /// Rays to be traced.
 pub(crate) struct Batch<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) rays: &'a [Ray],
-    /// Indices of the rays in the order in which to trace them; `None` for that in which they are.
+    /// The indices of the rays in the order in which to trace them; `None` for their own order.
     pub(crate) order: Option<&'a [u32]>,
 }
 
-/// What is wanted of them.
+/// The requested result.
 pub(crate) enum Task<'a> {
-    /// The closest hit of each.
+    /// The closest hit of each ray.
     Closest(&'a mut [Hit]),
-    /// Whether each hits anything.
+    /// One flag for each ray, true when the ray hits anything.
     Any(&'a mut [bool]),
-    /// The closest hit of the first that is accepted.
+    /// The closest hit of the first ray that is accepted.
     Where(&'a mut Hit, &'a mut dyn FnMut(&Hit) -> bool),
 }
 
-/// What becomes of a hit.
+/// The decision about a hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
-    /// It does not count.
+    /// The hit is ignored.
     Pass,
-    /// It is the best so far.
+    /// The hit is the best so far.
     Take,
-    /// It is enough.
+    /// The search ends with this hit.
     Stop,
 }
 
-/// Room for going through trees: for many rays that are traced one by one, made once.
+/// Scratch for the traversal of trees, which is made once for many rays that are traced one by one.
 ///
-/// Children waiting, as the bits of where they are entered above their link.
+/// It holds the children that are still to be visited, as the bits of their entry distances above their links.
 #[derive(Clone, Debug)]
-pub struct RayRoom([u64; LEVELS * (WIDE - 1) + WIDE]);
+pub struct RayScratch([u64; LEVELS * (WIDE - 1) + WIDE]);
 
-impl Default for RayRoom {
+impl Default for RayScratch {
     fn default() -> Self {
         Self([0; _])
     }
@@ -56,14 +56,16 @@ impl Default for RayRoom {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Best {
     pub(crate) met: Met,
-    /// Number of the triangle; `u32::MAX` for none.
+    /// The number of the triangle; `u32::MAX` for none.
     pub(crate) id: u32,
 }
 
-/// A batch, what is wanted of it, and room for going through trees.
-struct Tracing<'a, 'b, 't>(&'a Batch<'b>, Task<'t>, &'a mut RayRoom);
+/// A batch, the requested result, and scratch for the traversal.
+struct Tracing<'a, 'b, 't>(&'a Batch<'b>, Task<'t>, &'a mut RayScratch);
 
 impl Kernel for Tracing<'_, '_, '_> {
+    type Output = ();
+
     #[inline(always)]
     fn run<S: Simd>(self, s: S) {
         self.0.run(s, self.1, self.2);
@@ -71,14 +73,14 @@ impl Kernel for Tracing<'_, '_, '_> {
 }
 
 impl Batch<'_> {
-    /// Traces the rays with the widest vectors that the machine has.
+    /// Traces the rays with the widest vectors of the machine.
     #[inline]
-    pub(crate) fn trace(&self, task: Task<'_>, room: &mut RayRoom) {
-        simd::dispatch(Tracing(self, task, room));
+    pub(crate) fn trace(&self, task: Task<'_>, room: &mut RayScratch) {
+        dispatch(Tracing(self, task, room));
     }
 
     #[inline(always)]
-    pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>, stack: &mut RayRoom) {
+    pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>, stack: &mut RayScratch) {
         match task {
             Task::Closest(hits) => {
                 for k in 0..self.rays.len() {
@@ -106,7 +108,7 @@ impl Batch<'_> {
         }
     }
 
-    /// Index of the ray that is traced as `k`-th, and of one that follows soon.
+    /// Returns the index of the ray that is traced as `k`-th, and the index of one that follows soon.
     #[inline(always)]
     fn at<S: Simd>(&self, s: S, k: usize) -> (usize, usize) {
         let Some(order) = self.order else { return (k, k) };
@@ -120,7 +122,7 @@ impl Batch<'_> {
         &self,
         s: S,
         ray: &Ray,
-        stack: &mut RayRoom,
+        stack: &mut RayScratch,
         judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
     ) -> Hit {
         let Some(probe) = Probe::new(ray, self.scene.scale, &self.scene.bounds) else { return Hit::MISS };
@@ -136,13 +138,14 @@ impl Batch<'_> {
     }
 }
 
-/// Visits all triangles whose boxes the ray meets before the best hit so far; false when told to stop.
+/// Visits all triangles whose boxes the ray hits before the best hit so far. Returns false when the search was
+/// stopped.
 #[inline(always)]
 fn through<S: Simd>(
     s: S,
     tree: &impl Tree,
     (probe, wide): (&Probe, &Wide<S>),
-    stack: &mut RayRoom,
+    stack: &mut RayScratch,
     best: &mut Best,
     judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
 ) -> bool {
@@ -175,7 +178,8 @@ fn through<S: Simd>(
             let (a, b) = (entry(a), entry(b));
             tree.prefetch(s, Link(a as u32));
             tree.prefetch(s, Link(b as u32));
-            // As integers: the order of distances, but for negative ones, where any order will do.
+            // Compared as integers, the values are ordered by distance, except for negative distances, where any
+            // order is valid.
             let (first, second) = if (a as i64) < (b as i64) { (a, b) } else { (b, a) };
             if mask == 0 {
                 stack[size] = second;
@@ -183,7 +187,7 @@ fn through<S: Simd>(
                 link = Link(first as u32);
                 continue 'down;
             }
-            // The nearest goes last, to be taken first.
+            // The nearest child is pushed last, so that it is visited first.
             let base = size;
             stack[size] = second;
             stack[size + 1] = first;
@@ -231,7 +235,8 @@ fn through<S: Simd>(
     }
 }
 
-/// The next that is not behind the best hit. Not at the same distance either: there may be a smaller number.
+/// Pops the next child that is not behind the best hit. A child at the same distance is kept, because it may hold a
+/// triangle with a smaller number.
 #[inline(always)]
 fn pop(stack: &[u64], size: &mut usize, tmax: f32) -> Option<Link> {
     while *size > 0 {

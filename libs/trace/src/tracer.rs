@@ -1,4 +1,4 @@
-//! Building and tracing.
+//! The tracer and its builder.
 
 use crate::layout::Box3;
 use crate::moving::MovingTree;
@@ -6,40 +6,42 @@ use crate::order::{self, Sorter};
 use crate::probe::Scale;
 use crate::scene::Scene;
 use crate::still::{StillTree, Triangles, corners_elsewhere};
-use crate::trace::{Batch, RayRoom, Task};
+use crate::trace::{Batch, RayScratch, Task};
 use crate::{Hit, MeshId, Ray, TriangleMesh};
 use granita_base::Bound;
 
-/// Triangles of all meshes of a tracer at most.
+/// The largest number of triangles of all meshes of a tracer.
 const MAX_TRIANGLES: usize = 1 << 30;
 
-/// Collects meshes.
+/// Collects meshes for a tracer.
 #[derive(Default)]
 pub struct TracerBuilder<'a> {
     meshes: Vec<TriangleMesh>,
-    /// By mesh: where its triangles are when they are not in it.
+    /// For each mesh: the source of its triangles when they are not stored in it.
     elsewhere: Vec<Option<&'a dyn Triangles>>,
     triangles: usize,
     within: Option<Bound>,
 }
 
 impl<'a> TracerBuilder<'a> {
-    /// No meshes.
+    /// Returns a builder without meshes.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// No meshes, of a tracer that is one of several within `bound`: what is hit, and where, does not depend on which of
-    /// them a triangle is in, and no ray passes between triangles that share an edge and are in different ones.
+    /// Returns a builder without meshes for one of several tracers within `bound`. The hits do not depend on which of
+    /// the tracers contains a triangle, and no ray passes between triangles that share an edge and are in different
+    /// tracers.
     pub fn within(bound: Bound) -> Self {
         Self { within: Some(bound), ..Self::default() }
     }
 
-    /// Adds triangles that stand still; as [`TracerBuilder::add`]. Vertices that are not finite are never hit.
+    /// Adds triangles that do not move; see [`TracerBuilder::add`]. Triangles with vertices that are not finite are
+    /// never hit.
     ///
     /// # Panics
     ///
-    /// With more than 2^30 triangles in all.
+    /// Panics with more than 2^30 triangles in all.
     pub fn add_triangles(&mut self, triangles: &'a dyn Triangles) -> MeshId {
         let id = self.add(TriangleMesh::default());
         self.count(triangles.count());
@@ -52,12 +54,13 @@ impl<'a> TracerBuilder<'a> {
         assert!(self.triangles <= MAX_TRIANGLES && self.meshes.len() < MAX_TRIANGLES, "too many triangles");
     }
 
-    /// Adds a mesh. Triangles with vertex indices out of range, or with vertices that are not finite, are never hit;
-    /// nor is a mesh without times, with fewer lists of positions than times, or with times that do not increase.
+    /// Adds a mesh. Triangles with vertex indices out of range, or with vertices that are not finite, are never hit.
+    /// A mesh without times, with fewer lists of positions than times, or with times that do not increase is never
+    /// hit either.
     ///
     /// # Panics
     ///
-    /// With more than 2^30 triangles in all.
+    /// Panics with more than 2^30 triangles in all.
     pub fn add(&mut self, mesh: TriangleMesh) -> MeshId {
         self.count(mesh.triangles.len());
         self.meshes.push(mesh);
@@ -65,8 +68,8 @@ impl<'a> TracerBuilder<'a> {
         MeshId(self.meshes.len() as u32 - 1)
     }
 
-    /// Builds the acceleration structure, on the calling thread and up to `threads - 1` more. The structure does
-    /// not depend on their number. Meshes that stand still are not kept.
+    /// Builds the acceleration structure, on the calling thread and up to `threads - 1` more. The structure does not
+    /// depend on the number of threads. Meshes that do not move are dropped.
     pub fn build(mut self, threads: usize) -> Tracer {
         let mut bound = Bound::EMPTY;
         let mut first = Vec::with_capacity(self.meshes.len());
@@ -92,7 +95,7 @@ impl<'a> TracerBuilder<'a> {
         let all = self.within.map_or(bound, |b| b.union(bound));
         let (scale, bounds) = (Scale::of(&all), all);
         let still = StillTree::new(&self.meshes, &self.elsewhere, &first, scale, threads);
-        // Only what moves is looked up again.
+        // Only moving meshes are read again.
         for mesh in self.meshes.iter_mut().filter(|m| m.times.len() < 2) {
             *mesh = TriangleMesh::default();
         }
@@ -103,7 +106,7 @@ impl<'a> TracerBuilder<'a> {
     }
 }
 
-/// Answers rays. Shared between threads.
+/// Finds the hits of rays. A tracer is shared between threads.
 #[derive(Debug)]
 pub struct Tracer {
     bound: Bound,
@@ -112,53 +115,53 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Box around everything that can be hit, over all times; empty without anything.
+    /// Returns the box around everything that can be hit, over all times; empty when there is nothing.
     pub fn bound(&self) -> Bound {
         self.bound
     }
 
-    /// Bytes of memory that the structure takes.
+    /// The number of bytes of memory that the structure occupies.
     pub fn bytes(&self) -> usize {
         self.scene.still.bytes() + self.scene.moving.bytes() + self.scene.first.capacity() * size_of::<u32>()
     }
 
-    /// The closest hit of each ray; [`Hit::MISS`] for none.
+    /// Finds the closest hit of each ray; [`Hit::MISS`] for none.
     ///
     /// # Panics
     ///
-    /// When `hits` is not as long as `rays`.
+    /// Panics when `hits` is not as long as `rays`.
     pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "as many hits as rays");
         for (rays, hits) in rays.chunks(order::MANY).zip(hits.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
             let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
-            batch.trace(Task::Closest(hits), &mut RayRoom::default());
+            batch.trace(Task::Closest(hits), &mut RayScratch::default());
         }
     }
 
-    /// Whether each ray hits anything.
+    /// Determines whether each ray hits anything.
     ///
     /// # Panics
     ///
-    /// When `blocked` is not as long as `rays`.
+    /// Panics when `blocked` is not as long as `rays`.
     pub fn any(&self, rays: &[Ray], blocked: &mut [bool]) {
         assert_eq!(rays.len(), blocked.len(), "as many answers as rays");
         for (rays, blocked) in rays.chunks(order::MANY).zip(blocked.chunks_mut(order::MANY)) {
             let order = self.sorter.order(rays);
             let batch = Batch { scene: &self.scene, rays, order: order.as_deref() };
-            batch.trace(Task::Any(blocked), &mut RayRoom::default());
+            batch.trace(Task::Any(blocked), &mut RayScratch::default());
         }
     }
 
-    /// The closest hit of one ray, as [`Tracer::closest`] finds it.
-    pub fn closest_of_one(&self, ray: &Ray, room: &mut RayRoom) -> Hit {
+    /// Returns the closest hit of one ray, the same as [`Tracer::closest`] finds.
+    pub fn closest_of_one(&self, ray: &Ray, room: &mut RayScratch) -> Hit {
         let mut hit = [Hit::MISS];
         self.only(ray).trace(Task::Closest(&mut hit), room);
         hit[0]
     }
 
-    /// Whether one ray hits anything, as [`Tracer::any`] finds it.
-    pub fn any_of_one(&self, ray: &Ray, room: &mut RayRoom) -> bool {
+    /// Returns whether one ray hits anything, the same as [`Tracer::any`] finds.
+    pub fn any_of_one(&self, ray: &Ray, room: &mut RayScratch) -> bool {
         let mut blocked = [false];
         self.only(ray).trace(Task::Any(&mut blocked), room);
         blocked[0]
@@ -168,13 +171,13 @@ impl Tracer {
         Batch { scene: &self.scene, rays: std::slice::from_ref(ray), order: None }
     }
 
-    /// The closest hit that `accept` lets pass.
+    /// Returns the closest hit that `accept` accepts.
     ///
-    /// `accept` is asked about some of the hits, in no particular order, about each at most once; its answer must
+    /// `accept` is called for some of the hits, in no particular order, and at most once for each. Its result must
     /// depend on the hit alone.
     pub fn closest_where(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Hit {
         let mut hit = Hit::MISS;
-        self.only(ray).trace(Task::Where(&mut hit, accept), &mut RayRoom::default());
+        self.only(ray).trace(Task::Where(&mut hit, accept), &mut RayScratch::default());
         hit
     }
 }

@@ -1,15 +1,16 @@
-//! What a tree of triangles must be able to do to be gone through.
+//! The interface of a tree of triangles for traversal.
 
 use crate::layout::{Block, Box3, Link};
 use crate::probe::Wide;
-use crate::simd::{Simd, WIDE};
+use granita_machine::simd::{Simd, WIDE};
 
-/// What a tree must be able to show to be gone through.
+/// The operations of a tree that traversal needs.
 pub(crate) trait Tree {
-    /// Whether there is anything in it.
+    /// True when the tree contains no triangles.
     fn is_empty(&self) -> bool;
 
-    /// The children of a node that a ray meets up to `tmax`, where it enters them, and what they are.
+    /// Returns the children of a node that a ray hits up to `tmax`, the distances at which it enters them, and their
+    /// links.
     fn enter<S: Simd>(
         &self,
         s: S,
@@ -18,12 +19,12 @@ pub(crate) trait Tree {
         tmax: f32,
     ) -> (u32, [f32; WIDE], &[u32; WIDE]);
 
-    /// The triangles of a block; `room` is where to put them if they do not lie ready.
+    /// Returns the triangles of a block. `room` is storage for them if they are not stored in the tree.
     fn block<'a>(&'a self, block: usize, room: &'a mut Block) -> &'a Block;
 
-    /// Box of a triangle of a block.
+    /// Returns the box of a triangle of a block.
     fn bounds(&self, block: &Block, lane: usize) -> Box3;
 
-    /// Asks for what is behind a link.
+    /// Prefetches the target of a link.
     fn prefetch<S: Simd>(&self, s: S, link: Link);
 }

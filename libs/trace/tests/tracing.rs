@@ -1,4 +1,4 @@
-//! The tree against all triangles one by one, closed surfaces, motion, scale, odd rays.
+//! Tests of the tree against all triangles one by one, with closed surfaces, motion, scale and unusual rays.
 
 use granita_base::{Vec3, hash};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
@@ -34,7 +34,7 @@ fn random_point(seed: u32, i: u32) -> Vec3 {
     Vec3::new(random(seed, i * 3), random(seed, i * 3 + 1), random(seed, i * 3 + 2))
 }
 
-/// Every triangle in a tracer of its own: no tree to speak of.
+/// Puts every triangle into a tracer of its own, so that the tree has no effect.
 fn brute_force(meshes: &[TriangleMesh], ray: Ray) -> Hit {
     let mut best = Hit::MISS;
     for (m, mesh) in meshes.iter().enumerate() {
@@ -49,7 +49,7 @@ fn brute_force(meshes: &[TriangleMesh], ray: Ray) -> Hit {
     best
 }
 
-/// A sphere of `2 * n * n` triangles.
+/// Returns a sphere of `2 * n * n` triangles.
 fn sphere(n: u32) -> TriangleMesh {
     let mut positions = Vec::new();
     for j in 0..=n {
@@ -59,7 +59,7 @@ fn sphere(n: u32) -> TriangleMesh {
             positions.push(Vec3::new(t.cos() * p.sin(), t.sin() * p.sin(), p.cos()));
         }
     }
-    // One vertex at each pole, so that the surface is closed.
+    // There is one vertex at each pole, so that the surface is closed.
     let at = |i: u32, j: u32| {
         if j == 0 {
             0
@@ -107,7 +107,7 @@ proptest! {
             tracer.any(&[r], &mut blocked);
             prop_assert_eq!(blocked[0], b.is_hit());
             if b.is_hit() {
-                // Without the closest triangle the next one is found, and beyond it nothing nearer.
+                // Without the closest triangle the next one is found, which is not nearer.
                 let next = tracer.closest_where(&r, &mut |h| (h.mesh, h.triangle) != (b.mesh, b.triangle));
                 prop_assert!(!next.is_hit() || next.t >= b.t);
                 let shorter = Ray { tmax: b.t * 0.999, ..r };
@@ -125,7 +125,7 @@ proptest! {
         let tracer = build(vec![mesh.clone()]);
         let inside = shift + random_point(seed, 3) * 0.3 * scale;
         for i in 0..300 {
-            // At vertices, at middles of edges, and anywhere.
+            // Rays are aimed at vertices, at middles of edges, and at other points.
             let [a, b, _] = mesh.triangles[(i * 7 % mesh.triangles.len() as u32) as usize];
             let (a, b) = (mesh.positions[0][a as usize], mesh.positions[0][b as usize]);
             let dir = match i % 3 { 0 => a - inside, 1 => (a + b) * 0.5 - inside, _ => random_point(seed, i) };
@@ -137,7 +137,7 @@ proptest! {
 #[test]
 fn ties_go_to_the_smallest_number() {
     let square = vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
-    // The same triangles many times over, in many meshes.
+    // The same triangles are repeated many times in several meshes.
     let many: Vec<[u32; 3]> = (0..50).flat_map(|_| [[0, 1, 2], [0, 2, 3]]).collect();
     let tracer = build(vec![still(square.clone(), many.clone()), still(square, many)]);
     for (x, y) in [(0.3, 0.2), (0.2, 0.3), (0.5, 0.5), (0.0, 0.0), (1.0, 1.0)] {
@@ -145,7 +145,7 @@ fn ties_go_to_the_smallest_number() {
         assert_eq!((hit.t, hit.mesh), (3.0, 0));
         assert_eq!(hit.triangle, u32::from(y > x));
     }
-    // Also when the first is not accepted.
+    // The order is the same when the first hit is not accepted.
     let r = ray(Vec3::new(0.3, 0.2, 3.0), -Vec3::Z);
     let hit = tracer.closest_where(&r, &mut |h| h.mesh == 1 && h.triangle > 10);
     assert_eq!((hit.mesh, hit.triangle), (1, 12));
@@ -159,7 +159,7 @@ fn barycentric_weights_give_the_point() {
     let hit = closest(&tracer, r);
     let on_triangle = p[0] * (1.0 - hit.b1 - hit.b2) + p[1] * hit.b1 + p[2] * hit.b2;
     assert!((r.origin + r.dir * hit.t - on_triangle).length() < 1e-5);
-    // From behind as well.
+    // The triangle is also hit from behind.
     assert!(closest(&tracer, ray(Vec3::new(0.4, 0.9, -5.0), Vec3::Z)).is_hit());
 }
 
@@ -177,7 +177,7 @@ fn moving_triangles_are_hit_where_they_are() {
         let r = Ray { time, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) };
         assert_eq!(closest(&tracer, r).t, 10.0 - z, "{time}");
     }
-    // It does not exist before and after.
+    // The mesh does not exist before and after its keys.
     for time in [-1.0, -1e-6, 1.000_001, 7.0] {
         assert!(
             !closest(&tracer, Ray { time, ..ray(Vec3::new(0.2, 0.2, 10.0), -Vec3::Z) }).is_hit(),
@@ -193,7 +193,8 @@ fn odd_rays_and_odd_meshes() {
     assert!(!closest(&empty, ray(Vec3::ZERO, Vec3::Z)).is_hit());
     assert!(empty.bound().is_empty());
     let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(f32::NAN), Vec3::splat(f32::INFINITY)];
-    // Out of range, not finite, no area: never hit, never in the way.
+    // Triangles with indices out of range, vertices that are not finite, or no area are never hit and never block
+    // others.
     let triangles = vec![[0, 1, 9], [0, 1, 3], [0, 4, 2], [0, 0, 0], [0, 1, 1], [0, 1, 2]];
     let bad =
         TriangleMesh { times: vec![1.0, 0.0], positions: vec![p.clone(); 2], triangles: triangles.clone() };
@@ -218,7 +219,7 @@ fn odd_rays_and_odd_meshes() {
     ] {
         assert_eq!(closest(&tracer, bad), Hit::MISS, "{bad:?}");
     }
-    // Both ends of the range count; distances may be negative.
+    // Both ends of the range are included. Distances may be negative.
     assert!(closest(&tracer, Ray { tmin: 1.0, tmax: 1.0, ..good }).is_hit());
     assert_eq!(closest(&tracer, Ray { tmin: -5.0, dir: Vec3::Z, ..good }).t, -1.0);
     // Rays within the plane of a triangle miss it.
@@ -268,7 +269,7 @@ fn batches_equal_single_rays() {
     assert!(blocked.iter().any(|b| *b) && blocked.iter().any(|b| !*b));
 }
 
-/// Möller and Trumbore's test in double precision: distance and the least of the three weights.
+/// Möller and Trumbore's test in double precision. It returns the distance and the least of the three weights.
 fn double(p: [Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
     let d = |v: Vec3| [f64::from(v.x), f64::from(v.y), f64::from(v.z)];
     let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
@@ -290,7 +291,7 @@ fn double(p: [Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
 #[test]
 fn hits_are_those_of_double_precision() {
     let mut mesh = sphere(24);
-    // Waves, so that rays come through several times.
+    // The surface has waves, so that rays pass through it several times.
     for (i, p) in mesh.positions[0].iter_mut().enumerate() {
         *p *= 1.0 + 0.3 * random(7, i as u32);
     }
@@ -298,7 +299,7 @@ fn hits_are_those_of_double_precision() {
     for i in 0..5000 {
         let r = ray(random_point(1, i) * 2.0, random_point(2, i));
         let hit = closest(&tracer, r);
-        // What the tree says is there, and nothing that is surely hit lies before it.
+        // The hit of the tree is valid, and no certain hit lies before it.
         let corners = |t: usize| mesh.triangles[t].map(|v| mesh.positions[0][v as usize]);
         if hit.is_hit() {
             let (t, weight) = double(corners(hit.triangle as usize), &r).unwrap();
@@ -325,7 +326,7 @@ fn nothing_passes_between_triangles() {
         let k = k as u32;
         let [a, b, c] = t.map(|v| p[v as usize]);
         let origin = random_point(5, k) * 0.3;
-        // At vertices, and at edges, wherever along them.
+        // Rays are aimed at vertices and at points on edges.
         let targets = [a, a + (b - a) * hash::unit(k), b + (c - b) * 0.5, c + (a - c) * hash::unit(k ^ 77)];
         rays.extend(targets.map(|p| ray(origin, p - origin)));
     }

@@ -1,4 +1,4 @@
-//! Lists of pictures: what is in folders, in the order of people, and what is a sequence.
+//! Lists of images: the content of folders, in natural order, and sequences.
 
 use granita_image::FormatRegistry;
 use std::cmp::Ordering;
@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 /// Most files that are taken of folders.
 const MOST: usize = 1 << 20;
 
-/// The files that `names` stand for: files as they are, of folders (not of those in them) what has an extension of a known
-/// format, in order. What is not there stays in the list; opening it says so.
+/// Returns the files that `names` stand for: files unchanged, and of folders (not of those in them) the files with
+/// an extension of a known format, in order. A missing file stays in the list, and opening it reports the error.
 pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
     let mut out = Vec::new();
     for name in names {
@@ -38,7 +38,7 @@ pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
     out
 }
 
-/// Compares names as people do: numbers by their value.
+/// Compares names in natural order, with numbers by their value.
 pub fn in_order(a: &str, b: &str) -> Ordering {
     let (mut p, mut q) = (a, b);
     loop {
@@ -65,14 +65,14 @@ pub fn in_order(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Entries of a list that follow each other and belong together.
+/// Consecutive entries of a list that belong together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// What they have in common: `folder/name.#.exr` for frames of a sequence, else the folder.
+    /// The common title: `folder/name.#.exr` for frames of a sequence, else the folder.
     pub title: String,
-    /// First entry, and how many.
+    /// The index of the first entry.
     pub first: usize,
-    /// Number of entries.
+    /// The number of entries.
     pub count: usize,
 }
 
@@ -86,7 +86,7 @@ fn pattern(path: &Path) -> Option<String> {
     (start < extension).then(|| format!("{}#{}", &name[..start], &name[end..]))
 }
 
-/// Groups a list: three or more frames of a sequence, else what lies in one folder.
+/// Groups a list: three or more frames of a sequence, else the files of one folder.
 pub fn groups(list: &[PathBuf]) -> Vec<Group> {
     let folder = |path: &Path| path.parent().map(|p| p.display().to_string()).unwrap_or_default();
     let key = |i: usize| (folder(&list[i]), pattern(&list[i]));

@@ -1,4 +1,4 @@
-//! How two pictures differ, in numbers.
+//! Compares two images numerically.
 
 use crate::picture::Page;
 use crate::source::{Access, Source};
@@ -12,18 +12,18 @@ use std::sync::Arc;
 /// Largest number of pixels that are compared by how they look.
 const FLIP_PIXELS: u64 = 1 << 26;
 
-/// How pictures are compared.
+/// The options of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompareOptions {
-    /// Values that differ by no more than this are alike.
+    /// The largest difference of values that count as equal.
     pub tolerance: f32,
-    /// What the signal-to-noise ratio refers to.
+    /// The peak value of the signal-to-noise ratio.
     pub peak: f32,
-    /// Whether it is also computed how different they look.
+    /// True to compute the perceived difference (FLIP) too.
     pub flip: bool,
-    /// Stops by which both are exposed for that.
+    /// The exposure of both in stops for FLIP.
     pub exposure: f32,
-    /// Pixels of the screen per degree of sight, for that.
+    /// Screen pixels per degree of sight for FLIP.
     pub pixels_per_degree: f32,
 }
 
@@ -39,49 +39,50 @@ impl Default for CompareOptions {
     }
 }
 
-/// What differs in one channel.
+/// The difference of one channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelDifference {
     /// Its name.
     pub name: String,
-    /// Values that were compared: both are finite.
+    /// The number of compared values: those where both are finite.
     pub count: u64,
-    /// Mean of the magnitudes.
+    /// The mean of the magnitudes.
     pub mean: f64,
-    /// Mean of `a - b`: what one is lighter.
+    /// The mean of `a - b`.
     pub bias: f64,
-    /// Root of the mean square.
+    /// The root of the mean square.
     pub rms: f64,
     /// The largest magnitude.
     pub max: f32,
-    /// Where that is, in pixels of the data window.
+    /// The position of the largest magnitude, in pixels of the data window.
     pub max_at: (u32, u32),
-    /// Values that differ by more than the tolerance, or of which one is no finite number and the other another one.
+    /// The number of values that differ by more than the tolerance, or of which one is not finite and the other is
+    /// different.
     pub beyond: u64,
-    /// Of these, those of which one is no finite number.
+    /// The part of `beyond` where one value is not finite.
     pub broken: u64,
 }
 
-/// What differs in two pictures.
+/// The difference of two images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Pixels across and down.
+    /// The width and height in pixels.
     pub size: (u32, u32),
     /// The channels that both have, in the order of the first.
     pub channels: Vec<ChannelDifference>,
     /// The channels that only one has.
     pub single: Vec<String>,
-    /// Pixels of which any value is beyond the tolerance.
+    /// The number of pixels with any value beyond the tolerance.
     pub pixels_beyond: u64,
-    /// Of all channels together.
+    /// The root of the mean square of all channels together.
     pub rms: f64,
-    /// In decibels, of all channels together; infinite when they are alike.
+    /// The peak signal-to-noise ratio of all channels together, in decibels; infinite when they are equal.
     pub psnr: f64,
     /// The largest magnitude.
     pub max: f32,
-    /// Mean and largest of how different they look ("FLIP"), 0 to 1.
+    /// The mean and largest perceived difference (FLIP), from 0 to 1.
     pub flip: Option<(f64, f32)>,
-    /// Whether one of them was decoded: it stores what screens take, the other is in proportion to light.
+    /// True when one of them was decoded: it is encoded for a screen, and the other is linear.
     pub decoded: bool,
 }
 
@@ -99,11 +100,12 @@ struct Sums {
 
 /// Compares the largest levels of two pages.
 ///
-/// Channels are paired by name. Integers are fractions of their range; where one page has integers of colours as screens
-/// take them and the other has floats, the integers are decoded. What is no finite number is alike only to the same.
+/// Channels are paired by name. Integers are fractions of their range. Where one page has integers of encoded
+/// colours and the other has floats, the integers are decoded. Values that are not finite are equal only to the
+/// same value.
 ///
 /// # Errors
-/// When sizes differ, no channel is common to both, or one cannot be read.
+/// Returns an error when sizes differ, no channel is common to both, or one cannot be read.
 pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Comparison> {
     let (sa, sb) = (a.spec(), b.spec());
     let size = (sa.width, sa.height);
@@ -249,11 +251,13 @@ fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, 
     }))
 }
 
-/// How different the largest levels of two pages look, as a page with the one channel `FLIP`, 0 (no difference) to 1, in
-/// the place of the first; its mean is that of [`Comparison::flip`] for the same options.
+/// Returns the perceived difference of the largest levels of two pages, as a page with the one channel `FLIP`, from
+/// 0 (no difference) to 1, at the position of the first. Its mean is that of [`Comparison::flip`] for the same
+/// options.
 ///
 /// # Errors
-/// When sizes differ, there are too many pixels, the first layers are no colours, or one cannot be read.
+/// Returns an error when sizes differ, there are too many pixels, the first layers are not colours, or one cannot
+/// be read.
 pub fn flip_page(a: &Page, b: &Page, options: &CompareOptions, store: &TileStore) -> Result<Page> {
     let (sa, sb) = (a.spec(), b.spec());
     let misuse = |what: String| ViewError::Misuse { what };

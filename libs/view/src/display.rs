@@ -1,4 +1,4 @@
-//! From values to what a screen shows: exposure, gamma, choice of channels, false colour, marks.
+//! Converts values to screen colours: exposure, gamma, choice of channels, false colour, marks.
 
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
@@ -7,10 +7,10 @@ use granita_base::hash;
 use granita_texture::make::ColorSpace;
 use std::sync::Arc;
 
-/// What is beside a picture.
+/// The colour of the screen beside an image.
 pub const BESIDE: [u8; 4] = [34, 34, 36, 255];
 
-/// Which channels of a layer are seen.
+/// The visible channels of a layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Channels {
     /// Red, green and blue as a colour.
@@ -30,7 +30,7 @@ pub enum Channels {
     One(usize),
 }
 
-/// What is seen through a picture with alpha.
+/// The background of an image with alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {
     /// Alpha is not looked at.
@@ -46,7 +46,7 @@ pub enum Background {
     Checker,
 }
 
-/// What is drawn over pixels whose values are no ordinary numbers.
+/// The marks over pixels with special values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marks {
     /// Nothing.
@@ -58,7 +58,7 @@ pub enum Marks {
     Negative,
 }
 
-/// One value in colours.
+/// Shows one value in false colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FalseColor {
     /// The colours.
@@ -67,28 +67,28 @@ pub struct FalseColor {
     pub low: f32,
     /// The value at the upper end.
     pub high: f32,
-    /// Equal ratios, rather than equal differences, are equally far apart.
+    /// True for a logarithmic scale.
     pub log: bool,
 }
 
-/// How values become colours of a screen.
+/// The conversion of values to screen colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Display {
-    /// In stops: values are multiplied by 2 to this power.
+    /// The exposure in stops. Values are multiplied by 2 to this power.
     pub exposure: f32,
-    /// Exposed values are raised to the inverse of this.
+    /// The gamma. Exposed values are raised to its inverse.
     pub gamma: f32,
-    /// Whether the result is encoded for an sRGB screen; otherwise it is shown in proportion.
+    /// True when the result is encoded for an sRGB screen. Otherwise it is shown linearly.
     pub srgb: bool,
-    /// Which channels are seen.
+    /// The visible channels.
     pub channels: Channels,
-    /// One value in colours, instead of the colours themselves.
+    /// Shows one value in false colours, instead of the colours themselves.
     pub false_color: Option<FalseColor>,
-    /// These values are black and white, instead of 0 and 1; not encoded. The first may be the larger.
+    /// The values of black and white, instead of 0 and 1, without encoding. The first may be the larger.
     pub range: Option<(f32, f32)>,
-    /// What is marked.
+    /// The marked values.
     pub marks: Marks,
-    /// What is behind.
+    /// The background.
     pub background: Background,
 }
 
@@ -107,13 +107,13 @@ impl Default for Display {
     }
 }
 
-/// Rec. 709 luminance.
+/// Returns the Rec. 709 luminance.
 pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 impl Display {
-    /// Where the four values of a pixel come from, for a layer.
+    /// Returns the sources of the four values of a pixel, for a layer.
     pub fn pick(&self, layer: &Layer) -> [Pick; 4] {
         let alpha = layer.alpha.map_or(Pick::Value(1.0), Pick::Channel);
         let one = |pick: Pick| [pick, pick, pick, Pick::Value(1.0)];
@@ -170,11 +170,11 @@ impl<T: Copy> Table<T> {
     }
 }
 
-/// Everything that bytes on the screen depend on: bits of the exposure and of gamma, whether the screen is encoded, whether
-/// values are.
+/// Everything that bytes on the screen depend on: bits of the exposure and of gamma, whether the screen is encoded,
+/// whether values are.
 type TableKey = (u32, u32, bool, bool);
 
-/// Tables that were made last: frames that follow each other use the same.
+/// The tables made last. Consecutive frames use the same.
 #[derive(Clone, Debug, Default)]
 pub struct Tables(Vec<(TableKey, Arc<Table<u8>>)>);
 
@@ -194,7 +194,7 @@ impl Tables {
     }
 }
 
-/// A [`Display`] made ready for many pixels of one kind.
+/// A [`Display`] prepared for many pixels of one kind.
 #[derive(Clone, Debug)]
 pub struct Prepared {
     display: Display,
@@ -224,8 +224,8 @@ fn byte(v: f32) -> u8 {
 }
 
 impl Prepared {
-    /// For a layer whose integers are `encoded`; alpha is not in the colours yet if `unassociated`. Of `tables` those are
-    /// used that are there, and new ones are added.
+    /// Prepares a display for a layer whose integers are `encoded`. With `unassociated`, colours are not yet
+    /// multiplied by alpha. Existing `tables` are reused, and new ones are added.
     pub fn new(
         display: &Display,
         meaning: Meaning,
@@ -251,7 +251,7 @@ impl Prepared {
         ready
     }
 
-    /// What a row of the screen looks like: pixels as for [`Prepared::show`], and where there are any.
+    /// Computes a row of the screen from pixels as for [`Prepared::show`], where `covered` is true.
     pub(crate) fn show_row(&self, pixels: &[[f32; 4]], covered: &[bool], y: u32, out: &mut [u8]) {
         const INFINITY: u32 = f32::INFINITY.to_bits();
         let ignored = self.display.background == Background::Ignored;
@@ -284,7 +284,7 @@ impl Prepared {
         byte(if self.display.srgb { ColorSpace::Srgb.encode(v) } else { v })
     }
 
-    /// A stored value in proportion to light, before exposure.
+    /// Returns a stored value in linear light, before exposure.
     pub fn linear(&self, v: f32) -> f32 {
         if self.encoded { ColorSpace::Srgb.decode(v) } else { v }
     }
@@ -324,7 +324,8 @@ impl Prepared {
         if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) }
     }
 
-    /// What a pixel looks like. `pixel` is red, green, blue and alpha as stored; (x, y) is its place on the screen.
+    /// Returns the screen colour of a pixel. `pixel` is red, green, blue and alpha as stored; (x, y) is its
+    /// position on the screen.
     #[inline]
     pub fn show(&self, pixel: [f32; 4], x: u32, y: u32) -> [u8; 4] {
         let [r, g, b, a] = pixel;
@@ -386,219 +387,28 @@ impl Prepared {
         [r, g, b, 255]
     }
 
-    /// Linear, unexposed colours with alpha in them, for laying one picture over another.
+    /// Returns linear, unexposed, premultiplied colours, for compositing one image over another.
     pub(crate) fn premultiplied(&self, [r, g, b, a]: [f32; 4]) -> [f32; 4] {
         let own = if self.unassociated { a } else { 1.0 };
         [self.linear(r) * own, self.linear(g) * own, self.linear(b) * own, a]
     }
 
-    /// The same for values that are linear and have alpha in them.
+    /// Returns the same display for values that are linear and premultiplied.
     pub(crate) fn for_linear(&self, tables: &mut Tables) -> Self {
         let meaning = if self.depth { Meaning::Depth } else { Meaning::Color };
         Self::new(&self.display, meaning, false, false, tables)
     }
 
-    /// The same for differences of encoded values, which are no colours: they are shown in proportion.
+    /// Returns the same display for differences of encoded values, which are shown linearly.
     pub(crate) fn for_differences(&self, tables: &mut Tables) -> Self {
         Self::new(&Display { srgb: false, ..self.display }, Meaning::Color, false, false, tables)
     }
 
-    /// Whether stored values are encoded.
+    /// True when stored values are encoded.
     pub(crate) fn is_encoded(&self) -> bool {
         self.encoded
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn ready(display: Display, encoded: bool) -> Prepared {
-        Prepared::new(&display, Meaning::Color, encoded, false, &mut Tables::default())
-    }
-
-    #[test]
-    fn bytes_are_shown_as_they_are_stored() {
-        let p = ready(Display::default(), true);
-        for i in 0..=255_u8 {
-            let v = f32::from(i) / 255.0;
-            assert_eq!(p.show([v, v, v, 1.0], 0, 0), [i, i, i, 255]);
-        }
-    }
-
-    #[test]
-    fn light_is_encoded_exactly_enough() {
-        let p = ready(Display::default(), false);
-        for i in 0..10_000 {
-            let v = i as f32 / 8000.0;
-            let exact = f64::from(ColorSpace::Srgb.encode(v.min(1.0))) * 255.0;
-            let got = f64::from(p.show([v, v, v, 1.0], 0, 0)[0]);
-            assert!((got - exact).abs() < 0.54, "{v}: {got} for {exact}");
-        }
-    }
-
-    #[test]
-    fn a_stop_doubles() {
-        let one = ready(Display { exposure: 1.0, ..Display::default() }, false);
-        let none = ready(Display::default(), false);
-        assert_eq!(one.show([0.1, 0.2, 0.4, 1.0], 0, 0), none.show([0.2, 0.4, 0.8, 1.0], 0, 0));
-        let plain = ready(Display { srgb: false, gamma: 2.0, ..Display::default() }, false);
-        assert_eq!(plain.show([0.25, 1.0, 4.0, 1.0], 0, 0), [128, 255, 255, 255]);
-    }
-
-    #[test]
-    fn odd_numbers_are_marked() {
-        let all = ready(Display { marks: Marks::Negative, ..Display::default() }, false);
-        let off = ready(Display { marks: Marks::Off, ..Display::default() }, false);
-        for (v, mark) in [
-            (f32::NAN, NAN),
-            (f32::INFINITY, INFINITE),
-            (f32::NEG_INFINITY, MINUS_INFINITE),
-            (-0.5, NEGATIVE),
-        ] {
-            assert_eq!(all.show([0.1, v, 0.1, 1.0], 0, 0), mark);
-            assert_eq!(off.show([0.1, v, 0.1, 1.0], 0, 0)[3], 255);
-        }
-        assert_ne!(ready(Display::default(), false).show([-1.0; 4], 0, 0), NEGATIVE);
-        assert_eq!(all.show([f32::MAX, f32::MIN_POSITIVE, 0.0, 1.0], 0, 0), [255, 0, 0, 255]);
-    }
-
-    #[test]
-    fn tables_are_made_once() {
-        let mut tables = Tables::default();
-        let mut shown = |exposure: f32| {
-            let display = Display { exposure, ..Display::default() };
-            Prepared::new(&display, Meaning::Color, false, false, &mut tables).shown
-        };
-        let first = shown(0.0);
-        assert!(Arc::ptr_eq(&first, &shown(0.0)) && !Arc::ptr_eq(&first, &shown(1.0)));
-        (2..9).for_each(|e| drop(shown(e as f32)));
-        assert!(!Arc::ptr_eq(&first, &shown(0.0)), "the last few are kept");
-        assert_eq!(tables.0.len(), Tables::KEPT);
-    }
-
-    /// Values of every kind: those that are no ordinary numbers, those at the ends of tables, any others.
-    fn any_value() -> impl Strategy<Value = f32> {
-        let odd = vec![
-            f32::NAN,
-            -f32::NAN,
-            f32::INFINITY,
-            f32::NEG_INFINITY,
-            0.0,
-            -0.0,
-            f32::MIN_POSITIVE,
-            -f32::MIN_POSITIVE,
-            f32::from_bits(1),
-            -f32::from_bits(1),
-            f32::from_bits(0x007f_ffff),
-            LEAST,
-            LEAST.next_down(),
-            f32::from_bits(BELOW),
-            f32::from_bits(BELOW - 1),
-            MOST,
-            MOST.next_down(),
-            MOST.next_up(),
-            f32::MAX,
-            f32::MIN,
-            1.0,
-            1.0_f32.next_down(),
-            1e29,
-            1e30,
-            -0.25,
-        ];
-        prop_oneof![
-            2 => proptest::sample::select(odd),
-            3 => 0.0_f32..1.5,
-            1 => -2.0_f32..0.0,
-            1 => any::<u32>().prop_map(f32::from_bits),
-        ]
-    }
-
-    fn any_display() -> impl Strategy<Value = Display> {
-        use proptest::sample::select;
-        let colors = select(ColorMap::ALL.to_vec()).prop_flat_map(|map| {
-            (-2.0_f32..1.0, 0.5_f32..9.0, any::<bool>()).prop_map(move |(low, high, log)| FalseColor {
-                map,
-                low,
-                high,
-                log,
-            })
-        });
-        let channels = select(vec![Channels::Color, Channels::Red, Channels::Luminance, Channels::One(0)]);
-        let marks = select(vec![Marks::Off, Marks::Broken, Marks::Negative]);
-        let background = select(vec![Background::Ignored, Background::Grey, Background::Checker]);
-        (
-            (select(vec![0.0_f32, 1.0, -3.5, 20.0]), select(vec![1.0_f32, 2.2]), any::<bool>()),
-            (channels, marks, background),
-            prop_oneof![2 => Just(None), 1 => colors.prop_map(Some)],
-            prop_oneof![3 => Just(None), 1 => Just(Some((0.25, 4.0))), 1 => Just(Some((1e3, 0.0)))],
-        )
-            .prop_map(
-                |((exposure, gamma, srgb), (channels, marks, background), false_color, range)| Display {
-                    exposure,
-                    gamma,
-                    srgb,
-                    channels,
-                    false_color,
-                    range,
-                    marks,
-                    background,
-                },
-            )
-    }
-
-    proptest! {
-        /// The quick way through a row is the way through each of its pixels.
-        #[test]
-        fn rows_are_their_pixels(
-            display in any_display(),
-            meaning in proptest::sample::select(vec![Meaning::Color, Meaning::Depth, Meaning::Number]),
-            (encoded, unassociated) in any::<(bool, bool)>(),
-            alpha in prop_oneof![Just(None), Just(Some(1.0_f32)), Just(Some(0.5))],
-            pixels in prop::collection::vec((prop::array::uniform4(any_value()), prop::bool::weighted(0.9)), 0..70),
-            y in 0..40_u32,
-        ) {
-            let ready = Prepared::new(&display, meaning, encoded, unassociated, &mut Tables::default());
-            let (mut pixels, covered): (Vec<[f32; 4]>, Vec<bool>) = pixels.into_iter().unzip();
-            if let Some(alpha) = alpha {
-                pixels.iter_mut().for_each(|p| p[3] = alpha);
-            }
-            let mut out = vec![7; 4 * pixels.len()];
-            ready.show_row(&pixels, &covered, y, &mut out);
-            for (x, ((pixel, covered), out)) in (0..).zip(pixels.iter().zip(&covered).zip(out.chunks(4))) {
-                let one = if *covered { ready.show(*pixel, x, y) } else { BESIDE };
-                prop_assert_eq!(out, one, "{:?} at {}", pixel, x);
-            }
-        }
-    }
-
-    #[test]
-    fn over_backgrounds() {
-        let p = |background, unassociated| {
-            let d = Display { background, srgb: false, ..Display::default() };
-            Prepared::new(&d, Meaning::Color, false, unassociated, &mut Tables::default())
-        };
-        assert_eq!(p(Background::White, false).show([0.25, 0.0, 0.0, 0.5], 0, 0)[..2], [191, 128]);
-        assert_eq!(p(Background::White, true).show([0.5, 0.0, 0.0, 0.5], 0, 0)[..2], [191, 128]);
-        let checker = p(Background::Checker, false);
-        assert_ne!(checker.show([0.0; 4], 0, 0), checker.show([0.0; 4], 16, 0));
-        assert_eq!(p(Background::Ignored, false).show([1.0, 0.0, 0.0, 0.0], 0, 0), [255, 0, 0, 255]);
-    }
-
-    #[test]
-    fn depths_near_is_bright() {
-        let d = Display { range: Some((10.0, 2.0)), ..Display::default() };
-        let p = Prepared::new(&d, Meaning::Depth, false, false, &mut Tables::default());
-        let grey = |z: f32| p.show([z, z, z, 1.0], 0, 0)[0];
-        assert_eq!([grey(2.0), grey(6.0), grey(10.0), grey(1e30), grey(f32::INFINITY)], [255, 128, 0, 0, 0]);
-    }
-
-    #[test]
-    fn false_colors_follow_the_value() {
-        let f = FalseColor { map: ColorMap::Grey, low: 0.25, high: 4.0, log: true };
-        let p = ready(Display { false_color: Some(f), ..Display::default() }, false);
-        let at = |v: f32| p.show([v, v, v, 1.0], 0, 0)[0];
-        assert_eq!([at(0.1), at(0.25), at(1.0), at(4.0), at(9.0)], [0, 0, 128, 255, 255]);
-    }
-}
+mod tests;

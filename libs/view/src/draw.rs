@@ -1,4 +1,4 @@
-//! Drawing: a view of one page, or of two against each other, as bytes for a screen.
+//! Draws a view of one page, or of two compared with each other, as bytes for a screen.
 
 use crate::display::{BESIDE, Display, Prepared, Tables};
 use crate::grid::{Eye, Grid, Needs, Scratch, needs};
@@ -10,20 +10,20 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// A page as it is shown.
+/// A page and how it is shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     /// The page.
     pub page: &'a Page,
-    /// How it is laid out.
+    /// Its layout.
     pub sheet: &'a Sheet,
-    /// Which of its layers.
+    /// The index of its layer.
     pub layer: usize,
-    /// How values become colours.
+    /// The conversion of values to colours.
     pub display: &'a Display,
 }
 
-/// What is seen of two pages.
+/// The combination of two pages.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Mix {
     /// The first only.
@@ -49,18 +49,18 @@ pub enum Mix {
     Flip,
 }
 
-/// A picture for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
+/// An image for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
 #[derive(Clone, Debug, Default)]
 pub struct Canvas {
-    /// Pixels across.
+    /// The width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: u32,
-    /// `4 * width * height` bytes.
+    /// The pixels, `4 * width * height` bytes.
     pub bytes: Vec<u8>,
-    /// Whether all tiles were there.
+    /// True when all tiles were in memory.
     pub complete: bool,
-    /// Whether there was something everywhere, if coarser.
+    /// True when all of it is covered, if only by coarser tiles.
     pub covered: bool,
     /// What was computed for drawing on it, of use when it is drawn again.
     tables: Tables,
@@ -77,19 +77,19 @@ impl PartialEq for Canvas {
 impl Eq for Canvas {}
 
 impl Canvas {
-    /// One that is complete; `bytes` are `4 * width * height`.
+    /// Returns a complete canvas; `bytes` are `4 * width * height`.
     pub fn new(width: u32, height: u32, bytes: Vec<u8>) -> Self {
         Self { width, height, bytes, complete: true, covered: true, tables: Tables::default() }
     }
 
-    /// Empties it: all of it is beside a picture.
+    /// Clears it to the colour beside an image.
     pub fn clear(&mut self, width: u32, height: u32) {
         (self.width, self.height, self.complete, self.covered) = (width, height, true, true);
         self.bytes.resize(4 * width as usize * height as usize, 0);
         self.bytes.as_chunks_mut::<4>().0.fill(BESIDE);
     }
 
-    /// Red, green and blue of a pixel.
+    /// Returns red, green and blue of a pixel.
     pub fn at(&self, x: u32, y: u32) -> [u8; 3] {
         let at = 4 * (y as usize * self.width as usize + x as usize);
         [self.bytes[at], self.bytes[at + 1], self.bytes[at + 2]]
@@ -100,15 +100,15 @@ impl Canvas {
 const ROWS: usize = 16;
 
 impl Shown<'_> {
-    /// The tiles that a view needs.
+    /// Returns the tiles that a view needs.
     pub fn needs(&self, view: &View) -> Needs {
         needs(self.page, self.sheet, view)
     }
 
-    /// Reads what a view needs, with several threads.
+    /// Reads the tiles that a view needs, with several threads.
     ///
     /// # Errors
-    /// The first when nothing at all of it can be read.
+    /// Returns the first error when none of it can be read.
     pub fn load(&self, view: &View) -> Result<()> {
         load_tiles(self.page, &self.needs(view))
     }
@@ -121,8 +121,8 @@ impl Shown<'_> {
     }
 }
 
-/// Reads tiles, with several threads of its own: those that read wait for each other where a file gives all or nothing,
-/// and must not be ones that the reading itself uses.
+/// Reads tiles with several threads of its own. These wait for each other where a file is decoded as a whole, and
+/// must not be threads that the decoding itself uses.
 pub(crate) fn load_tiles(page: &Page, needs: &Needs) -> Result<()> {
     let missing: Vec<(u32, u32)> =
         needs.tiles.iter().copied().filter(|t| !page.pyramid.has(needs.level, t.0, t.1)).collect();
@@ -317,20 +317,20 @@ fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     [0, 1, 2, 3].map(|c| a[c] + (b[c] - a[c]) * f)
 }
 
-/// Draws what is in memory; what is not is drawn coarser, or black. With [`Mix::First`], `second` is not looked at.
+/// Draws the tiles in memory. Missing ones are drawn coarser, or black. With [`Mix::First`], `second` is not used.
 ///
 /// # Errors
-/// When the screen has too many pixels.
+/// Returns an error when the screen has too many pixels.
 pub fn draw(first: Shown<'_>, second: Option<Shown<'_>>, how: Mix, view: &View) -> Result<Canvas> {
     let mut canvas = Canvas::default();
     draw_into(first, second, how, view, &mut canvas)?;
     Ok(canvas)
 }
 
-/// As [`draw`], into a canvas that was drawn before.
+/// Draws as [`draw`] does, into a canvas that was drawn before.
 ///
 /// # Errors
-/// As [`draw`].
+/// The errors are those of [`draw`].
 pub fn draw_into(
     first: Shown<'_>,
     second: Option<Shown<'_>>,

@@ -1,4 +1,4 @@
-//! Drawings over a picture: the vector graphics that senders of live pictures may add.
+//! Drawings over an image: the vector graphics that senders of live images may add.
 
 use crate::View;
 use crate::draw::Canvas;
@@ -23,11 +23,11 @@ struct Edge {
     turn: i32,
 }
 
-/// Draws `steps` over what `view` shows of a picture whose data window begins at `origin` of the sheet.
+/// Draws `steps` over the view of an image whose data window begins at `origin` of the sheet.
 ///
-/// Lines are two pixels of the screen wide at any zoom. Paths are filled where they turn around a point at all (the nonzero
-/// rule). Colours are those of the screen; both begin as white, and alpha lets through what is below. Points that are no
-/// finite numbers are left out, and so is whatever a drawing asks for beyond a bound on its cost.
+/// Lines are two screen pixels wide at any zoom. Paths are filled by the nonzero rule. Colours are screen colours,
+/// white by default, and alpha shows the image below. Points that are not finite are skipped, and so are steps
+/// beyond a bound on the cost.
 pub fn paint(canvas: &mut Canvas, view: &View, origin: (f64, f64), steps: &[Draw]) {
     let point = |[x, y]: Point| -> Option<Point> {
         let (x, y) = view.to_screen(origin.0 + f64::from(x), origin.1 + f64::from(y));

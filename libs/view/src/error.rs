@@ -1,8 +1,8 @@
-//! What can go wrong, sorted by whose fault it is.
+//! Errors of the viewer, sorted by their cause.
 
 use granita_image::ImageError;
 
-/// A picture that cannot be shown, measured or compared.
+/// The reason why an image cannot be shown, measured or compared.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
     /// A file that cannot be read or written.
@@ -26,5 +26,5 @@ pub enum ViewError {
     },
 }
 
-/// Result of the viewer's operations.
+/// The result of the viewer's operations.
 pub type Result<T> = std::result::Result<T, ViewError>;

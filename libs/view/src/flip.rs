@@ -1,13 +1,14 @@
-//! How different two pictures look when one is flipped to the other.
+//! The perceived difference of two images that are shown alternately.
 //!
-//! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström, M. D. Fairchild: "FLIP: A Difference Evaluator
-//! for Alternating Images", Proceedings of the ACM on Computer Graphics and Interactive Techniques 3 (2020), for pictures
-//! within the range of a screen. Colours are filtered by what the eye resolves at the distance of the viewer, compared in a
-//! space where distances are perceived ones, and differences of edges and points make the result larger.
+//! P. Andersson, J. Nilsson, T. Akenine-Möller, M. Oskarsson, K. Åström, M. D. Fairchild: "FLIP: A Difference
+//! Evaluator for Alternating Images", Proceedings of the ACM on Computer Graphics and Interactive Techniques 3
+//! (2020), for images within the range of a screen. Colours are filtered by the contrast sensitivity of the eye at
+//! the distance of the viewer, and compared in a perceptually uniform space. Differences of edges and points
+//! increase the result.
 
 use rayon::prelude::*;
 
-/// Pixels of the screen per degree of sight: a screen of 0.7 m and 3840 pixels, seen from 0.7 m.
+/// Screen pixels per degree of sight: a screen of 0.7 m and 3840 pixels, seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
 /// Sensitivity to contrast: a1, b1, a2, b2 of the two Gaussians for lightness, red-green and blue-yellow.
@@ -151,11 +152,11 @@ fn features(plane: &[f32], width: usize, ppd: f32) -> [Vec<f32>; 2] {
     })
 }
 
-/// The difference of every pixel, 0 (none) to 1, of two pictures of `width` pixels across in linear Rec. 709; values are
-/// taken as within 0 to 1.
+/// Returns the difference of every pixel, from 0 (none) to 1, of two images with a width of `width` pixels in
+/// linear Rec. 709. Values are clamped to 0 to 1.
 ///
 /// # Panics
-/// When the pictures differ in size, or have no pixels, a mistake of the caller's code.
+/// Panics when the images differ in size or have no pixels, which is an error in the calling code.
 pub(crate) fn flip(a: &[[f32; 3]], b: &[[f32; 3]], width: usize, ppd: f32) -> Vec<f32> {
     assert!(a.len() == b.len() && width > 0 && a.len().is_multiple_of(width), "pictures of one size");
     let planes = |image: &[[f32; 3]]| -> Planes {

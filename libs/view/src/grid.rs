@@ -1,4 +1,4 @@
-//! The tiles of one level that a view needs, gathered before it is drawn.
+//! The tiles of one level that a view needs, collected before it is drawn.
 
 use crate::picture::Page;
 use crate::pyramid::Pyramid;
@@ -9,16 +9,16 @@ use granita_base::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Which tiles of which level a view needs, the ones in the middle first.
+/// The tiles that a view needs, those in the centre first.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Needs {
     /// The level.
     pub level: usize,
-    /// Columns and rows.
+    /// The columns and rows of the tiles.
     pub tiles: Vec<(u32, u32)>,
 }
 
-/// The level whose pixels are nearest in size to those of the screen.
+/// Returns the level whose pixels are nearest in size to those of the screen.
 pub(crate) fn level_for(pyramid: &Pyramid, sheet: &Sheet, zoom: f64) -> usize {
     let levels = pyramid.levels();
     let badness = |l: usize| (levels[l].scale.0.max(levels[l].scale.1) * zoom).log2().abs();
@@ -32,7 +32,7 @@ fn tiles_of(from: f64, to: f64, size: u32) -> Range<u32> {
     first..last.max(first)
 }
 
-/// What a view of a sheet needs.
+/// Returns the tiles that a view of a sheet needs.
 pub fn needs(page: &Page, sheet: &Sheet, view: &View) -> Needs {
     if let Some(around) = view.around.filter(|_| page.is_panorama()) {
         return needs_around(page, sheet, view, &around);
@@ -75,7 +75,8 @@ fn needs_around(page: &Page, sheet: &Sheet, view: &View, around: &Around) -> Nee
     for y in (0..view.height + 8).step_by(8) {
         for x in (0..view.width + 8).step_by(8) {
             let (u, v) = eye.at(f64::from(x), f64::from(y));
-            // The steps between are smaller than a tile; what lies between two of them is in one of both or beside it.
+            // The steps between are smaller than a tile; what lies between two of them is in one of both or beside
+            // it.
             for (i, j) in [(-12.0, -12.0), (12.0, -12.0), (-12.0, 12.0), (12.0, 12.0)] {
                 let tile = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as u32 / TILE;
                 seen.insert((tile(u + i, l.width), tile(v + j, l.height)));
@@ -85,7 +86,7 @@ fn needs_around(page: &Page, sheet: &Sheet, view: &View, around: &Around) -> Nee
     Needs { level: eye.level, tiles: seen.into_iter().collect() }
 }
 
-/// The pixel that is drawn at a point of the screen: its level, column and row; `None` beside the picture.
+/// Returns the pixel that is drawn at a point of the screen: its level, column and row; `None` beside the image.
 pub fn pixel_under(page: &Page, sheet: &Sheet, view: &View, x: f64, y: f64) -> Option<(usize, u32, u32)> {
     if let Some(around) = view.around.filter(|_| page.is_panorama()) {
         let eye = Eye::new(page, sheet, view, &around);
@@ -98,7 +99,7 @@ pub fn pixel_under(page: &Page, sheet: &Sheet, view: &View, x: f64, y: f64) -> O
     Some((level, u, v))
 }
 
-/// From points of the screen to pixels of a picture of all directions.
+/// Maps points of the screen to pixels of a panorama.
 pub(crate) struct Eye<'a> {
     page: &'a Page,
     rects: Vec<Vec<[f64; 4]>>,
@@ -109,7 +110,7 @@ pub(crate) struct Eye<'a> {
     /// Pixels of the screen for a unit beside the direction of view.
     focal: f64,
     middle: (f64, f64),
-    /// Pixels of the screen for one of the picture, about.
+    /// The approximate number of screen pixels per pixel of the panorama.
     pub(crate) enlarged: f64,
 }
 
@@ -147,7 +148,7 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Coordinates in pixels of the level at a point of the screen.
+    /// Returns coordinates in pixels of the level at a point of the screen.
     pub(crate) fn at(&self, x: f64, y: f64) -> (f64, f64) {
         let (dx, dy) = (((x - self.middle.0) / self.focal) as f32, ((self.middle.1 - y) / self.focal) as f32);
         let d = self.forward + self.right * dx + self.up * dy;
@@ -188,20 +189,20 @@ pub(crate) struct Grid<'a> {
     size: (u32, u32),
     cells: Vec<Cell>,
     pick: [Pick; 4],
-    /// Whether everything that is needed is there.
+    /// True when all needed tiles are in memory.
     pub(crate) complete: bool,
-    /// Whether there is something everywhere, if coarser.
+    /// True when all of it is covered, if only by coarser tiles.
     pub(crate) covered: bool,
 }
 
-/// Room to work in, for one thread.
+/// The scratch memory of one thread.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     values: Vec<f32>,
 }
 
 impl<'a> Grid<'a> {
-    /// Collects what is in memory.
+    /// Collects the tiles in memory.
     pub(crate) fn collect(pyramid: &'a Pyramid, needs: &Needs, pick: [Pick; 4]) -> Self {
         let level = needs.level;
         let (tx, ty) = needs.tiles.first().copied().unwrap_or_default();
@@ -274,7 +275,7 @@ impl<'a> Grid<'a> {
         })
     }
 
-    /// Pixel (x, y) of the level; `None` where nothing is there yet.
+    /// Returns pixel (x, y) of the level; `None` where no tile is in memory.
     pub(crate) fn pixel(&self, x: u32, y: u32) -> Option<[f32; 4]> {
         match self.cell(x / TILE, y / TILE) {
             Cell::Here(tile) => {
@@ -286,7 +287,7 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// Pixels `x0..x1` of row `y`; black where nothing is there yet.
+    /// Returns pixels `x0..x1` of row `y`; black where no tile is in memory.
     pub(crate) fn row(&self, y: u32, x0: u32, x1: u32, scratch: &mut Scratch, out: &mut Vec<[f32; 4]>) {
         out.clear();
         let mut x = x0;

@@ -1,10 +1,10 @@
-//! Channels in groups, as people think of them.
+//! Groups channels to layers.
 
 use crate::tile::{Pick, Reduce};
 use granita_image::{ImageSpec, PixelType};
 use granita_texture::TextureKind;
 
-/// What the values of a layer are.
+/// The meaning of the values of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
     /// Colours, or anything else that is looked at as one.
@@ -15,18 +15,18 @@ pub enum Meaning {
     Number,
 }
 
-/// Channels that belong together: those whose names have one beginning.
+/// Channels that belong together, because their names have a common prefix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// The beginning that the names have in common, "" for plain ones; for depths the name of the channel.
+    /// The common prefix of the names, "" for plain ones; for depths the name of the channel.
     pub name: String,
-    /// Its channels, by their number in the picture.
+    /// Its channels, by their index in the image.
     pub channels: Vec<usize>,
-    /// The three that are red, green and blue; of one channel, it three times.
+    /// The channels of red, green and blue; a single channel is used three times.
     pub color: [Pick; 3],
-    /// Its alpha.
+    /// Its alpha channel.
     pub alpha: Option<usize>,
-    /// What its values are.
+    /// The meaning of its values.
     pub meaning: Meaning,
 }
 
@@ -66,10 +66,10 @@ impl Layer {
         Self { name: name.to_owned(), channels, color, alpha, meaning }
     }
 
-    /// The layers of a picture, the plain one first.
+    /// Returns the layers of an image, the plain one first.
     ///
-    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own; so is every channel of
-    /// a volume shadow map.
+    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own, and so is every
+    /// channel of a volume shadow map.
     pub fn of(spec: &ImageSpec, kind: TextureKind) -> Vec<Self> {
         let names = &spec.channels;
         let volume = matches!(kind, TextureKind::VolumeShadow | TextureKind::CubeFaceVolumeShadow);
@@ -98,8 +98,8 @@ impl Layer {
         layers
     }
 
-    /// Channel 0 is the opaque depth, channel 1 the opacity before it, then come depths at which shares of it are reached
-    /// (reference 9.2.4).
+    /// Channel 0 is the opaque depth, channel 1 the opacity before it, then come depths at which shares of it are
+    /// reached (reference 9.2.4).
     fn of_volume_shadow(names: &[String]) -> Vec<Self> {
         let steps = names.len() - 3;
         let one = |c: usize, name: String, meaning| Self {
@@ -120,7 +120,7 @@ impl Layer {
         layers
     }
 
-    /// What a texel of a made level is, for each channel of the picture.
+    /// Returns the reduction to a computed level, for each channel of the image.
     pub(crate) fn reductions(layers: &[Self], channels: usize) -> Vec<Reduce> {
         (0..channels)
             .map(|c| match layers.iter().find(|l| l.channels.contains(&c)).map(|l| l.meaning) {
@@ -131,7 +131,7 @@ impl Layer {
             .collect()
     }
 
-    /// Name for people: the plain one after its channels.
+    /// Returns a name for people: the plain layer is named by its channels.
     pub fn title(&self, names: &[String]) -> String {
         if !self.name.is_empty() {
             return self.name.clone();

@@ -1,17 +1,17 @@
-//! The viewer's model: what a picture holds, how it is shown, what its values are, how two differ.
+//! The viewer's model: the content of an image, its display, its values, and the difference of two.
 //!
-//! No window, no socket and no format is known here: files are opened through the registry that the caller
-//! brings, and what a display shows are plain bytes that the caller puts on a screen, in a terminal or in a file.
+//! This crate has no windows, sockets or formats. Files are opened through the registry of the caller, and a
+//! display is an array of bytes that the caller shows on a screen or in a terminal, or writes to a file.
 //!
-//! A [`Picture`] is an open file: pages with layers of channels. Each page has a [`Pyramid`] of levels, those of the file
-//! and further ones that are made, cut into tiles that are read when they are asked for and kept in a [`TileStore`] of
-//! bounded size. A [`Sheet`] lays a page out (as it is stored, as a cross, one face), a [`View`] says which part of it is
-//! on screen, a [`Display`] how values become colours, and [`draw`] makes the bytes.
+//! A [`Picture`] is an open file: pages with layers of channels. Each page has a [`Pyramid`] of levels, those of
+//! the file and computed ones. They are divided into tiles, which are read on request and kept in a [`TileStore`]
+//! of bounded size. A [`Sheet`] is the layout of a page (as stored, as a cross, one face), a [`View`] is the part
+//! of it on screen, a [`Display`] converts values to colours, and [`draw`] makes the bytes.
 //!
 //! Invariants:
-//! - what is drawn from complete tiles depends on files, view and display alone, to the bit, for any number of threads;
-//! - values are never changed on their way to statistics and read-outs: what is not a number stays so;
-//! - a file that is damaged or unfinished shows what is there.
+//! - The drawing of complete tiles depends on files, view and display only, to the bit, for any number of threads.
+//! - Statistics and read-outs use unchanged values; NaN stays NaN.
+//! - The readable part of a damaged or unfinished file is shown.
 
 #![forbid(unsafe_code)]
 

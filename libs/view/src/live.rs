@@ -1,8 +1,8 @@
-//! Pictures that arrive while they are made.
+//! Images that arrive while they are rendered.
 //!
-//! Whoever receives pixels (a listener to renderers, a test) creates pictures and updates them; whoever shows them (a
-//! window, a page in a browser) asks what changed and reads it. Any thread may do either. Coordinates are those of the
-//! data window: (0, 0) is its upper left pixel.
+//! Receivers of pixels (a listener to renderers, a test) create images and update them. Viewers (a window, a page
+//! in a browser) query the changes and read them. Any thread may do either. Coordinates are those of the data
+//! window: (0, 0) is its upper left pixel.
 
 use crate::{Result, ViewError};
 use granita_image::{Draw, PixelRect, Request, Wishes};
@@ -11,18 +11,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
-/// What senders may make the viewer keep.
+/// The limits of the memory that senders may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LiveLimits {
-    /// Most pixels across or down.
+    /// The largest width or height in pixels.
     pub dimension: u32,
-    /// Most bytes of all pictures together, at 4 for each channel of each pixel.
+    /// The largest number of bytes of all images together, at 4 for each channel of each pixel.
     pub bytes: u64,
-    /// Most channels of a picture.
+    /// The largest number of channels of an image.
     pub channels: usize,
-    /// Most pictures at once.
+    /// The largest number of images at once.
     pub pictures: usize,
-    /// Most bytes of the name of a picture or of a channel, and of a note.
+    /// The largest number of bytes of the name of an image or of a channel, and of a note.
     pub name_bytes: usize,
 }
 
@@ -33,17 +33,17 @@ impl Default for LiveLimits {
     }
 }
 
-/// The way back to whoever makes a picture.
+/// Sends requests to the sender of an image.
 #[derive(Clone)]
 pub struct RequestSender(Arc<dyn Fn(Request) -> bool + Send + Sync>);
 
 impl RequestSender {
-    /// One that calls `deliver`, which must not block and tells whether anybody is there.
+    /// Returns a sender that calls `deliver`, which must not block and returns true when there is a receiver.
     pub fn new(deliver: impl Fn(Request) -> bool + Send + Sync + 'static) -> Self {
         Self(Arc::new(deliver))
     }
 
-    /// Sends a request; `false` when nobody is there any more.
+    /// Sends a request. Returns `false` when there is no receiver any more.
     pub fn send(&self, request: Request) -> bool {
         (self.0)(request)
     }
@@ -55,30 +55,30 @@ impl std::fmt::Debug for RequestSender {
     }
 }
 
-/// Everything about a live picture but its pixels.
+/// The properties of a live image without its pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LiveInfo {
-    /// Differs for every picture that was ever created, also under the same name.
+    /// An id that is unique for every image that was ever created, also under the same name.
     pub id: u64,
     /// Its name, as the list shows it.
     pub name: String,
-    /// Pixels across.
+    /// The width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: u32,
-    /// Names of the channels, in order.
+    /// The names of the channels, in order.
     pub channels: Vec<String>,
-    /// Grows with every change of pixels, marks, note or wishes.
+    /// Increases with every change of pixels, marks, note or display settings.
     pub generation: u64,
-    /// Tiles in progress.
+    /// The tiles in progress.
     pub marks: Vec<PixelRect>,
-    /// What became of the sender; `None` as long as it may send more.
+    /// The end state of the sender; `None` as long as it may send more.
     pub note: Option<String>,
-    /// Lines over it.
+    /// The drawing over it.
     pub drawing: Arc<Vec<Draw>>,
-    /// How it would like to be shown.
+    /// The display settings that the sender requested.
     pub wishes: Wishes,
-    /// Whether requests reach somebody.
+    /// True when requests have a receiver.
     pub takes_requests: bool,
 }
 
@@ -154,7 +154,7 @@ struct Shared {
     watchers: Mutex<Vec<Watcher>>,
 }
 
-/// The pictures that arrive; clones share them.
+/// The images that arrive; clones share them.
 #[derive(Clone)]
 pub struct Live(Arc<Shared>);
 
@@ -171,7 +171,7 @@ impl std::fmt::Debug for Live {
 }
 
 impl Live {
-    /// No pictures yet.
+    /// Returns an empty list of images.
     pub fn new(limits: LiveLimits) -> Self {
         Self(Arc::new(Shared {
             limits,
@@ -184,15 +184,15 @@ impl Live {
         }))
     }
 
-    /// What it keeps at most.
+    /// Returns its limits.
     pub fn limits(&self) -> &LiveLimits {
         &self.0.limits
     }
 
-    /// A black picture, in the place of one that has this name.
+    /// Creates a black image, which replaces one of the same name.
     ///
     /// # Errors
-    /// [`ViewError::Limit`]; [`ViewError::Misuse`] for a size of 0, no channels, or two of one name.
+    /// Returns [`ViewError::Limit`], or [`ViewError::Misuse`] for a size of 0, no channels, or two of one name.
     pub fn create(&self, name: &str, width: u32, height: u32, channels: &[String]) -> Result<()> {
         let limits = &self.0.limits;
         let within = |what, asked: u64, max: u64| {
@@ -249,12 +249,12 @@ impl Live {
         Ok(())
     }
 
-    /// New values of the pixels of `rect`. Pixel k (row by row) of channel `index` of the picture is
-    /// `values[offset + k * stride]`, for each `(index, offset, stride)`. The marks inside of `rect` are gone.
+    /// Sets the pixels of `rect`. Pixel k (row by row) of channel `index` of the image is `values[offset + k *
+    /// stride]`, for each `(index, offset, stride)`. The marks inside of `rect` are removed.
     ///
     /// # Errors
-    /// [`ViewError::Misuse`] when there is no such picture or channel, when `rect` is not inside of it, or when `values`
-    /// are too few.
+    /// Returns [`ViewError::Misuse`] when there is no such image or channel, when `rect` is not inside of it, or
+    /// when `values` are too few.
     pub fn update(
         &self,
         name: &str,
@@ -307,7 +307,7 @@ impl Live {
         Ok(())
     }
 
-    /// Somebody works on these pixels. Nothing happens for pixels outside or when there is no such picture.
+    /// Marks pixels as in progress. Pixels outside and unknown images are ignored.
     pub fn mark(&self, name: &str, rect: PixelRect) {
         let Ok(picture) = self.picture(name) else { return };
         let rect = rect.intersection(&picture.window());
@@ -322,10 +322,11 @@ impl Live {
         self.tell();
     }
 
-    /// Draws over a picture; `append` to what is drawn already.
+    /// Draws over an image. `append` keeps the earlier drawing.
     ///
     /// # Errors
-    /// [`ViewError::Limit`] for a drawing of more than 65536 steps; [`ViewError::Misuse`] when there is no such picture.
+    /// Returns [`ViewError::Limit`] for a drawing of more than 65536 steps, and [`ViewError::Misuse`] when there is
+    /// no such image.
     pub fn draw(&self, name: &str, append: bool, steps: &[Draw]) -> Result<()> {
         let picture = self.picture(name)?;
         let drawn = if append { picture.read(|state| state.drawing.len()) } else { 0 };
@@ -344,7 +345,7 @@ impl Live {
         Ok(())
     }
 
-    /// Takes a picture away.
+    /// Removes an image.
     pub fn close(&self, name: &str) {
         let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
         let before = pictures.len();
@@ -356,7 +357,7 @@ impl Live {
         }
     }
 
-    /// Nothing more will come: the picture stays, with a note, without marks, and takes no requests.
+    /// Records that the sender was lost. The image stays, with a note, without marks, and accepts no requests.
     pub fn lost(&self, name: &str, note: &str) {
         let Ok(picture) = self.picture(name) else { return };
         let note: String = note.chars().take(self.0.limits.name_bytes / 4).collect();
@@ -368,7 +369,7 @@ impl Live {
         self.tell();
     }
 
-    /// All of it came: without marks, and it takes no requests.
+    /// Records that an image is complete. It has no marks and accepts no requests.
     pub fn finish(&self, name: &str) {
         let Ok(picture) = self.picture(name) else { return };
         picture.write(None, |state| {
@@ -378,44 +379,44 @@ impl Live {
         self.tell();
     }
 
-    /// The sender would like this picture to be the one that is seen.
+    /// Requests for the sender that this image is shown.
     pub fn show(&self, name: &str) {
         let Ok(picture) = self.picture(name) else { return };
         *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner) = picture.id;
         self.tell();
     }
 
-    /// [`LiveInfo::id`] of the picture that a sender last asked to be seen; 0 when none did.
+    /// Returns the [`LiveInfo::id`] of the image that a sender last requested to be shown; 0 when none did.
     pub fn shown(&self) -> u64 {
         *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How the sender would like a picture to be shown.
+    /// Sets the display settings that the sender requests for an image.
     pub fn wish(&self, name: &str, wishes: Wishes) {
         let Ok(picture) = self.picture(name) else { return };
         picture.write(None, |state| state.wishes = wishes);
         self.tell();
     }
 
-    /// Makes a way back for requests to the maker of a picture.
+    /// Sets the receiver of requests to the sender of an image.
     pub fn answer(&self, name: &str, requests: RequestSender) {
         let Ok(picture) = self.picture(name) else { return };
         picture.write(None, |state| state.requests = Some(requests));
         self.tell();
     }
 
-    /// The way back to whoever makes a picture; `None` when nobody listens.
+    /// Returns the way to send requests to the sender of an image; `None` when there is no receiver.
     pub fn requests(&self, name: &str) -> Option<RequestSender> {
         self.picture(name).ok()?.read(|state| state.requests.clone())
     }
 
-    /// Names of the pictures, in order of creation.
+    /// Returns the names of the images, in order of creation.
     pub fn names(&self) -> Vec<String> {
         let pictures = self.0.pictures.read().unwrap_or_else(PoisonError::into_inner);
         pictures.iter().map(|p| p.name.clone()).collect()
     }
 
-    /// What is known of a picture.
+    /// Returns the properties of an image.
     pub fn info(&self, name: &str) -> Option<LiveInfo> {
         let picture = self.picture(name).ok()?;
         Some(picture.read(|state| LiveInfo {
@@ -433,10 +434,10 @@ impl Live {
         }))
     }
 
-    /// The values of some channels (by their index) in some pixels: row by row, channels side by side.
+    /// Returns the values of some channels (by their index) in some pixels: row by row, channels interleaved.
     ///
     /// # Errors
-    /// [`ViewError::Misuse`] when there is no such picture or channel, or when `rect` is not inside of it.
+    /// Returns [`ViewError::Misuse`] when there is no such image or channel, or when `rect` is not inside of it.
     pub fn read(&self, name: &str, rect: PixelRect, channels: &[usize]) -> Result<Vec<f32>> {
         let picture = self.picture(name)?;
         let n = picture.channels.len();
@@ -472,10 +473,10 @@ impl Live {
         Ok(values)
     }
 
-    /// All values of a picture with what is known of it.
+    /// Returns all values of an image with its properties.
     ///
     /// # Errors
-    /// [`ViewError::Misuse`] when there is no such picture.
+    /// Returns [`ViewError::Misuse`] when there is no such image.
     pub fn snapshot(&self, name: &str) -> Result<(LiveInfo, Vec<f32>)> {
         let none = || misuse(format!("there is no picture \"{name}\""));
         let info = self.info(name).ok_or_else(none)?;
@@ -484,13 +485,13 @@ impl Live {
         Ok((info, values))
     }
 
-    /// A number that grows with every change of a picture; 0 when there is none of this name.
+    /// Returns a number that increases with every change of an image; 0 when there is none of this name.
     pub fn generation(&self, name: &str) -> u64 {
         self.picture(name).map_or(0, |p| p.read(|state| state.generation))
     }
 
-    /// Pixels that may have changed since a picture had this generation; the whole picture when that was long ago.
-    /// A picture that was created again under its name has another [`LiveInfo::id`].
+    /// Returns the pixels that may have changed since an image had this generation; the whole image when that was
+    /// long ago. An image that was created again under its name has another [`LiveInfo::id`].
     pub fn changes_since(&self, name: &str, generation: u64) -> Vec<PixelRect> {
         let Ok(picture) = self.picture(name) else { return Vec::new() };
         picture.read(|state| match state.changes.front() {
@@ -502,12 +503,12 @@ impl Live {
         })
     }
 
-    /// A number that grows with every change of any picture or of the list.
+    /// Returns a number that increases with every change of any image or of the list.
     pub fn version(&self) -> u64 {
         *self.lock_version()
     }
 
-    /// Waits until [`Live::version`] is no longer `seen`, at most so long; returns it.
+    /// Waits until [`Live::version`] is no longer `seen`, at most for the time `longest`. Returns the version.
     pub fn wait(&self, seen: u64, longest: Duration) -> u64 {
         let end = Instant::now() + longest;
         let mut version = self.lock_version();
@@ -521,7 +522,8 @@ impl Live {
         *version
     }
 
-    /// Calls `changed` after every change, from the thread that made it: it must be quick and change nothing here.
+    /// Calls `changed` after every change, from the thread that made it. It must be fast and must not change
+    /// images.
     pub fn watch(&self, changed: impl Fn() + Send + Sync + 'static) {
         self.0.watchers.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::new(changed));
     }

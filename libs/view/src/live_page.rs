@@ -1,4 +1,4 @@
-//! A picture that arrives, as a page.
+//! A live image as a page.
 
 use crate::picture::Page;
 use crate::source::{Access, Source};
@@ -44,7 +44,7 @@ impl Source for LiveSource {
     }
 }
 
-/// A page that shows a live picture, and what was seen of its changes.
+/// A page that shows a live image, and the last state that it read.
 #[derive(Debug)]
 pub struct LivePage {
     /// The page.
@@ -55,7 +55,7 @@ pub struct LivePage {
 }
 
 impl LivePage {
-    /// The live picture of this name; `None` when there is none, or it has no pixels.
+    /// Returns the page of the live image of this name; `None` when there is none, or it has no pixels.
     pub fn new(live: &Live, name: &str, store: &TileStore) -> Option<Self> {
         let info = live.info(name).filter(|i| i.width > 0 && i.height > 0 && !i.channels.is_empty())?;
         let mut spec = ImageSpec::new(info.width, info.height, info.channels.len(), PixelType::Float);
@@ -65,12 +65,12 @@ impl LivePage {
         Some(Self { page, live: live.clone(), seen: info.generation, info })
     }
 
-    /// Everything about it but its pixels, as of the last [`LivePage::refresh`].
+    /// Returns its properties without its pixels, as of the last [`LivePage::refresh`].
     pub fn info(&self) -> &LiveInfo {
         &self.info
     }
 
-    /// Takes note of what changed; whether anything did. `None` when the picture is gone, or is another one by now.
+    /// Reads the changes. Returns true when there were any; `None` when the image was removed or replaced.
     pub fn refresh(&mut self) -> Option<bool> {
         let info = self.live.info(&self.info.name).filter(|i| i.id == self.info.id)?;
         if info.generation == self.seen {

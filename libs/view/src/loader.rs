@@ -1,4 +1,4 @@
-//! Tiles read in the background, what is in sight first.
+//! Reads tiles in the background, visible ones first.
 
 use crate::grid::Needs;
 use crate::pyramid::Pyramid;
@@ -49,7 +49,7 @@ impl Shared {
     }
 }
 
-/// Threads that read tiles, and do other things that take long when there are none to read. They end with it.
+/// Threads that read tiles, and run long tasks when there are none to read. Dropping this ends them.
 pub struct Loader {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -62,8 +62,8 @@ impl std::fmt::Debug for Loader {
 }
 
 impl Loader {
-    /// `wake` is called when tiles and tasks are done, from a thread of the loader: after the last one, and a few times a
-    /// second while there are more.
+    /// Starts the threads. `wake` is called when tiles and tasks are done, from a thread of the loader: after the
+    /// last one, and a few times a second while there are more.
     pub fn new(threads: usize, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared {
             state: Mutex::default(),
@@ -81,7 +81,7 @@ impl Loader {
         Self { shared, threads }
     }
 
-    /// Says what is wanted now, in order; what was wanted before and is not begun is not wanted any more.
+    /// Sets the requested tiles, in order. Earlier requests that have not started are dropped.
     pub fn want<'a>(&self, wanted: impl IntoIterator<Item = (&'a Arc<Pyramid>, &'a Needs)>) {
         let mut jobs = VecDeque::new();
         let mut state = self.shared.lock();
@@ -103,18 +103,18 @@ impl Loader {
         self.shared.wanted.notify_all();
     }
 
-    /// Does something when there is no tile to read.
+    /// Runs a task when there is no tile to read.
     pub fn run(&self, task: impl FnOnce() + Send + 'static) {
         self.shared.lock().tasks.push_back(Box::new(task));
         self.shared.wanted.notify_all();
     }
 
-    /// Number of tiles and tasks done so far.
+    /// Returns the number of tiles and tasks done so far.
     pub fn arrivals(&self) -> u64 {
         self.shared.arrivals.load(Ordering::Acquire)
     }
 
-    /// Whether there is nothing to do.
+    /// True when there is nothing to do.
     pub fn is_idle(&self) -> bool {
         let state = self.shared.lock();
         state.jobs.is_empty() && state.tasks.is_empty() && state.busy == 0

@@ -1,10 +1,11 @@
-//! Colours that stand for one value.
+//! Colour maps for single values.
 
 /// A scale of colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
     /// Turns through the colours while it grows lighter throughout, so that it can be read without colours as well:
-    /// the "cubehelix" of D. A. Green, A colour scheme for the display of astronomical intensity data, Bulletin of the
+    /// the "cubehelix" of D. A. Green, A colour scheme for the display of astronomical intensity data, Bulletin of
+    /// the
     /// Astronomical Society of India 39 (2011), with start 0.5, -1.5 rotations, hue 1.2 and gamma 1.
     #[default]
     Helix,
@@ -14,8 +15,9 @@ pub enum ColorMap {
     Heat,
     /// Blue below the middle, red above, white at it: for what may have either sign.
     Signed,
-    /// Black, purple, orange, light yellow, in even steps of lightness: the "magma" of S. van der Walt and N. Smith, in which
-    /// maps of FLIP are shown.
+    /// Black, purple, orange, light yellow, in even steps of lightness: the "magma" of S. van der Walt and N. Smith,
+    /// in
+    /// which maps of FLIP are shown.
     Magma,
     /// Black to white.
     Grey,
@@ -35,11 +37,11 @@ const MAGMA: [[u8; 3]; 9] = [
 ];
 
 impl ColorMap {
-    /// All of them.
+    /// All maps.
     pub const ALL: [Self; 6] =
         [Self::Helix, Self::Spectrum, Self::Heat, Self::Signed, Self::Magma, Self::Grey];
 
-    /// Its name.
+    /// Returns its name.
     pub fn word(self) -> &'static str {
         match self {
             Self::Helix => "helix",
@@ -51,12 +53,12 @@ impl ColorMap {
         }
     }
 
-    /// By name.
+    /// Returns the map of a name.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|m| m.word().eq_ignore_ascii_case(word))
     }
 
-    /// The colour at `t`, 0 to 1, for a screen.
+    /// Returns the colour at `t`, from 0 to 1, for a screen.
     pub fn at(self, t: f32) -> [u8; 3] {
         let ramp = |t: f32| (t.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         match self {

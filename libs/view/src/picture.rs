@@ -1,4 +1,4 @@
-//! An open file as people see it: pages, layers, levels, faces.
+//! An open file: pages, layers, levels, faces.
 
 use crate::layers::{Layer, Meaning};
 use crate::pyramid::Pyramid;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// When a file was written and how long it is: whether it changed.
+/// The modification time and length of a file, to detect changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stamp {
     modified: Option<SystemTime>,
@@ -20,7 +20,7 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// That of a file as it is now; that of no file when there is none.
+    /// Returns the stamp of a file; an empty one when there is no file.
     pub fn of(path: &Path) -> Self {
         match std::fs::metadata(path) {
             Ok(meta) => Self { modified: meta.modified().ok(), len: meta.len() },
@@ -28,7 +28,7 @@ impl Stamp {
         }
     }
 
-    /// Whether there is a file with something in it.
+    /// True when there is a file that is not empty.
     pub fn is_there(&self) -> bool {
         self.len > 0
     }
@@ -41,15 +41,15 @@ pub struct Page {
     pub name: String,
     /// Description of each stored level.
     pub specs: Vec<ImageSpec>,
-    /// What it is for.
+    /// The kind of texture.
     pub kind: TextureKind,
-    /// Its channels in groups, at least one.
+    /// Its channels in layers, at least one.
     pub layers: Vec<Layer>,
-    /// How its six faces lie, if it has any.
+    /// The layout of its six faces, if it has any.
     pub layout: Option<CubeLayout>,
     /// Its pixels.
     pub pyramid: Arc<Pyramid>,
-    /// Whether integers are colours as screens take them, rather than in proportion to light.
+    /// True when integers are encoded colours, and false when they are linear.
     pub encoded: bool,
 }
 
@@ -58,16 +58,16 @@ pub struct Page {
 pub struct Picture {
     /// Its name.
     pub path: PathBuf,
-    /// The format that it turned out to have.
+    /// The format of the file.
     pub format: &'static str,
     /// Its images, at least one.
     pub pages: Vec<Arc<Page>>,
-    /// The file that was opened.
+    /// The stamp of the file when it was opened.
     pub stamp: Stamp,
 }
 
 impl Page {
-    /// A page from any source of pixels.
+    /// Returns a page from any source of pixels.
     pub fn from_source(name: &str, spec: ImageSpec, source: Arc<dyn Source>, store: &TileStore) -> Self {
         Self::build(name.to_owned(), vec![spec], source, store, "")
     }
@@ -102,39 +102,39 @@ impl Page {
         Some(Self::build(name, specs, Arc::new(page), store, input.format_name()))
     }
 
-    /// The same pixels, taken as a panorama by latitude and longitude.
+    /// Returns the same pixels as a latitude-longitude panorama.
     #[must_use]
     pub fn as_panorama(&self) -> Self {
         Self { kind: TextureKind::LatLongEnvironment, layout: None, ..self.clone() }
     }
 
-    /// The same pixels, their integers taken as colours for a screen, or as in proportion to light.
+    /// Returns the same pixels with integers as encoded colours, or as linear values.
     #[must_use]
     pub fn with_encoding(&self, encoded: bool) -> Self {
         Self { encoded, ..self.clone() }
     }
 
-    /// Description of its largest level.
+    /// Returns the description of its largest level.
     pub fn spec(&self) -> &ImageSpec {
         &self.specs[0]
     }
 
-    /// Its pixels laid out.
+    /// Returns the layout of its pixels.
     pub fn sheet(&self, arrangement: Arrangement, level: usize) -> Sheet {
         Sheet::new(arrangement, level, &self.specs, self.layout, &self.pyramid)
     }
 
-    /// What it is first seen as: a cross if it has faces.
+    /// Returns its default arrangement: a cross if it has faces.
     pub fn arrangement(&self) -> Arrangement {
         if self.layout.is_some() { Arrangement::Cross } else { Arrangement::Stored }
     }
 
-    /// Whether it shows all directions around a point, so that one can look around.
+    /// True when it shows all directions around a point.
     pub fn is_panorama(&self) -> bool {
         self.layout.is_some() || self.kind == TextureKind::LatLongEnvironment
     }
 
-    /// Where each face is in every level; for a panorama by latitude and longitude, of all of it.
+    /// Returns the position of each face in every level; for a latitude-longitude panorama, of all of it.
     pub(crate) fn face_rects(&self) -> Vec<Vec<[f64; 4]>> {
         match self.layout {
             Some(layout) => (0..6).map(|f| face_rects(layout, f, &self.specs, &self.pyramid)).collect(),
@@ -142,22 +142,22 @@ impl Page {
         }
     }
 
-    /// Whether a layer is of distances.
+    /// True when a layer contains depths.
     pub fn is_depth(&self, layer: usize) -> bool {
         self.layers.get(layer).is_some_and(|l| l.meaning == Meaning::Depth)
     }
 
-    /// What could not be read so far.
+    /// Returns the reading errors so far.
     pub fn fault(&self) -> Option<String> {
         self.pyramid.source().fault()
     }
 }
 
 impl Picture {
-    /// Opens a file, whatever its format; `file#2` is its third image. No pixels are read.
+    /// Opens a file of any format; `file#2` is its third image. No pixels are read.
     ///
     /// # Errors
-    /// When it cannot be opened or has no pixels.
+    /// Returns an error when it cannot be opened or has no pixels.
     pub fn open(path: &Path, formats: &FormatRegistry, store: &TileStore) -> Result<Self> {
         // Before it is opened: a change while that happens is seen afterwards.
         let stamp = Stamp::of(path);
@@ -171,7 +171,7 @@ impl Picture {
         Ok(Self { path: path.to_owned(), format: input.format_name(), pages, stamp })
     }
 
-    /// Whether the file is another one by now.
+    /// True when the file has changed since.
     pub fn has_changed(&self) -> bool {
         let now = Stamp::of(&self.path);
         now.is_there() && now != self.stamp

@@ -1,4 +1,4 @@
-//! A page in levels: those of its source, and below them ones that are made here, tile by tile.
+//! The levels of a page: those of its source, and smaller ones that are computed here tile by tile.
 
 use crate::Result;
 use crate::source::{Access, Source};
@@ -14,24 +14,24 @@ const SMALLEST: u32 = 16;
 /// One level of a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// Pixels across.
+    /// The width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: u32,
-    /// Pixels of level 0 that one pixel stands for, across and down.
+    /// The pixels of level 0 per pixel, horizontally and vertically.
     pub scale: (f64, f64),
-    /// Whether the source has it; otherwise it is made of the one before.
+    /// True when the source has it. Otherwise it is computed from the one before.
     pub stored: bool,
 }
 
 impl Level {
-    /// Tiles across and down.
+    /// Returns the numbers of tile columns and rows.
     pub fn tiles(&self) -> (u32, u32) {
         (self.width.div_ceil(TILE), self.height.div_ceil(TILE))
     }
 }
 
-/// The levels of one page and the way to their tiles, from any thread.
+/// The levels of one page, and access to their tiles from any thread.
 pub struct Pyramid {
     source: Arc<dyn Source>,
     store: TileStore,
@@ -67,7 +67,7 @@ impl std::fmt::Debug for Pyramid {
 }
 
 impl Pyramid {
-    /// `reduce` says for each channel what a texel of a made level is.
+    /// Makes a pyramid. `reduce` is the reduction to a computed level for each channel.
     pub fn new(source: Arc<dyn Source>, store: &TileStore, reduce: Vec<Reduce>) -> Self {
         let (width, height) = source.size(0);
         let mut levels = Vec::new();
@@ -100,27 +100,27 @@ impl Pyramid {
         }
     }
 
-    /// Where its pixels come from.
+    /// Returns the source of its pixels.
     pub fn source(&self) -> &dyn Source {
         &*self.source
     }
 
-    /// All levels, the largest first.
+    /// Returns all levels, the largest first.
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }
 
-    /// Number of levels that the source itself has.
+    /// Returns the number of levels of the source itself.
     pub fn stored_levels(&self) -> usize {
         self.levels.iter().filter(|l| l.stored).count()
     }
 
-    /// A number that no other page of the store has.
+    /// Returns an id that is unique among the pages of the store.
     pub fn number(&self) -> u64 {
         self.page
     }
 
-    /// Its numbers in the store, each with what is visible of it: `level` is looked at, `tiles` tiles of it.
+    /// Returns its ids in the store, each with its visible bytes, when `tiles` tiles of `level` are visible.
     pub fn in_sight(&self, level: usize, tiles: u64) -> Vec<(u64, u64)> {
         // A band is read as a whole.
         let across = self.levels.first().map_or(0, |l| u64::from(l.tiles().0));
@@ -133,7 +133,7 @@ impl Pyramid {
         [Some((self.page, bytes + made)), upper].into_iter().flatten().collect()
     }
 
-    /// Bytes of tiles that reading `tiles` of them takes, of a picture that is not looked at yet.
+    /// Returns the bytes that reading `tiles` tiles takes, for an image that is not visible yet.
     pub fn cost(&self, tiles: u64) -> u64 {
         let all = self.levels.first().map_or(0, |l| u64::from(l.width) * u64::from(l.height));
         let pixels = match self.source.access() {
@@ -145,7 +145,7 @@ impl Pyramid {
         pixels.saturating_mul(self.pixel_bytes())
     }
 
-    /// Bytes of one pixel.
+    /// Returns the bytes of one pixel.
     pub fn pixel_bytes(&self) -> u64 {
         (self.source.channels() * self.source.pixel_type().bytes()) as u64
     }
@@ -201,20 +201,20 @@ impl Pyramid {
         self.push_row(level + 1, ty / 2, made, pending);
     }
 
-    /// A tile that is in memory.
+    /// Returns a tile that is in memory.
     pub fn held(&self, level: usize, tx: u32, ty: u32) -> Option<Arc<Tile>> {
         self.store.get(self.key(level, tx, ty))
     }
 
-    /// Whether a tile is in memory.
+    /// True when a tile is in memory.
     pub fn has(&self, level: usize, tx: u32, ty: u32) -> bool {
         self.store.has(self.key(level, tx, ty))
     }
 
-    /// A tile that exists: from memory, or read, or made of finer ones.
+    /// Returns an existing tile from memory, or reads it, or computes it from finer ones.
     ///
     /// # Errors
-    /// When nothing of it can be read.
+    /// Returns an error when none of it can be read.
     pub fn tile(&self, level: usize, tx: u32, ty: u32) -> Result<Arc<Tile>> {
         if let Some(tile) = self.held(level, tx, ty) {
             return Ok(tile);
@@ -271,22 +271,22 @@ impl Pyramid {
         Ok(tile)
     }
 
-    /// Has a rough picture made before the first tile is read, where the source has one.
+    /// Requests a rough image before the first tile is read, where the source has one.
     pub fn sketch_first(&self) {
         self.sketch_first.store(true, Ordering::Release);
     }
 
-    /// Nobody waits any more.
+    /// Cancels the request of a rough image.
     pub(crate) fn no_sketch(&self) {
         self.sketch_first.store(false, Ordering::Release);
     }
 
-    /// Whether a rough picture is still to be made.
+    /// True when a rough image is requested and not made yet.
     pub(crate) fn wants_sketch(&self) -> bool {
         self.sketch_first.load(Ordering::Acquire)
     }
 
-    /// Makes the rough picture, if that is wanted and has not been done.
+    /// Makes the rough image, if it is requested and not made yet.
     pub(crate) fn make_sketch(&self) {
         let _one = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
         self.make_sketch_alone();
@@ -306,7 +306,7 @@ impl Pyramid {
         });
     }
 
-    /// A tile of the rough picture.
+    /// Returns a tile of the rough image.
     pub(crate) fn sketched(&self, level: usize, tx: u32, ty: u32) -> Option<Arc<Tile>> {
         let (_, tiles) = self.sketch.get()?.as_ref().filter(|(l, _)| *l == level)?;
         tiles.iter().find(|(at, _)| *at == (tx, ty)).map(|(_, tile)| tile.clone())
@@ -341,7 +341,7 @@ impl Pyramid {
         wanted.ok_or_else(|| crate::ViewError::Misuse { what: format!("no tile ({tx}, {ty}) came") })
     }
 
-    /// Forgets what covers a rectangle of level 0, `x0..x1` times `y0..y1`: its pixels changed.
+    /// Drops the tiles of a rectangle of level 0, `x0..x1` times `y0..y1`, whose pixels changed.
     pub fn forget(&self, (x0, y0, x1, y1): (u32, u32, u32, u32)) {
         let levels = self.levels.clone();
         self.store.forget(self.page, move |level, tx, ty| {
@@ -353,10 +353,10 @@ impl Pyramid {
         });
     }
 
-    /// All channels of pixel (x, y) of a level, in their stored type; `None` outside.
+    /// Returns all channels of pixel (x, y) of a level, in their stored type; `None` outside.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// Returns an error when it cannot be read.
     pub fn pixel(&self, level: usize, x: u32, y: u32) -> Result<Option<granita_image::Pixels>> {
         let Some(l) = self.levels.get(level).filter(|l| x < l.width && y < l.height) else { return Ok(None) };
         let _ = l;
@@ -367,7 +367,7 @@ impl Pyramid {
         Ok(Some(out))
     }
 
-    /// Type of all values.
+    /// Returns the type of all values.
     pub fn pixel_type(&self) -> PixelType {
         self.source.pixel_type()
     }

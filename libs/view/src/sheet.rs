@@ -1,10 +1,10 @@
-//! How the pixels of a page are laid out to be looked at: as they are stored, or six faces as a cross, or one face.
+//! The layout of the pixels of a page: as stored, six faces as a cross, or one face.
 
 use crate::pyramid::Pyramid;
 use granita_image::ImageSpec;
 use granita_texture::CubeLayout;
 
-/// What of a page is looked at.
+/// The visible part of a page.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Arrangement {
     /// All of it, as it is stored.
@@ -16,25 +16,25 @@ pub enum Arrangement {
     Face(usize),
 }
 
-/// A rectangle of the page, and where it is seen.
+/// A rectangle of the page, and its position on the sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
     /// Left, top, width and height in the coordinates of the sheet: pixels of level 0.
     pub place: [f64; 4],
     /// Left, top, width and height in pixels of each level.
     pub source: Vec<[f64; 4]>,
-    /// Seen from the right to the left and from the bottom to the top.
+    /// True when it is rotated by 180 degrees.
     pub turned: bool,
 }
 
-/// A page laid out.
+/// The layout of a page.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheet {
     /// Rectangles that do not overlap.
     pub patches: Vec<Patch>,
-    /// Left, top, right and bottom of them all.
+    /// The left, top, right and bottom of all patches.
     pub bounds: [f64; 4],
-    /// No finer level than this is shown.
+    /// The finest level that is shown.
     pub level: usize,
 }
 
@@ -63,8 +63,8 @@ fn cross(layout: CubeLayout) -> [(f64, f64, bool); 6] {
 }
 
 impl Sheet {
-    /// Lays out a page whose stored levels are `specs`; `layout` is that of its faces, if it has any. Anything that the
-    /// page does not have is as it is stored.
+    /// Lays out a page whose stored levels are `specs`. `layout` is that of its faces, if it has any. An
+    /// arrangement that the page does not support is as stored.
     pub(crate) fn new(
         arrangement: Arrangement,
         level: usize,
@@ -105,7 +105,7 @@ impl Sheet {
         Self { patches, bounds, level: level.min(pyramid.levels().len() - 1) }
     }
 
-    /// The pixel of level `level` that is seen at a point of the sheet; `None` beside the picture.
+    /// Returns the pixel of level `level` at a point of the sheet; `None` beside the image.
     pub fn pixel_at(&self, x: f64, y: f64, level: usize) -> Option<(u32, u32)> {
         let patch = self.patches.iter().find(|p| p.contains(x, y))?;
         let (u, v) = patch.source_at(x, y, level);
@@ -116,13 +116,13 @@ impl Sheet {
 }
 
 impl Patch {
-    /// Whether a point of the sheet is on it.
+    /// True when the sheet contains a point.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         let [left, top, w, h] = self.place;
         x >= left && x < left + w && y >= top && y < top + h
     }
 
-    /// Coordinates in pixels of a level of a point of the sheet.
+    /// Returns the coordinates in pixels of a level at a point of the sheet.
     pub fn source_at(&self, x: f64, y: f64, level: usize) -> (f64, f64) {
         let [px, py, pw, ph] = self.place;
         let [left, top, w, h] = self.source[level];
@@ -134,7 +134,7 @@ impl Patch {
     }
 }
 
-/// Where a face is in every level.
+/// Returns the position of a face in every level.
 pub(crate) fn face_rects(
     layout: CubeLayout,
     face: usize,

@@ -1,4 +1,4 @@
-//! A rough picture of a page from a few of its rows, for showing until the page itself has been read.
+//! A rough image of a page from a few of its rows, which is shown until the page itself has been read.
 
 use crate::tile::{Tile, cut};
 use granita_image::{ImageInput, ImageSpec, Pixels};
@@ -13,10 +13,10 @@ const MOST_TOGETHER: u32 = 64;
 /// Smaller pictures are read at once.
 const LEAST_PIXELS: u64 = 1 << 21;
 
-/// A rough picture.
+/// A rough image.
 #[derive(Debug)]
 pub struct Sketch {
-    /// How often the page is halved to be of its size.
+    /// The number of times that the page is halved to its size.
     pub halvings: u32,
     /// All of its tiles, by column and row.
     pub tiles: Vec<((u32, u32), Tile)>,
@@ -28,8 +28,8 @@ struct Line {
     values: Vec<f32>,
 }
 
-/// A rough picture of a file whose rows are stored in blocks of `together`, which are read by themselves. `None` where
-/// there is none that is worth it, or some of it cannot be read.
+/// Makes a rough image of a file whose rows are stored in independent blocks of `together` rows. Returns `None`
+/// when it would not be faster, or a part cannot be read.
 pub(crate) fn of_rows(
     input: &dyn ImageInput,
     image: usize,

@@ -1,4 +1,4 @@
-//! Where tiles come from: a file, or whatever else has pixels.
+//! The sources of tiles: a file, or another source of pixels.
 
 use crate::sketch::{self, Sketch};
 use crate::tile::{TILE, Tile, cut, tile_size};
@@ -12,7 +12,7 @@ const WHOLE_BYTES: u64 = 512 << 20;
 /// Rows that are read at once of a file in blocks that are packed by themselves: a few of its blocks.
 const GROUP: u32 = 4 * TILE;
 
-/// How pieces of a source are had.
+/// The access to parts of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Any tile by itself.
@@ -91,7 +91,7 @@ impl Rows {
 }
 
 impl FilePage {
-    /// `None` when the file has no such image.
+    /// Returns an image of a file; `None` when the file has no such image.
     pub(crate) fn new(input: Arc<dyn ImageInput>, image: usize) -> Option<Self> {
         let first = input.spec(image, 0)?.clone();
         let mut levels = vec![first];

@@ -1,4 +1,4 @@
-//! What the values of a picture are: of all of it, or of a part.
+//! The statistics of the values of an image or a part of it.
 
 use crate::Result;
 use crate::picture::Page;
@@ -7,22 +7,22 @@ use granita_image::PixelRect;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// The values of one channel.
+/// The statistics of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics {
-    /// Finite values.
+    /// The number of finite values.
     pub count: u64,
-    /// Values that are not numbers.
+    /// The number of NaNs.
     pub nan: u64,
-    /// Infinite ones, of either sign.
+    /// The number of infinite values, of either sign.
     pub infinite: u64,
-    /// Finite ones below 0.
+    /// The number of finite values below 0.
     pub negative: u64,
     /// The least finite value; infinite when there is none.
     pub min: f32,
-    /// The largest; minus infinite when there is none.
+    /// The largest finite value; minus infinite when there is none.
     pub max: f32,
-    /// The mean of the finite ones.
+    /// The mean of the finite values.
     pub mean: f64,
     /// The sum of the squares of what they differ from the mean.
     squares: f64,
@@ -44,7 +44,7 @@ impl Default for Statistics {
 }
 
 impl Statistics {
-    /// Of some values.
+    /// Returns the statistics of some values.
     pub fn of(values: impl Iterator<Item = f32> + Clone) -> Self {
         let mut s = Self::default();
         let mut sum = 0.0;
@@ -68,8 +68,8 @@ impl Statistics {
         s
     }
 
-    /// Of both together (T. Chan, G. Golub, R. LeVeque, Updating formulae and a pairwise algorithm for computing sample
-    /// variances, 1979).
+    /// Returns the statistics of both together (T. Chan, G. Golub, R. LeVeque, Updating formulae and a pairwise
+    /// algorithm for computing sample variances, 1979).
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         let (n, m) = (self.count as f64, other.count as f64);
@@ -87,7 +87,7 @@ impl Statistics {
         }
     }
 
-    /// Standard deviation of the finite values.
+    /// Returns the standard deviation of the finite values.
     pub fn deviation(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.squares / self.count as f64).sqrt() }
     }
@@ -108,12 +108,12 @@ fn of_tile(tile: &Tile, part: PixelRect) -> Vec<Statistics> {
         .collect()
 }
 
-/// The statistics of every channel of a part of a level; the part may reach beyond the picture.
+/// Returns the statistics of every channel of a part of a level. The part may extend beyond the image.
 ///
-/// The same for any number of threads: parts of tiles are put together in order.
+/// The result is the same for any number of threads, because parts of tiles are combined in order.
 ///
 /// # Errors
-/// When a part cannot be read.
+/// Returns an error when a part cannot be read.
 pub fn statistics(page: &Page, level: usize, part: PixelRect) -> Result<Vec<Statistics>> {
     let pyramid = &page.pyramid;
     let Some(l) = pyramid.levels().get(level) else {
@@ -173,11 +173,11 @@ pub fn statistics(page: &Page, level: usize, part: PixelRect) -> Result<Vec<Stat
         .fold(none, |sums, tile| sums.into_iter().zip(tile).map(|(a, b)| a.and(b)).collect()))
 }
 
-/// The range of depths of a channel that are within reach, the nearest first; `None` when nothing is. Looks at a level of no
-/// more than 1024 pixels a side.
+/// Returns the range of the finite depths of a channel, the nearest first; `None` when there are none. Reads a
+/// level of no more than 1024 pixels a side.
 ///
 /// # Errors
-/// When it cannot be read.
+/// Returns an error when it cannot be read.
 pub fn depth_range(page: &Page, channel: usize) -> Result<Option<(f32, f32)>> {
     let levels = page.pyramid.levels();
     let level = levels.iter().position(|l| l.width.max(l.height) <= 1024).unwrap_or(levels.len() - 1);
@@ -196,10 +196,10 @@ pub fn depth_range(page: &Page, channel: usize) -> Result<Option<(f32, f32)>> {
     Ok((near <= far).then_some((near, far)))
 }
 
-/// The range of the finite values of a layer, without its alpha; as [`depth_range`].
+/// Returns the range of the finite values of a layer, without its alpha, as [`depth_range`] does.
 ///
 /// # Errors
-/// When it cannot be read.
+/// Returns an error when it cannot be read.
 pub fn value_range(page: &Page, layer: usize) -> Result<Option<(f32, f32)>> {
     let Some(layer) = page.layers.get(layer) else { return Ok(None) };
     let mut range: Option<(f32, f32)> = None;
@@ -212,30 +212,31 @@ pub fn value_range(page: &Page, layer: usize) -> Result<Option<(f32, f32)>> {
     Ok(range)
 }
 
-/// How often values occur.
+/// A histogram of values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
-    /// Lower end of the first bin.
+    /// The lower end of the first bin.
     pub low: f32,
-    /// Upper end of the last.
+    /// The upper end of the last bin.
     pub high: f32,
-    /// Bins are equal ratios.
+    /// True for bins of equal ratios.
     pub log: bool,
-    /// For red, green and blue as they are picked: how many values are in each bin; those beyond an end are in the bin there.
+    /// For red, green and blue, the number of values in each bin. Values beyond an end are in the bin at that end.
     pub bins: [Vec<u32>; 3],
 }
 
 impl Histogram {
-    /// Number of bins.
+    /// The number of bins.
     pub const BINS: usize = 256;
 
-    /// Nothing yet.
+    /// Returns an empty histogram.
     pub fn new(low: f32, high: f32, log: bool) -> Self {
         let log = log && low > 0.0 && high > low;
         Self { low, high, log, bins: std::array::from_fn(|_| vec![0; Self::BINS]) }
     }
 
-    /// Adds the pixels of a tile; what is not finite is left out. Channels are those of [`crate::Display::pick`].
+    /// Adds the pixels of a tile. Values that are not finite are skipped. Channels are those of
+    /// [`crate::Display::pick`].
     pub fn add(&mut self, tile: &Tile, pick: &[crate::Pick; 4], convert: impl Fn(f32) -> f32) {
         let (low, high) = if self.log { (self.low.log2(), self.high.log2()) } else { (self.low, self.high) };
         let scale = Self::BINS as f32 / (high - low).max(f32::MIN_POSITIVE);

@@ -73,8 +73,8 @@ pub fn save_canvas(canvas: &Canvas, path: &Path, formats: &FormatRegistry) -> Re
 
 /// Writes the values of a level as they are, all channels or those of a layer, in the format of the file's extension.
 ///
-/// A format that cannot hold the type of the values gets the one that is next to it: 16 bits for floats if it has them, else
-/// 8, with colours encoded for a screen as they are everywhere in the suite.
+/// A format that cannot hold the type of the values gets the one that is next to it: 16 bits for floats if it has them,
+/// else 8, with colours encoded for a screen as they are everywhere in the suite.
 ///
 /// # Errors
 /// When the format cannot hold so many channels, or as [`save_canvas`].

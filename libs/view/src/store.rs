@@ -1,13 +1,13 @@
-//! The tiles in memory: bounded, the ones used longest ago go first.
+//! The tiles in memory, within a bound. The least recently used ones are dropped first.
 
 use crate::tile::Tile;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Which tile of which page.
+/// The key of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TileKey {
-    /// The page, by the number that [`TileStore::new_page`] gave it.
+    /// The page, by its id from [`TileStore::new_page`].
     pub page: u64,
     /// The level, 0 being the largest.
     pub level: u32,
@@ -17,13 +17,13 @@ pub struct TileKey {
     pub ty: u32,
 }
 
-/// How much is kept.
+/// The bounds of the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreLimits {
-    /// Bytes of the tiles of pages that are not being looked at.
+    /// The bytes of the tiles of pages that are not visible.
     pub others: u64,
-    /// For each page that is stored in tiles and can be read again piece by piece: bytes beyond half as much again as
-    /// what is visible of it.
+    /// The bytes that each page that is stored in tiles and can be read again tile by tile may use beyond 1.5 times
+    /// its visible bytes.
     pub spare: u64,
 }
 
@@ -75,7 +75,7 @@ impl Default for TileStore {
 }
 
 impl TileStore {
-    /// An empty one.
+    /// Returns an empty store.
     pub fn new(limits: StoreLimits) -> Self {
         Self { limits, inner: Arc::default() }
     }
@@ -85,7 +85,7 @@ impl TileStore {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A number for a page. Pages that are `keep` are kept as a whole while they are looked at.
+    /// Returns an id for a page. Pages with `keep` are kept completely while they are visible.
     pub fn new_page(&self, keep: bool) -> u64 {
         let mut inner = self.lock();
         inner.next_page += 1;
@@ -94,19 +94,19 @@ impl TileStore {
         page
     }
 
-    /// Forgets a page and its tiles.
+    /// Drops a page and its tiles.
     pub fn drop_page(&self, page: u64) {
         let mut inner = self.lock();
         inner.remove_if(|key| key.page == page);
         inner.pages.remove(&page);
     }
 
-    /// Forgets the tiles of a page for which `stale(level, tx, ty)`.
+    /// Drops the tiles of a page for which `stale(level, tx, ty)` is true.
     pub fn forget(&self, page: u64, stale: impl Fn(u32, u32, u32) -> bool) {
         self.lock().remove_if(|key| key.page == page && stale(key.level, key.tx, key.ty));
     }
 
-    /// A tile, if it is there; that counts as a use.
+    /// Returns a tile that is in memory. This counts as a use.
     pub fn get(&self, key: TileKey) -> Option<Arc<Tile>> {
         let inner = &mut *self.lock();
         inner.clock += 1;
@@ -118,12 +118,12 @@ impl TileStore {
         Some(held.tile.clone())
     }
 
-    /// Whether a tile is there; no use.
+    /// True when a tile is in memory. This does not count as a use.
     pub fn has(&self, key: TileKey) -> bool {
         self.lock().tiles.contains_key(&key)
     }
 
-    /// Adds tiles, and makes room for them.
+    /// Adds tiles, and drops others to stay within the bound.
     pub fn insert(&self, tiles: impl IntoIterator<Item = (TileKey, Arc<Tile>)>) {
         let mut inner = self.lock();
         for (key, tile) in tiles {
@@ -132,8 +132,7 @@ impl TileStore {
         inner.shrink(&self.limits);
     }
 
-    /// Says which pages are looked at, and how many bytes of tiles each has in sight. The others are kept only as far as
-    /// there is room.
+    /// Sets the visible pages and the bytes of visible tiles of each. The others are kept only within the bound.
     pub fn look_at(&self, pages: &[(u64, u64)]) {
         let mut inner = self.lock();
         for (page, state) in &mut inner.pages {
@@ -146,12 +145,12 @@ impl TileStore {
         inner.shrink(&self.limits);
     }
 
-    /// How much is kept.
+    /// Returns the bounds.
     pub fn limits(&self) -> &StoreLimits {
         &self.limits
     }
 
-    /// Bytes of all tiles, now and at most so far.
+    /// Returns the bytes of all tiles, now and at most so far.
     pub fn bytes(&self) -> (u64, u64) {
         let inner = self.lock();
         (inner.bytes, inner.most)

@@ -1,4 +1,4 @@
-//! A square block of a picture: the unit in which pictures are read, kept and drawn.
+//! A square block of an image, which is the unit of reading, caching and drawing.
 
 use granita_image::{BlockCopy, PixelType, Pixels};
 
@@ -8,19 +8,19 @@ pub const TILE: u32 = 128;
 /// Pixels of a block in their stored type, row by row, channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
-    /// Pixels per row.
+    /// The number of pixels per row.
     pub width: u32,
-    /// Rows.
+    /// The number of rows.
     pub height: u32,
-    /// Values per pixel.
+    /// The number of values per pixel.
     pub channels: usize,
     /// `width * height * channels` values.
     pub pixels: Pixels,
-    /// Whether all of it could be read: what could not is 0.
+    /// True when all of it could be read. Other pixels are 0.
     pub whole: bool,
 }
 
-/// What one texel of a level stands for, among those of the finer level that it covers.
+/// The value of a texel of a level, from those of the finer level that it covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduce {
     /// Their mean; what is not a number stays visible.
@@ -31,7 +31,7 @@ pub enum Reduce {
     First,
 }
 
-/// Where the values of four channels to be shown come from.
+/// The source of the values of a shown channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pick {
     /// This channel of the picture.
@@ -41,13 +41,13 @@ pub enum Pick {
 }
 
 impl Tile {
-    /// Black.
+    /// Returns a black tile.
     pub fn zeros(width: u32, height: u32, channels: usize, pixel_type: PixelType) -> Self {
         let n = width as usize * height as usize * channels;
         Self { width, height, channels, pixels: Pixels::zeros(pixel_type, n), whole: true }
     }
 
-    /// Memory it takes.
+    /// Returns the bytes of its memory.
     pub fn bytes(&self) -> u64 {
         (self.pixels.len() * self.pixels.pixel_type().bytes()) as u64
     }
@@ -79,14 +79,14 @@ impl Tile {
         }));
     }
 
-    /// All channels of pixel (x, y), as floats.
+    /// Returns all channels of pixel (x, y), as floats.
     pub fn pixel(&self, x: u32, y: u32) -> Vec<f32> {
         let at = (y as usize * self.width as usize + x as usize) * self.channels;
         (at..at + self.channels).map(|i| self.pixels.get(i)).collect()
     }
 
-    /// One tile of half the size made of up to four: `finer` holds those at (0, 0), (1, 0), (0, 1), (1, 1), of which the
-    /// first is always there. `width` and `height` are those of the result.
+    /// Returns one tile of half the size from up to four. `finer` holds those at (0, 0), (1, 0), (0, 1), (1, 1), of
+    /// which the first always exists. `width` and `height` are those of the result.
     pub(crate) fn reduced(finer: [Option<&Self>; 4], width: u32, height: u32, reduce: &[Reduce]) -> Self {
         let first = finer[0].expect("invariant: a texel covers at least one finer one");
         let (n, pixel_type) = (first.channels, first.pixels.pixel_type());
@@ -191,7 +191,7 @@ pub(crate) fn cut(
     tiles
 }
 
-/// Width and height of tile (tx, ty) of a level of this size.
+/// Returns the width and height of tile (tx, ty) of a level of this size.
 pub(crate) fn tile_size(size: (u32, u32), tx: u32, ty: u32) -> (u32, u32) {
     (size.0.saturating_sub(tx * TILE).min(TILE), size.1.saturating_sub(ty * TILE).min(TILE))
 }

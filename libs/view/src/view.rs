@@ -1,28 +1,28 @@
-//! Where one looks: at a sheet from above, or around from a point.
+//! The view: the visible part of a sheet, or a direction in a panorama.
 
 /// The part of a sheet that is on screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Width of the screen in its pixels.
+    /// The width of the screen in its pixels.
     pub width: u32,
-    /// Height of the screen.
+    /// The height of the screen in its pixels.
     pub height: u32,
-    /// The point of the sheet in the middle of the screen.
+    /// The point of the sheet in the centre of the screen.
     pub center: (f64, f64),
-    /// Pixels of the screen for one of the sheet.
+    /// The number of screen pixels per pixel of the sheet.
     pub zoom: f64,
-    /// Looking around instead.
+    /// The direction in a panorama, which replaces the sheet.
     pub around: Option<Around>,
 }
 
-/// A direction in a picture of all directions.
+/// A direction in a panorama.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Around {
-    /// To the right of the picture's centre, in degrees.
+    /// The angle to the right of the image's centre, in degrees.
     pub yaw_deg: f64,
-    /// Upwards, in degrees.
+    /// The angle upward, in degrees.
     pub pitch_deg: f64,
-    /// From the upper to the lower edge of the screen, in degrees.
+    /// The angle from the upper to the lower edge of the screen, in degrees.
     pub fov_deg: f64,
 }
 
@@ -36,7 +36,8 @@ impl Default for Around {
 const ZOOM: (f64, f64) = (1.0 / 1024.0, 512.0);
 
 impl View {
-    /// All of `bounds` (left, top, right, bottom) on a screen of this size, small pictures at their own size.
+    /// Returns a view of all of `bounds` (left, top, right, bottom) on a screen of this size. Small images are not
+    /// enlarged.
     pub fn fit(width: u32, height: u32, bounds: [f64; 4]) -> Self {
         let [left, top, right, bottom] = bounds;
         let across = f64::from(width.max(1)) / (right - left).max(1.0);
@@ -55,19 +56,19 @@ impl View {
         view
     }
 
-    /// The point of the sheet at a point of the screen, which is measured from the upper left corner.
+    /// Returns the point of the sheet at a point of the screen, which is measured from the upper left corner.
     pub fn to_sheet(&self, x: f64, y: f64) -> (f64, f64) {
         let (w, h) = (f64::from(self.width), f64::from(self.height));
         (self.center.0 + (x - w / 2.0) / self.zoom, self.center.1 + (y - h / 2.0) / self.zoom)
     }
 
-    /// The point of the screen at a point of the sheet.
+    /// Returns the point of the screen at a point of the sheet.
     pub fn to_screen(&self, x: f64, y: f64) -> (f64, f64) {
         let (w, h) = (f64::from(self.width), f64::from(self.height));
         ((x - self.center.0) * self.zoom + w / 2.0, (y - self.center.1) * self.zoom + h / 2.0)
     }
 
-    /// Changes the zoom; what is at point (x, y) of the screen stays there.
+    /// Changes the zoom and keeps the image at point (x, y) of the screen in place.
     pub fn zoom_at(&mut self, x: f64, y: f64, factor: f64) {
         if let Some(around) = &mut self.around {
             around.fov_deg = (around.fov_deg / factor).clamp(5.0, 150.0);
@@ -80,7 +81,7 @@ impl View {
         self.center.1 += before.1 - after.1;
     }
 
-    /// Moves the picture by so many pixels of the screen.
+    /// Moves the image by this number of screen pixels.
     pub fn pan(&mut self, dx: f64, dy: f64) {
         if let Some(around) = &mut self.around {
             let deg = around.fov_deg / f64::from(self.height.max(1));
@@ -92,7 +93,7 @@ impl View {
         self.center.1 -= dy / self.zoom;
     }
 
-    /// Puts another size of screen around the same centre.
+    /// Changes the size of the screen around the same centre.
     pub fn resize(&mut self, width: u32, height: u32) {
         (self.width, self.height) = (width, height);
     }

@@ -49,7 +49,8 @@ fn patches_of_two_bases_cross() {
     }
 }
 
-/// Compiles a program of the tests' own with each compiler and runs it, also under valgrind. Its folder has these plugins.
+/// Compiles a program of the tests' own with each compiler and runs it, also under valgrind. Its folder has these
+/// plugins.
 fn works(source: &str, plugins: &[(&str, &str)]) {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), source);

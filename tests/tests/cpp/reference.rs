@@ -1,5 +1,5 @@
-//! The programs of the reference itself, taken from where it lies at run time: they compile as they are, run, and do what
-//! the text says.
+//! The programs of the reference itself, taken from where it lies at run time: they compile as they are, run, and do
+//! what the text says.
 
 use crate::support::*;
 use granita_image::Limits;

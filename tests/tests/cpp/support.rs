@@ -97,8 +97,8 @@ pub(crate) fn chapter(file: &str) -> Option<String> {
     Some(std::fs::read_to_string(found?).unwrap())
 }
 
-/// The listing of a chapter from its line `from` to the line `to` (or the end): the pages between ``` in one, without the
-/// braces that the scan put at the end of pages.
+/// The listing of a chapter from its line `from` to the line `to` (or the end): the pages between ``` in one, without
+/// the braces that the scan put at the end of pages.
 pub(crate) fn listing(chapter: &str, after: &str, from: &str, to: Option<&str>) -> String {
     let text = &chapter[chapter.find(after).unwrap()..];
     let text = &text[text.find(from).unwrap()..];

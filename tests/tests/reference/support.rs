@@ -7,8 +7,8 @@ use granita_tests::Picture;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
-/// A camera without perspective that sees -1..1 by -1..1, which is 16 x 16 pixels; its image, in floats, with a box filter of one
-/// pixel, is "out.tif".
+/// A camera without perspective that sees -1..1 by -1..1, which is 16 x 16 pixels; its image, in floats, with a box
+/// filter of one pixel, is "out.tif".
 pub(crate) const CAMERA: &str = r#"
 Attribute ("int[2] resolution", (16, 16))
 Attribute ("string projection", "orthographic")

@@ -1,4 +1,5 @@
-//! What bundled surfaces, displacements and volumes do: numbers, and the formulas that the reference and their sources give.
+//! What bundled surfaces, displacements and volumes do: numbers, and the formulas that the reference and their sources
+//! give.
 
 use crate::support::{Place, SHADERS, SQUARE, asks, assert_near, at, middle, scene};
 use granita_tests::Picture;

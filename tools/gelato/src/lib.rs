@@ -7,9 +7,10 @@ mod statistics;
 mod viewer;
 
 use clap::Parser;
-use granita_base::{Environment, Reporter, Severity};
+use granita_base::{Environment, Reporter, Severity, Supervisor};
 use granita_cli::{
-    Bar, Ending, Fence, Status, console_reporter, environment, fence, parse, reporter_with, seconds,
+    Bar, Ending, Fence, Given, Status, console_reporter, environment, fence, parse_with_given, reporter_with,
+    seconds,
 };
 use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
@@ -44,7 +45,8 @@ struct Options {
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     threads: usize,
 
-    /// Machines that render this frame together, reached by ssh; "local" is this one. Several in one word or by several -net
+    /// Machines that render this frame together, reached by ssh; "local" is this one. Several in one word or by several
+    /// -net
     #[arg(long, value_name = "SERVER")]
     net: Vec<String>,
 
@@ -52,7 +54,9 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol; the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN], with a number below 100
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol;
+    /// the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN],
+    /// with a number below 100
     #[arg(long, value_name = "HOST[:PORT]")]
     display: Option<Display>,
 
@@ -116,7 +120,8 @@ struct Options {
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
 
-    /// For scenes from strangers: run no scripts, plugins and programs, read beneath the scene's folder only, write beneath one folder only
+    /// For scenes from strangers: run no scripts, plugins and programs, read beneath the scene's folder only, write
+    /// beneath one folder only
     #[arg(long)]
     safe: bool,
 
@@ -129,11 +134,29 @@ struct Options {
     nofence: bool,
 }
 
+/// Options that workers do not get, each with the reason. They render the same image without them.
+const NOT_FOR_WORKERS: [(&str, &str); 14] = [
+    ("statistics", "the coordinator prints them"),
+    ("statistics_json", "the coordinator writes them"),
+    ("net", "a worker has no workers"),
+    ("worker", "the session says it first"),
+    ("display", "a worker shows nothing; -iv stands for the picture that is shown"),
+    ("iv", "passed once, where the picture is shown by -display as well"),
+    ("cwd", "a worker is started in the folder that the coordinator changed to"),
+    ("silent", "passed always"),
+    ("verbosity", "messages about the frame are the coordinator's"),
+    ("stream", "a scene that is no file has no workers"),
+    ("archive", "nothing is rendered"),
+    ("remote", "a scene that is no file has no workers"),
+    ("timeout", "workers end with the coordinator"),
+    ("nofence", "a safe run has no workers"),
+];
+
 const AFTER_HELP: &str = "\
 Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
 Exit status: 0 all went well; 1 something was rendered, with errors; 2 nothing could be rendered.";
 
-/// Standard output as a stream of frames, shared with whoever prints.
+/// Standard output as a stream of frames, shared with everything that prints.
 #[derive(Clone, Default)]
 struct Answers(Arc<Mutex<()>>);
 
@@ -142,7 +165,7 @@ impl Answers {
     fn print(&self, text: &str) {
         let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
         let text = &text.as_bytes()[..length as usize];
-        // Nobody is left to tell when the other side is gone.
+        // When the other side is closed, the error cannot be reported.
         let _ = self.put(&[&b"P"[..], &length.to_le_bytes(), text].concat());
         let _ = std::io::stdout().lock().flush();
     }
@@ -166,7 +189,7 @@ impl Write for Answers {
 /// Runs the tool; `words` begins with the name it was called by, `tools` names the tools that this very program runs
 /// as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
-    let options: Options = parse(words);
+    let (options, given): (Options, Vec<Given>) = parse_with_given(words);
     let quiet = options.silent || options.verbosity == Some(0);
     let bar = Bar::new(!quiet);
     let answers = Answers::default();
@@ -192,7 +215,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     if let Some(seconds) = options.timeout {
         ending.limit(seconds, &reporter);
     }
-    let status = run(&options, tools, Voices { reporter, bar, answers, told }, &ending);
+    let status = run(&options, &given, tools, Voices { reporter, bar, answers, told }, &ending);
     if ending.supervisor().has_ended() && !ending.is_late() {
         granita_cli::wait_for_end();
     }
@@ -200,7 +223,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     if ending.is_late() { Status::WithErrors } else { status }
 }
 
-/// What a run talks through.
+/// The channels of a run: messages and output.
 struct Voices {
     reporter: Reporter,
     bar: Bar,
@@ -208,47 +231,102 @@ struct Voices {
     told: Option<Told>,
 }
 
-/// Runs the tool as the options ask for.
-fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> Status {
+/// Runs the tool with the options.
+fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, ending: &Ending) -> Status {
     let Voices { reporter, bar, answers, told } = voices;
-    // Everything that names a place is resolved after the change of folder.
-    if let Some(folder) = &options.cwd
-        && let Err(error) = std::env::set_current_dir(folder)
-    {
-        reporter.error(format!("-cwd {}: {error}", folder.display()));
-        return Status::Failed;
-    }
-    let mut variables = environment();
-    let mut program_environment = Vec::new();
-    for assignment in &options.env {
-        let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
-            reporter.error(format!("-env {assignment}: expected VAR=VALUE"));
+    let surroundings = match Surroundings::new(options) {
+        Ok(surroundings) => surroundings,
+        Err(error) => {
+            reporter.error(error);
             return Status::Failed;
-        };
-        variables.set(name, value);
-        program_environment.push((name.to_owned(), value.to_owned()));
-    }
-    // Folders are looked for before hours of rendering, not after.
-    if let Some(folder) = options.statistics_json.as_deref().and_then(Path::parent)
-        && !folder.as_os_str().is_empty()
-        && !folder.is_dir()
-    {
-        reporter.error(format!("-statistics-json: there is no folder {}", folder.display()));
-        return Status::Failed;
-    }
-    if options.files.is_empty() && !options.stream && !options.remote {
-        reporter.error("no scene file was given (try -help)");
-        return Status::Failed;
-    }
+        }
+    };
     if let Some(file) = &options.archive {
-        return archive(file, &variables, &answers, &reporter);
+        return archive(file, &surroundings.variables, &answers, &reporter);
     }
+    let supervisor = ending.supervisor().clone();
+    let session_options = session_options(options, given, tools, surroundings, supervisor);
+    if let Some(told) = told {
+        let session = Session::new(session_options, reporter, told.progress());
+        ending.stops(session.stop());
+        return status(&session.obey(Box::new(std::io::stdin()), &told), false);
+    }
+    let session = if options.worker {
+        let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
+        Session::worker(session_options, reporter.clone(), input, output)
+    } else {
+        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
+        Session::new(session_options, reporter.clone(), progress)
+    };
+    if let Some(path) = &options.statistics_json {
+        session.files().grant_output(path);
+    }
+    if options.safe
+        && !options.nofence
+        && let Err(what) = enforce(&session, &reporter)
+    {
+        reporter.error(format!("-safe: {what}"));
+        return Status::Failed;
+    }
+    ending.stops(session.stop());
+    render(options, session, &answers, &reporter)
+}
+
+/// What a run takes from where it was started.
+struct Surroundings {
+    variables: Environment,
+    /// Variables that programs get which the scene starts.
+    of_programs: Vec<(String, String)>,
+}
+
+impl Surroundings {
+    /// Changes the folder, sets variables and looks for what the options name. Everything that names a place is
+    /// resolved after the change of folder.
+    ///
+    /// # Errors
+    /// What is wrong with an option.
+    fn new(options: &Options) -> Result<Self, String> {
+        if let Some(folder) = &options.cwd {
+            std::env::set_current_dir(folder)
+                .map_err(|error| format!("-cwd {}: {error}", folder.display()))?;
+        }
+        let mut variables = environment();
+        let mut of_programs = Vec::new();
+        for assignment in &options.env {
+            let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
+                return Err(format!("-env {assignment}: expected VAR=VALUE"));
+            };
+            variables.set(name, value);
+            of_programs.push((name.to_owned(), value.to_owned()));
+        }
+        // Folders are looked for before hours of rendering, not after.
+        if let Some(folder) = options.statistics_json.as_deref().and_then(Path::parent)
+            && !folder.as_os_str().is_empty()
+            && !folder.is_dir()
+        {
+            return Err(format!("-statistics-json: there is no folder {}", folder.display()));
+        }
+        if options.files.is_empty() && !options.stream && !options.remote {
+            return Err("no scene file was given (try -help)".to_owned());
+        }
+        Ok(Self { variables, of_programs })
+    }
+}
+
+/// The options of a session, from those of the command line.
+fn session_options(
+    options: &Options,
+    given: &[Given],
+    tools: &[&str],
+    surroundings: Surroundings,
+    supervisor: Supervisor,
+) -> SessionOptions {
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
     let (display, layers) = (options.display.clone(), !options.safe);
-    let screen = variables.get("DISPLAY").map(str::to_owned);
+    let screen = surroundings.variables.get("DISPLAY").map(str::to_owned);
     let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers);
     let viewer = match options.safe {
-        // Before the fence, and only when the user wants one.
+        // Before the fence, and only when the user requests one.
         true if options.is_shown() => {
             let found = find();
             Viewer(Some(Arc::new(move || found.clone())))
@@ -256,9 +334,11 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
         true => Viewer(None),
         false => Viewer(Some(Arc::new(find))),
     };
-    let session_options = SessionOptions {
-        environment: variables,
-        program_environment,
+    SessionOptions {
+        environment: surroundings.variables,
+        // Without a name it is not passed to workers, which is an error then.
+        current_folder: std::env::current_dir().unwrap_or_default(),
+        program_environment: surroundings.of_programs,
         programs_print_to_stderr: options.stream || options.worker || options.remote,
         own_tools: std::env::current_exe().ok().map(|program| OwnTools {
             program,
@@ -278,38 +358,25 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
         plugins_from_current_folder: true,
         safe: options.safe,
         safe_output: options.safeout.clone(),
-        supervisor: ending.supervisor().clone(),
+        supervisor,
         scene_files: options.files.clone(),
         net_workers: options.net.clone(),
-        net_arguments: options.for_worker(),
-    };
-    if let Some(told) = told {
-        let session = Session::new(session_options, reporter, told.progress());
-        ending.stops(session.stop());
-        return status(&session.obey(Box::new(std::io::stdin()), &told), false);
+        net_arguments: options.for_worker(given),
     }
-    let mut session = if options.worker {
-        let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
-        Session::worker(session_options, reporter.clone(), input, output)
-    } else {
-        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
-        Session::new(session_options, reporter.clone(), progress)
-    };
-    if let Some(path) = &options.statistics_json {
-        session.files().grant_output(path);
+}
+
+/// Has the kernel enforce "-safe".
+fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
+    match fence(session.files())? {
+        Fence::Whole => reporter.info("-safe: the kernel enforces it as well"),
+        Fence::Partial => reporter.info("-safe: the kernel enforces a part of it as well"),
+        Fence::None => reporter.info("-safe: the kernel has no way of enforcing it as well"),
     }
-    if options.safe && !options.nofence {
-        match fence(session.files()) {
-            Ok(Fence::Whole) => reporter.info("-safe: the kernel enforces it as well"),
-            Ok(Fence::Partial) => reporter.info("-safe: the kernel enforces a part of it as well"),
-            Ok(Fence::None) => reporter.info("-safe: the kernel has no way of enforcing it as well"),
-            Err(what) => {
-                reporter.error(format!("-safe: {what}"));
-                return Status::Failed;
-            }
-        }
-    }
-    ending.stops(session.stop());
+    Ok(())
+}
+
+/// Reads the scene files and the stream, and renders what they ask for.
+fn render(options: &Options, mut session: Session, answers: &Answers, reporter: &Reporter) -> Status {
     let mut failed = false;
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
@@ -345,7 +412,7 @@ fn run(options: &Options, tools: &[&str], voices: Voices, ending: &Ending) -> St
     }
     let mut status = status(&outcome, failed);
     if let Some(path) = &options.statistics_json {
-        let document = statistics::document(&outcome, &options.files, &reporter, status.code());
+        let document = statistics::document(&outcome, &options.files, reporter, status.code());
         if let Err(error) = statistics::write(path, &document) {
             reporter.error(format!("-statistics-json: {error}"));
             status = if status == Status::Done { Status::WithErrors } else { status };
@@ -396,12 +463,12 @@ impl Write for Printed {
 }
 
 impl Options {
-    /// Whether the user asks for a viewer. A screen alone does not: it says where -iv and the scene show pictures.
+    /// True when the user requests a viewer. A screen alone does not: it selects where -iv and the scene show images.
     fn is_shown(&self) -> bool {
         self.iv || matches!(self.display, Some(Display::Viewer(_)))
     }
 
-    /// The picture that goes to a viewer, named after the scene.
+    /// The image that goes to a viewer, named after the scene.
     fn shown(&self) -> Option<ExtraOutput> {
         // Settings stand in files before the scene.
         let file = self.files.last().map(|file| Path::new(file.trim()));
@@ -413,72 +480,21 @@ impl Options {
         })
     }
 
-    /// The words by which another process renders the same; `None` when the scene does not come from files.
-    fn for_worker(&self) -> Option<Vec<String>> {
+    /// The arguments with which another process renders the same; `None` when the scene does not come from files. All
+    /// options that were `given` are passed on except those of [`NOT_FOR_WORKERS`].
+    fn for_worker(&self, given: &[Given]) -> Option<Vec<String>> {
         if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
             return None;
         }
-        // Each option is named here: one that another process needs cannot be forgotten.
-        let Self {
-            files,
-            threads,
-            env,
-            preview,
-            shade,
-            output,
-            data,
-            crop,
-            plugins,
-            safe,
-            // Seen through `shown`.
-            iv: _,
-            display: _,
-            // Matters of this process.
-            statistics: _,
-            statistics_json: _,
-            net: _,
-            worker: _,
-            cwd: _,
-            silent: _,
-            verbosity: _,
-            stream: _,
-            archive: _,
-            remote: _,
-            timeout: _,
-            // A safe run has no workers.
-            safeout: _,
-            nofence: _,
-        } = self;
         let mut words = vec!["-silent".to_owned()];
-        let mut add = |list: &[&str]| words.extend(list.iter().map(|word| (*word).to_owned()));
-        if *threads > 0 {
-            add(&["-threads", &threads.to_string()]);
-        }
-        env.iter().for_each(|assignment| add(&["-env", assignment]));
-        if *preview > 0.0 {
-            add(&["-preview", &preview.to_string()]);
-        }
-        if let Some(shade) = shade {
-            add(&["-shade", shade]);
-        }
-        output.iter().for_each(|name| add(&["-o", name]));
+        let passed = given.iter().filter(|given| !NOT_FOR_WORKERS.iter().any(|(id, _)| *id == given.id));
+        words.extend(passed.flat_map(|given| &given.words).map(|word| word.to_string_lossy().into_owned()));
         // It shows nothing, but must make the same images.
         if self.shown().is_some() {
-            add(&["-iv"]);
+            words.push("-iv".to_owned());
         }
-        for path in plugins {
-            add(&["-plugins", &path.to_string_lossy()]);
-        }
-        add(&["-data", data]);
-        if crop.len() == 4 {
-            add(&["-crop"]);
-            crop.iter().for_each(|v| add(&[&v.to_string()]));
-        }
-        if *safe {
-            add(&["-safe"]);
-        }
-        add(&["--"]);
-        files.iter().for_each(|file| add(&[file]));
+        words.push("--".to_owned());
+        words.extend(self.files.iter().cloned());
         Some(words)
     }
 }
@@ -491,7 +507,7 @@ fn quality(word: &str) -> Result<f32, String> {
     }
 }
 
-/// How it ended.
+/// The result of the run.
 fn status(outcome: &Outcome, failed: bool) -> Status {
     if failed && !outcome.rendered {
         Status::Failed
@@ -501,3 +517,6 @@ fn status(outcome: &Outcome, failed: bool) -> Status {
         Status::Done
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,7 +1,7 @@
 //! The command `gelato`, and under `--as NAME` any other tool of the suite.
 //!
-//! One binary carries all tools, so that a scene's `Command ("system maketx ...")` means the tool of the same build
-//! wherever it lies. The names are handed to the session, which starts this program again.
+//! One binary contains all tools, so that a scene's `Command ("system maketx ...")` means the tool of the same build
+//! in any folder. The names are passed to the session, which starts this program again.
 
 #![forbid(unsafe_code)]
 
@@ -9,7 +9,7 @@ use granita_cli::Status;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Grids come and go by the million, in sizes that repeat; see `docs/performance.md` for what it brings.
+/// Grids are allocated and freed by the million, in sizes that repeat; `docs/performance.md` has the gain.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
@@ -32,7 +32,7 @@ fn main() -> ExitCode {
     match TOOLS.iter().find(|(tool, _)| name.as_deref().is_some_and(|n| n == *tool)) {
         Some((_, tool)) => {
             if named {
-                // The tool sees its own name first, as if it had been called by it.
+                // The tool gets its own name first, as if it had been called by it.
                 words.drain(..2);
             }
             tool(words).into()

@@ -1,4 +1,4 @@
-//! How far a frame is: a bar on a terminal, or lines of information (`-verbosity 2`) where there is none.
+//! The progress of a frame: a bar on a terminal, or lines of information (`-verbosity 2`) without one.
 
 use granita_base::Reporter;
 use granita_cli::{Bar, time_left};
@@ -44,7 +44,7 @@ impl Progress for ShownProgress {
 
     fn done(&self, steps: u64) {
         let mut shown = self.shown();
-        // Threads do not come here in the order in which they counted.
+        // Threads do not arrive here in the order in which they counted.
         shown.done = shown.done.max(steps);
         shown.bar.done(shown.done);
         let percent = (u128::from(shown.done) * 100 / u128::from(shown.total.max(1))) as u64;

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Named when the meaning of a field changes, or one goes away; fields may be added without.
+/// Changed when the meaning of a field changes, or a field is removed; fields may be added without.
 const SCHEMA: &str = "granita-statistics-1";
 
 /// The document.
@@ -60,7 +60,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
     paths.iter().map(|p| p.to_string_lossy().into_owned()).collect()
 }
 
-/// Most memory that this process has had at once; `None` where the system does not say.
+/// The largest memory of this process so far, in bytes; `None` where the system does not report it.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! The viewer that shows pictures while they are rendered.
+//! The viewer that shows images while they are rendered.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -7,13 +7,13 @@ use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What `iv` says when it takes pictures, before the address.
+/// The line that `iv` prints, before the address, when it is ready for images.
 const LISTENS: &str = "iv: listening on ";
 
-/// Longest time until it says so.
+/// Longest time until it prints that line.
 const STARTING: Duration = Duration::from_secs(20);
 
-/// What `-display` names.
+/// The value of `-display`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Display {
     /// A viewer that listens: `HOST[:PORT]`.
@@ -55,11 +55,11 @@ fn remote(text: &str) -> Option<(&str, String)> {
     (!is_here).then(|| (host, format!(":{number}")))
 }
 
-/// Where pictures go: to `given`, or to an `iv` that is started for them. It takes a port that no other program has, so that
-/// what one user renders is not shown in the window of another.
+/// The destination of images: `given`, or an `iv` that is started for them. It uses a free port, so that the images
+/// of one user are not shown in the window of another.
 ///
-/// `variable` is `$DISPLAY`. An `iv` for a screen of another machine runs there (reference 6.4), through `ssh`, which also
-/// carries the pictures. With `layers` it opens the pictures that outputs name as "foreground" and "background".
+/// `variable` is `$DISPLAY`. An `iv` for a screen of another machine runs there (reference 6.4), through `ssh`, which
+/// also carries the images. With `layers` it opens the images that outputs name as "foreground" and "background".
 pub(crate) fn find(given: Option<&Display>, variable: Option<&str>, layers: bool) -> Result<String, String> {
     let screen = match given {
         Some(Display::Viewer(address)) => return Ok(address.clone()),
@@ -86,13 +86,13 @@ fn options(port: u16, layers: bool) -> Vec<String> {
     words
 }
 
-/// Starts an `iv` on this machine, which says where it listens.
+/// Starts an `iv` on this machine, which prints the address on which it listens.
 fn start(program: &Path, screen: Option<&str>, layers: bool) -> Result<String, String> {
     let failed = |what: String| format!("{} cannot be started as a viewer: {what}", program.display());
     let mut command = Command::new(program);
     command.args(options(0, layers));
     command.envs(screen.map(|screen| ("DISPLAY", screen)));
-    // What it says later is for the terminal: it outlives this program.
+    // Its later output goes to the terminal, because it outlives this program.
     listening(command).map_err(failed)
 }
 
@@ -100,7 +100,7 @@ fn start(program: &Path, screen: Option<&str>, layers: bool) -> Result<String, S
 fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<String, String> {
     let failed =
         |what: String| format!("iv cannot be started on {host} for the screen {screen} there: {what}");
-    // A free port here; there, one that is most likely free. The tunnel must know both.
+    // A free port here, and a port that is most likely free there. The tunnel needs both.
     let here = std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr());
     let here = here.map_err(|error| failed(error.to_string()))?.port();
     let there = 20_000 + (std::process::id().wrapping_mul(2_654_435_761) >> 16) as u16 % 40_000;
@@ -114,18 +114,18 @@ fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<Str
     Ok(format!("127.0.0.1:{here}"))
 }
 
-/// Starts a viewer; the address where it says that it listens. An error ends with the last line of its standard error, if that
-/// is a pipe.
+/// Starts a viewer; returns the address that it prints. An error ends with the last line of its standard error, if
+/// that is a pipe.
 fn listening(mut command: Command) -> Result<String, String> {
     command.stdin(Stdio::null()).stdout(Stdio::piped());
-    // Ctrl-C ends the render: the picture stays.
+    // Ctrl-C ends the render. The image stays.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|error| error.to_string())?;
     let Some(output) = child.stdout.take() else { return Err("it has no output".to_owned()) };
     let (said, hears) = channel();
     std::thread::spawn(move || {
-        // What it prints later is not used, but the pipe must not fill up.
+        // Its later output is not used, but the pipe must not fill up.
         for line in BufReader::new(output).lines().map_while(Result::ok) {
             if let Some(address) = line.strip_prefix(LISTENS) {
                 let _ = said.send(address.trim().to_owned());
@@ -170,13 +170,10 @@ fn listening(mut command: Command) -> Result<String, String> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt;
 
-    #[allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
     fn script(folder: &std::path::Path, text: &str) -> PathBuf {
         let path = folder.join("iv");
-        std::fs::write(&path, format!("#!/bin/sh\n{text}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        granita_needs::write_script(&path, text);
         path
     }
 
@@ -254,7 +251,7 @@ mod tests {
             words.split([':', ' ']).filter_map(|w| w.parse().ok()).filter(|port| *port != 0).collect();
         let [_, there, listens] = ports[..] else { panic!("{ports:?} {words}") };
         assert_eq!(there, listens);
-        // The address is that of this end of the tunnel, whatever the other end is.
+        // The address is that of this end of the tunnel, for any other end.
         let good = script(folder.path(), "echo iv: listening on 127.0.0.1:5");
         let address = start_there(&good, "workstation", ":0", false).unwrap();
         assert!(address.starts_with("127.0.0.1:") && address != "127.0.0.1:5", "{address}");

@@ -10,7 +10,7 @@ use granita_base::files::is_same_file;
 use granita_base::report::printable;
 use granita_base::{Environment, Reporter, SearchPath, Severity};
 use granita_cli::{Status, before_signals, parse};
-use granita_gsl::{CompileOptions, Diagnostic, Module, compile, gso};
+use granita_gsl::{CompileOptions, Diagnostic, ValidModule, compile, gso};
 use granita_image::AtomicFile;
 use granita_plugin::{PluginRules, Plugins};
 use std::ffi::OsString;
@@ -48,7 +48,8 @@ struct Options {
     #[arg(long, value_name = "LEVEL", default_value_t = 1)]
     verbosity: u8,
 
-    /// A folder of libraries with functions in C++, or such a library; relative folders of -I have none. May be repeated
+    /// A folder of libraries with functions in C++, or such a library; relative folders of -I have none. May be
+    /// repeated
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
 
@@ -130,8 +131,8 @@ fn compile_file(options: &Options) -> Status {
     Status::Done
 }
 
-/// Compiles a source and says what is to be said about it; `None` when it has mistakes.
-fn compiled(source: &str, file: &str, options: &Options) -> Option<Module> {
+/// Compiles a source and prints the messages; `None` when it has errors.
+fn compiled(source: &str, file: &str, options: &Options) -> Option<ValidModule> {
     let defines: Vec<(String, Option<String>)> = options
         .define
         .iter()
@@ -180,12 +181,13 @@ fn plugins(options: &Options) -> Plugins {
     plugins
 }
 
-/// Where they are besides `-plugins`: in the absolute folders of `-I`. Not beside the source, which may be a stranger's.
+/// The folders besides `-plugins`: the absolute folders of `-I`. Not the folder of the source, which may be
+/// untrusted.
 fn shadeop_path(options: &Options) -> SearchPath {
     SearchPath::parse(&options.include.join(":"), &SearchPath::default(), &Environment::empty())
 }
 
-/// The text, and the name that messages give it. What is no UTF-8 (old comments) is replaced.
+/// The text, and its name in messages. Bytes that are not UTF-8 (old comments) are replaced.
 fn read_source(name: &str) -> io::Result<(String, String)> {
     let (bytes, name) = match name {
         "-" => (io::read_to_string(io::stdin())?.into_bytes(), "<stdin>"),
@@ -211,7 +213,7 @@ fn show(list: &[Diagnostic], verbosity: u8) {
     shown.for_each(|d| say(&d.to_string()));
 }
 
-/// A line on standard error; nobody is left to tell when it is closed.
+/// Prints a line on standard error. A failure cannot be reported.
 fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }

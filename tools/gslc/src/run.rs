@@ -4,8 +4,8 @@ use crate::surroundings::Surroundings;
 use crate::{Options, read_source, say};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params, Reporter, SearchPath, Severity, Vec3};
 use granita_cli::{Status, environment, print};
-use granita_gsl::ir::{Module, ShaderKind, ValueType};
-use granita_gsl::{CompileOptions, compile, gso};
+use granita_gsl::ir::{ShaderKind, ValueType};
+use granita_gsl::{CompileOptions, ValidModule, compile, gso};
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use granita_plugin::Plugins;
 use granita_shade::{
@@ -18,7 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Side of the grids that the picture is shaded in: 256 points each.
+/// The side of the grids that the image is shaded in: 256 points each.
 const TILE: usize = 16;
 
 /// More threads than any machine has use for.
@@ -27,7 +27,7 @@ const MAX_THREADS: usize = 1024;
 /// Shines from the viewer when no light is given.
 const HEADLIGHT: &str = "light headlight () { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
 
-/// The picture of a run: channels of every pixel together, the first row on top.
+/// The image of a run: channels of every pixel together, the first row on top.
 struct Picture {
     width: usize,
     height: usize,
@@ -77,7 +77,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
         let module = compile(HEADLIGHT, "headlight", &CompileOptions::default())
             .map_err(|list| list.first().map_or_else(String::new, ToString::to_string))?
             .module;
-        let layer = LayerSource { module: Arc::new(module), params: &Params::new(), name: None };
+        let layer = LayerSource { module, params: &Params::new(), name: None };
         lights.push(Group::link(&[layer], &[], &mut |_, _| {}).map_err(|e| e.to_string())?);
     }
     let (name, ty) = wanted(&group, options.data.as_deref())?;
@@ -152,22 +152,22 @@ fn param(text: &str) -> Result<Param, String> {
     Ok(Param { name: name.into(), ty, data })
 }
 
-/// A shader from source text, from a compiled file, or from those that come with the suite.
-fn load(name: &str, options: &Options) -> Result<Arc<Module>, String> {
+/// A shader from source text, from a compiled file, or from the bundled ones.
+fn load(name: &str, options: &Options) -> Result<ValidModule, String> {
     let path = Path::new(name);
     if path.extension().is_some_and(|e| e == "gso") {
         let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
-        return Ok(Arc::new(gso::read(&bytes, name).map_err(|e| e.to_string())?));
+        return gso::read(&bytes, name).map_err(|e| e.to_string());
     }
     if name == "-" || path.is_file() {
         let (source, file) = read_source(name).map_err(|e| format!("{name}: {e}"))?;
-        return crate::compiled(&source, &file, options).map(Arc::new).ok_or(format!("{name}: not compiled"));
+        return crate::compiled(&source, &file, options).ok_or(format!("{name}: not compiled"));
     }
     let source = granita_bundled::shader(name).ok_or(format!("{name}: no such file and no such shader"))?;
-    crate::compiled(source, name, options).map(Arc::new).ok_or(format!("{name}: not compiled"))
+    crate::compiled(source, name, options).ok_or(format!("{name}: not compiled"))
 }
 
-/// The value that becomes the picture: an output parameter or a global.
+/// The value that becomes the image: an output parameter or a global.
 fn wanted(group: &Group, asked: Option<&str>) -> Result<(String, ValueType), String> {
     let globals = [
         ("C", ValueType::Color),
@@ -217,21 +217,21 @@ fn square(size: [usize; 2], from: [usize; 2], points: [usize; 2]) -> Grid {
     grid
 }
 
-/// What is shaded, and among what.
+/// The shader, and its surroundings.
 struct Job<'a> {
     group: &'a Group,
     lights: &'a [Group],
     textures: &'a TextureCache,
     plugins: &'a (Plugins, SearchPath),
     reporter: &'a Reporter,
-    /// The value that becomes the picture.
+    /// The value that becomes the image.
     name: &'a str,
     ty: ValueType,
     size: [usize; 2],
     repeat: u32,
 }
 
-/// Tiles that are done, in any order, on their way into the picture in the order of the tiles.
+/// Tiles that are done, in any order, before they are copied into the image in the order of the tiles.
 struct Finished {
     picture: Picture,
     /// The tile whose turn it is.
@@ -251,8 +251,8 @@ impl Job<'_> {
         (from, [0, 1].map(|k| TILE.min(self.size[k] - from[k])))
     }
 
-    /// Shades the whole picture with so many threads; how long the shading took, summed over them. A tile is
-    /// shaded by one thread and knows nothing of the others, so the picture does not depend on their number.
+    /// Shades the whole image with this number of threads; returns the duration of the shading, summed over them. A
+    /// tile is shaded by one thread and does not depend on the others, so the image does not depend on their number.
     fn shade(&self, threads: usize) -> (Picture, Duration) {
         let channels = self.ty.components();
         let [width, height] = self.size;
@@ -297,7 +297,7 @@ impl Job<'_> {
         (finished.picture, finished.took)
     }
 
-    /// The wanted value over a tile, component after component.
+    /// The requested value over a tile, component after component.
     fn shade_tile(
         &self,
         number: usize,
@@ -321,7 +321,7 @@ impl Job<'_> {
         (values, took)
     }
 
-    /// Puts the tiles whose turn it is into the picture, and prints what they printed.
+    /// Copies the tiles that are next in order into the image, and prints their output.
     fn deliver(&self, finished: &mut Finished) {
         while let Some((values, printed)) = finished.waiting.remove(&finished.next) {
             let (from, points) = self.tile(finished.next);
@@ -375,7 +375,7 @@ fn light_values(
     sum.xyz.concat()
 }
 
-/// Writes the picture in the format that the name's extension says, as floats where the format can.
+/// Writes the image in the format of the name's extension, as floats where the format supports them.
 fn write(picture: &Picture, path: &Path) -> Result<(), String> {
     let registry = granita_plugin::bundled_formats(Limits::default());
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("exr").to_ascii_lowercase();

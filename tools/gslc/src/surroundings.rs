@@ -1,14 +1,15 @@
-//! What a shader finds around it when it runs without a renderer: one space, units that scale by their
-//! definition, lights by name, texture files, and no rays.
+//! The surroundings of a shader that runs without a renderer: one space, units that scale by their definition, lights
+//! by name, texture files, and no rays.
 
 use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
 use granita_gsl::ir::ShaderKind;
 use granita_plugin::Plugins;
-use granita_render::lookups;
 use granita_shade::{
-    EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult,
-    LookupResult, Services, Shadeop, ShadowQuery, TextureQuery,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LightInfo,
+    LightResult, Lights, LookupResult, Messages, Rays, Shadeop, ShadowQuery, Spaces, Texture3dQuery,
+    TextureQuery, Textures,
 };
+use granita_shading::lookups;
 use granita_texture::TextureCache;
 use std::sync::Arc;
 
@@ -24,13 +25,13 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) grid: Option<Grid>,
     /// Finds functions in C++ along this path.
     pub(crate) plugins: &'a (Plugins, SearchPath),
-    /// Takes messages; text of `printf` goes to `printed`.
+    /// Receives messages; text of `printf` goes to `printed`.
     pub(crate) reporter: &'a Reporter,
-    /// What `printf` printed.
+    /// The output of `printf`.
     pub(crate) printed: String,
 }
 
-impl Services for Surroundings<'_> {
+impl Spaces for Surroundings<'_> {
     fn to_common(&mut self, space: &str, _: usize) -> Option<Transform> {
         let known = ["shader", "object", "world", "common", "camera", "screen", "NDC", "raster"];
         known.contains(&space).then_some(Transform::IDENTITY)
@@ -63,19 +64,15 @@ impl Services for Surroundings<'_> {
         let (from, to) = (known(from)?, known(to)?);
         (from.1 == to.1).then_some((from.0 / to.0) as f32)
     }
+}
 
+impl Textures for Surroundings<'_> {
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
         lookups::texture(&mut self.textures.reader(), query, out);
     }
 
-    fn texture3d(
-        &mut self,
-        query: &TextureQuery<'_>,
-        p: Lane3<'_>,
-        dp: [Lane3<'_>; 2],
-        out: &mut LookupResult,
-    ) {
-        lookups::texture3d(&mut self.textures.reader(), query, p, dp, out);
+    fn texture3d(&mut self, query: &Texture3dQuery<'_>, out: &mut LookupResult) {
+        lookups::texture3d(&mut self.textures.reader(), query, out);
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
@@ -89,10 +86,12 @@ impl Services for Surroundings<'_> {
         lookups::shadow(&mut self.textures.reader(), query, &|lane| hash::words(&[seed, lane]), &bias, out);
     }
 
-    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
-        self.plugins.0.shadeop(text, &self.plugins.1)
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.textures.info(texture, name)
     }
+}
 
+impl Lights for Surroundings<'_> {
     fn light_count(&mut self) -> usize {
         self.lights.len()
     }
@@ -121,20 +120,28 @@ impl Services for Surroundings<'_> {
         self.grid = Some(grid);
         Arc::new(result)
     }
+}
 
-    fn attribute(&mut self, _: &str) -> Option<Param> {
-        None
-    }
+impl Rays for Surroundings<'_> {}
 
-    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
-        self.textures.info(texture, name)
-    }
+impl Databases for Surroundings<'_> {}
 
+impl Messages for Surroundings<'_> {
     fn say(&mut self, severity: Severity, text: &str) {
         if severity == Severity::Message {
             self.printed.push_str(text);
         } else {
             self.reporter.once(text, severity, &granita_base::Location::default(), text);
         }
+    }
+}
+
+impl Host for Surroundings<'_> {
+    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        self.plugins.0.shadeop(text, &self.plugins.1)
+    }
+
+    fn attribute(&mut self, _: &str) -> Option<Param> {
+        None
     }
 }

@@ -1,4 +1,4 @@
-//! What is in a spatial database.
+//! The content of a spatial database.
 
 use granita_cli::print;
 use granita_sdb::Packed;
@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// Records that are printed at once.
 const CHUNK: usize = 4096;
 
-/// Sum and range of what a query would see.
+/// Sum and range of the values that a query would return.
 struct Summary {
     components: usize,
     sum: [f64; 3],
@@ -60,7 +60,7 @@ pub(crate) fn show(name: &str, records: &Packed, verbose: bool) {
     }
 }
 
-/// As JSON; without the records.
+/// As JSON, without the records.
 pub(crate) fn json(name: &str, records: &Packed) -> Value {
     let schema = records.schema();
     let s = Summary::new(records);

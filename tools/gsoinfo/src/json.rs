@@ -1,4 +1,4 @@
-//! What is known of a shader, as JSON.
+//! The description of a shader, as JSON.
 
 use granita_gsl::ir::{ConstValue, Metadatum, ValueType};
 use granita_gsl::{Arg, GsoArgs};
@@ -7,8 +7,9 @@ use serde_json::{Map, Value, json};
 /// The object of one shader: `type`, `name`, `metadata` and `parameters` in the order of their declaration.
 ///
 /// A parameter has `name`, `type`, `output`, `default` (absent when it is computed), `space` (of triples and
-/// matrices: a name, or a list of names where the elements of an array are in different spaces), `metadata`; an array also `length` and `variable` (whether an instance may give another length).
-/// A triple or matrix is an array of numbers, what is no finite number is a string.
+/// matrices: a name, or a list of names where the elements of an array are in different spaces), `metadata`; an array
+/// also `length` and `variable` (true when an instance may give another length). A triple or matrix is an array of
+/// numbers. A value that is not a finite number is a string.
 pub(crate) fn describe(args: &GsoArgs) -> Value {
     json!({
         "type": args.shadertype(),
@@ -70,7 +71,7 @@ fn elements(ty: ValueType, value: &ConstValue) -> Vec<Value> {
     }
 }
 
-/// With the digits that the float needs and no more.
+/// With as many digits as the float needs.
 fn number(x: f32) -> Value {
     let text = x.to_string();
     match text.parse::<f64>() {

@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 /// A shader is a file, or a name to be looked for: compiled (NAME.gso) or as source text (NAME.gsl) on the search
 /// path, then among the shaders that come with the suite.
 ///
-/// Of a spatial database (FILE.sdb) it tells what its records are, how many, where they lie, and the sum and the range of their
-/// values; with -v also the records, one a line: position, normal, values.
+/// Of a spatial database (FILE.sdb) it tells what its records are, how many, where they lie, and the sum and the range
+/// of their values; with -v also the records, one a line: position, normal, values.
 #[derive(Parser, Debug)]
 #[command(name = "gsoinfo")]
 struct Options {
@@ -53,7 +53,7 @@ pub fn main(args: Vec<OsString>) -> Status {
                 Ok(records) if options.json => list.push(database::json(name, &records)),
                 Ok(records) => database::show(name, &records, options.verbose),
                 Err(what) => {
-                    // Nobody is left to tell when standard error is closed.
+                    // When standard error is closed, the failure cannot be reported.
                     let _ =
                         writeln!(io::stderr().lock(), "ERROR opening spatial database \"{name}\" ({what})");
                     failed += 1;
@@ -65,7 +65,7 @@ pub fn main(args: Vec<OsString>) -> Status {
             Ok(args) if options.json => list.push(json::describe(&args)),
             Ok(args) => print(&printable(&args.describe(options.verbose))),
             Err(what) => {
-                // Nobody is left to tell when standard error is closed.
+                // When standard error is closed, the failure cannot be reported.
                 let _ = writeln!(io::stderr().lock(), "ERROR opening shader \"{name}\" ({what})");
                 failed += 1;
             }
@@ -89,7 +89,7 @@ fn search_path(given: Option<&str>, environment: &Environment) -> SearchPath {
     }
 }
 
-/// Finds a shader and asks it.
+/// Finds a shader and reads its parameters.
 fn query(name: &str, path: &SearchPath) -> Result<GsoArgs, String> {
     let given = Path::new(name);
     let file = if given.extension().is_some_and(|e| e == "gso" || e == "gsl") {

@@ -30,8 +30,8 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) stats: bool,
 
-    /// Say how two files differ; exit status 0: not beyond the limits given (without any: not at all), 1: beyond, 2: they
-    /// cannot be compared
+    /// Say how two files differ; exit status 0: not beyond the limits given (without any: not at all), 1: beyond, 2:
+    /// they cannot be compared
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) compare: bool,
 
@@ -70,7 +70,7 @@ pub(crate) struct Args {
     pub(crate) net: crate::listen::NetArgs,
 }
 
-/// When two pictures are alike.
+/// The limits within which two images are equal.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CompareArgs {
     /// Values may differ by this much
@@ -98,7 +98,7 @@ pub(crate) struct CompareArgs {
     pub(crate) peak: f32,
 }
 
-/// How values become colours.
+/// The conversion of values to colours.
 #[derive(clap::Args, Debug)]
 pub(crate) struct LookArgs {
     /// Stops by which the picture is made brighter
@@ -144,7 +144,7 @@ pub(crate) struct LookArgs {
     pub(crate) background: Background,
 }
 
-/// What only the window needs.
+/// Options of the window.
 #[derive(clap::Args, Debug)]
 pub(crate) struct WindowArgs {
     /// Fill the screen
@@ -187,10 +187,10 @@ fn background(text: &str) -> Result<Background, String> {
 }
 
 impl LookArgs {
-    /// As a display, for a picture with channels of these names.
+    /// The options as a display, for an image with channels of these names.
     ///
     /// # Errors
-    /// When a number is of no use or there is no such channel.
+    /// Returns an error when a number is invalid or there is no such channel.
     pub(crate) fn display(&self, names: &[String]) -> Result<Display, String> {
         if !(self.gamma.is_finite() && self.gamma > 0.0) {
             return Err(format!("-gamma is {}, it must be above 0", self.gamma));

@@ -1,4 +1,4 @@
-//! What is in a file, as text.
+//! The content of a file, as text.
 
 use granita_base::{Param, ParamData};
 use granita_image::ImageSpec;

@@ -1,7 +1,7 @@
 //! `iv`: the image viewer.
 //!
-//! All that is known about pictures is in [`granita_view`]; here options become values, values become text, and the window
-//! (with the feature `window`, as by default) puts on the screen what that library draws.
+//! The code for images is in [`granita_view`]. Here options become values, values become text, and the window (with
+//! the feature `window`, as by default) shows the result on the screen.
 
 #![forbid(unsafe_code)]
 
@@ -57,7 +57,7 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     let open: Option<Box<listen::OpenFile>> = args.net.allowopen.then(|| -> Box<listen::OpenFile> {
         Box::new(move |wanted| sender.send(wanted).map_err(|_| "the window is closed".to_owned()))
     });
-    // With files to show and no word about it, the port is left to others. Listens as long as the window is there.
+    // With files and without `-listen`, the port stays free for others. It listens as long as the window is open.
     match listen::begin(&args.net, args.files.is_empty(), &live, reporter, open) {
         Ok(_listener) => window::run(args, &live, wanted, formats, reporter),
         Err(error) => {

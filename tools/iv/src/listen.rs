@@ -1,8 +1,8 @@
 //! Pictures that renderers send (`iv -listen`).
 //!
-//! What clients say becomes pictures of a [`Live`]. As in other viewers, a picture belongs to its name and not to who made
-//! it: a script may create it through one connection and update it through another. Only clients that know our own packets
-//! (several runs of `gelato`) get pictures of their own when they use one name at the same time.
+//! The packets of clients become images of a [`Live`]. As in other viewers, an image belongs to its name and not to
+//! its sender: a script may create it through one connection and update it through another. Only clients that support
+//! the extension (several runs of `gelato`) get images of their own when they use one name at the same time.
 
 pub(crate) mod files;
 
@@ -19,18 +19,21 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Where pictures come from and go to.
+/// The source and the destination of images.
 #[derive(clap::Args, Debug, Default)]
 pub(crate) struct NetArgs {
-    /// Take pictures that renderers send to this port: gelato -display, pbrt, and whatever speaks the protocol of tev. Of this machine only, unless ADDRESS says otherwise; * is every address. Without files, 14158
+    /// Take pictures that renderers send to this port: gelato -display, pbrt, and whatever speaks the protocol of tev.
+    /// Of this machine only, unless ADDRESS says otherwise; * is every address. Without files, 14158
     #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
     pub(crate) listen: Option<String>,
 
-    /// Show the pictures that come, and the files, in browsers instead of a window: prints the address of a page. 0 takes any port
+    /// Show the pictures that come, and the files, in browsers instead of a window: prints the address of a page. 0
+    /// takes any port
     #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
     pub(crate) serve: Option<String>,
 
-    /// A name by which browsers may ask for the page of -serve, besides the address it listens on, localhost and the name in -serve; may be given several times
+    /// A name by which browsers may ask for the page of -serve, besides the address it listens on, localhost and the
+    /// name in -serve; may be given several times
     #[arg(long, value_name = "NAME", help_heading = "Live pictures")]
     pub(crate) servename: Vec<String>,
 
@@ -38,7 +41,8 @@ pub(crate) struct NetArgs {
     #[arg(long, help_heading = "Live pictures")]
     pub(crate) allowopen: bool,
 
-    /// Open what pictures name as their foreground and background, but nothing else: for the program that started this one
+    /// Open what pictures name as their foreground and background, but nothing else: for the program that started this
+    /// one
     #[arg(long, hide = true)]
     pub(crate) allowlayers: bool,
 }
@@ -50,28 +54,28 @@ pub(crate) enum Wanted {
     Open {
         /// Its path on this machine.
         path: String,
-        /// Which channels; empty for all.
+        /// The channels; empty for all.
         selector: String,
         /// Show it.
         focus: bool,
     },
     /// Read it again.
     Reload {
-        /// The name of its picture.
+        /// The name of its image.
         name: String,
         /// Show it.
         focus: bool,
     },
 }
 
-/// Does what a client wants with files; says why not.
+/// Executes a client's request about files; returns the reason of a refusal.
 pub(crate) type OpenFile = dyn Fn(Wanted) -> Result<(), String> + Send + Sync;
 
-/// Listens as the options say: where `-listen` names a port, and `by_default` also without it, on the usual port if that is
-/// free. Without `open`, clients reach no files.
+/// Listens as the options request: where `-listen` names a port, and with `by_default` also without it, on the
+/// default port if that is free. Without `open`, clients reach no files.
 ///
 /// # Errors
-/// When `-listen` names no address, or one where nobody can listen.
+/// Returns an error when `-listen` is not an address, or when the address is not available.
 pub(crate) fn begin(
     args: &NetArgs,
     by_default: bool,
@@ -92,10 +96,10 @@ pub(crate) fn begin(
     }
 }
 
-/// Where to listen: what `-listen` says, or the usual port of this machine.
+/// The address to listen on: the value of `-listen`, or the default port of this machine.
 ///
 /// # Errors
-/// When it is no address.
+/// Returns an error when it is not an address.
 fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     match &args.listen {
         Some(text) => listen_address(text),
@@ -103,11 +107,11 @@ fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     }
 }
 
-/// Listens until the result is dropped, and says where. Without `open`, clients reach no files, but with `layers` those that
-/// a picture has as its foreground and background.
+/// Listens until the result is dropped, and prints the address. Without `open`, clients reach no files, but with
+/// `layers` those that an image has as its foreground and background.
 ///
 /// # Errors
-/// [`DisplayError::Io`], as when somebody else listens there.
+/// Returns [`DisplayError::Io`], for example when another process listens there.
 fn start(
     address: SocketAddr,
     live: &Live,
@@ -122,7 +126,7 @@ fn start(
         text_bytes: taken.name_bytes,
         ..PacketLimits::default()
     };
-    // Who connects again and again must not fill the terminal.
+    // Repeated connections must not fill the terminal.
     let warnings = Mutex::new(Sparingly::new(20, Duration::from_secs(60)));
     let layers = layers || open.is_some();
     let (live, reporter_inside) = (live.clone(), reporter.clone());
@@ -140,18 +144,18 @@ fn start(
     Ok(listener)
 }
 
-/// Makes pictures of packets.
+/// Makes images from packets.
 struct Feeder {
     live: Live,
     reporter: Reporter,
     open: Option<Box<OpenFile>>,
-    /// Whether foregrounds and backgrounds are opened.
+    /// True when foregrounds and backgrounds are opened.
     layers: bool,
     names: Mutex<Names>,
     warnings: Mutex<Sparingly>,
 }
 
-/// Which client makes which pictures.
+/// The images of each client.
 #[derive(Default)]
 struct Names {
     /// By client and its own name: the name here.
@@ -308,7 +312,7 @@ impl Sink for Feeder {
         names.makers.retain(|_, maker| *maker != client.id());
         drop(names);
         let note = match ending {
-            // Other programs do not say when they are done.
+            // Other programs send no end of an image.
             Ending::Closed if !client.is_two_way() => None,
             Ending::Closed => Some("the sender went away before it was done".to_owned()),
             Ending::Broken(what) => Some(format!("the sender is lost: {what}")),

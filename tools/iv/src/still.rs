@@ -1,4 +1,4 @@
-//! What `iv` does without a window.
+//! The actions of `iv` without a window.
 
 use crate::args::Args;
 use crate::info;
@@ -13,7 +13,7 @@ use granita_view::{
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What all of these work with.
+/// The common arguments of these actions.
 pub(crate) struct Still<'a> {
     pub(crate) args: &'a Args,
     pub(crate) formats: &'a FormatRegistry,
@@ -25,7 +25,7 @@ impl Still<'_> {
         self.reporter.say(Severity::Message, &Location::default(), text);
     }
 
-    /// Runs what was asked for; `None` when that is the window.
+    /// Runs the requested action; `None` when that is the window.
     pub(crate) fn run(&self) -> Option<Status> {
         let args = self.args;
         let files = expand(&args.files, self.formats);
@@ -59,7 +59,7 @@ impl Still<'_> {
         Picture::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
     }
 
-    /// The page and the layer that the options mean, and how they are to look.
+    /// The page and the layer that the options select, and their display.
     fn chosen<'p>(&self, picture: &'p Picture) -> Result<(&'p Page, usize, Display), String> {
         let look = &self.args.look;
         let name = picture.path.display();
@@ -133,7 +133,7 @@ impl Still<'_> {
         }
     }
 
-    /// Whether two files are alike, as far as they have to be.
+    /// True when two files are equal within the limits.
     fn compare_two(&self, a: &Path, b: &Path) -> Result<bool, String> {
         let (one, two) = (self.open(a)?, self.open(b)?);
         let pair = format!("{} and {}", a.display(), b.display());
@@ -146,7 +146,7 @@ impl Still<'_> {
         for (i, (p, q)) in one.pages.iter().zip(&two.pages).enumerate() {
             let found = compare(p, q, &options).map_err(|e| format!("{pair}: {e}"))?;
             for (file, page) in [(a, p), (b, q)] {
-                // What is missing must not count as black.
+                // Missing pixels must not count as black.
                 if let Some(fault) = page.fault() {
                     return Err(format!("{}: not all of it can be read: {fault}", file.display()));
                 }
@@ -163,7 +163,7 @@ impl Still<'_> {
         Ok(alike)
     }
 
-    /// What is beyond the limits.
+    /// The values beyond the limits.
     fn beyond(&self, found: &Comparison) -> Vec<String> {
         let limits = &self.args.limits;
         let mut faults = Vec::new();
@@ -246,7 +246,7 @@ pub(crate) fn table(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Statistics of channels of these names, a row each under the words that say what is in it.
+/// Statistics of channels of these names, a row each, with headings for the columns.
 pub(crate) fn statistics_table(names: &[String], found: &[Statistics]) -> String {
     let words = ["channel", "min", "max", "mean", "deviation", "negative", "NaN", "inf"];
     let mut rows = vec![words.map(str::to_owned).to_vec()];
@@ -282,7 +282,7 @@ fn stats_text(picture: &Picture) -> Result<String, String> {
     Ok(text)
 }
 
-/// How two pages differ.
+/// The differences between two pages.
 fn comparison_text(found: &Comparison) -> String {
     let words = ["channel", "mean", "bias", "rms", "max", "at", "beyond"];
     let mut rows = vec![words.map(str::to_owned).to_vec()];

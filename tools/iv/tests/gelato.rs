@@ -1,5 +1,5 @@
-//! `gelato -iv` with a window that it starts itself, under Xvfb. Skipped with a notice where Xvfb or gelato is missing, or
-//! where no driver can draw. What is on the screen is read from the memory of the server.
+//! `gelato -iv` with a window that it starts itself, under Xvfb. Skipped with a notice where Xvfb or gelato is missing,
+//! or where no driver can draw. What is on the screen is read from the memory of the server.
 
 #![cfg(all(feature = "window", target_os = "linux"))]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
@@ -206,7 +206,8 @@ fn the_window_stays_after_the_render() {
     assert!(shows(&screen, &pixels), "the picture stays");
 }
 
-/// Renders the sphere for a viewer, with an image of 96 x 64 pixels, each of them `color`, as its "background" or "foreground".
+/// Renders the sphere for a viewer, with an image of 96 x 64 pixels, each of them `color`, as its "background" or
+/// "foreground".
 fn render_with(screen: &Screen, parameter: &str, color: [u8; 4]) -> tempfile::TempDir {
     let folder = place(4);
     let spec = granita_image::ImageSpec::new(96, 64, 4, granita_image::PixelType::U8);

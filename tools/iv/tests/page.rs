@@ -107,8 +107,8 @@ fn is_near(shot: &[f32], [x, y]: [usize; 2], color: [f32; 3]) -> bool {
     pixel.iter().zip(color).all(|(v, c)| (v * 255.0 - c).abs() <= 2.0)
 }
 
-/// The middle of the picture that the page shows: it is fitted into what the list (220 pixels) and the bars leave. None when
-/// nothing is seen there.
+/// The middle of the picture that the page shows: it is fitted into what the list (220 pixels) and the bars leave. None
+/// when nothing is seen there.
 fn middle(shot: &[f32]) -> Option<[usize; 2]> {
     let inside = |x: usize, y: usize| !is_near(shot, [x, y], [17.0; 3]);
     let columns: Vec<usize> = (221..600).filter(|x| inside(*x, 200)).collect();

@@ -1,5 +1,5 @@
-//! The window, under Xvfb with software rendering, driven by scripts. Skipped with a notice where Xvfb is not installed, or
-//! where no driver can draw.
+//! The window, under Xvfb with software rendering, driven by scripts. Skipped with a notice where Xvfb is not
+//! installed, or where no driver can draw.
 
 #![cfg(feature = "window")]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]

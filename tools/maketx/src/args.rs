@@ -25,7 +25,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     mode: ModeArgs,
 
-    /// Format of the texture; it must store tiles and MIP levels [default: that of the extension of -o if it does, else tiff]
+    /// Format of the texture; it must store tiles and MIP levels [default: that of the extension of -o if it does, else
+    /// tiff]
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
 

@@ -1,4 +1,4 @@
-//! How much memory there is, and how much was taken.
+//! The installed memory, and the memory that was used.
 
 /// A line of a file of the system, in bytes.
 fn line(file: &str, name: &str) -> Option<u64> {
@@ -7,12 +7,12 @@ fn line(file: &str, name: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// What the machine has; `None` where the system does not tell.
+/// The memory of the machine; `None` where the system does not report it.
 pub(crate) fn installed_bytes() -> Option<u64> {
     line("/proc/meminfo", "MemTotal")
 }
 
-/// The most that this process had at one time; `None` where the system does not tell.
+/// The largest memory of this process so far; `None` where the system does not report it.
 pub(crate) fn peak_bytes() -> Option<u64> {
     line("/proc/self/status", "VmHWM")
 }

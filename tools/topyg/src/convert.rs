@@ -10,13 +10,13 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What to do.
+/// The actions.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub(crate) inputs: Vec<String>,
     /// Levels of `Input` to expand.
     pub(crate) depth: u32,
-    /// Where generators are looked for: a list of folders.
+    /// The search path of generators: a list of folders.
     pub(crate) generators: String,
     pub(crate) writer: WriterOptions,
     pub(crate) session: SessionOptions,
@@ -45,7 +45,7 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
         }
     }
     if job.session.supervisor.has_ended() {
-        // What was read is not all, and no file appears.
+        // The input is incomplete, so no file appears.
         return Status::Failed;
     }
     reporter.info(format!("{} calls", echo.calls));
@@ -64,11 +64,11 @@ fn is_broken_pipe(error: &InputError) -> bool {
     matches!(error, InputError::Stopped(Stop::Io(e)) if e.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// Writes calls, and follows the attribute state for scripts that ask and for search paths.
+/// Writes calls, and tracks the attribute state for scripts that query it and for search paths.
 struct Echo<'a> {
     job: &'a Job,
     finder: Inputs,
-    /// What is being read, outermost first.
+    /// The inputs being read, outermost first.
     chain: Vec<Arc<str>>,
     reporter: &'a Reporter,
     writer: Writer<Output>,
@@ -85,7 +85,7 @@ impl Echo<'_> {
         result
     }
 
-    /// What keeps an input from being read, or read on; `at` is where it is asked for.
+    /// The reason why an input is not read, or not completely; `at` is the position of the call.
     fn report(&self, error: InputError, at: &Location) {
         match error {
             InputError::Scene { what, at } => self.reporter.say(Severity::Error, &at, what),
@@ -106,7 +106,7 @@ impl Echo<'_> {
 
     /// `Input` below the last level that is expanded; `Ok (false)` when it is to be echoed.
     fn expand(&mut self, command: &str, bound: Option<[f32; 6]>, at: &Location) -> Result<bool, Stop> {
-        // "limits:inputlevels" of a scene from a stranger says nothing.
+        // "limits:inputlevels" of an untrusted scene is ignored.
         let asked = if self.job.session.safe { 0 } else { self.writer.input_levels().max(0) as u32 };
         let depth = self.job.depth.max(asked);
         if self.level >= depth {

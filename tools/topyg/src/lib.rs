@@ -1,4 +1,4 @@
-//! `topyg`: converts scenes, and whatever else `Input` takes, to Pyg (reference 3.8).
+//! `topyg`: converts scenes, and everything else that `Input` accepts, to Pyg (reference 3.8).
 
 #![forbid(unsafe_code)]
 
@@ -87,7 +87,7 @@ pub fn main(words: Vec<OsString>) -> Status {
         },
     };
     if args.safe && !args.nofence {
-        // What is written was named by the user.
+        // The user named the output file.
         let fenced = files.clone();
         args.output.iter().for_each(|output| fenced.grant_output(output));
         if let Err(what) = granita_cli::fence(&fenced) {
@@ -120,15 +120,15 @@ pub fn main(words: Vec<OsString>) -> Status {
     status
 }
 
-/// Everything goes to standard error: standard output may be the scene. Once the processes of the run were ended, what follows
-/// from that is not shown.
+/// Everything goes to standard error, because standard output may be the scene. Once the processes of the run were
+/// ended, the resulting messages are not shown.
 fn stderr_reporter(supervisor: Supervisor) -> Reporter {
     Reporter::new(Box::new(move |message| {
         if supervisor.has_ended() {
             return;
         }
         let mut err = std::io::stderr().lock();
-        // Nobody is left to tell when standard error is closed.
+        // When standard error is closed, the failure cannot be reported.
         let _ = match message.severity {
             Severity::Message => write!(err, "{}", message.text),
             _ => writeln!(err, "topyg: {message}"),

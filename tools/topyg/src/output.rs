@@ -1,4 +1,4 @@
-//! Where the text goes: standard output, or a file that appears whole or not at all.
+//! The destination of the text: standard output, or a file that appears complete or not at all.
 
 use granita_base::{AtomicFile, FileError, Files};
 use std::io::{self, Write};
@@ -22,7 +22,7 @@ impl Output {
         })
     }
 
-    /// All is written: gives the file its name.
+    /// The output is complete: gives the file its name.
     pub(crate) fn finish(self) -> io::Result<()> {
         match self {
             Self::Standard(mut out) => out.flush(),

@@ -101,11 +101,9 @@ fn a_closed_pipe_is_success() {
 /// A generator is any program along the path; what follows its name goes to it.
 #[cfg(unix)]
 fn generator(folder: &Path, place: &str, radius: u32) {
-    use std::os::unix::fs::PermissionsExt;
     std::fs::create_dir_all(folder.join(place)).unwrap();
     let file = folder.join(place).join("grow");
-    std::fs::write(&file, format!("#!/bin/sh\necho \"Sphere ({radius}, -$1, $1, 360)\"\n")).unwrap();
-    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
+    granita_needs::write_script(&file, &format!("echo \"Sphere ({radius}, -$1, $1, 360)\""));
 }
 
 #[cfg(unix)]
@@ -141,7 +139,8 @@ fn with_v_it_tells_what_it_reads() {
     assert!(told(&["-v", "a.pyg"]).contains("2 calls"), "{}", told(&["-v", "a.pyg"]));
 }
 
-/// `PYG_ALWAYS_PYGLET`, `PYG_NEVER_PYGLET`, `PYG_NEVER_CHUNK`: whether Python is needed, and how much of a file it sees at once.
+/// `PYG_ALWAYS_PYGLET`, `PYG_NEVER_PYGLET`, `PYG_NEVER_CHUNK`: whether Python is needed, and how much of a file it sees
+/// at once.
 #[cfg(unix)]
 #[test]
 fn variables_choose_who_reads() {
@@ -183,7 +182,8 @@ fn variables_choose_who_reads() {
     {
         assert_eq!(run("script.pyg", variables).1, scene, "{variables:?}");
     }
-    // In chunks, what stands before a mistake of syntax has been done when it is found; at once, nothing of the script has.
+    // In chunks, what stands before a mistake of syntax has been done when it is found; at once, nothing of the script
+    // has.
     let calls = |variables: &[(&str, &str)]| {
         let out = dir.path().join("out.pyg");
         let _ = std::fs::remove_file(&out);

@@ -1,5 +1,5 @@
 // tidy: table
-//! Bombs: small files that ask for much, and what must become of each.
+//! Bombs: small files that request much work or memory, and the expected result of each.
 
 use super::run::{Bounds, MEMORY_KIB, Outcome, Place};
 use super::{Attack, Failure, Tally, first_line, pictures, scenes};
@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Which bombs are run.
+/// The selected bombs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Choice {
     /// All.
@@ -18,8 +18,8 @@ pub(crate) enum Choice {
     Quick,
 }
 
-/// What must become of the last command of a bomb; the commands before it must end with status 0. None may end by a signal,
-/// panic, run past its time or leave temporary files.
+/// The expected result of the last command of a bomb; the commands before it must end with status 0. None may end by
+/// a signal, panic, exceed its time or leave temporary files.
 enum Expect {
     /// Status 0.
     Done,
@@ -27,9 +27,9 @@ enum Expect {
     Refused,
     /// Any of 0, 1 and 2; with a message unless it is 0.
     Ends,
-    /// `out.exr` is there, whatever the status (0 or 1), and all of its values are numbers.
+    /// `out.exr` exists, for status 0 or 1, and all of its values are numbers.
     Finite,
-    /// As `Finite`, with a message: what was replaced is said.
+    /// The same as `Finite`, with a message that names the replaced values.
     Told,
     /// The mean of the alpha of `out.exr` is this, to 0.001, with status 0.
     Alpha(f64),
@@ -49,7 +49,7 @@ struct Bomb {
     /// Commands in their order.
     commands: Vec<String>,
     expect: Expect,
-    /// Longest time of a command of a release build.
+    /// Most processor time of a command of a release build, in seconds.
     seconds: f64,
     /// Open files that are allowed.
     files: Option<u32>,
@@ -125,7 +125,7 @@ impl Bomb {
         Ok(None)
     }
 
-    /// What is wrong with the end of the last command.
+    /// The error at the end of the last command.
     fn wrong(&self, attack: &Attack, place: &Place, outcome: &Outcome, before: &[u8]) -> Option<String> {
         let is_told = !outcome.stderr.trim().is_empty() || !outcome.stdout.trim().is_empty();
         let code = outcome.code();
@@ -164,7 +164,7 @@ fn status(outcome: &Outcome) -> String {
     format!("status {}: {}", outcome.code().unwrap_or(-1), first_line(&outcome.stderr))
 }
 
-/// What is wrong with `out.exr`.
+/// The error in `out.exr`.
 fn finite(attack: &Attack, place: &Place, outcome: &Outcome) -> Option<String> {
     if outcome.code() == Some(2) {
         return Some(status(outcome));
@@ -187,7 +187,7 @@ struct Row {
     infinite: u64,
 }
 
-/// What `iv` says of `out.exr`.
+/// The output of `iv` for `out.exr`.
 fn statistics(attack: &Attack, place: &Place) -> Result<Vec<Row>, String> {
     let bounds = Bounds { seconds: attack.seconds(30.0), memory_kib: MEMORY_KIB, files: None };
     let outcome = attack.run(place, "iv -stats out.exr", &bounds).map_err(|e| e.to_string())?;
@@ -226,7 +226,7 @@ fn scene(name: &str, text: String, expect: Expect) -> Bomb {
     bomb(name, "x.pyg", text.into_bytes(), &["gelato -threads 2 x.pyg"], expect)
 }
 
-/// All, in groups, those that tell most first.
+/// All bombs, in groups, the most informative first.
 fn all() -> Vec<Bomb> {
     let mut all = Vec::new();
     grounds(&mut all);
@@ -347,7 +347,7 @@ fn depths(all: &mut Vec<Bomb>) {
     }
 }
 
-/// Values that are no numbers, or no sensible ones.
+/// Values that are not finite, or not sensible.
 fn numbers(all: &mut Vec<Bomb>) {
     let with = |name: &str, settings: &str, calls: &str| {
         scene(name, scenes::frame(settings, &format!("{calls}{}", scenes::BALL)), Expect::Told)
@@ -488,7 +488,7 @@ fn outputs(all: &mut Vec<Bomb>) {
     ));
 }
 
-/// `maketx -memory` on a picture of 108 MB.
+/// `maketx -memory` on an image of 108 MB.
 fn memory(all: &mut Vec<Bomb>) {
     for mode in ["periodic", "black", "clamp", "mirror"] {
         let command = format!("maketx -memory 50 -mode {mode} -threads 2 large.ppm -o out.tx");

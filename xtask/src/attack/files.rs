@@ -28,7 +28,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
         .flat_map(|(k, seeds)| (0..seeds.files.len()).map(move |file| (k, file)))
         .flat_map(|(k, file)| (0..all[k].kind.commands.len()).map(move |command| (k, file, command)))
         .collect();
-    // A fixed count is for a quick look: there the seeds alone would take all of its time.
+    // A fixed count is for a quick run, in which the seeds alone would take all of the time.
     let unchanged = if per_kind.is_some() { Vec::new() } else { unchanged };
     let (next, tally) = (AtomicU64::new(0), Mutex::new(Tally::new("files")));
     let work = |worker: usize| -> io::Result<()> {
@@ -57,7 +57,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
             let mut failure = None;
             if let Some((what, is_quick)) = what {
                 let is_known = tally.lock().is_ok_and(|tally| tally.has_kind(case.kind.name, &what));
-                // What is found again is counted; what takes long is not run again and again.
+                // Repeated findings are counted; slow cases are not run again and again.
                 let smallest = if is_quick && !is_known && per_kind.is_none() {
                     case.shrunk(&place, &bytes)?
                 } else {
@@ -134,13 +134,13 @@ impl Case<'_> {
         let bounds = Bounds { seconds: self.attack.seconds(20.0), memory_kib: MEMORY_KIB, files: None };
         let mut command = self.command.replace("{}", &self.file());
         if self.attack.has_timeout && command.starts_with("gelato ") {
-            // A large frame is no fault as long as it can be ended.
+            // A large frame is not an error as long as it can be ended.
             command = command.replacen("gelato", &format!("gelato -timeout {:.0}", bounds.seconds / 2.0), 1);
         }
         self.attack.run(place, &command, &bounds)
     }
 
-    /// What is wrong after reading these bytes, and whether that was found quickly.
+    /// The error after reading these bytes, and whether it was found quickly.
     fn fault(&self, place: &Place, bytes: &[u8]) -> io::Result<Option<(String, bool)>> {
         let outcome = self.read(place, bytes)?;
         let tool = self.command.split(' ').next().unwrap_or_default();

@@ -1,7 +1,8 @@
-//! Tools that are ended at random moments: by TERM and INT, as users and systems do, and by KILL, of which nothing is told.
+//! Tools that are ended at random moments: by TERM and INT, as users and systems do, and by KILL, which a process
+//! cannot handle.
 //!
-//! Two seconds later no process of the run may be left. A file under the final name must be whole. No temporary file may
-//! be left; after KILL, which leaves no time to remove them, none once the same command has run again.
+//! Two seconds later no process of the run may be left. A file under the final name must be whole. No temporary file
+//! may be left; after KILL, which leaves no time to remove them, none once the same command has run again.
 
 use super::mutate::Random;
 use super::run::{Bounds, MEMORY_KIB, Place, end, marked};
@@ -15,10 +16,10 @@ use std::time::{Duration, Instant};
 /// Time for processes to end after the one that started them.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// Share of the time that kills may take of all of it.
+/// The fraction of the total time for kills.
 const SHARE: u32 = 3;
 
-/// What runs while it is killed.
+/// The command that is killed.
 struct Victim {
     name: &'static str,
     make: fn(&Path) -> io::Result<()>,
@@ -168,7 +169,7 @@ pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String>
 }
 
 impl Victim {
-    /// How long it takes when it is left alone, and that it succeeds then.
+    /// Its duration without a kill, after a check that it succeeds then.
     fn duration(&self, attack: &Attack, place: &Place) -> io::Result<Duration> {
         if self.is_endless {
             return Ok(Duration::from_millis(800));
@@ -183,7 +184,7 @@ impl Victim {
         }
     }
 
-    /// What is wrong after this signal at this moment.
+    /// The error after this signal at this moment.
     fn fault(
         &self,
         attack: &Attack,
@@ -197,7 +198,7 @@ impl Victim {
         let bounds = Bounds { seconds: attack.seconds(60.0), memory_kib: MEMORY_KIB, files: None };
         let mut words = self.command.split(' ').map(str::to_owned);
         let program = attack.program(&words.next().unwrap_or_default());
-        // What a program reads while it runs stays open.
+        // The files that a program reads while it runs stay open.
         let mut started =
             place.start(&program, &words.collect::<Vec<_>>(), &bounds, Stdio::piped(), Some(mark))?;
         std::thread::sleep(moment);

@@ -9,7 +9,8 @@ pub(crate) struct Kind {
     pub(crate) extension: &'static str,
     /// Files beside it: a name and the text.
     pub(crate) beside: &'static [(&'static str, &'static str)],
-    /// What reads it: a tool and its arguments, apart by spaces. "< FILE" at the end is its standard input.
+    /// The command that reads it: a tool and its arguments, separated by spaces. "< FILE" at the end is its standard
+    /// input.
     pub(crate) commands: &'static [&'static str],
 }
 
@@ -93,7 +94,7 @@ Render ()
 "#,
 );
 
-/// What every picture goes through.
+/// The commands for every image.
 const PICTURE: &[&str] = &[
     "maketx {} -o out.tx -threads 1",
     "iv -info {}",
@@ -116,7 +117,7 @@ const fn geometry(name: &'static str, extension: &'static str) -> Kind {
     }
 }
 
-/// All of them, those first in which strangers' files come.
+/// All kinds, with those of untrusted files first.
 pub(crate) const KINDS: &[Kind] = &[
     picture("tiff", "tif"),
     picture("exr", "exr"),

@@ -1,13 +1,15 @@
 //! `cargo xtask attack`: whether anything runs for ever, hangs, fills the machine or vanishes.
 //!
 //! The parts, in the order in which they run:
-//! - `bombs`: files that promise much and hold little, and scenes at the ends of all ranges, each with what must become of it;
-//! - `peers`: processes and connections that are silent, stop, or lie, at each place where the tools listen;
+//! - `bombs`: files that promise much and hold little, and scenes at the ends of all ranges, each with what must become
+//!   of it;
+//! - `peers`: processes and connections that are silent, stop, or send wrong data, at each place where the tools
+//!   listen;
 //! - `kills`: tools that are ended at random moments; no process, no half file and no temporary file may stay;
 //! - `files`: changed files of every kind through the tools that read them, in the time that is left.
 //!
-//! The tools run as users run them, as programs, under a limit of memory (4 GB of address space) and of time. What fails is
-//! kept in `target/attack/PART/NAME` with a script `command` that shows it again. The same seed makes the same
+//! The tools run as users run them, as programs, under a limit of memory (4 GB of address space) and of time. What
+//! fails is kept in `target/attack/PART/NAME` with a script `command` that shows it again. The same seed makes the same
 //! cases.
 
 mod bombs;
@@ -34,13 +36,13 @@ const PARTS: [&str; 4] = ["bombs", "peers", "kills", "files"];
 /// Tools that are attacked, which are also the names of their packages.
 const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
 
-/// What to do.
+/// The actions.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
     /// Time for all of it.
     #[arg(long, default_value_t = 20.0, value_name = "N")]
     minutes: f64,
-    /// What random changes and moments follow from.
+    /// The seed of random changes and moments.
     #[arg(long, default_value_t = 1, value_name = "S")]
     seed: u64,
     /// Only this part (bombs, peers, kills, files), or the cases of a part whose names begin so: bombs/ground.
@@ -78,29 +80,29 @@ pub(crate) fn fixed() -> Result<(), String> {
     attack.all(&Budget { files: Some(6), kills: Some(1), bombs: bombs::Choice::Quick })
 }
 
-/// How many cases of each part; `None` is as many as there is time for.
+/// The number of cases of each part; `None` is as many as the time allows.
 struct Budget {
     files: Option<u64>,
     kills: Option<u64>,
     bombs: bombs::Choice,
 }
 
-/// What all parts know.
+/// The common state of all parts.
 pub(crate) struct Attack {
     /// The root of the checkout.
     root: PathBuf,
-    /// Where the tools are.
+    /// The folder of the tools.
     bins: PathBuf,
-    /// Where finds are kept.
+    /// The folder of findings.
     finds: PathBuf,
-    /// Where cases run.
+    /// The folder in which cases run.
     scratch: PathBuf,
     seed: u64,
     only: Vec<String>,
     end: Instant,
     /// Cases at once.
     workers: usize,
-    /// How many times as long as those of a release build runs may take.
+    /// The factor by which times of a release build are multiplied.
     patience: f64,
     /// `gelato` has `-timeout`.
     has_timeout: bool,
@@ -173,7 +175,7 @@ impl Attack {
         self.only.is_empty() || self.only.iter().any(|only| only.split('/').next() == Some(part))
     }
 
-    /// Whether a case is to be run.
+    /// True when a case is selected.
     fn is_wanted(&self, part: &str, name: &str) -> bool {
         let wants = |only: &String| match only.split_once('/') {
             Some((wanted, beginning)) => wanted == part && name.starts_with(beginning),
@@ -182,12 +184,12 @@ impl Attack {
         self.only.is_empty() || self.only.iter().any(wants)
     }
 
-    /// Whether the time is over.
+    /// True when the time is over.
     fn is_over(&self) -> bool {
         Instant::now() >= self.end
     }
 
-    /// A time for a release build, as long as it may take for the present one.
+    /// Converts a time for a release build to one for the present build.
     fn seconds(&self, release: f64) -> f64 {
         release * self.patience
     }
@@ -253,7 +255,7 @@ pub(crate) struct Failure {
     kept: Option<PathBuf>,
 }
 
-/// What a part has tried and found.
+/// The cases and findings of a part.
 #[derive(Debug)]
 pub(crate) struct Tally {
     part: &'static str,
@@ -266,7 +268,7 @@ impl Tally {
         Self { part, tried: 0, failures: Vec::new() }
     }
 
-    /// Counts a case, and tells of its failure.
+    /// Counts a case, and reports its failure.
     fn add(&mut self, failure: Option<Failure>) {
         self.tried += 1;
         let Some(failure) = failure else { return };
@@ -276,7 +278,7 @@ impl Tally {
         self.failures.push(failure);
     }
 
-    /// Whether this was found before with the same kind of file.
+    /// True when this was found before with the same kind of file.
     fn has_kind(&self, kind: &str, what: &str) -> bool {
         let kind = format!("{kind}-");
         self.failures.iter().any(|f| f.name.starts_with(&kind) && alike(&f.what, what))
@@ -287,7 +289,7 @@ impl Tally {
     }
 }
 
-/// Whether two failures are one but for numbers.
+/// True when two failures differ only in numbers.
 pub(crate) fn alike(a: &str, b: &str) -> bool {
     let letters = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
     letters(a) == letters(b)

@@ -25,7 +25,7 @@ impl Random {
         (self.next() >> 33) as usize % count.max(1)
     }
 
-    /// From 0 to 1.
+    /// A number from 0 to 1.
     pub(crate) fn share(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
@@ -52,7 +52,7 @@ const EXTREMES: [u64; 14] = [
     u64::MAX,
 ];
 
-/// What numbers of a text become.
+/// Replacements for numbers of a text.
 const NUMBERS: [&str; 16] = [
     "0",
     "-1",
@@ -72,7 +72,7 @@ const NUMBERS: [&str; 16] = [
     "inf",
 ];
 
-/// A file after one to four changes; pieces of `other` may come into it.
+/// A file after one to four changes; pieces of `other` may be inserted.
 pub(crate) fn mutated(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     let is_text = !seed.contains(&0) && std::str::from_utf8(seed).is_ok();
@@ -134,7 +134,7 @@ fn put(bytes: &mut [u8], at: usize, width: usize, value: u64, big: bool) {
     }
 }
 
-/// Changes an integer that may be a length or an offset: one that is no larger than the file.
+/// Changes an integer that may be a length or an offset: one that is not larger than the file.
 fn change_length(bytes: &mut [u8], random: &mut Random) {
     let width = [2, 4, 8][random.below(3)];
     let start = random.below(bytes.len() / width);
@@ -180,7 +180,7 @@ mod tests {
         assert!(
             a.iter().any(|bytes| bytes.len() > 4 * seed.len()) && a.iter().all(|b| b.len() <= MOST_BYTES)
         );
-        // What has nothing in it survives, too.
+        // An empty file is accepted, too.
         for n in 0..200 {
             mutated(&[], &[], &mut Random::new(3, n));
             mutated(&[0], &[], &mut Random::new(3, n));

@@ -1,4 +1,5 @@
-//! Processes and connections that are silent, stop, or lie, at each place where a tool listens to another.
+//! Processes and connections that are silent, stop, or send wrong data, at each place where a tool listens to
+//! another.
 
 use super::mutate::{Random, mutated};
 use super::run::{Bounds, MEMORY_KIB, Place, Started, end, marked};
@@ -6,7 +7,6 @@ use super::{Attack, Failure, Tally, first_line, scenes};
 use std::fs;
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::os::unix::fs::PermissionsExt;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
@@ -76,7 +76,7 @@ pub(crate) fn run(attack: &Attack) -> Result<Tally, String> {
         let peers = Peers { attack, place: &place, mark };
         fs::write(place.work().join("x.pyg"), scenes::frame("", scenes::BALL)).map_err(told)?;
         let mut wrong = case(&peers).map_err(|e| format!("peers/{name}: {e}"))?;
-        // What was started must end with what started it.
+        // Child processes must end with their parent.
         std::thread::sleep(Duration::from_millis(300));
         let alive = marked(&peers.mark);
         if !alive.is_empty() {
@@ -98,18 +98,18 @@ pub(crate) fn run(attack: &Attack) -> Result<Tally, String> {
     Ok(tally)
 }
 
-/// What cases work with.
+/// The common arguments of cases.
 struct Peers<'a> {
     attack: &'a Attack,
     place: &'a Place,
     mark: String,
 }
 
-/// Where a viewer listens.
+/// The address on which a viewer listens.
 struct At {
     listen: SocketAddr,
     serve: SocketAddr,
-    /// Of its page.
+    /// The address of its page.
     path: String,
 }
 
@@ -124,7 +124,7 @@ impl Peers<'_> {
         self.place.start(&program, &words.collect::<Vec<_>>(), &self.bounds(), input, Some(&self.mark))
     }
 
-    /// Runs a command line to its end; what is wrong. The picture must be there.
+    /// Runs a command line to its end; returns the error. The image must exist.
     fn renders(&self, line: &str) -> io::Result<Option<String>> {
         let started = self.start(line, Stdio::null())?;
         let outcome = started.wait(Duration::from_secs_f64(self.bounds().seconds))?;
@@ -142,11 +142,10 @@ impl Peers<'_> {
         let work = self.place.work();
         let worker = work.join("worker");
         let gelato = self.attack.program("gelato");
-        fs::write(&worker, format!("#!/bin/sh\nGELATO={}\n{script}\n", gelato.display()))?;
-        fs::set_permissions(&worker, fs::Permissions::from_mode(0o755))?;
-        let settings = format!("Attribute (\"string net:workercmd\", \"{}\")\n", worker.display());
+        fs::write(&worker, format!("GELATO={}\n{script}\n", gelato.display()))?;
+        let settings = format!("Attribute (\"string net:workercmd\", \"sh {}\")\n", worker.display());
         fs::write(work.join("x.pyg"), scenes::frame(&settings, scenes::BALL))?;
-        // Without it, frames wait for workers as long as users let them.
+        // Without it, frames wait for workers without limit.
         let short = work.join("short.pyg");
         fs::write(short, "Attribute (\"float net:timeout\", 2)\n")?;
         let server = if is_local { "local" } else { "there" };
@@ -220,7 +219,7 @@ impl Peers<'_> {
         Ok(outcome.fault().or(refused))
     }
 
-    /// Twice as many connections as there are places, that begin to say something.
+    /// Twice as many connections as there are places, which begin to send something.
     fn many_silent(&self, to: SocketAddr) -> io::Result<Vec<TcpStream>> {
         let mut open = Vec::new();
         for number in 0..128 {
@@ -285,7 +284,7 @@ impl Peers<'_> {
     }
 }
 
-/// Where a viewer says that it listens.
+/// The address that a viewer prints.
 fn addresses(viewer: &Started) -> io::Result<At> {
     let begin = Instant::now();
     loop {

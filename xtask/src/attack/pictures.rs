@@ -40,7 +40,7 @@ pub(crate) fn gif() -> Vec<u8> {
     bytes
 }
 
-/// GIF with a small screen and a picture that is far larger.
+/// A GIF with a small screen and an image that is far larger.
 pub(crate) fn gif_of_small_screen() -> Vec<u8> {
     let mut bytes = b"GIF89a\x20\0\x18\0\x80\0\0".to_vec();
     bytes.extend([0, 0, 0, 255, 255, 255]);
@@ -113,7 +113,7 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, step)
 }
 
-/// TIFF with these sides, of which no pixel is there; `next` is where the next directory is said to be.
+/// A TIFF with these sides, without any pixel; `next` is the declared offset of the next directory.
 pub(crate) fn tiff(width: u32, height: u32, next: u32) -> Vec<u8> {
     let mut bytes = b"II*\0\x08\0\0\0".to_vec();
     bytes.extend(directory(width, height, next));

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a run may take.
+/// The limits of a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Wall clock, in seconds.
+    /// Seconds of processor time, on each of [`THREADS`] threads; by the clock a run may take [`WAITING`] times as
+    /// long.
     pub(crate) seconds: f64,
     /// Address space, in KiB.
     pub(crate) memory_kib: u64,
@@ -21,21 +22,33 @@ pub(crate) struct Bounds {
 /// 4 GB of address space.
 pub(crate) const MEMORY_KIB: u64 = 4_000_000;
 
-/// Most bytes of messages that are no flood.
+/// The number of threads for the tools.
+const THREADS: f64 = 2.0;
+
+/// The factor from processor time to clock time. Endless waits are found by the clock, and other work on the machine
+/// causes no failure.
+pub(crate) const WAITING: f64 = 4.0;
+
+/// The signal of a process that has used up its processor time.
+const SIGXCPU: i32 = 24;
+
+/// The largest number of bytes of messages that is not a flood.
 const FLOOD_BYTES: u64 = 4 << 20;
 
-/// How a run ended.
+/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// By itself, with this status.
     Code(i32),
     /// By this signal.
     Signal(i32),
-    /// It was killed when its time was over.
+    /// It was killed when it had run for longer than it may by the clock.
     TimeOut,
+    /// The system ended it when its processor time was over.
+    Busy,
 }
 
-/// What a run left behind.
+/// The processes and files that a run left behind.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     pub(crate) ending: Ending,
@@ -49,7 +62,7 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
-    /// What is wrong whatever the tool was asked to do.
+    /// The errors that do not depend on the command.
     pub(crate) fn fault(&self) -> Option<String> {
         let first = |mark: &str| {
             let line = self.stderr.lines().find(|line| line.contains(mark))?;
@@ -59,6 +72,7 @@ impl Outcome {
         let said = marks.iter().find_map(|mark| first(mark)).unwrap_or_default();
         match self.ending {
             Ending::TimeOut => Some(format!("ran past {:.0} s", self.wall.as_secs_f64())),
+            Ending::Busy => Some("used up its processor time".to_owned()),
             Ending::Signal(signal) => Some(format!("killed by signal {signal}: {said}")),
             Ending::Code(code) if !(0..=2).contains(&code) => Some(format!("exit status {code}: {said}")),
             Ending::Code(_) if !said.is_empty() => Some(said),
@@ -105,8 +119,8 @@ impl Place {
         self.root.join("work")
     }
 
-    /// Names of temporary files that were left: hidden ones and unfinished ones in the current folder, and whatever is in
-    /// the folder for temporary files.
+    /// Names of temporary files that were left: hidden ones and unfinished ones in the current folder, and everything
+    /// in the folder for temporary files.
     pub(crate) fn leftovers(&self) -> Vec<String> {
         let names = |folder: &str| {
             let entries = fs::read_dir(self.root.join(folder)).into_iter().flatten().flatten();
@@ -130,7 +144,9 @@ impl Place {
     ) -> io::Result<Started> {
         // The limits hold for the program and all that it starts; `exec` keeps its process number.
         let files = bounds.files.map_or(String::new(), |n| format!("ulimit -n {n}; "));
-        let script = format!("ulimit -c 0; ulimit -v {}; {files}exec \"$@\"", bounds.memory_kib);
+        let (memory, seconds) = (bounds.memory_kib, (bounds.seconds * THREADS).ceil());
+        // Only the soft limit, so that the signal gives the reason.
+        let script = format!("ulimit -c 0; ulimit -v {memory}; ulimit -S -t {seconds}; {files}exec \"$@\"");
         let (out, err) = (self.root.join("out"), self.root.join("err"));
         let mut command = Command::new("sh");
         command
@@ -165,7 +181,8 @@ impl Place {
             Some(file) => File::open(file)?.into(),
             None => Stdio::null(),
         };
-        self.start(program, words, bounds, input, None)?.wait(Duration::from_secs_f64(bounds.seconds))
+        self.start(program, words, bounds, input, None)?
+            .wait(Duration::from_secs_f64(bounds.seconds * WAITING))
     }
 }
 
@@ -187,12 +204,12 @@ impl Started {
         kill(name, &self.child.id().to_string());
     }
 
-    /// Whether it has ended.
+    /// True when it has ended.
     pub(crate) fn is_over(&mut self) -> bool {
         !matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// What it has printed to standard output.
+    /// Its output on standard output so far.
     pub(crate) fn printed(&self) -> String {
         beginning(&self.out)
     }
@@ -204,6 +221,7 @@ impl Started {
             if let Some(status) = self.child.try_wait()? {
                 break match (status.code(), status.signal()) {
                     (Some(code), _) => Ending::Code(code),
+                    (None, Some(SIGXCPU)) => Ending::Busy,
                     (None, signal) => Ending::Signal(signal.unwrap_or(0)),
                 };
             }
@@ -247,7 +265,8 @@ fn peak_kib(process: u32) -> u64 {
     line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
 }
 
-/// Processes that carry this marker and still run, with their names; not those that have ended and wait for their parent.
+/// Processes that carry this marker and still run, with their names; not those that have ended and wait for their
+/// parent.
 pub(crate) fn marked(marker: &str) -> Vec<(u32, String)> {
     let wanted = format!("{MARKER}={marker}");
     let mut found = Vec::new();
@@ -272,5 +291,24 @@ pub(crate) fn marked(marker: &str) -> Vec<(u32, String)> {
 pub(crate) fn end(processes: &[(u32, String)]) {
     for (process, _) in processes {
         kill("KILL", &process.to_string());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn busy_runs_end_by_processor_time_and_waiting_ones_by_the_clock() {
+        let root = std::env::temp_dir().join(format!("granita-attack-run-{}", std::process::id()));
+        let place = Place::new(root.clone()).unwrap();
+        let run = |script: &str, seconds: f64| {
+            let bounds = Bounds { seconds, memory_kib: MEMORY_KIB, files: None };
+            place.run(Path::new("sh"), &["-c".to_owned(), script.to_owned()], &bounds, None).unwrap().ending
+        };
+        assert_eq!(run("while :; do :; done", 0.5), Ending::Busy);
+        assert_eq!(run("exec sleep 60", 0.02), Ending::TimeOut);
+        assert_eq!(run("exit 2", 1.0), Ending::Code(2));
+        fs::remove_dir_all(root).unwrap();
     }
 }

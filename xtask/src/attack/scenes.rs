@@ -8,7 +8,7 @@ pub(crate) fn frame(settings: &str, calls: &str) -> String {
     )
 }
 
-/// The ground, one below a camera that looks along it: it is half of the picture.
+/// The ground, one below a camera that looks along it: it is half of the image.
 pub(crate) fn ground(primitive: &str) -> String {
     frame(
         "Attribute (\"float fov\", 60)\nRotate (90, 1, 0, 0)\n",
@@ -38,7 +38,7 @@ pub(crate) fn globe(radius: &str) -> String {
 /// A ball before the camera.
 pub(crate) const BALL: &str = "Translate (0, 0, 4)\nSphere (1, -1, 1, 360)\n";
 
-/// A square in sight whose last vertex lies here.
+/// A visible square whose last vertex lies at this position.
 pub(crate) fn vertex(kind: &str, place: &str) -> String {
     let shape = match kind {
         "mesh" => format!(

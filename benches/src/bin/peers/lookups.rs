@@ -1,11 +1,12 @@
 //! Filtered texture lookups beside those of OpenImageIO's `TextureSystem`: one file, one list of places and
 //! derivatives, lookups a second of one thread and of two, and how far each is from brute force.
 //!
-//! Rates are by processor time, of two threads by that of the one that took more: other work on the machine counts less.
-//! How much quicker two threads are is printed by the clock as well, which says something on a quiet machine only.
+//! Rates are by processor time, of two threads by that of the one that took more: other work on the machine counts
+//! less. How much quicker two threads are is printed by the clock as well, which says something on a quiet machine
+//! only.
 //!
-//! Theirs is a C++ program (`benches/peers/oiio_texture.cpp`) that is compiled when the bench runs, with the words of the
-//! variable `OIIO_BUILD`, by default those of a system's package; where that fails, ours stand alone.
+//! Theirs is a C++ program (`benches/peers/oiio_texture.cpp`) that is compiled when the bench runs, with the words of
+//! the variable `OIIO_BUILD`, by default those of a system's package; where that fails, ours stand alone.
 
 #[path = "../../../../libs/texture/tests/brute/mod.rs"]
 mod brute;

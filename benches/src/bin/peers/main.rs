@@ -5,8 +5,8 @@
 //!
 //! `maketx` against OpenImageIO's, which is found by the variable `OIIO_MAKETX`, by the option, or on the search
 //! path: the same picture, tile size (64), compression (zip) and type of texels, with one thread and with two. The
-//! quickest of four runs counts, in turns. Pictures are made here of those in `examples/first`. `--large` adds a picture
-//! of 16384 x 16384 pixels, ours alone: its memory is what matters.
+//! quickest of four runs counts, in turns. Pictures are made here of those in `examples/first`. `--large` adds a
+//! picture of 16384 x 16384 pixels, ours alone: its memory is what matters.
 //!
 //! `--lookups` measures filtered lookups instead, see `lookups.rs`.
 

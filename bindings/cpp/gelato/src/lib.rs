@@ -98,7 +98,7 @@ fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
     object.into_renderer().ok_or_else(|| "there is not enough memory".to_owned())
 }
 
-/// What C++ calls, over a sink.
+/// The calls of C++ programs, over a sink.
 fn object(
     sink: Box<dyn SceneSink>,
     host: Box<dyn InterfaceHost>,
@@ -111,7 +111,7 @@ fn object(
 /// See `gelato_c.h`.
 ///
 /// # Safety
-/// As [`granita_plugin::noise`].
+/// The same as [`granita_plugin::noise`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gelato_noise(
     kind: c_int,

@@ -1,4 +1,4 @@
-//! The renderer that makes pictures, in the thread that calls it.
+//! The renderer that makes images, in the thread that calls it.
 
 use crate::object;
 use granita_base::{BaseType, Environment, Location, Param, ParamType, Reporter};
@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// How far a frame is.
+/// The progress of a frame.
 #[derive(Default)]
 struct Done {
     total: AtomicU64,
@@ -30,7 +30,7 @@ impl Progress for Done {
     fn end(&self) {}
 }
 
-/// What is answered while a frame is rendered.
+/// The values that are answered while a frame is rendered.
 struct During {
     progress: Arc<Done>,
     stop: Arc<AtomicBool>,
@@ -56,7 +56,7 @@ impl Meanwhile for During {
     }
 }
 
-/// The session of a program's renderer, and what tells how far it is.
+/// The session of a program's renderer, and its progress.
 fn session(reporter: &Reporter) -> (Session, During) {
     let environment: Environment = std::env::vars_os().collect();
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
@@ -67,6 +67,7 @@ fn session(reporter: &Reporter) -> (Session, During) {
             .filter(|t| t.is_file())
             .map(|program| OwnTools { program, names: names.iter().map(|n| (*n).to_owned()).collect() }),
         environment,
+        current_folder: std::env::current_dir().unwrap_or_default(),
         ..SessionOptions::default()
     };
     let progress = Arc::new(Done::default());
@@ -103,7 +104,7 @@ impl Drop for Live {
     }
 }
 
-/// What the program vouches for, and what is kept for it.
+/// The addresses that the program may name, and the values kept for it.
 pub(crate) struct Host(pub(crate) Plugins);
 
 impl InterfaceHost for Host {

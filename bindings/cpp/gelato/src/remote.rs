@@ -1,4 +1,4 @@
-//! The renderer that works while its program goes on (reference 2.3): another process, found and started.
+//! The renderer that works while its program continues (reference 2.3): another process, found and started.
 
 use crate::live::Host;
 use crate::object;
@@ -20,7 +20,7 @@ pub(crate) fn renderer(manager: &Messages) -> Result<InterfaceObject<'static>, S
     Ok(object(Box::new(remote), Box::new(Host(plugins)), manager, Some(meanwhile)))
 }
 
-/// The tool of this suite: where it lies beside the library, else where an installation is said to be, else along the path.
+/// The path of the tool: beside the library, else in the installation, else along the search path.
 fn program(environment: &Environment) -> Option<PathBuf> {
     let name = format!("gelato{}", std::env::consts::EXE_SUFFIX);
     let library = library();
@@ -60,10 +60,10 @@ fn library() -> Option<PathBuf> {
     None
 }
 
-/// The longest silence of the process in seconds where `GELATO_REMOTE_TIMEOUT` does not say another one.
+/// The longest silence of the process, in seconds, unless `GELATO_REMOTE_TIMEOUT` gives another number.
 const PATIENCE: f32 = 60.0;
 
-/// What the environment says of the longest silence.
+/// The longest silence that the environment gives.
 fn patience() -> f32 {
     let text = std::env::var("GELATO_REMOTE_TIMEOUT").ok();
     text.and_then(|text| text.trim().parse().ok())

@@ -57,7 +57,7 @@ impl Shader {
     /// A string that stays.
     fn text(&mut self, text: &str) -> *const c_char {
         self.texts.push(CString::new(text.replace('\0', " ")).unwrap_or_default());
-        // It lies on the heap: the list may move.
+        // It lies on the heap, because the list may move.
         self.texts[self.texts.len() - 1].as_ptr()
     }
 

@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A packet by hand: type and content.
+/// A packet made by hand: type and content.
 fn bytes(kind: u8, content: &[&[u8]]) -> Vec<u8> {
     let content = content.concat();
     let length = u32::try_from(content.len() + 5).unwrap();
@@ -94,7 +94,7 @@ fn every_form_of_every_packet() {
     );
     let update = update(vec![channel("G", 1, 3), channel("R", 0, 3)], &[9.0; 5]);
     assert_eq!(decode(&third).unwrap(), update);
-    // What we write is the newest form, to the byte.
+    // The encoder writes the newest form, to the byte.
     for (packet, expected) in
         [(create, created), (update, third), (open("a:b", "c"), bytes(7, &[b"\x01a:b\0c\0"]))]
     {

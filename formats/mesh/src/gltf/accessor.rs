@@ -41,7 +41,7 @@ impl Component {
         }
     }
 
-    /// The value that `bytes` begin with; normalised as the format says.
+    /// The value at the beginning of `bytes`, normalised as the format requires.
     #[inline]
     fn value(self, b: &[u8], normalized: bool) -> f32 {
         let (value, one) = match self {
@@ -84,9 +84,9 @@ fn width(kind: &str) -> Result<usize, String> {
 
 /// Elements on their way out of an accessor.
 enum Data<'a> {
-    /// So many will come.
+    /// The expected number of elements.
     Room(usize),
-    /// All of them are zero.
+    /// All elements are zero.
     Zeros(usize),
     /// The bytes of one.
     Element(&'a [u8]),
@@ -103,16 +103,16 @@ impl<'a> Reader<'a> {
         item(&self.document.accessors, index).ok_or_else(|| format!("there is no accessor {index}"))
     }
 
-    /// How many elements accessor `index` has.
+    /// The number of elements of accessor `index`.
     pub(super) fn count(&self, index: usize) -> Result<u64, String> {
         self.accessor(index).map(|a| a.count)
     }
 
-    /// Elements `range` of accessor `index`, which must have one of the `widths` of numbers per element; the numbers, and
-    /// how many make an element.
+    /// Elements `range` of accessor `index`, which must have one of the `widths` of numbers per element; the numbers,
+    /// and how many make an element.
     ///
     /// # Errors
-    /// In words, with the number of the accessor.
+    /// Returns a text with the index of the accessor.
     pub(super) fn floats(
         &mut self,
         index: usize,
@@ -157,7 +157,7 @@ impl<'a> Reader<'a> {
     /// The indices of accessor `index`.
     ///
     /// # Errors
-    /// In words, with the number of the accessor.
+    /// Returns a text with the index of the accessor.
     pub(super) fn indices(&mut self, index: usize) -> Result<Vec<u32>, String> {
         let accessor = self.accessor(index)?;
         let component =
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Whether `end` bytes lie in a view, and the view in its buffer.
+    /// Checks that `end` bytes lie in a view, and the view in its buffer.
     fn check_view(&mut self, view: usize, end: u64) -> Result<(), String> {
         let Some(desc) = item(&self.document.buffer_views, view) else {
             return Err(format!("there is no buffer view {view}"));
@@ -249,7 +249,7 @@ impl<'a> Reader<'a> {
                 desc.byte_length
             ));
         }
-        // One byte, at the end: tells whether the buffer has all of them.
+        // Reading one byte at the end shows whether the buffer is complete.
         let last = desc.byte_offset.checked_add(end).and_then(|e| e.checked_sub(1));
         let last = last.ok_or("sizes beyond all memory")?;
         self.buffers.read(self.document, desc.buffer, last, 1).map(drop)

@@ -43,7 +43,7 @@ impl Buffers {
     /// Reads `length` bytes from `offset` of a buffer.
     ///
     /// # Errors
-    /// In words: a buffer that is not there or too short.
+    /// Returns a text when a buffer is missing or too short.
     pub(super) fn read(
         &mut self,
         document: &Document,
@@ -123,7 +123,7 @@ pub(super) fn data_of_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
 /// The file that a relative URI means.
 ///
 /// # Errors
-/// In words, for addresses elsewhere and for sources without a folder.
+/// Returns a text for other addresses and for sources without a folder.
 pub(super) fn path_of_uri(uri: &str, folder: Option<&PathBuf>) -> Result<PathBuf, String> {
     let shown: String = uri.chars().take(80).collect();
     if uri.contains("://") {
@@ -135,7 +135,7 @@ pub(super) fn path_of_uri(uri: &str, folder: Option<&PathBuf>) -> Result<PathBuf
     Ok(folder.join(percent_decoded(uri)))
 }
 
-/// With `%20` and the like replaced.
+/// Replaces `%20` and similar codes.
 fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();

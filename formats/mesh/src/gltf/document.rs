@@ -116,7 +116,7 @@ pub(super) struct Image {
     pub(super) buffer_view: Option<usize>,
 }
 
-/// Of the extension `KHR_lights_punctual`.
+/// A light of the extension `KHR_lights_punctual`.
 #[derive(Debug, Deserialize)]
 pub(super) struct Light {
     #[serde(default)]
@@ -290,7 +290,7 @@ pub(super) struct Texture {
 }
 
 impl Document {
-    /// Reads the text; the error is what serde says, with line and column.
+    /// Reads the text; the error is the message of serde, with line and column.
     pub(super) fn parse(json: &[u8], faults: &mut Faults<'_>) -> Result<Self, String> {
         let mut root = match serde_json::from_slice(json) {
             Ok(Value::Object(root)) => root,

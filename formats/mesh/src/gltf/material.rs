@@ -9,20 +9,20 @@ use granita_scene::{Call, Stop, attr};
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// What a material needs of the mesh.
+/// The properties of a mesh that a material uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Look {
-    /// Set of texture coordinates, if a texture wants them.
+    /// The set of texture coordinates, if a texture uses one.
     pub(super) texcoord: Option<u32>,
-    /// What is done to them.
+    /// The transformation of the texture coordinates.
     pub(super) transform: TextureTransform,
     /// Scales the colours of vertices.
     pub(super) base: [f32; 4],
-    /// Whether alpha counts.
+    /// True when alpha has an effect.
     pub(super) blends: bool,
 }
 
-/// Without a material.
+/// The default without a material.
 pub(super) const PLAIN: Look = Look {
     texcoord: Some(0),
     transform: TextureTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2], tex_coord: None },
@@ -30,11 +30,11 @@ pub(super) const PLAIN: Look = Look {
     blends: false,
 };
 
-/// The picture of a texture.
+/// The image of a texture.
 struct Picture {
-    /// As the texture system finds it.
+    /// The name for the texture system.
     path: String,
-    /// Whether its colours are encoded for a screen.
+    /// True when its colours are encoded for a screen.
     screen: bool,
     sampler: Sampler,
 }
@@ -43,12 +43,12 @@ struct Picture {
 pub(super) struct Materials<'a> {
     pub(super) document: &'a Document,
     pub(super) folder: Option<PathBuf>,
-    /// The file itself, for the pictures in it.
+    /// The file itself, for the images in it.
     pub(super) file: Option<PathBuf>,
 }
 
 impl Materials<'_> {
-    /// What material `index` needs of a mesh.
+    /// The properties of a mesh that material `index` uses.
     pub(super) fn look(&self, index: Option<usize>) -> Look {
         let Some(material) = index.and_then(|i| item(&self.document.materials, i)) else { return PLAIN };
         let texture = first_texture(material);
@@ -167,7 +167,7 @@ impl Materials<'_> {
         }
     }
 
-    /// The picture and the sampler of a texture.
+    /// The image and the sampler of a texture.
     fn picture(&self, texture: &TextureRef, material: usize, faults: &mut Faults<'_>) -> Option<Picture> {
         let document = self.document;
         let source = item(&document.textures, texture.index);

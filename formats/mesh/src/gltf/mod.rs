@@ -1,7 +1,7 @@
 //! glTF 2: meshes, materials, lights and cameras of the nodes of a scene.
 //!
-//! The JSON is held whole; binary data are read as they are needed, a primitive at a time. Shapes of a mesh that several nodes
-//! show are made once, and their data shared.
+//! The JSON is held whole; binary data are read as they are needed, a primitive at a time. Shapes of a mesh that
+//! several nodes show are made once, and their data shared.
 
 mod accessor;
 mod buffers;
@@ -33,7 +33,7 @@ use std::rc::Rc;
 /// JSON beyond this is refused: it is held in memory several times over.
 const MOST_JSON: u64 = 1 << 31;
 
-/// What is understood of the extensions that a file may require.
+/// The supported extensions among those that a file may require.
 const EXTENSIONS: [&str; 9] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -44,7 +44,7 @@ const EXTENSIONS: [&str; 9] = [
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
-    // Promises nothing that a picture shows.
+    // The extension has no visible effect.
     "KHR_xmp_json_ld",
 ];
 
@@ -89,7 +89,7 @@ impl Generator for Gltf {
     }
 
     fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
-        // Mistakes are told when the file is read.
+        // Errors are reported when the file is read.
         let silent = Reporter::silent();
         let Opened { name, mut stream, size } = open(source).ok()?;
         let mut faults = Faults::new(&silent, name.clone());
@@ -155,7 +155,7 @@ impl Generator for Gltf {
     }
 }
 
-/// The JSON, and where the binary chunk lies.
+/// The JSON, and the offset of the binary chunk.
 #[allow(clippy::type_complexity, reason = "said in the words above")]
 fn container(
     name: &str,
@@ -179,7 +179,7 @@ fn container(
     if !binary {
         let mut json = Vec::new();
         stream.take(length).read_to_end(&mut json).map_err(fail)?;
-        // A byte order mark is no JSON, but some write one.
+        // A byte order mark is not JSON, but some programs write one.
         if json.starts_with(b"\xef\xbb\xbf") {
             json.drain(..3);
         }
@@ -204,7 +204,7 @@ fn container(
         stream.read_exact(&mut header).map_err(fail)?;
         let length = u64::from(u32::from_le_bytes([header[0], header[1], header[2], header[3]]));
         next += 8;
-        // Of a file that ends early, what is there.
+        // A file that ends early is read as far as it goes.
         let length = length.min(size - next);
         if &header[4..] == b"BIN\0" {
             chunk = Some((next, length));
@@ -377,7 +377,7 @@ impl Run<'_> {
                 },
                 None => None,
             };
-            // Joints say where the vertices are, and the node does not.
+            // The joints define the positions of the vertices, and the node does not.
             let here = Placed { index: placed.index, node: placed.node, matrix: scene::IDENTITY };
             let place = if joints.is_some() { &here } else { placed };
             let Some(matrix) = place.rows() else {

@@ -1,4 +1,4 @@
-//! The pictures of a glTF file, also those inside of it, for textures and `maketx`.
+//! The images of a glTF file, also those inside of it, for textures and `maketx`.
 
 use super::buffers::{Buffers, data_of_uri, path_of_uri};
 use super::container;
@@ -14,18 +14,18 @@ use granita_scene::{GeneratorError, GeneratorSource};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Reads the pictures of `.gltf` and `.glb` files as images of one file, numbered as in the list `images` of the file:
-/// `model.glb#2` is the third. Each is opened, and read from the file, when it is first asked for.
+/// Reads the images of `.gltf` and `.glb` files as images of one file, numbered as in the list `images` of the file:
+/// `model.glb#2` is the third. Each is opened, and read from the file, when it is first used.
 ///
-/// Pictures may lie in a buffer view, in a `data:` URI, or in a file beside.
+/// Images may lie in a buffer view, in a `data:` URI, or in a file beside.
 #[derive(Debug)]
 pub struct GltfPictures {
-    /// Formats that pictures may have.
+    /// The formats that images may have.
     formats: FormatRegistry,
 }
 
 impl GltfPictures {
-    /// `formats` read the pictures themselves.
+    /// `formats` read the images themselves.
     pub fn new(formats: FormatRegistry) -> Self {
         Self { formats }
     }
@@ -61,7 +61,7 @@ impl Format for GltfPictures {
         let source = GeneratorSource::file(path).with_files(&limits.files);
         let Opened { name, mut stream, size } = open(&source).map_err(failed)?;
         let (json, chunk) = container(&name, &mut stream, size).map_err(failed)?;
-        // What is wrong with it as a scene is told by the generator.
+        // The generator reports the errors of the file as a scene.
         let silent = Reporter::silent();
         let document = Document::parse(&json, &mut Faults::new(&silent, name)).map_err(malformed)?;
         let count = document.images.len();

@@ -29,10 +29,10 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// The shape; `None` when there is nothing to draw. Triangles with mistakes are left out.
+    /// The shape; `None` when there is nothing to draw. Triangles with errors are left out.
     ///
     /// # Errors
-    /// In words, when the primitive cannot be read at all.
+    /// Returns a text when the primitive cannot be read at all.
     pub(super) fn build(
         &self,
         reader: &mut Reader<'_>,
@@ -46,7 +46,8 @@ impl Source<'_> {
             Some(index) => Some(reader.indices(index)?),
             None => None,
         };
-        // Only the vertices between the first and the last one that is used are read: many primitives may share one array.
+        // Only the vertices between the first and the last one that is used are read: many primitives may share one
+        // array.
         if count > u64::from(u32::MAX) {
             return Err(format!("{count} vertices are more than indices can name"));
         }
@@ -118,8 +119,8 @@ impl Source<'_> {
         Ok(Some(Built { shape, params, material: primitive.material }))
     }
 
-    /// Adds what the morph targets say at their weights to the values of an attribute, three for each vertex of `range`.
-    /// Whether there was anything to add.
+    /// Adds the morph targets at their weights to the values of an attribute, three for each vertex of `range`.
+    /// Returns true when there was anything to add.
     fn morph(
         &self,
         name: &str,
@@ -235,7 +236,7 @@ fn pick(values: &[f32], n: usize, which: &[u32]) -> Vec<f32> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum ElementKind {
     Triangles,
-    /// With so many vertices each.
+    /// The number of vertices of each.
     Lines(usize),
     Points,
 }
@@ -265,7 +266,7 @@ impl Elements {
     }
 }
 
-/// What a mode of OpenGL makes of a sequence of vertices. What is left over at the end is no element.
+/// The elements that a mode of OpenGL makes of a sequence of vertices. Vertices left over at the end are ignored.
 fn elements(mode: u32, mut v: Vec<u32>) -> Result<Elements, String> {
     let whole = |mut v: Vec<u32>, n: usize| {
         v.truncate(v.len() / n * n);

@@ -27,8 +27,8 @@ impl Placed<'_> {
         rows.iter().all(|x| x.is_finite()).then_some(rows)
     }
 
-    /// As [`Placed::rows`], turned to look along z and without scale: for cameras and lights, which look along -z in
-    /// glTF and along z here. "x" stays on the right.
+    /// The same as [`Placed::rows`], turned to look along z and without scale: for cameras and lights, which look
+    /// along -z in glTF and along z here. "x" stays on the right.
     pub(super) fn looking(&self) -> Option<[f32; 16]> {
         let mut rows = self.matrix;
         for (i, row) in rows.iter_mut().enumerate().take(3) {
@@ -73,7 +73,7 @@ pub(super) fn nodes<'a>(document: &'a Document, faults: &mut Faults<'_>) -> Vec<
     all
 }
 
-/// Nodes that are nobody's children.
+/// Nodes without a parent.
 fn roots(document: &Document) -> Vec<usize> {
     let mut child = vec![false; document.nodes.len()];
     for node in document.nodes.iter().flatten() {
@@ -117,8 +117,8 @@ pub(super) fn times(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// Where all meshes lie, by what their accessors say; `None` when one does not say it, or when the file makes more than
-/// meshes of triangles: lights must be made at once, and lines and points have widths.
+/// The box around all meshes, from the ranges of their accessors. `None` when a range is missing, or when the file
+/// contains more than meshes of triangles, because lights must be made at once, and lines and points have widths.
 pub(super) fn bound(document: &Document, nodes: &[Placed<'_>]) -> Option<[f32; 6]> {
     let mut all = Bound::EMPTY;
     for placed in nodes {
@@ -169,7 +169,7 @@ mod tests {
             ..Node::default()
         };
         let m = local(&node);
-        // A quarter turn about z takes x to y.
+        // A quarter turn about z maps x to y.
         let near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
         assert!(near(m[0], [0.0, 2.0, 0.0, 0.0]) && near(m[1], [-3.0, 0.0, 0.0, 0.0]), "{m:?}");
         assert!(near(m[2], [0.0, 0.0, 4.0, 0.0]) && near(m[3], [10.0, 0.0, 0.0, 1.0]));

@@ -8,10 +8,11 @@ use std::ops::Range;
 /// Sets of four joints per vertex beyond this are not looked for.
 const MOST_SETS: usize = 4;
 
-/// From the space of the mesh, by way of each joint, to that of the file. `places` says where each node is, if in the scene.
+/// The matrices from the space of the mesh, through each joint, to that of the file. `places` gives the
+/// transformation of each node in the scene.
 ///
 /// # Errors
-/// In words, with the number of the skin.
+/// Returns a text with the index of the skin.
 pub(super) fn joints(
     document: &Document,
     skin: usize,
@@ -42,10 +43,10 @@ pub(super) fn joints(
     desc.joints.iter().enumerate().map(joint).collect()
 }
 
-/// For each vertex of `range` the mean of its joints' matrices; `None` where no joint has weight.
+/// The mean of its joints' matrices for each vertex of `range`; `None` where no joint has weight.
 ///
 /// # Errors
-/// In words: joints or weights that cannot be read.
+/// Returns a text when joints or weights cannot be read.
 pub(super) fn blend(
     primitive: &Primitive,
     joints: &[Matrix],
@@ -61,7 +62,7 @@ pub(super) fn blend(
         let (weights, _) = reader.floats(weights, &[4], range.clone())?;
         for (i, (joint, weight)) in which.iter().zip(&weights).enumerate() {
             let weight = f64::from(*weight);
-            // Numbers of joints are whole and not negative, whatever their type.
+            // Joint indices are whole and not negative, for any type.
             let Some(matrix) = joints.get(*joint as usize).filter(|_| weight > 0.0 && weight.is_finite())
             else {
                 continue;

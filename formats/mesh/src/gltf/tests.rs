@@ -29,7 +29,7 @@ fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     all
 }
 
-/// A file with one mesh on one node: views by offset and length, the rest of the document by hand.
+/// A file with one mesh on one node: views by offset and length, the rest of the document made by hand.
 fn document(views: &[(usize, usize)], accessors: Value, primitives: Value, rest: Value) -> Value {
     let views: Vec<Value> =
         views.iter().map(|(o, l)| json!({"buffer": 0, "byteOffset": o, "byteLength": l})).collect();
@@ -196,7 +196,7 @@ fn materials() {
         \"string texturename\", \"DIR/pic ture.PNG\", \"string swrap\", \"clamp\", \"string twrap\", \"mirror\")\n";
     assert!(got.contains(want), "{got}");
     assert!(got.contains("\"vertex float s\", (0.5, 2.5, 0.5), \"vertex float t\", (0, 0, 1)"), "{got}");
-    // A scene that brings its own.
+    // A file that has its own scene.
     let no = Param::declared("int user:materials", 0).unwrap();
     let got = run_in(&Gltf, &source, true, Some(no)).clean();
     assert!(!got.contains("Shader") && !got.contains("twosided"), "{got}");
@@ -396,7 +396,7 @@ fn pictures_inside_of_the_file_have_its_name() {
     let material = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
     let rest = json!({"materials": [material], "textures": [{"source": 0}], "images": [{"bufferView": 0}]});
     let trial = run(&Gltf, triangle(rest));
-    // From a stream there is no file to name.
+    // A stream has no file name.
     assert_eq!(trial.messages.len(), 1);
     assert!(trial.messages[0].contains("which is no file on the disk"), "{:?}", trial.messages);
     assert!(trial.pyg.contains("gltfsurface") && !trial.pyg.contains("texturename"));
@@ -473,7 +473,7 @@ fn skins_at_rest() {
          \"vertex normal N\", (0, 0, 1, 0, 0, 1, 0, 0, 1))\n"
     );
     assert!(got.contains(&want), "{got}");
-    // A joint that does not exist is told of, and the mesh stands as it was modelled.
+    // A joint that does not exist is reported, and the mesh keeps its modelled shape.
     let mut rest = rest;
     rest["skins"] = json!([{"joints": [1, 7]}]);
     let accessors = json!([floats3(0, 3), floats3(1, 3), bytes4(2, false), bytes4(3, true)]);

@@ -8,12 +8,12 @@ use granita_base::{BaseType, Interp, Params, ShapeDesc, Vec3};
 use granita_scene::Stop;
 use std::collections::{BTreeMap, HashMap};
 
-/// What is gathered for the next calls.
+/// The data gathered for the next calls.
 #[derive(Default)]
 pub(super) struct Group {
     nverts: Vec<i32>,
     corners: Vec<Corner>,
-    /// Line and smoothing group of each face; 0 is no smoothing.
+    /// The line and the smoothing group of each face; 0 is no smoothing.
     faces: Vec<(u32, u32)>,
     /// Vertices of lines with so many points.
     lines: BTreeMap<usize, Vec<u32>>,
@@ -22,7 +22,7 @@ pub(super) struct Group {
     line: u32,
 }
 
-/// What a group belongs to.
+/// The state that a group belongs to.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     pub(super) table: &'a Table,
@@ -236,7 +236,7 @@ impl MeshMaker<'_> {
         verts
     }
 
-    /// For each vertex of the mesh the one item that all its corners have, if it is so everywhere.
+    /// For each vertex of the mesh the one item that all its corners share; `None` unless every vertex has one.
     fn per_vertex(&self, verts: &[i32], n: usize, item: impl Fn(&Corner) -> u32) -> Option<Vec<u32>> {
         let mut of = vec![NONE; n];
         for (c, v) in self.corners.iter().zip(verts) {

@@ -1,7 +1,7 @@
 //! Wavefront OBJ: polygons, lines and points, with materials of MTL libraries.
 //!
-//! The tables of vertices, texture coordinates and normals are kept for the whole file, for any face may refer to them; faces
-//! are kept up to the next change of object, group or material, and leave as one mesh.
+//! The tables of vertices, texture coordinates and normals are kept for the whole file, for any face may refer to them;
+//! faces are kept up to the next change of object, group or material, and leave as one mesh.
 
 mod group;
 mod mtl;
@@ -144,7 +144,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// What there are many of.
+    /// The tables of the file.
     fn element(&mut self, keyword: &[u8], words: Words<'_>, line: u32) -> Result<(), GeneratorError> {
         let good = match keyword {
             b"v" => self.table.vertex(words),
@@ -235,7 +235,7 @@ impl Reader<'_> {
                 }
             }
             b"s" => {
-                // "off" and whatever is no number mean no smoothing.
+                // "off" and any word that is not a number mean no smoothing.
                 let number = words.word().and_then(|w| std::str::from_utf8(w).ok()?.parse().ok());
                 self.smoothing = number.unwrap_or(0);
             }
@@ -249,7 +249,7 @@ impl Reader<'_> {
                     self.flush()?;
                     self.material = material;
                 }
-                // Libraries that cannot be read were told of already.
+                // Libraries that cannot be read were reported already.
                 if self.material.is_none() && !self.materials.is_empty() {
                     self.faults.warning("material", line, || {
                         format!("no material \"{name}\" in the libraries: the current attributes are used")
@@ -267,7 +267,7 @@ impl Reader<'_> {
                 let word = String::from_utf8_lossy(keyword).into_owned();
                 self.faults.warning("call", line, || format!("\"{word}\" is not supported: ignored"));
             }
-            // Of free-form geometry, of other renderers, or of no consequence.
+            // Statements of free-form geometry, of other renderers, or without effect.
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"parm" | b"trim" | b"hole" | b"scrv"
             | b"sp" | b"end" | b"con" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod"
             | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" | b"maplib" | b"usemap" | b"bzp"

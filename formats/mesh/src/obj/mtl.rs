@@ -23,7 +23,7 @@ pub(super) struct Material {
     map: Option<Map>,
 }
 
-/// A picture that scales the diffuse colour.
+/// An image that scales the diffuse colour.
 #[derive(Clone, Debug, PartialEq)]
 struct Map {
     path: PathBuf,
@@ -64,7 +64,7 @@ impl Material {
         emit.call(shader, line)
     }
 
-    /// `s` and `t` of texture coordinates: moved and scaled as the map says, and measured from the upper edge.
+    /// `s` and `t` of texture coordinates: moved and scaled by the map, and measured from the upper edge.
     pub(super) fn st(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         match &self.map {
             Some(map) => [u * map.scale[0] + map.offset[0], 1.0 - (v * map.scale[1] + map.offset[1])],
@@ -115,7 +115,7 @@ fn statement(m: &mut Material, keyword: &[u8], words: Words<'_>, path: &Path) ->
         b"Ke" => m.ke = colour(words)?,
         b"Ns" => m.ns = number(words)?.clamp(1.0, 1.0e6),
         b"d" => {
-            // "d -halo factor" dims by the angle, which no parameter says.
+            // "d -halo factor" dims by the angle, for which no parameter exists.
             let mut after = words;
             let words = if after.word() == Some(b"-halo") { after } else { words };
             m.opacity = number(words)?.clamp(0.0, 1.0);
@@ -147,7 +147,7 @@ fn colour(words: Words<'_>) -> Result<[f32; 3], &'static str> {
     if green.is_finite() && blue.is_finite() { Ok([red, green, blue]) } else { Err("without three numbers") }
 }
 
-/// A picture: options, then the name, which may have blanks in it.
+/// An image: options, then the name, which may contain blanks.
 fn map(mut words: Words<'_>, library: &Path) -> Result<Map, &'static str> {
     let mut map = Map { path: PathBuf::new(), clamp: false, offset: [0.0; 2], scale: [1.0; 2] };
     loop {

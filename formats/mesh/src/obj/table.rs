@@ -24,7 +24,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Whether vertex `v` exists and lies somewhere.
+    /// True when vertex `v` exists and has a finite position.
     pub(super) fn has_position(&self, v: u32) -> bool {
         self.positions.get(v as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()))
     }
@@ -34,8 +34,8 @@ impl Table {
         self.colors.get(v as usize).copied().unwrap_or([1.0; 3])
     }
 
-    /// `v x y z`, with a weight (which only free-form geometry uses), a colour, or both. `false` when numbers are missing
-    /// or are none; the vertex counts nevertheless.
+    /// `v x y z`, with a weight (which only free-form geometry uses), a colour, or both. `false` when numbers are
+    /// missing or are none; the vertex counts nevertheless.
     pub(super) fn vertex(&mut self, mut words: Words<'_>) -> bool {
         let mut all = [0.0; 7];
         let mut n = 0;
@@ -97,7 +97,7 @@ impl Table {
     }
 }
 
-/// What is wrong with a reference.
+/// The errors of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wrong {
     /// No reference at all.
@@ -122,7 +122,8 @@ fn index(word: &[u8]) -> Result<(Option<i64>, &[u8]), Wrong> {
     Ok((Some(if negative { -value } else { value }), &digits[n..]))
 }
 
-/// From 1 on, or from -1 backwards, to a position in a table. Positions beyond the table may still come to exist.
+/// Converts an index, from 1 on, or from -1 backwards, to a position in a table. Positions beyond the table may be
+/// defined later.
 fn resolve(index: i64, count: usize) -> Result<u32, Wrong> {
     let position = if index > 0 { index - 1 } else { index.saturating_add(count as i64) };
     match u32::try_from(position) {

@@ -1,4 +1,4 @@
-//! The OBJ reader against small files written by hand.
+//! Tests of the OBJ reader with small files written by hand.
 
 use super::Obj;
 use crate::trial::{flat, run, run_source};

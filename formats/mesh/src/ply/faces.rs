@@ -5,7 +5,7 @@ use super::values::{Fault, Values};
 use crate::emit::floats;
 use granita_base::{BaseType, Interp, Param};
 
-/// What properties of faces are, by position; `None` where there is none.
+/// The properties of faces, by position; `None` where a property is missing.
 #[derive(Debug, Default)]
 pub(super) struct FacePlan {
     indices: Option<usize>,
@@ -33,7 +33,7 @@ impl FacePlan {
     }
 }
 
-/// What is wrong with one face; the others are none the worse for it.
+/// An error in one face. The others are not affected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wrong {
     /// A line without enough numbers.
@@ -198,7 +198,7 @@ impl Faces {
                 }
                 let v = value as i32;
                 if let [Some(a), Some(b)] = last {
-                    // Repeated vertices join strips and are no triangles.
+                    // Repeated vertices join strips and are not triangles.
                     if a != b && b != v && a != v {
                         self.nverts.push(3);
                         self.verts.extend(if odd { [b, a, v] } else { [a, b, v] });
@@ -211,7 +211,7 @@ impl Faces {
         Ok(wrong.map_or(Ok(()), Err))
     }
 
-    /// Leaves out faces of which `good` is false for a vertex; tells how many.
+    /// Leaves out faces of which `good` is false for a vertex; returns their number.
     pub(super) fn retain(&mut self, good: impl Fn(i32) -> bool) -> usize {
         let (mut read, mut write, mut kept) = (0, 0, 0);
         let all = self.nverts.len();
@@ -247,12 +247,12 @@ impl Faces {
         }
     }
 
-    /// Whether corners have texture coordinates of their own.
+    /// True when corners have texture coordinates of their own.
     pub(super) fn has_texcoords(&self) -> bool {
         !self.texcoords.is_empty()
     }
 
-    /// Whether faces have colours.
+    /// True when faces have colours.
     pub(super) fn has_colors(&self) -> bool {
         !self.colors.is_empty()
     }

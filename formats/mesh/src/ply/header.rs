@@ -2,7 +2,7 @@
 
 use crate::text::Words;
 
-/// How the values behind the header are written.
+/// The encoding of the values behind the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -48,7 +48,7 @@ impl Scalar {
         }
     }
 
-    /// What stands for 1 in a colour of this type.
+    /// The value that stands for 1 in a colour of this type.
     pub(super) fn one(self) -> f32 {
         match self {
             Self::F32 | Self::F64 => 1.0,
@@ -81,7 +81,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Fewest bytes that one such element can take.
+    /// The fewest bytes of one such element.
     pub(super) fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |p: &Property| match (encoding, p.kind) {
             // A digit and what separates it from the next.
@@ -98,14 +98,14 @@ impl Element {
     }
 }
 
-/// All of it.
+/// The whole header.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
 }
 
-/// The header while its lines come in.
+/// The header while its lines are read.
 #[derive(Debug, Default)]
 pub(super) struct HeaderReader {
     encoding: Option<Encoding>,
@@ -120,7 +120,7 @@ impl HeaderReader {
     /// Takes the next line; the header when that was its end.
     ///
     /// # Errors
-    /// What is wrong with the line.
+    /// The error in the line.
     pub(super) fn line(&mut self, text: &[u8]) -> Result<Option<Header>, String> {
         self.lines += 1;
         if self.lines > MOST_LINES {

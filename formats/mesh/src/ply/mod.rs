@@ -1,4 +1,4 @@
-//! Stanford PLY: one mesh, or particles where there are no faces.
+//! Stanford PLY: one mesh, or particles when there are no faces.
 
 mod faces;
 mod header;
@@ -57,7 +57,7 @@ impl Generator for Ply {
                 reader.elements(&header, &mut Binary::<_, true>::new(ahead, stream))
             }
         };
-        // What was read before an error is as good as without.
+        // Elements read before an error are valid.
         reader.emit(&mut Emit::new(sink, name.clone()))?;
         result.map_err(|error| io_error(&name, error))
     }
@@ -99,7 +99,7 @@ struct Reader<'a> {
     vertices: Option<Vertices>,
     vertex_count: u64,
     faces: Faces,
-    /// Whether the file means to have faces, so that its vertices are no particles.
+    /// True when the file declares faces, so that its vertices are not particles.
     wants_faces: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The PLY reader against small files written by hand.
+//! Tests of the PLY reader with small files written by hand.
 
 use super::Ply;
 use crate::trial::{flat, run};

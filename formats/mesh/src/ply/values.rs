@@ -11,7 +11,7 @@ pub(super) enum Fault {
     End,
     /// The line of the element is over.
     Short,
-    /// Where the next value begins cannot be known; told already.
+    /// The position of the next value is unknown; the error was reported already.
     Lost,
     /// The file cannot be read.
     Io(io::Error),
@@ -79,7 +79,7 @@ pub(super) struct Binary<R, const BIG: bool> {
 }
 
 impl<R: Read, const BIG: bool> Binary<R, BIG> {
-    /// `ahead` comes before what `stream` still has.
+    /// `ahead` comes before the rest of `stream`.
     pub(super) fn new(ahead: Vec<u8>, stream: R) -> Self {
         Self { stream, buf: ahead, pos: 0 }
     }

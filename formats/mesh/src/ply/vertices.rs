@@ -5,7 +5,7 @@ use super::values::{Fault, Values};
 use crate::emit::{float, floats};
 use granita_base::{BaseType, Interp, Param};
 
-/// What a property of a vertex is taken for; the position in the list is the slot of its value.
+/// The meaning of a property of a vertex; the position in the list is the slot of its value.
 const SLOTS: [&[&str]; 14] = [
     &["x"],
     &["y"],
@@ -29,10 +29,10 @@ const ALPHA: usize = 11;
 const RADIUS: usize = 12;
 const WIDTH: usize = 13;
 
-/// The columns of the vertices, and their values as they come in.
+/// The columns of the vertices, and their values as they are read.
 #[derive(Debug, Default)]
 pub(super) struct Vertices {
-    /// For each property its slot, and what divides its value.
+    /// The slot of each property, and the divisor of its value.
     plan: Vec<Option<(usize, f32)>>,
     has: [bool; 14],
     /// `P`, three numbers each; NaN where a vertex is faulty.
@@ -43,12 +43,12 @@ pub(super) struct Vertices {
     c: Vec<f32>,
     opacity: Vec<f32>,
     width: Vec<f32>,
-    /// Whether some are NaN.
+    /// True when some are NaN.
     pub(super) faulty: bool,
 }
 
 impl Vertices {
-    /// For an element of vertices; `None` when it has no positions.
+    /// The columns for an element of vertices; `None` when it has no positions.
     pub(super) fn new(element: &Element, encoding: Encoding, bytes: u64) -> Option<Self> {
         let mut vertices = Self { plan: vec![None; element.properties.len()], ..Self::default() };
         for (slot, names) in SLOTS.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Vertices {
         if !vertices.all(0, 3) {
             return None;
         }
-        // No more room than the file can have vertices for, whatever its header promises.
+        // No more memory than for the vertices that the file can hold, for any header.
         let most = bytes / element.least_bytes(encoding).max(1);
         vertices.p.reserve(element.count.min(most) as usize * 3);
         Some(vertices)
@@ -77,7 +77,7 @@ impl Vertices {
         self.p.len() / 3
     }
 
-    /// Takes the next vertex. A line that is too short makes a faulty vertex, and is no error.
+    /// Reads the next vertex. A line that is too short makes a faulty vertex, and is not an error.
     pub(super) fn read(&mut self, element: &Element, values: &mut impl Values) -> Result<bool, Fault> {
         let mut slots = [0.0_f32; 14];
         values.begin()?;
@@ -165,7 +165,7 @@ impl Vertices {
         }
     }
 
-    /// Width of each particle, or pixels for all where the file says nothing.
+    /// The width of each particle, or the width in pixels of all when the file gives none.
     pub(super) fn take_width(&mut self) -> Option<Param> {
         let width = std::mem::take(&mut self.width);
         (!width.is_empty()).then(|| floats("width", BaseType::Float, Interp::Vertex, width))

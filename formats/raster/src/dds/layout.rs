@@ -1,4 +1,4 @@
-//! The header of a DDS file, and what it says about how pixels are stored.
+//! The header of a DDS file, and its description of the storage of pixels.
 
 use granita_image::{FileSource, ImageSpec, PixelType, Result};
 
@@ -21,7 +21,7 @@ impl Block {
     }
 }
 
-/// How pixels are stored.
+/// The storage of pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Storage {
     Blocks(Block),
@@ -40,7 +40,7 @@ impl Storage {
         Self::Masks { bytes: 4, masks }
     }
 
-    /// Of a number of the enumeration `DXGI_FORMAT`.
+    /// Converts a number of the enumeration `DXGI_FORMAT`.
     fn of_dxgi(number: u32) -> Option<Self> {
         use PixelType::{Float, Half, U16, U32};
         Some(match number {
@@ -78,7 +78,7 @@ impl Storage {
         })
     }
 
-    /// Of the four characters, or the number, of the older header.
+    /// Converts the four characters, or the number, of the older header.
     fn of_four(four: [u8; 4]) -> Option<Self> {
         use PixelType::{Float, Half, U16};
         Some(match &four {
@@ -159,7 +159,7 @@ impl Storage {
     }
 }
 
-/// What a file's header says.
+/// The content of a file's header.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) width: u32,

@@ -1,4 +1,4 @@
-//! Writing DDS files: rows as they come.
+//! Writing DDS files: rows in the order of arrival.
 
 use crate::whole::divide_by_alpha;
 use granita_image::{
@@ -74,7 +74,7 @@ impl DdsOutput {
     }
 }
 
-/// The header, and the second one where it takes one.
+/// The header, and the second one where the format needs it.
 fn header(spec: &ImageSpec, levels: usize, number: Option<u32>) -> Vec<u8> {
     let n = spec.nchannels() as u32;
     let pitch = spec.width.saturating_mul(n).saturating_mul(spec.pixel_type.bytes() as u32);

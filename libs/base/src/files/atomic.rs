@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Files that appear complete or not at all.
 
 use super::FileError;
 use cap_std::ambient_authority;
@@ -7,43 +7,46 @@ use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::SystemTime;
 
-/// A file being written; [`AtomicFile::commit`] gives it its name.
+/// A file that is being written. [`AtomicFile::commit`] gives it its name.
 ///
-/// Dropped without `commit`, nothing is left and a file that had the name before is untouched. Where the system knows files
-/// without names (Linux, most local disks), nothing is left either by a program that is killed. Elsewhere the file has a
-/// hidden name beside the final one until then: [`remove_unfinished`] is for handlers of signals, and what a killed
-/// program left is removed when the same file is written next.
+/// When it is dropped without `commit`, no file is left, and a file that had the name before is unchanged. Where the
+/// system supports files without names (Linux, most local disks), a program that is killed leaves no file either.
+/// Elsewhere the file has a hidden name beside the final one until `commit`. [`remove_unfinished`] is for signal
+/// handlers, and a file that a killed program left is removed when the same file is written next.
 ///
-/// A symbolic link is followed: the file it points to is replaced, not the link. Something that is no plain file (a
-/// device, a pipe) is written to directly, because it cannot be replaced.
+/// A symbolic link is followed. The file that it points to is replaced, not the link. A target that is not a plain
+/// file (a device, a pipe) is written to directly, because it cannot be replaced.
 pub struct AtomicFile {
     path: PathBuf,
     target: Target,
     claim: Option<Claim>,
+    /// The time of the last change that the file gets, if it is not the time of writing.
+    modified: Option<SystemTime>,
 }
 
-/// Called right before the file gets its name.
+/// A function that is called right before the file gets its name.
 type Claim = Box<dyn FnOnce() -> io::Result<()> + Send + Sync>;
 
 enum Target {
     /// A file in the folder of the final name.
     Beside(BufWriter<File>, Place),
-    /// The thing itself.
+    /// The target itself.
     Direct(BufWriter<File>),
 }
 
-/// Where a file will be.
+/// The location of the final file.
 struct Place {
     folder: Dir,
-    /// For messages and handlers of signals.
+    /// The path for messages and signal handlers.
     folder_path: PathBuf,
     name: PathBuf,
-    /// The hidden name that the file has until then.
+    /// The hidden name of the file until it gets its final name.
     draft: Option<Draft>,
 }
 
-/// A hidden name; the file is removed when this is dropped, while it is `ours`.
+/// A hidden name. The file is removed when this is dropped, while it is `ours`.
 struct Draft {
     folder: Dir,
     name: String,
@@ -51,25 +54,27 @@ struct Draft {
     ours: bool,
 }
 
-/// Hidden names that this process has given out and not removed: a signal ends the process, so the list is the process's.
+/// The hidden names that this process has created and not removed. A signal ends the process, so that the list
+/// belongs to the process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the files under hidden names that this process has not finished. For a program that is about to end by a signal.
+/// Removes the files under hidden names that this process has not finished. It is for a program that is about to end
+/// by a signal.
 pub fn remove_unfinished() {
     for path in std::mem::take(&mut *unfinished()) {
-        // It may be gone, or have got its name; there is nothing left to do for one that cannot be removed.
+        // The file may already be gone or renamed. Nothing can be done for a file that cannot be removed.
         let _ = std::fs::remove_file(path);
     }
 }
 
-/// So many programs may write the same file at the same time.
+/// The largest number of programs that may write the same file at the same time.
 const DRAFTS: u32 = 100;
 
-/// How long a pipe may be without a program that reads it.
+/// The time that a pipe may have no program that reads it.
 const READER_WAIT: std::time::Duration = std::time::Duration::from_secs(2);
 
 impl std::fmt::Debug for AtomicFile {
@@ -82,25 +87,30 @@ impl AtomicFile {
     /// Begins a file that will be called `path`. The folder must exist.
     ///
     /// # Errors
-    /// What the system says, with the name.
+    /// The system's error, with the name.
     pub fn create(path: &Path) -> Result<Self, FileError> {
         Self::begin(path, true).map_err(|source| FileError { path: path.to_owned(), source })
     }
 
-    /// Begins a file that will be `name` in `folder`, whatever is there now; `path` is its name in messages.
+    /// Begins a file that will be `name` in `folder` and replaces any existing one. `path` is its name in messages.
     pub(super) fn create_in(path: &Path, folder: Dir, folder_path: PathBuf, name: &Path) -> io::Result<Self> {
         let target = Target::beside(Place { folder, folder_path, name: name.to_owned(), draft: None }, true)?;
-        Ok(Self { path: path.to_owned(), target, claim: None })
+        Ok(Self { path: path.to_owned(), target, claim: None, modified: None })
     }
 
-    /// Has `claim` called right before the file gets its name.
+    /// Sets the time of the last change that the file has when it appears. A device or a pipe keeps its own.
+    pub(super) fn with_modified(self, modified: Option<SystemTime>) -> Self {
+        Self { modified, ..self }
+    }
+
+    /// Sets `claim`, which is called right before the file gets its name.
     pub(super) fn with_claim(mut self, claim: Claim) -> Self {
         self.claim = Some(claim);
         self
     }
 
     fn begin(path: &Path, unnamed: bool) -> io::Result<Self> {
-        // A link to nothing cannot be resolved; then the link itself is replaced.
+        // A link to a file that does not exist cannot be resolved. The link itself is then replaced.
         let destination = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let special = std::fs::metadata(&destination).is_ok_and(|m| !m.is_file());
         let target = if special {
@@ -114,30 +124,31 @@ impl AtomicFile {
             let folder = Dir::open_ambient_dir(&folder_path, ambient_authority())?;
             Target::beside(Place { folder, folder_path, name: name.into(), draft: None }, unnamed)?
         };
-        Ok(Self { path: path.to_owned(), target, claim: None })
+        Ok(Self { path: path.to_owned(), target, claim: None, modified: None })
     }
 
-    /// The final name, as it was given.
+    /// Returns the final name, as it was given.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Writes everything through to the disk and gives the file its name.
+    /// Writes all data to the disk and gives the file its name.
     ///
     /// # Errors
-    /// What the system says; then nothing has changed.
+    /// The system's error. Nothing has changed then.
     pub fn commit(self) -> Result<(), FileError> {
-        let Self { path, target, claim } = self;
+        let Self { path, target, claim, modified } = self;
         let finish = || -> io::Result<()> {
             match target {
                 Target::Direct(writer) => writer.into_inner().map(drop).map_err(|e| e.into_error()),
                 Target::Beside(writer, mut place) => {
                     let file = writer.into_inner().map_err(|e| e.into_error())?;
+                    modified.map_or(Ok(()), |time| file.set_modified(time))?;
                     file.sync_all()?;
                     claim.map_or(Ok(()), |claim| claim())?;
                     place.give_name(&file)?;
-                    // The name itself is durable only once the folder is. Not every system lets a folder be
-                    // synchronised, and the file is complete in any case, so a refusal is no error.
+                    // The name itself is durable only once the folder is. Not every system can synchronise a folder,
+                    // and the file is complete in any case, so that a refusal is not an error.
                     if let Ok(folder) = place.folder.try_clone() {
                         let _ = folder.into_std_file().sync_all();
                     }
@@ -148,7 +159,7 @@ impl AtomicFile {
         finish().map_err(|source| FileError { path, source })
     }
 
-    /// An error of this file from one of the system.
+    /// Returns an error of this file from one of the system.
     pub fn io_error(&self, source: io::Error) -> FileError {
         FileError { path: self.path.clone(), source }
     }
@@ -179,8 +190,8 @@ impl Target {
 }
 
 impl Place {
-    /// Finds a hidden name by which `make` succeeds. `make` is told by [`io::ErrorKind::AlreadyExists`] that there is such a
-    /// file, and says by `false` that another program took the file for an abandoned one.
+    /// Finds a hidden name for which `make` succeeds. `make` returns [`io::ErrorKind::AlreadyExists`] when there is
+    /// such a file, and `false` when another program removed the file as abandoned.
     fn draft<T>(&self, make: impl Fn(&Draft) -> io::Result<(bool, T)>) -> io::Result<(Draft, T)> {
         let text = self.name.to_string_lossy();
         let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
@@ -234,7 +245,7 @@ impl Draft {
         unfinished().retain(|path| *path != self.path);
     }
 
-    /// Removes a file of this name that no program writes any more: its writer held a lock on it.
+    /// Removes a file of this name that no program is writing. The writer of a file holds a lock on it.
     fn remove_abandoned(&self) -> bool {
         let Ok(file) = self.folder.open(&self.name) else { return true };
         let file = file.into_std();
@@ -247,14 +258,14 @@ impl Drop for Draft {
         if !self.ours {
             return;
         }
-        // One that cannot be removed is removed when the file is written again.
+        // A file that cannot be removed is removed when the file is written again.
         let _ = self.folder.remove_file(&self.name);
         self.forget();
     }
 }
 
-/// Shows other programs that the file is being written; false when one has just removed its name. Systems without locks
-/// keep abandoned files.
+/// Locks the file to show other programs that it is being written. Returns false when another program has just
+/// removed its name. Systems without locks keep abandoned files.
 fn lock_draft(file: &File) -> io::Result<bool> {
     match file.try_lock() {
         Ok(()) => Ok(has_name(file)),
@@ -274,7 +285,8 @@ fn has_name(_: &File) -> bool {
     true
 }
 
-/// A file in `folder` that has no name; `None` where the system has no such files or could not give them one later.
+/// Returns a file in `folder` that has no name; `None` where the system has no such files or could not name them
+/// later.
 #[cfg(target_os = "linux")]
 fn unnamed_file(folder: &Dir) -> Option<File> {
     use rustix::fs::{Mode, OFlags, openat};
@@ -303,7 +315,8 @@ fn link(_: &File, _: &Dir, _: &Path) -> io::Result<()> {
     Err(io::Error::other("the system knows no files without names"))
 }
 
-/// A device or a pipe. A pipe that no program reads is an error, after a moment in which one may start.
+/// Opens a device or a pipe. A pipe that no program reads is an error, after a short time in which a reader may
+/// start.
 #[cfg(unix)]
 fn open_special(path: &Path) -> io::Result<File> {
     use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
@@ -367,7 +380,7 @@ mod tests {
         names
     }
 
-    /// Both kinds of files: those without names, and those under hidden ones.
+    /// Runs a test with both kinds of files: those without names, and those with hidden names.
     fn both(test: impl Fn(&Path, &dyn Fn(&Path) -> AtomicFile)) {
         for unnamed in [true, false] {
             let dir = tempfile::tempdir().unwrap();
@@ -420,7 +433,7 @@ mod tests {
         two.commit().unwrap();
         one.commit().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"one");
-        // What a killed program leaves: the file, and no lock on it.
+        // A killed program leaves the file without a lock on it.
         let mut killed = create();
         killed.write_all(b"half").unwrap();
         killed.flush().unwrap();

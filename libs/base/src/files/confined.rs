@@ -1,4 +1,4 @@
-//! The rules for scenes from strangers.
+//! The rules for untrusted scenes.
 
 use super::{AtomicFile, FileError};
 use cap_std::ambient_authority;
@@ -9,45 +9,47 @@ use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
-/// What a run for a scene from a stranger may open.
+/// The files that a run for an untrusted scene may open.
 ///
-/// **Reading.** Regular files that lie beneath one of `read` or beneath `write`. Absolute names and `..` are allowed; it is the
-/// resolved name that counts, so a link that leads out is refused. Files are opened beneath a handle of the folder: a link
-/// that is exchanged meanwhile leads nowhere.
+/// **Reading.** Regular files beneath one of `read` or beneath `write`. Absolute names and `..` are allowed. The
+/// resolved name is checked, so that a link that leads outside is refused. Files are opened beneath a handle of the
+/// folder, so that a link that is exchanged meanwhile has no effect.
 ///
-/// **Writing.** Files beneath `write` alone, by relative names without `..`. No part of a name may begin with a dot or be a link, the
-/// name must end in one of `extensions`, and control characters are refused. Folders are made where they are missing. A file
-/// that exists is replaced only when a run of this `scene` made it: the names of those stand in `.granita-made` in the folder.
+/// **Writing.** Files beneath `write` only, by relative names without `..`. No part of a name may begin with a dot or
+/// be a link, the name must end in one of `extensions`, and control characters are refused. Missing folders are
+/// created. An existing file is replaced only when a run of this `scene` made it. The names of such files are in
+/// `.granita-made` in the folder.
 #[derive(Clone, Debug, Default)]
 pub struct Confinement {
-    /// Tells this scene from others that write to the same folder.
+    /// The identity of the scene, which separates it from others that write to the same folder.
     pub scene: String,
-    /// Folders beneath which files may be read. What does not exist adds nothing.
+    /// The folders beneath which files may be read. A folder that does not exist has no effect.
     pub read: Vec<PathBuf>,
-    /// The folder beneath which files are written; made with the first file. Without one, writing has no rules: for tools whose
-    /// user names all results.
+    /// The folder beneath which files are written. It is made with the first file. Without it writing has no rules,
+    /// for tools whose user names all results.
     pub write: Option<PathBuf>,
-    /// How names of files that are written may end, in lower case and without the dot.
+    /// The allowed extensions of files that are written, in lower case and without the dot.
     pub extensions: Vec<String>,
 }
 
-/// What a [`crate::Files`] with rules opens at the moment.
+/// The current rules of a [`crate::Files`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rules {
-    /// Folders beneath which files are read.
+    /// The folders beneath which files are read.
     pub read: Vec<PathBuf>,
     /// The folder beneath which files are written; `None` when writing has no rules.
     pub write: Option<PathBuf>,
-    /// Files that the user named to be read.
+    /// The files that the user named to be read.
     pub inputs: Vec<PathBuf>,
-    /// Files that the user named to be written.
+    /// The files that the user named to be written.
     pub outputs: Vec<PathBuf>,
 }
 
-/// The list of files that runs made, in the folder beneath which they are written: a line each, the scene, a tab and the name.
+/// The list of files that runs made, in the folder beneath which they are written. Each line holds the scene, a tab
+/// and the name.
 const LIST: &str = ".granita-made";
 
-/// Longest list that is read, in bytes.
+/// The length of the longest list that is read, in bytes.
 const LONGEST_LIST: u64 = 64 << 20;
 
 /// A folder beneath which files may be read.
@@ -59,19 +61,19 @@ struct Root {
 pub(super) struct Confined {
     rules: Confinement,
     roots: RwLock<Vec<Arc<Root>>>,
-    /// Files that the user named; true for results.
+    /// The files that the user named; true for results.
     granted: Mutex<BTreeMap<PathBuf, bool>>,
     made: Mutex<Made>,
 }
 
-/// What runs of this scene wrote, by relative name.
+/// The files that runs of this scene wrote, by relative name.
 #[derive(Default)]
 struct Made {
     /// The folder, once it is open.
     folder: Option<Arc<Dir>>,
-    /// By earlier runs and this one.
+    /// The files of earlier runs and this one.
     listed: BTreeSet<PathBuf>,
-    /// By this run.
+    /// The files of this run.
     now: BTreeSet<PathBuf>,
 }
 
@@ -129,7 +131,7 @@ impl Confined {
         }
     }
 
-    /// A handle of the folder for writing, and the names in its list; `None` while there is no folder.
+    /// Returns a handle of the folder for writing, and loads the names in its list; `None` while there is no folder.
     fn folder(&self, made: &mut Made, create: bool) -> io::Result<Option<Arc<Dir>>> {
         if let Some(folder) = &made.folder {
             return Ok(Some(folder.clone()));
@@ -156,7 +158,7 @@ impl Confined {
         Ok(Some(folder))
     }
 
-    /// Opens a regular file beneath a folder; never waits for whoever writes a pipe.
+    /// Opens a regular file beneath a folder. It never waits for the writer of a pipe.
     fn open_regular(&self, folder: &Dir, name: &Path) -> io::Result<File> {
         let mut options = OpenOptions::new();
         options.read(true);
@@ -169,7 +171,7 @@ impl Confined {
         if file.metadata()?.is_file() { Ok(file) } else { Err(denied("it is not a regular file")) }
     }
 
-    /// The relative name of what this run wrote as `path`.
+    /// Returns the relative name of the file that this run wrote as `path`.
     fn made_now(&self, path: &Path) -> Option<PathBuf> {
         let name = plain(path);
         lock(&self.made).now.contains(&name).then_some(name)
@@ -192,7 +194,7 @@ impl Confined {
         self.open_regular(&root.folder, &name)
     }
 
-    /// The root that a file lies beneath, and its resolved name from there.
+    /// Returns the root that contains a file, and the resolved name relative to it.
     fn beneath(&self, path: &Path) -> io::Result<(Arc<Root>, PathBuf)> {
         let resolved = std::fs::canonicalize(path)?;
         let inside = |root: &Root| resolved.strip_prefix(&root.path).ok().map(Path::to_owned);
@@ -202,7 +204,7 @@ impl Confined {
                 return Ok(found);
             }
         }
-        // The folder for writing may have come into being since.
+        // The folder for writing may have been created since.
         let write = self.rules.write.as_ref().and_then(|write| std::fs::canonicalize(write).ok());
         let write = write.unwrap_or_default();
         if let Some(folder) = self.folder(&mut lock(&self.made), false)?
@@ -225,7 +227,7 @@ impl Confined {
                 .is_ok_and(|(root, name)| root.folder.metadata(name).is_ok_and(|m| m.is_file()))
     }
 
-    /// The name by which a file may be written.
+    /// Returns the name by which a file may be written.
     fn output_name(&self, path: &Path) -> io::Result<PathBuf> {
         let mut name = PathBuf::new();
         for part in path.components() {
@@ -254,8 +256,8 @@ impl Confined {
         Ok(name)
     }
 
-    /// The folder that `path` will lie in, made where it is missing, with the last part of the name; refuses what may not be
-    /// replaced.
+    /// Returns the folder of `path`, created where it is missing, and the last part of the name. It refuses a file
+    /// that must not be replaced.
     fn place(&self, path: &Path) -> io::Result<(Dir, PathBuf, PathBuf)> {
         let name = self.output_name(path)?;
         let mut made = lock(&self.made);
@@ -287,7 +289,7 @@ impl Confined {
         Ok((folder, last.into(), name))
     }
 
-    /// Writes down that a run of this scene made a file.
+    /// Records that a run of this scene made a file.
     fn claim(&self, name: &Path) -> io::Result<()> {
         let mut made = lock(&self.made);
         if made.listed.insert(name.to_owned())
@@ -324,7 +326,7 @@ impl Confined {
             }
             let (folder, last, name) = self.place(path)?;
             self.claim(&name)?;
-            // Not truncated: the file could have a second name elsewhere.
+            // The file is not truncated, because it could have a second name elsewhere.
             match folder.remove_file(&last) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => (),
@@ -359,7 +361,7 @@ impl Confined {
     }
 }
 
-/// A name without its "./".
+/// Returns a name without its "./".
 fn plain(path: &Path) -> PathBuf {
     path.components().filter(|part| *part != Component::CurDir).collect()
 }
@@ -451,7 +453,7 @@ mod tests {
             mknodat(CWD, place.path("scene/pipe"), FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
             assert!(files.open(&place.path("scene/pipe")).is_err());
         }
-        // Writing: links in the folder, or the folder itself.
+        // These cases write through links in the folder, or to a link as the folder itself.
         std::fs::create_dir(place.path("scene.out")).unwrap();
         link("secret", "scene.out/sub");
         link("secret/d.tif", "scene.out/d.tif");
@@ -492,11 +494,12 @@ mod tests {
         write(&files, "x.tif", "three").unwrap();
         assert_eq!(std::fs::read_to_string(place.path("scene.out/x.tif")).unwrap(), "three");
         assert_eq!(std::fs::read_to_string(place.path("scene.out/deep/er/x.tif")).unwrap(), "two");
-        // It is found by the name under which it was written, before any other of that name.
+        // The file is found by the name under which it was written, before any other file of that name.
         assert_eq!(files.written(Path::new("x.tif")), Some(place.path("scene.out/x.tif")));
         assert_eq!(files.read_to_string(Path::new("./x.tif")).unwrap(), "three");
         assert!(files.is_file(&place.path("scene.out/x.tif")));
-        // The next run of the same scene replaces it, another scene does not, and nobody replaces what a person put there.
+        // The next run of the same scene replaces it. Another scene does not, and no scene replaces a file that a
+        // user put there.
         write(&place.files("s"), "x.tif", "four").unwrap();
         assert!(
             write(&place.files("other"), "x.tif", "five").unwrap_err().contains("no run of this scene made")

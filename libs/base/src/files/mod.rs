@@ -1,9 +1,9 @@
-//! Files: every file that a run reads or writes is opened through one [`Files`].
+//! Files. Every file that a run reads or writes is opened through one [`Files`].
 //!
-//! By default it opens whatever the process may open. [`Files::confined`] is for scenes from strangers: what is read must
-//! lie beneath one of a list of folders, and what is written beneath one folder that belongs to the scene (see
-//! [`Confinement`] for the rules). The value travels with the variables of a session ([`crate::Environment`]), so search
-//! paths, readers and writers obey it without asking.
+//! By default it opens every file that the process may open. [`Files::confined`] is for untrusted scenes. Files that
+//! are read must then be beneath one of a list of folders, and files that are written beneath one folder of the scene
+//! (see [`Confinement`] for the rules). The value is passed with the variables of a session ([`crate::Environment`]),
+//! so that search paths, readers and writers apply it automatically.
 //!
 //! ```
 //! use granita_base::Files;
@@ -22,6 +22,7 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 /// A file that cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]
@@ -29,11 +30,12 @@ use std::sync::Arc;
 pub struct FileError {
     /// The file, as it was named.
     pub path: PathBuf,
-    /// What the system said, or why the rules of the run refuse it ([`io::ErrorKind::PermissionDenied`]).
+    /// The system's error, or the reason why the rules of the run refuse the file
+    /// ([`io::ErrorKind::PermissionDenied`]).
     pub source: io::Error,
 }
 
-/// True when two names mean one file that exists: what is written as one would replace the other.
+/// True when two names refer to one existing file, so that writing one would replace the other.
 pub fn is_same_file(a: &Path, b: &Path) -> bool {
     #[cfg(unix)]
     {
@@ -49,8 +51,10 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 #[derive(Clone, Default)]
 pub struct Files {
     rules: Option<Arc<Confined>>,
-    /// Where files lie that vanish, if not beside results.
+    /// The folder of temporary files, if they are not beside results.
     temporary: Option<Arc<Path>>,
+    /// The time of the last change of files that are written, if it is not the time of writing.
+    modified: Option<SystemTime>,
 }
 
 impl std::fmt::Debug for Files {
@@ -67,27 +71,29 @@ impl PartialEq for Files {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             _ => false,
         };
-        same && self.temporary == other.temporary
+        same && self.temporary == other.temporary && self.modified == other.modified
     }
 }
 
 impl Eq for Files {}
 
 impl Files {
-    /// Opens files by the rules of `confinement`.
+    /// Returns an opener with the rules of `confinement`.
     pub fn confined(confinement: Confinement) -> Self {
-        Self { rules: Some(Arc::new(Confined::new(confinement))), temporary: None }
+        Self { rules: Some(Arc::new(Confined::new(confinement))), ..Self::default() }
     }
 
-    /// Reads the files and folders that the user `named`, and what lies beneath the folders of the files; writes anywhere. For
-    /// tools whose user names all results, while files name other files.
+    /// Returns an opener that reads the files and folders that the user `named` and everything beneath the folders of
+    /// the files, and that writes anywhere. It is for tools whose user names all results, while files name other
+    /// files.
     pub fn reading<'a>(named: impl IntoIterator<Item = &'a Path>) -> Self {
         let files = Self::confined(Confinement::default());
         named.into_iter().for_each(|path| files.add_named(path));
         files
     }
 
-    /// Lets a file that the user named be read, and what lies beneath its folder; or all beneath a folder that the user named.
+    /// Allows reading a file that the user named and everything beneath its folder, or everything beneath a folder
+    /// that the user named.
     pub fn add_named(&self, path: &Path) {
         self.grant(path);
         match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
@@ -97,13 +103,20 @@ impl Files {
         }
     }
 
-    /// Puts files that vanish with their handles into `folder` instead of beside results.
+    /// Puts temporary files, which are deleted with their handles, into `folder` instead of beside results.
     #[must_use]
     pub fn with_temporary(self, folder: &Path) -> Self {
         Self { temporary: Some(folder.into()), ..self }
     }
 
-    /// The folder of files that belong beside no result: what [`Files::with_temporary`] said, or the system's.
+    /// Sets `modified` as the time of the last change of files of [`Files::create`].
+    #[must_use]
+    pub fn with_modified(self, modified: SystemTime) -> Self {
+        Self { modified: Some(modified), ..self }
+    }
+
+    /// Returns the folder of files that do not belong beside a result, which is that of [`Files::with_temporary`] or
+    /// the system's.
     pub fn temporary_folder(&self) -> PathBuf {
         self.temporary.as_deref().map_or_else(std::env::temp_dir, Path::to_owned)
     }
@@ -113,28 +126,28 @@ impl Files {
         self.rules.is_some()
     }
 
-    /// Lets files beneath `folder` be read. A folder that does not exist, or a relative one, adds nothing.
+    /// Allows reading files beneath `folder`. A folder that does not exist, or a relative one, has no effect.
     pub fn add_root(&self, folder: &Path) {
         if let Some(confined) = &self.rules {
             confined.add_root(folder);
         }
     }
 
-    /// Lets this one file be read, whatever the rules: the user named it.
+    /// Allows reading this one file, whatever the rules, because the user named it.
     pub fn grant(&self, file: &Path) {
         if let Some(confined) = &self.rules {
             confined.grant(file, false);
         }
     }
 
-    /// Lets this one file be written and read, whatever the rules: the user named it as a result.
+    /// Allows writing and reading this one file, whatever the rules, because the user named it as a result.
     pub fn grant_output(&self, file: &Path) {
         if let Some(confined) = &self.rules {
             confined.grant(file, true);
         }
     }
 
-    /// What the rules say now; `None` without rules.
+    /// Returns the current rules; `None` without rules.
     pub fn rules(&self) -> Option<Rules> {
         self.rules.as_ref().map(|confined| confined.rules())
     }
@@ -142,7 +155,7 @@ impl Files {
     /// Opens a file for reading.
     ///
     /// # Errors
-    /// What the system says; [`io::ErrorKind::PermissionDenied`] when the rules refuse it.
+    /// The system's error; [`io::ErrorKind::PermissionDenied`] when the rules refuse the file.
     pub fn open(&self, path: &Path) -> io::Result<File> {
         match &self.rules {
             None => File::open(path),
@@ -150,10 +163,10 @@ impl Files {
         }
     }
 
-    /// All bytes of a file.
+    /// Returns all bytes of a file.
     ///
     /// # Errors
-    /// As [`Files::open`].
+    /// The errors of [`Files::open`].
     pub fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         let mut file = self.open(path)?;
         let size = file.metadata().map_or(0, |m| m.len());
@@ -162,10 +175,10 @@ impl Files {
         Ok(bytes)
     }
 
-    /// All of a file's text.
+    /// Returns the text of a file.
     ///
     /// # Errors
-    /// As [`Files::open`]; [`io::ErrorKind::InvalidData`] for what is not UTF-8.
+    /// The errors of [`Files::open`]; [`io::ErrorKind::InvalidData`] for text that is not UTF-8.
     pub fn read_to_string(&self, path: &Path) -> io::Result<String> {
         String::from_utf8(self.read(path)?).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
     }
@@ -178,26 +191,27 @@ impl Files {
         }
     }
 
-    /// The place of a file that the run itself wrote under the relative name `path`, where that is not `path`.
+    /// Returns the location of a file that the run itself wrote under the relative name `path`, if it is not `path`.
     pub fn written(&self, path: &Path) -> Option<PathBuf> {
         self.rules.as_ref()?.written(path)
     }
 
-    /// Begins a file that appears under its name whole or not at all.
+    /// Begins a file that appears under its name complete or not at all.
     ///
     /// # Errors
-    /// [`FileError`]: what the system says, or which rule refuses the name.
+    /// [`FileError`] with the system's error, or with the rule that refuses the name.
     pub fn create(&self, path: &Path) -> Result<AtomicFile, FileError> {
-        match &self.rules {
+        let file = match &self.rules {
             None => AtomicFile::create(path),
             Some(confined) => confined.create(path),
-        }
+        };
+        file.map(|file| file.with_modified(self.modified))
     }
 
-    /// Creates a file that can be read by others while it is written, as a log; an older one is replaced.
+    /// Creates a file that others can read while it is written, such as a log. An existing file is replaced.
     ///
     /// # Errors
-    /// As [`Files::create`].
+    /// The errors of [`Files::create`].
     pub fn create_log(&self, path: &Path) -> Result<File, FileError> {
         match &self.rules {
             None => File::create(path).map_err(|source| FileError { path: path.to_owned(), source }),
@@ -205,10 +219,10 @@ impl Files {
         }
     }
 
-    /// Opens a file for writing behind what it holds; one that does not exist is made.
+    /// Opens a file for appending. A file that does not exist is created.
     ///
     /// # Errors
-    /// As [`Files::create`].
+    /// The errors of [`Files::create`].
     pub fn append(&self, path: &Path) -> Result<File, FileError> {
         match &self.rules {
             None => {
@@ -219,22 +233,22 @@ impl Files {
         }
     }
 
-    /// Finds out whether [`Files::create`] would begin the file, without leaving anything behind.
+    /// Checks whether [`Files::create`] would begin the file, without leaving a file.
     ///
     /// # Errors
-    /// As [`Files::create`].
+    /// The errors of [`Files::create`].
     pub fn check_create(&self, path: &Path) -> Result<(), FileError> {
         let special = self.rules.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
-        // What is written directly may not be opened twice.
+        // A special file is written directly, and must not be opened twice.
         if special { Ok(()) } else { self.create(path).map(drop) }
     }
 
-    /// A file without a name that vanishes with its handle: in the folder of [`Files::with_temporary`], without one in the
-    /// folder of `beside` where that can be, as files that are large belong on the disk of the result, otherwise in the
-    /// system's folder for temporary files.
+    /// Returns a file without a name that is deleted with its handle. It is in the folder of
+    /// [`Files::with_temporary`] if that is set. Otherwise it is in the folder of `beside` where possible, because
+    /// large files belong on the disk of the result, and else in the system's folder for temporary files.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn scratch(&self, beside: &Path) -> io::Result<File> {
         let folder = match (&self.temporary, &self.rules) {
             (Some(folder), _) => folder.to_path_buf(),
@@ -274,6 +288,28 @@ mod tests {
         }
         for folder in [results, temporary] {
             assert_eq!(std::fs::read_dir(folder).unwrap().count(), 0, "nothing is left");
+        }
+    }
+
+    #[test]
+    fn files_appear_with_the_time_that_was_asked_for() {
+        use std::io::Write;
+        let dir = tempfile::tempdir().unwrap();
+        let then = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
+        let write = Some(dir.path().to_owned());
+        let extensions = vec!["tif".to_owned()];
+        let confined = Files::confined(Confinement { write, extensions, ..Confinement::default() });
+        for (files, path) in [(Files::default(), dir.path().join("a")), (confined, PathBuf::from("b.tif"))] {
+            let old = files.clone().with_modified(then);
+            assert!(old != files);
+            // The cases are a new file, a file that replaces another, and a file without a set time.
+            for (files, is_then) in [(&old, true), (&old, true), (&files, false)] {
+                let mut file = files.create(&path).unwrap();
+                file.write_all(b"text").unwrap();
+                file.commit().unwrap();
+                let place = dir.path().join(&path);
+                assert_eq!(std::fs::metadata(place).unwrap().modified().unwrap() == then, is_then);
+            }
         }
     }
 

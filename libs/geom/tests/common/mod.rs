@@ -4,12 +4,12 @@
 use granita_base::{Param, Params, ShapeDesc, TrimDesc, Vec3};
 use granita_geom::{Dice, GeomError, Piece, ShapeKey, SplitDirection, Trimming};
 
-/// Parameters from declarations and floats.
+/// Returns parameters from declarations and floats.
 pub(crate) fn params(list: &[(&str, &[f32])]) -> Params {
     list.iter().map(|(name, data)| Param::declared(name, *data).expect("a declaration")).collect()
 }
 
-/// Builds and collects the messages.
+/// Builds a shape and collects the messages.
 pub(crate) fn try_build(
     shape: &ShapeDesc,
     keys: &[&Params],
@@ -22,14 +22,14 @@ pub(crate) fn try_build(
     (pieces, said)
 }
 
-/// Builds without mistakes.
+/// Builds a shape and expects no messages.
 pub(crate) fn build(shape: &ShapeDesc, params: &Params) -> Vec<Piece> {
     let (pieces, said) = try_build(shape, &[params], None);
     assert!(said.is_empty(), "{said:?}");
     pieces.expect("a good primitive")
 }
 
-/// Splits whatever must be split.
+/// Splits everything that must be split.
 pub(crate) fn diceable(pieces: Vec<Piece>) -> Vec<Piece> {
     let mut done = Vec::new();
     for piece in pieces {
@@ -42,7 +42,7 @@ pub(crate) fn diceable(pieces: Vec<Piece>) -> Vec<Piece> {
     done
 }
 
-/// Whether a bound holds all positions of a lattice of each key.
+/// Checks that a bound contains all positions of a lattice at each key.
 pub(crate) fn check_bounds(piece: &Piece, dice: &Dice) {
     for (key, p) in dice.p.iter().enumerate() {
         let b = piece.bound(key);
@@ -52,7 +52,7 @@ pub(crate) fn check_bounds(piece: &Piece, dice: &Dice) {
     }
 }
 
-/// The four borders of a lattice: v = 0, v = 1, u = 0, u = 1.
+/// Returns the four borders of a lattice: v = 0, v = 1, u = 0, u = 1.
 pub(crate) fn borders(dice: &Dice) -> [Vec<Vec3>; 4] {
     let at = |i: usize, j: usize| dice.p[0][j * dice.nu + i];
     [
@@ -63,13 +63,13 @@ pub(crate) fn borders(dice: &Dice) -> [Vec<Vec3>; 4] {
     ]
 }
 
-/// Bit patterns, so that 0 and -0 differ and NaN equals itself.
+/// Returns bit patterns, so that 0 and -0 differ and NaN equals itself.
 pub(crate) fn bits(points: &[Vec3]) -> Vec<[u32; 3]> {
     points.iter().map(|p| p.to_array().map(f32::to_bits)).collect()
 }
 
-/// How many pairs of borders have the same two ends, and of these how many agree at all points, in one direction or
-/// the other.
+/// Returns the number of pairs of borders that have the same two ends, and the number of these that agree at all
+/// points, in one direction or the other.
 pub(crate) fn shared_borders(pieces: &[Piece], n: usize) -> (usize, usize) {
     let all: Vec<Vec<[u32; 3]>> =
         pieces.iter().flat_map(|p| borders(&p.dice(n, n)).map(|b| bits(&b))).collect();

@@ -1,4 +1,4 @@
-//! Defaults of parameters that can be told without running the shader.
+//! Defaults of parameters that are available without running the shader.
 
 use super::constant_list;
 use crate::hir::{self, ExprKind, Init};
@@ -29,7 +29,7 @@ fn spaced(expr: &hir::Expr) -> Option<(Option<Arc<str>>, Vec<f32>)> {
     }
 }
 
-/// A default that needs no computation. Elements of an array may be in different spaces.
+/// Returns a default that needs no computation. Elements of an array may be in different spaces.
 pub(super) fn default_value(init: &Init, ty: SymbolType) -> DefaultValue {
     let list = match init {
         Init::None => return DefaultValue::Unknown,

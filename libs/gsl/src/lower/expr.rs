@@ -15,7 +15,7 @@ const MANY_LINKS: usize = 64;
 impl<'a> Lowerer<'a> {
     // Expressions.
 
-    /// An expression for what it does.
+    /// Lowers an expression for its side effects.
     pub(super) fn effect(&mut self, expr: &'a hir::Expr) {
         match &expr.kind {
             ExprKind::Step { place, up, .. } => {
@@ -34,7 +34,7 @@ impl<'a> Lowerer<'a> {
         self.value(expr, None)
     }
 
-    /// Puts the value into `dst`.
+    /// Lowers an expression and stores its value in `dst`.
     pub(super) fn expr_to(&mut self, expr: &'a hir::Expr, dst: SymbolId, pos: Pos) {
         let found = self.value(expr, Some(dst));
         if found != dst {
@@ -112,7 +112,8 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Operators from left to right. Of long chains, what an operator made is free as soon as the next one has used it.
+    /// Operators from left to right. Of long chains, what an operator made is free as soon as the next one has used
+    /// it.
     fn chain(&mut self, first: &'a hir::Expr, links: &'a [hir::Link], hint: Option<SymbolId>) -> SymbolId {
         let mark = self.live.len();
         let mut value = self.expr(first);

@@ -1,11 +1,11 @@
 //! Shared by the tests of the compiler.
 
 use granita_base::Severity;
-use granita_gsl::{CompileOptions, Module, compile, gso};
+use granita_gsl::{CompileOptions, ValidModule, compile, gso};
 
 /// Compiles a shader that must be without mistakes and warnings.
 #[allow(dead_code, reason = "not every test file uses it")]
-pub(crate) fn module(source: &str) -> Module {
+pub(crate) fn module(source: &str) -> ValidModule {
     let compiled = compile(source, "t.gsl", &CompileOptions::default()).unwrap_or_else(|list| {
         panic!("{source}\n{}", list.iter().map(|d| d.to_string() + "\n").collect::<String>())
     });

@@ -43,10 +43,10 @@ impl PluginFormat {
 }
 
 impl Plugins {
-    /// A C++ `ImageOutput *` for the caller to delete: for `format`, or for the extension of the file.
+    /// Makes a C++ `ImageOutput *`, which the caller deletes, for `format` or for the extension of the file.
     ///
     /// # Errors
-    /// Why there is none.
+    /// Returns the reason why there is none.
     pub fn make_image_output(&self, file: &str, format: Option<&str>) -> Result<*mut c_void, String> {
         let extension = Path::new(file).extension().map(|e| e.to_string_lossy().into_owned());
         let name = format.filter(|f| !f.is_empty()).map(str::to_owned).or(extension);
@@ -83,10 +83,10 @@ impl Plugins {
         Ok(object)
     }
 
-    /// A C++ `ImageInput *` for the caller to open and delete: one that reads the file.
+    /// Makes a C++ `ImageInput *` that reads the file. The caller opens and deletes it.
     ///
     /// # Errors
-    /// Why there is none.
+    /// Returns the reason why there is none.
     pub fn make_image_input(&self, file: &str) -> Result<*mut c_void, String> {
         let mut registry = crate::bundled_formats(Limits::default());
         registry.find_with(Arc::new(self.clone()));

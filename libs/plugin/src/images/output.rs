@@ -46,13 +46,13 @@ fn object(format: &PluginFormat, path: &Path) -> Result<Object<OutputCalls>> {
     }
 }
 
-/// Bits of what it can do.
+/// Returns the bits of its features.
 pub(super) fn features(format: &PluginFormat) -> c_int {
     // SAFETY: a live object.
     object(format, Path::new("")).map_or(0, |o| unsafe { (o.calls.supports)(o.this) })
 }
 
-/// Begins a file.
+/// Creates a file.
 pub(super) fn create(
     format: &PluginFormat,
     path: &Path,
@@ -144,7 +144,7 @@ fn quantization(spec: &ImageSpec, list: &mut List) {
     given.iter().filter(|p| spec.attributes.get(&p.name).is_none()).for_each(|p| list.add(p));
 }
 
-/// `PT_UINT8` and so on.
+/// Returns `PT_UINT8` and so on.
 pub(super) fn base_type(pixels: PixelType) -> c_int {
     match pixels {
         PixelType::U8 => 13,

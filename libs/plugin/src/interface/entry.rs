@@ -1,4 +1,4 @@
-//! The functions of a `gelato_calls` table: pointers and lengths are checked, panics end here.
+//! The functions of a `gelato_calls` table. They check pointers and lengths, and catch panics.
 
 use super::Interface;
 use super::values::Source;
@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// An interface at a fixed place, for C and C++ to call.
+/// An interface at a fixed address, for calls from C and C++.
 pub struct InterfaceObject<'a> {
     /// Whether a call is being taken: others have to wait for their turn, and are refused meanwhile.
     busy: AtomicBool,
@@ -21,7 +21,7 @@ pub struct InterfaceObject<'a> {
     interface: UnsafeCell<Interface<'a>>,
 }
 
-/// What a renderer answers while it renders.
+/// The calls that a renderer answers while it renders.
 pub trait Meanwhile: Send + Sync {
     /// Takes a command; `false` for those that have to wait.
     fn command(&self, name: &str) -> bool;
@@ -36,18 +36,18 @@ impl std::fmt::Debug for InterfaceObject<'_> {
 }
 
 impl<'a> InterfaceObject<'a> {
-    /// Ready to be called.
+    /// Returns an object that is ready for calls.
     pub fn new(interface: Interface<'a>, meanwhile: Option<Arc<dyn Meanwhile>>) -> Self {
         let errors = interface.errors.clone();
         Self { busy: AtomicBool::new(false), errors, meanwhile, interface: UnsafeCell::new(interface) }
     }
 
-    /// What it was made of.
+    /// Returns the interface.
     pub fn into_inner(self) -> Interface<'a> {
         self.interface.into_inner()
     }
 
-    /// Runs the `run` of a C++ generator, whose calls come to this interface.
+    /// Runs the `run` of a C++ generator, whose calls go to this interface.
     pub(crate) fn run_generator(&self, generator: &GeneratorObject, params: &str) -> Result<(), String> {
         let params = c_string(params);
         let mut why = Text::new();
@@ -92,7 +92,7 @@ impl<'a> InterfaceObject<'a> {
 }
 
 impl InterfaceObject<'static> {
-    /// A C++ renderer that owns this; `None` without memory.
+    /// Returns a C++ renderer that owns this object; `None` when memory is exhausted.
     pub fn into_renderer(self) -> Option<*mut c_void> {
         let this = Box::into_raw(Box::new(self));
         // SAFETY: the table fits the object, whose last use is its `destroy`.
@@ -106,23 +106,24 @@ impl InterfaceObject<'static> {
     }
 }
 
-/// A string for C; a 0 inside of it becomes a blank.
+/// Returns a string for C. A 0 inside of it becomes a blank.
 pub(crate) fn c_string(text: &str) -> CString {
     CString::new(text.replace('\0', " ")).unwrap_or_default()
 }
 
-/// A C++ `GelatoAPI::Generator` that belongs to the renderer.
+/// A C++ `GelatoAPI::Generator` that the renderer owns.
 #[derive(Debug)]
 pub struct GeneratorObject(pub(crate) *mut c_void);
 
-// SAFETY: the object is used by one thread at a time: it is owned, and only its `run` and `bound` are called, from the
+// SAFETY: the object is used by one thread at a time: it is owned, and only its `run` and `bound` are called, from
+// the
 // thread that reads the scene.
 unsafe impl Send for GeneratorObject {}
 // SAFETY: as above; `&self` is used by the thread that reads the scene.
 unsafe impl Sync for GeneratorObject {}
 
 impl GeneratorObject {
-    /// Its own bound, if it has one.
+    /// Returns its own bound, if it has one.
     pub(crate) fn bound(&self) -> Result<Option<[f32; 6]>, String> {
         let (mut bound, mut why) = ([0.0f32; 6], Text::new());
         // SAFETY: a live generator, and room for six floats.
@@ -167,7 +168,8 @@ const fn table(destroy: Option<extern "C" fn(*mut c_void)>) -> Calls {
     }
 }
 
-/// Runs `f` with the interface behind `this`. A call while another is being taken (from a handler, an image or another
+/// Runs `f` with the interface behind `this`. A call while another is being taken (from a handler, an image or
+/// another
 /// thread) goes to `else_`; a panic becomes a message.
 fn enter<T>(
     this: *mut c_void,
@@ -175,7 +177,8 @@ fn enter<T>(
     f: impl FnOnce(&mut Interface<'_>) -> T,
     else_: impl FnOnce(&InterfaceObject<'_>) -> Option<T>,
 ) -> Option<T> {
-    // SAFETY: tables are called with the object that they belong to, which is alive and is only changed behind `busy`.
+    // SAFETY: tables are called with the object that they belong to, which is alive and is only changed behind
+    // `busy`.
     let object: &InterfaceObject<'_> = unsafe { this.cast::<InterfaceObject<'_>>().as_ref()? };
     if object.busy.swap(true, Ordering::Acquire) {
         let answer = catch_unwind(AssertUnwindSafe(|| else_(object))).ok().flatten();

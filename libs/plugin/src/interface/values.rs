@@ -1,17 +1,17 @@
-//! Values that C and C++ pass: where they lie, and of what type they are.
+//! The storage and types of values that C and C++ pass.
 
 use granita_base::{BaseType, ParamData, ParamType};
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::Arc;
 
-/// A parameter that waits for the call that takes it.
+/// A parameter that waits for the call that uses it.
 pub(super) struct Pending {
     pub(super) name: Arc<str>,
     pub(super) ty: ParamType,
     pub(super) source: Source,
 }
 
-/// Where the values of a parameter are.
+/// The storage of the values of a parameter.
 pub(super) enum Source {
     /// Here.
     Int(c_int),
@@ -27,10 +27,10 @@ pub(super) enum Source {
 }
 
 impl Source {
-    /// From a `gelato_value_kind` and its data; single values are copied.
+    /// Reads a `gelato_value_kind` and its data. Single values are copied.
     ///
     /// # Safety
-    /// `data` is NULL or points to what the kind says.
+    /// `data` is NULL or points to values of that kind.
     pub(super) unsafe fn new(kind: c_int, data: *const c_void) -> Self {
         if data.is_null() {
             return Self::Any(data);
@@ -51,10 +51,10 @@ impl Source {
         }
     }
 
-    /// The values: `items` of type `ty`.
+    /// Returns the values: `items` of type `ty`.
     ///
     /// # Errors
-    /// What does not fit, to stand behind the name of the parameter.
+    /// Returns a description of the mismatch, to append to the name of the parameter.
     pub(super) fn read(&self, ty: ParamType, items: usize) -> Result<ParamData, String> {
         match self {
             Self::Int(value) => return Ok((*value).into()),
@@ -105,7 +105,7 @@ impl Source {
     }
 }
 
-/// The type of an attribute or of a parameter of cameras and outputs, by name.
+/// Returns the type of an attribute or of a parameter of cameras and outputs, by name.
 pub(super) fn known_type(name: &str) -> Option<ParamType> {
     granita_scene::attribute_row(name).map(|row| row.ty)
 }

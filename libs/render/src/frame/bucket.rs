@@ -1,29 +1,29 @@
-//! One bucket: collect, hide, filter.
+//! Renders one bucket: collect, hide, filter.
 
 use super::job::{Job, LeafSlot, LeafState};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
-use crate::dicing::Leaf;
-use crate::hider::{SampleGrid, ShadedGrid, Surfaces};
-use crate::output::film;
 use crate::output::griddump::Described;
 use crate::statistics::{add, add_time};
+use granita_dicing::Leaf;
+use granita_hider::film;
+use granita_hider::{SampleGrid, ShadedGrid, Surfaces};
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, VecDeque};
 use std::sync::MutexGuard;
 use std::time::Instant;
 
-/// A grid of more points than this is shaded alone.
+/// The largest number of points of a grid that may be batched.
 pub(super) const SMALL_POINTS: usize = 64;
-/// Points of grids that are shaded together, about.
+/// The approximate number of points of batched grids.
 const JOINED_POINTS: usize = 512;
-/// Turns ahead that are looked at for grids to be shaded together.
+/// The number of turns that are searched ahead for grids to batch.
 const LOOK_AHEAD: usize = 128;
 
-/// What a bucket looks at next: a primitive, or a grid of it.
+/// The next item of a bucket: a primitive, or a grid of it.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
-    /// Nothing of it is nearer.
+    /// The depth of its nearest part in camera units.
     z: f32,
     job: usize,
     leaf: Option<u32>,
@@ -50,7 +50,7 @@ impl PartialEq for Turn {
 impl Eq for Turn {}
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Renders a bucket; returns the pixels of every image.
+    /// Renders a bucket. Returns the pixels of every image.
     pub(super) fn bucket(
         &self,
         jobs: &Jobs<S::Object>,
@@ -66,7 +66,7 @@ impl<S: FrameShader> Frame<'_, S> {
         pixels
     }
 
-    /// Where in a bucket blurred grids may be seen. What may blur is split for that; nothing else is.
+    /// Returns where blurred grids may be visible in a bucket. Only primitives that may blur are split for that.
     fn blurred(&self, jobs: &Jobs<S::Object>, index: usize) -> Vec<PixelRect> {
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
         let mut blurred = Vec::new();
@@ -84,7 +84,7 @@ impl<S: FrameShader> Frame<'_, S> {
         blurred
     }
 
-    /// What an eye sees in a bucket; the pixels of every image.
+    /// Renders the view of an eye in a bucket. Returns the pixels of every image.
     fn seen_by(
         &self,
         eye: usize,
@@ -94,21 +94,22 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Vec<Vec<f32>> {
         let mut surfaces = Surfaces::new(samples, self.composite);
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
-        // Front to back, so that what is hidden is found hidden before it is split and shaded. The order among any two
-        // grids is the same in every bucket: a primitive comes before its grids, which have its depth at least.
+        // The order is front to back, so that hidden parts are culled before they are split and shaded. The order
+        // of any two grids is the same in every bucket. A primitive comes before its grids, whose depth is not
+        // less.
         let mut order: BinaryHeap<Reverse<Turn>> = BinaryHeap::new();
         let turn = |z: f32, job: usize, leaf: Option<u32>| Reverse(Turn { z, job, leaf });
         let here = |job: &Job<S::Object>| !job.seen[eye].rect.intersection(&samples.rect).is_empty();
         let near = jobs.of_bucket[index].iter().filter(|j| here(&jobs.list[**j]));
         order.extend(near.map(|&j| turn(jobs.list[j].seen[eye].z_min, j, None)));
         let mut hiding = std::time::Duration::ZERO;
-        // The first of them, taken out early.
+        // The first turns, taken out in advance.
         let mut ahead: VecDeque<Turn> = VecDeque::new();
         while let Some(Turn { z, job: j, leaf }) =
             ahead.pop_front().or_else(|| order.pop().map(|Reverse(turn)| turn))
         {
             let job = &jobs.list[j];
-            // What lies behind the first surface counts for "avgz".
+            // Surfaces behind the first one count for "avgz".
             let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
             let Some(slot_number) = leaf else {
                 if may_cull && surfaces.hides(&job.seen[eye].rect, z) {
@@ -130,7 +131,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 let mut state = slot.lock();
                 if let Some(points) = state.leaf().map(|leaf| leaf.rates.nu * leaf.rates.nv) {
                     let mut together = vec![(slot_number, slot, state)];
-                    if job.traits.joins && !job.traits.saves && points <= SMALL_POINTS {
+                    if job.traits.may_batch && !job.traits.saves && points <= SMALL_POINTS {
                         while ahead.len() < LOOK_AHEAD
                             && let Some(Reverse(turn)) =
                                 order.peek().filter(|Reverse(turn)| turn.leaf.is_some())
@@ -172,22 +173,34 @@ impl<S: FrameShader> Frame<'_, S> {
         let values = surfaces.resolve(&self.outputs.wanted);
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
         let begin = Instant::now();
-        let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
-        let mut pixels: Vec<Vec<f32>> = Vec::with_capacity(images.len());
-        for (k, (image, filter)) in images.iter().zip(&self.filters).enumerate() {
-            // What goes to a file and to a viewer is filtered once.
-            let same = images[..k].iter().position(|other| other.is_filtered_like(image));
-            pixels.push(match (same, image.opaque_width) {
-                (Some(same), _) => pixels[same].clone(),
-                (None, Some(width)) => surfaces.volumes(rect, image.channels.len(), width),
-                (None, None) => film::filter(filter, samples, &values, &image.channels, rect),
-            });
-        }
+        let pixels = self.filtered(index, &surfaces, samples, &values);
         add_time(&self.counters.filter_nanos, begin.elapsed());
         pixels
     }
 
-    /// Hands a grid that was shaded to "griddump:filename".
+    /// The pixels of a bucket, image by image, from the `values` of its samples.
+    fn filtered(
+        &self,
+        index: usize,
+        surfaces: &Surfaces<'_>,
+        samples: &SampleGrid,
+        values: &[f32],
+    ) -> Vec<Vec<f32>> {
+        let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
+        let mut pixels: Vec<Vec<f32>> = Vec::with_capacity(images.len());
+        for (k, (image, filter)) in images.iter().zip(&self.filters).enumerate() {
+            // An image that goes to a file and to a viewer is filtered once.
+            let same = images[..k].iter().position(|other| other.is_filtered_like(image));
+            pixels.push(match (same, image.opaque_width) {
+                (Some(same), _) => pixels[same].clone(),
+                (None, Some(width)) => surfaces.volumes(rect, image.channels.len(), width),
+                (None, None) => film::filter(filter, samples, values, &image.channels, rect),
+            });
+        }
+        pixels
+    }
+
+    /// Passes a shaded grid to "griddump:filename".
     fn dump(&self, grid: &ShadedGrid, job: &Job<S::Object>, order: (usize, u32)) {
         let Some(dump) = self.options.dump else { return };
         let described = Described {

@@ -1,24 +1,25 @@
-//! Which parts of a grid are there, and grids cut finer than they are shaded.
+//! Marks the kept parts of a grid, and subdivides grids more finely than they are shaded.
 //!
-//! A trim curve runs through micropolygons. They are not dropped or kept whole: the grid is cut into cells after it
-//! has been shaded, each a piece of the very surface that its micropolygon was, and the cells are kept or dropped.
+//! A trim curve runs through micropolygons. They are not dropped or kept whole. The grid is cut into cells after it
+//! has been shaded, each a piece of the surface of its micropolygon, and the cells are kept or dropped.
 
 use super::job::Job;
-use crate::hider::ShadedGrid;
 use granita_geom::Dice;
+use granita_hider::ShadedGrid;
 use granita_scene::attr;
 use granita_shade::Grid;
 use std::ops::{Add, Mul};
 
 /// The cells of a grid.
 pub(super) struct Cells {
-    /// Along each side of a micropolygon.
+    /// The number of cells along each side of a micropolygon.
     pub(super) per_side: usize,
-    /// Whether each one (u fastest) is there.
+    /// True for each cell (u fastest) that is kept.
     pub(super) kept: Vec<bool>,
 }
 
-/// What is there: not trimmed away, and not facing away where "twosided" is 0; `None` for all. Its points begin at lane `first`.
+/// Returns the cells that are neither trimmed nor facing away where "twosided" is 0; `None` when all are kept. The
+/// points of the grid begin at lane `first`.
 pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid, first: usize) -> Option<Cells> {
     let attributes = &job.primitive.attributes;
     let (mu, mv) = (dice.nu - 1, dice.nv - 1);
@@ -44,8 +45,8 @@ pub(super) fn kept<O>(dice: &Dice, job: &Job<O>, grid: &Grid, first: usize) -> O
     cells
 }
 
-/// The values of a lattice of `nu` points along u at the corners of cells, `k` along each side of a micropolygon:
-/// linear over the two triangles that a micropolygon is.
+/// Returns the values of a lattice of `nu` points along u at the corners of cells, `k` along each side of a
+/// micropolygon. They are linear over the two triangles of a micropolygon.
 pub(super) fn finer<T>(values: &[T], nu: usize, k: usize) -> Vec<T>
 where
     T: Copy + PartialEq + Mul<f32, Output = T> + Add<Output = T>,
@@ -62,7 +63,7 @@ where
             let (i, u) = place(x, mu);
             let at = j * nu + i;
             let [a, b, c, d] = [at, at + 1, at + nu, at + nu + 1].map(|at| values[at]);
-            // What all corners agree on comes out exactly, and so does the first corner.
+            // Equal values at all corners, and the value of the first corner, are reproduced exactly.
             out.push(if (a == b && a == c && a == d) || (u == 0.0 && v == 0.0) {
                 a
             } else {

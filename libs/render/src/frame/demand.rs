@@ -1,8 +1,8 @@
-//! A depth map that is rendered tile by tile, when somebody looks at it (reference 10.1.5).
+//! A depth map that is rendered tile by tile, on demand (reference 10.1.5).
 //!
-//! A tile is what the buckets of a frame of the same camera would be: which tiles are asked for, in which order and how
-//! often, changes none of them. Primitives are built when the first tile is asked for; grids are kept until all tiles that
-//! they touch were made, and made again when a tile is asked for once more.
+//! A tile equals the buckets of a frame of the same camera. The choice, order and number of the requested tiles
+//! changes none of them. Primitives are built for the first requested tile. Grids are kept until all tiles that
+//! they touch were made, and are made again when a tile is requested again.
 
 use super::{Frame, FrameOptions, FrameShader, Jobs};
 use crate::bucket::BucketOrder;
@@ -16,25 +16,25 @@ use std::sync::atomic::AtomicBool;
 /// One map.
 pub(crate) struct OnDemand<O> {
     camera: CameraView,
-    /// The first image is the map.
+    /// The outputs, whose first image is the map.
     outputs: OutputSet,
     jobs: OnceLock<Jobs<O>>,
     tile: u32,
     never: AtomicBool,
 }
 
-/// What all maps of a frame are rendered with.
+/// The options that all maps of a frame share.
 pub(crate) struct Surroundings<'a, S: FrameShader> {
     pub(crate) scene: &'a Scene,
     pub(crate) shader: &'a S,
-    /// The first camera: splits, dicing and shading are as it sees them.
+    /// The first camera, which determines splitting, dicing and shading.
     pub(crate) dicing_camera: &'a CameraView,
     pub(crate) threads: usize,
     pub(crate) reporter: &'a Reporter,
 }
 
 impl<O: Send + Sync> OnDemand<O> {
-    /// The whole image of a camera in tiles of this size.
+    /// Returns a map of the whole image of a camera in tiles of this size in pixels.
     pub(crate) fn new(camera: &CameraView, outputs: OutputSet, tile: u32) -> Self {
         Self {
             camera: camera.uncropped(),
@@ -45,16 +45,16 @@ impl<O: Send + Sync> OnDemand<O> {
         }
     }
 
-    /// The camera, which sees its whole image.
+    /// Returns the camera, which sees its whole image.
     pub(crate) fn camera(&self) -> &CameraView {
         &self.camera
     }
 
-    /// The pixels of a tile, row by row; `outside` where the image ends.
+    /// Returns the pixels of a tile, row by row. Pixels beyond the image are `outside`.
     pub(crate) fn tile<S: FrameShader<Object = O>>(
         &self,
         around: &Surroundings<'_, S>,
-        (tx, ty): (u32, u32),
+        [tx, ty]: [u32; 2],
         outside: f32,
     ) -> Vec<f32> {
         let options = FrameOptions {
@@ -72,7 +72,7 @@ impl<O: Send + Sync> OnDemand<O> {
         let (x0, y0) = (tx as i32 * side, ty as i32 * side);
         let rect = PixelRect { x0, x1: x0 + side, y0, y1: y0 + side }.intersection(&self.camera.crop);
         let mut tile = vec![outside; n * n];
-        // Many samples may make buckets smaller than a tile.
+        // With many samples, buckets may be smaller than a tile.
         for bucket in frame.buckets.touching(&rect) {
             let index = bucket as usize;
             let part = frame.buckets.order[index];

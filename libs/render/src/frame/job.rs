@@ -1,15 +1,20 @@
-//! A primitive on its way to grids.
+//! Primitives in view, and their splits into grids.
 
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
 use super::{Eye, Frame, FrameShader, ObjectTraits};
-use crate::dicing::trimming;
-use crate::dicing::{DiceSettings, Leaf, Placement, Plan, Rates, Viewer, key_at, largest_coordinates};
-use crate::hider::{NOWHERE, ShadedGrid, pixels_of};
+use crate::PixelRect;
+use crate::preshaded::MOST_POINTS;
 use crate::statistics::add;
-use crate::{PixelRect, Projection, camera::MAX_QUALITY, preshaded};
 use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3};
+use granita_dicing::camera::MAX_QUALITY;
+use granita_dicing::{
+    DiceSettings, Leaf, Placement, Plan, Projection, Rates, Viewer, key_at, largest_coordinates,
+    longest_axis, trimming,
+};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
+use granita_hider::{NOWHERE, ShadedGrid, pixels_of};
 use granita_scene::{Primitive, attr};
+use granita_shading::preshaded;
 use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 
@@ -20,37 +25,37 @@ pub(super) struct Job<O> {
     pub(super) traits: ObjectTraits,
     pub(super) settings: DiceSettings,
     pub(super) placement: Placement,
-    /// Where each eye may see it.
+    /// For each eye: the pixels in which it may be visible.
     pub(super) seen: Box<[Sighting]>,
     pub(super) culls_hidden: bool,
-    /// When it is split, diced and shaded.
+    /// The time at which it is split, diced and shaded.
     pub(super) time: f32,
-    /// Further times at which its grids are shaded, since primitive variables change over the shutter.
+    /// Further times at which its grids are shaded, because primitive variables change over the shutter.
     pub(super) later: Vec<f32>,
-    /// The part of the shutter in which it exists, where that is not all of it.
+    /// The times between which it exists; `None` for the whole shutter.
     pub(super) existence: Option<[f32; 2]>,
     budget: Budget,
-    /// Until it is split.
+    /// Its pieces, until they are split.
     pieces: Mutex<Vec<Piece>>,
     split: OnceLock<Split>,
-    /// Eyes and buckets that were done with it before it was split; `None` from then on.
+    /// The eyes and buckets that released it before it was split; `None` after the split.
     passed: Mutex<Option<Vec<(usize, u32)>>>,
 }
 
 /// The grids of a primitive.
 pub(super) struct Split {
     pub(super) leaves: Vec<LeafSlot>,
-    /// For each eye: (bucket, leaf), sorted.
+    /// For each eye: pairs of bucket and leaf, sorted.
     of_bucket: Vec<Vec<(u32, u32)>>,
 }
 
 impl Split {
-    /// An eye is done with all leaves in a bucket.
+    /// Releases all leaves of a bucket for an eye.
     fn release(&self, eye: usize, bucket: u32) {
         self.leaves_of(eye, bucket).for_each(|leaf| self.leaves[leaf as usize].release());
     }
 
-    /// Leaves that an eye may see in a bucket, in order.
+    /// Returns the leaves that may be visible to an eye in a bucket, in order.
     pub(super) fn leaves_of(&self, eye: usize, bucket: u32) -> impl Iterator<Item = u32> + '_ {
         let of_bucket = &self.of_bucket[eye];
         let from = of_bucket.partition_point(|(b, _)| *b < bucket);
@@ -58,28 +63,29 @@ impl Split {
     }
 }
 
-/// A grid that is shaded once and dropped after its last use.
+/// A grid that is shaded for its first use and dropped after its last one.
 pub(super) struct LeafSlot {
-    /// Where each eye may see it.
+    /// For each eye: the pixels in which it may be visible.
     pub(super) seen: Box<[Sighting]>,
     state: Mutex<LeafState>,
-    /// Buckets that have not yet looked at it, counted for each eye.
+    /// The number of buckets, summed over all eyes, that have not released it.
     uses: AtomicU32,
-    /// Buckets may be rendered again: what was dropped is made once more.
+    /// True when buckets may be rendered again. A dropped grid is then made again.
     again: bool,
 }
 
 pub(super) enum LeafState {
-    /// Not diced yet.
+    /// The grid is not diced.
     Waiting(Leaf),
-    /// Diced and shaded; nothing when nothing is left to see. The leaf as well, where it may be needed again.
+    /// The grid is diced and shaded; `None` when nothing of it is visible. The leaf is kept when it may be needed
+    /// again.
     Ready(Option<Arc<ShadedGrid>>, Option<Leaf>),
-    /// Its last bucket is done.
+    /// All buckets have released it.
     Gone,
 }
 
 impl LeafState {
-    /// What is to be diced and shaded; nothing when that was done.
+    /// Returns the leaf that must be diced and shaded; `None` when that was done.
     pub(super) fn leaf(&self) -> Option<&Leaf> {
         match self {
             Self::Waiting(leaf) => Some(leaf),
@@ -87,7 +93,7 @@ impl LeafState {
         }
     }
 
-    /// The grid, where one was made and something of it is to be seen.
+    /// Returns the grid when it was made and is visible.
     pub(super) fn grid(&self) -> Option<Arc<ShadedGrid>> {
         match self {
             Self::Ready(grid, _) => grid.clone(),
@@ -97,12 +103,13 @@ impl LeafState {
 }
 
 impl LeafSlot {
-    /// For who makes the grid or takes it; others wait.
+    /// Locks the state. Other threads wait.
     pub(super) fn lock(&self) -> MutexGuard<'_, LeafState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// For who would make the grid before anybody asks for it: nothing where it is made, or somebody is at it. Never waits.
+    /// Locks the state to make the grid before it is requested. Returns `None` when it was made or another thread holds
+    /// the lock. Never waits.
     pub(super) fn lock_early(&self) -> Option<MutexGuard<'_, LeafState>> {
         let state = match self.state.try_lock() {
             Ok(state) => state,
@@ -112,18 +119,18 @@ impl LeafSlot {
         state.leaf().is_some().then_some(state)
     }
 
-    /// Keeps the grid that was made, or that nothing of it is seen.
+    /// Stores the grid; `None` when nothing of it is visible.
     pub(super) fn keep(&self, state: &mut LeafState, grid: Option<ShadedGrid>) {
         if let LeafState::Waiting(leaf) = std::mem::replace(state, LeafState::Gone) {
             *state = LeafState::Ready(grid.map(Arc::new), self.again.then_some(leaf));
         }
     }
 
-    /// One bucket is done with it.
+    /// Releases the grid for one bucket of one eye.
     pub(super) fn release(&self) {
         let one_less = |uses: u32| uses.checked_sub(1);
         let before = self.uses.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_less).unwrap_or(0);
-        debug_assert!(self.again || before > 0, "a grid is released by each of its buckets once");
+        debug_assert!(self.again || before > 0, "each bucket releases a grid once");
         if before <= 1 {
             let mut state = self.lock();
             *state = match std::mem::replace(&mut *state, LeafState::Gone) {
@@ -135,42 +142,45 @@ impl LeafSlot {
     }
 }
 
-/// Where an eye may see a primitive or a grid.
+/// The bound of a primitive or a grid as seen by an eye.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
-    /// In these pixels, inside the frame's region.
+    /// The pixels in which it may be visible, inside of the frame's region.
     pub(super) rect: PixelRect,
-    /// Nothing of it is nearer.
+    /// The least depth in camera space.
     pub(super) z_min: f32,
-    /// Whether motion or the lens may blur it.
+    /// True when motion or the lens may blur it.
     pub(super) blurs: bool,
 }
 
-/// Where a piece may be seen.
+/// The bound of a piece as seen by an eye, in raster space.
 struct Seen {
     bound_px: [f32; 4],
     z_min: f32,
     blurs: bool,
 }
 
-/// Shares of a primitive for each thread that splits it.
+/// The number of shares of a primitive for each thread that splits it.
 const SHARES: usize = 32;
 
-/// Something on its way to leaves.
+/// A part of a primitive while it is split.
 enum Node {
-    /// To be looked at; so many splits led to it.
+    /// A piece that must be split or diced, and the number of splits that led to it.
     Piece(Piece, u32),
     Leaf(Box<[Sighting]>, Leaf),
 }
 
-/// What moves or is out of focus by less than this (pixels) counts as still and sharp. It is less than rims are widened,
-/// so that no crack opens beside what blurs a little more.
+/// The room in pixels around a bound, for rounding and for widened boundary edges.
+const ROOM_PX: f32 = 0.3;
+
+/// Motion and defocus below this number of pixels are ignored. It is less than the widening of boundary edges, so that
+/// no crack opens beside a surface that blurs slightly more.
 const LEAST_BLUR_PX: f32 = 0.01;
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Builds a primitive for its bound; `None` when there is nothing to see.
+    /// Builds a primitive and bounds it. Returns `None` when it is not visible.
     ///
-    /// `measuring` is the thread that measures displacements, made when the first one is measured.
+    /// `measuring` is the state of the thread that measures displacements. It is made for the first measurement.
     pub(super) fn job<'t>(
         &'t self,
         primitive: &Arc<Primitive>,
@@ -194,7 +204,7 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         let object = self.shader.object(primitive);
         let mut traits = self.shader.traits(&object);
-        // A text that is a primitive variable may name what is saved to.
+        // A string that is a primitive variable may name a file that is saved to.
         let has_texts = |keys: &Params| keys.iter().any(|p| matches!(p.data, ParamData::String(_)));
         traits.saves |= self.options.dump.is_some() || primitive.keys.iter().any(|k| has_texts(&k.params));
         let built = match preshaded::lattice(primitive).filter(|_| traits.preshaded) {
@@ -234,7 +244,7 @@ impl<S: FrameShader> Frame<'_, S> {
             true => later_times(&placement, &keys),
             false => Vec::new(),
         };
-        traits.joins &= later.is_empty();
+        traits.may_batch &= later.is_empty();
         let mut job = Job {
             time: existence.map_or(self.options.dicing_camera.shading_time(), |[from, _]| from),
             later,
@@ -273,7 +283,7 @@ impl<S: FrameShader> Frame<'_, S> {
         Some(job)
     }
 
-    /// Says when an object lies so far from the origin that the numbers of its points leave gaps which can be seen.
+    /// Warns when an object lies so far from the origin that the rounding of its points is visible.
     fn check_precision(&self, primitive: &Primitive, pieces: &[Piece], placement: &Placement) {
         let time = placement.times()[0];
         let camera = self.eyes[0].camera;
@@ -284,7 +294,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let distance = middle.abs().max_element();
         let step = distance * f32::EPSILON;
         let step_px = (camera.raster_scale(z) * step).abs().max_element();
-        // What is as large as it is far has no detail that would be lost.
+        // An object as large as its distance from the origin has no detail that would be lost.
         let world = object.transformed(&placement.to_world.at(time));
         let coarse = step > 1e-3 * (world.max - world.min).length();
         if coarse && z > camera.near && step_px > 1.0 && step_px.is_finite() {
@@ -302,7 +312,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
-    /// The grids of a primitive, made for the first bucket that asks.
+    /// Returns the grids of a primitive, which is split for the first bucket that requests them.
     pub(super) fn split<'j>(&self, job: &'j Job<S::Object>) -> &'j Split {
         job.split.get_or_init(|| {
             add(&self.counters.primitives_split, 1);
@@ -336,8 +346,8 @@ impl<S: FrameShader> Frame<'_, S> {
         })
     }
 
-    /// What pieces are split into, in order: parts in the place of what they are parts of. Large ones by all threads, since
-    /// others may wait for them.
+    /// Splits pieces into leaves, in the order of the surface. Large primitives are split by all threads, because other
+    /// threads may wait for them.
     fn leaves(&self, job: &Job<S::Object>, pieces: Vec<Piece>) -> Vec<(Box<[Sighting]>, Leaf)> {
         let threads = self.options.threads;
         let enough = SHARES * threads;
@@ -360,7 +370,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 match node {
                     Node::Leaf(seen, leaf) => leaves.push((seen, leaf)),
                     Node::Piece(piece, depth) => {
-                        // The first part comes out first.
+                        // The first part must be popped first.
                         let parts = stack.len();
                         self.step(job, piece, depth, &mut stack);
                         stack[parts..].reverse();
@@ -403,7 +413,7 @@ impl<S: FrameShader> Frame<'_, S> {
         done.into_iter().flat_map(|(_, leaves)| leaves).collect()
     }
 
-    /// Looks at a piece; appends its parts, itself as a leaf, or nothing where nothing is to be seen.
+    /// Splits or dices a piece. Appends its parts, or itself as a leaf, or nothing when it is not visible.
     fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32, out: &mut Vec<Node>) {
         if job.budget.is_spent() {
             return;
@@ -415,7 +425,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         match self.plan(job, &*piece, depth) {
             Plan::Split(direction, settled) => {
-                // Groups are as many as the scene has parts.
+                // The number of groups is bounded by the number of parts in the scene.
                 job.budget.spend(if piece.is_group() { 0 } else { POINTS_OF_A_SPLIT });
                 let parts = piece.split_settled(direction, settled);
                 out.extend(parts.into_iter().map(|p| Node::Piece(p, depth + 1)));
@@ -427,7 +437,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
-    /// Where each eye may see a piece in the pixels of `region`.
+    /// Returns for each eye where a piece may be visible in the pixels of `region`.
     pub(super) fn sightings(
         &self,
         job: &Job<S::Object>,
@@ -441,19 +451,18 @@ impl<S: FrameShader> Frame<'_, S> {
         self.eyes.iter().map(sighting).collect()
     }
 
-    /// Whether a piece that `depth` splits led to is diced, or how it is split.
+    /// Determines whether a piece that results from `depth` splits is diced, or how it is split.
     pub(super) fn plan(&self, job: &Job<S::Object>, piece: &dyn Surface, depth: u32) -> Plan {
         match piece.lattice() {
-            Some([nu, nv]) if nu * nv <= preshaded::MOST_POINTS => {
-                Plan::Dice(Rates { nu, nv, ..Rates::default() })
-            }
+            Some([nu, nv]) if nu * nv <= MOST_POINTS => Plan::Dice(Rates { nu, nv, ..Rates::default() }),
             Some([nu, nv]) if nu > nv => Plan::Split(SplitDirection::U, [None; 4]),
             Some(_) => Plan::Split(SplitDirection::V, [None; 4]),
             None => self.measure.plan(piece, &job.placement, &job.settings, depth),
         }
     }
 
-    /// An eye needs nothing of a primitive in a bucket: one that nobody needs is never split.
+    /// Releases a primitive in a bucket for an eye that does not need it. A primitive that is only released is never
+    /// split.
     pub(super) fn pass(&self, job: &Job<S::Object>, eye: usize, bucket: u32) {
         if let Some(passed) = &mut *job.passed.lock().unwrap_or_else(PoisonError::into_inner) {
             passed.push((eye, bucket));
@@ -462,21 +471,19 @@ impl<S: FrameShader> Frame<'_, S> {
         self.split(job).release(eye, bucket);
     }
 
-    /// Bounds a piece as an eye sees it over the whole shutter and lens, displacement included; what lies beyond the
-    /// pixels of `region` may be left out.
+    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave out
+    /// parts beyond the pixels of `region`.
     fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
-        let (placement, traits) = (&job.placement, &job.traits);
+        let placement = &job.placement;
         let world_to_camera = &eye.camera.world_to_camera;
+        let displacement =
+            |to_camera: &Transform| job.traits.max_displacement_world * longest_axis(|a| to_camera.vector(a));
         let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
         for &time in placement.times() {
             let to_camera = world_to_camera.at(time);
             let bound = Placement::object_bound(piece, time)
                 .transformed(&placement.to_world.at(time).then(&to_camera));
-            let stretch = [Vec3::X, Vec3::Y, Vec3::Z]
-                .map(|a| to_camera.vector(a).length())
-                .into_iter()
-                .fold(0.0, f32::max);
-            boxes.push(bound.padded(traits.max_displacement_world * stretch));
+            boxes.push(bound.padded(displacement(&to_camera)));
         }
         let mut hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
         if self.is_loose(eye, piece, placement, &hull) {
@@ -489,56 +496,58 @@ impl<S: FrameShader> Frame<'_, S> {
         if !hull.is_finite() || hull.is_empty() {
             return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false };
         }
-        // What passes the near plane is bounded as a whole: its parts move through it between the times.
+        // A piece that crosses the near plane is bounded over all times at once, because its parts cross the plane
+        // between the times.
         let bound_px = if hull.min.z < eye.camera.near {
             eye.projector.raster_box(&hull)
         } else {
             boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
-        // What faces the camera is bounded by how wide it is, however little of it a piece covers: of what is larger than the
-        // picture the bound must shrink with the pieces.
+        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When the
+        // surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with the
+        // pieces.
         let [width, height] = [region.width() as f32, region.height() as f32];
         let wide = piece
             .raster_width()
             .max(bound_px[2] - bound_px[0] - width)
             .max(bound_px[3] - bound_px[1] - height);
         if piece.is_facing() && !piece.must_split() && wide > width + height {
-            let stretch = |to_camera: &Transform| {
-                [Vec3::X, Vec3::Y, Vec3::Z]
-                    .map(|a| to_camera.vector(a).length())
-                    .into_iter()
-                    .fold(0.0, f32::max)
+            let turned = |&time: &f32| {
+                let to_camera = world_to_camera.at(time);
+                let to_eye = placement.to_world.at(time).then(&to_camera);
+                self.turned_bound(piece, placement, time)
+                    .transformed(&to_eye)
+                    .padded(displacement(&to_camera))
             };
-            let boxes: Vec<Bound> = placement
-                .times()
-                .iter()
-                .map(|&time| {
-                    let to_camera = world_to_camera.at(time);
-                    let to_eye = placement.to_world.at(time).then(&to_camera);
-                    let bound = self.turned_bound(piece, placement, time).transformed(&to_eye);
-                    bound.padded(traits.max_displacement_world * stretch(&to_camera))
-                })
-                .collect();
-            let hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
-            if hull.is_finite() && !hull.is_empty() {
-                let [x0, y0, x1, y1] = eye.projector.raster_box(&hull);
-                let bound_px = [x0 - 0.3, y0 - 0.3, x1 + 0.3, y1 + 0.3];
-                let blurs = self.blurs(eye, piece, job, &hull);
-                return Seen {
-                    bound_px,
-                    z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding(),
-                    blurs,
-                };
+            let turned = placement.times().iter().map(turned).fold(Bound::EMPTY, Bound::union);
+            if turned.is_finite() && !turned.is_empty() {
+                return self.seen_in(
+                    eye,
+                    piece,
+                    job,
+                    &turned,
+                    grown(eye.projector.raster_box(&turned), ROOM_PX),
+                );
             }
         }
-        // A little room for rounding, for widened rims, and for widths given in pixels.
-        let room = 0.3 + piece.raster_width() * 0.5;
-        let bound_px = [bound_px[0] - room, bound_px[1] - room, bound_px[2] + room, bound_px[3] + room];
-        let blurs = self.blurs(eye, piece, job, &hull);
-        Seen { bound_px, z_min: hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding(), blurs }
+        let room = ROOM_PX + piece.raster_width() * 0.5;
+        self.seen_in(eye, piece, job, &hull, grown(bound_px, room))
     }
 
-    /// Whether a piece inside of `hull` (camera space, over the whole shutter) may be blurred.
+    /// Returns the bound of a piece inside of `hull` (camera space, over the whole shutter) with this raster box.
+    fn seen_in(
+        &self,
+        eye: &Eye<'_>,
+        piece: &dyn Surface,
+        job: &Job<S::Object>,
+        hull: &Bound,
+        bound_px: [f32; 4],
+    ) -> Seen {
+        let z_min = hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding();
+        Seen { bound_px, z_min, blurs: self.blurs(eye, piece, job, hull) }
+    }
+
+    /// True when a piece inside of `hull` (camera space, over the whole shutter) may be blurred.
     fn blurs(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, hull: &Bound) -> bool {
         let (camera, placement) = (eye.camera, &job.placement);
         if job.existence.is_some() || !job.later.is_empty() {
@@ -561,7 +570,7 @@ impl<S: FrameShader> Frame<'_, S> {
             blur_px = confusion(hull.min.z).max(confusion(hull.max.z));
         }
         if moves {
-            // Of points that deform or are displaced a box says nothing, nor does one that is rounded.
+            // The box does not bound the motion of points that deform or are displaced, nor does a rounded box.
             if piece.key_times().len() > 1
                 || job.traits.displaces
                 || self.is_coarse(camera, piece, placement, hull.min.z)
@@ -574,7 +583,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 corners.map(|p| to_camera.point(p))
             };
             let start = at(placement.times()[0]);
-            // How far points move is linear in where they are: the corners move farthest.
+            // The distance that a point moves is linear in its position, so the corners move farthest.
             let mut path = Vec3::ZERO;
             for time in &placement.times()[1..] {
                 for (p, q) in start.iter().zip(at(*time)) {
@@ -588,11 +597,11 @@ impl<S: FrameShader> Frame<'_, S> {
             }
             blur_px += (aside * camera.raster_scale(hull.min.z).abs()).max_element();
         }
-        // Not so where it is not known.
+        // An unknown blur counts as blur.
         blur_px >= LEAST_BLUR_PX || blur_px.is_nan()
     }
 
-    /// Object space bound at a time of a piece of a point or curve as it is turned towards the dicing camera.
+    /// Returns the object space bound at a time of a piece of a point or curve, turned towards the dicing camera.
     fn turned_bound(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Bound {
         const SIDE: usize = 9;
         let times = piece.key_times();
@@ -602,7 +611,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let mut at = |key: usize| {
             piece.positions_towards(key, SIDE, SIDE, &|key, p| viewer.view(key, p), &mut points);
             let bound = Bound::around(points.iter().copied());
-            // Between these points outlines bend by far less.
+            // The outline deviates far less between these points.
             bound.padded((bound.max - bound.min).length() * 0.1)
         };
         let a = at(key);
@@ -621,7 +630,12 @@ fn later_times(placement: &Placement, keys: &[ShapeKey<'_>]) -> Vec<f32> {
     inner.chain([last]).collect()
 }
 
-/// The box around two raster boxes.
+/// Returns a raster box, grown by a margin on every side.
+fn grown([x0, y0, x1, y1]: [f32; 4], margin: f32) -> [f32; 4] {
+    [x0 - margin, y0 - margin, x1 + margin, y1 + margin]
+}
+
+/// Returns the box around two raster boxes.
 fn union(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
     [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }

@@ -1,25 +1,25 @@
-//! What a primitive may ask for, and what cannot be placed at all.
+//! Limits of the points of a primitive, and detection of primitives that cannot be placed.
 
 use super::{Frame, FrameShader};
 use crate::CameraView;
-use crate::dicing::Placement;
 use granita_base::Severity;
+use granita_dicing::Placement;
 use granita_geom::Piece;
 use granita_scene::Primitive;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Points that a split counts for: as many as the least of grids has.
+/// The number of points that a split counts for, which is that of the smallest grid.
 pub(super) const POINTS_OF_A_SPLIT: u64 = 4;
 
-/// What a primitive may ask for. Whether that is too much does not depend on the order in which it is counted.
+/// The budget of a primitive. Whether it is exceeded does not depend on the order of counting.
 pub(super) struct Budget {
-    /// Points of grids, and what splits count for.
+    /// The points of grids and the points that splits count for.
     points: AtomicU64,
     most: u64,
 }
 
 impl Budget {
-    /// Nothing is spent yet.
+    /// Returns a budget of which nothing is spent.
     pub(super) fn new(most: u64) -> Self {
         Self { points: AtomicU64::new(0), most }
     }
@@ -29,14 +29,15 @@ impl Budget {
         self.points.fetch_add(points, Ordering::Relaxed);
     }
 
-    /// Whether it was more than there may be.
+    /// True when the budget is exceeded.
     pub(super) fn is_spent(&self) -> bool {
         self.points.load(Ordering::Relaxed) > self.most
     }
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// What keeps pieces from being placed: a transformation that is no number, or that divides by zero somewhere in them.
+    /// Returns the reason why pieces cannot be placed: a transformation that is not finite, or that divides by zero
+    /// somewhere in them.
     pub(super) fn unplaceable(&self, pieces: &[Piece], placement: &Placement) -> Option<String> {
         let bad = |time: f32, camera: &CameraView| {
             let (to_world, to_camera) = (placement.to_world.at(time), camera.world_to_camera.at(time));
@@ -62,7 +63,7 @@ impl<S: FrameShader> Frame<'_, S> {
         placement.times().iter().find_map(|time| eyes().find_map(|eye| bad(*time, eye)))
     }
 
-    /// Says that a primitive is left out because it asks for too much.
+    /// Reports that a primitive is left out because it exceeds the limit.
     pub(super) fn leave_out<T>(&self, primitive: &Primitive, parts: Vec<T>) -> Vec<T> {
         drop(parts);
         let (name, most) = (primitive.attributes.name(), self.dicing.most_points());

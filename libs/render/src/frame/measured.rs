@@ -1,29 +1,29 @@
-//! How far a displacement moves points of which the scene does not say how far (reference 4.4.6).
+//! Measures displacements whose bound the scene does not declare (reference 4.4.6).
 //!
-//! "displace:maxradius" lets bounds grow, and nothing else: an object without it is as displaced as any other. So before
-//! such a primitive is sorted into buckets, all of it that the whole image may show is diced and displaced, and the
-//! longest way of a point is the bound. A crop measures the same grids, so that it shows the same pixels.
+//! "displace:maxradius" only extends bounds. An object without it is displaced in the same way. So before such a
+//! primitive is sorted into buckets, all parts that the whole image may show are diced and displaced, and the
+//! longest distance of a point is the bound. A crop measures the same grids, so that it shows the same pixels.
 
 use super::job::Job;
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
 use super::{Frame, FrameShader};
-use crate::dicing::Plan;
 use crate::{CameraView, PixelRect};
 use granita_base::Vec3;
+use granita_dicing::Plan;
 use granita_geom::{Piece, Surface};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Pieces that are worth the work of several threads.
+/// The number of pieces that several threads measure.
 const MANY: usize = 256;
 
-/// Room for rounding: this part of what was measured is added to it.
+/// The margin for rounding, as a part of the measured distance.
 const ROOM: f32 = 1e-4;
 
 /// A piece of a primitive that is being measured.
 enum Part<'p> {
-    /// The primitive's own.
+    /// A piece of the primitive itself.
     Whole(&'p dyn Surface),
-    /// Split off.
+    /// A piece from a split.
     Split(Piece),
 }
 
@@ -37,8 +37,8 @@ impl Part<'_> {
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// The longest way (world units) that the displacement shaders of an object move a point of its `pieces` which the
-    /// image may show. `thread` is made when it is needed.
+    /// Returns the longest distance in world units that the displacement shaders of an object move a point of its
+    /// `pieces` which the image may show. `thread` is made when it is needed.
     pub(super) fn measured_displacement<'t>(
         &'t self,
         job: &Job<S::Object>,
@@ -50,7 +50,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let budget = Budget::new(self.dicing.most_points());
         let mut parts: Vec<(Part<'_>, u32)> = pieces.iter().map(|p| (Part::Whole(&**p), 0)).collect();
         let mut longest = 0.0_f32;
-        // Breadth first, until there is enough for all threads.
+        // Splitting is breadth first, until there are enough parts for all threads.
         while !parts.is_empty() && (self.options.threads == 1 || parts.len() < MANY) {
             let mut next = Vec::with_capacity(2 * parts.len());
             let mute = thread.get_or_insert_with(|| self.mute_thread());
@@ -91,14 +91,14 @@ impl<S: FrameShader> Frame<'_, S> {
         longest * (1.0 + ROOM)
     }
 
-    /// A thread whose shaders print and save nothing.
+    /// Returns a thread whose shaders print and save nothing.
     fn mute_thread(&self) -> S::Thread<'_> {
         let mut thread = self.thread();
         self.shader.mute(&mut thread, true);
         thread
     }
 
-    /// The longest way of a point of a part that is diced; the parts of one that is split are appended to `out`.
+    /// Returns the longest distance of a point of a diced part. The parts of a split one are appended to `out`.
     fn measured<'p>(
         &self,
         job: &Job<S::Object>,

@@ -1,30 +1,33 @@
-//! Pieces and grids whose coordinates are so large beside their distance from the eye that single precision shows.
+//! Pieces and grids with coordinates so large relative to their distance from the eye that single precision is
+//! visible.
 //!
-//! Their positions go from object to camera space in double precision; what shaders see is rounded once.
+//! Their positions are transformed from object to camera space in double precision. Shaders receive them rounded
+//! once.
 
 use super::job::Job;
 use super::{Eye, Frame, FrameShader, Sighting};
-use crate::dicing::{
-    GridView, Placement, Rates, Viewpoint, key_at, largest_coordinates, pixels_at, precise_point, shows,
-};
-use crate::object::longest_axis;
 use crate::{CameraView, PixelRect};
 use granita_base::{Bound, DMat4, DVec3, Vec3};
+use granita_dicing::longest_axis;
+use granita_dicing::{
+    GridView, Placement, Rates, Viewpoint, key_at, largest_coordinates, pixels_at, precise_point, shows,
+};
 use granita_geom::Surface;
 use granita_scene::attr;
 use granita_shade::Grid;
 
 /// The positions of a grid.
 pub(super) struct Precise {
-    /// Times of the motion keys.
+    /// The times of the motion keys.
     key_times: Vec<f32>,
-    /// In object space, for each motion key.
+    /// The positions in object space, for each motion key.
     p_object: Vec<Vec<DVec3>>,
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Whether a box (camera space) may say too little of a piece that lies in it: it reaches before the near plane, where it
-    /// is seen everywhere, or its rounding shows. Only of what is large beside its distance from the eye.
+    /// True when a box (camera space) may be too loose for the piece in it: it crosses the near plane, where it is
+    /// visible everywhere, or its rounding is visible. Only geometry that is large relative to its distance from
+    /// the eye is affected.
     pub(super) fn is_loose(
         &self,
         eye: &Eye<'_>,
@@ -32,7 +35,7 @@ impl<S: FrameShader> Frame<'_, S> {
         placement: &Placement,
         hull: &Bound,
     ) -> bool {
-        // What turns towards the camera has its widths besides its vertices.
+        // Geometry that turns towards the camera has widths besides its vertices.
         !piece.is_facing()
             && placement.reach().is_some()
             && (!hull.is_finite()
@@ -40,7 +43,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 || self.is_coarse(eye.camera, piece, placement, hull.min.z))
     }
 
-    /// Whether the rounding of positions no nearer than `z_min` to single precision shows.
+    /// True when the rounding to single precision of positions no nearer than `z_min` is visible.
     pub(super) fn is_coarse(
         &self,
         camera: &CameraView,
@@ -53,8 +56,9 @@ impl<S: FrameShader> Frame<'_, S> {
         shows(reach.rounding(largest) * pixels_at(camera, z_min))
     }
 
-    /// The boxes (camera space) around a piece at the times of its placement, displacement included, computed in double
-    /// precision from the vertices of its hull; `None` where the hull lies beyond one side of the view of `region`.
+    /// Returns the boxes (camera space) around a piece at the times of its placement, displacement included,
+    /// computed in double precision from the vertices of its hull; `None` where the hull lies beyond one side of
+    /// the view of `region`.
     pub(super) fn precise_boxes(
         &self,
         eye: &Eye<'_>,
@@ -83,7 +87,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 .iter()
                 .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
             let (low, high) = (low.as_vec3(), high.as_vec3());
-            // Room for the rounding of both ends.
+            // A margin for the rounding of both ends.
             let room = low.abs().max(high.abs()) * f32::EPSILON;
             boxes.push(Bound { min: low - room - radius, max: high + room + radius });
         }
@@ -92,7 +96,7 @@ impl<S: FrameShader> Frame<'_, S> {
         (!beyond).then_some(boxes)
     }
 
-    /// The positions of a piece in double precision where an eye sees the difference.
+    /// Returns the positions of a piece in double precision where an eye sees the difference.
     pub(super) fn precise(
         &self,
         job: &Job<S::Object>,
@@ -114,7 +118,8 @@ impl<S: FrameShader> Frame<'_, S> {
 }
 
 impl Precise {
-    /// Transformed positions at a time, displaced by `offsets` in object space (none where it is empty).
+    /// Returns transformed positions at a time, displaced by `offsets` in object space (not displaced where it is
+    /// empty).
     fn points<'p>(&'p self, to: DMat4, time: f32, offsets: &'p [Vec3]) -> impl Iterator<Item = DVec3> + 'p {
         let (key, next, alpha) = key_at(&self.key_times, time);
         let (first, second) = (&self.p_object[key], &self.p_object[next]);
@@ -124,7 +129,8 @@ impl Precise {
         })
     }
 
-    /// Camera space positions at a time, displaced by `offsets` in object space (none where it is empty).
+    /// Returns camera space positions at a time, displaced by `offsets` in object space (not displaced where it is
+    /// empty).
     pub(super) fn p_cam(
         &self,
         placement: &Placement,
@@ -135,10 +141,10 @@ impl Precise {
         self.points(placement.precise_to(camera, time), time, offsets).map(|p| p.as_vec3()).collect()
     }
 
-    /// Puts the points of a grid where they are: each rounded once.
+    /// Sets the points of a grid, each rounded once.
     pub(super) fn place<O>(&self, grid: &mut Grid, job: &Job<O>, view: &GridView, camera: &CameraView) {
         let placement = &job.placement;
-        // Baking looks along the normal.
+        // Baking views along the normal.
         let bakes = matches!(&*job.primitive.attributes.get(attr::SHADING_VIEW), "outside" | "inside");
         let looks_from_eye = !bakes && matches!(view.viewpoint, Viewpoint::From(_));
         let at = |time: f32| -> Vec<DVec3> {

@@ -1,54 +1,55 @@
-//! Grids of a primitive on their way from leaves to what is hidden: diced, displaced, shaded.
+//! Dicing, displacement and shading of the grids of a primitive.
 
 use super::cells::{Cells, finer, kept};
 use super::job::{Job, LeafSlot, Sighting};
 use super::precise::Precise;
 use super::{Eye, Frame, FrameShader, Holdout};
-use crate::Projection;
-use crate::dicing::{GridView, Leaf, Rates, Viewer, Viewpoint, key_at, make_grid};
-use crate::finite;
-use crate::hider::{Shade, ShadedGrid, ViewedGrid};
 use crate::output::griddump::is_identity;
 use crate::preshaded::GridTraits;
 use crate::statistics::{add, add_time};
 use granita_base::{Color, Severity, Vec3};
+use granita_dicing::{GridView, Leaf, Projection, Rates, Viewer, Viewpoint, finite, key_at, make_grid};
 use granita_geom::{Dice, Surface};
+use granita_hider::{Shade, ShadedGrid, ViewedGrid};
 use granita_scene::attr;
 use granita_shade::{Grid, Lanes3, RayKind};
 use std::ops::Range;
 use std::time::Instant;
 
-/// How far (pixels) two grids may be apart at their common border. Their points there are the same, but normals that
+/// The largest distance in pixels of two grids at their common border. Their points there are the same, but normals that
 /// differ in their last bits, or texture filters, may displace them differently.
 const RIM_PX: f32 = 0.02;
 
-/// A leaf that was diced, and where its points are in the grid that is shaded.
+/// A diced leaf, and the place of its points in the grid that is shaded.
 struct Diced<'a> {
-    /// Which of the leaves.
+    /// The index of the leaf.
     index: usize,
     slot: &'a LeafSlot,
     leaf: &'a Leaf,
     dice: Dice,
     key_times: &'a [f32],
+    /// The lanes of its points in the shaded grid.
     lanes: Range<usize>,
+    /// The micropolygons that exist; `None` when all do.
     kept: Option<Cells>,
-    /// Where single precision shows.
+    /// Its points in double precision, when the rounding to single precision is visible.
     precise: Option<Precise>,
 }
 
-/// What was shaded.
+/// A grid after shading.
 struct Shaded<'a> {
-    /// Of all leaves together.
+    /// The grid, which holds the points of all leaves of the batch.
     grid: &'a Grid,
-    /// Where its points were before they were displaced.
+    /// Its points before displacement; `None` without a displacement.
     before: Option<&'a Lanes3>,
-    /// The wanted variables, component by component, and how many components each has; `None` where nothing was to be shaded.
+    /// The requested variables, component by component, and the number of components of each; `None` when the grid was not
+    /// shaded.
     variables: Option<Vec<(Option<Vec<f32>>, usize)>>,
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Dices, displaces and shades some leaves together, as if each were alone; `None` for those of which nothing can be seen.
-    /// Several only where the object [joins](super::ObjectTraits::joins).
+    /// Dices, displaces and shades a batch of leaves, with the results of shading each alone. Returns `None` for leaves
+    /// that are not visible. A batch has several leaves only when the object [may batch](super::ObjectTraits::may_batch).
     pub(super) fn shade(
         &self,
         job: &Job<S::Object>,
@@ -60,37 +61,37 @@ impl<S: FrameShader> Frame<'_, S> {
         let all = self.dice(job, leaves);
         add_time(&self.counters.dice_nanos, begin.elapsed());
         let begin = Instant::now();
-        // Small ones are joined also when they are alone: nothing shows how many there are.
+        // A single small grid is batched, too, so that results do not depend on the number of grids.
         let small =
             |(_, leaf): &(&LeafSlot, &Leaf)| leaf.rates.nu * leaf.rates.nv <= super::bucket::SMALL_POINTS;
-        let joins = job.traits.joins && leaves.iter().all(small);
-        // Faces that are wound against their normals are a kind of their own.
+        let batched = job.traits.may_batch && leaves.iter().all(small);
+        // Faces that are wound against their normals are a batch of their own.
         let (one, other): (Vec<_>, Vec<_>) = all.into_iter().partition(|(_, grid)| grid.flip_normals);
         for some in [one, other] {
-            self.shade_alike(job, some, joins, &mut out, thread);
+            self.shade_batch(job, some, batched, &mut out, thread);
         }
         add_time(&self.counters.shade_nanos, begin.elapsed());
         out
     }
 
-    /// Displaces and shades what was diced, several grids only where they are joined, and puts it in its place.
-    fn shade_alike(
+    /// Displaces and shades diced leaves and stores the results in `out`. Several leaves must be `batched`.
+    fn shade_batch(
         &self,
         job: &Job<S::Object>,
         all: Vec<(Diced<'_>, Grid)>,
-        joins: bool,
+        batched: bool,
         out: &mut [Option<ShadedGrid>],
         thread: &mut S::Thread<'_>,
     ) {
         let (mut diced, grids): (Vec<Diced<'_>>, Vec<Grid>) = all.into_iter().unzip();
-        debug_assert!(grids.len() < 2 || joins && grids.iter().all(|grid| grids[0].joins(grid)));
+        debug_assert!(grids.len() < 2 || batched && grids.iter().all(|grid| grids[0].may_batch(grid)));
         let mut end = 0;
         for (diced, grid) in diced.iter_mut().zip(&grids) {
             diced.lanes = end..end + grid.len();
             end += grid.len();
         }
-        let joined = (joins && !grids.is_empty()).then(|| Grid::joined(&grids));
-        let Some(mut grid) = joined.or_else(|| grids.into_iter().next()) else { return };
+        let batch = (batched && !grids.is_empty()).then(|| Grid::batched(&grids));
+        let Some(mut grid) = batch.or_else(|| grids.into_iter().next()) else { return };
         let before = job.traits.displaces.then(|| grid.p.clone());
         if job.traits.displaces {
             self.shader.displace(thread, &job.object, &mut grid);
@@ -111,18 +112,13 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let shaded = Shaded { grid: &grid, before: before.as_ref(), variables };
         for diced in diced {
-            let (index, later) = (
-                diced.index,
-                match must_shade {
-                    true => self.later_shades(job, &diced, thread),
-                    false => Vec::new(),
-                },
-            );
+            let index = diced.index;
+            let later = if must_shade { self.later_shades(job, &diced, thread) } else { Vec::new() };
             out[index] = Some(self.finished(job, diced, &shaded, later));
         }
     }
 
-    /// Runs the surface shaders on a grid; the wanted variables.
+    /// Runs the surface shaders on a grid. Returns the requested variables.
     fn run_surface(
         &self,
         job: &Job<S::Object>,
@@ -136,8 +132,8 @@ impl<S: FrameShader> Frame<'_, S> {
         wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
     }
 
-    /// A leaf as it is shaded at the later times of its primitive, whose variables change: with them, and where it is then.
-    /// What its shaders print and save, they did the first time.
+    /// Shades a leaf at the later times of its primitive, with the variables and the positions of these times. Its shaders
+    /// do not print and save again.
     fn later_shades(
         &self,
         job: &Job<S::Object>,
@@ -163,14 +159,14 @@ impl<S: FrameShader> Frame<'_, S> {
         shades
     }
 
-    /// Colours, opacities and variables of some points of what was shaded.
+    /// Returns the colours, opacities and variables of some points of a shaded grid.
     fn shade_of(&self, job: &Job<S::Object>, shaded: &Shaded<'_>, lanes: &Range<usize>) -> Shade {
         let mut shade = Shade::default();
         let Some(found) = &shaded.variables else { return shade };
         let n = shaded.grid.len();
         shade.color = self.colors(&shaded.grid.c, lanes, job, "colour");
         shade.opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
-        // More than all of what is behind cannot be hidden, nor less than nothing.
+        // Opacities outside of [0, 1] have no meaning.
         shade.opacity.iter_mut().for_each(|o| *o = o.clamp(Color::ZERO, Color::ONE));
         let variables = &mut shade.variables;
         for (values, components) in found {
@@ -184,14 +180,14 @@ impl<S: FrameShader> Frame<'_, S> {
                         variables[own..].iter_mut().filter(unusable).for_each(|v| *v = 0.0);
                     }
                 }
-                // A shader without the variable shows 0 (reference 7.3.6).
+                // A variable that the shader does not have is 0 (reference 7.3.6).
                 None => variables.resize(variables.len() + components * lanes.len(), 0.0),
             }
         }
         shade
     }
 
-    /// Dices leaves, but those that are known to be unseen; a grid of each.
+    /// Dices leaves. Leaves that are not visible are left out.
     fn dice<'l>(&self, job: &Job<S::Object>, leaves: &[(&'l LeafSlot, &'l Leaf)]) -> Vec<(Diced<'l>, Grid)> {
         let mut all = Vec::with_capacity(leaves.len());
         for (index, &(slot, leaf)) in leaves.iter().enumerate() {
@@ -203,7 +199,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let key_times = leaf.piece.key_times();
             let mut one =
                 Diced { index, slot, leaf, dice, key_times, lanes: 0..grid.len(), kept: None, precise };
-            // What is displaced is looked at when it is where it will be.
+            // Displaced points are tested after the displacement.
             if job.traits.displaces || one.keep(job, &grid, 0) {
                 all.push((one, grid));
             }
@@ -211,8 +207,8 @@ impl<S: FrameShader> Frame<'_, S> {
         all
     }
 
-    /// The grid of a piece at a time before it is displaced, seen by each eye as `seen` says; `None` for one without an
-    /// area.
+    /// Returns the grid of a piece at a time before displacement, with its bounds `seen` by each eye. Returns `None` when
+    /// the piece has no area.
     pub(super) fn grid(
         &self,
         job: &Job<S::Object>,
@@ -244,7 +240,7 @@ impl<S: FrameShader> Frame<'_, S> {
         Some((dice, grid, precise))
     }
 
-    /// A leaf of what was shaded, ready to be hidden.
+    /// Prepares a shaded leaf for the hider.
     fn finished(
         &self,
         job: &Job<S::Object>,
@@ -257,7 +253,7 @@ impl<S: FrameShader> Frame<'_, S> {
         shades.extend(later);
         let opaque = shades.iter().flat_map(|shade| &shade.opacity).all(|o| o.cmpge(Color::ONE).all());
         let primitive = &job.primitive;
-        // A grid that comes shaded may bring along what the hider knew of it.
+        // A preshaded grid may carry the properties that the hider needs.
         let given = match diced.leaf.piece.lattice() {
             Some(_) => GridTraits::new(&primitive.keys[0].params, diced.leaf),
             None => GridTraits::NOTHING,
@@ -298,7 +294,7 @@ impl<S: FrameShader> Frame<'_, S> {
         grid
     }
 
-    /// A grid as each eye sees it.
+    /// Returns the view of each eye of a grid.
     fn views(
         &self,
         job: &Job<S::Object>,
@@ -328,7 +324,7 @@ impl<S: FrameShader> Frame<'_, S> {
             if per_side > 1 {
                 p_cam.iter_mut().for_each(|p| *p = finer(p, nu, per_side));
             }
-            // What does not blur is where it is when the shutter opens.
+            // A grid that does not blur stays where it is when the shutter opens.
             let keys = if seen.blurs { times.len() } else { 1 };
             p_cam.truncate(keys);
             let defocus = self.pattern.defocus && seen.blurs;
@@ -339,7 +335,7 @@ impl<S: FrameShader> Frame<'_, S> {
         self.eyes.iter().zip(&diced.slot.seen).map(view).collect()
     }
 
-    /// Colours of a grid; what is no number becomes black, with one message per object.
+    /// Returns the colours of some points of a grid. Colours that are not finite become black, with one message per object.
     fn colors(&self, values: &Lanes3, lanes: &Range<usize>, job: &Job<S::Object>, what: &str) -> Vec<Color> {
         let mut bad = false;
         let colors = lanes
@@ -365,13 +361,13 @@ impl<S: FrameShader> Frame<'_, S> {
         );
     }
 
-    /// Warns about points that a displacement moved out of the bound it declared.
+    /// Warns about points that a displacement moved out of its declared bound.
     fn check_displacement(&self, grid: &ShadedGrid, job: &Job<S::Object>) {
         let region = self.region;
         let outside = |view: &ViewedGrid| {
             let ([x0, y0, x1, y1], z) = view.bound(0..grid.nu * grid.nv);
             let rect = view.rect;
-            // Where nothing is seen nothing is missed.
+            // A grid that is not visible needs no message.
             !rect.is_empty()
                 && ((x0 < rect.x0 as f32 && rect.x0 > region.x0)
                     || (y0 < rect.y0 as f32 && rect.y0 > region.y0)
@@ -400,18 +396,19 @@ impl<S: FrameShader> Frame<'_, S> {
 }
 
 impl Diced<'_> {
-    /// Finds what of it is there, when its points begin at this lane of the grid; whether anything is.
+    /// Finds the micropolygons that exist. `first` is the lane of the first point in the grid. Returns true when any
+    /// exists.
     fn keep<O>(&mut self, job: &Job<O>, grid: &Grid, first: usize) -> bool {
         self.kept = kept(&self.dice, job, grid, first);
         self.kept.as_ref().is_none_or(|cells| cells.kept.contains(&true))
     }
 
-    /// Cells along each side of a micropolygon.
+    /// Returns the number of cells along each side of a micropolygon.
     fn per_side(&self) -> usize {
         self.kept.as_ref().map_or(1, |cells| cells.per_side)
     }
 
-    /// Its points in object space before they were displaced.
+    /// Returns its points at a time in object space, before displacement.
     fn object_points(&self, time: f32) -> Vec<Vec3> {
         let (a, b, alpha) = key_at(self.key_times, time);
         let (first, second) = (&self.dice.p[a], &self.dice.p[b]);
@@ -421,7 +418,7 @@ impl Diced<'_> {
         first.iter().zip(second).map(|(p, q)| p.lerp(*q, alpha)).collect()
     }
 
-    /// How far its points were displaced, in object space when the shutter opens; nothing where they were not.
+    /// Returns the displacement of its points in object space at the time of shading; empty without a displacement.
     fn offsets<O>(&self, job: &Job<O>, shaded: &Shaded<'_>) -> Vec<Vec3> {
         let Some(before) = shaded.before else { return Vec::new() };
         let back = job.placement.to_world.at(shaded.grid.time).inverse();
@@ -429,15 +426,15 @@ impl Diced<'_> {
         self.lanes.clone().map(|lane| back.vector(moved(lane))).collect()
     }
 
-    /// World space positions at all times of the placement.
+    /// Returns the world space positions of its points at all times of the placement.
     ///
-    /// A displacement is computed once, when the shutter opens, and moves with the surface.
+    /// The displacement is computed once, when the shutter opens, and moves with the surface.
     fn positions<O>(&self, job: &Job<O>, shaded: &Shaded<'_>) -> Vec<Vec<Vec3>> {
         let (placement, grid) = (&job.placement, shaded.grid);
         let offsets = self.offsets(job, shaded);
         let at = |time: f32| {
             if time == grid.time {
-                // The very points that were shaded.
+                // The points that were shaded.
                 return self.lanes.clone().map(|lane| grid.p.get(lane)).collect();
             }
             let to_world = placement.to_world.at(time);

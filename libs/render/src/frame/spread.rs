@@ -1,4 +1,4 @@
-//! A frame whose buckets are rendered by several processes.
+//! Renders the buckets of a frame in several processes.
 
 use super::{Canvas, Frame, FrameShader, Jobs, panic_text};
 use crate::PixelRect;
@@ -9,23 +9,24 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Buckets are as large as for so many threads, whatever the processes have: all cut the same ones.
+/// The number of threads that the size of buckets is chosen for. It is the same in all processes, so that all make
+/// the same buckets.
 pub(super) const SHARED_BY: usize = 8;
 
-/// What a worker does in a frame.
+/// The part of a worker in a frame.
 struct Share<'f, 'a, S: FrameShader> {
     frame: &'f Frame<'a, S>,
     canvases: &'f [Mutex<Canvas>],
     queue: &'f Queue,
     done: &'f AtomicU64,
-    /// Taken, not yet put.
+    /// The buckets that were taken and are not done.
     taken: Mutex<Vec<usize>>,
-    /// Colours are multiplied by this ("net:tint").
+    /// The factor of colours ("net:tint").
     tint: Option<Color>,
 }
 
 impl<S: FrameShader> Share<'_, '_, S> {
-    /// Whether a bucket has all images of all eyes, each with as many values as it should.
+    /// Checks that a bucket has all images of all eyes, each with the right number of values.
     fn check(&self, rect: &PixelRect, pixels: &BucketPixels) -> Result<(), String> {
         let counts = self.frame.outputs.images.iter().map(|image| image.channels.len());
         let expected = counts.map(|channels| rect.width() * rect.height() * channels);
@@ -81,7 +82,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
                 let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
                 frame.options.progress.done(done);
             }
-            // Rendered again here, it is told of.
+            // The bucket is rendered again here, which reports the error.
             Err(_) => self.queue.finish(index, true),
         }
         Ok(())
@@ -89,7 +90,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// Has workers render all buckets; returns those that they did not.
+    /// Lets workers render all buckets. Returns those that they did not render.
     pub(super) fn spread_over(
         &self,
         workers: &dyn Workers,
@@ -100,7 +101,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let queue = Queue::new(total, self.priority());
         let done = AtomicU64::new(0);
         self.options.progress.begin(total as u64);
-        // A dump of grids wants them all here.
+        // A dump of grids needs all of them in this process.
         let count = if self.options.dump.is_some() { 0 } else { workers.begin() };
         std::thread::scope(|scope| {
             for worker in 0..count {
@@ -129,7 +130,7 @@ impl<S: FrameShader> Frame<'_, S> {
         left
     }
 
-    /// Renders what a coordinator asks for.
+    /// Renders the buckets that a coordinator requests.
     pub(super) fn serve(&self, coordinator: &dyn Coordinator, jobs: &Jobs<S::Object>, threads: usize) {
         std::thread::scope(|scope| {
             for _ in 0..threads {
@@ -142,7 +143,7 @@ impl<S: FrameShader> Frame<'_, S> {
                         }
                         let saves = self.shader.saves();
                         match catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread))) {
-                            // Whoever puts the frame together must have what it saves.
+                            // The process that completes the frame must have the saved data.
                             Ok(_) if self.shader.saves() != saves => {
                                 coordinator.done(index, Err("it saves to a spatial database"));
                             }
@@ -159,7 +160,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 }
 
-/// The colour of a worker's buckets.
+/// Returns the colour of a worker's buckets.
 fn color_of(worker: usize, seed: i32) -> Color {
     let channel = |c: u32| hash::unit(hash::words(&[worker as u32, seed.cast_unsigned(), c]));
     Color::new(channel(0), channel(1), channel(2)) * 0.7 + Color::splat(0.3)

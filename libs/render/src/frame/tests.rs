@@ -1,3 +1,4 @@
+// tidy: tests
 //! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
 
 mod cracks;
@@ -60,16 +61,12 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
             opaque: attributes.get(attr::OPACITY) == Color::ONE,
             opaque_in_depth: attributes.get(attr::OPACITY) == Color::ONE
                 || attributes.get(attr::RAY_OPAQUESHADOWS),
-            holdout: match attributes.get(attr::HOLDOUT) {
-                0 => Holdout::None,
-                1 => Holdout::Matte,
-                _ => Holdout::Shaded,
-            },
+            holdout: attributes.holdout(),
             displaces: self.displace.is_some(),
             max_displacement_world: attributes.get(attr::DISPLACE_MAXRADIUS),
             measures: self.displace.is_some() && attributes.get(attr::DISPLACE_MAXRADIUS) == 0.0,
             preshaded: false,
-            joins: false,
+            may_batch: false,
             saves: false,
         })
     }
@@ -378,8 +375,8 @@ fn a_square_covers_exactly_its_pixels() {
     assert_eq!(sum, 256.0);
 }
 
-/// Mean and greatest deviation of a covered area (pixels) from the exact one, as parts of it, over places that differ by
-/// parts of a pixel.
+/// Mean and greatest deviation of a covered area (pixels) from the exact one, as parts of it, over places that differ
+/// by parts of a pixel.
 fn coverage_error(exact: f64, shape: impl Fn(&mut Build, MotionTransform)) -> (f64, f64) {
     let (mut sum, mut worst) = (0.0, 0.0_f64);
     for k in 0..100 {
@@ -508,10 +505,10 @@ fn depths_of_a_plane() {
     let z = image(&build, "z", &[]);
     assert!((pixel(&z, 1, 32, 24)[0] - 3.5).abs() < 1e-5);
     assert!((pixel(&z, 1, 20, 24)[0] - 7.25).abs() < 1e-5);
-    assert_eq!(pixel(&z, 1, 2, 2), [crate::output::film::NO_DEPTH]);
+    assert_eq!(pixel(&z, 1, 2, 2), [granita_hider::film::NO_DEPTH]);
     let average = image(&build, "avgz", &[]);
     assert!((pixel(&average, 1, 32, 24)[0] - 5.375).abs() < 1e-5);
-    assert_eq!(pixel(&average, 1, 20, 24), [crate::output::film::NO_DEPTH], "a single surface is no surface");
+    assert_eq!(pixel(&average, 1, 20, 24), [granita_hider::film::NO_DEPTH], "a single surface is no surface");
 }
 
 #[test]
@@ -645,8 +642,8 @@ fn what_passes_through_the_near_plane_is_cut_there() {
     assert_eq!(pixel(&image, 4, 31, 32)[3], 0.0);
 }
 
-/// Ground under the eye that is displaced, or moves: what lies beside the picture is not diced as finely as the plane of the
-/// eye would ask for. It was left out, for asking for more points than a primitive may have.
+/// Ground under the eye that is displaced, or moves: what lies beside the picture is not diced as finely as the plane
+/// of the eye would ask for. It was left out, for asking for more points than a primitive may have.
 #[test]
 fn ground_around_the_eye_is_diced_for_what_is_seen() {
     for moves in [false, true] {

@@ -1,19 +1,19 @@
-//! Pixels of one image while a frame is rendered.
+//! The pixels of one image while a frame is rendered.
 //!
-//! A small image is kept until the frame is done. Of a large one only the rows are kept that have begun and are not
-//! finished: they are written as soon as all rows above them are. That bounds memory where buckets come in rows from the
-//! top, and so they do for large images, whatever "bucketorder" says. Of an image that is shown while it is made nothing
-//! is kept: its buckets go to the viewer as they come.
+//! A small image is kept until the frame is done. For a large image only the rows that have started and are not
+//! finished are kept. They are written as soon as all rows above them are. That bounds memory when buckets are
+//! rendered in rows from the top, as they are for large images, whatever "bucketorder" is. An image that is shown
+//! while it is rendered is not kept. Its buckets go to the viewer as they arrive.
 
 use crate::bucket::Buckets;
 use crate::output::plan::{ImageWriter, OutputImage};
 use crate::{CameraView, PixelRect};
 use granita_image::{FormatRegistry, Request};
 
-/// Images of more bytes are written while they are rendered.
+/// Images with more bytes are written while they are rendered.
 const LARGE_BYTES: usize = 1 << 28;
 
-/// See the module.
+/// The pixels of one image, as described in the module.
 pub(crate) struct Canvas {
     crop: PixelRect,
     channels: usize,
@@ -21,49 +21,49 @@ pub(crate) struct Canvas {
 }
 
 enum State {
-    /// Pixels of the crop window, channels side by side.
+    /// The pixels of the crop window, with interleaved channels.
     Kept(Vec<f32>),
     Written(Bands),
     Shown(Viewer),
 }
 
-/// Where an image is shown while it is made.
+/// The viewer of an image that is shown while it is rendered.
 struct Viewer {
-    /// None after it failed.
+    /// The file; `None` after it failed.
     file: Option<ImageWriter>,
-    /// Why, until somebody is told.
+    /// The error, until it is reported.
     trouble: Option<String>,
 }
 
 /// Rows of buckets.
 struct Bands {
-    /// First rows, and the end.
+    /// The first pixel row of each band, and the end.
     rows: Vec<i32>,
     bands: Vec<Band>,
-    /// The first one that is not written.
+    /// The first band that is not written.
     next: usize,
     file: Result<ImageWriter, String>,
 }
 
 struct Band {
-    /// Empty before its first bucket and after it was written.
+    /// The pixels; empty before its first bucket and after it was written.
     pixels: Vec<f32>,
-    /// Buckets that have not come.
+    /// The number of buckets that have not arrived.
     missing: usize,
 }
 
-/// What became of an image.
+/// The result of an image.
 pub(crate) enum Finished {
-    /// Its pixels, to be written.
+    /// Its pixels, which must be written.
     Kept(Vec<f32>),
-    /// It was written, or why it was not.
+    /// It was written, or the reason why it was not.
     Written(Result<(), String>),
-    /// All of it was shown, if there is a viewer left.
+    /// It was shown completely, if there is a viewer left.
     Shown(Option<ImageWriter>),
 }
 
 impl Canvas {
-    /// Whether an image that `camera` sees is written while it is rendered, and so wants its buckets from the top.
+    /// True when an image of `camera` is written while it is rendered, and so needs its buckets from the top.
     pub(crate) fn is_large(image: &OutputImage, camera: &CameraView) -> bool {
         !image.is_shown && Self::bytes(image, camera) > LARGE_BYTES
     }
@@ -73,7 +73,8 @@ impl Canvas {
         pixels.saturating_mul(image.channels.len() * size_of::<f32>())
     }
 
-    /// For an image as `camera` sees it. A large one is begun in its format; without `registry` all are kept.
+    /// Makes a canvas for an image of `camera`. The file of a large one is opened at once. Without `registry` all
+    /// are kept.
     pub(crate) fn new(
         image: &OutputImage,
         camera: &CameraView,
@@ -115,7 +116,7 @@ impl Canvas {
         Self { crop, channels, state }
     }
 
-    /// Takes the filtered pixels of a bucket.
+    /// Stores the filtered pixels of a bucket.
     pub(crate) fn store(&mut self, bucket: &PixelRect, values: &[f32]) {
         let n = self.channels;
         let (width, row) = (self.crop.width() * n, bucket.width() * n);
@@ -150,14 +151,14 @@ impl Canvas {
         }
     }
 
-    /// Somebody begins to work on a bucket.
+    /// Reports to the viewer that a bucket is started.
     pub(crate) fn begin(&mut self, bucket: &PixelRect) {
         if let State::Shown(Viewer { file: Some(file), .. }) = &mut self.state {
             file.begin(bucket);
         }
     }
 
-    /// What those who look at the image ask for.
+    /// Returns the requests of the viewer of the image.
     pub(crate) fn requests(&mut self) -> Vec<Request> {
         match &mut self.state {
             State::Shown(Viewer { file: Some(file), .. }) => file.requests(),
@@ -165,7 +166,7 @@ impl Canvas {
         }
     }
 
-    /// Why the image is not shown any more, once.
+    /// Returns once the reason why the image is not shown any more.
     pub(crate) fn trouble(&mut self) -> Option<String> {
         match &mut self.state {
             State::Shown(viewer) => viewer.trouble.take(),
@@ -173,7 +174,7 @@ impl Canvas {
         }
     }
 
-    /// After the last bucket. What did not come is black.
+    /// Ends the image after the last bucket. Missing buckets are black.
     pub(crate) fn finish(self) -> Finished {
         match self.state {
             State::Kept(pixels) => Finished::Kept(pixels),

@@ -1,27 +1,27 @@
-//! Shaded grids, written as a scene (reference 4.3.7 "griddump:filename").
+//! Writes shaded grids as a scene (reference 4.3.7, "griddump:filename").
 //!
-//! Every grid that a bucket asks for becomes a linear `Patch` in "camera" space with the colour, the opacity and the
-//! variables that the images of the frame want at each of its points, in a `Motion` block where it moves. A trimmed
-//! grid becomes as many patches as it takes to cover what is left of it.
+//! Every grid that a bucket requests becomes a linear `Patch` in "camera" space. It has the colour, the opacity and the
+//! variables that the images of the frame request at each of its points, and stands in a `Motion` block when it moves. A
+//! trimmed grid becomes several patches, which cover its remaining micropolygons.
 //!
-//! Threads shade grids in any order. Their text goes to a nameless file as it comes, and is copied in the order of the
-//! scene once the frame is complete: memory holds the places only, the file has the same bytes for any number of
-//! threads, and it appears whole or not at all.
+//! Threads shade grids in any order. The text of each grid is appended to a nameless file. When the frame is complete,
+//! the texts are copied in the order of the scene. Memory holds their offsets only, the file has the same bytes for any
+//! number of threads, and an incomplete file never appears.
 
-use crate::hider::{Holdout, ShadedGrid};
 use crate::{CallText, CameraView, RenderError, preshaded};
 use granita_base::{
     BaseType, Color, CurveBasis, Files, Interp, Param, ParamData, ParamType, Params, ShapeDesc, Transform,
     Vec3,
 };
 use granita_gsl::ir::ValueType;
-use granita_scene::Call;
+use granita_hider::ShadedGrid;
+use granita_scene::{Call, Holdout};
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A dump in the making. Shared by the threads of a frame.
+/// A dump that is being made. The threads of a frame share it.
 pub(crate) struct GridDump {
     path: PathBuf,
     files: Files,
@@ -32,41 +32,42 @@ pub(crate) struct GridDump {
     spill: Mutex<Spill>,
 }
 
-/// Grids as they came.
+/// The texts of grids in the order of their shading.
 struct Spill {
     file: File,
-    /// Bytes written so far.
+    /// The number of bytes written.
     length: u64,
     pieces: Vec<Piece>,
-    /// The first thing that went wrong.
+    /// The first error.
     failed: Option<io::Error>,
 }
 
-/// Where the text of a grid is. Sorted by what is declared first.
+/// The place of the text of a grid. The order of fields determines the sorting.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Piece {
-    /// Number of the primitive, and of the grid in it.
+    /// The index of the primitive, and of the grid in it.
     order: (usize, u32),
     from: u64,
     length: u64,
 }
 
-/// What a frame knows of a grid beside the grid.
+/// The description of a grid, besides its points and colours.
 pub(crate) struct Described<'a> {
-    /// Number of the primitive, and of the grid in it: where it stands in the file.
+    /// The index of the primitive, and of the grid in it, which determine its place in the file.
     pub(crate) order: (usize, u32),
-    /// Name of the object.
+    /// The name of the object.
     pub(crate) name: Arc<str>,
-    /// Of [`ShadedGrid::variables`].
+    /// The names and types of the variables of the grid's [`Shade`](granita_hider::Shade).
     pub(crate) variables: &'a [(Arc<str>, ValueType)],
-    /// What the grid's first view was seen from.
+    /// The camera of the grid's first view.
     pub(crate) eye: &'a CameraView,
 }
 
 impl GridDump {
-    /// Begins a file that will be called `path`, in the space of the scene's first camera.
+    /// Begins the file `path`, in the space of the scene's first camera.
     ///
-    /// Errors: [`RenderError::Io`] when there is no room for what is to be sorted.
+    /// # Errors
+    /// Returns [`RenderError::Io`] when the nameless file cannot be made.
     pub(crate) fn new(
         path: &Path,
         files: &Files,
@@ -74,13 +75,13 @@ impl GridDump {
         text: CallText,
         camera: &CameraView,
     ) -> Result<Self, RenderError> {
-        // On the disk that takes the file; beside a pipe there is no room.
+        // The nameless file is on the disk of the final one. A pipe has no such place.
         let file = files.scratch(path).map_err(|source| RenderError::Io { path: path.to_owned(), source })?;
         let spill = Mutex::new(Spill { file, length: 0, pieces: Vec::new(), failed: None });
         Ok(Self { path: path.to_owned(), files: files.clone(), binary, text, camera: camera.clone(), spill })
     }
 
-    /// Takes a grid.
+    /// Appends a grid.
     pub(crate) fn add(&self, grid: &ShadedGrid, described: &Described<'_>) {
         let bytes = (self.text)(calls(grid, described, &self.camera), self.binary);
         let mut spill = self.spill.lock().unwrap_or_else(PoisonError::into_inner);
@@ -98,9 +99,10 @@ impl GridDump {
         }
     }
 
-    /// Writes the file. A dump that is dropped instead leaves none.
+    /// Writes the file. A dump that is dropped leaves no file.
     ///
-    /// Errors: [`RenderError::Io`], also of what went wrong before.
+    /// # Errors
+    /// Returns [`RenderError::Io`] when this or an earlier write failed.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { path, files, binary, text, camera, spill } = self;
         let mut spill = spill.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -123,7 +125,7 @@ impl GridDump {
     }
 }
 
-/// The calls of a grid, in the space of a camera.
+/// Returns the calls that describe a grid, in the space of a camera.
 fn calls(grid: &ShadedGrid, described: &Described<'_>, camera: &CameraView) -> Vec<Call> {
     let mut calls = Vec::new();
     let mut attributes = Vec::new();
@@ -154,7 +156,7 @@ fn calls(grid: &ShadedGrid, described: &Described<'_>, camera: &CameraView) -> V
     calls
 }
 
-/// Points at each time in the space of a camera; the first view is that of `eye`.
+/// Returns the points at each time in the space of a camera. The first view of the grid is the view of `eye`.
 fn positions(grid: &ShadedGrid, eye: &CameraView, camera: &CameraView) -> Vec<Vec<Vec3>> {
     let view = &grid.views[0];
     if eye.world_to_camera == camera.world_to_camera {
@@ -167,7 +169,7 @@ fn positions(grid: &ShadedGrid, eye: &CameraView, camera: &CameraView) -> Vec<Ve
     view.times.iter().zip(&view.p_cam).map(moved).collect()
 }
 
-/// A variable at every point, component by component, in the space of a camera.
+/// The values of a variable at every point, component by component, in the space of a camera.
 struct Variable<'a> {
     name: &'a Arc<str>,
     base: BaseType,
@@ -175,7 +177,7 @@ struct Variable<'a> {
     values: Vec<f32>,
 }
 
-/// The variables that do not come with the patch anyway.
+/// Returns the variables that are not part of every patch.
 fn variables<'a>(
     grid: &ShadedGrid,
     wanted: &'a [(Arc<str>, ValueType)],
@@ -197,9 +199,9 @@ fn variables<'a>(
             ValueType::Matrix => BaseType::Matrix,
             _ => BaseType::Float,
         };
-        // Elements of arrays have names that a declaration cannot have.
-        let comes_anyway = matches!(&**name, "P" | "C" | "opacity") || name.contains('[');
-        let Some(values) = grid.shades[0].variables.get(from..from + width * n).filter(|_| !comes_anyway)
+        // Names of array elements cannot be declared.
+        let is_part_of_patch = matches!(&**name, "P" | "C" | "opacity") || name.contains('[');
+        let Some(values) = grid.shades[0].variables.get(from..from + width * n).filter(|_| !is_part_of_patch)
         else {
             continue;
         };
@@ -221,16 +223,18 @@ fn variables<'a>(
     found
 }
 
-/// A rectangle of points of a grid, and which of its sides are on the rim.
+/// A rectangle of points of a grid.
 struct Part {
-    /// First and last point along u and v.
+    /// The first and the last point along u.
     u: [usize; 2],
+    /// The first and the last point along v.
     v: [usize; 2],
+    /// Which sides are boundary edges of the grid: at v = 0, u = 1, v = 1 and u = 0.
     sides: [bool; 4],
 }
 
-/// Rectangles that cover the micropolygons that are there, each once: runs along u, which grow along v while the
-/// next row has the same run.
+/// Returns rectangles that cover the existing micropolygons, each once. They are runs along u, which grow along v while
+/// the next row has the same run.
 fn parts(grid: &ShadedGrid, points: &[Vec<Vec3>]) -> Vec<Part> {
     let (nu, nv) = (grid.nu, grid.nv);
     let (mu, mv) = (nu - 1, nv - 1);
@@ -241,7 +245,7 @@ fn parts(grid: &ShadedGrid, points: &[Vec<Vec3>]) -> Vec<Part> {
             && [at, at + 1, at + nu, at + nu + 1].into_iter().all(placed)
     };
     let mut done: Vec<Part> = Vec::new();
-    // Those that reach down to the current row.
+    // The rectangles that end at the current row.
     let mut open: Vec<Part> = Vec::new();
     for j in 0..mv {
         let mut runs: Vec<[usize; 2]> = Vec::new();
@@ -270,7 +274,7 @@ fn parts(grid: &ShadedGrid, points: &[Vec<Vec3>]) -> Vec<Part> {
     done
 }
 
-/// The patch of a part at one time.
+/// Returns the patch of a part at one time.
 fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>]) -> Call {
     let n = grid.nu * grid.nv;
     let points: Vec<usize> =
@@ -283,7 +287,7 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
             .as_slice()
             .into()
     };
-    // As it was shaded first.
+    // The first shading counts.
     let shade = &grid.shades[0];
     let mut params =
         vec![param("vertex point P", triples(p)), param("vertex color C", triples(&shade.color))];
@@ -307,13 +311,13 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
     Call::Shape { shape: Box::new(shape), params: Params(params) }
 }
 
-/// A parameter whose declaration is known to be good.
+/// Returns a parameter. The declaration must be valid.
 fn param(declaration: &str, data: impl Into<ParamData>) -> Param {
     Param::declared(declaration, data).expect("invariant: these declarations can be read")
 }
 
-/// A transformation from object to camera space that is the identity but for rounding, as that of a grid in "camera"
-/// space is: then its points are where they were.
+/// True when a transform from object to camera space is the identity except for rounding, as for a grid in "camera"
+/// space. The points of such a grid are taken unchanged.
 pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) -> bool {
     let far = world_to_camera.to_rows().into_iter().fold(1.0, |far: f32, x| far.max(x.abs()));
     let rows = to_camera.to_rows();
@@ -323,8 +327,8 @@ pub(crate) fn is_identity(to_camera: &Transform, world_to_camera: &Transform) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hider::{Shade, ViewedGrid};
     use granita_base::Reporter;
+    use granita_hider::{Shade, ViewedGrid};
 
     fn camera() -> CameraView {
         let camera = granita_scene::Camera {
@@ -335,7 +339,7 @@ mod tests {
         CameraView::new(&camera, &Reporter::silent())
     }
 
-    /// A flat grid of `nu x nv` points with every point's number as a variable.
+    /// Returns a flat grid of `nu` by `nv` points, with the index of each point as a variable.
     fn grid(nu: usize, nv: usize, kept: Vec<bool>) -> ShadedGrid {
         let p: Vec<Vec3> = (0..nu * nv).map(|i| Vec3::new((i % nu) as f32, (i / nu) as f32, 3.0)).collect();
         let color = p.clone();

@@ -1,10 +1,11 @@
-//! The images of a frame: what goes into them, and how they are written (reference 4.2, 7.3).
+// tidy: long: what an Output call may say, and what follows from it, is decided in one place
+//! The images of a frame: their content, and how they are written (reference 4.2, 7.3).
 
-use crate::hider::{Wanted, WantedVariable};
-use crate::output::film::{FilterSpec, PixelFilter};
 use crate::{CameraView, PixelRect, RenderError};
 use granita_base::{BaseType, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
+use granita_hider::film::{FilterSpec, PixelFilter};
+use granita_hider::{Wanted, WantedVariable};
 use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
 };
@@ -14,15 +15,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// Parameters of `Output` that the renderer itself understands; all others go to the format.
+/// Returns the parameters of `Output` that the renderer itself interprets. All others go to the format.
 fn own_parameters() -> impl Iterator<Item = &'static str> {
     TABLE.iter().filter(|row| row.scope == Scope::Output).map(|row| row.name)
 }
 
-/// Most bytes that the pixels of one image may take while the frame is rendered.
+/// The largest number of bytes of the pixels of one image while the frame is rendered.
 const MAX_IMAGE_BYTES: u64 = 1 << 37;
 
-/// What an image shows.
+/// The content of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Data {
     Color {
@@ -31,27 +32,27 @@ enum Data {
     Depth {
         middle: bool,
     },
-    /// Opacity against depth, with so many thresholds.
+    /// Opacity against depth, with this number of thresholds.
     Volume {
         depths: usize,
     },
-    /// Of an array one name for each element: `name[0]` and so on.
+    /// A shader variable. For an array there is one name per element: `name[0]` and so on.
     Variable {
         names: Vec<Arc<str>>,
         ty: ValueType,
     },
 }
 
-/// Elements of an array that an image can show.
+/// The largest number of elements of an array that an image can show.
 const MAX_ELEMENTS: u32 = 1024;
 
-/// Files of the images of a frame.
+/// The files of the images of a frame.
 #[derive(Debug, Default)]
 pub(crate) struct WrittenFiles(BTreeMap<PathBuf, PathBuf>);
 
 impl WrittenFiles {
-    /// The name of an earlier image that is written to the same file under another name. An image of the same name is
-    /// the other view of a stereo camera.
+    /// Returns the name of an earlier image that is written to the same file under another name. An image of the
+    /// same name is the other view of a stereo camera.
     pub(crate) fn taken_by(&mut self, image: &OutputImage) -> Option<PathBuf> {
         let path = &image.path;
         if image.is_shown || path.metadata().is_ok_and(|m| !m.is_file()) {
@@ -61,53 +62,53 @@ impl WrittenFiles {
         let place = parent.canonicalize().unwrap_or_else(|_| parent.to_owned());
         let place = place.join(path.file_name()?);
         let other = self.0.entry(place).or_insert_with(|| path.clone());
-        // Compared as text: paths that differ in a "./" alone are equal otherwise.
+        // The names are compared as text, because paths that differ only in a "./" are equal otherwise.
         (other.as_os_str() != path.as_os_str()).then(|| other.clone())
     }
 }
 
-/// Everything that the outputs of one camera want from the hider.
+/// The requests of the outputs of one camera to the hider.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OutputSet {
-    /// In order of declaration.
+    /// The images in order of declaration.
     pub(crate) images: Vec<OutputImage>,
-    /// Shader variables to compute.
+    /// The shader variables to compute.
     pub(crate) variables: Vec<(Arc<str>, ValueType)>,
-    /// Sample channels.
+    /// The requested sample channels.
     pub(crate) wanted: Wanted,
-    /// Whether any image shows colours or variables, so that surfaces must be shaded.
+    /// True when any image shows colours or variables, so that surfaces must be shaded.
     pub(crate) needs_shading: bool,
-    /// Whether what is hidden behind the first surface counts.
+    /// True when surfaces behind the first one count.
     pub(crate) needs_second_surface: bool,
 }
 
 /// One image to make.
 #[derive(Clone, Debug)]
 pub(crate) struct OutputImage {
-    /// Where it goes.
+    /// The file name.
     pub(crate) path: PathBuf,
     format: String,
     pub(crate) filter: FilterSpec,
-    /// Sample channels that are filtered into its channels.
+    /// The sample channels that are filtered into its channels.
     pub(crate) channels: Vec<usize>,
     names: Vec<String>,
-    /// Gain and gamma apply.
+    /// True when gain and gamma apply.
     pub(crate) is_color: bool,
     params: Params,
-    /// Filtered pixels of the crop window, channels side by side, when the frame is done.
+    /// The filtered pixels of the crop window, with interleaved channels, when the frame is done.
     pub(crate) pixels: Vec<f32>,
-    /// It is shown while it is made, by a format of "rectangles".
+    /// True when it is shown while it is rendered, by a format of "rectangles".
     pub(crate) is_shown: bool,
-    /// Where it was shown, when the frame is done.
+    /// The viewer that showed it, when the frame is done.
     pub(crate) shown: Shown,
-    /// What became of an image that was written while the frame was made.
+    /// The result of an image that was written while the frame was rendered.
     pub(crate) written: Option<Result<(), String>>,
-    /// "opaquewidth" of an image whose pixels are no filtered samples but texels of a volume shadow map.
+    /// "opaquewidth" of an image whose pixels are texels of a volume shadow map and not filtered samples.
     pub(crate) opaque_width: Option<f32>,
 }
 
 impl OutputSet {
-    /// From the outputs of one camera. Those that cannot be made are reported and left out.
+    /// Plans the outputs of one camera. Those that cannot be made are reported and left out.
     pub(crate) fn new(
         outputs: &[&Output],
         camera: &CameraView,
@@ -169,7 +170,7 @@ impl OutputSet {
             Data::Volume { depths } => {
                 let mut names = strings(&["zopaque", "alpha"]);
                 names.extend((0..*depths).map(|i| format!("z{i}")));
-                // No channels of samples: these are counted only.
+                // There are no channels of samples. These are only counted.
                 (vec![0; names.len()], names)
             }
             Data::Variable { names: elements, ty } => {
@@ -223,9 +224,9 @@ impl OutputSet {
         })
     }
 
-    /// The same images for the left and for the right eye of a stereo camera, under the names that they have then.
+    /// Returns the same images for the left and for the right eye of a stereo camera, with their file names.
     ///
-    /// Two images of one name are reported: the second one replaces the first.
+    /// Two images of one name are reported, because the second one replaces the first.
     pub(crate) fn for_eyes(self, reporter: &Reporter) -> Vec<Self> {
         let (mut left, mut right) = (self.clone(), self);
         let eyes = [("left", attr::STEREO_LEFT, &mut left), ("right", attr::STEREO_RIGHT, &mut right)];
@@ -246,13 +247,13 @@ impl OutputSet {
         vec![left, right]
     }
 
-    /// Largest margin of all filters, in x and y.
+    /// Returns the largest margin of all filters in pixels, in x and y.
     pub(crate) fn margin(&self) -> [i32; 2] {
         self.images.iter().map(|i| i.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
     }
 }
 
-/// `name-side.ext` for `name.ext`.
+/// Returns `name-side.ext` for `name.ext`.
 fn beside(path: &std::path::Path, side: &str) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     name.push(format!("-{side}"));
@@ -267,12 +268,12 @@ fn asks_for_dynamic(output: &Output) -> bool {
     output.get(attr::DYNAMIC)
 }
 
-/// Whether an image is made on demand, by shaders that look at it, and not written (reference 10.1.5).
+/// True when an image is made on demand for shaders, and not written (reference 10.1.5).
 pub(crate) fn is_dynamic(output: &Output) -> bool {
     asks_for_dynamic(output) && matches!(&*output.data, "z" | "avgz") && !output.name.is_empty()
 }
 
-/// What an output shows; `None` (reported) when it cannot be made, or is deleted by the format "null".
+/// Returns the content of an output; `None` (reported) when it cannot be made, or is deleted by the format "null".
 fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
     let refuse = |severity, what: String| {
         reporter.once(
@@ -362,11 +363,11 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     }
 }
 
-/// "filter" and "filterwidth". Depths are not blurred: unless told otherwise, they take the least depth of
-/// their own pixel.
+/// Returns "filter" and "filterwidth". By default depths are not blurred. They take the least depth of their own
+/// pixel.
 fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec {
     if matches!(data, Data::Volume { .. }) {
-        // The samples of a pixel are combined in a way of their own.
+        // The samples of a pixel of a volume shadow are combined in another way.
         return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
     }
     let depth = matches!(data, Data::Depth { .. });
@@ -376,7 +377,7 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
         Some("min") if depth => PixelFilter::Min,
         Some("max") if depth => PixelFilter::Max,
         Some("average") if depth => PixelFilter::Average,
-        // A mean over depths and infinity would mean nothing: every shape averages what is there.
+        // A mean over depths and infinity has no meaning, so every filter shape averages the finite depths.
         Some(_) if depth => PixelFilter::Average,
         Some(name) => PixelFilter::Weighted(Filter::from_word(name).unwrap_or_else(|| {
             reporter.once(
@@ -409,10 +410,10 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
     }
 }
 
-/// Fewest and most depths of a volume shadow's pixel, and how many there are unless told otherwise.
+/// The smallest and largest number of depths of a volume shadow's pixel. The first one is the default.
 const ZCHANNELS: (i32, i32) = (2, 1024);
 
-/// "zchannels".
+/// Returns "zchannels".
 fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
     let (least, most) = ZCHANNELS;
     let asked = output.get(attr::ZCHANNELS);
@@ -428,7 +429,7 @@ fn volume_depths(output: &Output, reporter: &Reporter) -> usize {
     usize::try_from(used).unwrap_or(3)
 }
 
-/// "opaquewidth".
+/// Returns "opaquewidth".
 fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
     let asked = output.get(attr::OPAQUEWIDTH);
     if asked.is_finite() && asked >= 0.0 {
@@ -439,7 +440,7 @@ fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
     used
 }
 
-/// Parameters that bundled formats take.
+/// The parameters of bundled formats.
 const FORMAT_PARAMETERS: [&str; 19] = [
     "Artist",
     "BitsPerSample",
@@ -462,7 +463,7 @@ const FORMAT_PARAMETERS: [&str; 19] = [
     "tilesize",
 ];
 
-/// Warns about parameters that nobody takes and that are spelled nearly as ones that are taken. Others may be for a plugin.
+/// Warns about unused parameters whose spelling is close to that of used ones. Others may be for a plugin.
 fn unknown_parameters(output: &Output, reporter: &Reporter) {
     let known = || own_parameters().chain(FORMAT_PARAMETERS);
     for param in &output.params {
@@ -487,7 +488,7 @@ fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
     );
 }
 
-/// The parameters of an output, with floats for depths and for what is shown, unless "quantize" is given.
+/// Returns the parameters of an output, with floats for depths and for viewers, unless "quantize" is set.
 fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
     let mut params = output.params.clone();
     if (is_shown || matches!(data, Data::Depth { .. } | Data::Volume { .. }))
@@ -499,13 +500,13 @@ fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
 }
 
 impl OutputImage {
-    /// Whether its filtered pixels are those of another image, to the bit.
+    /// True when its filtered pixels equal those of another image, to the bit.
     pub(crate) fn is_filtered_like(&self, other: &Self) -> bool {
         (&self.channels, &self.filter, self.opaque_width)
             == (&other.channels, &other.filter, other.opaque_width)
     }
 
-    /// Writes the image; it appears complete under its name, or not at all.
+    /// Writes the image. The file appears complete under its name, or not at all.
     pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let mut file = self.open(camera, registry)?;
         const ROWS: usize = 64;
@@ -515,19 +516,19 @@ impl OutputImage {
         file.close()
     }
 
-    /// Finds out whether the image can be written, before hours of rendering and without leaving anything behind: whether the
-    /// format can hold it, and whether the file can be created.
+    /// Checks that the image can be written, before hours of rendering and without leaving anything behind: that
+    /// the format supports it, and that the file can be created.
     pub(crate) fn check(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let exists = self.path.metadata();
         let by_plugin = registry.by_name(&self.format).is_some_and(|format| format.quantizes());
-        // Plugins do with a name what they like; a pipe or a device is opened once.
+        // Plugins may interpret a name in any way. A pipe or a device is opened only once.
         if self.is_shown || by_plugin || exists.is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(());
         }
         self.open(camera, registry).map(drop)
     }
 
-    /// Begins a file of this image.
+    /// Opens a file of this image.
     pub(crate) fn open(
         &self,
         camera: &CameraView,
@@ -561,7 +562,7 @@ impl OutputImage {
         )
     }
 
-    /// Begins a file in a format that exposes and quantizes by itself: it gets the values as they are.
+    /// Opens a file in a format that exposes and quantizes by itself. It gets the unchanged values.
     fn open_raw(
         &self,
         format: &dyn Format,
@@ -620,7 +621,7 @@ impl OutputImage {
         };
         spec.attributes.set(software);
         if self.opaque_width.is_some() {
-            // What it is cannot be told from its channels.
+            // Its kind does not follow from its channels.
             spec.attributes.set(Param {
                 name: "textureformat".into(),
                 ty: ParamType::of(BaseType::String),
@@ -637,7 +638,7 @@ impl OutputImage {
     }
 }
 
-/// What shows an image, if anything does. A copy of the image is shown nowhere.
+/// The viewer of an image, if there is one. A copy of the image has no viewer.
 #[derive(Default)]
 pub(crate) struct Shown(pub(crate) Mutex<Option<ImageWriter>>);
 
@@ -658,17 +659,17 @@ pub(crate) struct ImageWriter {
     file: Box<dyn granita_image::ImageOutput>,
     quantize: Quantize,
     stored: PixelType,
-    /// Of the next row.
+    /// The position of the next row.
     at: Placement,
 }
 
 impl ImageWriter {
-    /// Somebody begins to work on these pixels of the image.
+    /// Reports to the viewer that these pixels of the image are started.
     pub(crate) fn begin(&mut self, rect: &PixelRect) {
         self.file.begin_rectangle(&self.in_file(rect));
     }
 
-    /// Pixels of the image, anywhere.
+    /// Writes pixels of the image, anywhere.
     pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
         let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
         let pixels = self.quantize.apply(values, &at, self.stored);
@@ -676,24 +677,24 @@ impl ImageWriter {
         Ok(())
     }
 
-    /// What those who look at it ask for.
+    /// Returns the requests of its viewer.
     pub(crate) fn requests(&mut self) -> Vec<Request> {
         self.file.requests()
     }
 
-    /// Pixels of the image as the file counts them.
+    /// Returns the coordinates of pixels of the image in the file.
     fn in_file(&self, rect: &PixelRect) -> PixelRect {
         rect.moved(-self.at.x, -self.at.y)
     }
 
-    /// The next whole rows, channels side by side.
+    /// Writes the next whole rows, with interleaved channels.
     pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
         self.file.write_rows(&self.quantize.apply(values, &self.at, self.stored))?;
         self.at.y += (values.len() / (self.at.width * self.at.nchannels).max(1)) as i32;
         Ok(())
     }
 
-    /// After the last row: the file appears under its name.
+    /// Closes the file after the last row. It then appears under its name.
     pub(crate) fn close(self) -> Result<(), RenderError> {
         self.file.close()?;
         Ok(())

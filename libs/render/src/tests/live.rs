@@ -1,9 +1,9 @@
 //! Images that are shown while they are made.
 
-use super::CONSTANT;
-use crate::fixture::{Fixture, param};
+use super::{CONSTANT, finish};
 use crate::{RenderError, Renderer};
 use granita_base::Params;
+use granita_fixture::{Fixture, param};
 use granita_image::{
     CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
     Request, Result,
@@ -135,7 +135,7 @@ fn render(
             params: Params(params),
         });
     }
-    let (scene, _, mut environment) = f.finish();
+    let (scene, _, mut environment) = finish(&f);
     environment.registry = granita_plugin::bundled_formats(Limits::default());
     environment.registry.register(Arc::new(ViewerFormat(viewer.clone())));
     environment.threads = threads;

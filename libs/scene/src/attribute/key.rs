@@ -1,4 +1,4 @@
-//! Keys: attributes as constants that know their type and what they belong to.
+//! Keys: attributes as constants with a type and a scope.
 //!
 //! ```
 //! # fn f(object: &granita_scene::AttributeSet) -> f32 {
@@ -6,7 +6,7 @@
 //! # }
 //! ```
 //!
-//! A wrong name, a wrong type and an attribute that is asked of the wrong thing do not compile:
+//! A wrong name, a wrong type and an attribute of another scope do not compile:
 //!
 //! ```compile_fail
 //! # fn f(object: &granita_scene::AttributeSet) -> f32 {
@@ -26,7 +26,7 @@ use granita_base::{BaseType, Color, Param, ParamData, ParamType};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-/// What an attribute belongs to, as types; see [`Scope`](super::Scope).
+/// The scopes of attributes as types; see [`Scope`](super::Scope).
 pub mod scope {
     /// A camera.
     #[derive(Clone, Copy, Debug)]
@@ -43,22 +43,22 @@ pub mod scope {
     /// Writers of scene files.
     #[derive(Clone, Copy, Debug)]
     pub struct Writer;
-    /// Nothing that can be set.
+    /// Read-only values.
     #[derive(Clone, Copy, Debug)]
     pub struct ReadOnly;
 }
 
-/// A type that attributes have in programs.
+/// A type of attribute values in programs.
 pub trait AttributeValue: Sized + Default {
-    /// Its type in the scene interface.
+    /// The type in the scene interface.
     const TYPE: ParamType;
-    /// Whether it can say that nobody set the attribute, which has no default.
+    /// True when the type can represent that the attribute, which has no default, is not set.
     const IS_OPTIONAL: bool = false;
 
-    /// The value of this type; `None` for data of another type or length.
+    /// Returns the value of this type; `None` for data of another type or length.
     fn read(data: &ParamData) -> Option<Self>;
 
-    /// As data.
+    /// Returns the value as data.
     fn write(self) -> ParamData;
 }
 
@@ -86,7 +86,7 @@ impl AttributeValue for i32 {
     }
 }
 
-/// An integer that is 0 for no; every other one is yes.
+/// An integer, where 0 is false and every other value is true.
 impl AttributeValue for bool {
     const TYPE: ParamType = ParamType::of(BaseType::Int);
 
@@ -181,7 +181,7 @@ arrays! {
     [i32; 4]: ParamType::array(BaseType::Int, 4), to_ints;
 }
 
-/// An attribute of a [`scope`], with values of one type. All of them stand in [`attr`](super::attr).
+/// An attribute of a [`scope`] with values of one type. All keys are in [`attr`](super::attr).
 #[derive(Debug)]
 pub struct Key<S, T> {
     row: &'static AttributeRow,
@@ -197,24 +197,24 @@ impl<S, T> Clone for Key<S, T> {
 impl<S, T> Copy for Key<S, T> {}
 
 impl<S, T> Key<S, T> {
-    /// The row of the table.
+    /// Returns the row of the table.
     pub const fn row(self) -> &'static AttributeRow {
         self.row
     }
 
-    /// Whether a name is that of the attribute, or another spelling of it that is in use.
+    /// True when a name is that of the attribute, or an alternative spelling of it.
     pub fn is_named(self, name: &str) -> bool {
         known(name).is_some_and(|known| known.row.name == self.row.name)
     }
 
-    /// The name of the attribute.
+    /// Returns the name of the attribute.
     pub const fn name(self) -> &'static str {
         self.row.name
     }
 }
 
 impl<S, T: AttributeValue> Key<S, T> {
-    /// The key of a row.
+    /// Returns the key of a row.
     pub(super) const fn new(row: &'static AttributeRow) -> Self {
         assert!(
             T::IS_OPTIONAL == matches!(row.default, DefaultValue::Unset),
@@ -223,28 +223,28 @@ impl<S, T: AttributeValue> Key<S, T> {
         Self { row, marker: PhantomData }
     }
 
-    /// The value when nobody sets it; `None` where the table has none.
+    /// Returns the value when the attribute is not set; `None` where the table has no default.
     pub fn default(self) -> T {
         let default = || T::read(&known(self.row.name)?.default.as_ref()?.data);
         default().unwrap_or_default()
     }
 
-    /// The value that was set, or the default.
+    /// Returns the value that was set, or the default.
     pub(crate) fn of(self, set: Option<&Param>) -> T {
         set.and_then(|param| T::read(&param.data)).unwrap_or_else(|| self.default())
     }
 
-    /// The value that a parameter gives to this attribute; `None` for parameters of another name or type.
+    /// Returns the value that a parameter gives to this attribute; `None` for parameters of another name or type.
     pub fn given(self, param: &Param) -> Option<T> {
         self.is_named(&param.name).then(|| T::read(&param.data)).flatten()
     }
 
-    /// The value in the current state of a scene that is being made, or the default.
+    /// Returns the value in the current state of a scene under construction, or the default.
     pub fn ask(self, sink: &dyn SceneSink) -> T {
         self.of(sink.attribute(&self.row.declaration()).as_ref())
     }
 
-    /// A parameter that sets the attribute.
+    /// Returns a parameter that sets the attribute.
     pub fn param(self, value: T) -> Param {
         let name = known(self.row.name).map_or_else(|| self.row.name.into(), |known| known.name.clone());
         Param { name, ty: self.row.ty, data: value.write() }
@@ -269,7 +269,7 @@ mod tests {
         let list: Arc<[Arc<str>]> = ["a.sdb".into(), "b.sdb".into()].into();
         let set = attr::SPATIALDB_READ.param(Some(list.clone()));
         assert_eq!(attr::SPATIALDB_READ.of(Some(&set)), Some(list));
-        // Data of another type or length count as none.
+        // Data of another type or length are ignored.
         let short = Param { data: ParamData::from(&[1.0, 2.0][..]), ..attr::CROP.param([0.0; 4]) };
         assert_eq!(attr::CROP.of(Some(&short)), attr::CROP.default());
     }

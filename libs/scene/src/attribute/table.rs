@@ -1,8 +1,8 @@
 // tidy: table
-//! The rows. Each is a key in [`attr`](super::attr):
+//! The rows of the attribute table. Each row is a key in [`attr`](super::attr).
 //!
-//! `KEY: scope, type in programs = section of the reference, name, default, help` and `, Hint` where setting it has no effect
-//! because nothing is missing.
+//! The form is `KEY: scope, type in programs = section of the reference, name, default, help`, followed by `, Hint`
+//! for an attribute whose setting has no effect and needs none.
 
 use super::key::{AttributeValue, Key, scope};
 use super::{AttributeRow, DefaultValue, Effect, Scope};
@@ -10,7 +10,7 @@ use DefaultValue::{Floats, Ints, OneOf, Text, Unset};
 use granita_base::Color;
 use std::sync::Arc;
 
-/// Makes a key of each row, and the table of all of them.
+/// Makes a key for each row, and the table of all rows.
 macro_rules! attributes {
     ($($key:ident: $scope:ident, $value:ty =
         $section:literal, $name:literal, $default:expr, $help:literal $(, $effect:ident)?;)*) => {

@@ -8,14 +8,15 @@ use granita_base::{BaseType, Location, Param, ParamData, ParamType, Severity, su
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The parameter with its values converted to `row`'s type, or what is wrong with it.
+/// Returns the parameter with its values converted to the type of `row`, or a description of the error.
 pub(super) fn convert(param: &Param, row: &AttributeRow) -> Result<Param, String> {
     Ok(Param { name: row.name.into(), ty: row.ty, data: converted(param, row)? })
 }
 
-/// The values converted to `row`'s type, or what is wrong with them.
+/// Returns the values converted to the type of `row`, or a description of the error.
 ///
-/// Any numeric type converts to the declared one, as long as nothing is lost; strings and numbers do not mix.
+/// Any numeric type is converted to the declared one, if nothing is lost. Strings and numbers are not converted to
+/// each other.
 fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
     let declared = param.ty;
     let is_string = |base: BaseType| base == BaseType::String;
@@ -50,7 +51,7 @@ fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
     if got != want {
         return Err(format!("\"{}\" wants {} ({}), not {got}", row.name, values(want), row.ty));
     }
-    // The values fit the attribute, so the mistake is in the declaration.
+    // The values fit the attribute, so that the error is in the declaration.
     if declared.base != BaseType::Unknown && declared.width() != got {
         let declaration = param.declaration();
         return Err(format!("\"{declaration}\" declares {} and is given {got}", values(declared.width())));
@@ -70,7 +71,7 @@ fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
     Ok(data)
 }
 
-/// A number of values, in words.
+/// Returns a number of values in words.
 fn values(n: usize) -> String {
     format!("{n} value{}", if n == 1 { "" } else { "s" })
 }
@@ -82,13 +83,13 @@ fn string_of(data: &ParamData) -> Option<&str> {
     }
 }
 
-/// Names that a misspelled attribute may have meant.
+/// Returns the names that a misspelled attribute may stand for.
 pub(super) fn attribute_names(scopes: &[Scope]) -> impl Iterator<Item = &'static str> {
     TABLE.iter().filter(move |r| scopes.contains(&r.scope)).map(|r| r.name)
 }
 
 impl State {
-    /// `Attribute`.
+    /// Handles `Attribute`.
     pub(super) fn set_attribute(&mut self, param: Param, at: &Location) {
         if param.name.starts_with("user:") {
             return self.set_user(param, at);
@@ -131,7 +132,7 @@ impl State {
         }
     }
 
-    /// Kept to be asked for; "pyg:indent" is relative to what it was (reference 4.3.12).
+    /// Stores a writer attribute for queries. "pyg:indent" is relative to its previous value (reference 4.3.12).
     fn set_writer(&mut self, mut param: Param) {
         let indent = attr::PYG_INDENT;
         if &*param.name == indent.name() {
@@ -196,11 +197,11 @@ impl State {
         }
     }
 
-    /// A scene-wide attribute, checked and converted.
+    /// Sets a scene-wide attribute, checked and converted.
     fn set_global(&mut self, mut param: Param) {
         let previous = crate::attribute::lookup(self.globals.get(&param.name), &param.name);
         if param.name.starts_with("path:") {
-            // "&" is the path as it was until now.
+            // "&" stands for the previous path.
             let old = previous.as_ref().and_then(string).unwrap_or("");
             let new: Vec<&str> = string(&param)
                 .unwrap_or("")
@@ -209,7 +210,7 @@ impl State {
                 .collect();
             param.data = new.join(":").as_str().into();
         } else if param.name.starts_with("spatialdb:") {
-            // Each call names one more database.
+            // Each call adds one database.
             let mut all: Vec<Arc<str>> = previous.as_ref().map(strings).unwrap_or_default();
             for name in strings(&param) {
                 if !all.contains(&name) {
@@ -225,7 +226,8 @@ impl State {
         self.globals.insert(param.name.clone(), param);
     }
 
-    /// `GetAttribute`: `None` when there is no such attribute, or not of the declared type.
+    /// Handles `GetAttribute`. Returns `None` when there is no such attribute, or when it is not of the declared
+    /// type.
     pub(super) fn get_attribute(&self, declaration: &str) -> Option<Param> {
         let (ty, name) = ParamType::parse(declaration).ok()?;
         let row = attribute_row(&name);
@@ -245,7 +247,7 @@ impl State {
         matches.then_some(found)
     }
 
-    /// As set for the next camera before World, of the first camera after it.
+    /// Returns the value for the next camera before World, and that of the first camera after World.
     fn camera_value(&self, name: &str) -> Option<Param> {
         let camera = self.cameras.first().filter(|_| self.phase != Phase::Options);
         let set = match camera {
@@ -253,7 +255,7 @@ impl State {
             None => self.camera_values.get(name).cloned(),
         };
         if name == "screen" && set.is_none() {
-            // Follows from the resolution, as long as nobody sets it (reference 4.1).
+            // The value follows from the resolution unless it is set (reference 4.1).
             let number = |name| self.camera_value(name).and_then(|p| p.data.to_floats());
             let resolution = number("resolution")?;
             let row = attribute_row(name)?;
@@ -282,7 +284,7 @@ impl State {
     }
 }
 
-/// The numbers of major version, minor version, release and patch.
+/// Returns the numbers of major version, minor version, release and patch.
 fn version() -> [i32; 4] {
     let mut numbers = [0; 4];
     for (n, part) in numbers.iter_mut().zip(granita_base::VERSION.split('.')) {
@@ -291,7 +293,7 @@ fn version() -> [i32; 4] {
     numbers
 }
 
-/// "renderer:version" or "renderer:versionstring".
+/// Returns "renderer:version" or "renderer:versionstring".
 pub fn version_attribute(name: &str) -> Option<Param> {
     let row = attribute_row(name)?;
     let data = match row.name {
@@ -302,7 +304,7 @@ pub fn version_attribute(name: &str) -> Option<Param> {
     Some(Param { name: row.name.into(), ty: row.ty, data })
 }
 
-/// Puts a value into the set, or takes the entry out when it is the default.
+/// Stores a value in the set, or removes the entry when the value is the default.
 fn store(set: &mut crate::AttributeSet, known: &Known, value: &Param) {
     let name = known.row.name;
     let old = set.values.get(name);
@@ -322,7 +324,7 @@ fn strings(p: &Param) -> Vec<Arc<str>> {
     }
 }
 
-/// The list of geometry sets after "geometryset" was set to `change` (reference 4.4.3).
+/// Returns the list of geometry sets after "geometryset" was set to `change` (reference 4.4.3).
 fn changed_sets(old: &[Arc<str>], change: &str) -> Arc<[Arc<str>]> {
     let parts = || change.split(',').map(str::trim).filter(|p| !p.is_empty());
     let replaces = parts().any(|p| !p.starts_with(['+', '-'])) || parts().next().is_none();
@@ -343,8 +345,8 @@ fn changed_sets(old: &[Arc<str>], change: &str) -> Arc<[Arc<str>]> {
     sets.into_iter().collect()
 }
 
-/// A parameter whose data agree with its declared type: numbers converted, strings where strings are
-/// declared, a whole number of items.
+/// Returns a parameter whose data agree with its declared type: numbers are converted, strings are required where
+/// they are declared, and the number of items is whole.
 pub(super) fn typed(param: &Param) -> Result<Param, String> {
     let what = || format!("\"{}\"", param.declaration());
     let data = match (param.ty.base, &param.data) {

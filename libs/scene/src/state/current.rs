@@ -1,13 +1,13 @@
-//! The current attribute state: edited in place, frozen on demand, shared while it does not change.
+//! The current attribute state, which is edited in place, frozen on demand, and shared until it changes.
 
 use crate::{AttributeSet, attr};
 use granita_base::{MotionTransform, Param, Transform};
 use std::sync::Arc;
 
-/// The state that the next primitive takes on.
+/// The state that the next primitive gets.
 #[derive(Clone, Debug)]
 pub(super) struct Current {
-    /// `flip_normals` in here is stale until frozen.
+    /// The attributes. Their `flip_normals` is stale until the state is frozen.
     pub(super) set: AttributeSet,
     frozen: Option<Arc<AttributeSet>>,
 }
@@ -20,13 +20,13 @@ impl Default for Current {
 }
 
 impl Current {
-    /// For changing it.
+    /// Returns the state for a change.
     pub(super) fn edit(&mut self) -> &mut AttributeSet {
         self.frozen = None;
         &mut self.set
     }
 
-    /// The state as a primitive keeps it; the same `Arc` until something changes.
+    /// Returns the state that a primitive keeps. It is the same `Arc` until the state changes.
     pub(super) fn freeze(&mut self, world_to_camera: Option<&Transform>) -> Arc<AttributeSet> {
         if let Some(frozen) = &self.frozen {
             return frozen.clone();
@@ -38,11 +38,11 @@ impl Current {
     }
 }
 
-/// Whether the geometric normal, measured in world coordinates, has to be negated to obey "orientation"
+/// True when the geometric normal, measured in world coordinates, must be negated to comply with "orientation"
 /// (reference 4.4.4).
 ///
-/// "outside" follows the handedness of object space, so normals stay on the same side of an object however
-/// it is mirrored; "lh" and "rh" hold whatever the transformation, as seen from camera space.
+/// "outside" follows the handedness of object space, so that normals stay on the same side of an object when it is
+/// mirrored. "lh" and "rh" apply to camera space, whatever the transformation.
 pub(super) fn flips_normals(set: &AttributeSet, world_to_camera: Option<&Transform>) -> bool {
     let to_world = set.to_world.first();
     let outside = to_world.flips_handedness();
@@ -61,13 +61,13 @@ pub(super) fn flips_normals(set: &AttributeSet, world_to_camera: Option<&Transfo
     }
 }
 
-/// The "orientation" in force: never "reverse".
+/// Returns the effective "orientation", which is never "reverse".
 pub(super) fn orientation(set: &AttributeSet) -> &'static str {
     let word = set.get(attr::ORIENTATION);
     ["inside", "lh", "rh"].into_iter().find(|w| *w == &*word).unwrap_or("outside")
 }
 
-/// The first string of a parameter.
+/// Returns the first string of a parameter.
 pub(super) fn string(p: &Param) -> Option<&str> {
     match &p.data {
         granita_base::ParamData::String(v) => v.first().map(|s| &**s),
@@ -75,7 +75,7 @@ pub(super) fn string(p: &Param) -> Option<&str> {
     }
 }
 
-/// Applies `rebase` after every transformation that the set holds.
+/// Applies `rebase` after every transformation of the set.
 pub(super) fn rebase_set(set: &mut AttributeSet, rebase: &MotionTransform) {
     set.to_world = set.to_world.then(rebase);
     for group in [&mut set.surface, &mut set.displacement, &mut set.volume].into_iter().flatten() {

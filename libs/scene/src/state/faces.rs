@@ -1,5 +1,5 @@
-//! Meshes whose faces have attribute states of their own (reference 2.8.2): one primitive per state, in
-//! which the faces of the others are holes. Subdivision sees the whole mesh each time, so the parts fit.
+//! Meshes whose faces have their own attribute states (reference 2.8.2). There is one primitive for each state, in
+//! which the faces of the other states are holes. Subdivision uses the whole mesh each time, so that the parts fit.
 
 use super::State;
 use super::current::flips_normals;
@@ -10,14 +10,14 @@ use granita_base::{
 };
 use std::sync::Arc;
 
-/// Faces that share a state, and the parameters of the mesh with all other faces as holes.
+/// The faces that share a state, and the parameters of the mesh with all other faces as holes.
 pub(super) struct Part {
     pub(super) attributes: Arc<AttributeSet>,
     pub(super) keys: Vec<ShapeKey>,
 }
 
 impl State {
-    /// The parts of a mesh with "__attributes"; `None` for any other primitive.
+    /// Returns the parts of a mesh with "__attributes"; `None` for any other primitive.
     pub(super) fn face_parts(
         &mut self,
         shape: &ShapeDesc,
@@ -37,7 +37,7 @@ impl State {
                 vec![None; faces]
             }
         };
-        // States in order of their first face; `None` is the primitive's own.
+        // The states in the order of their first faces. `None` is the state of the primitive itself.
         let mut states: Vec<Option<Arc<str>>> = Vec::new();
         let mut of_face = Vec::with_capacity(faces);
         for owner in owners {
@@ -80,7 +80,7 @@ impl State {
     }
 }
 
-/// The name of each face's state.
+/// Returns the name of each face's state.
 fn owners(names: &Param, index: Option<&Param>, faces: usize) -> Result<Vec<Option<Arc<str>>>, String> {
     let ParamData::String(names) = &names.data else {
         return Err("\"__attributes\" wants strings".into());
@@ -105,7 +105,7 @@ fn owners(names: &Param, index: Option<&Param>, faces: usize) -> Result<Vec<Opti
     Ok(index.iter().map(|i| name(i).cloned()).collect())
 }
 
-/// The parameters without those that name states, and with these holes.
+/// Returns the parameters without those that name states, and with these holes.
 fn with_holes(params: &Params, holes: &[i32]) -> Params {
     let special = ["__attributes", "__attributesindex", "holes"];
     let mut all: Params = params.iter().filter(|p| !special.contains(&&*p.name)).cloned().collect();

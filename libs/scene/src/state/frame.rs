@@ -15,7 +15,7 @@ const COMMANDS: [&str; 8] =
     ["exit", "return", "wait", "system", "mkdir", "unlink", "bucketpriority", "fileread"];
 
 impl State {
-    /// `Camera`: placed at the current transformation, looking along +z.
+    /// Handles `Camera`. The camera is at the current transformation and looks along +z.
     pub(super) fn camera(&mut self, name: Arc<str>, params: Params, at: &Location) {
         let params = self.take_params(params);
         if self.phase == Phase::World {
@@ -45,7 +45,7 @@ impl State {
         });
     }
 
-    /// Defaults, then `Attribute`s, then the parameters of the call.
+    /// Returns the defaults, overridden by `Attribute`s, overridden by the parameters of the call.
     fn camera_params(&self, camera: &str, params: &Params, at: &Location) -> Params {
         let rows = TABLE.iter().filter(|r| r.scope == Scope::Camera);
         let mut all: Params = rows.filter_map(|r| r.default_param()).collect();
@@ -73,7 +73,7 @@ impl State {
         all
     }
 
-    /// `Output`, its pending parameters taken.
+    /// Handles `Output` and takes the pending parameters.
     pub(super) fn output(&mut self, output: Output, at: &Location) {
         if self.phase == Phase::World {
             return self.out_of_place(at, "Output", "after World");
@@ -83,7 +83,7 @@ impl State {
             let row = attribute_row(&param.name).filter(|r| r.scope == Scope::Output);
             let checked = match row {
                 Some(row) => convert(param, row),
-                // Anything else is for the image format.
+                // Other parameters are for the image format.
                 None => typed(param),
             };
             match checked {
@@ -107,7 +107,7 @@ impl State {
         }
     }
 
-    /// `World`.
+    /// Handles `World`.
     pub(super) fn begin_world(&mut self, at: &Location) {
         self.leave_modify();
         if let Some(group) = self.group.take() {
@@ -133,19 +133,20 @@ impl State {
         self.world = Some((self.current.clone(), self.stack.len()));
     }
 
-    /// Without a `Camera` the frame began in camera space, and the current transformation places the world.
+    /// Declares a camera when there was no `Camera` call. The frame then began in camera space, and the current
+    /// transformation places the world.
     fn implicit_camera(&mut self, at: &Location) {
         let world_to_camera = self.current.set.to_world.clone();
         if world_to_camera.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
             self.report(Severity::Error, at, "World", "the transformation at World cannot be inverted");
         }
-        // Outputs may have named it already; objects are visible to it as members of "camera".
+        // Outputs may already use its name. Objects are visible to it as members of "camera".
         let named = self.outputs.iter().map(|o| &o.camera).find(|c| !c.is_empty());
         let name: Arc<str> = named.cloned().unwrap_or_else(|| "camera".into());
         let params = self.camera_params(&name, &Params::new(), at);
         let rebase = world_to_camera.inverse();
         self.cameras.push(Camera { name, world_to_camera, params });
-        // What was declared until now was placed relative to the camera.
+        // Everything declared before was placed relative to the camera.
         let still = rebase == MotionTransform::default();
         if still {
             return;
@@ -169,7 +170,7 @@ impl State {
         }
     }
 
-    /// `Render`: freezes the scene and hands it over.
+    /// Handles `Render`: freezes the scene and passes it to the renderer.
     pub(super) fn render(&mut self, camera: Option<&str>, at: &Location) -> Result<(), Stop> {
         self.leave_modify();
         if self.phase == Phase::Options {
@@ -211,7 +212,7 @@ impl State {
         result
     }
 
-    /// Forgets the frame that was rendered; scene-wide and camera attributes stay as they are.
+    /// Removes the frame that was rendered. Scene-wide and camera attributes are kept.
     pub(super) fn begin_frame(&mut self) {
         self.phase = Phase::Options;
         self.current = super::current::Current::default();
@@ -227,7 +228,8 @@ impl State {
         self.lost_sets.clear();
     }
 
-    /// Warns about cameras with images that show no object since "geometryset" took them off the list (reference 4.4.3).
+    /// Warns about cameras with images that show no object since "geometryset" removed them from the list
+    /// (reference 4.4.3).
     fn check_sets(&self, scene: &Scene) {
         if scene.primitives.is_empty() || scene.inputs.unread > 0 {
             return;
@@ -249,7 +251,7 @@ impl State {
         }
     }
 
-    /// The finished scene. Unless `keep`, the primitives move into it.
+    /// Returns the finished scene. Unless `keep` is true, the primitives are moved into it.
     pub(super) fn freeze(&mut self, keep: bool) -> Scene {
         self.drop_removed_lights();
         let mut outputs = self.outputs.clone();
@@ -290,7 +292,7 @@ impl State {
         }
     }
 
-    /// Takes removed lights off the lists of all objects.
+    /// Removes the removed lights from the lists of all objects.
     fn drop_removed_lights(&mut self) {
         let removed = |id: crate::LightId| self.lights[id.0 as usize].group.layers.is_empty();
         if !self.lights.iter().any(|l| l.group.layers.is_empty()) {
@@ -310,7 +312,7 @@ impl State {
         }
     }
 
-    /// `Command`.
+    /// Handles `Command`.
     pub(super) fn command(&mut self, name: &str, params: Params, at: &Location) -> Result<(), Stop> {
         let params = self.take_params(params);
         let word = name.split_whitespace().next().unwrap_or("");

@@ -1,85 +1,85 @@
-//! `Input` (reference 2.9): read at once, or put off until a camera or a ray may need what it holds.
+//! `Input` (reference 2.9), which is read at once, or deferred until a camera or a ray may need its contents.
 
 use super::current::Current;
 use super::save::Saved;
 use super::{Phase, State};
 use crate::attr;
-use crate::{InputCounts, InputPaths, InputReader, LightId, Stop, UnreadInput};
+use crate::{DeferredInput, InputCounts, InputPaths, InputReader, LightId, Stop};
 use granita_base::{Location, MotionTransform, Params, Severity};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Inputs nested deeper than this are not read.
+/// The largest nesting of inputs. Deeper inputs are not read.
 const MAX_INPUT_DEPTH: usize = 64;
 
-/// One input that is being read.
+/// An input that is being read.
 #[derive(Clone)]
 struct Link {
     identity: Arc<str>,
     command: Arc<str>,
 }
 
-/// An input that waits, with all of the state that its calls may see.
+/// A deferred input, with all of the state that its calls may use.
 struct Waiting {
     reader: InputReader,
     bound: [f32; 6],
     at: Location,
-    /// How many primitives come before it.
+    /// The number of primitives before it.
     position: usize,
     current: Current,
     saved: Arc<BTreeMap<Arc<str>, Saved>>,
     light_ids: Arc<BTreeMap<Arc<str>, LightId>>,
-    /// What was being read, and itself.
+    /// The inputs that were being read, including itself.
     chain: Vec<Link>,
 }
 
 /// The inputs of a frame.
 #[derive(Default)]
 pub(super) struct Inputs {
-    /// What is being read, outermost first.
+    /// The inputs that are being read, outermost first.
     chain: Vec<Link>,
-    /// In order of their places in the scene.
+    /// The deferred inputs, in the order of their places in the scene.
     waiting: Vec<Waiting>,
-    /// While an input with a bound is read: how many lights there were before.
+    /// The number of lights before an input with a bound, while that input is read.
     late: Option<usize>,
-    /// Spaces named by inputs with a bound.
+    /// The spaces named by inputs with a bound.
     spaces: BTreeMap<Arc<str>, MotionTransform>,
     counts: InputCounts,
 }
 
 impl Inputs {
-    /// Whether an input with a bound is being read.
+    /// True when an input with a bound is being read.
     pub(super) fn reads_late(&self) -> bool {
         self.late.is_some()
     }
 
-    /// Whether a light belongs to the scene around the input with a bound that is being read.
+    /// True when a light belongs to the scene around the input with a bound that is being read.
     pub(super) fn is_outside(&self, light: LightId) -> bool {
         self.late.is_some_and(|before| (light.0 as usize) < before)
     }
 
-    /// Spaces that inputs with a bound named, to world: shaders may ask for them.
+    /// Returns the spaces that inputs with a bound named, as transforms to world. Shaders may use them.
     pub(super) fn late_spaces(&self) -> &BTreeMap<Arc<str>, MotionTransform> {
         &self.spaces
     }
 
-    /// Inputs that were read late or not at all.
+    /// Returns the numbers of inputs that were read late or not at all.
     pub(super) fn counts(&self) -> InputCounts {
         InputCounts { unread: self.waiting.len(), ..self.counts }
     }
 
-    /// Another frame begins.
+    /// Clears the inputs for another frame.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.spaces.clear();
     }
 
-    /// Inputs that wait.
+    /// The number of deferred inputs.
     pub(super) fn waiting(&self) -> usize {
         self.waiting.len()
     }
 
-    /// Why this one must not be read now, if so.
+    /// Returns the reason why this input must not be read now, if there is one.
     fn endless(&self, link: &Link) -> Option<String> {
         let command = &link.command;
         if let Some(first) = self.chain.iter().position(|l| l.identity == link.identity) {
@@ -97,8 +97,8 @@ impl Inputs {
 }
 
 impl State {
-    /// Reads what is no `Input` of the scene but the scene itself, by `reader`. `identity` tells it from other sources,
-    /// as [`crate::FoundInput::identity`], so that a scene which names itself is found out.
+    /// Reads a source that is not an `Input` of the scene but the scene itself, by `reader`. `identity` identifies
+    /// it, as [`crate::FoundInput::identity`] does, so that a scene that contains itself is detected.
     pub fn read<R>(&mut self, identity: &str, name: &str, reader: impl FnOnce(&mut Self) -> R) -> R {
         self.inputs.chain.push(Link { identity: identity.into(), command: name.into() });
         let result = reader(self);
@@ -106,7 +106,7 @@ impl State {
         result
     }
 
-    /// `Input`.
+    /// Handles `Input`.
     pub(super) fn input(
         &mut self,
         command: Arc<str>,
@@ -157,7 +157,7 @@ impl State {
         true
     }
 
-    /// Reads one with the state of its call, and leaves no traces in the state as it is now.
+    /// Reads a deferred input with the state of its call, and leaves the current state unchanged.
     fn read_apart(&mut self, input: Waiting) -> Result<(), Stop> {
         let current = std::mem::replace(&mut self.current, input.current);
         let saved = std::mem::replace(&mut self.saved, input.saved.clone());
@@ -192,12 +192,12 @@ impl State {
 
     /// Reads the inputs with a bound that the frame may need, or `all` of them.
     pub(super) fn read_needed(&mut self, all: bool) -> Result<(), Stop> {
-        // What is read may hold others, and shaders that look farther.
+        // The inputs that are read may contain others, or shaders that use a larger part of the scene.
         while !self.inputs.waiting.is_empty() {
             let camera = self.shading_camera();
             let unread = self.inputs.waiting.iter_mut();
-            let unread: Vec<UnreadInput> = unread
-                .map(|w| UnreadInput { bound: w.bound, attributes: w.current.freeze(camera.as_ref()) })
+            let unread: Vec<DeferredInput> = unread
+                .map(|w| DeferredInput { bound: w.bound, attributes: w.current.freeze(camera.as_ref()) })
                 .collect();
             let needed = if all {
                 vec![true; unread.len()]
@@ -213,7 +213,7 @@ impl State {
         Ok(())
     }
 
-    /// Puts the primitives of inputs where their calls were.
+    /// Inserts the primitives of inputs at the places of their calls.
     fn read_those(&mut self, needed: &[bool]) -> Result<(), Stop> {
         let waiting = std::mem::take(&mut self.inputs.waiting);
         let mut before = std::mem::take(&mut self.primitives).into_iter();
@@ -243,7 +243,7 @@ impl State {
         result
     }
 
-    /// The frame is done: what was not needed never will be.
+    /// Drops the inputs that the finished frame did not need.
     pub(super) fn forget_inputs(&mut self) {
         self.inputs.waiting.clear();
         self.inputs.counts = InputCounts::default();

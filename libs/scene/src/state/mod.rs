@@ -1,8 +1,8 @@
-//! The graphics state machine: takes calls, keeps the attribute state, freezes the scene.
+//! The graphics state machine, which receives calls, keeps the attribute state and freezes the scene.
 //!
-//! Before `World` transformations lead to the space in which the frame began ("base" space), after it to
-//! world space. Without a `Camera` call base space is the camera's, and `World` rebases all that was
-//! declared until then; with one, base space is world space (reference 7.1.1).
+//! Before `World` transformations lead to the space in which the frame began ("base" space), and after it to world
+//! space. Without a `Camera` call base space is the camera's, and `World` rebases everything that was declared
+//! before. With one, base space is world space (reference 7.1.1).
 
 mod attributes;
 mod current;
@@ -30,73 +30,73 @@ use shaders::GroupBlock;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Where in the frame the calls are.
+/// The phase of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// Before `World`.
     Options,
     /// Between `World` and `Render`.
     World,
-    /// After a `Render` in re-rendering mode: everything is allowed.
+    /// After a `Render` in re-rendering mode. All calls are allowed.
     Rerender,
     /// After the only `Render`.
     Done,
 }
 
-/// What is pushed on the stack.
+/// An entry of the stack.
 #[derive(Clone, Debug)]
 enum Saved1 {
     Attributes(Box<Current>),
     Transform(granita_base::MotionTransform),
 }
 
-/// One push, and where it was made.
+/// An entry of the stack, and the location of its call.
 #[derive(Clone, Debug)]
 struct Push {
     what: Saved1,
     at: Location,
 }
 
-/// The graphics state machine (reference 2.1.3): a [`SceneSink`] that builds a [`crate::Scene`] and hands it
-/// to a [`FrameRenderer`] at `Render`.
+/// The graphics state machine (reference 2.1.3), a [`SceneSink`] that builds a [`crate::Scene`] and passes it to a
+/// [`FrameRenderer`] at `Render`.
 ///
-/// Mistakes of the scene go to the reporter, once per cause, with place and object name; the call is then
-/// ignored, or taken as far as it makes sense. Nothing here panics on any sequence of calls.
+/// Errors of the scene are sent to the reporter, once per cause, with location and object name. The call is then
+/// ignored, or applied as far as possible. No sequence of calls panics.
 pub struct State {
     reporter: Reporter,
     renderer: Box<dyn FrameRenderer>,
     phase: Phase,
     current: Current,
     stack: Vec<Push>,
-    /// State right after `World`, and the height of the stack then.
+    /// The state right after `World`, and the height of the stack at that time.
     world: Option<(Current, usize)>,
     pending: Params,
     globals: BTreeMap<Arc<str>, Param>,
-    /// Camera attributes set by `Attribute`, for the next camera.
+    /// The camera attributes set by `Attribute`, for the next camera.
     camera_values: BTreeMap<Arc<str>, Param>,
-    /// Scene-writing attributes (4.3.12), kept for `GetAttribute` only.
+    /// The scene-writing attributes (4.3.12), kept for `GetAttribute` only.
     writer_values: BTreeMap<Arc<str>, Param>,
     cameras: Vec<Camera>,
     outputs: Vec<Output>,
     primitives: Vec<Arc<Primitive>>,
     lights: Vec<Arc<Light>>,
-    /// Shared as well.
+    /// Shared with the deferred inputs too.
     light_ids: Arc<BTreeMap<Arc<str>, LightId>>,
-    /// Shared with the inputs that were put off.
+    /// Shared with the deferred inputs.
     saved: Arc<BTreeMap<Arc<str>, Saved>>,
     motion: Option<MotionBlock>,
     group: Option<GroupBlock>,
     modify: Option<ModifyMode>,
     inputs: Inputs,
     rendered: bool,
-    /// Cameras whose geometry sets a "geometryset" took off the list: the first such value, and where it was set.
+    /// The cameras whose geometry sets a "geometryset" removed from the list: the first such value, and its location.
     lost_sets: BTreeMap<Arc<str>, (String, Location)>,
-    /// Ends and beginnings of blocks that were found alone.
+    /// The number of unmatched ends and beginnings of blocks.
     imbalances: usize,
 }
 
 impl State {
-    /// A fresh frame that will be rendered by `renderer`.
+    /// Returns a new frame that will be rendered by `renderer`.
     pub fn new(renderer: Box<dyn FrameRenderer>, reporter: Reporter) -> Self {
         Self {
             reporter,
@@ -125,22 +125,22 @@ impl State {
         }
     }
 
-    /// The renderer behind it.
+    /// Returns the renderer.
     pub fn renderer(&mut self) -> &mut dyn FrameRenderer {
         &mut *self.renderer
     }
 
-    /// Whether `Render` was called.
+    /// True when `Render` was called.
     pub fn has_rendered(&self) -> bool {
         self.rendered
     }
 
-    /// How many primitives, and inputs that were put off, wait to be rendered.
+    /// The number of primitives and deferred inputs that are to be rendered.
     pub fn primitive_count(&self) -> usize {
         self.primitives.len() + self.inputs.waiting()
     }
 
-    /// To be called when there are no more calls: reports blocks left open.
+    /// Reports blocks that are still open. It is called after the last call.
     pub fn end(&mut self) {
         self.finish_motion(&Location::default());
         if let Some(group) = self.group.take() {
@@ -163,13 +163,13 @@ impl State {
         }
     }
 
-    /// Tells the user, once per cause and text.
+    /// Reports a message, once per cause and text.
     fn report(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
         let text = text.into();
         self.reporter.counted(&format!("scene {cause} {text}"), severity, at, text);
     }
 
-    /// As [`State::report`], with the object's name when it has one.
+    /// Does the same as [`State::report`], with the object's name if it has one.
     fn report_object(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
         let name = self.current.set.name();
         let text = text.into();
@@ -177,8 +177,8 @@ impl State {
         self.report(severity, at, cause, text);
     }
 
-    /// A block without its end, or an end without its block. Each is a mistake of its own, but a scene that is full of
-    /// them need not list them all.
+    /// Reports a block without its end, or an end without its block. Each is a separate error, but only a limited
+    /// number is listed.
     fn report_imbalance(&mut self, severity: Severity, at: &Location, text: String) {
         const LISTED: usize = 20;
         self.imbalances += 1;
@@ -186,7 +186,7 @@ impl State {
         self.reporter.counted(&format!("scene balance {text} {place}"), severity, at, text);
     }
 
-    /// An error about a call that does not belong where it stands.
+    /// Reports an error about a call in the wrong place.
     fn out_of_place(&self, at: &Location, call: &str, why: &str) {
         self.reporter.counted(
             &format!("scene place {call} {why}"),
@@ -196,7 +196,7 @@ impl State {
         );
     }
 
-    /// Pending parameters followed by those of the call itself.
+    /// Returns the pending parameters followed by those of the call itself.
     fn take_params(&mut self, inline: Params) -> Params {
         let mut all = std::mem::take(&mut self.pending);
         if all.is_empty() && !has_duplicates(&inline) {
@@ -212,7 +212,7 @@ impl State {
 }
 
 impl Saved1 {
-    /// The calls that push and pop it.
+    /// Returns the calls that push and pop the entry.
     fn names(&self) -> (&'static str, &'static str) {
         match self {
             Self::Attributes(_) => ("PushAttributes", "PopAttributes"),
@@ -241,7 +241,7 @@ impl SceneSink for State {
             self.out_of_place(at, call.name(), "after Render, and \"rerender\" is not set");
             return Ok(());
         }
-        // A motion block takes transformations or primitives only, and parameters on the way.
+        // A motion block accepts only transformations or primitives, and parameters in between.
         let fits = matches!(
             call,
             Call::Parameter(_)

@@ -1,4 +1,4 @@
-//! Modify mode (reference 2.1.4, 2.4): changes reach attribute states that objects already refer to.
+//! Modify mode (reference 2.1.4, 2.4), which changes attribute states that objects already use.
 
 use super::current::flips_normals;
 use super::{Saved1, State};
@@ -8,23 +8,23 @@ use regex::Regex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The states being changed.
+/// The states that are being changed.
 #[derive(Debug)]
 pub(super) struct ModifyMode {
     pattern: Regex,
-    /// Height of the attribute stack at `Modify`; popping below it ends the mode.
+    /// The height of the attribute stack at `Modify`. Popping below it ends the mode.
     depth: usize,
-    /// Each state found, as it was and as it is to become.
+    /// Each matching state, in its old and its new form.
     targets: Vec<(Arc<AttributeSet>, AttributeSet)>,
-    /// Shaders that were declared in states that match, and their "shader" spaces as they are to become: the only part of
-    /// those states that shaders keep.
+    /// The shaders that were declared in matching states, and their new "shader" spaces. The spaces are the only part
+    /// of those states that shaders keep.
     shaders: Vec<(Arc<ShaderInstance>, MotionTransform)>,
-    /// Names of saved states that are changed.
+    /// The names of saved states that are changed.
     saved: Vec<Arc<str>>,
 }
 
 impl State {
-    /// `Modify`.
+    /// Handles `Modify`.
     pub(super) fn enter_modify(&mut self, pattern: &str, at: &Location) {
         self.leave_modify();
         let regex = match Regex::new(&from_basic(pattern)) {
@@ -56,7 +56,7 @@ impl State {
         self.modify = Some(ModifyMode { pattern: regex, depth: self.stack.len(), targets, shaders, saved });
     }
 
-    /// Applies a change to the current state and, in modify mode, to the states being modified.
+    /// Applies a change to the current state and, in modify mode, to the states that are being modified.
     pub(super) fn edit_sets(&mut self, change: impl Fn(&mut AttributeSet)) {
         let Some(mode) = &mut self.modify else {
             return change(self.current.edit());
@@ -77,7 +77,7 @@ impl State {
         }
     }
 
-    /// An object declared in modify mode goes on being modified if its name matches (reference 2.4).
+    /// Adds an object that was declared in modify mode to the modified states if its name matches (reference 2.4).
     pub(super) fn modify_also(&mut self, set: &Arc<AttributeSet>) {
         let Some(mode) = &mut self.modify else { return };
         let known = mode.targets.iter().any(|(old, _)| Arc::ptr_eq(old, set));
@@ -86,7 +86,7 @@ impl State {
         }
     }
 
-    /// A shader declared in modify mode goes on being modified if the name of its state matches.
+    /// Adds a shader that was declared in modify mode if the name of its state matches.
     pub(super) fn modify_shader_also(&mut self, shader: &Arc<ShaderInstance>) {
         let Some(mode) = &mut self.modify else { return };
         if mode.pattern.is_match(&shader.state) {
@@ -94,7 +94,7 @@ impl State {
         }
     }
 
-    /// The shaders that objects, lights and states refer to and that were declared in states with such names.
+    /// Returns the shaders of objects, lights and states that were declared in states with matching names.
     fn shaders_of_states(&self, pattern: &Regex) -> Vec<(Arc<ShaderInstance>, MotionTransform)> {
         let mut found: BTreeMap<usize, Arc<ShaderInstance>> = BTreeMap::new();
         let mut take = |group: &ShaderGroup| {
@@ -131,14 +131,14 @@ impl State {
         }
     }
 
-    /// Gives every object its changed state.
+    /// Leaves modify mode and assigns the changed states to all objects.
     pub(super) fn leave_modify(&mut self) {
         let Some(mode) = self.modify.take() else { return };
         let camera = self.shading_camera();
         let mut moved = Moved::new(&mode.shaders);
         let targets: BTreeMap<usize, &AttributeSet> =
             mode.targets.iter().map(|(old, new)| (Arc::as_ptr(old) as usize, new)).collect();
-        // Each state once, so that objects go on sharing it.
+        // Each state is replaced once, so that objects continue to share it.
         let mut known: BTreeMap<usize, Option<Arc<AttributeSet>>> = BTreeMap::new();
         let mut renewed = |old: &Arc<AttributeSet>| -> Option<Arc<AttributeSet>> {
             let at = Arc::as_ptr(old) as usize;
@@ -185,11 +185,11 @@ impl State {
     }
 }
 
-/// Shaders that were given other "shader" spaces.
+/// Shaders with new "shader" spaces.
 struct Moved {
-    /// By the place of the old one.
+    /// The new shaders by the address of the old one.
     shaders: BTreeMap<usize, Arc<ShaderInstance>>,
-    /// Groups that hold them, by the place of the old group, which is kept so that the place stays its own.
+    /// The new groups by the address of the old group. The old group is kept, so that its address stays unique.
     groups: BTreeMap<usize, (Arc<ShaderGroup>, Option<Arc<ShaderGroup>>)>,
 }
 
@@ -207,7 +207,7 @@ impl Moved {
         self.shaders.is_empty()
     }
 
-    /// A group with the moved shaders; `None` when it has none of them.
+    /// Returns a group with the moved shaders; `None` when it has none of them.
     fn group(&self, old: &ShaderGroup) -> Option<ShaderGroup> {
         let new = |layer: &Arc<ShaderInstance>| self.shaders.get(&(Arc::as_ptr(layer) as usize)).cloned();
         old.layers.iter().any(|layer| new(layer).is_some()).then(|| {
@@ -216,7 +216,7 @@ impl Moved {
         })
     }
 
-    /// Puts the moved shaders into a state; whether there are any.
+    /// Replaces the moved shaders in a state. Returns whether there are any.
     fn set(&mut self, set: &mut AttributeSet) -> bool {
         let mut any = false;
         if self.is_empty() {
@@ -237,10 +237,10 @@ impl Moved {
     }
 }
 
-/// A POSIX basic regular expression in the syntax of the `regex` crate.
+/// Converts a POSIX basic regular expression to the syntax of the `regex` crate.
 ///
-/// In a basic expression `( ) { } + ? |` are ordinary and become special behind a backslash, `*` is ordinary
-/// at the beginning, `^` and `$` are special at the ends only.
+/// In a basic expression `( ) { } + ? |` are ordinary characters and become special after a backslash, `*` is
+/// ordinary at the beginning, and `^` and `$` are special at the ends only.
 fn from_basic(pattern: &str) -> String {
     let mut out = String::with_capacity(pattern.len() + 8);
     let chars: Vec<char> = pattern.chars().collect();
@@ -257,7 +257,7 @@ fn from_basic(pattern: &str) -> String {
                         begins = matches!(n, '(' | '|');
                         out.push(n);
                     }
-                    // What a group matched before: no automaton can do that, and the message says so.
+                    // A back reference is passed on. The `regex` crate does not support it and reports an error.
                     Some(&n @ '1'..='9') => {
                         out.push('\\');
                         out.push(n);
@@ -284,7 +284,8 @@ fn from_basic(pattern: &str) -> String {
                 out.push_str("\\$");
             }
             '[' => {
-                // Up to the closing bracket, which may stand first; backslashes are ordinary inside.
+                // The set ends at the closing bracket, which may also be the first character. Backslashes are
+                // ordinary inside.
                 let mut end = i + 1;
                 if chars.get(end) == Some(&'^') {
                     end += 1;
@@ -293,7 +294,7 @@ fn from_basic(pattern: &str) -> String {
                     end += 1;
                 }
                 while end < chars.len() && chars[end] != ']' {
-                    // Classes as [:alpha:] contain a bracket of their own.
+                    // Classes such as [:alpha:] contain a bracket.
                     if chars[end] == '[' && chars.get(end + 1) == Some(&':') {
                         end = (end + 2..chars.len()).find(|&k| chars[k] == ']').unwrap_or(chars.len());
                     }

@@ -18,7 +18,7 @@ pub(super) struct MotionBlock {
 #[derive(Debug)]
 enum Content {
     Empty,
-    /// The same call for every time; applied to the current transformation when complete.
+    /// The same call for every time, applied to the current transformation when complete.
     Transforms {
         name: &'static str,
         keys: Vec<(f32, Key)>,
@@ -39,7 +39,7 @@ enum Key {
 }
 
 impl State {
-    /// `Motion`.
+    /// Handles `Motion`.
     pub(super) fn begin_motion(&mut self, times: &[f32], at: &Location) {
         if times.is_empty() {
             return self.out_of_place(at, "Motion", "without times");
@@ -55,7 +55,7 @@ impl State {
         self.motion = Some(MotionBlock { times: times.to_vec(), at: at.clone(), content: Content::Empty });
     }
 
-    /// A transformation inside a motion block.
+    /// Adds a transformation inside a motion block.
     pub(super) fn motion_transform(&mut self, name: &'static str, change: Change, at: &Location) {
         let Some(block) = &mut self.motion else { return };
         if matches!(block.content, Content::Empty) {
@@ -89,7 +89,7 @@ impl State {
         });
     }
 
-    /// A primitive inside a motion block. Gives it back when there is no block, or when it does not fit.
+    /// Adds a primitive inside a motion block. Returns the primitive when there is no block, or when it does not fit.
     pub(super) fn motion_shape(
         &mut self,
         shape: ShapeDesc,
@@ -132,7 +132,7 @@ impl State {
         None
     }
 
-    /// Ends the block, complete or not, and applies what it holds.
+    /// Ends the block, complete or not, and applies its contents.
     pub(super) fn finish_motion(&mut self, at: &Location) {
         let Some(block) = self.motion.take() else { return };
         let got = match &block.content {
@@ -171,7 +171,7 @@ impl State {
     }
 }
 
-/// Radius, lower and upper cut and sweep of a sphere.
+/// Returns the radius, lower and upper cut and sweep of a sphere.
 fn sphere_arguments(shape: &ShapeDesc) -> Option<[f32; 4]> {
     match *shape {
         ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } => Some([radius, zmin, zmax, thetamax_deg]),
@@ -179,12 +179,12 @@ fn sphere_arguments(shape: &ShapeDesc) -> Option<[f32; 4]> {
     }
 }
 
-/// Why two primitives cannot be keys of one motion, if they cannot.
+/// Returns the reason why two primitives cannot be keys of one motion, if there is one.
 fn difference(a: &ShapeDesc, a_params: &Params, b: &ShapeDesc, b_params: &Params) -> Option<String> {
     if std::mem::discriminant(a) != std::mem::discriminant(b) {
         return Some(format!("it began with another primitive, {}", a.call_name()));
     }
-    // A sphere's arguments change over time as its parameters do.
+    // The arguments of a sphere may change over time, as its parameters may.
     if a != b && sphere_arguments(a).is_none() {
         return Some(format!("the arguments of {} differ from those at the first time", b.call_name()));
     }

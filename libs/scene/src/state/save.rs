@@ -11,17 +11,17 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub(super) struct Saved {
     pub(super) set: AttributeSet,
-    /// What was asked to be saved; `None` is everything.
+    /// The parts that were requested to be saved; `None` is everything.
     items: Option<Vec<Arc<str>>>,
 }
 
 impl Saved {
-    /// The saved transformation, if it was saved.
+    /// Returns the saved transformation, if it was saved.
     pub(super) fn transform(&self) -> Option<&MotionTransform> {
         self.holds("transform").then_some(&self.set.to_world)
     }
 
-    /// Puts everything that was saved into `target`.
+    /// Copies everything that was saved into `target`.
     pub(super) fn apply(&self, target: &mut AttributeSet) {
         match &self.items {
             None => *target = self.set.clone(),
@@ -39,18 +39,18 @@ impl Saved {
     }
 }
 
-/// Names that stand for parts of the state which are no attributes of the table.
+/// The names of parts of the state that are not attributes of the table.
 const PARTS: [&str; 8] =
     ["transform", "shaders", "surface", "displacement", "volume", "lights", "trimcurve", "user"];
 
 impl State {
-    /// `SaveAttributes`.
+    /// Handles `SaveAttributes`.
     pub(super) fn save(&mut self, name: Arc<str>, items: Option<&str>, at: &Location) {
         let items = items.map(|list| self.items(list, "SaveAttributes", at));
         Arc::make_mut(&mut self.saved).insert(name, Saved { set: self.current.set.clone(), items });
     }
 
-    /// `RestoreAttributes`.
+    /// Handles `RestoreAttributes`.
     pub(super) fn restore(&mut self, name: &str, items: Option<&str>, at: &Location) {
         let Some(saved) = self.saved.get(name).cloned() else {
             let hint = hint(suggestion(name, self.saved.keys().map(|k| &**k)));
@@ -84,7 +84,7 @@ impl State {
         });
     }
 
-    /// A comma-separated list of attributes and parts, unknown ones reported and left out.
+    /// Parses a comma-separated list of attributes and parts. Unknown ones are reported and left out.
     fn items(&self, list: &str, call: &str, at: &Location) -> Vec<Arc<str>> {
         let mut items = Vec::new();
         for item in list.split(',').map(str::trim).filter(|i| !i.is_empty()) {

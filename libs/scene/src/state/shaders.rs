@@ -7,7 +7,7 @@ use crate::{Connection, Light, LightId, ShaderGroup, ShaderInstance, ShaderUsage
 use granita_base::{Location, ParamData, Params, Severity, suggestion};
 use std::sync::Arc;
 
-/// Shaders between `ShaderGroupBegin` and `ShaderGroupEnd`.
+/// The shaders between `ShaderGroupBegin` and `ShaderGroupEnd`.
 #[derive(Debug)]
 pub(super) struct GroupBlock {
     pub(super) at: Location,
@@ -17,7 +17,7 @@ pub(super) struct GroupBlock {
 }
 
 impl State {
-    /// `Shader`.
+    /// Handles `Shader`.
     pub(super) fn shader(
         &mut self,
         usage: &str,
@@ -30,7 +30,7 @@ impl State {
         let kind = match usage {
             "surface" => ShaderUsage::Surface,
             "displacement" => ShaderUsage::Displacement,
-            // "atmosphere" is what older scenes call it.
+            // Older scenes use "atmosphere".
             "volume" | "atmosphere" => ShaderUsage::Volume,
             _ => {
                 let hint = hint(suggestion(usage, ["surface", "displacement", "volume"]));
@@ -97,7 +97,7 @@ impl State {
         instance
     }
 
-    /// `ShaderGroupBegin`.
+    /// Handles `ShaderGroupBegin`.
     pub(super) fn begin_group(&mut self, at: &Location) {
         if self.group.is_some() {
             self.out_of_place(at, "ShaderGroupBegin", "inside another shader group");
@@ -107,7 +107,7 @@ impl State {
             Some(GroupBlock { at: at.clone(), layers: Vec::new(), connections: Vec::new(), light: None });
     }
 
-    /// `ShaderGroupEnd`: assigns the layers of each usage.
+    /// Handles `ShaderGroupEnd` and assigns the layers of each usage.
     pub(super) fn end_group(&mut self, at: &Location) {
         let Some(block) = self.group.take() else {
             return self.out_of_place(at, "ShaderGroupEnd", "without ShaderGroupBegin");
@@ -133,7 +133,7 @@ impl State {
         }
     }
 
-    /// `ConnectShaders`.
+    /// Handles `ConnectShaders`.
     pub(super) fn connect(&mut self, connection: Connection, at: &Location) {
         let Some(group) = &self.group else {
             return self.out_of_place(at, "ConnectShaders", "outside of a shader group");
@@ -170,7 +170,7 @@ impl State {
         }
     }
 
-    /// `Light`.
+    /// Handles `Light`.
     pub(super) fn light(
         &mut self,
         id: Arc<str>,
@@ -206,7 +206,7 @@ impl State {
         let light = Arc::new(Light { name: name.clone(), group, attributes });
         let outer = self.light_ids.get(&name).copied().filter(|id| self.inputs.is_outside(*id));
         if let Some(outer) = outer {
-            // An input that is read late must not change what others see: it gets a light of its own instead.
+            // An input that is read late must not change lights of other objects. It gets a light of its own instead.
             self.switch(outer, false);
         }
         let id = match self.light_ids.get(&name).filter(|_| outer.is_none()) {
@@ -229,7 +229,7 @@ impl State {
         self.switch(id, true);
     }
 
-    /// `Light (id, "null")`: the light keeps its number, but has no layers and shines on nothing.
+    /// Handles `Light (id, "null")`. The light keeps its index, but has no layers and illuminates nothing.
     fn remove_light(&mut self, name: &str, at: &Location) {
         let Some(&id) = self.light_ids.get(name) else {
             let hint = hint(suggestion(name, self.light_ids.keys().map(|k| &**k)));
@@ -242,7 +242,7 @@ impl State {
         self.switch(id, false);
     }
 
-    /// `LightSwitch`.
+    /// Handles `LightSwitch`.
     pub(super) fn light_switch(&mut self, name: &str, on: bool, at: &Location) {
         match self.light_ids.get(name) {
             Some(&id) => self.switch(id, on),

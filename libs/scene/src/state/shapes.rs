@@ -8,7 +8,8 @@ use granita_base::{
 };
 use std::sync::Arc;
 
-/// What an undeclared parameter of a primitive is (reference 2.1.5, 2.8); arrays of length 0 are as long as their data.
+/// Returns the type of an undeclared parameter of a primitive (reference 2.1.5, 2.8). Arrays of length 0 are as long
+/// as their data.
 pub fn predeclared(name: &str) -> Option<ParamType> {
     Some(match name {
         "P" => ParamType::of(BaseType::Point).with_interp(Interp::Vertex),
@@ -25,11 +26,11 @@ pub fn predeclared(name: &str) -> Option<ParamType> {
     })
 }
 
-/// Largest coordinate of a vertex, in units of the object: squares of larger ones are no numbers any more.
+/// The largest coordinate of a vertex, in object space units. Squares of larger ones overflow.
 const FARTHEST: f32 = 1e20;
 
 impl State {
-    /// A geometric primitive, alone or in a motion block.
+    /// Adds a geometric primitive, alone or in a motion block.
     pub(super) fn shape(&mut self, shape: ShapeDesc, params: Params, at: &Location) {
         let params = self.take_params(params);
         if self.phase == Phase::Options {
@@ -43,11 +44,11 @@ impl State {
         let placed = places(&params);
         let params = self.shape_params(&shape, params, at);
         if placed && !places(&params) {
-            // Told with its positions.
+            // The error is reported with its positions.
             return;
         }
         if self.motion.is_some() {
-            // A primitive that does not fit the block stands for itself.
+            // A primitive that does not fit the block is added by itself.
             if let Some((shape, params)) = self.motion_shape(shape, params, at) {
                 self.add_primitive(shape, vec![ShapeKey { time: 0.0, params }], at);
             }
@@ -56,7 +57,7 @@ impl State {
         self.add_primitive(shape, vec![ShapeKey { time: 0.0, params }], at);
     }
 
-    /// Keeps the primitive, unless its positions are unusable.
+    /// Stores the primitive, unless its positions are unusable.
     pub(super) fn add_primitive(&mut self, shape: ShapeDesc, keys: Vec<ShapeKey>, at: &Location) {
         let call = shape.call_name();
         if !matches!(shape, ShapeDesc::Sphere { .. }) {
@@ -102,7 +103,7 @@ impl State {
         self.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() }));
     }
 
-    /// Parameters with their types known and their data converted; hopeless ones reported and left out.
+    /// Returns the parameters with resolved types and converted data. Unusable ones are reported and left out.
     fn shape_params(&self, shape: &ShapeDesc, params: Params, at: &Location) -> Params {
         let call = shape.call_name();
         let vertices = params.get("P").map(|p| p.data.len() / 3);
@@ -134,7 +135,7 @@ impl State {
         Params(good)
     }
 
-    /// `TrimCurve`.
+    /// Handles `TrimCurve`.
     pub(super) fn trim_curve(&mut self, trim: Option<Box<TrimDesc>>, at: &Location) {
         if let Some(trim) = &trim
             && let Some(why) = trim_mistake(trim)
@@ -146,9 +147,9 @@ impl State {
     }
 }
 
-/// A number that depends on the kind, the place and (the beginning of) the positions of a primitive only.
+/// Returns a number that depends only on the kind, the place and (the beginning of) the positions of a primitive.
 fn identity(shape: &ShapeDesc, keys: &[ShapeKey], attributes: &AttributeSet) -> u32 {
-    /// Words that are looked at: what is equal so far may well be treated alike.
+    /// The largest number of words that are hashed. Primitives that agree in all of them may have the same number.
     const MOST: usize = 256;
     let mut words: Vec<u32> = Vec::with_capacity(64);
     words.extend(shape.call_name().bytes().map(u32::from));
@@ -167,7 +168,7 @@ fn identity(shape: &ShapeDesc, keys: &[ShapeKey], attributes: &AttributeSet) -> 
     granita_base::hash::words(&words)
 }
 
-/// Guesses the interpolation (or array length) of a pre-declared parameter from its number of values.
+/// Determines the interpolation (or array length) of a pre-declared parameter from its number of values.
 fn spread(param: &mut Param, vertices: usize) {
     if param.ty.array == Some(0) {
         param.ty.array = Some(param.data.len() as u32);
@@ -180,7 +181,7 @@ fn spread(param: &mut Param, vertices: usize) {
     }
 }
 
-/// What is wrong with the counts of a trim curve, if anything.
+/// Returns the error in the counts of a trim curve, if there is one.
 fn trim_mistake(trim: &TrimDesc) -> Option<String> {
     if trim.ncurves.is_empty() {
         return None;

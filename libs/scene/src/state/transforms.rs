@@ -4,7 +4,7 @@ use super::{Phase, Saved1, State};
 use crate::{Call, TransformTarget};
 use granita_base::{Location, MotionTransform, Severity, Transform, Vec3};
 
-/// What one transformation call asks for.
+/// The change that a transformation call requests.
 pub(super) enum Change {
     /// Prepend to the current transformation.
     Append(Transform),
@@ -13,7 +13,7 @@ pub(super) enum Change {
 }
 
 impl State {
-    /// One transformation call.
+    /// Handles one transformation call.
     pub(super) fn transform(&mut self, call: Call, at: &Location) {
         let name = call.name();
         let change = match call {
@@ -24,7 +24,7 @@ impl State {
                 if axis == Vec3::ZERO && angle_deg != 0.0 {
                     self.report_object(Severity::Error, at, name, "Rotate about an axis of length zero");
                 }
-                // Of an axis that is no number a rotation would make the identity.
+                // A rotation about an axis that is not finite would be the identity.
                 let known = axis.is_finite();
                 let rotation = Transform::rotate(angle_deg.to_radians(), axis);
                 Change::Append(if known { rotation } else { Transform::scale(axis) })
@@ -64,7 +64,7 @@ impl State {
         });
     }
 
-    /// The transformation from a named space to the space that the current transformation leads to.
+    /// Returns the transformation from a named space to the space that the current transformation leads to.
     fn named_space(&self, name: &str) -> Option<MotionTransform> {
         if let Some(saved) = self.saved.get(name).and_then(|s| s.transform()) {
             return Some(saved.clone());
@@ -86,7 +86,7 @@ impl State {
         }
     }
 
-    /// `PopTransform`.
+    /// Handles `PopTransform`.
     pub(super) fn pop_transform(&mut self, at: &Location) {
         match self.stack.last().map(|p| &p.what) {
             Some(Saved1::Transform(_)) => {}
@@ -104,13 +104,13 @@ impl State {
         }
     }
 
-    /// `PopAttributes`.
+    /// Handles `PopAttributes`.
     pub(super) fn pop_attributes(&mut self, at: &Location) {
         let Some(depth) = self.stack.iter().rposition(|p| matches!(p.what, Saved1::Attributes(_))) else {
             let text = "PopAttributes without PushAttributes: the call is ignored";
             return self.report_imbalance(Severity::Error, at, text.to_owned());
         };
-        // Transformations pushed since then end with the block.
+        // Transformations that were pushed inside of the block end with it.
         for push in self.stack.split_off(depth + 1) {
             self.report_imbalance(Severity::Error, &push.at, "PushTransform without PopTransform".to_owned());
         }
@@ -120,14 +120,14 @@ impl State {
         }
     }
 
-    /// World to the first camera, once known.
+    /// Returns the transform from world to the first camera, when it is determined.
     pub(super) fn shading_camera(&self) -> Option<Transform> {
         let known = self.phase != Phase::Options || !self.cameras.is_empty();
         self.cameras.first().filter(|_| known).map(|c| *c.world_to_camera.first())
     }
 }
 
-/// `; did you mean ...`, or nothing.
+/// Returns `; did you mean ...`, or an empty string.
 pub(super) fn hint(suggestion: Option<&str>) -> String {
     suggestion.map(|s| format!("; did you mean \"{s}\"?")).unwrap_or_default()
 }

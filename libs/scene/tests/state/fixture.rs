@@ -6,11 +6,11 @@ use granita_scene::{
 };
 use std::sync::{Arc, Mutex};
 
-/// Keeps the scenes that it is given.
+/// Stores the scenes that it receives.
 #[derive(Clone, Default)]
 pub(crate) struct Keeper(pub(crate) Arc<Mutex<Vec<Rendered>>>);
 
-/// A scene and the camera asked for.
+/// A scene and the requested camera.
 pub(crate) type Rendered = (Arc<Scene>, Option<String>);
 
 impl FrameRenderer for Keeper {
@@ -71,7 +71,7 @@ impl Run {
         self.messages.lock().unwrap().iter().map(ToString::to_string).collect()
     }
 
-    /// The only message.
+    /// Returns the only message.
     pub(crate) fn message(&self) -> String {
         let all = self.messages();
         assert_eq!(all.len(), 1, "{all:?}");

@@ -1,4 +1,4 @@
-//! The frame, transformations, stacks, lights, shader groups, parameters.
+//! Tests of the frame, transformations, stacks, lights, shader groups and parameters.
 
 use crate::fixture::*;
 use granita_base::{Param, Params, Vec3};
@@ -18,7 +18,7 @@ fn without_a_camera_the_frame_begins_in_camera_space() {
     let scene = run.scene();
     assert_eq!(scene.cameras.len(), 1);
     assert_eq!(&*scene.cameras[0].name, "camera");
-    // World stands 5 in front of the camera; the light, declared before World, at world's origin.
+    // World is 5 units in front of the camera. The light, declared before World, is at world's origin.
     assert_eq!(scene.cameras[0].world_to_camera.first().point(Vec3::ZERO), Vec3::new(0.0, 0.0, 5.0));
     assert_eq!(scene.lights[0].group.layers[0].to_world.first().point(Vec3::ZERO), Vec3::ZERO);
     assert_eq!(origin(&scene, 0), Vec3::X);
@@ -168,7 +168,7 @@ fn calls_out_of_place() {
     ];
     for (calls, expected) in table {
         let mut run = Run::new();
-        // Twice: the second time nothing new is told.
+        // The calls are made twice. The second time no new message is reported.
         run.calls(calls);
         assert!(run.message().contains(expected), "{expected}: {}", run.message());
     }
@@ -223,7 +223,7 @@ fn lights_switch_replace_and_vanish() {
     ]);
     let scene = run.scene();
     let lights = |i: usize| scene.primitives[i].attributes.lights.iter().map(|l| l.0).collect::<Vec<_>>();
-    // "b" was removed, also from objects declared before.
+    // "b" was removed, also from objects that were declared before.
     assert_eq!([lights(0), lights(1), lights(2), lights(3)], [vec![0], vec![], vec![0], vec![0]]);
     assert!(scene.lights[1].group.layers.is_empty());
 
@@ -283,7 +283,7 @@ fn shader_groups_and_connections() {
         assert!(run.message().contains(expected), "{}", run.message());
     }
 
-    // Layers of a light share its id.
+    // The layers of a light share its id.
     let layer = |id: &str, layer: &str| Call::Light {
         id: id.into(),
         shader: Some("l".into()),

@@ -1,4 +1,4 @@
-//! The state machine from outside: calls in, scene and messages out.
+//! Tests of the state machine from outside: calls are the input, scene and messages the output.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 mod fixture;

@@ -1,4 +1,4 @@
-//! Motion blocks, orientation.
+//! Tests of motion blocks and orientation.
 
 use crate::fixture::*;
 use granita_base::{Param, Params, ShapeDesc, Vec3};
@@ -55,7 +55,7 @@ fn motion_of_every_kind_and_several_segments() {
     };
     let set = |x: f32| Call::SetTransform(TransformTarget::Matrix(shift(x)));
     let append = |x: f32| Call::AppendTransform(shift(x));
-    // Times may lie anywhere; the shutter does not limit them. After 4 nothing moves.
+    // Times may be outside of the shutter. After 4 nothing moves.
     for (three, at) in [
         ([set(0.0), set(2.0), set(3.0)], [0.0, 1.0, 2.0, 2.5, 3.0]),
         ([append(0.0), append(2.0), append(3.0)], [10.0, 11.0, 12.0, 12.5, 13.0]),
@@ -69,7 +69,7 @@ fn motion_of_every_kind_and_several_segments() {
         assert_eq!(x, at);
         assert!(run.messages().is_empty());
     }
-    // Two blocks with different times on one object, and a camera that moves.
+    // One object has two blocks with different times, and the camera moves.
     let mut run = Run::new();
     run.calls([
         Call::Motion([0.0, 1.0].into()),
@@ -130,7 +130,7 @@ fn spheres_may_change_all_their_arguments() {
     };
     assert_eq!(of(0, 0), Some(vec![1.0, -1.0, 1.0, 360.0]));
     assert_eq!(of(0, 1), Some(vec![2.0, 0.5, 2.0, 90.0]));
-    // What stays says so once.
+    // A sphere with the same arguments at all keys does not store them.
     assert_eq!((of(1, 0), of(1, 1)), (None, None));
     assert!(run.messages().is_empty(), "{:?}", run.messages());
 }
@@ -139,7 +139,7 @@ fn spheres_may_change_all_their_arguments() {
 fn orientation_and_handedness() {
     let flip = |calls: Vec<Call>| {
         let mut run = Run::new();
-        // The camera's world is mirrored: lh and rh refer to camera space.
+        // The camera's world is mirrored. lh and rh refer to camera space.
         run.calls([Call::Scale([1.0, 1.0, -1.0]), Call::World]).calls(calls).calls([sphere()]);
         run.scene().primitives[0].attributes.flip_normals
     };
@@ -151,10 +151,11 @@ fn orientation_and_handedness() {
     assert!(!flip(vec![orient("inside"), mirror()]));
     assert!(flip(vec![orient("reverse")]));
     assert!(!flip(vec![orient("reverse"), orient("reverse")]));
-    // Object to camera has a negative determinant: lh is as inside.
+    // The transform from object to camera has a negative determinant, so that lh is the same as inside.
     assert!(flip(vec![orient("lh")]));
     assert!(!flip(vec![orient("rh")]));
-    // Mirrored once more it is positive: lh is as outside, which is flipped in a mirrored space.
+    // Mirrored once more the determinant is positive. lh is then the same as outside, which is flipped in a mirrored
+    // space.
     assert!(flip(vec![orient("lh"), mirror()]));
     assert!(!flip(vec![orient("lh"), orient("reverse")]));
 }

@@ -1,4 +1,4 @@
-//! Cameras, what follows a frame, inputs, spaces, primitives.
+//! Tests of cameras, later frames, inputs, spaces and primitives.
 
 use crate::fixture::*;
 use granita_base::{BaseType, Location, Param, ParamData, Params, ShapeDesc, Transform, TrimDesc, Vec3};
@@ -140,7 +140,7 @@ fn named_spaces() {
     ]);
     let scene = run.scene();
     assert_eq!(origin(&scene, 0), Vec3::new(0.0, 0.0, -5.0));
-    // A raster position comes back to where the camera sees it.
+    // A raster position is mapped back to where the camera sees it.
     let p = Vec3::new(0.3, -0.2, 2.0);
     let c = &scene.cameras[0];
     let raster = c.camera_to_raster().point(c.world_to_camera.first().point(p));
@@ -261,7 +261,7 @@ fn exit_stops() {
     assert!(matches!(run.state.call(exit, &Location::default()), Err(Stop::Exit)));
 }
 
-/// The names, types and defaults of the reference's list.
+/// Compares the table with the names, types and defaults of the reference's list.
 #[test]
 fn the_table_is_the_reference_s() {
     use granita_scene::attribute::{DefaultValue, Scope};
@@ -299,6 +299,6 @@ fn the_table_is_the_reference_s() {
         }
         seen += 1;
     }
-    // Nothing in the table that is not in the list.
+    // The table has no attribute that is not in the list.
     assert_eq!(seen, granita_scene::attribute::TABLE.len());
 }

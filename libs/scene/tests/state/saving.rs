@@ -1,11 +1,11 @@
-//! Saving, restoring and modifying.
+//! Tests of saving, restoring and modifying.
 
 use crate::fixture::*;
 use granita_base::{TrimDesc, Vec3};
 use granita_scene::{AttributeSet, Call, TransformTarget, attr};
 use std::sync::Arc;
 
-/// The number in a user attribute; 0 when it is not set.
+/// Returns the number in a user attribute; 0 when it is not set.
 fn user(set: &AttributeSet, name: &str) -> f32 {
     set.values.get(name).and_then(|p| p.data.to_floats()).map_or(0.0, |v| v[0])
 }
@@ -152,19 +152,19 @@ fn modify_everything_and_what_comes_later() {
         name("b"),
         sphere(),
         Call::PushAttributes,
-        // Without a pattern everything changes, whatever its name, saved states too.
+        // Without a pattern all states change, whatever their names, and saved states too.
         Call::Modify { pattern: "".into() },
         attr("float shadingquality", 0.5),
-        // Another call replaces what is being modified.
+        // Another call replaces the set of modified states.
         Call::Modify { pattern: "^a[0-9]\\{1,2\\}$".into() },
         attr("int twosided", 0),
-        // Attributes of the current state do not change (its name is "b"), nor those of what it makes.
+        // Attributes of the current state (its name is "b") and of the objects that it makes do not change.
         sphere(),
         attr("int holdout", 1),
         Call::PopAttributes,
         Call::RestoreAttributes { name: "first".into(), attributes: None },
         sphere(),
-        // Now the current state and what it makes are called "a1" and change.
+        // The current state and its objects are now called "a1" and change.
         Call::Modify { pattern: "a1".into() },
         sphere(),
         attr("float dice:curvature", 3.0),
@@ -227,7 +227,7 @@ fn modify_reaches_lights_and_shader_spaces() {
         light("key", Some("pointlight")),
         name("wood"),
         shader("surface", "oak", None),
-        // Another name: the object does not match, the state of its shader does.
+        // The object has another name and does not match. The state of its shader matches.
         name("table"),
         sphere(),
         sphere(),
@@ -259,7 +259,7 @@ fn modify_reaches_lights_and_shader_spaces() {
     // The space of the shader moved, and the object did not.
     assert_eq!(shown(0), ("oak".into(), Vec3::new(10.0, 0.0, 8.0), ten));
     assert_eq!(shown(2), ("clay".into(), ten, ten));
-    // The state behind the pop has the moved shader as well.
+    // The state after the pop has the moved shader too.
     assert_eq!(shown(3), shown(0));
     assert!(Arc::ptr_eq(&scene.primitives[0].attributes, &scene.primitives[1].attributes));
     assert!(run.messages().is_empty(), "{:?}", run.messages());

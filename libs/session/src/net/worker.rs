@@ -1,4 +1,4 @@
-//! The worker's end.
+//! The worker's side of the connection.
 
 use super::{ALIVE, GREETING, NO_IMAGES, Progress, lock};
 use crate::patient::PULSE;
@@ -8,15 +8,15 @@ use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// The coordinator as its worker knows it.
-pub(crate) struct Master {
+/// The connection of a worker to its coordinator.
+pub(crate) struct WorkerCoordinator {
     shared: Arc<Shared>,
     output: Arc<Mutex<BufWriter<Box<dyn Write + Send>>>>,
-    /// Commands and frames that the worker came to.
+    /// The number of commands and frames that the worker reached.
     here: Mutex<Progress>,
 }
 
-/// What the coordinator said.
+/// The state that the coordinator sent.
 #[derive(Default)]
 struct Shared {
     said: Mutex<Said>,
@@ -26,16 +26,16 @@ struct Shared {
 #[derive(Default)]
 struct Said {
     progress: Progress,
-    /// Frame and number of those to be rendered.
+    /// Frame and index of the buckets to render.
     buckets: VecDeque<(usize, usize)>,
-    /// Those that are being rendered.
+    /// The buckets that are being rendered.
     rendering: Vec<(usize, usize)>,
-    /// It says nothing more.
+    /// True when the connection has ended.
     over: bool,
 }
 
-impl Master {
-    /// Greets.
+impl WorkerCoordinator {
+    /// Connects and sends the greeting.
     pub(crate) fn new(
         input: Box<dyn Read + Send>,
         output: Box<dyn Write + Send>,
@@ -55,7 +55,8 @@ impl Master {
         Self { shared, output, here: Mutex::default() }
     }
 
-    /// Waits until the coordinator has run the command that the worker came to. False when it is gone.
+    /// Waits until the coordinator has run the command that the worker reached. Returns false when the connection
+    /// has ended.
     pub(crate) fn command(&self) -> bool {
         let number = {
             let mut here = lock(&self.here);
@@ -93,7 +94,7 @@ impl Shared {
         self.hang_up();
     }
 
-    /// Shows that this process lives as long as it has buckets to render: it need not have come to their frame.
+    /// Sends signs of life as long as this process has buckets to render, also before it reaches their frame.
     fn beat(&self, output: &Mutex<BufWriter<Box<dyn Write + Send>>>) {
         loop {
             std::thread::sleep(PULSE);
@@ -116,13 +117,13 @@ impl Shared {
     }
 }
 
-impl Coordinator for Master {
+impl Coordinator for WorkerCoordinator {
     fn begin(&self) {
         lock(&self.here).frame += 1;
     }
 
     fn next(&self) -> Option<usize> {
-        // Frames before this number are over when this one is.
+        // Frames before this index are over when this one is.
         let frame = lock(&self.here).frame;
         let mut said = lock(&self.shared.said);
         loop {
@@ -164,7 +165,7 @@ impl Coordinator for Master {
         }
         let mut output = lock(&self.output);
         if output.write_all(&bytes).and_then(|()| output.flush()).is_err() {
-            // Nobody listens any more.
+            // The connection has ended.
             self.shared.hang_up();
         }
     }

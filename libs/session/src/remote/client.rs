@@ -1,4 +1,4 @@
-//! The program's end.
+//! The program's side of the connection.
 
 use super::images::Arriving;
 use super::{GREETING, message};
@@ -16,17 +16,17 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{JoinHandle, ThreadId};
 use std::time::{Duration, Instant};
 
-/// Calls are sent when they are so many bytes.
+/// The number of bytes of calls that are sent at once.
 const PIECE: usize = 1 << 16;
 
-/// How long a renderer without a connection may take to end.
+/// The time in which a renderer without a connection must end.
 const ENDING: Duration = Duration::from_secs(5);
 
 /// The connection to a renderer.
 pub struct RemoteEnds {
-    /// What it says.
+    /// The data from the renderer.
     pub from: Box<dyn Read + Send>,
-    /// What it is told.
+    /// The data to the renderer.
     pub to: Box<dyn Write + Send>,
     /// Its process, which is ended when it is silent.
     pub process: Process,
@@ -40,8 +40,8 @@ impl std::fmt::Debug for RemoteEnds {
     }
 }
 
-/// A renderer in another process that works while its program goes on: calls are sent to it. While it renders it takes no
-/// calls but questions for "render:progress" and the commands "return", "wait" and "bucketpriority".
+/// A renderer in another process that works in parallel to its program, which sends it calls. While it renders, it
+/// accepts only queries for "render:progress" and the commands "return", "wait" and "bucketpriority".
 pub struct Remote {
     link: Arc<Link>,
     writer: Mutex<Writer<Pieces>>,
@@ -63,20 +63,21 @@ struct Link {
 
 #[derive(Default)]
 struct Known {
-    /// The thread that listens: it cannot wait for answers.
+    /// The thread that receives. It cannot wait for answers.
     listener: Option<ThreadId>,
     rendering: bool,
     progress: f32,
-    /// Answers that came.
+    /// The answers that arrived.
     value: Option<Option<ParamData>>,
-    /// Questions for the end of everything that was sent: so many were asked, and so many answered.
+    /// The numbers of wait requests that were sent and answered.
     asked: u64,
     answered: u64,
-    /// The program said that it wants no more.
+    /// True when the program ended the connection.
     leaving: bool,
-    /// Something could not be sent before that: the process is gone, which is reported even if the program leaves meanwhile.
+    /// True when sending failed before that. The process has ended, which is reported even if the program ends the
+    /// connection at the same time.
     lost: bool,
-    /// There will be no answers.
+    /// True when there will be no more answers.
     over: bool,
 }
 
@@ -107,7 +108,7 @@ impl Write for Pieces {
 }
 
 impl Link {
-    /// Sends a frame; `false` when nobody is there.
+    /// Sends a frame. Returns `false` when the connection has ended.
     fn send(&self, kind: u8, payload: &[u8]) -> bool {
         let sent = send(&mut **lock(&self.to), kind, &[payload]).is_ok();
         let mut known = lock(&self.known);
@@ -207,7 +208,8 @@ impl Meanwhile for Link {
 }
 
 impl Remote {
-    /// Waits for the greeting of a renderer that was started. Its messages go to `reporter`; `plugins` knows the images
+    /// Waits for the greeting of a renderer that was started. Its messages go to `reporter`; `plugins` knows the
+    /// images
     /// that the program lets it write to. Also gives what answers while a call is being taken.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Images in the memory of the program: the renderer sends them, and the program's end hands them to their owner.
+//! Images in the memory of the program. The renderer sends them, and the program's side passes them to their owner.
 
 use super::told::Told;
 use granita_base::{Param, Params};
@@ -131,12 +131,12 @@ fn spec(frame: &mut Frame<'_>) -> Option<ImageSpec> {
     Some(spec)
 }
 
-/// Images that come in, at the program's end.
+/// Images that arrive at the program's side.
 #[derive(Default)]
 pub(super) struct Arriving(BTreeMap<u32, Box<dyn ImageOutput>>);
 
 impl Arriving {
-    /// Takes an `O`, `S` or `L`; what goes wrong is to be said.
+    /// Processes an `O`, `S` or `L`. Returns an error to report.
     pub(super) fn take(
         &mut self,
         kind: u8,

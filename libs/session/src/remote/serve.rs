@@ -1,4 +1,4 @@
-//! The renderer's end.
+//! The renderer's side of the connection.
 
 use super::images::Forwarded;
 use super::told::Told;
@@ -12,10 +12,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
-/// So many frames of calls wait at most.
+/// The largest number of frames of calls that wait.
 const QUEUE: usize = 16;
 
-/// The frames of calls, in the order in which they came.
+/// The frames of calls, in the order of arrival.
 struct Queue {
     frames: Receiver<Vec<u8>>,
     frame: Vec<u8>,
@@ -38,7 +38,7 @@ impl Read for Queue {
     }
 }
 
-/// Sorts what comes: what cannot wait, and the rest.
+/// Separates frames that cannot wait from the others.
 fn sort(mut input: Box<dyn Read + Send>, frames: &SyncSender<Vec<u8>>, told: &Told, gone: &AtomicBool) {
     loop {
         match receive(&mut *input) {
@@ -65,7 +65,7 @@ fn sort(mut input: Box<dyn Read + Send>, frames: &SyncSender<Vec<u8>>, told: &To
     }
 }
 
-/// The session's state, whose frames are told of.
+/// The session's state, whose progress is reported.
 struct Watched<'a> {
     state: &'a mut State,
     told: &'a Told,
@@ -96,7 +96,7 @@ impl SceneSink for Watched<'_> {
 }
 
 impl Session {
-    /// Takes calls from the program at the other end of a connection until it wants no more, then ends. The session's
+    /// Executes calls from the program at the other end of a connection until the connection ends. The session's
     /// reporter and progress are those of `told`.
     pub fn obey(mut self, input: Box<dyn Read + Send>, told: &Told) -> Outcome {
         told.set_stop(self.stop());
@@ -144,11 +144,11 @@ mod tests {
         send(&mut input, b'W', &[]).unwrap();
         send(&mut input, b'Z', &[]).unwrap();
         sort(Box::new(std::io::Cursor::new(input)), &sender, &told, &AtomicBool::new(false));
-        // It does not stand in line behind calls.
+        // The request does not wait behind calls.
         assert_eq!(frames.try_iter().count(), 1);
         let rectangle = granita_render::PixelRect { x0: 1, y0: 2, x1: 4, y1: 5 };
         assert_eq!(priority.current(), (Some([7, 9]), Some(rectangle)));
-        // A frame that begins forgets what was requested before, but not what was requested for it.
+        // A frame that begins drops earlier requests, but not those for itself.
         let forgotten = Arc::new(Priority::default());
         told.set_frame_priority(forgotten.clone());
         told.begin(10);

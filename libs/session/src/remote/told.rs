@@ -1,4 +1,4 @@
-//! What a program is told by its renderer.
+//! The renderer's reports to its program.
 
 use super::{GREETING, message_bytes};
 use crate::SharedProgress;
@@ -12,25 +12,25 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What the program is told: messages, progress, answers. Clones share the connection.
+/// The reports to the program: messages, progress, answers. Clones share the connection.
 #[derive(Clone)]
 pub struct Told(Arc<Inner>);
 
 struct Inner {
     to: Mutex<Box<dyn Write + Send>>,
-    /// Steps of the frame.
+    /// The number of steps of the frame.
     total: AtomicU64,
-    /// The share that was told last, in 256ths.
+    /// The last reported progress, in 256ths.
     share: AtomicU64,
-    /// The program wants the frame that it asked for to end.
+    /// True when the program requested the end of its frame.
     ends: AtomicBool,
     /// Set by [`Session::obey`](crate::Session::obey).
     stop: Mutex<Option<Arc<AtomicBool>>>,
     /// Set by [`Session::obey`](crate::Session::obey) as well.
     priority: Mutex<Option<Arc<Priority>>>,
-    /// What the program would have first of the frame that it asked for.
+    /// The requested priority for the frame of the program.
     request: Mutex<Option<PriorityRequest>>,
-    /// Images that were sent: they are told apart by their numbers.
+    /// The number of images sent, which gives each its index.
     images: AtomicU32,
 }
 
@@ -45,7 +45,7 @@ impl std::fmt::Debug for Told {
 }
 
 impl Told {
-    /// Greets the program.
+    /// Connects and sends the greeting.
     pub fn new(to: Box<dyn Write + Send>) -> Self {
         let told = Self(Arc::new(Inner {
             to: Mutex::new(to),
@@ -68,12 +68,12 @@ impl Told {
         told
     }
 
-    /// The number of the next image that is sent.
+    /// Returns the index of the next image that is sent.
     pub(super) fn image_number(&self) -> u32 {
         self.0.images.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// For the session's messages. All of them go: the program's own verbosity counts.
+    /// Returns the reporter of the session. It sends all messages, because the program applies its own verbosity.
     pub fn reporter(&self) -> Reporter {
         let told = self.clone();
         let reporter = Reporter::new(Box::new(move |message| told.say(b'M', &[&message_bytes(message)])));
@@ -81,40 +81,40 @@ impl Told {
         reporter
     }
 
-    /// For the session's progress.
+    /// Returns the progress receiver of the session.
     pub fn progress(&self) -> SharedProgress {
         SharedProgress(Arc::new(self.clone()))
     }
 
     pub(super) fn say(&self, kind: u8, parts: &[&[u8]]) {
         let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
-        // Nobody is left to tell when the program is gone.
+        // When the program has ended, the error cannot be reported.
         let _ = send(&mut **to, kind, parts);
     }
 
-    /// What ends the session's frames.
+    /// Sets the flag that ends the session's frames.
     pub(super) fn set_stop(&self, stop: Arc<AtomicBool>) {
         *lock(&self.0.stop) = Some(stop);
     }
 
-    /// What orders the buckets of the session's frames.
+    /// Sets the priority of the buckets of the session's frames.
     pub(super) fn set_frame_priority(&self, priority: Arc<Priority>) {
         *lock(&self.0.priority) = Some(priority);
     }
 
-    /// Forgets what was asked of a frame that has ended.
+    /// Drops the requests for a frame that has ended.
     pub(super) fn forget_requests(&self) {
         self.0.ends.store(false, Ordering::Release);
         *lock(&self.0.request) = None;
     }
 
-    /// Ends the frame that is rendered, or that is about to be.
+    /// Ends the current or the next frame.
     pub(super) fn end_frame(&self) {
         self.0.ends.store(true, Ordering::Release);
         self.pass_end_on();
     }
 
-    /// Changes the order of the buckets of the frame that is rendered, or that is about to be.
+    /// Changes the order of the buckets of the current or the next frame.
     pub(super) fn set_priority(&self, request: PriorityRequest) {
         *lock(&self.0.request) = Some(request);
         self.apply_request();
@@ -135,7 +135,7 @@ impl Told {
     }
 }
 
-/// Whole frames, which `granita_pyg::serve` makes.
+/// Receives whole frames, which `granita_pyg::serve` makes.
 impl Write for Told {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
         let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
@@ -154,7 +154,7 @@ impl Progress for Told {
         self.0.total.store(total, Ordering::Relaxed);
         self.0.share.store(0, Ordering::Relaxed);
         self.pass_end_on();
-        // What was requested before the frame began was forgotten then.
+        // Requests from before the frame were dropped when it began.
         self.apply_request();
     }
 

@@ -1,55 +1,55 @@
-//! What a module does, found by walking its code once.
+//! Analyses the code of a module in one pass.
 
-use super::optimize::written;
-use crate::ShadeError;
+use super::optimize::{first_written, is_partial, written};
+use crate::program::{Block, Op, Program, Stmt};
 use granita_gsl::ir::{
-    Block, ConstValue, EmitForm, Global, Module, Op, OpCode, ShaderKind, Stmt, SymbolId, SymbolKind,
-    ValueType,
+    ConstValue, EmitForm, Global, OpCode, ShaderKind, Symbol, SymbolId, SymbolKind, ValueType,
 };
 use granita_gsl::{Func, ShadeopCall};
 
-/// What the walk finds.
+/// The result of the analysis.
 #[derive(Debug, Default)]
-pub(crate) struct Facts {
-    /// Per symbol: written as a whole, and read only where every reader's lanes have written it. Such a symbol
-    /// need not keep the values of inactive lanes.
+pub(crate) struct Analysis {
+    /// Per symbol, true when it is written as a whole and read only where every reader's lanes have written it.
+    /// Such a symbol need not keep the values of inactive lanes.
     pub(crate) scratch: Vec<bool>,
-    /// Globals that operations or functions write.
+    /// The globals that operations or functions write.
     pub(crate) writes: [bool; Global::ALL.len()],
-    /// Writes `opacity`, and something else than 1.
+    /// True when the code writes a value other than 1 to `opacity`.
     pub(crate) clears: bool,
-    /// Globals that functions and statements read without naming them.
+    /// The globals that functions and statements read implicitly.
     pub(crate) implied: [bool; Global::ALL.len()],
-    /// Has an `emit` statement.
+    /// True when there is an `emit` statement.
     pub(crate) emits: bool,
-    /// Has a `lights` loop or an illumination function.
+    /// True when there is a `lights` loop or an illumination function.
     pub(crate) gathers: bool,
-    /// Looks at neighbouring points.
+    /// True when the code reads neighbouring points.
     pub(crate) derivatives: bool,
-    /// Asks for, or does, something once for all points of a grid: what it finds depends on which points are shaded together.
+    /// True when the code computes or reports something once for all points of a grid. The result then depends on
+    /// which points are shaded together.
     pub(crate) gridwise: bool,
-    /// What may make `spatialdbsave`, `indirect` and `occlusion` save.
+    /// The conditions under which `spatialdbsave`, `indirect` and `occlusion` save.
     pub(crate) saves: Vec<Saves>,
-    /// Usages that some `getmessage` may ask: all where the source is not constant.
+    /// The usages that some `getmessage` may query. It is all of them when the source is not constant.
     pub(crate) listens: Vec<ShaderKind>,
-    /// Some `getmessage` may ask the light that a `lights` loop examines.
+    /// True when some `getmessage` may query the light that a `lights` loop examines.
     pub(crate) asks_light: bool,
-    /// Some `getmessage` may ask for a variable of the primitive.
+    /// True when some `getmessage` may query a variable of the primitive.
     pub(crate) asks_primitive: bool,
-    /// Some `getmessage` may ask the shader whose ray sees the point.
-    pub(crate) asks_parent: bool,
+    /// True when some `getmessage` may query the shader whose ray sees the point.
+    pub(crate) queries_parent: bool,
 }
 
-/// When something may be saved to a spatial database.
+/// The condition under which data may be saved to a spatial database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Saves {
-    /// When the parameter of this number is not empty.
+    /// The parameter with this index is not empty.
     Param(u32),
-    /// Always.
+    /// Data may always be saved.
     Any,
 }
 
-/// Whether a function sees a grid as a whole, or is written to once for it.
+/// True when a function reads a grid as a whole, or writes once for it.
 fn is_gridwise(func: Func) -> bool {
     matches!(
         func,
@@ -68,75 +68,46 @@ fn is_gridwise(func: Func) -> bool {
     )
 }
 
-/// Walks a module and checks that it holds together.
-///
-/// Errors: [`ShadeError::Malformed`] for symbols out of range, operands that are missing, operations that
-/// write constants.
-pub(crate) fn analyse(module: &Module) -> Result<Facts, ShadeError> {
-    let n = module.symbols.len();
-    for symbol in &module.symbols {
-        let want = symbol.ty.elements() * symbol.ty.value.components();
-        let have = match &symbol.kind {
-            SymbolKind::Const(ConstValue::Floats(v)) => v.len(),
-            SymbolKind::Const(ConstValue::Strings(v)) => v.len(),
-            SymbolKind::Param(k) if *k as usize >= module.params.len() => {
-                return Err(malformed(module, format!("parameter {k} of {}", module.params.len())));
-            }
-            _ => want,
-        };
-        if have != want || want == 0 {
-            return Err(malformed(module, format!("symbol \"{}\" has {have} of {want} values", symbol.name)));
-        }
-    }
+/// Analyses the code of a layer.
+pub(crate) fn analyse(program: &Program) -> Analysis {
+    let n = program.symbols.len();
     let mut walk = Walk {
-        module,
-        facts: Facts { scratch: vec![false; n], ..Facts::default() },
-        symbols: vec![Usage::Unused; n],
+        symbols: &program.symbols,
+        facts: Analysis { scratch: vec![false; n], ..Analysis::default() },
+        usage: vec![Usage::Unused; n],
         open: Vec::new(),
         blocks: 0,
-        error: None,
     };
-    for param in &module.params {
-        walk.touch(param.symbol, true);
-        walk.block(&param.init);
-    }
-    walk.block(&module.body);
-    if let Some(what) = walk.error {
-        return Err(malformed(module, what));
-    }
-    for (k, usage) in walk.symbols.iter().enumerate() {
-        let own = matches!(module.symbols[k].kind, SymbolKind::Local | SymbolKind::Temp);
+    program.inits.iter().chain([&program.body]).for_each(|block| walk.block(block));
+    for (k, usage) in walk.usage.iter().enumerate() {
+        let own = matches!(program.symbols[k].kind, SymbolKind::Local | SymbolKind::Temp);
         walk.facts.scratch[k] = own && matches!(usage, Usage::Written(_));
     }
-    Ok(walk.facts)
+    walk.facts
 }
 
-fn malformed(module: &Module, what: String) -> ShadeError {
-    ShadeError::Malformed { shader: module.name.clone(), what }
-}
-
-/// How a symbol has been used so far.
+/// The use of a symbol so far.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Usage {
     Unused,
-    /// Written as a whole, last in this block; all reads came later inside the block of the write before them.
+    /// Written as a whole, last in this block. All reads so far were inside the block of the write before them.
     Written(u32),
     /// Anything else.
     Kept,
 }
 
-struct Walk<'m> {
-    module: &'m Module,
-    facts: Facts,
-    symbols: Vec<Usage>,
-    /// Blocks around the current statement. Lanes never come back inside one block: those that leave
-    /// come back after the statement around it.
+struct Walk<'p> {
+    symbols: &'p [Symbol],
+    facts: Analysis,
+    /// By symbol.
+    usage: Vec<Usage>,
+    /// The blocks around the current statement. Lanes never return inside one block. Those that leave return after
+    /// the statement around it.
     open: Vec<u32>,
     blocks: u32,
-    error: Option<String>,
 }
 
-impl Walk<'_> {
+impl<'p> Walk<'p> {
     fn block(&mut self, block: &Block) {
         self.open.push(self.blocks);
         self.blocks += 1;
@@ -148,10 +119,11 @@ impl Walk<'_> {
 
     fn stmt(&mut self, stmt: &Stmt) {
         if matches!(stmt, Stmt::Loop { .. } | Stmt::Lights { .. } | Stmt::Emit { .. } | Stmt::Trace { .. }) {
-            // A round may begin with what the last one left: only what it writes first is its own.
-            let symbols = &mut self.symbols;
-            written(stmt, &self.module.symbols, &mut |s| {
-                if let Some(usage) = symbols.get_mut(s.0 as usize).filter(|u| **u != Usage::Kept) {
+            // A round may begin with the values of the last one. Only the values that it writes first are its own.
+            let usage = &mut self.usage;
+            written(stmt, self.symbols, &mut |s| {
+                let usage = &mut usage[s.0 as usize];
+                if *usage != Usage::Kept {
                     *usage = Usage::Unused;
                 }
             });
@@ -205,7 +177,7 @@ impl Walk<'_> {
                 }
                 self.block(body);
             }
-            Stmt::Trace { set, position, axis, angle, samples, options, body, at: _ } => {
+            Stmt::Trace { set, position, axis, angle, samples, options, body, at: _, call: _ } => {
                 self.imply(&SURROUNDINGS);
                 for &sym in [set, position, axis, angle, samples]
                     .into_iter()
@@ -219,50 +191,38 @@ impl Walk<'_> {
     }
 
     fn op(&mut self, op: &Op) {
-        if op.args.len() < least_args(op.code) {
-            self.fail(format!("{:?} has {} operands", op.code, op.args.len()));
-        }
-        if op.dst.is_none() && needs_result(op.code) {
-            self.fail(format!("{:?} has no result", op.code));
-        }
         for &arg in &op.args {
             self.read(arg);
         }
-        if let OpCode::Call(func) = op.code {
+        if let Some(func) = op.func() {
             self.call(func, op);
         }
         if let Some(dst) = op.dst {
-            let partial =
-                matches!(op.code, OpCode::IndexSet | OpCode::ComponentSet | OpCode::MatrixComponentSet)
-                    || op.code == OpCode::Assign && self.elements(dst) != self.elements(op.args[0]);
+            let partial = is_partial(op, self.symbols);
             let was = self.facts.clears;
             self.write(dst, partial);
-            if op.code == OpCode::Assign && self.is_one(op.args[0]) {
+            if op.is(OpCode::Assign) && self.is_one(op.args[0]) {
                 self.facts.clears = was;
             }
         }
     }
 
-    /// Whether a symbol is the constant 1, or a triple of them.
+    /// True when a symbol is the constant 1, or a triple of ones.
     fn is_one(&self, sym: SymbolId) -> bool {
-        match self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
-            Some(SymbolKind::Const(ConstValue::Floats(values))) => values.iter().all(|v| *v == 1.0),
+        match &self.symbol(sym).kind {
+            SymbolKind::Const(ConstValue::Floats(values)) => values.iter().all(|v| *v == 1.0),
             _ => false,
         }
     }
 
-    fn elements(&self, sym: SymbolId) -> usize {
-        self.module.symbols.get(sym.0 as usize).map_or(0, |s| s.ty.elements())
-    }
-
-    /// Globals that are read without being named.
+    /// Notes globals that are read implicitly.
     fn imply(&mut self, globals: &[Global]) {
         globals.iter().for_each(|&g| self.facts.implied[g as usize] = true);
     }
 
-    /// What a function does beside returning a value.
+    /// Notes the side effects of a function.
     fn call(&mut self, func: Func, op: &Op) {
-        // Plain functions of their operands read nothing else; of the others each may read any.
+        // Plain functions read only their operands. The others may read any of the globals.
         if !is_plain(func) {
             self.imply(&SURROUNDINGS);
         }
@@ -291,111 +251,76 @@ impl Walk<'_> {
                 let may_be = |word: &str| source.is_none_or(|s| s == word);
                 let [parent, light, primitive] = ["parent", "light", "primitive"].map(may_be);
                 let usages: Vec<ShaderKind> = USAGES.into_iter().filter(|k| may_be(k.word())).collect();
-                self.facts.asks_parent |= parent;
+                self.facts.queries_parent |= parent;
                 self.facts.asks_light |= light;
                 self.facts.asks_primitive |= primitive;
                 self.facts.listens.extend(usages);
             }
             _ => {}
         }
+        let written = op.args.iter().skip(first_written(op));
         if func == Func::Shadeop {
-            let Some(call) = ShadeopCall::of(self.module, op.args.first()) else {
-                return self.fail("a shadeop without a name".to_owned());
-            };
-            if call.outputs.len() + 1 != op.args.len() {
-                return self.fail(format!("shadeop `{}` has {} operands", call.name, op.args.len() - 1));
-            }
-            op.args[1..]
-                .iter()
-                .zip(&call.outputs)
-                .filter(|(_, o)| **o)
-                .for_each(|(&s, _)| self.write(s, true));
+            // Its validated text describes which operands are written.
+            let call = op.args.first().and_then(|&s| self.constant(s)).and_then(ShadeopCall::parse);
+            let outputs = call.map(|call| call.outputs);
+            let outputs = outputs.unwrap_or_default();
+            written.zip(&outputs).filter(|(_, o)| **o).for_each(|(&s, _)| self.write(s, true));
             return;
         }
-        // Functions that may store into their arguments, or leave them as they are.
-        let from = match func {
-            Func::Fresnel => 3,
-            Func::Texture | Func::Texture3d | Func::Environment | Func::Shadow => 3,
-            Func::Occlusion => 4,
-            Func::SpatialDbQuery | Func::GetMessage | Func::GetTextureInfo => 2,
-            Func::GetAttribute => 1,
-            _ => return,
-        };
-        for &arg in op.args.iter().skip(from) {
-            let constant = matches!(
-                self.module.symbols.get(arg.0 as usize).map(|s| &s.kind),
-                Some(SymbolKind::Const(_))
-            );
-            if !constant {
+        for &arg in written {
+            // Options are among these operands. Their names, and most of their values, are constants.
+            if !matches!(self.symbol(arg).kind, SymbolKind::Const(_)) {
                 self.write(arg, true);
             }
         }
     }
 
-    /// The text of a constant string.
-    /// Notes the options of a call that name a database or what is done with it.
+    /// Notes the options of a call that name a database or its mode.
     fn database(&mut self, op: &Op) {
-        let is_text = |sym: &SymbolId| {
-            self.module.symbols.get(sym.0 as usize).is_some_and(|s| s.ty.value == ValueType::String)
-        };
-        // Behind the geometry set no string is asked for: options begin with the first.
+        let is_text = |sym: &SymbolId| self.symbol(*sym).ty.value == ValueType::String;
+        // No operand after the geometry set is a string, so the options begin with the first string.
         let options = op.args.iter().skip(1).position(is_text).map_or(&[][..], |first| &op.args[first + 1..]);
         for pair in options.chunks_exact(2) {
             let named = self.constant(pair[0]).is_none_or(|name| matches!(name, "filename" | "filemode"));
             if !named || self.constant(pair[1]) == Some("") {
                 continue;
             }
-            let kind = self.module.symbols.get(pair[1].0 as usize).map(|s| &s.kind);
-            self.facts.saves.push(match kind {
-                Some(SymbolKind::Param(k)) => Saves::Param(*k),
+            let saves = match self.symbol(pair[1]).kind {
+                SymbolKind::Param(k) => Saves::Param(k),
                 _ => Saves::Any,
-            });
+            };
+            self.facts.saves.push(saves);
         }
     }
 
-    fn constant(&self, sym: SymbolId) -> Option<&str> {
-        match &self.module.symbols.get(sym.0 as usize)?.kind {
+    fn symbol(&self, sym: SymbolId) -> &'p Symbol {
+        &self.symbols[sym.0 as usize]
+    }
+
+    /// Returns the text of a constant string.
+    fn constant(&self, sym: SymbolId) -> Option<&'p str> {
+        match &self.symbol(sym).kind {
             SymbolKind::Const(ConstValue::Strings(v)) => v.first().map(|s| &**s),
             _ => None,
         }
     }
 
     fn read(&mut self, sym: SymbolId) {
-        self.touch(sym, false);
-        if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
-            match *usage {
-                Usage::Written(block) if self.open.contains(&block) => {}
-                _ => *usage = Usage::Kept,
-            }
+        let usage = &mut self.usage[sym.0 as usize];
+        match *usage {
+            Usage::Written(block) if self.open.contains(&block) => {}
+            _ => *usage = Usage::Kept,
         }
     }
 
     fn write(&mut self, sym: SymbolId, partial: bool) {
-        self.touch(sym, true);
         let block = self.open.last().copied().unwrap_or(0);
-        if let Some(usage) = self.symbols.get_mut(sym.0 as usize) {
-            *usage = if *usage == Usage::Kept || partial { Usage::Kept } else { Usage::Written(block) };
+        let usage = &mut self.usage[sym.0 as usize];
+        *usage = if *usage == Usage::Kept || partial { Usage::Kept } else { Usage::Written(block) };
+        if let SymbolKind::Global(g) = self.symbol(sym).kind {
+            self.facts.writes[g as usize] = true;
+            self.facts.clears |= g == Global::opacity;
         }
-        if let Some(SymbolKind::Global(g)) = self.module.symbols.get(sym.0 as usize).map(|s| &s.kind) {
-            self.facts.writes[*g as usize] = true;
-            self.facts.clears |= *g == Global::opacity;
-        }
-    }
-
-    /// Checks a symbol.
-    fn touch(&mut self, sym: SymbolId, writing: bool) {
-        match self.module.symbols.get(sym.0 as usize) {
-            None => self.fail(format!("symbol {} of {}", sym.0, self.module.symbols.len())),
-            Some(s) if writing && matches!(s.kind, SymbolKind::Const(_)) => {
-                self.fail("a constant is written".to_owned());
-            }
-            Some(s) if s.ty.value == ValueType::Void => self.fail("a void value is used".to_owned()),
-            _ => {}
-        }
-    }
-
-    fn fail(&mut self, what: String) {
-        self.error.get_or_insert(what);
     }
 }
 
@@ -412,7 +337,7 @@ const SURROUNDINGS: [Global; 9] = [
     Global::dPdv,
 ];
 
-/// Whether a function knows its operands only.
+/// True when a function reads only its operands.
 fn is_plain(func: Func) -> bool {
     use Func as F;
     matches!(
@@ -475,40 +400,10 @@ fn is_plain(func: Func) -> bool {
     )
 }
 
-/// The usage a source name of `getmessage` stands for.
+/// Returns the usage for a source name of `getmessage`.
 pub(crate) fn usage_word(word: &str) -> Option<ShaderKind> {
     USAGES.into_iter().find(|k| k.word() == word)
 }
 
-/// Usages of shaders of an object.
+/// The usages of the shaders of an object.
 const USAGES: [ShaderKind; 3] = [ShaderKind::Surface, ShaderKind::Displacement, ShaderKind::Volume];
-
-/// How many operands an operation needs at least.
-fn least_args(code: OpCode) -> usize {
-    use Func as F;
-    match code {
-        OpCode::Assign | OpCode::Neg | OpCode::Not | OpCode::Truth | OpCode::Construct => 1,
-        OpCode::MatrixComponent | OpCode::MatrixComponentSet | OpCode::Select => 3,
-        OpCode::Call(func) => match func {
-            F::Random | F::RandomGrid | F::GridN | F::GridNU | F::GridNV | F::GridIndex | F::Ambient => 0,
-            F::RayLevel | F::IsShadowRay | F::IsIndirectRay => 0,
-            F::Pow | F::Hypot | F::Mod | F::Min | F::Max | F::Dot | F::Cross | F::Distance => 2,
-            F::FaceForward | F::Reflect | F::Transform | F::TransformV | F::TransformN | F::TransformU => 2,
-            F::TransformC | F::Translate | F::Scale | F::Step | F::Fprintf | F::Match | F::Substr => 2,
-            F::Environment | F::Shadow | F::Texture3d | F::AaStep | F::GetAttribute | F::SetMessage => 2,
-            F::PNoise | F::PSNoise | F::PNNoise | F::Spline => 2,
-            F::Clamp | F::Mix | F::Refract | F::Rotate | F::SmoothStep | F::Texture | F::Specular => 3,
-            F::Indirect | F::Subsurface | F::GetMessage | F::GetTextureInfo => 3,
-            F::SpatialDbSave | F::SpatialDbQuery => 3,
-            F::SpecularBrdf | F::Occlusion => 4,
-            F::Fresnel => 7,
-            _ => 1,
-        },
-        _ => 2,
-    }
-}
-
-/// Whether an operation is nothing without a result.
-fn needs_result(code: OpCode) -> bool {
-    !matches!(code, OpCode::Call(_))
-}

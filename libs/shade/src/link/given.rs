@@ -1,14 +1,14 @@
-//! Values given with a shader instance.
+//! Values that a scene sets for a shader instance.
 
 use crate::run::strings::Strings;
 use granita_base::{BaseType, Param, ParamData, ParamType, Severity};
 use granita_gsl::ir::{Symbol, ValueType};
 use std::sync::Arc;
 
-/// The instance's value for a parameter, as floats (strings as their numbers); `None` when the types do
-/// not go together, which is reported.
+/// Returns the instance's value for a parameter in the form of registers. Returns `None` when the types are not
+/// compatible, which is reported.
 ///
-/// Any numeric type converts when the number of values fits; one number fills a single triple. A
+/// Any numeric type converts when the number of values fits, and one number fills a single triple. A
 /// variable-length array takes any whole number of elements.
 pub(crate) fn given(
     symbol: &Symbol,
@@ -18,7 +18,9 @@ pub(crate) fn given(
 ) -> Option<Arc<[f32]>> {
     let (value, elements) = (symbol.ty.value, symbol.ty.elements());
     let values: Arc<[f32]> = match (&param.data, value) {
-        (ParamData::String(list), ValueType::String) => list.iter().map(|s| strings.intern(s)).collect(),
+        (ParamData::String(list), ValueType::String) => {
+            list.iter().map(|s| strings.intern(s).to_register()).collect()
+        }
         (ParamData::String(_), _) | (_, ValueType::String) => {
             return refuse(symbol, param, report);
         }
@@ -33,7 +35,7 @@ pub(crate) fn given(
         };
     }
     if values.len() == size * elements {
-        // A matrix of 16 floats and a point of 3 are fine; a colour given as hpoint is not.
+        // A matrix of 16 floats and a point of 3 are accepted. A colour from an hpoint is not.
         return Some(values);
     }
     if values.len() == 1 && symbol.ty.array.is_none() && value.is_triple() {
@@ -57,7 +59,7 @@ fn refuse(symbol: &Symbol, param: &Param, report: &mut dyn FnMut(Severity, Strin
     None
 }
 
-/// Whether data of a declared type is a value of the language's type; integers are floats.
+/// True when data of a declared type is a value of the language's type. Integers are floats.
 pub(crate) fn same_type(ty: ParamType, value: ValueType, array: Option<u32>) -> bool {
     let base = if ty.base == BaseType::Int { BaseType::Float } else { ty.base };
     Some(base) == value.base_type() && ty.array == array

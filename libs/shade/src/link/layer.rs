@@ -1,39 +1,45 @@
-//! A layer that is linked.
+//! Linked layers.
 
-use super::wires::Wire;
-use crate::program::Place;
+use super::connections::Connection;
+use crate::call::Call;
+use crate::program::{Block, Place};
 use crate::tape::Tape;
-use granita_gsl::ir::{Block, Global, Module, SymbolId};
+use granita_gsl::ValidModule;
+use granita_gsl::ir::{Global, SymbolId};
 use std::sync::Arc;
 
-/// How a parameter gets its value, beside primitive variables.
+/// The sources of the value of a parameter besides primitive variables.
 #[derive(Debug)]
 pub(crate) struct ParamPlan {
     pub(crate) symbol: SymbolId,
     pub(crate) name: Arc<str>,
-    /// Value of the instance.
+    /// The value of the instance.
     pub(crate) given: Option<Arc<[f32]>>,
-    pub(crate) wires: Vec<Wire>,
+    pub(crate) connections: Vec<Connection>,
 }
 
 /// A linked layer.
 #[derive(Debug)]
 pub(crate) struct Layer {
-    pub(crate) module: Arc<Module>,
-    /// By symbol.
+    pub(crate) module: ValidModule,
+    /// The places of symbols, by symbol.
     pub(crate) places: Vec<Place>,
     pub(crate) params: Vec<ParamPlan>,
+    /// By parameter, the code that computes its default.
+    pub(crate) inits: Vec<Block>,
+    /// The calls with options of all code.
+    pub(crate) calls: Vec<Call>,
     /// Connections into globals.
-    pub(crate) globals: Vec<Wire>,
-    /// Globals that later layers take as this layer leaves them, and where they are kept.
+    pub(crate) globals: Vec<Connection>,
+    /// The globals that later layers take with the values after this layer, and the registers that keep them.
     pub(crate) kept: Vec<(Global, u32)>,
     /// The code as it was compiled.
     pub(crate) plain: Code,
-    /// Better code, for grids where no primitive variable replaces what it relies on.
-    pub(crate) better: Option<BetterCode>,
-    /// Does nothing but compute its parameters: need not run when nobody takes one.
+    /// Optimised code, for grids where no primitive variable replaces the parameters that it relies on.
+    pub(crate) better: Option<OptimisedCode>,
+    /// True when the layer only computes its parameters. It need not run when they are not used.
     pub(crate) inert: bool,
-    /// Layers (by number) that take something from this one.
+    /// The indices of the layers that take values from this one.
     pub(crate) feeds: Vec<usize>,
 }
 
@@ -41,14 +47,14 @@ pub(crate) struct Layer {
 #[derive(Debug, Default)]
 pub(crate) struct Code {
     pub(crate) body: Block,
-    /// What its `Straight` operations stand for.
+    /// The tapes of its [`Operation::Fused`](crate::program::Operation::Fused).
     pub(crate) tapes: Vec<Tape>,
 }
 
 /// Optimised code of a layer.
 #[derive(Debug)]
-pub(crate) struct BetterCode {
+pub(crate) struct OptimisedCode {
     pub(crate) code: Code,
-    /// Parameters (by number) whose values it relies on.
+    /// The indices of the parameters whose values it relies on.
     pub(crate) assumed: Vec<usize>,
 }

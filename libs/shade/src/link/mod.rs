@@ -1,18 +1,20 @@
-//! Linking: from modules and scene parameters to something that runs.
+//! Links modules and scene parameters to groups that can run.
 
 mod analyse;
+mod calls;
+mod connections;
 mod given;
 mod group;
 mod layer;
+mod linking;
 mod optimize;
 mod relink;
 mod source;
-mod wires;
 
 pub(crate) use analyse::usage_word;
+pub(crate) use connections::{Connection, Endpoint, element_of};
 pub(crate) use given::same_type;
 pub use group::Group;
 pub(crate) use layer::{Layer, ParamPlan};
 pub(crate) use optimize::{blocks_mut, occurrences};
 pub use source::{ConnectionSource, LayerSource, LinkOptions};
-pub(crate) use wires::{Tap, Wire, element_of};

@@ -1,31 +1,32 @@
-//! Groups linked again for primitive variables that are longer or shorter than the parameters they replace.
+//! Links groups again for primitive variables whose length differs from the parameters that they replace.
 
 use super::given::same_type;
 use super::layer::Layer;
 use super::source::{ConnectionSource, LayerSource, LinkOptions};
 use crate::Grid;
 use granita_base::Params;
-use granita_gsl::ir::{Module, ValueType};
+use granita_gsl::ValidModule;
+use granita_gsl::ir::ValueType;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// More lengths than objects of one scene have; those that follow are linked anew.
+/// The largest number of kept variants. Further lengths are linked each time.
 const MAX_VARIANTS: usize = 64;
 
 /// Lengths by layer and parameter.
 pub(super) type Lengths = BTreeMap<(usize, usize), u32>;
 
-/// What a group `G` with variable-length parameters was linked from, and its variants.
+/// The sources of a group `G` with variable-length parameters, and its variants.
 #[derive(Debug)]
 pub(super) struct Relink<G> {
-    layers: Vec<(Arc<Module>, Params, Option<String>)>,
+    layers: Vec<(ValidModule, Params, Option<String>)>,
     connections: Vec<[String; 4]>,
     pub(super) options: LinkOptions,
     open: Vec<Open>,
     variants: Mutex<BTreeMap<Lengths, Arc<G>>>,
 }
 
-/// A parameter of variable length, and how long it is.
+/// A parameter of variable length, and its length.
 #[derive(Debug)]
 struct Open {
     at: (usize, usize),
@@ -35,7 +36,7 @@ struct Open {
 }
 
 impl<G> Relink<G> {
-    /// Of layers that were just linked; `None` when all their lengths are fixed.
+    /// Makes the data for layers that were just linked; `None` when all their lengths are fixed.
     pub(super) fn of(
         linked: &[Layer],
         layers: &[LayerSource<'_>],
@@ -65,8 +66,8 @@ impl<G> Relink<G> {
         })
     }
 
-    /// The variant for a grid, made by `link` where it is not there yet; `None` when the group itself fits, or nothing else
-    /// can be linked.
+    /// Returns the variant for a grid, which `link` makes on first use. Returns `None` when the group itself fits,
+    /// or no other one can be linked.
     pub(super) fn variant(
         &self,
         grid: &Grid,

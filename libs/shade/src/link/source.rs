@@ -1,38 +1,37 @@
-//! What is linked: layers and connections as a scene gives them.
+//! The inputs of linking: layers and connections of a scene.
 
 use granita_base::Params;
-use granita_gsl::ir::Module;
-use std::sync::Arc;
+use granita_gsl::ValidModule;
 
-/// One layer, as a scene gives it.
+/// One layer of a scene.
 #[derive(Clone, Debug)]
 pub struct LayerSource<'a> {
     /// The compiled shader.
-    pub module: Arc<Module>,
-    /// Values given with it; spatial ones are in the layer's "shader" space.
+    pub module: ValidModule,
+    /// The values of the instance. Spatial ones are in the layer's "shader" space.
     pub params: &'a Params,
-    /// Name of the layer, for connections and messages.
+    /// The name of the layer, for connections and messages.
     pub name: Option<&'a str>,
 }
 
 /// One `ConnectShaders` (reference 2.6).
 #[derive(Clone, Copy, Debug)]
 pub struct ConnectionSource<'a> {
-    /// Layer that gives.
+    /// The source layer.
     pub source_layer: &'a str,
     /// Its parameter or a global, with an optional index: `"out"`, `"c[1]"`.
     pub source: &'a str,
-    /// Layer that takes; comes later in the group.
+    /// The target layer, which comes later in the group.
     pub target_layer: &'a str,
     /// Its parameter or a global, with an optional index.
     pub target: &'a str,
 }
 
-/// How to link.
+/// The options of linking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkOptions {
-    /// Whether the code is made better with what is known of the instance: constants folded, what nobody needs
-    /// left out, what is computed twice computed once. The results are the same to the bit.
+    /// True when the code is optimised with the values of the instance: constants are folded, unused code is
+    /// removed and repeated computations are done once. The results are the same to the bit.
     pub optimize: bool,
 }
 

@@ -1,19 +1,20 @@
 //! Assignment, operators, indexing and construction.
 
 use super::{binary, component, compute, compute_as, matrix, part_lane, spaces, unary};
-use crate::program::At;
+use crate::program::{At, Op};
 use crate::run::kernel::{blend, blend_one, fold2, map1};
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::{Machine, promote};
 use crate::run::simd;
 use crate::run::store::Out;
-use granita_gsl::ir::{Op, OpCode, SymbolId, ValueType};
+use crate::run::strings::StringId;
+use granita_gsl::ir::{OpCode, SymbolId, ValueType};
 
-/// Everything that is not a function.
-pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
+/// Runs all operations that are not functions.
+pub(super) fn run(m: &mut Machine<'_>, code: OpCode, op: &Op) {
     let Some(dst) = op.dst else { return };
     let matrices = m.type_of(dst) == ValueType::Matrix;
-    match op.code {
+    match code {
         OpCode::Assign => assign(m, dst, op.args[0]),
         OpCode::Neg => unary(m, op, Unary::Neg),
         OpCode::Add => binary(m, op, Binary::Add),
@@ -37,13 +38,13 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
         OpCode::ComponentSet => component_set(m, op, dst, 3),
         OpCode::MatrixComponentSet => component_set(m, op, dst, 16),
         OpCode::Construct => construct(m, op, dst),
-        OpCode::Select => select(m, op, dst),
-        OpCode::Straight(_) | OpCode::Call(_) => {}
+        OpCode::Call(_) => {}
     }
 }
 
-/// One of two values by a condition.
-fn select(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
+/// Selects one of two values by a condition.
+pub(super) fn select(m: &mut Machine<'_>, op: &Op) {
+    let Some(dst) = op.dst else { return };
     let [cond, a, b] = [op.args[0], op.args[1], op.args[2]];
     let test = m.view(cond);
     if !test.varying {
@@ -66,7 +67,7 @@ fn select(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
     }
 }
 
-/// Copies with conversion; arrays element by element as far as both go.
+/// Copies with conversion; arrays element by element up to the shorter length.
 pub(crate) fn assign(m: &mut Machine<'_>, dst: SymbolId, from: SymbolId) {
     let ty = m.type_of(dst);
     let size = ty.components();
@@ -84,7 +85,7 @@ pub(crate) fn assign(m: &mut Machine<'_>, dst: SymbolId, from: SymbolId) {
             map1(out.part(c), component(&v, c, ty), |x| x);
         }
     } else {
-        // Arrays of different lengths: elements that the source lacks stay.
+        // The arrays have different lengths. Elements that the source lacks stay unchanged.
         let old = m.view(dst);
         let (old_varying, lanes) = (old.varying, m.n);
         if old_varying && !varying {
@@ -108,15 +109,25 @@ pub(crate) fn assign(m: &mut Machine<'_>, dst: SymbolId, from: SymbolId) {
     m.commit(dst, out);
 }
 
-/// `yes` where all components are equal, else its opposite.
+/// Computes `yes` where all components are equal, else its opposite.
 fn equal(m: &mut Machine<'_>, op: &Op, yes: f32) {
+    let strings = m.type_of(op.args[0]) == ValueType::String;
     compute(m, op, 1, |m, out, _| {
         let (a, b) = (m.view(op.args[0]), m.view(op.args[1]));
         let ty = if a.components.max(b.components) == 16 { ValueType::Matrix } else { ValueType::Color };
         let part = out.part(0);
         part.fill(1.0);
-        for c in 0..a.components.max(b.components) {
-            fold2(part, component(&a, c, ty), component(&b, c, ty), |o, x, y| if x == y { o } else { 0.0 });
+        if strings {
+            fold2(part, a.lane(0), b.lane(0), |o, x, y| if x.to_bits() == y.to_bits() { o } else { 0.0 });
+        } else {
+            for c in 0..a.components.max(b.components) {
+                fold2(
+                    part,
+                    component(&a, c, ty),
+                    component(&b, c, ty),
+                    |o, x, y| if x == y { o } else { 0.0 },
+                );
+            }
         }
         if yes == 0.0 {
             part.iter_mut().for_each(|x| *x = 1.0 - *x);
@@ -124,19 +135,28 @@ fn equal(m: &mut Machine<'_>, op: &Op, yes: f32) {
     });
 }
 
-/// `yes` where some component is not 0, else its opposite. NaN is true.
+/// Computes `yes` where some component is not 0, else its opposite. NaN is true.
 fn truth(m: &mut Machine<'_>, op: &Op, yes: f32) {
+    let strings = m.type_of(op.args[0]) == ValueType::String;
     compute(m, op, 1, |m, out, _| {
         let a = m.view(op.args[0]);
         let part = out.part(0);
         part.fill(1.0 - yes);
+        if strings {
+            let empty = StringId::EMPTY.0;
+            return crate::run::kernel::fold1(
+                part,
+                a.lane(0),
+                |o, x| if x.to_bits() == empty { o } else { yes },
+            );
+        }
         for c in 0..a.components {
             crate::run::kernel::fold1(part, a.lane(c), |o, x| if x == 0.0 { o } else { yes });
         }
     });
 }
 
-/// The element or component that an index means, and whether it was inside.
+/// Returns the element or component of an index, and true when it was inside of the range.
 fn clamp_index(index: f32, count: usize) -> (usize, bool) {
     let k = index.floor();
     if k >= 0.0 && k < count as f32 {
@@ -148,7 +168,7 @@ fn clamp_index(index: f32, count: usize) -> (usize, bool) {
     }
 }
 
-/// Reports the first index that is outside, in active lanes.
+/// Reports the first index that is outside of the range, in active lanes.
 fn check_index(m: &mut Machine<'_>, op: &Op, index: SymbolId, count: usize) {
     let bad = {
         let v = m.view(index);
@@ -163,7 +183,7 @@ fn check_index(m: &mut Machine<'_>, op: &Op, index: SymbolId, count: usize) {
     }
 }
 
-/// Element of an array.
+/// Reads an element of an array.
 fn index(m: &mut Machine<'_>, op: &Op) {
     let [array, index] = [op.args[0], op.args[1]];
     let count = m.view(array).elements;
@@ -182,7 +202,7 @@ fn index(m: &mut Machine<'_>, op: &Op) {
     });
 }
 
-/// Component of a triple or matrix.
+/// Reads a component of a triple or matrix.
 fn component_get(m: &mut Machine<'_>, op: &Op, count: usize) {
     let side = if count == 16 { 4 } else { 3 };
     for &index in &op.args[1..] {
@@ -198,7 +218,7 @@ fn component_get(m: &mut Machine<'_>, op: &Op, count: usize) {
     });
 }
 
-/// Component number from one index, or from row and column.
+/// Returns the component's index from one index, or from row and column.
 fn flat_index(m: &Machine<'_>, indexes: &[SymbolId], i: usize) -> usize {
     let at = |s: SymbolId, count| clamp_index(m.view(s).get(i), count).0;
     match indexes {
@@ -242,7 +262,7 @@ fn component_set(m: &mut Machine<'_>, op: &Op, dst: SymbolId, count: usize) {
     store_part(m, dst, index, out);
 }
 
-/// Where a partial store begins: the same for all lanes, or per lane.
+/// The start of a partial store: the same for all lanes, or per lane.
 enum Start {
     Uniform(usize),
     Varying(Vec<f32>),
@@ -301,7 +321,7 @@ fn store_part(m: &mut Machine<'_>, dst: SymbolId, start: Start, out: Out) {
     m.discard(out);
 }
 
-/// Triple or matrix from its components, in a named space when a string comes first.
+/// Makes a triple or matrix from its components, in a named space when a string comes first.
 fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
     let ty = m.type_of(dst);
     let named = m.type_of(op.args[0]) == ValueType::String;

@@ -1,16 +1,17 @@
 //! Colour spaces (reference 5.2.2, 5.8.4).
 //!
-//! "rgb" has the primaries of ITU-R BT.709 and white D65, linear; "xyz" and `luminance` follow from them.
-//! "YIQ" is the NTSC matrix of FCC 1953. Hue runs from 0 to 1.
+//! "rgb" is linear and has the primaries of ITU-R BT.709 and white D65. "xyz" and `luminance` follow from them.
+//! "YIQ" is the NTSC matrix of FCC 1953. Hue is from 0 to 1.
 
 use super::compute;
+use crate::program::Op;
 use crate::run::lanes::LUMINANCE;
 use crate::run::machine::Machine;
 use granita_base::{Color, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, SourcePos, SymbolId};
+use granita_gsl::ir::{SourcePos, SymbolId};
 
-/// A colour space known by name.
+/// A named colour space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ColorSpace {
     Rgb,
@@ -21,7 +22,7 @@ pub(crate) enum ColorSpace {
 }
 
 impl ColorSpace {
-    /// By name; upper and lower case do not matter.
+    /// Returns the space of a name. Upper and lower case do not matter.
     fn from_word(word: &str) -> Option<Self> {
         Some(match word.to_ascii_lowercase().as_str() {
             "rgb" => Self::Rgb,
@@ -34,7 +35,7 @@ impl ColorSpace {
     }
 }
 
-/// The space a symbol names; an unknown one is a mistake and stands for "rgb".
+/// Returns the space that a symbol names. An unknown name is an error and stands for "rgb".
 pub(super) fn named(m: &mut Machine<'_>, name: SymbolId, at: SourcePos) -> Option<ColorSpace> {
     let word = m.string(name);
     Some(ColorSpace::from_word(&word).unwrap_or_else(|| {
@@ -64,13 +65,13 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     });
 }
 
-/// Y of the colour: how bright it looks.
+/// Returns Y of the colour, its perceived brightness.
 pub(crate) fn luminance(c: Color) -> f32 {
     let [r, g, b] = LUMINANCE;
     r * c.x + g * c.y + b * c.z
 }
 
-/// Into "rgb".
+/// Converts to "rgb".
 pub(crate) fn to_rgb(space: ColorSpace, c: Color) -> Color {
     match space {
         ColorSpace::Rgb => c,
@@ -91,7 +92,7 @@ pub(crate) fn to_rgb(space: ColorSpace, c: Color) -> Color {
     }
 }
 
-/// Out of "rgb".
+/// Converts from "rgb".
 pub(crate) fn from_rgb(space: ColorSpace, c: Color) -> Color {
     match space {
         ColorSpace::Rgb => c,
@@ -116,7 +117,7 @@ fn rows(c: Vec3, x: [f32; 3], y: [f32; 3], z: [f32; 3]) -> Vec3 {
     Vec3::new(Vec3::from(x).dot(c), Vec3::from(y).dot(c), Vec3::from(z).dot(c))
 }
 
-/// Hue of a colour with its largest and smallest component; 0 for greys.
+/// Returns the hue of a colour with its largest and smallest component; 0 for greys.
 fn hue(c: Color, max: f32, min: f32) -> f32 {
     let d = max - min;
     if d.is_nan() || d <= 0.0 {
@@ -147,7 +148,7 @@ fn rgb_to_hsl(c: Color) -> Vec3 {
     Vec3::new(hue(c, max, min), s, l)
 }
 
-/// Red, green and blue weights of a hue, 0 to 1.
+/// Returns the red, green and blue weights of a hue, from 0 to 1.
 fn pure(h: f32) -> Vec3 {
     let h = (h - h.floor()) * 6.0;
     Vec3::new((h - 3.0).abs() - 1.0, 2.0 - (h - 2.0).abs(), 2.0 - (h - 4.0).abs())

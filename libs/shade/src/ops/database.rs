@@ -1,14 +1,16 @@
-//! Spatial databases and subsurface scattering (reference 5.8.11, 5.8.13): operands and options go to the services,
-//! results come back under the mask.
+//! Spatial databases and subsurface scattering (reference 5.8.11, 5.8.13). Operands and options are passed to the
+//! services, and results are stored under the mask.
 
-use super::lookup::{Parts, for_each_name, split};
+use super::lookup::{Parts, for_each_name};
+use crate::call::Options;
+use crate::program::Op;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
+use crate::services::{QueryOptions, SaveOptions, SubsurfaceOptions};
 use crate::{Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Lane, Lane3, Lanes3, Rect, SubsurfaceQuery};
-use granita_gsl::Func;
-use granita_gsl::ir::{Op, SymbolId, ValueType};
+use granita_gsl::ir::{SymbolId, ValueType};
 
-/// Where a record lies: operands that are read.
+/// The operands that give the place of a record.
 #[derive(Clone, Copy)]
 enum Key {
     Surface(SymbolId, SymbolId),
@@ -17,7 +19,7 @@ enum Key {
 }
 
 impl Key {
-    /// From the operands between name and data.
+    /// Reads the key from the operands between name and data.
     fn of(m: &Machine<'_>, operands: &[SymbolId]) -> Option<Self> {
         match *operands {
             [s, t] if m.type_of(s) == ValueType::Float => Some(Self::Surface(s, t)),
@@ -35,7 +37,7 @@ impl Key {
         }
     }
 
-    /// From the values of [`Key::symbols`].
+    /// Makes the key from the values of [`Key::symbols`].
     fn seen<'v>(self, values: &[Lane3<'v>]) -> DatabaseKey<'v> {
         match self {
             Self::Surface(..) => DatabaseKey::Surface { s: values[0].xyz[0], t: values[1].xyz[0] },
@@ -46,109 +48,74 @@ impl Key {
 }
 
 /// `spatialdbsave`, `spatialdbquery`, `subsurface`.
-pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
-    let (operands, pairs) = split(m, &op.args, 3);
-    let Some((&data, key)) = operands[1..].split_last() else { return };
-    for_each_name(m, op.args[0], |m, name| match (func, Key::of(m, key)) {
-        (Func::Subsurface, _) => subsurface(m, op, name, [operands[1], operands[2]], &pairs),
-        (Func::SpatialDbSave, Some(key)) => save(m, op, name, key, data, &pairs),
-        (_, Some(key)) => query(m, op, name, key, data, &pairs),
-        _ => {}
-    });
-}
-
-/// The numbers that options of a call have, as they are in the first active lane; `None` for strings.
-struct Numbers<'v> {
-    name: &'v str,
-    lanes: Option<Lane3<'v>>,
-    text: &'v str,
-    pair: [f32; 2],
-}
-
-fn each_option<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> Vec<Numbers<'v>> {
-    let list = pairs.iter().map(|&(name, value)| {
-        let view = parts.view(value);
-        let is_text = parts.is_text(value);
-        let i = parts.first();
-        Numbers {
-            name: parts.text(name),
-            lanes: (!is_text).then(|| view.triple()),
-            text: if is_text { parts.text(value) } else { "" },
-            pair: if view.elements > 1 {
-                [0, 1].map(|e| view.lane_at(e, 0).get(i))
-            } else {
-                [view.get(i); 2]
-            },
+pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
+    let Some(call) = m.call(op) else { return };
+    let operands = &call.operands[1..];
+    let Some((&data, key)) = operands.split_last() else { return };
+    for_each_name(m, op.args[0], |m, name| {
+        let resolved = m.resolved(call);
+        match (&resolved.options, Key::of(m, key)) {
+            (Options::Subsurface(options), _) => {
+                let [p, n] = [operands[0], operands[1]];
+                subsurface(m, op, name, [p, n], options);
+            }
+            (Options::Save(options), Some(key)) => save(m, name, key, data, options),
+            (Options::Query(options), Some(key)) => query(m, op, name, Ask { key, data, options }),
+            _ => {}
         }
+        m.complain_of_options(op, &resolved.unknown);
     });
-    list.collect()
 }
 
-fn complain(m: &mut Machine<'_>, op: &Op, unknown: &[String]) {
-    if let (false, granita_gsl::ir::OpCode::Call(func)) = (unknown.is_empty(), op.code) {
-        m.complain(op.at, &format!("{} has no option \"{}\"", func.word(), unknown.join("\", \"")));
-    }
-}
-
-fn save(m: &mut Machine<'_>, op: &Op, name: &str, key: Key, data: SymbolId, pairs: &[(SymbolId, SymbolId)]) {
+fn save(
+    m: &mut Machine<'_>,
+    name: &str,
+    key: Key,
+    data: SymbolId,
+    options: &SaveOptions<SymbolId, SymbolId>,
+) {
     let components = m.type_of(data).components();
     let value_type = m.type_of(data);
-    let mut unknown = Vec::new();
-    // "interpolate": one record in the middle of each facet instead of one at each point.
-    let interpolate = {
-        let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let i = parts.first();
-        each_option(&parts, pairs)
-            .iter()
-            .any(|o| o.name == "interpolate" && o.lanes.is_some_and(|l| l.xyz[0].get(i) != 0.0))
-    };
+    // "interpolate" saves one record in the centre of each facet instead of one at each point.
+    let interpolate = options.interpolate.is_some_and(|s| m.view(s).get(m.first()) != 0.0);
     let facets = if interpolate { facets(m) } else { None };
     let mut symbols = key.symbols();
     symbols.push(data);
     let means: Option<Vec<Lanes3>> =
         facets.as_ref().map(|facets| symbols.iter().map(|&s| means(m, s, facets)).collect());
-    {
-        let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let values: Vec<Lane3<'_>> = match &means {
-            Some(means) => means.iter().map(Lane3::over).collect(),
-            None => symbols.iter().map(|&s| parts.view(s).triple()).collect(),
-        };
-        let all: Vec<u32>;
-        let batch = match &facets {
-            Some(facets) => {
-                all = (0..facets.len() as u32).collect();
-                Batch { lanes: facets.len(), active: &all, layer: m.layer }
-            }
-            None => Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
-        };
-        let (last, keys) = values.split_last().expect("invariant: data follows the key");
-        let mut query = DatabaseSave {
-            batch,
-            name,
-            key: key.seen(keys),
-            data: &last.xyz[..components.min(3)],
-            value_type,
-            filemode: "",
-            resolution: None,
-            filedataformat: "",
-            writefilterwidth: 2.0,
-        };
-        for option in each_option(&parts, pairs) {
-            match option.name {
-                "interpolate" => {}
-                "filemode" => query.filemode = option.text,
-                "resolution" => query.resolution = Some(option.pair),
-                "filedataformat" => query.filedataformat = option.text,
-                "writefilterwidth" => query.writefilterwidth = option.pair[0],
-                other => unknown.push(other.to_owned()),
-            }
+    let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
+    let values: Vec<Lane3<'_>> = match &means {
+        Some(means) => means.iter().map(Lane3::over).collect(),
+        None => symbols.iter().map(|&s| parts.view(s).triple()).collect(),
+    };
+    let all: Vec<u32>;
+    let batch = match &facets {
+        Some(facets) => {
+            all = (0..facets.len() as u32).collect();
+            Batch { lanes: facets.len(), active: &all, layer: m.layer }
         }
-        m.services.spatialdb_save(&query);
-    }
-    complain(m, op, &unknown);
+        None => Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
+    };
+    let (last, keys) = values.split_last().expect("invariant: data follows the key");
+    let text = |option: Option<SymbolId>| option.map_or("", |s| parts.text(s));
+    // Numbers are read from the first active lane.
+    let first = parts.first();
+    let pair = |s: SymbolId| [0, 1].map(|e| parts.view(s).lane_at(e, 0).get(first));
+    let query = DatabaseSave {
+        batch,
+        name,
+        key: key.seen(keys),
+        data: &last.xyz[..components.min(3)],
+        value_type,
+        filemode: text(options.filemode),
+        resolution: options.resolution.map(pair),
+        filedataformat: text(options.filedataformat),
+        writefilterwidth: options.writefilterwidth.map_or(2.0, |s| parts.view(s).get(first)),
+    };
+    m.services.spatialdb_save(&query);
 }
 
-/// The corners of all facets whose four corners are active; `None` where points have no neighbours.
+/// Returns the corners of all facets whose four corners are active; `None` where points have no neighbours.
 fn facets(m: &Machine<'_>) -> Option<Vec<[usize; 4]>> {
     let mut all = Vec::new();
     for Rect { first, nu, nv } in m.grid.topology.rects() {
@@ -165,7 +132,7 @@ fn facets(m: &Machine<'_>) -> Option<Vec<[usize; 4]>> {
     m.grid.topology.rects().next().map(|_| all)
 }
 
-/// Means of a symbol's components over facets.
+/// Returns the means of a symbol's components over facets.
 fn means(m: &Machine<'_>, symbol: SymbolId, facets: &[[usize; 4]]) -> Lanes3 {
     let values = m.view(symbol).triple();
     let mean = |lane: Lane<'_>| {
@@ -174,7 +141,14 @@ fn means(m: &Machine<'_>, symbol: SymbolId, facets: &[[usize; 4]]) -> Lanes3 {
     Lanes3 { xyz: values.xyz.map(mean) }
 }
 
-fn query(m: &mut Machine<'_>, op: &Op, name: &str, key: Key, data: SymbolId, pairs: &[(SymbolId, SymbolId)]) {
+/// The parameters of a database query.
+struct Ask<'o> {
+    key: Key,
+    data: SymbolId,
+    options: &'o QueryOptions<SymbolId, SymbolId>,
+}
+
+fn query(m: &mut Machine<'_>, op: &Op, name: &str, Ask { key, data, options }: Ask<'_>) {
     const ERROR: &[f32] = &[0.25];
     const DISTANCE: &[f32] = &[1.0];
     const SAMPLES: &[f32] = &[3.0];
@@ -183,37 +157,24 @@ fn query(m: &mut Machine<'_>, op: &Op, name: &str, key: Key, data: SymbolId, pai
     let components = value_type.components().min(3);
     let mut found = vec![false; m.n];
     let mut values = vec![vec![0.0; m.n]; components];
-    let mut unknown = Vec::new();
     {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
         let keys: Vec<Lane3<'_>> = key.symbols().iter().map(|&s| parts.view(s).triple()).collect();
-        let mut query = DatabaseQuery {
+        let options = options.map(|s| parts.number(s), |s| Some(parts.text(s)));
+        let query = DatabaseQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
             name,
             key: key.seen(&keys),
             value_type,
-            maxerror: uniform(ERROR),
-            maxdist: uniform(DISTANCE),
-            minsamples: uniform(SAMPLES),
-            filter: "value",
-            filemode: "",
+            maxerror: options.maxerror.unwrap_or(uniform(ERROR)),
+            maxdist: options.maxdist.unwrap_or(uniform(DISTANCE)),
+            minsamples: options.minsamples.unwrap_or(uniform(SAMPLES)),
+            filter: options.filter.filter(|text| !text.is_empty()).unwrap_or("value"),
+            filemode: options.filemode.unwrap_or(""),
         };
-        for option in each_option(&parts, pairs) {
-            let lane = option.lanes.map(|l| l.xyz[0]);
-            match (option.name, lane) {
-                ("maxerror", Some(lane)) => query.maxerror = lane,
-                ("maxdist", Some(lane)) => query.maxdist = lane,
-                ("minsamples", Some(lane)) => query.minsamples = lane,
-                ("filter", None) if !option.text.is_empty() => query.filter = option.text,
-                ("filter", None) => {}
-                ("filemode", None) => query.filemode = option.text,
-                (other, _) => unknown.push(other.to_owned()),
-            }
-        }
         m.services.spatialdb_query(&query, &mut values, &mut found);
     }
-    complain(m, op, &unknown);
-    // Where nothing was found the variable stays as it is.
+    // The variable stays unchanged where nothing was found.
     let mut out = m.out(true, components);
     {
         let old = m.view(data);
@@ -239,7 +200,7 @@ fn subsurface(
     op: &Op,
     name: &str,
     [p, n]: [SymbolId; 2],
-    pairs: &[(SymbolId, SymbolId)],
+    options: &SubsurfaceOptions<SymbolId, SymbolId>,
 ) {
     // Marble, per millimetre (reference 5.8.11).
     const SCATTERING: [&[f32]; 3] = [&[2.19], &[2.62], &[3.0]];
@@ -248,33 +209,26 @@ fn subsurface(
     const ANGLE: &[f32] = &[1.0];
     let uniform = |values| Lane { values, stride: 0 };
     let mut color = Lanes3::zeros(m.n);
-    let mut unknown = Vec::new();
     {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let mut query = SubsurfaceQuery {
+        let triple = |option: Option<SymbolId>, marble: [&'static [f32]; 3]| match option {
+            Some(s) => parts.view(s).triple(),
+            None => Lane3 { xyz: marble.map(uniform) },
+        };
+        let number = |option: Option<SymbolId>, usual| option.map_or(uniform(usual), |s| parts.number(s));
+        let query = SubsurfaceQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
             name,
             p: parts.view(p).triple(),
             n: parts.view(n).triple(),
-            scattering: Lane3 { xyz: SCATTERING.map(uniform) },
-            absorption: Lane3 { xyz: ABSORPTION.map(uniform) },
-            eta: uniform(ETA),
-            maxsolidangle: uniform(ANGLE),
-            model: "",
+            scattering: triple(options.scattering, SCATTERING),
+            absorption: triple(options.absorption, ABSORPTION),
+            eta: number(options.eta, ETA),
+            maxsolidangle: number(options.maxsolidangle, ANGLE),
+            model: options.model.map_or("", |s| parts.text(s)),
         };
-        for option in each_option(&parts, pairs) {
-            match (option.name, option.lanes) {
-                ("scattering", Some(lanes)) => query.scattering = lanes,
-                ("absorption", Some(lanes)) => query.absorption = lanes,
-                ("eta", Some(lanes)) => query.eta = lanes.xyz[0],
-                ("maxsolidangle", Some(lanes)) => query.maxsolidangle = lanes.xyz[0],
-                ("model", None) => query.model = option.text,
-                (other, _) => unknown.push(other.to_owned()),
-            }
-        }
         m.services.subsurface(&query, &mut color);
     }
-    complain(m, op, &unknown);
     let Some(dst) = op.dst else { return };
     let mut out = m.out(true, 3);
     for c in 0..3 {

@@ -1,26 +1,27 @@
 //! Differences between neighbouring points (reference 5.8.7).
 //!
-//! On a rectangular grid they are central inside and one-sided of second order at the borders, so that a
-//! quadratic has no seam between grids. Only active neighbours count: where one is missing, what remains
-//! decides. At ray hits the neighbours are lanes of their own; unrelated points have no differences.
+//! On a rectangular grid they are central inside and one-sided of second order at the borders, so that a quadratic
+//! is continuous between grids. Only active neighbours count. Where one is missing, the difference uses the others.
+//! At ray hits the neighbours are lanes of their own. Unrelated points have no differences.
 
 use super::{compute_as, result_type};
 use crate::differences::{backward, both_differences, forward, minus};
+use crate::program::Op;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
 use crate::{Lane, Rect, Topology};
 use granita_base::Vec3;
 use granita_gsl::Func;
-use granita_gsl::ir::{Global, Op, SymbolId};
+use granita_gsl::ir::{Global, SymbolId};
 
-/// One of the two directions over a grid.
+/// One of the two directions on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Direction {
     U,
     V,
 }
 
-/// Differences of `x` towards the next point, smoothed.
+/// Computes smoothed differences of `x` to the next point.
 pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut [f32]) {
     if x.stride == 0 {
         out.fill(0.0);
@@ -48,7 +49,7 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
                     Direction::U => (rect.nu, 1, rect.nv, rect.nu),
                     Direction::V => (rect.nv, rect.nu, rect.nu, 1),
                 };
-                // Each rectangle as if it were alone.
+                // Each rectangle is processed separately.
                 let all = all || m.mask.on[rect.lanes()].iter().all(|on| *on);
                 for k in 0..lines {
                     let start = rect.first + k * line;
@@ -70,7 +71,7 @@ pub(crate) fn difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out
     }
 }
 
-/// One row or column, all active.
+/// Computes the differences of one row or column with all points active.
 fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &mut [f32]) {
     let at = |i: usize| start + i * stride;
     match count {
@@ -92,7 +93,7 @@ fn line_difference(v: &[f32], start: usize, stride: usize, count: usize, out: &m
     }
 }
 
-/// One row or column, with points missing.
+/// Computes the differences of one row or column with inactive points.
 fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count: usize, out: &mut [f32]) {
     let at = |i: usize| start + i * stride;
     let known = |i: isize| i >= 0 && (i as usize) < count && on[at(i as usize)];
@@ -113,8 +114,8 @@ fn partial_difference(v: &[f32], on: &[bool], start: usize, stride: usize, count
     }
 }
 
-/// Differences towards the next point as they are, backwards at the last one: true sizes of what is
-/// around the point.
+/// Computes unsmoothed differences to the next point, backwards at the last one. They are the true sizes of the
+/// surroundings of a point.
 fn true_difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut [f32]) {
     if m.grid.topology.rects().next().is_none() {
         return difference(m, x, direction, out);
@@ -145,7 +146,7 @@ fn true_difference(m: &Machine<'_>, x: Lane<'_>, direction: Direction, out: &mut
     }
 }
 
-/// Both differences of a value: `components` numbers each.
+/// Returns both differences of a value, with `components` numbers each.
 pub(crate) fn differences(m: &mut Machine<'_>, sym: SymbolId, components: usize) -> [Out; 2] {
     let varying = m.view(sym).varying;
     let mut result = [m.out(varying, components), m.out(varying, components)];
@@ -158,7 +159,7 @@ pub(crate) fn differences(m: &mut Machine<'_>, sym: SymbolId, components: usize)
     result
 }
 
-/// The differences' length over both directions: how much a value changes between samples.
+/// Returns the length of the differences over both directions, which is the change of a value between samples.
 pub(crate) fn filterwidth(m: &mut Machine<'_>, sym: SymbolId) -> Out {
     let components = m.view(sym).components;
     let [du, dv] = differences(m, sym, components);
@@ -176,7 +177,7 @@ pub(crate) fn filterwidth(m: &mut Machine<'_>, sym: SymbolId) -> Out {
     out
 }
 
-/// The functions.
+/// Runs the derivative functions.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     let Some(dst) = op.dst else { return };
     let x = op.args[0];
@@ -217,9 +218,9 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// `cross (deltau (p), deltav (p))`, turned as the surface is, where both have a direction. Where a tangent
-/// vanishes (at a pole) the next row of points gives one; where there is none either, the geometric normal
-/// stands in.
+/// Returns `cross (deltau (p), deltav (p))` with the orientation of the surface, where both have a direction. Where
+/// a tangent vanishes (at a pole), the tangent of the next row of points is used. Where it vanishes too, the
+/// geometric normal is used.
 pub(crate) fn surface_normal(m: &mut Machine<'_>, p: SymbolId) -> Out {
     let p = m.captured(p);
     let out = normals_of(m, &p);
@@ -227,7 +228,7 @@ pub(crate) fn surface_normal(m: &mut Machine<'_>, p: SymbolId) -> Out {
     out
 }
 
-/// As [`surface_normal`], of positions that are no symbol's.
+/// Does the same as [`surface_normal`] for positions that are not of a symbol.
 pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
     let mut tangents = [m.out(true, 3), m.out(true, 3)];
     for (out, direction) in tangents.iter_mut().zip([Direction::U, Direction::V]) {
@@ -243,7 +244,7 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
         m.work(true).each(|i| {
             let (a, b) = (du.get(i), dv.get(i));
             let mut normal = a.cross(b);
-            // Squared sine below 1e-10: parallel, or one without length.
+            // The squared sine is below 1e-10: the vectors are parallel, or one has no length.
             let degenerate = |n: Vec3, a: Vec3, b: Vec3| {
                 let size = a.length_squared() * b.length_squared();
                 // NaN is degenerate too.
@@ -257,7 +258,7 @@ pub(crate) fn normals_of(m: &mut Machine<'_>, p: &Out) -> Out {
                         |k: usize, count: usize| if 2 * k < count { k + 1 } else { k.wrapping_sub(1) };
                     let row = (inward(v, nv) < nv).then(|| first + inward(v, nv) * nu + u);
                     let column = (inward(u, nu) < nu).then(|| first + v * nu + inward(u, nu));
-                    // At a pole one tangent vanishes: take it from the next row or column.
+                    // At a pole one tangent vanishes. It is taken from the next row or column.
                     let candidates = [
                         row.filter(|&k| m.mask.on[k]).map(|k| (du.get(k), b)),
                         column.filter(|&k| m.mask.on[k]).map(|k| (a, dv.get(k))),

@@ -1,17 +1,17 @@
 //! `displace` and `bump` (reference 5.8.12).
 
 use super::derive::normals_of;
+use crate::program::Op;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
 use granita_base::{Transform, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Global, Op, SymbolId, ValueType};
+use granita_gsl::ir::{Global, SymbolId, ValueType};
 
-/// Moves P by an amount along N, or by a vector, and gives N the direction that follows; `bump` changes N
-/// only.
+/// Moves P by an amount along N, or by a vector, and gives N the resulting direction. `bump` changes only N.
 ///
-/// N turns by as much as the geometric normal of the points does, so an interpolated normal stays
-/// interpolated and no displacement is no change.
+/// N turns by as much as the geometric normal of the points, so that an interpolated normal stays interpolated and
+/// a displacement of zero changes nothing.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     let named = m.type_of(op.args[0]) == ValueType::String;
     let Some(&amount) = op.args.get(usize::from(named)) else { return };
@@ -24,7 +24,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
         let by = m.view(amount);
         let along_normal = m.type_of(amount) == ValueType::Float;
         for i in 0..m.n {
-            // Lanes that are off keep their place: their neighbours look at them.
+            // Inactive lanes keep their place, because their neighbours read them.
             moved.set3(i, p.get(i));
         }
         m.work(true).each(|i| {
@@ -50,7 +50,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// N plus the change of the geometric normals, of unit length.
+/// Returns N plus the change of the geometric normals, of unit length.
 fn turned_normals(m: &mut Machine<'_>, old: &Out, new: &Out) -> Out {
     let mut out = m.out(true, 3);
     let n = m.global(Global::N).triple();
@@ -68,12 +68,12 @@ fn turned_normals(m: &mut Machine<'_>, old: &Out, new: &Out) -> Out {
     out
 }
 
-/// How an amount measured in a named space becomes one in "common" space.
+/// The conversion of an amount in a named space to "common" space.
 enum Scale {
     None,
     /// A unit of length.
     Factor(f32),
-    /// From "common" to the space.
+    /// The transformation from "common" to the space.
     Space(Transform),
 }
 
@@ -94,7 +94,7 @@ impl Scale {
         Self::None
     }
 
-    /// Length in "common" space of one unit along a direction of unit length.
+    /// Returns the length in "common" space of one unit along a unit vector.
     fn along(&self, direction: Vec3) -> f32 {
         match self {
             Self::None => 1.0,

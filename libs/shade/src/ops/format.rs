@@ -1,4 +1,4 @@
-//! Templates as of C's `printf` (reference 5.8.9).
+//! Formats templates of `printf` (reference 5.8.9).
 
 use crate::run::strings::MAX_TEXT;
 use std::fmt::Write as _;
@@ -24,19 +24,19 @@ struct Spec {
     precision: Option<usize>,
 }
 
-/// Wider fields than this are cut, so that a shader cannot ask for gigabytes.
+/// The largest width of a field. Wider ones are cut, so that a shader cannot allocate gigabytes.
 const MAX_FIELD: usize = 4096;
 
-/// Fills a template. `%f`, `%c`, `%p` and `%m` print the numbers of any numeric value, separated by
-/// blanks, as C's `%f`; also `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are known, with flags, width and
-/// precision; `%%` is a percent sign. A conversion without a value prints nothing; of the wrong type, the
-/// value as it is. Ends behind the first value that makes it longer than [`MAX_TEXT`].
+/// Fills a template. `%f`, `%c`, `%p` and `%m` print the numbers of any numeric value as C's `%f`, separated by
+/// blanks. `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are supported too, with flags, width and precision. `%%` is a
+/// percent sign. A conversion without a value prints nothing. A value of the wrong type is printed in its own form.
+/// The result ends after the first value that makes it longer than [`MAX_TEXT`].
 pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>) -> String {
     let mut items = items.into_iter();
     let mut out = String::with_capacity(template.len() + 16);
     let mut chars = template.chars().peekable();
     while let Some(c) = chars.next() {
-        // What is beyond is cut off anyway.
+        // Text beyond the limit is cut off later.
         if out.len() > MAX_TEXT {
             break;
         }
@@ -74,7 +74,7 @@ pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>
             spec.precision = Some(number(&mut chars, &mut out));
         }
         match chars.next() {
-            // A lone percent sign at the end stands for itself.
+            // A single percent sign at the end is printed as it is.
             None => break,
             Some('%') => {
                 out.truncate(start);
@@ -115,7 +115,7 @@ fn print(out: &mut String, spec: Spec, kind: char, item: &Item<'_>) {
     }
 }
 
-/// Sign and digits of a number.
+/// Returns the sign and digits of a number.
 fn number(spec: Spec, kind: char, x: f32) -> (&'static str, String) {
     let negative = x.is_sign_negative() && !x.is_nan();
     let sign = match (negative, spec.plus, spec.space) {
@@ -124,7 +124,7 @@ fn number(spec: Spec, kind: char, x: f32) -> (&'static str, String) {
         (_, _, true) => " ",
         _ => "",
     };
-    // C prints doubles: so does this.
+    // C prints doubles, and so does this function.
     let a = f64::from(x.abs());
     if x.is_nan() {
         return ("", "nan".to_owned());
@@ -136,7 +136,7 @@ fn number(spec: Spec, kind: char, x: f32) -> (&'static str, String) {
     let digits = match kind {
         'd' | 'i' => {
             let whole = a.trunc();
-            // Minus zero is zero.
+            // Minus zero is printed as zero.
             return (if whole == 0.0 && negative { "" } else { sign }, format!("{whole:.0}"));
         }
         'x' => format!("{:x}", a.trunc() as u64),
@@ -147,7 +147,7 @@ fn number(spec: Spec, kind: char, x: f32) -> (&'static str, String) {
     (sign, digits)
 }
 
-/// `d.ddde+XX`.
+/// Formats as `d.ddde+XX`.
 fn exponent(a: f64, precision: usize) -> String {
     let text = format!("{a:.precision$e}");
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
@@ -157,7 +157,7 @@ fn exponent(a: f64, precision: usize) -> String {
     out
 }
 
-/// The shorter of both ways, without zeros at the end.
+/// Returns the shorter of both forms, without zeros at the end.
 fn general(a: f64, precision: usize, keep_zeros: bool) -> String {
     let precision = precision.max(1);
     let rounded = format!("{a:.*e}", precision - 1);
@@ -181,7 +181,7 @@ fn general(a: f64, precision: usize, keep_zeros: bool) -> String {
     }
 }
 
-/// Fills up to the width.
+/// Pads to the width.
 fn pad(out: &mut String, spec: Spec, sign: &str, digits: &str) {
     let missing = spec.width.saturating_sub(sign.len() + digits.chars().count());
     let fill = |out: &mut String, c: char| out.extend(std::iter::repeat_n(c, missing));
@@ -243,7 +243,8 @@ mod tests {
         assert_eq!(text("%s.%04d.tx"), "wood.0004.tx");
         assert_eq!(text("%6s|%-3d|"), "  wood|4  |");
         assert_eq!(text("%.2s"), "wo");
-        // Wrong types print what there is; missing values nothing; unknown conversions themselves.
+        // A value of the wrong type is printed in its own form, a missing one as nothing, and an unknown conversion
+        // as itself.
         assert_eq!(text("%f %s %d"), "wood 4 ");
         assert_eq!(text("%y%"), "%y%");
         assert_eq!(text("%5"), "%5");

@@ -1,13 +1,14 @@
-//! Geometric functions (reference 5.8.3) that need no spaces.
+//! Geometric functions (reference 5.8.3) without named spaces.
 
 use super::{compute, compute_as, matrix};
+use crate::program::Op;
 use crate::run::kernel::{fold2, map2};
 use crate::run::lanes::Unary;
 use crate::run::machine::Machine;
 use crate::run::simd;
 use granita_base::Vec3;
 use granita_gsl::Func;
-use granita_gsl::ir::{Global, Op, SymbolId};
+use granita_gsl::ir::{Global, SymbolId};
 
 /// Functions of points, vectors and normals.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
@@ -47,7 +48,7 @@ fn cross(m: &mut Machine<'_>, op: &Op) {
     });
 }
 
-/// A vector without length (or of infinite length) has no direction: the result is zero, not NaN.
+/// A vector of zero or infinite length has no direction. The result is zero, not NaN.
 fn normalize(m: &mut Machine<'_>, op: &Op) {
     compute(m, op, 3, |m, out, _| {
         let a = m.view(op.args[0]);
@@ -71,7 +72,7 @@ fn distance(m: &mut Machine<'_>, op: &Op) {
     });
 }
 
-/// Distance of `q` from the segment `a b`.
+/// Returns the distance of `q` from the segment `a b`.
 fn segment_distance(a: Vec3, b: Vec3, q: Vec3) -> f32 {
     let along = b - a;
     let length2 = along.length_squared();
@@ -79,7 +80,7 @@ fn segment_distance(a: Vec3, b: Vec3, q: Vec3) -> f32 {
     (a + t * along - q).length()
 }
 
-/// `-N` when the reference normal points along `I`; without one it is the geometric normal.
+/// Returns `-N` when the reference normal points along `I`. The default reference is the geometric normal.
 fn faceforward(m: &mut Machine<'_>, op: &Op) {
     let Some(dst) = op.dst else { return };
     let varying = m.varies(&op.args) || op.args.len() < 3 && m.global(Global::Ng).varying;
@@ -96,7 +97,7 @@ fn faceforward(m: &mut Machine<'_>, op: &Op) {
     });
 }
 
-/// Per lane, a triple from up to four operands, seen as floats and as triples.
+/// Computes a triple per lane from up to four operands, read as floats and as triples.
 fn triples(m: &mut Machine<'_>, op: &Op, f: impl Fn([f32; 4], [Vec3; 4]) -> Vec3) {
     compute(m, op, 3, |m, out, work| {
         let views: [_; 4] = std::array::from_fn(|k| m.view(op.args[k.min(op.args.len() - 1)]));
@@ -106,14 +107,14 @@ fn triples(m: &mut Machine<'_>, op: &Op, f: impl Fn([f32; 4], [Vec3; 4]) -> Vec3
     });
 }
 
-/// Snell's law; zero when all light is reflected.
+/// Refracts by Snell's law; zero at total reflection.
 pub(crate) fn refract(i: Vec3, n: Vec3, eta: f32) -> Vec3 {
     let cos = i.dot(n);
     let k = 1.0 - eta * eta * (1.0 - cos * cos);
     if k < 0.0 { Vec3::ZERO } else { eta * i - (eta * cos + k.sqrt()) * n }
 }
 
-/// Reflectance of unpolarised light at a dielectric (Fresnel's equations, in the form of Cook and
+/// Returns the reflectance of unpolarised light at a dielectric (Fresnel's equations, in the form of Cook and
 /// Torrance, A Reflectance Model for Computer Graphics, 1982, for the relative index `1 / eta`).
 pub(crate) fn reflectance(i: Vec3, n: Vec3, eta: f32) -> f32 {
     let c = i.dot(n).abs();
@@ -126,7 +127,7 @@ pub(crate) fn reflectance(i: Vec3, n: Vec3, eta: f32) -> f32 {
     (0.5 * a * a * (1.0 + b * b)).clamp(0.0, 1.0)
 }
 
-/// `fresnel (I, N, eta, Kr, Kt, R, T)`; R and T may be left out by a damaged module only.
+/// Runs `fresnel (I, N, eta, Kr, Kt, R, T)`. Only a damaged module lacks R and T.
 fn fresnel(m: &mut Machine<'_>, op: &Op) {
     let inputs: [SymbolId; 3] = [op.args[0], op.args[1], op.args[2]];
     let varying = m.varies(&inputs);
@@ -149,7 +150,7 @@ fn fresnel(m: &mut Machine<'_>, op: &Op) {
     }
 }
 
-/// `rotate (Q, angle, P0, P1)`: about the axis from P0 to P1, counter-clockwise as `Rotate` does.
+/// Runs `rotate (Q, angle, P0, P1)`: about the axis from P0 to P1, counter-clockwise as `Rotate` does.
 fn rotate(m: &mut Machine<'_>, op: &Op) {
     triples(m, op, |x, v| {
         let turn = matrix::rotation(x[1], v[3] - v[2]);
@@ -172,19 +173,19 @@ mod tests {
     #[test]
     fn refraction_and_reflectance() {
         let n = Vec3::Z;
-        // Straight in: no bending; ((n1 - n2) / (n1 + n2))^2 comes back.
+        // At normal incidence there is no refraction, and the reflectance is ((n1 - n2) / (n1 + n2))^2.
         assert!((refract(-n, n, 1.0 / 1.5) + n).length() < 1e-6);
         assert!((reflectance(-n, n, 1.0 / 1.5) - 0.04).abs() < 1e-6);
         // Total reflection from inside glass.
         let shallow = Vec3::new(0.9, 0.0, -(1.0_f32 - 0.81).sqrt());
         assert_eq!((refract(shallow, n, 1.5), reflectance(shallow, n, 1.5)), (Vec3::ZERO, 1.0));
-        // Snell: sines are in the ratio of the indices.
+        // By Snell's law, sines are in the ratio of the indices.
         let i = Vec3::new(0.6, 0.0, -0.8);
         let t = refract(i, n, 1.0 / 1.5);
         assert!((t.length() - 1.0).abs() < 1e-6 && (t.x - 0.4).abs() < 1e-6 && t.z < 0.0);
-        // The same medium: everything passes.
+        // In the same medium everything is transmitted.
         assert!(reflectance(i, n, 1.0).abs() < 1e-6);
-        // Grazing: everything comes back.
+        // At grazing incidence everything is reflected.
         assert!((reflectance(Vec3::X, n, 0.7) - 1.0).abs() < 1e-6);
     }
 }

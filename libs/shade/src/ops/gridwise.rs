@@ -2,11 +2,11 @@
 
 use super::{constant, result_type};
 use crate::Topology;
+use crate::program::Op;
 use crate::run::machine::Machine;
 use granita_gsl::Func;
-use granita_gsl::ir::Op;
 
-/// Reductions take active lanes only; their result is uniform.
+/// Runs the functions. Reductions read active lanes only, and their result is uniform.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     let flag = |b: bool| f32::from(b);
     match func {
@@ -42,7 +42,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// One value from all active lanes, component by component. NaNs are passed over.
+/// Reduces all active lanes to one value, component by component. NaNs are skipped.
 fn reduce(m: &mut Machine<'_>, op: &Op, f: impl Fn(f32, f32) -> f32) {
     let (Some(dst), Some(ty)) = (op.dst, result_type(m, op)) else { return };
     let mut out = m.out(false, ty.components());

@@ -1,19 +1,22 @@
-//! Textures, environments, shadows and probes (reference 5.8.10, 5.8.11): operands and options go to the
-//! services, results come back under the mask.
+//! Textures, environments, shadows and probes (reference 5.8.10, 5.8.11). Operands and options are passed to the
+//! services, and results are stored under the mask.
 
 use super::derive;
 use super::{result_type, widen};
+use crate::call::{Call, Options, Resolved};
 use crate::link::Layer;
+use crate::program::Op;
 use crate::run::machine::{Machine, State, view};
 use crate::run::store::{Mask, Out, View};
 use crate::{
-    Batch, EnvironmentQuery, Group, Lane, Lanes3, LookupOptions, ShadowQuery, TextureQuery, TraceQuery,
+    Batch, EnvironmentQuery, GatherQuery, Group, Lane, Lanes3, ShadowQuery, Texture3dQuery, TextureQuery,
 };
 use granita_gsl::Func;
-use granita_gsl::ir::{Global, Op, SymbolId, ValueType};
+use granita_gsl::ir::{Global, SymbolId, ValueType};
+use std::borrow::Cow;
 use std::sync::Arc;
 
-/// The parts of a machine that operands are read from, apart from the services.
+/// The parts of a machine that operands are read from, separate from the services.
 pub(crate) struct Parts<'v> {
     group: &'v Group,
     layer: &'v Layer,
@@ -27,72 +30,71 @@ impl<'v> Parts<'v> {
         Self { group, layer: &group.layers[layer], state, n, mask }
     }
 
-    /// The values of a symbol.
+    /// Returns the values of a symbol.
     pub(super) fn view(&self, sym: SymbolId) -> View<'v> {
         view(self.layer, self.group, &self.state.slots, self.n, sym)
     }
 
-    /// The first active lane.
+    /// Returns the numbers of an option.
+    pub(crate) fn number(&self, sym: SymbolId) -> Lane<'v> {
+        self.view(sym).lane(0)
+    }
+
+    /// Returns the first active lane.
     pub(super) fn first(&self) -> usize {
         self.mask.active.first().map_or(0, |&i| i as usize)
     }
 
-    /// Whether a symbol is a string.
-    pub(super) fn is_text(&self, sym: SymbolId) -> bool {
+    /// True when a symbol is a string.
+    fn is_text(&self, sym: SymbolId) -> bool {
         self.layer.places[sym.0 as usize].value == ValueType::String
     }
 
-    /// The string of a symbol in the first active lane.
+    /// Returns the string of a symbol in the first active lane.
     pub(super) fn text(&self, sym: SymbolId) -> &'v str {
         let i = self.first();
-        self.state.strings.text(&self.group.strings, self.view(sym).get(i))
+        self.state.strings.text(&self.group.strings, self.view(sym).string(i))
+    }
+
+    /// Returns the text of an option of a lookup; `None` when it counts as not set.
+    pub(crate) fn option_text(&self, sym: SymbolId) -> Option<&'v str> {
+        Some(self.text(sym)).filter(|text| is_given(text))
     }
 }
 
-/// Options of a call.
-#[derive(Default)]
-pub(crate) struct Parsed<'v> {
-    pub(crate) options: LookupOptions<'v>,
-    pub(crate) distribution: Option<&'v str>,
-    /// Variables for results: alpha, hitdist, Phit, Nhit, direction.
-    results: [Option<SymbolId>; 5],
-    /// Names that nobody knows.
-    unknown: Vec<&'v str>,
+/// True when the text of an option of a lookup is neither empty nor "default".
+pub(super) fn is_given(text: &str) -> bool {
+    !text.is_empty() && text != "default"
 }
 
-/// Sorts names and values. Strings, as file names, are those of the first active lane.
-pub(crate) fn options<'v>(parts: &Parts<'v>, pairs: &[(SymbolId, SymbolId)]) -> Parsed<'v> {
-    let mut parsed = Parsed::default();
-    for &(name, value) in pairs {
-        match parts.text(name) {
-            "distribution" => {
-                parsed.distribution = Some(parts.text(value)).filter(|t| !t.is_empty() && *t != "default");
-            }
-            "alpha" => parsed.results[0] = Some(value),
-            "hitdist" => parsed.results[1] = Some(value),
-            "Phit" => parsed.results[2] = Some(value),
-            "Nhit" => parsed.results[3] = Some(value),
-            "direction" => parsed.results[4] = Some(value),
-            name => {
-                let text = parts.is_text(value).then(|| parts.text(value));
-                if !parsed.options.set(name, Some(parts.view(value).lane(0)), text) {
-                    parsed.unknown.push(name);
-                }
+impl<'a> Machine<'a> {
+    /// Returns the operands and options of an operation that has options.
+    pub(crate) fn call(&self, op: &Op) -> Option<&'a Call> {
+        self.code().calls.get(op.call?.0 as usize)
+    }
+
+    /// Returns the options of a call, resolved at link time or by the current names.
+    pub(crate) fn resolved<'c>(&self, call: &'c Call) -> Cow<'c, Resolved> {
+        match call.resolved() {
+            Some(resolved) => Cow::Borrowed(resolved),
+            None => {
+                let parts = Parts::of(self.group, self.layer, self.st, self.n, &self.mask);
+                Cow::Owned(call.resolve(&|name| parts.text(name), &|value| parts.is_text(value)))
             }
         }
     }
-    parsed
-}
 
-/// Splits operands into those before the first option and the pairs from it on.
-pub(super) fn split(
-    m: &Machine<'_>,
-    args: &[SymbolId],
-    from: usize,
-) -> (Vec<SymbolId>, Vec<(SymbolId, SymbolId)>) {
-    let options = (from..args.len()).find(|&k| m.type_of(args[k]) == ValueType::String).unwrap_or(args.len());
-    let pairs = args[options..].chunks_exact(2).map(|p| (p[0], p[1])).collect();
-    (args[..options].to_vec(), pairs)
+    /// True when an option may be set. `is_given` holds for the names in the first active lane.
+    fn may_be_given(&self, call: &Call, is_given: bool) -> bool {
+        is_given || call.resolved().is_none() && call.names().any(|name| self.view(name).varying)
+    }
+
+    /// Reports the names of options that a call does not support.
+    pub(super) fn complain_of_options(&mut self, op: &Op, unknown: &[String]) {
+        if let (false, Some(func)) = (unknown.is_empty(), op.func()) {
+            self.complain(op.at, &format!("{} has no option \"{}\"", func.word(), unknown.join("\", \"")));
+        }
+    }
 }
 
 /// Calls `f` for each name among the active lanes, with the mask narrowed to its lanes.
@@ -110,10 +112,10 @@ pub(super) fn for_each_name(
     let mut rest = m.borrow_mask();
     rest.copy_from(&m.mask);
     while let Some(&first) = rest.active.first() {
-        let id = m.view(name).get(first as usize);
+        let id = m.view(name).string(first as usize);
         let mut mask = std::mem::take(&mut m.mask);
         mask.copy_from(&rest);
-        mask.retain(|i| m.view(name).get(i) == id);
+        mask.retain(|i| m.view(name).string(i) == id);
         rest.retain(|i| !mask.on[i]);
         m.mask = mask;
         let text = m.text(id).clone();
@@ -126,27 +128,36 @@ pub(super) fn for_each_name(
 
 /// `texture`, `texture3d`, `environment`, `shadow`.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
-    let from = match func {
-        Func::Texture => 3,
-        _ => 2,
-    };
-    let (operands, pairs) = split(m, &op.args, from);
-    for_each_name(m, op.args[0], |m, name| match func {
-        Func::Texture => texture(m, op, name, &operands, &pairs),
-        Func::Texture3d => texture3d(m, op, name, &operands, &pairs),
-        Func::Environment => environment(m, op, name, &operands, &pairs),
-        _ => shadow(m, op, name, &operands, &pairs),
+    let Some(call) = m.call(op) else { return };
+    for_each_name(m, op.args[0], |m, name| {
+        let resolved = m.resolved(call);
+        let look = Look { call, name, resolved: &resolved };
+        match func {
+            Func::Texture => texture(m, op, &look),
+            Func::Texture3d => texture3d(m, op, &look),
+            Func::Environment => environment(m, op, &look),
+            _ => shadow(m, op, &look),
+        }
+        m.complain_of_options(op, &resolved.unknown);
     });
 }
 
-/// One or three channels, by the result.
+/// One lookup of a call, in the lanes with the same name.
+struct Look<'l> {
+    call: &'l Call,
+    name: &'l str,
+    resolved: &'l Resolved,
+}
+
+/// Returns one or three channels, by the type of the result.
 fn channels(m: &Machine<'_>, op: &Op) -> usize {
     result_type(m, op).map_or(1, |t| if t.is_triple() { 3 } else { 1 })
 }
 
-fn texture(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs: &[(SymbolId, SymbolId)]) {
+fn texture(m: &mut Machine<'_>, op: &Op, look: &Look<'_>) {
+    let (Options::Texture(options), operands) = (&look.resolved.options, &look.call.operands) else { return };
     let (s, t) = (operands[1], operands[2]);
-    // Differentials along u, then along v; of s, then of t.
+    // Differentials along u, then along v, or of s, then of t.
     let d: [Out; 4] = if operands.len() >= 7 {
         [operands[3], operands[4], operands[5], operands[6]].map(|k| m.captured(k))
     } else {
@@ -155,12 +166,12 @@ fn texture(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pair
     };
     let channels = channels(m, op);
     let mut result = std::mem::take(&mut m.st.lookup);
-    let (results, unknown) = {
+    {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let parsed = options(&parts, pairs);
         let query = TextureQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
-            name,
+            name: look.name,
+            handle: look.call.handle.as_ref(),
             s: parts.view(s).lane(0),
             t: parts.view(t).lane(0),
             dsdx: d[0].lane(0),
@@ -168,64 +179,49 @@ fn texture(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pair
             dsdy: d[2].lane(0),
             dtdy: d[3].lane(0),
             channels,
-            options: parsed.options,
+            options: options.map(|s| parts.number(s), |s| parts.option_text(s)),
         };
         m.services.texture(&query, &mut result);
-        (parsed.results, unknown_text(&parsed))
-    };
-    finish(m, op, &result.value, unknown);
-    store_float(m, results[0], &result.alpha);
+    }
+    finish(m, op, &result.value);
+    store_float(m, look.resolved.results.alpha, &result.alpha);
     m.st.lookup = result;
     d.into_iter().for_each(|out| m.discard(out));
 }
 
-fn texture3d(
-    m: &mut Machine<'_>,
-    op: &Op,
-    name: &str,
-    operands: &[SymbolId],
-    pairs: &[(SymbolId, SymbolId)],
-) {
+fn texture3d(m: &mut Machine<'_>, op: &Op, look: &Look<'_>) {
+    let (Options::Texture(options), operands) = (&look.resolved.options, &look.call.operands) else { return };
     let p = operands[1];
     let [du, dv] = derive::differences(m, p, 3);
     let channels = channels(m, op);
     let mut result = std::mem::take(&mut m.st.lookup);
-    let (results, unknown) = {
+    {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let parsed = options(&parts, pairs);
-        let p = parts.view(p).triple();
-        let query = TextureQuery {
+        let query = Texture3dQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
-            name,
-            s: p.xyz[0],
-            t: p.xyz[1],
-            dsdx: du.lane(0),
-            dtdx: du.lane(1),
-            dsdy: dv.lane(0),
-            dtdy: dv.lane(1),
+            name: look.name,
+            handle: look.call.handle.as_ref(),
+            p: parts.view(p).triple(),
+            dpdx: du.triple(),
+            dpdy: dv.triple(),
             channels,
-            options: parsed.options,
+            options: options.map(|s| parts.number(s), |s| parts.option_text(s)),
         };
-        let differences = [&du, &dv].map(|d| crate::Lane3 { xyz: std::array::from_fn(|c| d.lane(c)) });
-        m.services.texture3d(&query, p, differences, &mut result);
-        (parsed.results, unknown_text(&parsed))
-    };
-    finish(m, op, &result.value, unknown);
-    store_float(m, results[0], &result.alpha);
+        m.services.texture3d(&query, &mut result);
+    }
+    finish(m, op, &result.value);
+    store_float(m, look.resolved.results.alpha, &result.alpha);
     m.st.lookup = result;
     m.discard(du);
     m.discard(dv);
 }
 
-fn environment(
-    m: &mut Machine<'_>,
-    op: &Op,
-    name: &str,
-    operands: &[SymbolId],
-    pairs: &[(SymbolId, SymbolId)],
-) {
+fn environment(m: &mut Machine<'_>, op: &Op, look: &Look<'_>) {
+    let (Options::Environment(options), operands) = (&look.resolved.options, &look.call.operands) else {
+        return;
+    };
     // (R), (P, R), (R, dRdx, dRdy) or (P, R, dRdx, dRdy).
-    let (p, r, d) = match *operands {
+    let (p, r, d) = match *operands.as_slice() {
         [_, r] => (None, r, None),
         [_, p, r] => (Some(p), r, None),
         [_, r, x, y] => (None, r, Some((x, y))),
@@ -236,7 +232,8 @@ fn environment(
         Some(p) => m.captured(p),
         None => m.captured_global(Global::P),
     };
-    let wants = !has_option(m, pairs, "sample") || m.services.wants_footprint(name, Func::Environment);
+    let wants = !m.may_be_given(look.call, options.sample.is_some())
+        || m.services.wants_footprint(look.name, Func::Environment);
     let [dpdx, dpdy] = if wants { differences_of(m, &p) } else { nothing(m) };
     let [drdx, drdy] = match d {
         Some((x, y)) => [m.captured(x), m.captured(y)],
@@ -244,14 +241,14 @@ fn environment(
         None => nothing(m),
     };
     let channels = channels(m, op);
-    m.tell_rays(name);
+    let messages = m.ray_messages(look.name);
     let mut result = std::mem::take(&mut m.st.lookup);
-    let (results, unknown) = {
+    {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let parsed = options(&parts, pairs);
         let query = EnvironmentQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
-            name,
+            name: look.name,
+            handle: look.call.handle.as_ref(),
             p: p.triple(),
             r: parts.view(r).triple(),
             drdx: drdx.triple(),
@@ -259,18 +256,18 @@ fn environment(
             dpdx: dpdx.triple(),
             dpdy: dpdy.triple(),
             channels,
-            options: parsed.options,
+            options: options.map(|s| parts.number(s), |s| parts.option_text(s)),
+            messages: &messages,
         };
         result.hitdist.clear();
         result.p_hit = Lanes3::default();
         result.n_hit = Lanes3::default();
         result.direction = Lanes3::default();
         m.services.environment(&query, &mut result);
-        (parsed.results, unknown_text(&parsed))
-    };
-    finish(m, op, &result.value, unknown);
-    store_float(m, results[0], &result.alpha);
-    if let Some(dst) = results[1] {
+    }
+    finish(m, op, &result.value);
+    store_float(m, look.resolved.results.alpha, &result.alpha);
+    if let Some(dst) = look.resolved.results.hitdist {
         if result.hitdist.is_empty() {
             let mut far = m.out(false, 1);
             far.set(0, 0, 1e38);
@@ -279,21 +276,16 @@ fn environment(
             store_float(m, Some(dst), &result.hitdist);
         }
     }
-    store_triple(m, results[2], &result.p_hit);
-    store_triple(m, results[3], &result.n_hit);
-    store_triple(m, results[4], &result.direction);
+    store_triple(m, look.resolved.results.p_hit, &result.p_hit);
+    store_triple(m, look.resolved.results.n_hit, &result.n_hit);
+    store_triple(m, look.resolved.results.direction, &result.direction);
     m.st.lookup = result;
     for out in [p, dpdx, dpdy, drdx, drdy] {
         m.discard(out);
     }
 }
 
-/// Whether an option of this name is among the pairs.
-fn has_option(m: &Machine<'_>, pairs: &[(SymbolId, SymbolId)], name: &str) -> bool {
-    pairs.iter().any(|(option, _)| m.view(*option).varying || *m.string(*option) == *name)
-}
-
-/// Two differences that nobody looks at.
+/// Returns two differences of zero, which are not read.
 fn nothing(m: &mut Machine<'_>) -> [Out; 2] {
     [(); 2].map(|()| {
         let mut out = m.out(false, 3);
@@ -302,7 +294,7 @@ fn nothing(m: &mut Machine<'_>) -> [Out; 2] {
     })
 }
 
-/// Differences of values that are no symbol's.
+/// Returns the differences of values that are not of a symbol.
 fn differences_of(m: &mut Machine<'_>, p: &Out) -> [Out; 2] {
     [derive::Direction::U, derive::Direction::V].map(|direction| {
         let mut out = m.out(p.varying, 3);
@@ -313,16 +305,19 @@ fn differences_of(m: &mut Machine<'_>, p: &Out) -> [Out; 2] {
     })
 }
 
-fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs: &[(SymbolId, SymbolId)]) {
+fn shadow(m: &mut Machine<'_>, op: &Op, look: &Look<'_>) {
+    let (Options::Shadow(options), operands) = (&look.resolved.options, &look.call.operands) else { return };
     let p = operands[1];
     let [dpdx, dpdy] = if operands.len() >= 4 {
         [m.captured(operands[2]), m.captured(operands[3])]
-    } else if has_option(m, pairs, "samples") || m.services.wants_footprint(name, Func::Shadow) {
+    } else if m.may_be_given(look.call, options.samples.is_some())
+        || m.services.wants_footprint(look.name, Func::Shadow)
+    {
         derive::differences(m, p, 3)
     } else {
         nothing(m)
     };
-    // From p to the light: along L of an infinite light, else to where the light is.
+    // The vector from p to the light: along L for an infinite light, else to the light's position.
     let emission = m.emission;
     let mut to_light = m.out(emission.inside, 3);
     to_light.data.fill(0.0);
@@ -333,32 +328,32 @@ fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs
             to_light.set3(i, d);
         });
     }
-    // Half of it, as of other cones.
+    // The half angle, as for other cones.
     let spread = [0.5 * emission.spread];
     let mut occluded = Lanes3::zeros(m.n);
-    m.tell_rays(name);
-    let unknown = {
+    let messages = m.ray_messages(look.name);
+    {
         let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-        let mut parsed = options(&parts, pairs);
-        let o = &mut parsed.options;
-        // A broad distant light blurs its ray-traced shadows by itself.
-        if emission.spread > 0.0 && o.angle.is_none() && o.sblur.is_none() {
-            o.angle = Some(Lane { values: &spread, stride: 0 });
+        let mut options = options.map(|s| parts.number(s), |s: SymbolId| parts.option_text(s));
+        // A broad distant light blurs its ray-traced shadows by default.
+        if emission.spread > 0.0 && options.angle.is_none() && options.sblur.is_none() {
+            options.angle = Some(Lane { values: &spread, stride: 0 });
         }
         let query = ShadowQuery {
             batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
-            name,
+            name: look.name,
+            handle: look.call.handle.as_ref(),
             p: parts.view(p).triple(),
             dpdx: dpdx.triple(),
             dpdy: dpdy.triple(),
             to_light: to_light.triple(),
             light_infinite: emission.infinite,
-            options: parsed.options,
+            options,
+            messages: &messages,
         };
         m.services.shadow(&query, &mut occluded);
-        unknown_text(&parsed)
-    };
-    finish(m, op, &occluded.xyz, unknown);
+    }
+    finish(m, op, &occluded.xyz);
     for out in [dpdx, dpdy, to_light] {
         m.discard(out);
     }
@@ -366,59 +361,51 @@ fn shadow(m: &mut Machine<'_>, op: &Op, name: &str, operands: &[SymbolId], pairs
 
 /// `indirect` and `occlusion`.
 pub(super) fn probe(m: &mut Machine<'_>, func: Func, op: &Op) {
-    let first_option = if func == Func::Occlusion { 4 } else { 3 };
-    let (operands, pairs) = split(m, &op.args, first_option);
+    let Some(call) = m.call(op) else { return };
+    let operands = &call.operands;
     for_each_name(m, op.args[0], |m, set| {
         const HEMISPHERE: &[f32] = &[std::f32::consts::FRAC_PI_2];
         const ONE: &[f32] = &[1.0];
+        let resolved = m.resolved(call);
+        let Options::Gather(options) = &resolved.options else { return };
         let mut color = Lanes3::zeros(m.n);
         let mut blocked = vec![0.0; m.n];
-        m.tell_rays(set);
-        let unknown = {
+        let messages = m.ray_messages(set);
+        {
             let parts = Parts::of(m.group, m.layer, m.st, m.n, &m.mask);
-            let parsed = options(&parts, &pairs);
+            let options = options.map(|s| parts.number(s), |s| parts.option_text(s));
             let angle = match (func, operands.get(3)) {
-                (Func::Occlusion, Some(&angle)) => parts.view(angle).lane(0),
+                (Func::Occlusion, Some(&angle)) => parts.number(angle),
                 _ => Lane { values: HEMISPHERE, stride: 0 },
             };
-            let query = TraceQuery {
+            let query = GatherQuery {
                 batch: Batch { lanes: m.n, active: &m.mask.active, layer: m.layer },
                 set,
                 p: parts.view(operands[1]).triple(),
                 axis: parts.view(operands[2]).triple(),
                 angle,
-                samples: parsed.options.samples.unwrap_or(Lane { values: ONE, stride: 0 }),
-                sample: 0,
-                distribution: parsed.distribution.unwrap_or("cosine"),
-                options: parsed.options,
-                wanted: &[],
+                samples: options.samples.unwrap_or(Lane { values: ONE, stride: 0 }),
+                options,
+                messages: &messages,
             };
             if func == Func::Occlusion {
                 m.services.occlusion(&query, &mut blocked, &mut color);
             } else {
                 m.services.indirect(&query, &mut color);
             }
-            unknown_text(&parsed)
-        };
+        }
         if func == Func::Occlusion {
-            finish(m, op, std::slice::from_ref(&blocked), unknown);
+            finish(m, op, std::slice::from_ref(&blocked));
             store_triple(m, operands.get(4).copied(), &color);
         } else {
-            finish(m, op, &color.xyz, unknown);
+            finish(m, op, &color.xyz);
         }
+        m.complain_of_options(op, &resolved.unknown);
     });
 }
 
-/// Names of unknown options, for a message.
-fn unknown_text(parsed: &Parsed<'_>) -> Option<String> {
-    (!parsed.unknown.is_empty()).then(|| parsed.unknown.join("\", \""))
-}
-
-/// Stores a looked-up value: as many channels as the result has components.
-fn finish(m: &mut Machine<'_>, op: &Op, value: &[Vec<f32>], unknown: Option<String>) {
-    if let (Some(names), granita_gsl::ir::OpCode::Call(func)) = (unknown, op.code) {
-        m.complain(op.at, &format!("{} has no option \"{names}\"", func.word()));
-    }
+/// Stores the value of a lookup, with as many channels as the result has components.
+fn finish(m: &mut Machine<'_>, op: &Op, value: &[Vec<f32>]) {
     let Some(dst) = op.dst else { return };
     let components = m.type_of(dst).components().min(3);
     let mut out = m.out(true, components);
@@ -444,7 +431,7 @@ fn store_float(m: &mut Machine<'_>, dst: Option<SymbolId>, values: &[f32]) {
     m.commit(dst, out);
 }
 
-/// Stores a triple result into an option's variable; nothing when there is none.
+/// Stores a triple result into an option's variable, if there is one.
 fn store_triple(m: &mut Machine<'_>, dst: Option<SymbolId>, values: &Lanes3) {
     let (Some(dst), true) = (dst, values.len() == m.n) else { return };
     let mut out = m.out(true, 3);

@@ -1,13 +1,13 @@
 //! Mathematical functions (reference 5.8.2) and steps.
 
 use super::{binary, ternary, unary};
+use crate::program::Op;
 use crate::run::lanes::{Binary as B, Ternary as T, Unary as U};
 use crate::run::machine::Machine;
 use granita_gsl::Func;
-use granita_gsl::ir::Op;
 
-/// Functions of numbers, component by component. The rules of IEEE hold where the reference says
-/// nothing: `sqrt (-1)` is NaN, `log (0)` minus infinity.
+/// Runs functions of numbers, component by component. The rules of IEEE apply where the reference has none: `sqrt
+/// (-1)` is NaN, `log (0)` minus infinity.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::Radians => unary(m, op, U::Radians),

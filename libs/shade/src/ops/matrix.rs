@@ -1,15 +1,16 @@
-//! Matrix functions (reference 5.8.5) and products. A singular matrix has no inverse: the identity takes
-//! its place and an error says so once.
+//! Matrix functions (reference 5.8.5) and products. A singular matrix has no inverse. The identity replaces it, and
+//! an error is reported once.
 
 use super::{compute, math};
+use crate::program::Op;
 use crate::run::machine::Machine;
 use crate::run::store::{Out, View};
 use granita_base::{Transform, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, SymbolId};
+use granita_gsl::ir::SymbolId;
 use std::cell::Cell;
 
-/// The matrix of lane `i`.
+/// Returns the matrix of lane `i`.
 pub(super) fn matrix_of(view: &View<'_>, i: usize) -> Transform {
     Transform::from_rows(&view.matrix_at(i))
 }
@@ -21,7 +22,7 @@ pub(super) fn set_matrix(out: &mut Out, i: usize, value: &Transform) {
     }
 }
 
-/// `a b`, or `a` times the inverse of `b`.
+/// Computes `a b`, or `a` times the inverse of `b`.
 pub(super) fn product(m: &mut Machine<'_>, op: &Op, inverted: bool) {
     let singular = Cell::new(false);
     compute(m, op, 16, |m, out, work| {
@@ -37,7 +38,7 @@ pub(super) fn product(m: &mut Machine<'_>, op: &Op, inverted: bool) {
     }
 }
 
-/// The inverse, or the identity and a note.
+/// Returns the inverse, or the identity and sets `singular`.
 pub(super) fn inverse(matrix: &Transform, singular: &Cell<bool>) -> Transform {
     matrix.try_inverse().unwrap_or_else(|| {
         singular.set(true);
@@ -45,12 +46,12 @@ pub(super) fn inverse(matrix: &Transform, singular: &Cell<bool>) -> Transform {
     })
 }
 
-/// Turns about an axis, counter-clockwise seen against it (Rodrigues' formula), by sines that are the same
-/// on every machine. Without an axis nothing turns.
+/// Returns a rotation about an axis, counter-clockwise seen against it (Rodrigues' formula), with sines that are
+/// the same on every machine. Without an axis it is the identity.
 pub(super) fn rotation(angle_rad: f32, axis: Vec3) -> Transform {
     let [x, y, z] = axis.to_array().map(f64::from);
     let length = (x * x + y * y + z * z).sqrt();
-    // NaN is no axis either.
+    // NaN is not an axis either.
     if !(length > 0.0 && length.is_finite()) {
         return Transform::IDENTITY;
     }
@@ -70,7 +71,7 @@ pub(super) fn rotation(angle_rad: f32, axis: Vec3) -> Transform {
     Transform::from_rows(&list)
 }
 
-/// Functions of matrices. The new transformation applies first, as those of the scene interface do.
+/// Runs functions of matrices. The new transformation applies first, as those of the scene interface do.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::Determinant => compute(m, op, 1, |m, out, work| {
@@ -89,13 +90,13 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// A matrix from a matrix and the triple after it.
+/// Computes a matrix from a matrix and the triple after it.
 fn prepend(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Transform, Vec3, f32) -> Transform) {
     let triple = op.args[op.args.len().min(2) - 1];
     prepend_with(m, op, triple, f);
 }
 
-/// A matrix from a matrix, a triple, and the second operand as a float.
+/// Computes a matrix from a matrix, a triple, and the second operand as a float.
 fn prepend_with(
     m: &mut Machine<'_>,
     op: &Op,

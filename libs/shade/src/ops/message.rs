@@ -2,22 +2,22 @@
 
 use super::constant;
 use crate::link::{same_type, usage_word};
-use crate::program::At;
+use crate::program::{At, Op};
 use crate::run::machine::{Machine, RaySample, Sent};
 use crate::run::store::Slot;
 use crate::{HitValues, Lanes3, Primvar, PrimvarData};
 use granita_base::{BaseType, Param, ParamData};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, ShaderKind, SymbolId, ValueType};
+use granita_gsl::ir::{ShaderKind, SymbolId, ValueType};
 
-/// Whether there was something: the same for all lanes, or by lane.
+/// Where a value was found: the same for all lanes, or by lane.
 enum Found {
     All(bool),
     Some(Vec<bool>),
 }
 
-/// `setmessage`, `getmessage`, `getattribute`, `gettextureinfo`. Those that get leave the destination alone
-/// and return 0 where there is nothing of the name and type.
+/// Runs `setmessage`, `getmessage`, `getattribute`, `gettextureinfo`. When nothing of the name and type exists, the
+/// last three leave the destination unchanged and return 0.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::SetMessage => send(m, op),
@@ -55,10 +55,11 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
 }
 
 impl Machine<'_> {
-    /// Before rays are traced against a set: tells what their shader says to the shaders that they meet.
-    pub(crate) fn tell_rays(&mut self, set: &str) {
-        if !self.services.is_asked_by(set) {
-            return;
+    /// Returns the messages of the running shader for the shaders that its rays against a set hit, when these may
+    /// query them.
+    pub(crate) fn ray_messages(&mut self, set: &str) -> Vec<Primvar> {
+        if !self.services.queries_parent(set) {
+            return Vec::new();
         }
         let mut values = Vec::new();
         for sent in &self.st.messages {
@@ -66,7 +67,7 @@ impl Machine<'_> {
             let name = self.text(sent.name).clone();
             values.push(self.as_primvar(&name, sent.value, array, &sent.slot));
         }
-        // Of layers the last that runs comes first.
+        // The layer that runs last has precedence.
         let layers = &self.group.layers;
         for layer in layers[..=self.layer].iter().rev() {
             for plan in &layer.params {
@@ -76,13 +77,13 @@ impl Machine<'_> {
                 values.push(self.as_primvar(&plan.name, place.value, array, &self.st.slots[slot as usize]));
             }
         }
-        self.services.say_to_rays(values);
+        values
     }
 }
 
-/// Keeps a message; one of the same name and type is replaced in the active lanes.
+/// Keeps a message. One of the same name and type is replaced in the active lanes.
 fn send(m: &mut Machine<'_>, op: &Op) {
-    let name = m.view(op.args[0]).get(m.first());
+    let name = m.view(op.args[0]).string(m.first());
     let (value, elements) = (m.type_of(op.args[1]), m.place(op.args[1]).elements);
     let fresh = m.captured(op.args[1]);
     let old = m.st.messages.iter().position(|s| s.name == name);
@@ -96,7 +97,7 @@ fn send(m: &mut Machine<'_>, op: &Op) {
         m.st.messages.push(Sent { name, value, elements, slot });
         return;
     };
-    // Let the register logic merge lanes: lend the message a place at the end of the registers.
+    // The register functions merge lanes, so the message is moved to the end of the registers for the store.
     let slot = std::mem::take(&mut m.st.messages[k].slot);
     m.st.slots.push(slot);
     let last = m.st.slots.len() - 1;
@@ -136,7 +137,7 @@ fn receive(m: &mut Machine<'_>, source: &str, name: &str, dst: SymbolId) -> bool
     }
 }
 
-/// From the layers of the running group: messages, then parameters, the last layer's first.
+/// Reads from the layers of the running group: messages, then parameters, the last layer's first.
 fn from_group(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> bool {
     let id = m.intern(name);
     let place = *m.place(dst);
@@ -166,7 +167,7 @@ fn from_group(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> bool {
     true
 }
 
-/// From the ray of the innermost `trace` loop.
+/// Reads from the ray of the innermost `trace` loop.
 fn from_ray(m: &mut Machine<'_>, name: &str, dst: SymbolId) -> Found {
     let Some(sample) = m.ray.take() else { return Found::All(false) };
     let found = of_sample(m, &sample, name, dst);
@@ -264,7 +265,7 @@ fn store_primvar(m: &mut Machine<'_>, dst: SymbolId, p: &Primvar) -> bool {
             }
             let mut out = m.out(false, size);
             for (k, text) in list.iter().enumerate() {
-                out.data[k] = m.intern(text);
+                out.data[k] = m.intern(text).to_register();
             }
             m.commit(dst, out);
         }
@@ -272,8 +273,8 @@ fn store_primvar(m: &mut Machine<'_>, dst: SymbolId, p: &Primvar) -> bool {
     true
 }
 
-/// Stores a uniform value of the right type; integers are floats, and a type that was not declared is
-/// taken for the destination's.
+/// Stores a uniform value of the right type. Integers are floats, and an undeclared type counts as the
+/// destination's.
 fn store_param(m: &mut Machine<'_>, dst: SymbolId, p: &Param) -> bool {
     let place = *m.place(dst);
     let mut ty = p.ty;
@@ -291,7 +292,7 @@ fn store_param(m: &mut Machine<'_>, dst: SymbolId, p: &Param) -> bool {
     match (&p.data, p.data.to_floats()) {
         (ParamData::String(list), _) if place.value == ValueType::String => {
             for (k, text) in list.iter().enumerate() {
-                out.data[k] = m.intern(text);
+                out.data[k] = m.intern(text).to_register();
             }
         }
         (_, Some(values)) if place.value != ValueType::String => out.data.copy_from_slice(&values),

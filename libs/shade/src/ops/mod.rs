@@ -1,9 +1,9 @@
 //! The operations and the functions of the standard library (reference 5.8).
 //!
-//! Pure ones compute into a fresh buffer and then store it under the mask ([`Machine::commit`]), so an
-//! operand may be the result. Uniform operands give a uniform result, computed once. Cheap ones compute
-//! all lanes, whatever the mask; expensive ones the active lanes only. What is computed for inactive lanes
-//! never reaches an active one: functions that look at neighbours take active ones only.
+//! Operations without side effects compute into a new buffer and then store it under the mask
+//! ([`Machine::commit`]), so an operand may be the result. Uniform operands give a uniform result, computed once.
+//! Cheap operations compute all lanes, whatever the mask. Expensive ones compute the active lanes only. Values of
+//! inactive lanes never reach an active one, because functions of neighbours read active ones only.
 
 mod arith;
 mod color;
@@ -29,19 +29,22 @@ pub use pattern::{NoiseForm, noise_at};
 
 use crate::Group;
 use crate::Lane;
-use crate::program::{At, Place};
+use crate::program::{At, Op, Operation, Place};
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::run::machine::Machine;
 use crate::run::simd;
 use crate::run::store::{Out, Slot, View, Work};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, OpCode, SymbolId, ValueType};
+use granita_gsl::ir::{OpCode, SymbolId, ValueType};
 
 /// Runs one operation in the active lanes.
 pub(crate) fn run(m: &mut Machine<'_>, op: &Op) {
     match op.code {
-        OpCode::Call(func) => call(m, func, op),
-        _ => arith::run(m, op),
+        Operation::Stored(OpCode::Call(func)) => call(m, func, op),
+        Operation::Stored(code) => arith::run(m, code, op),
+        Operation::Select => arith::select(m, op),
+        // Blocks run tapes themselves.
+        Operation::Fused(_) => {}
     }
 }
 
@@ -77,17 +80,17 @@ fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
         F::Displace | F::Bump => displace::run(m, func, op),
         F::SetMessage | F::GetMessage | F::GetAttribute | F::GetTextureInfo => message::run(m, func, op),
         F::Shadeop => shadeop::run(m, op),
-        F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => database::run(m, func, op),
+        F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => database::run(m, op),
         _ => math::run(m, func, op),
     }
 }
 
-/// Type of an operation's result.
+/// Returns the type of an operation's result.
 fn result_type(m: &Machine<'_>, op: &Op) -> Option<ValueType> {
     op.dst.map(|dst| m.type_of(dst))
 }
 
-/// A result of zeros.
+/// Stores a result of zeros.
 fn zero(m: &mut Machine<'_>, op: &Op) {
     if let Some(dst) = op.dst {
         let mut out = m.out(false, m.type_of(dst).components());
@@ -96,7 +99,7 @@ fn zero(m: &mut Machine<'_>, op: &Op) {
     }
 }
 
-/// A uniform float result.
+/// Stores a uniform float result.
 fn constant(m: &mut Machine<'_>, op: &Op, value: f32) {
     if let Some(dst) = op.dst {
         let mut out = m.out(false, m.type_of(dst).components());
@@ -105,8 +108,8 @@ fn constant(m: &mut Machine<'_>, op: &Op, value: f32) {
     }
 }
 
-/// Computes a result of `components` numbers into the operation's symbol. The result varies when an
-/// operand does; `f` gets the lanes to compute.
+/// Computes a result of `components` numbers into the operation's symbol. The result is varying when an operand is.
+/// `f` receives the lanes to compute.
 fn compute(
     m: &mut Machine<'_>,
     op: &Op,
@@ -118,7 +121,7 @@ fn compute(
     compute_as(m, dst, varying, components, f);
 }
 
-/// As [`compute`], for any symbol; `varying` is given.
+/// Does the same as [`compute`] for any symbol, with an explicit `varying`.
 fn compute_as(
     m: &mut Machine<'_>,
     dst: SymbolId,
@@ -132,7 +135,7 @@ fn compute_as(
     m.commit(dst, out);
 }
 
-/// Makes a float result as wide as the symbol it goes to, should that be a triple.
+/// Copies a float result to all components when the symbol is a triple.
 fn widen(m: &Machine<'_>, dst: SymbolId, out: &mut Out, components: usize) {
     let want = m.type_of(dst).components();
     if components == want {
@@ -149,7 +152,7 @@ fn widen(m: &Machine<'_>, dst: SymbolId, out: &mut Out, components: usize) {
     }
 }
 
-/// Component `c` of an operand as a value of type `ty`: a float is the diagonal of a matrix.
+/// Returns component `c` of an operand as a value of type `ty`. A float is the diagonal of a matrix.
 fn component<'v>(view: &View<'v>, c: usize, ty: ValueType) -> Lane<'v> {
     const ZERO: &[f32] = &[0.0];
     if ty == ValueType::Matrix && view.components == 1 && !c.is_multiple_of(5) {
@@ -158,7 +161,7 @@ fn component<'v>(view: &View<'v>, c: usize, ty: ValueType) -> Lane<'v> {
     view.lane(c)
 }
 
-/// Component `c` of a value written as one or all of its components.
+/// Returns component `c` of a value that is written as one or all of its components.
 fn part_lane<'v>(m: &'v Machine<'_>, parts: &[SymbolId], c: usize, ty: ValueType) -> Lane<'v> {
     if parts.len() == 1 {
         component(&m.view(parts[0]), c, ty)
@@ -167,18 +170,18 @@ fn part_lane<'v>(m: &'v Machine<'_>, parts: &[SymbolId], c: usize, ty: ValueType
     }
 }
 
-/// Whether so few lanes are active that they had better be computed one by one.
+/// True when so few lanes are active that computing them one by one is faster.
 fn sparse(m: &Machine<'_>, varying: bool) -> bool {
     varying && m.mask.count() * 4 < m.n
 }
 
-/// An operand of a plain operation, as plainly as it can be had.
+/// An operand of a plain operation, in its simplest form.
 #[derive(Clone, Copy)]
 struct Operand<'v> {
     data: &'v [f32],
-    /// From one component to the next; 0 when one stands for all.
+    /// The step from one component to the next; 0 when one stands for all.
     step: usize,
-    /// Lanes.
+    /// The number of lanes.
     width: usize,
     stride: usize,
 }
@@ -202,7 +205,7 @@ impl<'v> Operand<'v> {
     }
 }
 
-/// Declares plain operations of so many operands.
+/// Declares plain operations with these operands.
 macro_rules! passes {
     ($($(#[$doc:meta])* $name:ident ($($arg:ident),*);)*) => {$(
         $(#[$doc])*
@@ -248,17 +251,17 @@ macro_rules! passes {
 }
 
 passes! {
-    /// A plain operation, component by component, straight into the register of its result: possible when all
-    /// lanes may be written, operands are single values and none of them is the result. `f` computes one
-    /// component, whose number it gets; whether it was done.
+    /// Runs a plain operation, component by component, directly into the register of its result. This is possible
+    /// when all lanes may be written, operands are single values and none of them is the result. `f` computes the
+    /// component with the given index. Returns true when it was done.
     pass1 (a);
-    /// As [`pass1`], of two operands.
+    /// Does the same as [`pass1`] for two operands.
     pass2 (a, b);
-    /// As [`pass1`], of three operands.
+    /// Does the same as [`pass1`] for three operands.
     pass3 (a, b, c);
 }
 
-/// Component by component of one operand.
+/// Computes component by component from one operand.
 fn unary(m: &mut Machine<'_>, op: &Op, f: Unary) {
     let Some(dst) = op.dst else { return };
     if pass1(m, dst, op.args[0], |out, a, _| simd::unary(f, out, a)) {
@@ -278,7 +281,7 @@ fn unary(m: &mut Machine<'_>, op: &Op, f: Unary) {
     });
 }
 
-/// Component by component of two operands.
+/// Computes component by component from two operands.
 fn binary(m: &mut Machine<'_>, op: &Op, f: Binary) {
     let Some(dst) = op.dst else { return };
     if pass2(m, dst, op.args[0], op.args[1], |out, a, b, _| simd::binary(f, out, a, b)) {
@@ -301,7 +304,7 @@ fn binary(m: &mut Machine<'_>, op: &Op, f: Binary) {
     });
 }
 
-/// Component by component of three operands; of the third, a float stands for all components.
+/// Computes component by component from three operands. A float as the third stands for all components.
 fn ternary(m: &mut Machine<'_>, op: &Op, f: Ternary) {
     let Some(dst) = op.dst else { return };
     if pass3(m, dst, op.args[0], op.args[1], op.args[2], |out, a, b, c, _| simd::ternary(f, out, a, b, c)) {
@@ -316,12 +319,12 @@ fn ternary(m: &mut Machine<'_>, op: &Op, f: Ternary) {
     });
 }
 
-/// A single number as a lane.
+/// Returns a single number as a lane.
 fn single(value: &[f32; 1]) -> Lane<'_> {
     Lane { values: value, stride: 0 }
 }
 
-/// The only number of a result.
+/// Returns the only number of a result.
 fn alone(f: impl FnOnce(&mut [f32])) -> f32 {
     let mut value = [0.0];
     f(&mut value);

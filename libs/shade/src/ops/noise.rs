@@ -1,8 +1,8 @@
 //! Noise (reference 5.8.6): functions of 1 to 4 numbers, deterministic everywhere.
 //!
-//! Gradient noise after Perlin (Improving Noise, SIGGRAPH 2002): a lattice of hashed gradients, blended by
-//! the quintic 6t^5 - 15t^4 + 10t^3. Zero on the lattice, scaled to lie within [-1, 1]. Components of
-//! triples come from independent lattices. A periodic one repeats its lattice.
+//! It is gradient noise after Perlin (Improving Noise, SIGGRAPH 2002): a lattice of hashed gradients, blended by
+//! the quintic 6t^5 - 15t^4 + 10t^3. It is zero on the lattice and scaled to lie within [-1, 1]. Components of
+//! triples come from independent lattices. Periodic noise repeats its lattice.
 
 use crate::run::noise_lanes::open_unit;
 use granita_base::hash::mix32;
@@ -12,7 +12,7 @@ fn step(h: u32, i: i32) -> u32 {
     mix32(h ^ i as u32).wrapping_add(0x9e37_79b9)
 }
 
-/// A number in (0, 1) for the bits of `x`.
+/// Returns a number in (0, 1) for the bits of `x`.
 pub(crate) fn hashed(x: &[f32], component: u32) -> f32 {
     let mut h = step(0x7261_6e64, component as i32 ^ ((x.len() as i32) << 8));
     for &x in x {
@@ -22,7 +22,7 @@ pub(crate) fn hashed(x: &[f32], component: u32) -> f32 {
     open_unit(mix32(h))
 }
 
-/// A number in (0, 1) for three words.
+/// Returns a number in (0, 1) for three words.
 pub(crate) fn drawn(words: &[u32], component: u32) -> f32 {
     let mut h = step(0x6472_6177, component as i32);
     for &w in words {
@@ -125,7 +125,7 @@ mod tests {
             assert!((a - b).abs() < 2e-4, "{x:?} {a} {b}");
         }
         assert_eq!([period(3.9), period(0.2), period(-4.0), period(f32::NAN)], [3, 1, 1, 1]);
-        // Far away from the seam, a periodic lattice is the ordinary one.
+        // Far away from the end of the period, a periodic lattice is the ordinary one.
         assert_eq!(snoise([2.5], [100, 0, 0, 0], 0), snoise([2.5], [0; 4], 0));
     }
 

@@ -2,16 +2,18 @@
 
 use super::{compute_as, derive, noise as table};
 use crate::Lane;
+use crate::call::Options;
+use crate::program::Op;
 use crate::run::kernel::map2;
 use crate::run::machine::Machine;
 use crate::run::noise_lanes::{NoiseKind, NoiseTask};
 use crate::run::simd;
 use granita_base::{Filter, hash};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, SymbolId, ValueType};
+use granita_gsl::ir::SymbolId;
 use table::{drawn, hashed};
 
-/// The floats of a list of operands, triples spread out.
+/// Returns the floats of a list of operands, with triples as three of them.
 fn spread<'v>(m: &'v Machine<'_>, args: &[SymbolId]) -> [Option<Lane<'v>>; 4] {
     let mut lanes = [None; 4];
     let mut next = 0;
@@ -27,7 +29,7 @@ fn spread<'v>(m: &'v Machine<'_>, args: &[SymbolId]) -> [Option<Lane<'v>>; 4] {
     lanes
 }
 
-/// Values of the lanes at `i`; 0 where there is none.
+/// Returns the values of the lanes at `i`; 0 where there is none.
 fn at(lanes: &[Option<Lane<'_>>; 4], i: usize) -> [f32; 4] {
     lanes.map(|l| l.map_or(0.0, |l| l.get(i)))
 }
@@ -54,7 +56,7 @@ pub(super) fn noise(m: &mut Machine<'_>, func: Func, op: &Op) {
         };
         for c in 0..components {
             if few {
-                // One by one, through a list of one lane.
+                // Lanes are computed one by one, as a list of one lane.
                 work.each(|i| {
                     let at = |lane: Lane<'_>| [lane.get(i)];
                     let x = task.x.map(|l| l.map(at));
@@ -77,7 +79,7 @@ pub(super) fn noise(m: &mut Machine<'_>, func: Func, op: &Op) {
     });
 }
 
-/// Which noise.
+/// The kind of noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NoiseForm {
     /// `noise`: within [0, 1].
@@ -88,8 +90,8 @@ pub enum NoiseForm {
     Cell,
 }
 
-/// The noise of the language at one point of 1 to 4 dimensions, into one or more uncorrelated components; `period`, one
-/// for each dimension, makes it repeat.
+/// Computes the noise of the language at one point of 1 to 4 dimensions, into one or more uncorrelated components.
+/// `period`, one for each dimension, makes it periodic.
 pub fn noise_at(form: NoiseForm, x: &[f32], period: Option<&[f32]>, out: &mut [f32]) {
     let kind = match form {
         NoiseForm::Noise => NoiseKind::Unsigned,
@@ -114,12 +116,12 @@ pub fn noise_at(form: NoiseForm, x: &[f32], period: Option<&[f32]>, out: &mut [f
     }
 }
 
-/// `random` and `randomgrid`. Without an argument the numbers depend on the grid's seed, the lane and how
-/// many were drawn before, so that a picture can be computed again. Lanes with names of their own count for themselves.
+/// Runs `random` and `randomgrid`. Without an argument the numbers depend on the grid's seed, the lane and the
+/// number of earlier draws, so that an image can be computed again. Lanes with their own seeds count separately.
 pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
     let Some(dst) = op.dst else { return };
     let components = m.type_of(dst).components();
-    // Seed 0 gives the numbers that a grid has of itself.
+    // Seed 0 keeps the numbers of the grid's own seed.
     let seeded = |name: u32| if m.st.seed == 0 { name } else { hash::words(&[name, m.st.seed]) };
     let (seed, draw) = (seeded(m.grid.seed), m.draws);
     let names: Vec<u32> = match op.args.is_empty() && func == Func::Random && m.st.seed != 0 {
@@ -161,30 +163,23 @@ pub(super) fn random(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// `aastep (edge, s, [ds], ...)`: the step seen through a kernel over `[s - ds/2, s + ds/2]`; `ds` is the
-/// filter width of `s` when not given, and the "width" option widens it.
+/// Runs `aastep (edge, s, [ds], ...)`, the step filtered by a kernel over `[s - ds/2, s + ds/2]`. `ds` is the
+/// filter width of `s` by default, and the "width" option scales it.
 pub(super) fn aastep(m: &mut Machine<'_>, op: &Op) {
     let Some(dst) = op.dst else { return };
-    let given = op.args.get(2).copied().filter(|&s| m.type_of(s) != ValueType::String);
-    let options = &op.args[if given.is_some() { 3 } else { 2 }..];
-    let (mut filter, mut width) = (Filter::CatmullRom, None);
-    for pair in options.chunks_exact(2) {
-        match &*m.string(pair[0]) {
-            "width" => width = Some(pair[1]),
-            "filter" => {
-                let name = m.string(pair[1]);
-                match Filter::from_word(&name) {
-                    Some(f @ (Filter::CatmullRom | Filter::Box | Filter::Triangle | Filter::Gaussian)) => {
-                        filter = f;
-                    }
-                    _ => m.complain(op.at, &format!("aastep knows no filter \"{name}\"")),
-                }
-            }
-            other => {
-                let what = format!("aastep has no option \"{other}\"");
-                m.complain(op.at, &what);
-            }
+    let Some(call) = m.call(op) else { return };
+    let resolved = m.resolved(call);
+    let Options::Step(options) = &resolved.options else { return };
+    let (given, width) = (call.operands.get(2).copied(), options.width);
+    let mut filter = Filter::CatmullRom;
+    if let Some(name) = options.filter.map(|name| m.string(name)) {
+        match Filter::from_word(&name) {
+            Some(f @ (Filter::CatmullRom | Filter::Box | Filter::Triangle | Filter::Gaussian)) => filter = f,
+            _ => m.complain(op.at, &format!("aastep knows no filter \"{name}\"")),
         }
+    }
+    for other in &resolved.unknown {
+        m.complain(op.at, &format!("aastep has no option \"{other}\""));
     }
     let [edge, s] = [op.args[0], op.args[1]];
     let mut ds = match given {
@@ -205,15 +200,15 @@ pub(super) fn aastep(m: &mut Machine<'_>, op: &Op) {
     m.discard(ds);
 }
 
-/// Share of a kernel of full width `ds` around `s` that lies above `edge`.
+/// Returns the share of a kernel of full width `ds` around `s` that lies above `edge`.
 fn filtered_step(filter: Filter, edge: f32, s: f32, ds: f32) -> f32 {
     let half = 0.5 * ds.abs();
-    // NaN counts as no width.
+    // NaN counts as a width of zero.
     if half.is_nan() || half <= 0.0 {
         return f32::from(s >= edge);
     }
     let x = ((s - edge) / half).clamp(-1.0, 1.0);
-    // Integrals of the kernels over [-1, x], whole 1.
+    // The integrals of the kernels over [-1, x], with a total of 1.
     match filter {
         Filter::Box => 0.5 + 0.5 * x,
         Filter::Triangle => {
@@ -229,10 +224,11 @@ fn filtered_step(filter: Filter, edge: f32, s: f32, ds: f32) -> f32 {
     }
 }
 
-/// erf (sqrt 2): the part of the Gaussian inside of its width.
+/// erf (sqrt 2), the part of the Gaussian inside of its width.
 const GAUSSIAN: f32 = 0.954_499_7;
 
-/// Integral of the Catmull-Rom kernel from 0 to `t`, up to 2; the whole half is 1/2.
+/// Returns the integral of the Catmull-Rom kernel from 0 to `t`, which is at most 2. Half of the kernel has an
+/// integral of 1/2.
 fn catmull_rom(t: f32) -> f32 {
     if t < 1.0 {
         // 1 - 5/2 t^2 + 3/2 t^3

@@ -1,15 +1,19 @@
-//! Calls of functions that are written elsewhere: registers, which hold component after component over all points, go out
-//! point after point and come back.
+//! Calls external functions. Registers hold component after component over all points. Functions receive and return
+//! values point after point.
 
+use super::lookup::is_given;
+use crate::program::Op;
 use crate::run::machine::Machine;
 use crate::run::store::View;
+use crate::run::strings::StringId;
+use crate::services::OptionTable;
 use crate::{
-    Batch, EnvironmentQuery, Lane, Lane3, Lanes3, LookupOptions, LookupResult, OptionValue, RayKind,
-    ShadeopArg, ShadeopContext, ShadeopData, ShadowQuery, Spot, TextureQuery,
+    Batch, EnvironmentQuery, Lane, Lane3, Lanes3, LookupResult, OptionValue, RayKind, ShadeopArg,
+    ShadeopContext, ShadeopData, ShadowQuery, Spot, TextureQuery,
 };
 use granita_base::{Param, Vec3};
 use granita_gsl::ShadeopCall;
-use granita_gsl::ir::{Global, Op, SourcePos, SymbolId, SymbolKind, ValueType};
+use granita_gsl::ir::{Global, SourcePos, SymbolId, SymbolKind, ValueType};
 use std::sync::Arc;
 
 /// A run of a function within a run of a shader.
@@ -18,7 +22,7 @@ struct Machinery<'c, 'm> {
     args: Vec<ShadeopArg>,
     at: SourcePos,
     name: &'c str,
-    /// Lookups so far: each stands for the next active point, whose random numbers it draws.
+    /// The number of lookups so far. Each belongs to the next active point, whose random numbers it uses.
     lookups: usize,
     result: LookupResult,
 }
@@ -62,7 +66,7 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
     }
 }
 
-/// The values of a symbol, point after point.
+/// Returns the values of a symbol, point after point.
 fn taken(m: &Machine<'_>, symbol: SymbolId) -> ShadeopArg {
     let place = m.place(symbol);
     of_view(m, m.view(symbol), place.value, place.array.then_some(place.elements))
@@ -74,14 +78,14 @@ fn of_view(m: &Machine<'_>, view: View<'_>, value: ValueType, array: Option<u32>
     let lanes: Vec<Lane<'_>> = (0..width).map(|k| view.flat(k)).collect();
     let all = (0..points).flat_map(|i| lanes.iter().map(move |lane| lane.get(i)));
     let data = if value == ValueType::String {
-        ShadeopData::Strings(all.map(|id| m.text(id).clone()).collect())
+        ShadeopData::Strings(all.map(|held| m.text(StringId::from_register(held)).clone()).collect())
     } else {
         ShadeopData::Floats(all.collect())
     };
     ShadeopArg { value, array, varying: view.varying, output: false, data }
 }
 
-/// Takes an argument back.
+/// Stores an argument after the call.
 fn put(m: &mut Machine<'_>, symbol: SymbolId, arg: &ShadeopArg) {
     let width = arg.width();
     let mut out = m.out(arg.varying, width);
@@ -93,15 +97,15 @@ fn put(m: &mut Machine<'_>, symbol: SymbolId, arg: &ShadeopArg) {
             }
         }
         ShadeopData::Strings(v) if v.len() >= width * points => {
-            // Most neighbours are the same.
-            let mut last: Option<(Arc<str>, f32)> = None;
+            // Most neighbouring values are equal.
+            let mut last: Option<(Arc<str>, StringId)> = None;
             for (at, text) in v.iter().take(width * points).enumerate() {
                 let id = match &last {
                     Some((known, id)) if Arc::ptr_eq(known, text) => *id,
                     _ => m.intern(text),
                 };
                 last = Some((text.clone(), id));
-                out.set(at % width, at / width, id);
+                out.set_string(at % width, at / width, id);
             }
         }
         _ => return m.discard(out),
@@ -122,7 +126,7 @@ fn numbers(options: &[(&str, OptionValue<'_>)]) -> Vec<[f32; 1]> {
 }
 
 impl Machinery<'_, '_> {
-    /// The point that a lookup stands for.
+    /// Returns the point of the next lookup.
     fn turn(&mut self) -> [u32; 1] {
         let active = &self.machine.mask.active;
         let point = active.get(self.lookups % active.len().max(1)).copied().unwrap_or(0);
@@ -170,7 +174,7 @@ impl ShadeopContext for Machinery<'_, '_> {
         let arg = match found {
             Some(k) => taken(m, SymbolId(k as u32)),
             None => {
-                // Functions and statements of light read some globals without naming them.
+                // Functions and statements of light read some globals implicitly.
                 let global = Global::ALL.into_iter().find(|g| g.word() == name)?;
                 let named = symbols.iter().any(|s| s.kind == SymbolKind::Global(global));
                 if !named {
@@ -191,6 +195,7 @@ impl ShadeopContext for Machinery<'_, '_> {
         let query = TextureQuery {
             batch: Batch { lanes: m.n, active: &active, layer: m.layer },
             name,
+            handle: None,
             s: lane(0),
             t: lane(1),
             dsdx: lane(2),
@@ -214,6 +219,7 @@ impl ShadeopContext for Machinery<'_, '_> {
         let query = EnvironmentQuery {
             batch: Batch { lanes: m.n, active: &active, layer: m.layer },
             name,
+            handle: None,
             p: p.triple(),
             r: everywhere(&r),
             drdx: everywhere(&dx),
@@ -222,6 +228,7 @@ impl ShadeopContext for Machinery<'_, '_> {
             dpdy: everywhere(&still),
             channels: channels(out),
             options: lookup_options(options, &numbers),
+            messages: &[],
         };
         m.services.environment(&query, &mut self.result);
         m.discard(p);
@@ -233,7 +240,7 @@ impl ShadeopContext for Machinery<'_, '_> {
         let numbers = numbers(options);
         let (p, dx, dy) = (ones(at.at), ones(at.dx), ones(at.dy));
         let m = &mut *self.machine;
-        // Inside `emit`, from the point to the light.
+        // Inside `emit`, the vector from the point to the light.
         let mut to_light = Vec3::ZERO;
         if m.emission.inside {
             let i = active[0] as usize;
@@ -245,12 +252,14 @@ impl ShadeopContext for Machinery<'_, '_> {
         let query = ShadowQuery {
             batch: Batch { lanes: m.n, active: &active, layer: m.layer },
             name,
+            handle: None,
             p: everywhere(&p),
             dpdx: everywhere(&dx),
             dpdy: everywhere(&dy),
             to_light: everywhere(&to_light),
             light_infinite: m.emission.infinite,
             options: lookup_options(options, &numbers),
+            messages: &[],
         };
         m.services.shadow(&query, &mut blocked);
         let value = blocked.get(active[0] as usize);
@@ -260,12 +269,12 @@ impl ShadeopContext for Machinery<'_, '_> {
     }
 }
 
-/// One or three channels are looked up.
+/// Returns the number of channels of a lookup, one or three.
 fn channels(out: &[f32]) -> usize {
     if out.len() == 1 { 1 } else { 3 }
 }
 
-/// The results of one point; a fourth is alpha.
+/// Copies the results of one point. A fourth value is alpha.
 fn give(value: &[Vec<f32>], alpha: &[f32], point: u32, out: &mut [f32]) {
     for (c, out) in out.iter_mut().enumerate() {
         let channel = value.get(c).map_or(alpha, |channel| &channel[..]);
@@ -273,24 +282,23 @@ fn give(value: &[Vec<f32>], alpha: &[f32], point: u32, out: &mut [f32]) {
     }
 }
 
-/// Options by name, as [`LookupOptions`]; values stay in `numbers`.
-fn lookup_options<'a>(
+/// Sets options by name. Values stay in `numbers`. Unknown names are ignored.
+fn lookup_options<'a, O: OptionTable<Lane<'a>, &'a str>>(
     options: &'a [(&'a str, OptionValue<'a>)],
     numbers: &'a [[f32; 1]],
-) -> LookupOptions<'a> {
-    let mut o = LookupOptions::default();
+) -> O {
+    let mut o = O::default();
     for ((name, value), number) in options.iter().zip(numbers) {
-        let lane = Some(Lane { values: &number[..], stride: 0 });
         let text = match value {
-            OptionValue::Text(text) => Some(*text),
-            _ => None,
+            OptionValue::Text(text) => Some(*text).filter(|text| is_given(text)),
+            OptionValue::Number(_) => None,
         };
-        o.set(name, lane, text);
+        o.set(name, Some(Lane { values: &number[..], stride: 0 }), text);
     }
     o
 }
 
-/// One value for all points.
+/// Returns one value for all points.
 fn everywhere(v: &[[f32; 1]; 3]) -> Lane3<'_> {
     Lane3 { xyz: std::array::from_fn(|c| Lane { values: &v[c][..], stride: 0 }) }
 }

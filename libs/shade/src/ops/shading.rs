@@ -1,12 +1,13 @@
 //! Illumination functions (reference 5.8.11).
 
 use super::{compute, compute_as, constant};
+use crate::program::Op;
 use crate::run::lanes;
 use crate::run::machine::Machine;
 use crate::run::store::Out;
 use granita_base::{Color, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Global, Op};
+use granita_gsl::ir::Global;
 
 /// `ambient`, `diffuse`, `specular`, `specularbrdf`.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
@@ -26,17 +27,17 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// max (0, N.H) ^ (8 / roughness), H halfway between light and viewer; all of unit length.
+/// Returns max (0, N.H) ^ (8 / roughness), with H halfway between light and viewer. All vectors have unit length.
 ///
-/// The reference names no formula. This is the one of shaders and pictures of its time: the lobe of Blinn, "Models of Light Reflection
-/// for Computer Synthesized Pictures", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis give `specular ()`.
+/// The reference names no formula. This is the lobe of Blinn, "Models of Light Reflection for Computer Synthesized
+/// Pictures", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis use for `specular ()`.
 pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
     let h = (l + v).normalize_or_zero();
     let cos = n.dot(h).max(0.0);
     if cos == 0.0 { 0.0 } else { lanes::pow(cos, 8.0 / roughness.max(1e-6)) }
 }
 
-/// The sum of all ambient lights.
+/// Computes the sum of all ambient lights.
 fn ambient(m: &mut Machine<'_>, op: &Op) {
     let Some(dst) = op.dst else { return };
     let (ps, ns) = (m.captured_global(Global::P), m.captured_global(Global::N));
@@ -73,8 +74,8 @@ fn ambient(m: &mut Machine<'_>, op: &Op) {
     }
 }
 
-/// `diffuse (N)`: sum of Cl max (0, N.L) (1 - __nondiffuse). `specular (N, V, roughness)`: sum of
-/// Cl specularbrdf (L, N, V, roughness) (1 - __nonspecular) over the lights in front of the surface.
+/// Runs `diffuse (N)`, the sum of Cl max (0, N.L) (1 - __nondiffuse), and `specular (N, V, roughness)`, the sum of
+/// Cl specularbrdf (L, N, V, roughness) (1 - __nonspecular), over the lights in front of the surface.
 fn gather(m: &mut Machine<'_>, op: &Op, specular: bool) {
     let Some(dst) = op.dst else { return };
     let ps = m.captured_global(Global::P);
@@ -129,7 +130,7 @@ mod tests {
         let (l, v) = (Vec3::X, Vec3::Z);
         assert!((brdf(l, n, v, 0.5) - 1.0 / 256.0).abs() < 1e-7);
         assert!((brdf(l, n, v, 1.0) - 1.0 / 16.0).abs() < 1e-6);
-        // Light and viewer opposite: no halfway direction.
+        // Light and viewer are opposite, so there is no halfway direction.
         assert_eq!(brdf(Vec3::X, n, -Vec3::X, 0.1), 0.0);
         assert!(brdf(l, n, v, 0.0).is_finite() && brdf(n, n, n, 0.0) == 1.0);
     }

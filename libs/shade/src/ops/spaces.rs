@@ -2,14 +2,16 @@
 
 use super::matrix::{inverse, matrix_of, set_matrix};
 use super::{color, compute, compute_as, part_lane};
+use crate::program::Op;
 use crate::run::kernel::map1;
 use crate::run::machine::Machine;
+use crate::run::strings::StringId;
 use granita_base::{Transform, Vec3};
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, SourcePos, SymbolId, ValueType};
+use granita_gsl::ir::{SourcePos, SymbolId, ValueType};
 use std::cell::Cell;
 
-/// What kind of triple is transformed.
+/// The kind of triple that is transformed.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Point,
@@ -26,21 +28,21 @@ impl Kind {
         }
     }
 
-    /// The matrix for normals, where it is needed.
+    /// Returns the matrix for normals, if needed.
     fn normals(self, m: &Transform) -> Transform {
         if self == Self::Normal { m.normal_matrix() } else { Transform::IDENTITY }
     }
 }
 
 impl Machine<'_> {
-    /// The matrix from the current layer's "shader" space to "common" space, unless it changes nothing.
+    /// Returns the matrix from the current layer's "shader" space to "common" space, unless it is the identity.
     pub(crate) fn shader_space(&mut self) -> Option<Transform> {
         let id = self.intern("shader");
         self.space(id).filter(|m| *m != Transform::IDENTITY)
     }
 
-    /// The matrix from a named space to "common"; asked once per run.
-    fn space(&mut self, name: f32) -> Option<Transform> {
+    /// Returns the matrix from a named space to "common", requested once per run.
+    fn space(&mut self, name: StringId) -> Option<Transform> {
         let layer = self.layer;
         if let Some(known) = self.st.spaces.iter().find(|(id, l, _)| *id == name && *l == layer) {
             return known.2;
@@ -55,8 +57,8 @@ impl Machine<'_> {
         found
     }
 
-    /// As [`Machine::space`], where an unknown name is a mistake and stands for "common".
-    fn known_space(&mut self, name: f32, at: SourcePos) -> Transform {
+    /// Does the same as [`Machine::space`], but an unknown name is an error and stands for "common".
+    fn known_space(&mut self, name: StringId, at: SourcePos) -> Transform {
         self.space(name).unwrap_or_else(|| {
             let text = self.text(name).clone();
             self.complain(at, &format!("there is no coordinate system \"{text}\""));
@@ -65,7 +67,7 @@ impl Machine<'_> {
     }
 }
 
-/// `transform`, `transformv`, `transformn` in all their forms.
+/// Runs `transform`, `transformv`, `transformn` in all their forms.
 pub(super) fn transform(m: &mut Machine<'_>, func: Func, op: &Op) {
     let kind = match func {
         Func::TransformV => Kind::Vector,
@@ -127,13 +129,13 @@ pub(super) fn transform(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// The matrix of a space named by a symbol.
+/// Returns the matrix of a space named by a symbol.
 fn named(m: &mut Machine<'_>, space: SymbolId, at: SourcePos) -> Transform {
-    let name = m.view(space).get(m.first());
+    let name = m.view(space).string(m.first());
     m.known_space(name, at)
 }
 
-/// All lanes by one matrix.
+/// Transforms all lanes by one matrix.
 fn by_one(m: &mut Machine<'_>, op: &Op, kind: Kind, value: SymbolId, matrix: &Transform, singular: bool) {
     if singular {
         m.complain(op.at, "a coordinate system has a singular matrix");
@@ -147,7 +149,7 @@ fn by_one(m: &mut Machine<'_>, op: &Op, kind: Kind, value: SymbolId, matrix: &Tr
     });
 }
 
-/// A matrix per lane, made of operands.
+/// Transforms by a matrix per lane, computed from operands.
 fn by_matrices(
     m: &mut Machine<'_>,
     op: &Op,
@@ -180,7 +182,7 @@ fn by_matrices(
     }
 }
 
-/// Constructors with a space: the components are in it, the result is in "common" (colours: "rgb").
+/// Runs constructors with a space. The components are in it, and the result is in "common" (colours: "rgb").
 pub(super) fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId, parts: &[SymbolId]) {
     let ty = m.type_of(dst);
     let varying = m.varies(parts);
@@ -216,11 +218,11 @@ pub(super) fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId, parts: &[Sy
     });
 }
 
-/// `transformu`: a measure from one unit to another; units may be lengths, times or coordinate systems.
-/// A coordinate system counts by the cube root of its volume scale.
+/// Runs `transformu`, which converts a measure from one unit to another. Units may be lengths, times or coordinate
+/// systems. The unit of a coordinate system is the cube root of its volume scale.
 pub(super) fn transformu(m: &mut Machine<'_>, op: &Op) {
     let (value, units) = op.args.split_last().expect("invariant: linking checked the operands");
-    let text = |m: &Machine<'_>, s: Option<&SymbolId>| s.map(|&s| m.view(s).get(m.first()));
+    let text = |m: &Machine<'_>, s: Option<&SymbolId>| s.map(|&s| m.view(s).string(m.first()));
     let common = m.intern("common");
     let to = text(m, units.last()).unwrap_or(common);
     let from = if units.len() > 1 { text(m, units.first()).unwrap_or(common) } else { common };
@@ -232,8 +234,8 @@ pub(super) fn transformu(m: &mut Machine<'_>, op: &Op) {
     compute(m, op, 1, |m, out, _| map1(out.part(0), m.view(*value).lane(0), |x| x * factor));
 }
 
-/// What one `from` is in `to`.
-fn unit_factor(m: &mut Machine<'_>, from: f32, to: f32) -> Option<f32> {
+/// Returns the value of one `from` in `to`.
+fn unit_factor(m: &mut Machine<'_>, from: StringId, to: StringId) -> Option<f32> {
     if from == to {
         return Some(1.0);
     }
@@ -241,17 +243,17 @@ fn unit_factor(m: &mut Machine<'_>, from: f32, to: f32) -> Option<f32> {
     if let Some(factor) = m.services.unit_scale(&a, &b) {
         return Some(factor);
     }
-    // At least one is a coordinate system: by way of "common", and the other is a length.
+    // At least one is a coordinate system, which converts by way of "common". The other is then a length.
     if m.space(from).is_none() && m.space(to).is_none() {
         return None;
     }
-    let mut is_length = |name: f32, word: &str| {
+    let mut is_length = |name: StringId, word: &str| {
         word == "common" || m.space(name).is_some() || m.services.unit_scale(word, "mm").is_some()
     };
     if !(is_length(from, &a) && is_length(to, &b)) {
         return None;
     }
-    let mut to_common = |name: f32, word: &str| -> Option<f32> {
+    let mut to_common = |name: StringId, word: &str| -> Option<f32> {
         if word == "common" {
             return Some(1.0);
         }
@@ -264,7 +266,7 @@ fn unit_factor(m: &mut Machine<'_>, from: f32, to: f32) -> Option<f32> {
     Some(to_common(from, &a)? / to_common(to, &b)?)
 }
 
-/// Cube root of the volume scale.
+/// Returns the cube root of the volume scale.
 pub(super) fn linear_scale(m: &Transform) -> f32 {
     let (x, y, z) = (m.vector(Vec3::X), m.vector(Vec3::Y), m.vector(Vec3::Z));
     libm::cbrtf(x.cross(y).dot(z).abs())

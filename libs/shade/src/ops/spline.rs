@@ -1,20 +1,21 @@
-//! `spline` (reference 5.8.6): five bases, and their inverses.
+//! Runs `spline` (reference 5.8.6) with five bases, and their inverses.
 
 use super::compute_as;
 use crate::Lane;
+use crate::program::Op;
 use crate::run::machine::Machine;
-use granita_gsl::ir::{Op, SymbolId, ValueType};
+use granita_gsl::ir::{SymbolId, ValueType};
 
-/// How the values are blended.
+/// A basis of splines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Basis {
-    /// Weights of four values for t^3, t^2, t and 1.
+    /// The weights of four values for t^3, t^2, t and 1.
     weights: [[f32; 4]; 4],
-    /// Values from one segment to the next.
+    /// The number of values from one segment to the next.
     step: usize,
 }
 
-/// By name.
+/// Returns the basis of a name.
 fn basis(word: &str) -> Option<Basis> {
     Some(match word {
         "catmull-rom" => Basis {
@@ -47,7 +48,7 @@ fn basis(word: &str) -> Option<Basis> {
                 step: 1,
             }
         }
-        // Value, slope, value, slope.
+        // The order is value, slope, value, slope.
         "hermite" => Basis {
             weights: [
                 [2.0, 1.0, -2.0, 1.0],
@@ -57,7 +58,7 @@ fn basis(word: &str) -> Option<Basis> {
             ],
             step: 2,
         },
-        // As Catmull-Rom, the first and last values are not used.
+        // As with Catmull-Rom, the first and last values are not used.
         "linear" => {
             Basis { weights: [[0.0; 4], [0.0; 4], [0.0, -1.0, 1.0, 0.0], [0.0, 1.0, 0.0, 0.0]], step: 1 }
         }
@@ -66,12 +67,12 @@ fn basis(word: &str) -> Option<Basis> {
 }
 
 impl Basis {
-    /// Segments of `n` values; at least 4 are needed.
+    /// Returns the number of segments of `n` values. At least 4 values are needed.
     fn segments(&self, n: usize) -> usize {
         if n < 4 { 0 } else { (n - 4) / self.step + 1 }
     }
 
-    /// Value at `x` in [0, 1] of the values `y (0)` to `y (n - 1)`.
+    /// Returns the value at `x` in [0, 1] of the values `y (0)` to `y (n - 1)`.
     fn value(&self, x: f32, n: usize, y: impl Fn(usize) -> f32) -> f32 {
         let segments = self.segments(n);
         if segments == 0 {
@@ -82,7 +83,7 @@ impl Basis {
         self.in_segment(segment, s - segment as f32, y)
     }
 
-    /// Value at `t` in [0, 1] of a segment.
+    /// Returns the value at `t` in [0, 1] of a segment.
     fn in_segment(&self, segment: usize, t: f32, y: impl Fn(usize) -> f32) -> f32 {
         let first = segment * self.step;
         let knots: [f32; 4] = std::array::from_fn(|k| y(first + k));
@@ -91,14 +92,14 @@ impl Basis {
         ((a * t + b) * t + c) * t + d
     }
 
-    /// Where in [0, 1] a monotonic spline takes `value`; its nearer end outside of its range.
+    /// Returns the position in [0, 1] where a monotonic spline has `value`; its nearer end outside of its range.
     fn solve(&self, value: f32, n: usize, y: impl Fn(usize) -> f32 + Copy) -> f32 {
         let segments = self.segments(n);
         if segments == 0 || value.is_nan() {
             return 0.0;
         }
         let (start, end) = (self.in_segment(0, 0.0, y), self.in_segment(segments - 1, 1.0, y));
-        // A falling spline is a rising one upside down.
+        // A falling spline is processed as a rising one with the opposite sign.
         let sign = if end < start { -1.0 } else { 1.0 };
         let above = |v: f32| sign * v >= sign * value;
         if above(start) {
@@ -170,7 +171,7 @@ pub(super) fn run(m: &mut Machine<'_>, op: &Op) {
     compute_as(m, dst, varying, components, |m, out, work| {
         let x = m.view(x).lane(0);
         for c in 0..components {
-            // Long splines are rare; short ones need no memory.
+            // Short splines need no allocation. Long ones are rare.
             const FEW: usize = 32;
             let mut few = [Lane { values: &[0.0], stride: 0 }; FEW];
             let many: Vec<Lane<'_>>;

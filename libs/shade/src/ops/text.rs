@@ -2,21 +2,22 @@
 
 use super::compute_as;
 use super::format::{Item, fill};
+use crate::program::Op;
 use crate::run::machine::Machine;
-use crate::run::strings::{MAX_TEXT, cut};
+use crate::run::strings::{MAX_TEXT, StringId, cut};
 use granita_base::Severity;
 use granita_gsl::Func;
-use granita_gsl::ir::{Op, SymbolId, ValueType};
+use granita_gsl::ir::{SymbolId, ValueType};
 use std::sync::Arc;
 
-/// The functions. Those that print say one line for all lanes when their arguments are the same in all active
-/// lanes, else one per active lane: what is said does not depend on how values are kept.
+/// Runs the functions. Those that print write one line for all lanes when their arguments are the same in all
+/// active lanes, else one per active lane. The output does not depend on how values are stored.
 pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     match func {
         Func::Format => strings(m, op, |m, i| formatted(m, &op.args, i)),
         Func::Concat => strings(m, op, |m, i| {
             let mut text = String::new();
-            for part in op.args.iter().map(|&s| m.text(m.view(s).get(i))) {
+            for part in op.args.iter().map(|&s| m.text(m.view(s).string(i))) {
                 text.push_str(part);
                 if text.len() > MAX_TEXT {
                     break;
@@ -25,7 +26,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
             text
         }),
         Func::Substr => strings(m, op, |m, i| {
-            let text = m.text(m.view(op.args[0]).get(i)).clone();
+            let text = m.text(m.view(op.args[0]).string(i)).clone();
             let start = m.view(op.args[1]).get(i);
             let length = op.args.get(2).map(|&s| m.view(s).get(i));
             substr(&text, start, length)
@@ -43,7 +44,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
             m.services.say_of(Severity::Error, &module.name, &at, &text);
         }),
         Func::Fprintf => each_lane(m, op, |m, i| {
-            let file = m.text(m.view(op.args[0]).get(i)).clone();
+            let file = m.text(m.view(op.args[0]).string(i)).clone();
             let text = formatted(m, &op.args[1..], i);
             m.services.append(&file, &text);
         }),
@@ -51,17 +52,17 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
     }
 }
 
-/// A template and its values for lane `i`.
+/// Formats a template and its values for lane `i`.
 fn formatted(m: &Machine<'_>, args: &[SymbolId], i: usize) -> String {
     let Some((&template, values)) = args.split_first() else { return String::new() };
-    // Numbers of all values in one list; strings by their text.
+    // The numbers of all values are in one list. Strings are stored by their text.
     let mut numbers: Vec<f32> = Vec::new();
     let mut parts: Vec<(usize, usize, Option<Arc<str>>)> = Vec::new();
     for &value in values {
         let view = m.view(value);
         for e in 0..view.elements {
             if m.type_of(value) == ValueType::String {
-                parts.push((0, 0, Some(m.text(view.lane_at(e, 0).get(i)).clone())));
+                parts.push((0, 0, Some(m.text(StringId::from_register(view.lane_at(e, 0).get(i))).clone())));
             } else {
                 let from = numbers.len();
                 numbers.extend((0..view.components).map(|c| view.lane_at(e, c).get(i)));
@@ -73,10 +74,10 @@ fn formatted(m: &Machine<'_>, args: &[SymbolId], i: usize) -> String {
         Some(text) => Item::Text(text),
         None => Item::Numbers(&numbers[*from..*to]),
     });
-    fill(m.text(m.view(template).get(i)), items)
+    fill(m.text(m.view(template).string(i)), items)
 }
 
-/// A string per lane, none longer than [`MAX_TEXT`].
+/// Computes a string per lane, none longer than [`MAX_TEXT`].
 fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> String) {
     let Some(dst) = op.dst else { return };
     let varying = m.varies(&op.args);
@@ -86,25 +87,25 @@ fn strings(m: &mut Machine<'_>, op: &Op, f: impl Fn(&Machine<'_>, usize) -> Stri
             let i = m.mask.active[k] as usize;
             let text = f(m, i);
             let id = made(m, op, text);
-            out.set(0, i, id);
+            out.set_string(0, i, id);
         }
     } else {
         let text = f(m, 0);
         let id = made(m, op, text);
-        out.set(0, 0, id);
+        out.set_string(0, 0, id);
     }
     m.commit(dst, out);
 }
 
-/// The number of a text that an operation made.
-fn made(m: &mut Machine<'_>, op: &Op, mut text: String) -> f32 {
+/// Returns the id of a text that an operation made.
+fn made(m: &mut Machine<'_>, op: &Op, mut text: String) -> StringId {
     if cut(&mut text) {
         m.complain(op.at, &format!("a string is cut after {MAX_TEXT} bytes"));
     }
     m.intern_at(&text, op.at)
 }
 
-/// Something said once, or per active lane.
+/// Runs a function once, or per active lane.
 fn each_lane(m: &mut Machine<'_>, op: &Op, f: impl Fn(&mut Machine<'_>, usize)) {
     if op.args.iter().any(|&arg| differs(m, arg)) {
         for k in 0..m.mask.count() {
@@ -116,13 +117,14 @@ fn each_lane(m: &mut Machine<'_>, op: &Op, f: impl Fn(&mut Machine<'_>, usize)) 
     }
 }
 
-/// Whether active lanes hold different values. One text has one number, and all NaNs print alike.
+/// True when active lanes hold different values. One text has one id, and all NaNs print alike.
 fn differs(m: &Machine<'_>, arg: SymbolId) -> bool {
     let view = m.view(arg);
     if !view.varying {
         return false;
     }
-    let bits = |x: f32| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() };
+    let is_text = m.type_of(arg) == ValueType::String;
+    let bits = |x: f32| if x.is_nan() && !is_text { f32::NAN.to_bits() } else { x.to_bits() };
     (0..view.elements).any(|e| {
         (0..view.components).any(|c| {
             let lane = view.lane_at(e, c);
@@ -132,17 +134,17 @@ fn differs(m: &Machine<'_>, arg: SymbolId) -> bool {
     })
 }
 
-/// `match (pattern, subject)`.
+/// Runs `match (pattern, subject)`.
 fn matches(m: &mut Machine<'_>, op: &Op) {
     let Some(dst) = op.dst else { return };
     let varying = m.varies(&op.args);
     let mut out = m.out(varying, 1);
     let count = if varying { m.mask.count() } else { 1 };
-    // Neighbouring lanes mostly ask the same.
-    let mut last: Option<(f32, f32, f32)> = None;
+    // Neighbouring lanes mostly have the same arguments.
+    let mut last: Option<(StringId, StringId, f32)> = None;
     for k in 0..count {
         let i = if varying { m.mask.active[k] as usize } else { 0 };
-        let (pattern, subject) = (m.view(op.args[0]).get(i), m.view(op.args[1]).get(i));
+        let (pattern, subject) = (m.view(op.args[0]).string(i), m.view(op.args[1]).string(i));
         let result = match last {
             Some((p, s, r)) if p == pattern && s == subject => r,
             _ => {
@@ -163,8 +165,8 @@ fn matches(m: &mut Machine<'_>, op: &Op) {
     m.discard(out);
 }
 
-/// Characters `start` to `start + length` (all that follow without a length); a negative start counts from
-/// the end. What lies outside of the string is left out.
+/// Returns the characters `start` to `start + length` (to the end without a length). A negative start counts from
+/// the end. Positions outside of the string are skipped.
 fn substr(text: &str, start: f32, length: Option<f32>) -> String {
     let count = text.chars().count() as f32;
     let start = if start < 0.0 { (count + start.floor()).max(0.0) } else { start.floor() };

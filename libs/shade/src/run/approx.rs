@@ -1,39 +1,39 @@
-//! Transcendental functions as straight arithmetic, so that loops over them vectorise.
+//! Transcendental functions without branches, so that loops over them vectorise.
 //!
-//! Polynomials and reductions follow the Cephes library (Moshier, single precision); arguments outside of
-//! their range go to `libm`, which is Rust too: no result depends on the machine's own library. A lane's
-//! result is the same in a vector loop and alone. Errors are listed in `docs/shaders.md` and checked by a
-//! test against double precision.
+//! Polynomials and reductions follow the Cephes library (Moshier, single precision). Arguments outside of their
+//! range go to `libm`, which is written in Rust. No result depends on the machine's own library. A lane's result is
+//! the same in a vector loop and alone. Errors are listed in `docs/shaders.md` and checked by a test against double
+//! precision.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E};
 
-/// Largest magnitude whose multiple of pi/2 the three-part reduction still knows.
+/// The largest magnitude in radians for which the three-part reduction by pi/2 is accurate.
 const MOST_TURNS: f32 = 8192.0;
 
-/// One of two, without branches.
+/// Selects one of two values without branches.
 #[inline(always)]
 fn pick(condition: bool, a: f32, b: f32) -> f32 {
     if condition { a } else { b }
 }
 
-/// The nearest whole number, for magnitudes below 2^22.
+/// Returns the nearest whole number, for magnitudes below 2^22.
 #[inline(always)]
 fn nearest(x: f32) -> f32 {
-    // Adding 1.5 * 2^23 leaves no bits behind the point.
+    // Adding 1.5 * 2^23 leaves no fractional bits.
     const BIG: f32 = 12_582_912.0;
     (x + BIG) - BIG
 }
 
-/// Largest whole number that is not larger: as `f32::floor`, in a form that vectorises everywhere.
+/// Returns the largest whole number that is not larger, as `f32::floor`, in a form that vectorises everywhere.
 #[inline(always)]
 pub(crate) fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
     let down = whole - pick(whole > x, 1.0, 0.0);
-    // Beyond 2^23 all numbers are whole; the sign of zero is kept.
+    // Beyond 2^23 all numbers are whole. The sign of zero is kept.
     pick(x.abs() < 8_388_608.0, down.abs().copysign(pick(down == 0.0, x, down)), x)
 }
 
-/// Quarter turns and what is left, within [-pi/4, pi/4].
+/// Returns the number of quarter turns and the remainder within [-pi/4, pi/4].
 #[inline(always)]
 fn quarters(x: f32) -> (i32, f32) {
     let k = nearest(x * FRAC_2_PI);
@@ -53,7 +53,7 @@ fn cos_poly(x: f32) -> f32 {
     ((2.443_315_7e-5 * z - 1.388_731_6e-3) * z + 4.166_664_6e-2) * z * z - 0.5 * z + 1.0
 }
 
-/// Whether [`sin_near`] and its like know the argument.
+/// True when [`sin_near`] and similar functions support the argument.
 #[inline(always)]
 pub(crate) fn turns_are_few(x: f32) -> bool {
     x.abs() <= MOST_TURNS
@@ -63,7 +63,7 @@ pub(crate) fn turns_are_few(x: f32) -> bool {
 pub(crate) fn sin_near(x: f32) -> f32 {
     let (k, r) = quarters(x);
     let v = pick(k & 1 == 0, sin_poly(r), cos_poly(r));
-    // Small arguments keep their sign, of zero too.
+    // Small arguments keep their sign, also that of zero.
     pick(x == 0.0, x, pick(k & 2 == 0, v, -v))
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn tan_near(x: f32) -> f32 {
     pick(x == 0.0, x, pick(k & 1 == 0, p, -1.0 / p))
 }
 
-/// Within [-1, 1], NaN outside.
+/// Returns the arcsine within [-1, 1], NaN outside.
 #[inline(always)]
 pub(crate) fn asin_inside(x: f32) -> f32 {
     let a = x.abs();
@@ -103,7 +103,7 @@ pub(crate) fn asin_inside(x: f32) -> f32 {
     pick(far, FRAC_PI_2 - 2.0 * p, p).copysign(x)
 }
 
-/// Within [-1, 1], NaN outside.
+/// Returns the arccosine within [-1, 1], NaN outside.
 #[inline(always)]
 pub(crate) fn acos_inside(x: f32) -> f32 {
     let a = x.abs();
@@ -131,7 +131,7 @@ pub(crate) fn atan(x: f32) -> f32 {
     (base + p).copysign(x)
 }
 
-/// Whether [`atan2_plain`] knows the arguments.
+/// True when [`atan2_plain`] supports the arguments.
 #[inline(always)]
 pub(crate) fn is_plain(y: f32, x: f32) -> bool {
     let (a, b) = (y.abs(), x.abs());
@@ -144,7 +144,7 @@ pub(crate) fn atan2_plain(y: f32, x: f32) -> f32 {
     pick(x < 0.0, std::f32::consts::PI - a, a).copysign(y)
 }
 
-/// Whether [`exp_near`] knows the argument: no overflow, no tiny results.
+/// True when [`exp_near`] supports the argument: the result neither overflows nor is tiny.
 #[inline(always)]
 pub(crate) fn exp_is_near(x: f32) -> bool {
     x.abs() < 87.0
@@ -162,7 +162,7 @@ pub(crate) fn exp_near(x: f32) -> f32 {
     y * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
 }
 
-/// Of any argument: a polynomial near 0, `1 - 2 / (e^2x + 1)` beyond.
+/// Returns the hyperbolic tangent of any argument: a polynomial near 0, `1 - 2 / (e^2x + 1)` beyond.
 #[inline(always)]
 pub(crate) fn tanh(x: f32) -> f32 {
     let a = x.abs();
@@ -172,12 +172,12 @@ pub(crate) fn tanh(x: f32) -> f32 {
         * z
         * x
         + x;
-    // From 9.1 on the nearest number is 1. NaN stays.
+    // From 9.1 on the nearest float is 1. NaN stays NaN.
     let far = 1.0 - 2.0 / (exp_near(pick(a > 9.5, 19.0, a + a)) + 1.0);
     pick(a < 0.625, p, far.copysign(x))
 }
 
-/// Where [`exp_near`] knows the argument.
+/// Returns the hyperbolic sine where [`exp_near`] supports the argument.
 #[inline(always)]
 pub(crate) fn sinh_near(x: f32) -> f32 {
     let z = x * x;
@@ -186,14 +186,14 @@ pub(crate) fn sinh_near(x: f32) -> f32 {
     pick(x.abs() <= 1.0, p, (0.5 * e - 0.5 / e).copysign(x))
 }
 
-/// Where [`exp_near`] knows the argument.
+/// Returns the hyperbolic cosine where [`exp_near`] supports the argument.
 #[inline(always)]
 pub(crate) fn cosh_near(x: f32) -> f32 {
     let e = exp_near(x.abs());
     0.5 * e + 0.5 / e
 }
 
-/// `e^-x^2 P (1 / (1 + x / 2)) / (1 + x / 2)` in double precision, for `x` from 0; the polynomial is a
+/// Returns `e^-x^2 P (1 / (1 + x / 2)) / (1 + x / 2)` in double precision, for `x` from 0. The polynomial is a
 /// Chebyshev fit over 0 to 10.4, beyond which the result is less than the smallest float.
 #[inline(always)]
 fn erfc_positive(x: f64) -> f64 {
@@ -218,7 +218,7 @@ fn erfc_positive(x: f64) -> f64 {
     t * p * exp_double(-(x * x))
 }
 
-/// Exponential function for -500 to 500 within 1e-8.
+/// Returns the exponential function for -500 to 500 within 1e-8.
 #[inline(always)]
 fn exp_double(x: f64) -> f64 {
     const BIG: f64 = 6_755_399_441_055_744.0;
@@ -229,13 +229,13 @@ fn exp_double(x: f64) -> f64 {
             + r * (0.5
                 + r * (1.0 / 6.0
                     + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
-    // The power of two in two halves, each a float.
+    // The power of two is split into two halves, so that each is a float.
     let half = k as i32 >> 1;
     let power = |k: i32| f64::from(f32::from_bits((k.wrapping_add(127) as u32) << 23));
     p * power(half) * power((k as i32).wrapping_sub(half))
 }
 
-/// The error function of any argument.
+/// Returns the error function of any argument.
 #[inline(always)]
 pub(crate) fn erf(x: f32) -> f32 {
     const T: [f64; 8] = [
@@ -253,24 +253,24 @@ pub(crate) fn erf(x: f32) -> f32 {
     let [t7, t6, t5, t4, t3, t2, t1, t0] = T;
     let near = y * (((((((t7 * z + t6) * z + t5) * z + t4) * z + t3) * z + t2) * z + t1) * z + t0);
     let far = 1.0 - erfc_positive(y);
-    // NaN is far.
+    // NaN takes the far branch.
     ((if y < 1.0 { near } else { far }) as f32).copysign(x)
 }
 
-/// Its complement, also where it is tiny.
+/// Returns the complementary error function, also where it is tiny.
 #[inline(always)]
 pub(crate) fn erfc(x: f32) -> f32 {
     let tail = erfc_positive(f64::from(x.abs()));
     (if x < 0.0 { 2.0 - tail } else { tail }) as f32
 }
 
-/// Whether a number is positive, normal and finite, as logarithms need it.
+/// True when a number is positive, normal and finite, as logarithms need it.
 #[inline(always)]
 pub(crate) fn is_ordinary(x: f32) -> bool {
     (f32::MIN_POSITIVE..=f32::MAX).contains(&x)
 }
 
-/// The exponent and a mantissa from sqrt 1/2 to sqrt 2.
+/// Returns the exponent and a mantissa from sqrt 1/2 to sqrt 2.
 #[inline(always)]
 fn parts(x: f32) -> (f32, f32) {
     let bits = x.to_bits() as i32;
@@ -313,7 +313,8 @@ pub(crate) fn log10_ordinary(x: f32) -> f32 {
     ((f64::from(e) + log2_of_mantissa(m)) * std::f64::consts::LOG10_2) as f32
 }
 
-/// Logarithm in double precision, for arguments from sqrt 1/2 to sqrt 2: twice the area tangent.
+/// Returns the logarithm in double precision, for arguments from sqrt 1/2 to sqrt 2, as twice the inverse
+/// hyperbolic tangent.
 #[inline(always)]
 fn log2_of_mantissa(m: f32) -> f64 {
     let m = f64::from(m);
@@ -323,20 +324,20 @@ fn log2_of_mantissa(m: f32) -> f64 {
     2.0 * std::f64::consts::LOG2_E * (s + s * z * p)
 }
 
-/// Whether [`pow_ordinary`] knows the arguments.
+/// True when [`pow_ordinary`] supports the arguments.
 #[inline(always)]
 pub(crate) fn pow_is_ordinary(x: f32, y: f32) -> bool {
     // The product of exponents must stay within those of floats.
     is_ordinary(x) && y.abs() < 1e6 && (f64::from(y) * approximate_log2(x)).abs() < 125.0
 }
 
-/// Logarithm to base 2 within a tenth: the bits of a float are one already.
+/// Returns the logarithm to base 2 within 0.1, from the bits of the float.
 #[inline(always)]
 fn approximate_log2(x: f32) -> f64 {
     f64::from(x.to_bits() as i32) * (1.0 / 8_388_608.0) - 126.95
 }
 
-/// `x^y` through double precision.
+/// Returns `x^y`, computed in double precision.
 #[inline(always)]
 pub(crate) fn pow_ordinary(x: f32, y: f32) -> f32 {
     let (e, m) = parts(x);

@@ -1,17 +1,18 @@
-//! Statements: blocks, conditions, loops, scopes.
+//! Runs statements: blocks, conditions, loops and scopes.
 
+use crate::program::{Op, Operation, Stmt};
 use crate::run::machine::{LoopFrame, Machine};
-use granita_gsl::ir::{Op, OpCode, ScopeId, SourcePos, Stmt, SymbolId, ValueType};
+use granita_gsl::ir::{OpCode, ScopeId, SourcePos, SymbolId, ValueType};
 
-/// A loop with more iterations than this is taken for one that never ends: the shader ends for the points that are still
-/// in it.
+/// The largest number of iterations. A loop with more counts as endless, and the shader ends for the points that
+/// are still in it.
 pub(crate) const MAX_ITERATIONS: u32 = 1 << 22;
 
-/// How often a loop asks whether the frame is to end.
+/// The number of iterations between checks whether the frame must end.
 const ITERATIONS_BETWEEN_LOOKS: u32 = 256;
 
 impl Machine<'_> {
-    /// Runs statements in order until no lane is left.
+    /// Runs statements in order until no lane is active.
     pub(crate) fn block(&mut self, block: &[Stmt]) {
         let mut rest = block;
         while let [stmt, others @ ..] = rest {
@@ -19,7 +20,7 @@ impl Machine<'_> {
                 return;
             }
             rest = others;
-            if let Stmt::Op(Op { code: OpCode::Straight(k), .. }) = stmt {
+            if let Stmt::Op(Op { code: Operation::Fused(k), .. }) = stmt {
                 let tape = &self.tapes[*k as usize];
                 if self.tape(tape) {
                     rest = &others[tape.len..];
@@ -56,14 +57,15 @@ impl Machine<'_> {
                 self.lights(*category, *position, *cone, body);
             }
             Stmt::Emit { form, body, at: _ } => self.emit(form, body),
-            Stmt::Trace { set, position, axis, angle, samples, options, body, at } => {
+            Stmt::Trace { set, position, axis, angle, samples, options: _, body, at, call } => {
                 let rays = [*set, *position, *axis, *angle, *samples];
-                self.trace(rays, options, body, *at);
+                let call = call.and_then(|id| self.code().calls.get(id.0 as usize));
+                self.trace(rays, call, body, *at);
             }
         }
     }
 
-    /// `if`: uniform conditions take one branch, others split the lanes.
+    /// Runs `if`. Uniform conditions take one branch, others split the lanes.
     fn condition(&mut self, cond: SymbolId, then: &[Stmt], otherwise: &[Stmt]) {
         let view = self.view(cond);
         if !view.varying {
@@ -89,7 +91,7 @@ impl Machine<'_> {
         self.return_mask(others);
     }
 
-    /// Any loop.
+    /// Runs any loop.
     fn repeat(
         &mut self,
         body_first: bool,
@@ -100,7 +102,7 @@ impl Machine<'_> {
     ) {
         let frame = LoopFrame { broken: self.borrow_mask(), continued: self.borrow_mask() };
         self.loops.push(frame);
-        // Lanes whose test failed.
+        // The lanes whose test failed.
         let mut done = self.borrow_mask();
         let mut tested = !body_first;
         for iteration in 0.. {
@@ -133,7 +135,7 @@ impl Machine<'_> {
                     format!("a loop does not end after {MAX_ITERATIONS} iterations; the shader ends there");
                 let at = [test, body, step].into_iter().find_map(first_place);
                 self.complain(at.unwrap_or_default(), &what);
-                // Not only the loop: in another one that does not end either it would begin again and again.
+                // The whole shader ends, because an endless loop around this one would start it again and again.
                 self.mask.clear();
                 break;
             }
@@ -170,7 +172,7 @@ impl Machine<'_> {
         self.mask = mask;
     }
 
-    /// An inlined function: lanes that leave come back after it.
+    /// Runs an inlined function. Lanes that leave are active again after it.
     fn scope(&mut self, id: ScopeId, body: &[Stmt]) {
         let left = self.borrow_mask();
         self.scopes.push((id, left));
@@ -188,12 +190,12 @@ impl Machine<'_> {
         self.mask.clear();
     }
 
-    /// One operation.
+    /// Runs one operation.
     fn op(&mut self, op: &Op) {
         if !self.st.nan_check {
             return crate::ops::run(self, op);
         }
-        // Operands may be the result: look at them first.
+        // The operands may be the result, so they are checked first.
         let clean = op.args.iter().all(|&s| self.nan_lane(s).is_none());
         crate::ops::run(self, op);
         if clean
@@ -204,8 +206,11 @@ impl Machine<'_> {
         }
     }
 
-    /// The first active lane in which a symbol holds a NaN.
+    /// Returns the first active lane in which a symbol holds a NaN.
     fn nan_lane(&self, symbol: SymbolId) -> Option<usize> {
+        if self.type_of(symbol) == ValueType::String {
+            return None;
+        }
         let view = self.view(symbol);
         let width = if view.varying { self.n } else { 1 };
         let bad = |i: usize| view.data.iter().skip(i).step_by(width).any(|x| x.is_nan());
@@ -215,7 +220,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Tells where a NaN came from.
+    /// Reports the origin of a NaN.
     fn report_nan(&mut self, op: &Op, dst: SymbolId, lane: usize) {
         let module = &self.code().module;
         let place = module.location(op.at);
@@ -229,7 +234,8 @@ impl Machine<'_> {
             if list.len() == 1 { list.concat() } else { format!("({})", list.join(" ")) }
         };
         let word = match op.code {
-            OpCode::Call(func) => func.word().to_owned(),
+            Operation::Stored(OpCode::Call(func)) => func.word().to_owned(),
+            Operation::Stored(code) => format!("{code:?}").to_lowercase(),
             code => format!("{code:?}").to_lowercase(),
         };
         let texts = |s: &SymbolId| self.type_of(*s) == ValueType::String;
@@ -241,7 +247,7 @@ impl Machine<'_> {
     }
 }
 
-/// The place of the first operation of a block.
+/// Returns the place of the first operation of a block.
 fn first_place(block: &[Stmt]) -> Option<SourcePos> {
     block.iter().find_map(|stmt| match stmt {
         Stmt::Op(op) => Some(op.at).filter(|at| *at != SourcePos::default()),

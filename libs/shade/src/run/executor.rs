@@ -1,4 +1,4 @@
-//! The public door: runs linked groups.
+//! The entry point that runs linked groups.
 
 use crate::link::element_of;
 use crate::program::At;
@@ -8,40 +8,41 @@ use crate::{Grid, Group, IlluminateQuery, LightResult, Message, Services};
 use granita_gsl::ir::{Global, ValueType};
 use std::sync::Arc;
 
-/// Runs shaders and keeps the memory of registers and masks from run to run: once the first grids have been
-/// shaded only what is handed out (results, light samples) and short operand lists are allocated. One per thread; a light asked for from inside
-/// a run needs another one.
+/// Runs shaders and keeps the memory of registers and masks from run to run. After the first grids, only returned
+/// data (results, light samples) and short operand lists are allocated. Each thread needs one. A light that is
+/// requested inside of a run needs another one.
 ///
-/// Results depend on the arguments only, to the bit: not on what an executor ran before.
+/// Results depend on the arguments only, to the bit. They do not depend on earlier runs of an executor.
 #[derive(Debug, Default)]
 pub struct Executor {
     state: State,
 }
 
 impl Executor {
-    /// With no memory yet.
+    /// Returns an executor without any memory yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Searches every result for NaN from now on (`debug:shadernan`): an operation that makes one of numbers is
-    /// reported with shader, line, operands and result, once per place. The code runs as it was compiled then, since
-    /// what is folded is not searched. Costs time.
+    /// Turns the search for NaN in every result on or off (`debug:shadernan`). An operation that makes a NaN of
+    /// numbers is reported with shader, line, operands and result, once per place. The code then runs as it was
+    /// compiled, because folded operations are not searched. The search takes time.
     pub fn look_for_nan(&mut self, on: bool) {
         self.state.nan_check = on;
     }
 
-    /// Sets the seed of `random ()` and `randomgrid ()` beside that of each grid; 0, the default, leaves that alone.
+    /// Sets a seed of `random ()` and `randomgrid ()` that is combined with that of each grid; 0, the default, has
+    /// no effect.
     pub fn seed_random(&mut self, seed: u32) {
         self.state.seed = seed;
     }
 
     /// Runs a surface, displacement or volume group over a grid.
     ///
-    /// What the group writes of `P`, `N`, `C` and `opacity` is written back into the grid, and its messages
-    /// are appended to it. Returns the values of `wanted` after the run, in their order: output parameters
-    /// (of the last layer that has one of that name and type), elements of output arrays (`name[2]`) or globals, component after component over all
-    /// lanes; `None` where there is none.
+    /// The values that the group writes to `P`, `N`, `C` and `opacity` are written back into the grid, and its
+    /// messages are appended to it. Returns the values of `wanted` after the run, in their order: output parameters
+    /// (of the last layer that has one of that name and type), elements of output arrays (`name[2]`) or globals,
+    /// component after component over all lanes; `None` where there is none.
     pub fn run(
         &mut self,
         group: &Group,
@@ -52,7 +53,7 @@ impl Executor {
         self.run_for(group, grid, services, wanted, true)
     }
 
-    /// As [`Executor::run`], but finds all parameters that are `wanted`, not output parameters alone.
+    /// Does the same as [`Executor::run`], but finds all `wanted` parameters, not only output parameters.
     pub fn run_asked(
         &mut self,
         group: &Group,
@@ -94,9 +95,9 @@ impl Executor {
         results
     }
 
-    /// Runs a light for the points of a query, over the grid of the surface that asks.
+    /// Runs a light for the points of a query, over the grid of the surface that makes the query.
     ///
-    /// Lanes outside of the query's active ones are left zero, or whatever came out.
+    /// Lanes that are not active in the query have undefined values.
     pub fn run_light(
         &mut self,
         group: &Group,
@@ -128,7 +129,7 @@ impl Executor {
         result
     }
 
-    /// Copies what a group writes into the grid.
+    /// Copies the values that a group writes into the grid.
     fn write_back(&mut self, group: &Group, grid: &mut Grid) {
         let n = grid.len();
         for (g, lanes) in [
@@ -153,7 +154,7 @@ impl Executor {
     }
 }
 
-/// A machine that has not started.
+/// Returns a machine that has not started.
 fn machine<'a>(
     group: &'a Group,
     grid: &'a Grid,
@@ -185,8 +186,8 @@ fn machine<'a>(
 }
 
 impl Machine<'_> {
-    /// Runs all layers in order. `primvars`: parameters take primitive variables. `wanted`: results that will
-    /// be asked for; layers that nobody needs for them are left out (none without it).
+    /// Runs all layers in order. `primvars` is true when parameters take primitive variables. `wanted` holds the
+    /// requested results; layers that they do not need are skipped (none without it).
     fn layers(&mut self, primvars: bool, wanted: Option<&[(&str, ValueType)]>) {
         let mut all = self.borrow_mask();
         all.copy_from(&self.mask);
@@ -205,7 +206,7 @@ impl Machine<'_> {
             self.readmit(&all);
             let code = self.code();
             let body = match &code.better {
-                // What was folded is computed where NaN is looked for: the operation that makes one is told.
+                // The search for NaN runs the unfolded code, so that the operation that makes one is reported.
                 _ if self.st.nan_check => &code.plain,
                 Some(better) if !primvars || !self.replaces(&better.assumed) => &better.code,
                 _ => &code.plain,
@@ -219,32 +220,33 @@ impl Machine<'_> {
         self.return_mask(all);
     }
 
-    /// Makes lanes that left active again; `all` holds the active ones and these.
+    /// Makes lanes that left active again. `all` holds the active ones and these.
     fn readmit(&mut self, all: &Mask) {
         if self.mask.count() != all.count() {
             self.mask.copy_from(all);
         }
     }
 
-    /// Whether a primitive variable is called as one of the layer's parameters of these numbers.
+    /// True when a primitive variable has the name of one of the layer's parameters with these indices.
     fn replaces(&self, params: &[usize]) -> bool {
         let code = self.code();
         self.grid.primvars.iter().any(|v| params.iter().any(|&k| code.params[k].name == v.name))
     }
 
-    /// Gives memory back.
+    /// Returns memory to the state.
     fn finish(self) {
         let Self { st, mask, loops, scopes, .. } = self;
         st.masks.push(mask);
         (st.loops, st.scopes) = (loops, scopes);
     }
 
-    /// Register of a parameter, searched from the last layer; the type must fit if one is given.
+    /// Returns the register of a parameter, searched from the last layer. The type must match if there is one.
     pub(crate) fn find_param(&self, name: &str, ty: Option<ValueType>, outputs: bool) -> Option<usize> {
         self.find_element(name, None, ty, outputs)
     }
 
-    /// As [`Machine::find_param`]; with an element, of a parameter that is an array with so many.
+    /// Does the same as [`Machine::find_param`]. With an element, the parameter must be an array that has this
+    /// element.
     fn find_element(
         &self,
         name: &str,
@@ -265,7 +267,7 @@ impl Machine<'_> {
         })
     }
 
-    /// A wanted result.
+    /// Returns a requested result.
     fn output(&mut self, name: &str, ty: ValueType, outputs: bool) -> Option<Vec<f32>> {
         if ty == ValueType::String {
             return None;
@@ -287,7 +289,8 @@ impl Machine<'_> {
         Some(self.lanes_of(global as usize))
     }
 
-    /// What the run leaves for `getmessage`: all parameters or none, and messages, which hide them, behind these.
+    /// Returns the messages of the run for `getmessage`: all parameters or none, followed by messages, which have
+    /// precedence.
     pub(crate) fn messages(&self, parameters: bool) -> Vec<Message> {
         let from = self.group.usage();
         let mut list = Vec::new();
@@ -302,7 +305,7 @@ impl Machine<'_> {
         list
     }
 
-    /// A float parameter per lane; empty without it.
+    /// Returns a float parameter per lane; empty without it.
     fn param_lanes(&self, name: &str) -> Vec<f32> {
         self.find_param(name, Some(ValueType::Float), false).map_or(Vec::new(), |slot| self.lanes_of(slot))
     }

@@ -1,5 +1,5 @@
-//! Loops over lanes. Contiguous slices and no index arithmetic, so that they vectorise; a uniform
-//! operand is a constant of the loop.
+//! Loops over lanes. They use contiguous slices without index arithmetic, so that they vectorise. A uniform operand
+//! is a constant of the loop.
 
 use crate::Lane;
 

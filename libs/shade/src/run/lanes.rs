@@ -1,5 +1,5 @@
-//! What the loops over lanes compute, by name: one function per shape of loop, so that each is compiled
-//! once for every machine and once for wide ones (see [`super::simd`]), with the same results.
+//! The computations of the loops over lanes, by name. There is one function per shape of loop, so that each is
+//! compiled once for every machine and once for wide vectors (see [`super::simd`]), with the same results.
 
 use super::approx;
 use super::kernel::{map1, map2, map3};
@@ -28,7 +28,7 @@ pub(crate) enum Unary {
     Log10,
     Sqrt,
     InverseSqrt,
-    /// One through a positive number; 0 of all others.
+    /// One divided by a positive number; 0 for all others.
     Reciprocal,
     Abs,
     Sign,
@@ -85,7 +85,7 @@ pub(crate) enum Ternary {
     MulMul,
 }
 
-/// All lanes with `near`, then those it does not know again with `far`.
+/// Computes all lanes with `near`, then those that it does not support again with `far`.
 #[inline(always)]
 fn with_far(
     out: &mut [f32],
@@ -112,7 +112,7 @@ fn with_far(
     }
 }
 
-/// As [`with_far`], of two numbers.
+/// Does the same as [`with_far`] for two numbers.
 #[inline(always)]
 fn with_far2(
     out: &mut [f32],
@@ -166,7 +166,7 @@ pub(crate) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
         Unary::Sign => map1(out, a, |v| f32::from(v > 0.0) - f32::from(v < 0.0)),
         Unary::Floor => map1(out, a, x::floor),
         Unary::Ceil => map1(out, a, |v| -x::floor(-v)),
-        // Halves away from zero; adding a half to the number below a half would reach 1.
+        // Halves round away from zero. Adding a half to the number below a half would give 1.
         Unary::Round => map1(out, a, f32::round),
         Unary::Trunc => map1(out, a, |v| x::floor(v.abs()).copysign(v)),
         Unary::IsNan => map1(out, a, |v| f32::from(v.is_nan())),
@@ -221,12 +221,12 @@ pub(crate) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: 
     }
 }
 
-/// `x^y` as the loops compute it.
+/// Returns `x^y` as the loops compute it.
 pub(crate) fn pow(x: f32, y: f32) -> f32 {
     if approx::pow_is_ordinary(x, y) { approx::pow_ordinary(x, y) } else { libm::powf(x, y) }
 }
 
-/// 0 up to `e0`, 1 from `e1`, a cubic between.
+/// Returns 0 up to `e0`, 1 from `e1`, and a cubic between.
 #[inline(always)]
 pub(crate) fn smoothstep(e0: f32, e1: f32, x: f32) -> f32 {
     let t = (x - e0) / (e1 - e0);
@@ -242,7 +242,7 @@ pub(super) fn length(out: &mut [f32], a: [Lane<'_>; 3]) {
     out.iter_mut().for_each(|x| *x = x.sqrt());
 }
 
-/// What red, green and blue of the primaries of ITU-R BT.709 with white D65 count in `luminance`.
+/// The weights of red, green and blue in `luminance`, with the primaries of ITU-R BT.709 and white D65.
 pub(crate) const LUMINANCE: [f32; 3] = [0.212_639, 0.715_168_7, 0.072_192_32];
 
 /// `out = a . b`.
@@ -264,7 +264,7 @@ pub(super) fn dot(out: &mut [f32], a: [Lane<'_>; 3], b: [Lane<'_>; 3]) {
     }
 }
 
-/// Vectors of length one; a vector without length (or of infinite length) stays zero.
+/// Normalises vectors. A vector of zero or infinite length becomes zero.
 #[inline(always)]
 pub(super) fn normalize(out: [&mut [f32]; 3]) {
     let [x, y, z] = out;

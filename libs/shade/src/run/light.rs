@@ -1,27 +1,28 @@
 //! `lights`, `emit` and `trace` (reference 5.5.5).
 
-use crate::ops::lookup::{self, Parts};
-use crate::program::At;
+use crate::call::{Call, Options};
+use crate::ops::lookup::Parts;
+use crate::program::{At, Stmt};
 use crate::run::machine::{Emission, Machine, RaySample};
 use crate::run::store::Out;
 use crate::{Batch, IlluminateQuery, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
 use granita_base::Vec3;
 use granita_gsl::Func;
-use granita_gsl::ir::{EmitForm, Global, OpCode, SourcePos, Stmt, SymbolId, ValueType};
+use granita_gsl::ir::{EmitForm, Global, SourcePos, SymbolId, ValueType};
 use std::sync::Arc;
 
-/// More rays than this per point are a mistake.
+/// The largest number of rays per point. More are an error.
 const MAX_RAYS: f32 = 65_536.0;
 
-/// Half angle of the cones in front of surfaces, however it was rounded.
+/// The half angle in radians of cones in front of surfaces, with a margin for rounding.
 const RIGHT_ANGLE: f32 = std::f32::consts::FRAC_PI_2 + 1e-5;
 
 /// The globals that a `lights` loop sets.
 const LIGHT_GLOBALS: [Global; 4] = [Global::L, Global::Cl, Global::Pl, Global::Nl];
 
-impl Machine<'_> {
-    /// Asks every light of a category that is not ambient, at positions and axes given as triples; only for what comes from
-    /// `in_front` of the axes, or for all.
+impl<'a> Machine<'a> {
+    /// Queries every light of a category that is not ambient, at positions and axes given as triples, either for
+    /// light from `in_front` of the axes or from all directions.
     pub(crate) fn illuminated(
         &mut self,
         category: Option<&str>,
@@ -54,7 +55,7 @@ impl Machine<'_> {
         results
     }
 
-    /// `lights`: the body runs for each sample of each light, in the lanes it reaches.
+    /// Runs `lights`. The body runs for each sample of each light, in the lanes that it reaches.
     pub(crate) fn lights(
         &mut self,
         category: Option<SymbolId>,
@@ -69,13 +70,14 @@ impl Machine<'_> {
             None => self.captured_global(Global::N),
         };
         let angle = cone.map(|(_, angle)| self.captured(angle));
-        // Only of constants: whether a variable varies may depend on the other grids that are shaded together with this one.
+        // Only constants count, because a variable may vary with the other grids that are shaded together with this
+        // one.
         let is_constant = cone.is_some_and(|(_, angle)| matches!(self.place(angle).at, At::Const(_)));
         let in_front = is_constant && angle.as_ref().is_some_and(|a| a.lane(0).get(0) <= RIGHT_ANGLE);
         let results = self.illuminated(category.as_deref(), &ps, &axis, in_front);
         let outer = LIGHT_GLOBALS.map(|g| self.saved(g as usize));
         let outer_light = self.light.take();
-        // Lanes that have not left the shader or the scope.
+        // The lanes that have not left the shader or the scope.
         let mut remaining = self.borrow_mask();
         remaining.copy_from(&self.mask);
         for light in &results {
@@ -129,12 +131,12 @@ impl Machine<'_> {
                     None => out.part(c).fill(0.0),
                 }
             }
-            // Other lanes do not matter: the body runs in lit lanes only.
+            // Other lanes do not matter, because the body runs in lit lanes only.
             self.commit_slot(g as usize, out, true);
         }
     }
 
-    /// `emit`: sets L, Pl and Nl, clears Cl, runs the body where light goes, and keeps the sample.
+    /// Runs `emit`: sets L, Pl and Nl, clears Cl, runs the body where light goes, and keeps the sample.
     pub(crate) fn emit(&mut self, form: &EmitForm, body: &[Stmt]) {
         let mut outside = self.borrow_mask();
         outside.copy_from(&self.mask);
@@ -150,7 +152,7 @@ impl Machine<'_> {
             match *form {
                 EmitForm::Point(from) => {
                     let from = self.view(from).triple();
-                    // The normal of an area light stays what it is.
+                    // The normal of an area light stays unchanged.
                     let normal = self.global(Global::Nl).triple();
                     for &i in &lit.active {
                         let i = i as usize;
@@ -234,14 +236,15 @@ impl Machine<'_> {
         self.return_mask(outside);
     }
 
-    /// `trace`: one ray per lane and iteration. `rays`: set, position, axis, angle, samples.
+    /// Runs `trace` with one ray per lane and iteration. `rays` holds set, position, axis, angle and samples.
     pub(crate) fn trace(
         &mut self,
         rays: [SymbolId; 5],
-        options: &[(SymbolId, SymbolId)],
+        call: Option<&'a Call>,
         body: &[Stmt],
         at: SourcePos,
     ) {
+        let Some(call) = call else { return };
         let set = self.string(rays[0]);
         let [_, position, axis, angle, samples] = rays;
         let (position, axis) = (self.captured(position), self.captured(axis));
@@ -269,10 +272,11 @@ impl Machine<'_> {
                 break;
             }
             let mut result = TraceResult::default();
-            self.tell_rays(&set);
+            let messages = self.ray_messages(&set);
+            let resolved = self.resolved(call);
+            let Options::Trace(options) = &resolved.options else { break };
             {
                 let parts = Parts::of(self.group, self.layer, self.st, self.n, &self.mask);
-                let parsed = lookup::options(&parts, options);
                 let query = TraceQuery {
                     batch: Batch { lanes: self.n, active: &self.mask.active, layer: self.layer },
                     set: &set,
@@ -281,9 +285,9 @@ impl Machine<'_> {
                     angle: angle.lane(0),
                     samples: samples.lane(0),
                     sample,
-                    distribution: parsed.distribution.unwrap_or("cosine"),
-                    options: parsed.options,
+                    options: options.map(|s| parts.number(s), |s| parts.option_text(s)),
                     wanted: &wanted,
+                    messages: &messages,
                 };
                 self.services.trace(&query, &mut result);
             }
@@ -303,11 +307,11 @@ impl Machine<'_> {
         }
     }
 
-    /// The variables of what is hit that the body of a `trace` loop asks for by names that are known.
+    /// Collects the variables of the hits that the body of a `trace` loop requests by constant names.
     fn asked_of_hits(&mut self, body: &[Stmt], wanted: &mut Vec<(Arc<str>, ValueType)>) {
         for stmt in body {
             match stmt {
-                Stmt::Op(op) if op.code == OpCode::Call(Func::GetMessage) => {
+                Stmt::Op(op) if op.func() == Some(Func::GetMessage) => {
                     let &[source, name, dst] = &op.args[..] else { continue };
                     let known = [source, name].iter().all(|s| matches!(self.place(*s).at, At::Const(_)));
                     let place = *self.place(dst);
@@ -329,13 +333,13 @@ impl Machine<'_> {
                     }
                 }
                 Stmt::Scope { body, .. } | Stmt::Lights { body, .. } => self.asked_of_hits(body, wanted),
-                // Those within a loop of its own ask its own rays.
+                // Requests inside of another `trace` loop concern its own rays.
                 _ => {}
             }
         }
     }
 
-    /// A copy of a symbol's values, that later writes do not change.
+    /// Returns a copy of a symbol's values, which later writes do not change.
     pub(crate) fn captured(&mut self, sym: SymbolId) -> Out {
         let (varying, len, components) = {
             let v = self.view(sym);
@@ -347,7 +351,7 @@ impl Machine<'_> {
         out
     }
 
-    /// A copy of a global's values.
+    /// Returns a copy of a global's values.
     pub(crate) fn captured_global(&mut self, global: Global) -> Out {
         let varying = self.st.slots[global as usize].varying;
         let mut out = self.out(varying, global.value_type().components());
@@ -356,12 +360,12 @@ impl Machine<'_> {
     }
 }
 
-/// A direction within `half_angle` (radians) of another, evenly spread over that cone as places are over the unit square; of the length of
-/// the axis.
+/// Returns a direction within `half_angle` (radians) of another, uniform over that cone when the place is uniform
+/// over the unit square. It has the length of the axis.
 fn in_spread(axis: Vec3, half_angle: f32, [x, y]: [f32; 2]) -> Vec3 {
     let length = axis.length();
     let Some(unit) = axis.try_normalize().filter(|_| half_angle > 0.0) else { return axis };
-    // Of the sphere's caps, areas are as the heights are.
+    // The area of a spherical cap is proportional to its height.
     let cos = 1.0 - y * (1.0 - half_angle.min(std::f32::consts::PI).cos());
     let around = (1.0 - cos * cos).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (x * std::f32::consts::TAU).sin_cos();
@@ -369,7 +373,7 @@ fn in_spread(axis: Vec3, half_angle: f32, [x, y]: [f32; 2]) -> Vec3 {
     (unit * cos + (right * cos_phi + up * sin_phi) * around) * length
 }
 
-/// Whether a direction lies within `angle` of an axis; a direction of no length does.
+/// True when a direction lies within `angle` (radians) of an axis, or has no length.
 pub(crate) fn in_cone(direction: Vec3, axis: Vec3, angle: f32) -> bool {
     let lengths = direction.length() * axis.length();
     if angle >= std::f32::consts::PI || lengths == 0.0 {
@@ -378,8 +382,8 @@ pub(crate) fn in_cone(direction: Vec3, axis: Vec3, angle: f32) -> bool {
     direction.dot(axis) >= libm::cosf(angle) * lengths
 }
 
-/// Whether a light belongs to a category expression: words joined by `&` and `|` (or `,`) from left to
-/// right, `!` (or `-`) for its opposite, `*` for any category.
+/// True when a light belongs to a category expression. It consists of words joined by `&` and `|` (or `,`) from
+/// left to right, with `!` (or `-`) for the opposite, and `*` for any category.
 pub(crate) fn category_matches(expression: &str, light: &LightInfo) -> bool {
     let has = |word: &str| {
         let mut names = light.category.split(',').map(str::trim).filter(|n| !n.is_empty());

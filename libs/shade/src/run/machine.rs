@@ -1,17 +1,17 @@
-//! A run of a group over a grid: registers, mask and the outside world.
+//! A run of a group over a grid: registers, mask and services.
 
 use crate::link::Layer;
 use crate::program::{At, Place};
 use crate::run::kernel::{blend, blend_one};
 use crate::run::store::{Mask, Out, Pool, Slot, View, Work};
-use crate::run::strings::{Regexes, StringTable};
+use crate::run::strings::{Regexes, StringId, StringTable};
 use crate::tape::{Room, Tape};
 use crate::{Grid, Group, LightResult, LookupResult, Services, TraceResult};
 use granita_base::{Severity, Transform};
 use granita_gsl::ir::{Global, ScopeId, SourcePos, SymbolId, ValueType};
 use std::sync::Arc;
 
-/// What survives from run to run: memory only, never values.
+/// The memory that is kept from run to run. Values are not kept.
 #[derive(Debug, Default)]
 pub(crate) struct State {
     pub(crate) slots: Vec<Slot>,
@@ -22,50 +22,50 @@ pub(crate) struct State {
     pub(crate) lookup: LookupResult,
     pub(crate) room: Room,
     pub(crate) messages: Vec<Sent>,
-    pub(crate) spaces: Vec<(f32, usize, Option<Transform>)>,
-    /// Stacks of a run, empty between runs.
+    pub(crate) spaces: Vec<(StringId, usize, Option<Transform>)>,
+    /// The stacks of a run, empty between runs.
     pub(crate) loops: Vec<LoopFrame>,
     pub(crate) scopes: Vec<(ScopeId, Mask)>,
-    /// Layers that need not run.
+    /// The layers that need not run.
     pub(crate) idle: Vec<bool>,
-    /// Whether results are searched for NaN.
+    /// True when results are searched for NaN.
     pub(crate) nan_check: bool,
-    /// Seed of random numbers, beside that of each grid; 0 leaves that alone.
+    /// A seed of random numbers that is combined with that of each grid; 0 has no effect.
     pub(crate) seed: u32,
-    /// Group and lanes of the last run.
+    /// The group and the number of lanes of the last run.
     pub(crate) last: (u64, usize),
 }
 
 /// A message of `setmessage`.
 #[derive(Debug)]
 pub(crate) struct Sent {
-    pub(crate) name: f32,
+    pub(crate) name: StringId,
     pub(crate) value: ValueType,
     pub(crate) elements: u32,
     pub(crate) slot: Slot,
 }
 
-/// A loop that runs.
+/// A loop that is running.
 #[derive(Debug)]
 pub(crate) struct LoopFrame {
     pub(crate) broken: Mask,
     pub(crate) continued: Mask,
 }
 
-/// What `emit` bodies know of the emission.
+/// The properties of the emission for `emit` bodies.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Emission {
     pub(crate) inside: bool,
     pub(crate) infinite: bool,
-    /// Angle across a broad distant light that shines from all of it at once; 0 for others.
+    /// The angle in radians across a broad distant light that shines from all of it at once; 0 for others.
     pub(crate) spread: f32,
 }
 
 /// One ray of each lane of a `trace` loop.
 pub(crate) struct RaySample {
-    /// What they found.
+    /// The results of the rays.
     pub(crate) found: TraceResult,
-    /// What `found.others` are.
+    /// The names and types of `found.others`.
     pub(crate) wanted: Vec<(Arc<str>, ValueType)>,
 }
 
@@ -75,25 +75,25 @@ pub(crate) struct Machine<'a> {
     pub(crate) grid: &'a Grid,
     pub(crate) services: &'a mut dyn Services,
     pub(crate) st: &'a mut State,
-    /// Lanes.
+    /// The number of lanes.
     pub(crate) n: usize,
-    /// The layer that runs.
+    /// The index of the running layer.
     pub(crate) layer: usize,
-    /// Tapes of the code that runs.
+    /// The tapes of the running code.
     pub(crate) tapes: &'a [Tape],
     pub(crate) mask: Mask,
-    /// Lanes at the start of the run; others never matter.
+    /// The number of lanes at the start of the run. Others never matter.
     pub(crate) base: usize,
     pub(crate) loops: Vec<LoopFrame>,
     pub(crate) scopes: Vec<(ScopeId, Mask)>,
-    /// Calls of `random` and `randomgrid` so far.
+    /// The number of calls of `random` and `randomgrid` so far.
     pub(crate) draws: u32,
-    /// Calls of `random` of each lane, where lanes have names.
+    /// The number of calls of `random` of each lane, for lanes with their own seeds.
     pub(crate) lane_draws: Vec<u32>,
     pub(crate) emission: Emission,
-    /// As [`crate::IlluminateQuery::cone`], of all lanes.
+    /// The values of [`crate::IlluminateQuery::cone`] for all lanes.
     pub(crate) cone: Option<[Vec<f32>; 2]>,
-    /// Where samples of a running light go.
+    /// The samples of a running light.
     pub(crate) emitted: Option<LightResult>,
     /// The light that the innermost `lights` loop examines.
     pub(crate) light: Option<Arc<LightResult>>,
@@ -102,31 +102,31 @@ pub(crate) struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    /// The running layer.
+    /// Returns the running layer.
     #[inline]
     pub(crate) fn code(&self) -> &'a Layer {
         let group: &'a Group = self.group;
         &group.layers[self.layer]
     }
 
-    /// Where a symbol lives.
+    /// Returns the place of a symbol.
     #[inline]
     pub(crate) fn place(&self, sym: SymbolId) -> &'a Place {
         &self.code().places[sym.0 as usize]
     }
 
-    /// Type of a symbol's elements.
+    /// Returns the type of a symbol's elements.
     pub(crate) fn type_of(&self, sym: SymbolId) -> ValueType {
         self.place(sym).value
     }
 
-    /// The values of a symbol.
+    /// Returns the values of a symbol.
     #[inline]
     pub(crate) fn view(&self, sym: SymbolId) -> View<'_> {
         view(self.code(), self.group, &self.st.slots, self.n, sym)
     }
 
-    /// The values of a global.
+    /// Returns the values of a global.
     pub(crate) fn global(&self, global: Global) -> View<'_> {
         let slot = &self.st.slots[global as usize];
         View {
@@ -138,17 +138,17 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Whether one of the symbols varies.
+    /// True when one of the symbols is varying.
     pub(crate) fn varies(&self, list: &[SymbolId]) -> bool {
         list.iter().any(|&s| self.view(s).varying)
     }
 
-    /// Whether every lane that matters is active.
+    /// True when every lane of the run is active.
     pub(crate) fn whole(&self) -> bool {
         self.mask.count() == self.base
     }
 
-    /// The lanes to compute one by one.
+    /// Returns the lanes to compute one by one.
     pub(crate) fn work(&self, varying: bool) -> Work<'_> {
         if !varying {
             Work::One
@@ -159,18 +159,18 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// The first active lane, where varying arguments that must not vary are read.
+    /// Returns the first active lane, where varying arguments that must be uniform are read.
     pub(crate) fn first(&self) -> usize {
         self.mask.active.first().map_or(0, |&i| i as usize)
     }
 
-    /// Room for a result of `components` numbers.
+    /// Allocates a result of `components` numbers.
     pub(crate) fn out(&mut self, varying: bool, components: usize) -> Out {
         let width = if varying { self.n } else { 1 };
         Out { data: self.st.pool.take(components * width), width, varying }
     }
 
-    /// Gives room back.
+    /// Frees a result.
     pub(crate) fn discard(&mut self, out: Out) {
         self.st.pool.give(out.data);
     }
@@ -178,7 +178,7 @@ impl<'a> Machine<'a> {
     /// Stores a result into a symbol, in active lanes.
     pub(crate) fn commit(&mut self, dst: SymbolId, mut out: Out) {
         let place = self.place(dst);
-        // A damaged module may store a value of another size: registers keep theirs.
+        // A damaged module may store a value of another size. Registers keep theirs.
         out.data.resize(place.value.components() * place.elements as usize * out.width, 0.0);
         match place.at {
             At::Slot(slot) => self.commit_slot(slot as usize, out, place.scratch),
@@ -192,7 +192,7 @@ impl<'a> Machine<'a> {
         self.commit_slot(global as usize, out, false);
     }
 
-    /// Stores a result, in active lanes. `scratch`: other lanes do not matter.
+    /// Stores a result in active lanes. With `scratch`, other lanes do not matter.
     pub(crate) fn commit_slot(&mut self, slot: usize, mut out: Out, scratch: bool) {
         let whole = scratch || self.whole();
         let slot = &mut self.st.slots[slot];
@@ -215,7 +215,7 @@ impl<'a> Machine<'a> {
         self.st.pool.give(out.data);
     }
 
-    /// A copy of a symbol's or global's register, to be put back later.
+    /// Returns a copy of a symbol's or global's register, for [`Self::restore`].
     pub(crate) fn saved(&mut self, slot: usize) -> Slot {
         let varying = self.st.slots[slot].varying;
         let len = self.st.slots[slot].data.len();
@@ -224,13 +224,13 @@ impl<'a> Machine<'a> {
         Slot { data, varying }
     }
 
-    /// Puts a saved register back.
+    /// Restores a saved register.
     pub(crate) fn restore(&mut self, slot: usize, saved: Slot) {
         let old = std::mem::replace(&mut self.st.slots[slot], saved);
         self.st.pool.give(old.data);
     }
 
-    /// A mask to work with, empty.
+    /// Takes an empty mask.
     pub(crate) fn borrow_mask(&mut self) -> Mask {
         let mut mask = self.st.masks.pop().unwrap_or_default();
         mask.on.clear();
@@ -239,23 +239,24 @@ impl<'a> Machine<'a> {
         mask
     }
 
-    /// Gives a mask back.
+    /// Returns a mask to the pool.
     pub(crate) fn return_mask(&mut self, mask: Mask) {
         self.st.masks.push(mask);
     }
 
-    /// The text of a string number.
-    pub(crate) fn text(&self, id: f32) -> &Arc<str> {
+    /// The text of a string.
+    pub(crate) fn text(&self, id: StringId) -> &Arc<str> {
         self.st.strings.text(&self.group.strings, id)
     }
 
-    /// The number of a text.
-    pub(crate) fn intern(&mut self, text: &str) -> f32 {
+    /// The id of a text.
+    pub(crate) fn intern(&mut self, text: &str) -> StringId {
         self.intern_at(text, SourcePos::default())
     }
 
-    /// The number of a text that is made at a place of the source; of one that finds no room, that of the empty string.
-    pub(crate) fn intern_at(&mut self, text: &str, at: SourcePos) -> f32 {
+    /// Returns the id of a text that is made at a place of the source. It is that of the empty string when the
+    /// table is full.
+    pub(crate) fn intern_at(&mut self, text: &str, at: SourcePos) -> StringId {
         if let Some(id) = self.st.strings.intern(&self.group.strings, text) {
             return id;
         }
@@ -264,15 +265,15 @@ impl<'a> Machine<'a> {
             crate::run::strings::MAX_BYTES >> 20
         );
         self.complain(at, &what);
-        0.0
+        StringId::EMPTY
     }
 
     /// The string of a symbol in the first active lane.
     pub(crate) fn string(&self, sym: SymbolId) -> Arc<str> {
-        self.text(self.view(sym).get(self.first())).clone()
+        self.text(self.view(sym).string(self.first())).clone()
     }
 
-    /// A mistake of the running shader: said once per place and cause of the group.
+    /// Reports an error of the running shader, once per place and cause of the group.
     pub(crate) fn complain(&mut self, at: SourcePos, what: &str) {
         let module = &self.code().module;
         let place = module.location(at);
@@ -282,7 +283,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// A feature that is missing: said once per group.
+    /// Reports a missing feature once per group.
     pub(crate) fn missing(&mut self, feature: &str) {
         if self.group.first_time(format!("missing {feature}")) {
             self.services.unsupported(feature);
@@ -290,7 +291,7 @@ impl<'a> Machine<'a> {
     }
 }
 
-/// The values of a symbol, by parts of a machine so that services may be called meanwhile.
+/// Returns the values of a symbol from parts of a machine, so that services may be called at the same time.
 #[inline]
 pub(crate) fn view<'v>(
     layer: &'v Layer,
@@ -323,7 +324,7 @@ pub(crate) fn promote(slot: &mut Slot, n: usize, pool: &mut Pool) {
     slot.varying = true;
 }
 
-/// Whether two lists are the same to the bit.
+/// True when two lists are equal to the bit.
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits())
 }

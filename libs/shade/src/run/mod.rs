@@ -1,4 +1,4 @@
-//! Running: registers, masks, control flow.
+//! Runs code: registers, masks, control flow.
 
 pub(crate) mod approx;
 pub(crate) mod control;

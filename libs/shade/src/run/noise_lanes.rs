@@ -1,21 +1,21 @@
-//! Noise over lanes: the lattice without branches, so that the loops vectorise. What the noises are is told
-//! in [`crate::ops`]'s `noise`.
+//! Noise over lanes. The lattice has no branches, so that the loops vectorise. `noise` of [`crate::ops`] describes
+//! the kinds of noise.
 
 use crate::Lane;
 use granita_base::hash::mix32;
 
-/// Which noise to compute where.
+/// The noise to compute, and its arguments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NoiseTask<'v> {
-    /// Coordinates; as many as there are dimensions, then `None`.
+    /// The coordinates, one per dimension, then `None`.
     pub(crate) x: [Option<Lane<'v>>; 4],
-    /// Whole periods along them, 0 for none; `None` for noise without periods.
+    /// Their whole periods, 0 for none; `None` for noise without periods.
     pub(crate) periods: Option<[Lane<'v>; 4]>,
-    /// The result.
+    /// The kind of result.
     pub(crate) kind: NoiseKind,
 }
 
-/// The range and look of a noise.
+/// The range and kind of a noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum NoiseKind {
     /// Smooth, within [-1, 1].
@@ -26,10 +26,10 @@ pub(crate) enum NoiseKind {
     Cell,
 }
 
-/// Lanes that are computed together.
+/// The number of lanes that are computed together.
 const CHUNK: usize = 32;
 
-/// Component `component` of the noise, for as many lanes as `out` has.
+/// Computes component `component` of the noise for the lanes of `out`.
 #[inline(always)]
 pub(super) fn noise(task: &NoiseTask<'_>, component: u32, out: &mut [f32]) {
     match task.x.iter().flatten().count() {
@@ -116,7 +116,7 @@ fn chunks<const D: usize>(task: &NoiseTask<'_>, component: u32, out: &mut [f32])
     }
 }
 
-/// One lane.
+/// Computes one lane.
 #[inline(always)]
 pub(crate) fn one<const D: usize>(
     x: [f32; D],
@@ -132,7 +132,7 @@ pub(crate) fn one<const D: usize>(
     }
 }
 
-/// The period of a float argument: rounded down, at least 1.
+/// Returns the period of a float argument: rounded down, at least 1.
 #[inline(always)]
 pub(crate) fn period(x: f32) -> u32 {
     let p = x.floor();
@@ -145,10 +145,10 @@ fn step(h: u32, i: i32) -> u32 {
     mix32(h ^ i as u32).wrapping_add(0x9e37_79b9)
 }
 
-/// Lattice cell and place in it. What is no number lies at 0.
+/// Returns the lattice cell and the position in it. NaN lies at 0.
 #[inline(always)]
 fn cell(x: f32) -> (i32, f32) {
-    // `as` saturates; beyond 2^24 floats are whole numbers and the place in the cell is 0 anyway.
+    // `as` saturates. Beyond 2^24 floats are whole numbers, so the position in the cell is 0.
     let toward_zero = x as i32;
     let whole = toward_zero as f32;
     let down = whole > x && x > -2_147_483_648.0;
@@ -157,7 +157,7 @@ fn cell(x: f32) -> (i32, f32) {
     (i, if (0.0..=1.0).contains(&t) { t } else { 0.0 })
 }
 
-/// A lattice coordinate, repeated: the remainder of a division by a period of at least 1, never negative.
+/// Repeats a lattice coordinate: the non-negative remainder of a division by a period of at least 1.
 #[inline(always)]
 fn wrap(i: i32, period: u32) -> i32 {
     let period = period.min(i32::MAX as u32) as i32;
@@ -177,13 +177,13 @@ fn lerp(t: f32, a: f32, b: f32) -> f32 {
     a + t * (b - a)
 }
 
-/// `x` or `-x` by a bit of a hash.
+/// Returns `x` or `-x` by a bit of a hash.
 #[inline(always)]
 fn signed(h: u32, bit: u32, x: f32) -> f32 {
     f32::from_bits(x.to_bits() ^ (h >> bit & 1) << 31)
 }
 
-/// Gradients dotted with the offset from their corner; hashes choose them.
+/// Returns the dot product of a hashed gradient and the offset from its corner.
 #[inline(always)]
 fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
     match D {
@@ -198,7 +198,7 @@ fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
             let straight = if h >> 30 == 0 { x } else { across };
             if h >> 30 < 2 { straight } else { slanted }
         }
-        // Middles of the edges of a cube, or of a hypercube.
+        // Directions to the centres of the edges of a cube, or of a hypercube.
         _ => {
             let skip = ((h >> 16) * D as u32) >> 16;
             let mut sum = 0.0;
@@ -211,9 +211,9 @@ fn gradient<const D: usize>(h: u32, d: [f32; D]) -> f32 {
     }
 }
 
-/// What makes the sum of the blended gradients reach 1 and no more. With one and two dimensions the
-/// largest value is at a cell's centre; with three, 1.0363538 near it; with four, a search finds 1.5354;
-/// values at the bound are clamped against rounding.
+/// Returns the factor that scales the sum of the blended gradients to at most 1. With one and two dimensions the
+/// largest value is at a cell's centre. With three it is 1.0363538 near the centre. With four a search finds
+/// 1.5354. Values at the bound are clamped against rounding.
 pub(crate) fn scale(d: usize) -> f32 {
     match d {
         1 => 2.0,
@@ -223,7 +223,7 @@ pub(crate) fn scale(d: usize) -> f32 {
     }
 }
 
-/// Signed noise, within [-1, 1], mean 0.
+/// Returns signed noise within [-1, 1], with mean 0.
 #[inline(always)]
 fn smooth<const D: usize>(x: [f32; D], periods: [u32; D], periodic: bool, component: u32) -> f32 {
     let mut lattice = [[0; 2]; D];
@@ -249,7 +249,7 @@ fn smooth<const D: usize>(x: [f32; D], periods: [u32; D], periodic: bool, compon
         let offset = std::array::from_fn(|k| t[k] - (corner >> k & 1) as f32);
         values[corner] = gradient::<D>(mix32(hashes[corner]), offset);
     }
-    // Blend along the last axis first: it halves the list.
+    // Blending starts with the last axis, which halves the list.
     for k in (0..D).rev() {
         let w = fade(t[k]);
         for corner in 0..1 << k {
@@ -259,8 +259,8 @@ fn smooth<const D: usize>(x: [f32; D], periods: [u32; D], periodic: bool, compon
     (values[0] * scale(D)).clamp(-1.0, 1.0)
 }
 
-/// As [`smooth`], of all lanes at once: a pass over the lanes for each corner. Sixteen corners are too many
-/// for a loop over lanes that holds them all.
+/// Does the same as [`smooth`] for all lanes at once, with a pass over the lanes for each corner. Sixteen corners
+/// are too many for one loop over lanes.
 #[inline(always)]
 fn smooth_passes<const D: usize>(
     x: &[[f32; CHUNK]; D],
@@ -318,7 +318,7 @@ fn smooth_passes<const D: usize>(
     }
 }
 
-/// A number in (0, 1) for the cell of `x`.
+/// Returns a number in (0, 1) for the cell of `x`.
 #[inline(always)]
 fn cellular<const D: usize>(x: [f32; D], component: u32) -> f32 {
     let mut h = step(0x636e_6f69, component as i32 ^ ((D as i32) << 8));
@@ -328,7 +328,7 @@ fn cellular<const D: usize>(x: [f32; D], component: u32) -> f32 {
     open_unit(mix32(h))
 }
 
-/// From a hash, never 0 and never 1.
+/// Returns a number from a hash, never 0 and never 1.
 #[inline(always)]
 pub(crate) fn open_unit(h: u32) -> f32 {
     ((h >> 9) as i32 as f32 + 0.5) * (1.0 / 8_388_608.0)

@@ -1,10 +1,10 @@
-//! How globals and parameters get their values before a layer runs (reference 5.3.2), and how values
-//! leave after it.
+//! Assigns values to globals and parameters before a layer runs (reference 5.3.2), and reads results after it.
 
-use crate::link::{ParamPlan, Tap, Wire, same_type};
+use crate::link::{Connection, Endpoint, ParamPlan, same_type};
 use crate::program::At;
 use crate::run::machine::{Machine, promote};
 use crate::run::store::Slot;
+use crate::run::strings::StringId;
 use crate::{IlluminateQuery, Lane3, Lanes3, Primvar, PrimvarData};
 use granita_base::{BaseType, ParamType, Vec3};
 use granita_gsl::ir::{Global, ValueType};
@@ -14,7 +14,7 @@ impl Machine<'_> {
     /// Empties all registers and loads the globals that the group uses.
     pub(crate) fn prepare(&mut self, query: Option<&IlluminateQuery<'_>>) {
         self.st.slots.resize_with(self.group.slots.len().max(self.st.slots.len()), Slot::default);
-        // Registers whose values nobody reads from before keep their memory from the last run of the same group.
+        // Registers whose earlier values are not read keep their memory from the last run of the same group.
         let same = self.st.last == (self.group.id, self.n);
         self.st.last = (self.group.id, self.n);
         for ((slot, &size), &scratch) in
@@ -39,7 +39,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Loads one global from the grid; those of lights from the query, or zero.
+    /// Loads one global from the grid. Those of lights come from the query, or are zero.
     pub(crate) fn load_global(&mut self, global: Global, query: Option<&IlluminateQuery<'_>>) {
         let grid = self.grid;
         match global {
@@ -71,7 +71,7 @@ impl Machine<'_> {
         }
     }
 
-    /// A triple per lane. What is the same for all lanes becomes uniform; what is missing stays zero.
+    /// Loads a triple per lane. A value that is the same for all lanes becomes uniform. A missing one stays zero.
     fn load_lanes(&mut self, global: Global, lanes: &Lanes3) {
         let n = self.n;
         if lanes.xyz.iter().any(|c| c.len() != n) {
@@ -80,7 +80,7 @@ impl Machine<'_> {
         let slot = &mut self.st.slots[global as usize];
         let constant = |c: &[f32]| c.iter().all(|v| v.to_bits() == c[0].to_bits());
         slot.data.clear();
-        // Colours often are uniform; positions never, so looking costs one comparison.
+        // Colours are often uniform. Positions never are, so the check ends after one comparison.
         if lanes.xyz.iter().all(|c| constant(c)) {
             slot.data.extend(lanes.xyz.iter().map(|c| c[0]));
             slot.varying = false;
@@ -92,7 +92,7 @@ impl Machine<'_> {
         }
     }
 
-    /// A float per lane, or one.
+    /// Loads a float per lane, or one.
     fn load_floats(&mut self, global: Global, values: &[f32]) {
         let slot = &mut self.st.slots[global as usize];
         if values.len() == self.n || values.len() == 1 {
@@ -102,7 +102,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Lanes of a query.
+    /// Loads lanes of a query.
     fn load_query(&mut self, global: Global, lanes: Lane3<'_>) {
         let n = self.n;
         let slot = &mut self.st.slots[global as usize];
@@ -117,30 +117,30 @@ impl Machine<'_> {
         }
     }
 
-    /// Gives the parameters of the current layer their values, in order of declaration. `primvars`: those
-    /// of the primitive come first.
+    /// Assigns values to the parameters of the current layer, in order of declaration. With `primvars`, primitive
+    /// variables have precedence.
     pub(crate) fn bind_params(&mut self, primvars: bool) {
         let layer = self.code();
-        for wire in &layer.globals {
-            self.transfer(wire);
+        for connection in &layer.globals {
+            self.transfer(connection);
         }
-        for (plan, decl) in layer.params.iter().zip(&layer.module.params) {
+        for (plan, init) in layer.params.iter().zip(&layer.inits) {
             if primvars && self.bind_primvar(plan) {
                 continue;
             }
-            if !plan.wires.iter().any(|w| w.target.is_whole()) {
+            if !plan.connections.iter().any(|w| w.target.is_whole()) {
                 match &plan.given {
                     Some(values) => self.bind_given(plan, values),
-                    None => self.block(&decl.init),
+                    None => self.block(init),
                 }
             }
-            for wire in &plan.wires {
-                self.transfer(wire);
+            for connection in &plan.connections {
+                self.transfer(connection);
             }
         }
     }
 
-    /// From a primitive variable of the same name and type, if there is one.
+    /// Takes the value of a primitive variable of the same name and type, if there is one.
     fn bind_primvar(&mut self, plan: &ParamPlan) -> bool {
         let grid = self.grid;
         let Some(primvar) = grid.primvars.iter().find(|p| p.name == plan.name) else { return false };
@@ -153,7 +153,7 @@ impl Machine<'_> {
         self.load_primvar(slot as usize, primvar)
     }
 
-    /// Copies a primitive variable into a register; `false` when its size is wrong.
+    /// Copies a primitive variable into a register. Returns `false` when its size is wrong.
     pub(crate) fn load_primvar(&mut self, slot: usize, primvar: &Primvar) -> bool {
         let size = primvar.ty.width();
         match &primvar.data {
@@ -172,7 +172,7 @@ impl Machine<'_> {
                 }
                 for (k, text) in list.iter().enumerate() {
                     let id = self.intern(text);
-                    self.st.slots[slot].data[k] = id;
+                    self.st.slots[slot].data[k] = id.to_register();
                 }
                 self.st.slots[slot].varying = false;
             }
@@ -180,7 +180,7 @@ impl Machine<'_> {
         true
     }
 
-    /// From the instance; spatial values go from "shader" space to "common" space.
+    /// Takes the value of the instance. Spatial values are transformed from "shader" space to "common" space.
     fn bind_given(&mut self, plan: &ParamPlan, values: &Arc<[f32]>) {
         let place = *self.place(plan.symbol);
         let At::Slot(slot) = place.at else { return };
@@ -222,13 +222,13 @@ impl Machine<'_> {
         }
     }
 
-    /// Moves values along a connection, in all lanes.
-    fn transfer(&mut self, wire: &Wire) {
-        let (s, t) = (&wire.source, &wire.target);
+    /// Copies values along a connection, in all lanes.
+    fn transfer(&mut self, connection: &Connection) {
+        let (s, t) = (&connection.source, &connection.target);
         let (from, to) = (part(s), part(t));
         let single = from.1 == 1;
         for k in 0..to.1 {
-            // A float goes to all components; a triple to a float by its first.
+            // A float is copied to all components. A float target takes the first component of a triple.
             let source = from.0 + if single { 0 } else { k.min(from.1 - 1) };
             self.copy_part(s.slot as usize, source, t.slot as usize, to.0 + k);
         }
@@ -252,7 +252,7 @@ impl Machine<'_> {
         st.slots[from] = from_slot;
     }
 
-    /// A register's values per lane, component after component.
+    /// Returns a register's values per lane, component after component.
     pub(crate) fn lanes_of(&self, slot: usize) -> Vec<f32> {
         let slot = &self.st.slots[slot];
         if slot.varying {
@@ -261,13 +261,13 @@ impl Machine<'_> {
         slot.data.iter().flat_map(|&v| std::iter::repeat_n(v, self.n)).collect()
     }
 
-    /// A triple's register as lanes.
+    /// Returns a triple's register as lanes.
     pub(crate) fn lanes3_of(&self, slot: usize) -> Lanes3 {
         let values = self.lanes_of(slot);
         Lanes3 { xyz: std::array::from_fn(|c| values[c * self.n..(c + 1) * self.n].to_vec()) }
     }
 
-    /// Parameters of all layers as primitive variables, those of later layers last.
+    /// Returns the parameters of all layers as primitive variables, those of later layers last.
     pub(crate) fn parameters(&self) -> Vec<Primvar> {
         let mut list = Vec::new();
         for layer in &self.group.layers {
@@ -281,7 +281,7 @@ impl Machine<'_> {
         list
     }
 
-    /// A register as a primitive variable.
+    /// Returns a register as a primitive variable.
     pub(crate) fn as_primvar(
         &self,
         name: &Arc<str>,
@@ -291,12 +291,14 @@ impl Machine<'_> {
     ) -> Primvar {
         let base = value.base_type().unwrap_or(BaseType::Float);
         let data = if value == ValueType::String {
-            // Strings that vary keep the first lane's: messages of strings are uniform.
+            // A varying string takes the value of the first active lane, because messages of strings are uniform.
             let stride = if slot.varying { self.n } else { 1 };
             let first = if slot.varying { self.first() } else { 0 };
             let elements = slot.data.len() / stride;
             PrimvarData::Strings(
-                (0..elements).map(|e| self.text(slot.data[e * stride + first]).clone()).collect(),
+                (0..elements)
+                    .map(|e| self.text(StringId::from_register(slot.data[e * stride + first])).clone())
+                    .collect(),
             )
         } else {
             PrimvarData::Floats { values: slot.data.clone(), varying: slot.varying }
@@ -305,14 +307,14 @@ impl Machine<'_> {
     }
 }
 
-/// First number and count of an end of a connection.
-fn part(tap: &Tap) -> (usize, usize) {
-    let size = tap.value.components();
-    let first = tap.element.unwrap_or(0) as usize * size + tap.component.unwrap_or(0) as usize;
-    let count = match (tap.component, tap.element) {
+/// Returns the first index and the count of an end of a connection.
+fn part(endpoint: &Endpoint) -> (usize, usize) {
+    let size = endpoint.value.components();
+    let first = endpoint.element.unwrap_or(0) as usize * size + endpoint.component.unwrap_or(0) as usize;
+    let count = match (endpoint.component, endpoint.element) {
         (Some(_), _) => 1,
         (None, Some(_)) => size,
-        (None, None) => size * tap.elements as usize,
+        (None, None) => size * endpoint.elements as usize,
     };
     (first, count)
 }

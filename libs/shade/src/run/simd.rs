@@ -1,67 +1,65 @@
-//! The loops over lanes, compiled twice: for every machine of the architecture, and for those with AVX2,
-//! chosen as the program runs. Both do the same arithmetic in the same order (nothing is contracted), so
-//! that the results are the same to the bit; a test compares them.
-//!
-//! The only unsafe code of the crate: calls of functions that need what was just found to be there.
-//! `benches/shading` measures what it brings.
-
-#![allow(unsafe_code, reason = "runtime dispatch; measured by benches/shading")]
+//! The loops over lanes, compiled for the widest vectors of the machine. All variants do the same arithmetic in the
+//! same order, so that the results are the same to the bit. A test compares them. `benches/shading` measures the
+//! gain.
 
 use super::lanes::{self, Binary, Ternary, Unary};
 use super::noise_lanes::{self, NoiseTask};
 use crate::Lane;
 use crate::tape::{NARROW, Strips, WIDE, strips};
+use granita_machine::widest;
 
-/// Declares a door that takes the wide version where the machine has it.
-macro_rules! doors {
-    ($($(#[$doc:meta])* $name:ident, $wide:ident = $body:path: ($($arg:ident: $ty:ty),*);)*) => {$(
-        $(#[$doc])*
-        #[inline]
-        pub(crate) fn $name($($arg: $ty),*) {
-            #[cfg(target_arch = "x86_64")]
-            if is_wide() {
-                // SAFETY: the machine has AVX2, which is all that the function asks for.
-                return unsafe { $wide($($arg),*) };
-            }
-            $body($($arg),*)
-        }
-
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2")]
-        fn $wide($($arg: $ty),*) {
-            $body($($arg),*)
-        }
-    )*};
-}
-
-doors! {
-    /// `out = f (a)`.
-    unary, unary_avx2 = lanes::unary: (f: Unary, out: &mut [f32], a: Lane<'_>);
-    /// `out = f (a, b)`.
-    binary, binary_avx2 = lanes::binary: (f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>);
-    /// `out = f (a, b, c)`.
-    ternary, ternary_avx2 = lanes::ternary:
-        (f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>);
-    /// `out = a . b`.
-    dot, dot_avx2 = lanes::dot: (out: &mut [f32], a: [Lane<'_>; 3], b: [Lane<'_>; 3]);
-    /// `out = |a|`.
-    length, length_avx2 = lanes::length: (out: &mut [f32], a: [Lane<'_>; 3]);
-    /// Makes vectors one long.
-    normalize, normalize_avx2 = lanes::normalize: (out: [&mut [f32]; 3]);
-    /// A tape over wide strips.
-    strips_wide, strips_wide_avx2 = strips::<WIDE>: (task: &mut Strips<'_>, from: usize, to: usize);
-    /// A tape over narrow strips.
-    strips_narrow, strips_narrow_avx2 = strips::<NARROW>: (task: &mut Strips<'_>, from: usize, to: usize);
-    /// Noise.
-    noise, noise_avx2 = noise_lanes::noise: (task: &NoiseTask<'_>, component: u32, out: &mut [f32]);
-}
-
-/// Whether the machine has AVX2.
-#[cfg(target_arch = "x86_64")]
+/// `out = f (a)`.
 #[inline]
-fn is_wide() -> bool {
-    // The standard library remembers the answer.
-    std::arch::is_x86_feature_detected!("avx2")
+pub(crate) fn unary(f: Unary, out: &mut [f32], a: Lane<'_>) {
+    widest!(lanes::unary(f, out, a));
+}
+
+/// `out = f (a, b)`.
+#[inline]
+pub(crate) fn binary(f: Binary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>) {
+    widest!(lanes::binary(f, out, a, b));
+}
+
+/// `out = f (a, b, c)`.
+#[inline]
+pub(crate) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: Lane<'_>) {
+    widest!(lanes::ternary(f, out, a, b, c));
+}
+
+/// `out = a . b`.
+#[inline]
+pub(crate) fn dot(out: &mut [f32], a: [Lane<'_>; 3], b: [Lane<'_>; 3]) {
+    widest!(lanes::dot(out, a, b));
+}
+
+/// `out = |a|`.
+#[inline]
+pub(crate) fn length(out: &mut [f32], a: [Lane<'_>; 3]) {
+    widest!(lanes::length(out, a));
+}
+
+/// Normalises vectors.
+#[inline]
+pub(crate) fn normalize(out: [&mut [f32]; 3]) {
+    widest!(lanes::normalize(out));
+}
+
+/// Runs a tape over wide strips.
+#[inline]
+pub(crate) fn strips_wide(task: &mut Strips<'_>, from: usize, to: usize) {
+    widest!(strips::<WIDE>(task, from, to));
+}
+
+/// Runs a tape over narrow strips.
+#[inline]
+pub(crate) fn strips_narrow(task: &mut Strips<'_>, from: usize, to: usize) {
+    widest!(strips::<NARROW>(task, from, to));
+}
+
+/// Computes noise.
+#[inline]
+pub(crate) fn noise(task: &NoiseTask<'_>, component: u32, out: &mut [f32]) {
+    widest!(noise_lanes::noise(task, component, out));
 }
 
 #[cfg(test)]

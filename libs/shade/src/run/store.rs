@@ -1,44 +1,45 @@
-//! Registers, views of them, results on their way in, and the pool of their memory.
+//! Registers, views of them, results before they are stored, and the pool of their memory.
 
+use crate::run::strings::StringId;
 use crate::{Lane, Lane3};
 
-/// One register. Component `c` of lane `i` is at `c * lanes + i` when varying, at `c` when uniform;
-/// elements of an array follow each other (`element * components + component`). Strings are numbers of
-/// the string table, kept as floats.
+/// One register. Component `c` of lane `i` is at `c * lanes + i` when varying, at `c` when uniform. Elements of an
+/// array follow each other (`element * components + component`). A register of strings holds the bits of their
+/// [`StringId`]s.
 #[derive(Debug, Default)]
 pub(crate) struct Slot {
     pub(crate) data: Vec<f32>,
     pub(crate) varying: bool,
 }
 
-/// The values of a symbol, to be read.
+/// Read access to the values of a symbol.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View<'a> {
     pub(crate) data: &'a [f32],
-    /// Lanes of the grid.
+    /// The number of lanes of the grid.
     pub(crate) n: usize,
     pub(crate) varying: bool,
-    /// Components of one element.
+    /// The number of components of one element.
     pub(crate) components: usize,
-    /// Elements; 1 when not an array.
+    /// The number of elements; 1 when not an array.
     pub(crate) elements: usize,
 }
 
 impl<'a> View<'a> {
-    /// Component `c` of element 0; a single component stands for all.
+    /// Returns component `c` of element 0. A single component stands for all.
     #[inline(always)]
     pub(crate) fn lane(&self, c: usize) -> Lane<'a> {
         self.lane_at(0, c)
     }
 
-    /// Component `c` of element `e`.
+    /// Returns component `c` of element `e`.
     #[inline(always)]
     pub(crate) fn lane_at(&self, e: usize, c: usize) -> Lane<'a> {
         let c = if self.components == 1 { 0 } else { c.min(self.components - 1) };
         self.flat(e.min(self.elements - 1) * self.components + c)
     }
 
-    /// Number `k` of all components of all elements.
+    /// Returns component `k` of all components of all elements.
     #[inline(always)]
     pub(crate) fn flat(&self, k: usize) -> Lane<'a> {
         if self.varying {
@@ -48,7 +49,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Three components.
+    /// Returns three components.
     #[inline(always)]
     pub(crate) fn triple(&self) -> Lane3<'a> {
         Lane3 { xyz: std::array::from_fn(|c| self.lane(c)) }
@@ -64,9 +65,14 @@ impl<'a> View<'a> {
         }
     }
 
-    /// The number of lane `i`, of strings the string's.
+    /// Returns the number of lane `i`.
     pub(crate) fn get(&self, i: usize) -> f32 {
         self.lane(0).get(i)
+    }
+
+    /// Returns the string of lane `i`.
+    pub(crate) fn string(&self, i: usize) -> StringId {
+        StringId::from_register(self.get(i))
     }
 }
 
@@ -74,31 +80,31 @@ impl<'a> View<'a> {
 #[derive(Debug)]
 pub(crate) struct Out {
     pub(crate) data: Vec<f32>,
-    /// Lanes: 1 when uniform.
+    /// The number of lanes; 1 when uniform.
     pub(crate) width: usize,
     pub(crate) varying: bool,
 }
 
 impl Out {
-    /// Values of component `c`.
+    /// Returns the values of component `c`.
     pub(crate) fn part(&mut self, c: usize) -> &mut [f32] {
         &mut self.data[c * self.width..(c + 1) * self.width]
     }
 
-    /// Three components at once.
+    /// Returns three components at once.
     pub(crate) fn parts3(&mut self) -> [&mut [f32]; 3] {
         let (x, rest) = self.data.split_at_mut(self.width);
         let (y, rest) = rest.split_at_mut(self.width);
         [x, y, &mut rest[..self.width]]
     }
 
-    /// Component `c`, to be read; a single component stands for all.
+    /// Returns component `c` for reading. A single component stands for all.
     pub(crate) fn lane(&self, c: usize) -> Lane<'_> {
         let c = if self.data.len() == self.width { 0 } else { c };
         Lane { values: &self.data[c * self.width..(c + 1) * self.width], stride: usize::from(self.varying) }
     }
 
-    /// Three components, to be read.
+    /// Returns three components for reading.
     pub(crate) fn triple(&self) -> Lane3<'_> {
         Lane3 { xyz: std::array::from_fn(|c| self.lane(c)) }
     }
@@ -106,6 +112,11 @@ impl Out {
     /// Sets component `c` of lane `i`.
     pub(crate) fn set(&mut self, c: usize, i: usize, v: f32) {
         self.data[c * self.width + i] = v;
+    }
+
+    /// Sets string `k` of lane `i`.
+    pub(crate) fn set_string(&mut self, k: usize, i: usize, id: StringId) {
+        self.set(k, i, id.to_register());
     }
 
     /// Sets three components of lane `i`.
@@ -116,16 +127,16 @@ impl Out {
     }
 }
 
-/// Buffers for reuse. After the first grids no buffer grows any more.
+/// Buffers for reuse. After the first grids no buffer is reallocated.
 #[derive(Debug, Default)]
 pub(crate) struct Pool {
     free: Vec<Vec<f32>>,
 }
 
 impl Pool {
-    /// A buffer of `len` numbers, whatever they are.
+    /// Returns a buffer of `len` undefined numbers.
     pub(crate) fn take(&mut self, len: usize) -> Vec<f32> {
-        // One that is large enough, else the last.
+        // It is one that is large enough, else the last.
         let fit = self.free.iter().rposition(|b| b.capacity() >= len);
         let mut buffer = match fit {
             Some(k) => self.free.swap_remove(k),
@@ -139,23 +150,23 @@ impl Pool {
         buffer
     }
 
-    /// Takes a buffer back.
+    /// Returns a buffer to the pool.
     pub(crate) fn give(&mut self, buffer: Vec<f32>) {
         self.free.push(buffer);
     }
 }
 
-/// The lanes a statement affects.
+/// The lanes that a statement affects.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Mask {
-    /// Per lane.
+    /// True for each lane that is on.
     pub(crate) on: Vec<bool>,
     /// The lanes that are on, increasing.
     pub(crate) active: Vec<u32>,
 }
 
 impl Mask {
-    /// All of `n` lanes.
+    /// Sets all of `n` lanes.
     pub(crate) fn fill(&mut self, n: usize) {
         self.on.clear();
         self.on.resize(n, true);
@@ -163,7 +174,7 @@ impl Mask {
         self.active.extend(0..n as u32);
     }
 
-    /// The lanes of a list.
+    /// Sets the lanes of a list.
     pub(crate) fn set_active(&mut self, n: usize, active: &[u32]) {
         self.on.clear();
         self.on.resize(n, false);
@@ -176,13 +187,13 @@ impl Mask {
         }
     }
 
-    /// No lane.
+    /// Clears all lanes.
     pub(crate) fn clear(&mut self) {
         self.on.fill(false);
         self.active.clear();
     }
 
-    /// A copy into memory that is there.
+    /// Copies into existing memory.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.on.clear();
         self.on.extend_from_slice(&other.on);
@@ -205,7 +216,7 @@ impl Mask {
         self.rebuild();
     }
 
-    /// Keeps the lanes for which `keep` says so.
+    /// Keeps the lanes for which `keep` is true.
     pub(crate) fn retain(&mut self, mut keep: impl FnMut(usize) -> bool) {
         let on = &mut self.on;
         self.active.retain(|&i| {
@@ -215,7 +226,7 @@ impl Mask {
         });
     }
 
-    /// The list from the flags.
+    /// Rebuilds the list from the flags.
     fn rebuild(&mut self) {
         self.active.clear();
         self.active.extend((0..self.on.len() as u32).filter(|&i| self.on[i as usize]));
@@ -230,19 +241,19 @@ impl Mask {
     }
 }
 
-/// Which lanes a function computes one by one.
+/// The lanes that a function computes one by one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Work<'a> {
-    /// The single one of a uniform value.
+    /// The single lane of a uniform value.
     One,
-    /// All of them.
+    /// All lanes.
     All(usize),
-    /// Some.
+    /// Some lanes.
     Some(&'a [u32]),
 }
 
 impl Work<'_> {
-    /// Calls `f` for each.
+    /// Calls `f` for each lane.
     #[inline]
     pub(crate) fn each(self, mut f: impl FnMut(usize)) {
         match self {
@@ -290,7 +301,7 @@ mod tests {
             elements: 1,
         };
         assert_eq!(w.triple().get(1), granita_base::Vec3::new(1.0, 11.0, 21.0));
-        // Past the end is the nearest, never a panic.
+        // An index past the end takes the nearest value and never panics.
         assert_eq!(w.lane_at(7, 7).get(0), 20.0);
     }
 }

@@ -1,11 +1,32 @@
-//! Strings as numbers: 0 is the empty string, then those of the linked group, then those made while
-//! running. Numbers are exact in a float, so strings live in registers like everything else.
+//! String ids, and the tables that hold the texts.
 
 use regex::Regex;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Strings known when a group is linked.
+/// The id of a string: 0 is the empty one, then follow those of the linked group, then those made while running.
+///
+/// A register of strings holds the bits of ids. As floats they have no meaning. They are moved and compared bit by
+/// bit, and no computation uses them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct StringId(pub(crate) u32);
+
+impl StringId {
+    /// The empty string.
+    pub(crate) const EMPTY: Self = Self(0);
+
+    /// Returns the register value of the id.
+    pub(crate) fn to_register(self) -> f32 {
+        f32::from_bits(self.0)
+    }
+
+    /// Returns the id of a register value.
+    pub(crate) fn from_register(held: f32) -> Self {
+        Self(held.to_bits())
+    }
+}
+
+/// The strings that are known when a group is linked.
 #[derive(Clone, Debug)]
 pub(crate) struct Strings {
     list: Vec<Arc<str>>,
@@ -20,33 +41,33 @@ impl Default for Strings {
 }
 
 impl Strings {
-    /// The number of a text.
-    pub(crate) fn intern(&mut self, text: &Arc<str>) -> f32 {
+    /// Returns the id of a text, which is added on first use.
+    pub(crate) fn intern(&mut self, text: &Arc<str>) -> StringId {
         if let Some(&id) = self.ids.get(text) {
-            return id as f32;
+            return StringId(id);
         }
         let id = self.list.len() as u32;
         self.list.push(text.clone());
         self.ids.insert(text.clone(), id);
-        id as f32
+        StringId(id)
     }
 
-    /// The text of a number.
-    pub(crate) fn text(&self, id: f32) -> Option<&Arc<str>> {
-        self.list.get(id as usize)
+    /// Returns the text of an id.
+    pub(crate) fn text(&self, id: StringId) -> Option<&Arc<str>> {
+        self.list.get(id.0 as usize)
     }
 }
 
-/// The longest string that a shader can make, in bytes.
+/// The largest length in bytes of a string that a shader makes.
 pub(crate) const MAX_TEXT: usize = 1 << 16;
-/// What all strings that one run makes may take. Numbers of strings are exact in a float well beyond what fits.
+/// The largest number of bytes of all strings that one run makes.
 pub(crate) const MAX_BYTES: usize = 64 << 20;
-/// What a string takes beside its text.
+/// The bytes of a string besides its text.
 const ENTRY_BYTES: usize = 64;
-/// The longest regular expression, in bytes.
+/// The largest length in bytes of a regular expression.
 const MAX_PATTERN: usize = 4096;
 
-/// Strings made by one run.
+/// The strings made by one run.
 #[derive(Debug, Default)]
 pub(crate) struct StringTable {
     list: Vec<Arc<str>>,
@@ -54,7 +75,7 @@ pub(crate) struct StringTable {
     bytes: usize,
 }
 
-/// Cuts a text that is too long, between two characters; whether it was.
+/// Cuts a text that is too long, between two characters. Returns true when it was cut.
 pub(crate) fn cut(text: &mut String) -> bool {
     let is_long = text.len() > MAX_TEXT;
     if is_long {
@@ -64,17 +85,17 @@ pub(crate) fn cut(text: &mut String) -> bool {
 }
 
 impl StringTable {
-    /// Forgets everything, for the next run.
+    /// Empties the table for the next run.
     pub(crate) fn reset(&mut self) {
         self.list.clear();
         self.ids.clear();
         self.bytes = 0;
     }
 
-    /// The number of a text, beside those of a group; `None` when there is no room for it.
-    pub(crate) fn intern(&mut self, known: &Strings, text: &str) -> Option<f32> {
+    /// Returns the id of a text, besides those of a group; `None` when the table is full.
+    pub(crate) fn intern(&mut self, known: &Strings, text: &str) -> Option<StringId> {
         if let Some(&id) = known.ids.get(text).or_else(|| self.ids.get(text)) {
-            return Some(id as f32);
+            return Some(StringId(id));
         }
         let bytes = self.bytes + text.len() + ENTRY_BYTES;
         if bytes > MAX_BYTES {
@@ -85,14 +106,14 @@ impl StringTable {
         let text: Arc<str> = Arc::from(text);
         self.list.push(text.clone());
         self.ids.insert(text, id);
-        Some(id as f32)
+        Some(StringId(id))
     }
 
-    /// The text of a number; the empty string for what is no string.
-    pub(crate) fn text<'s>(&'s self, known: &'s Strings, id: f32) -> &'s Arc<str> {
+    /// Returns the text of an id; the empty string for an unknown id.
+    pub(crate) fn text<'s>(&'s self, known: &'s Strings, id: StringId) -> &'s Arc<str> {
         known
             .text(id)
-            .or_else(|| self.list.get((id as usize).checked_sub(known.list.len())?))
+            .or_else(|| self.list.get((id.0 as usize).checked_sub(known.list.len())?))
             .unwrap_or(&known.list[0])
     }
 }
@@ -103,13 +124,14 @@ pub(crate) struct Regexes {
     by_pattern: HashMap<Arc<str>, Result<Regex, String>>,
 }
 
-/// More patterns than any shader writes; only a pattern computed per point makes as many.
+/// The largest number of patterns. Only patterns computed per point reach it.
 const MAX_PATTERNS: usize = 256;
 
 impl Regexes {
-    /// Whether `subject` contains a match of a Unix regular expression.
+    /// True when `subject` contains a match of a Unix regular expression.
     ///
-    /// Errors: the pattern is no regular expression.
+    /// # Errors
+    /// Returns an error when the pattern is not a regular expression.
     pub(crate) fn matches(&mut self, pattern: &Arc<str>, subject: &str) -> Result<bool, String> {
         if pattern.len() > MAX_PATTERN {
             let (n, max) = (pattern.len(), MAX_PATTERN);
@@ -129,8 +151,8 @@ impl Regexes {
     }
 }
 
-/// A POSIX extended regular expression in the syntax of the `regex` crate, which differs inside
-/// brackets (nested classes, `&&`, `--`, `~~`, escapes) and for braces that are no repetition.
+/// Translates a POSIX extended regular expression to the syntax of the `regex` crate, which differs inside brackets
+/// (nested classes, `&&`, `--`, `~~`, escapes) and for braces that are not a repetition.
 fn translate(pattern: &str) -> String {
     let chars: Vec<char> = pattern.chars().collect();
     let mut out = String::with_capacity(pattern.len() + 8);
@@ -139,7 +161,7 @@ fn translate(pattern: &str) -> String {
         match chars[i] {
             '\\' => {
                 match chars.get(i + 1) {
-                    // An escaped letter or digit without meaning stands for itself.
+                    // An escaped letter or digit without special meaning matches itself.
                     Some(&c) if c.is_alphanumeric() && !"wWsSbBdD".contains(c) => out.push(c),
                     Some(&c) => out.extend(['\\', c]),
                     None => out.push_str("\\\\"),
@@ -155,7 +177,7 @@ fn translate(pattern: &str) -> String {
                 out.push_str("\\}");
                 i += 1;
             }
-            // A repetition with nothing to repeat stands for itself.
+            // A repetition without an operand matches itself.
             c @ ('*' | '+' | '?')
                 if i == 0 || matches!(chars[i - 1], '(' | '|') && !escaped(&chars, i - 1) =>
             {
@@ -171,12 +193,12 @@ fn translate(pattern: &str) -> String {
     out
 }
 
-/// Whether character `i` is escaped.
+/// True when character `i` is escaped.
 fn escaped(chars: &[char], i: usize) -> bool {
     chars[..i].iter().rev().take_while(|&&c| c == '\\').count() % 2 == 1
 }
 
-/// Translates a bracket expression that starts at `i`; the index after it.
+/// Translates a bracket expression that starts at `i`. Returns the index after it.
 fn bracket(chars: &[char], i: usize, out: &mut String) -> usize {
     let mut j = i + 1;
     let negated = chars.get(j) == Some(&'^');
@@ -192,7 +214,7 @@ fn bracket(chars: &[char], i: usize, out: &mut String) -> usize {
                 return j + 1;
             }
             '[' if matches!(chars.get(j + 1), Some(':')) => {
-                // [:alpha:] and its like pass as they are.
+                // [:alpha:] and similar classes are kept unchanged.
                 let Some(end) =
                     (j + 2..chars.len().saturating_sub(1)).find(|&k| chars[k] == ':' && chars[k + 1] == ']')
                 else {
@@ -217,12 +239,12 @@ fn bracket(chars: &[char], i: usize, out: &mut String) -> usize {
             }
         }
     }
-    // Never closed: an ordinary character.
+    // The bracket is not closed, so it is an ordinary character.
     out.push_str("\\[");
     i + 1
 }
 
-/// Whether a brace starts `{n}`, `{n,}` or `{n,m}`.
+/// True when a brace starts `{n}`, `{n,}` or `{n,m}`.
 fn is_repetition(chars: &[char]) -> bool {
     let Some(end) = chars.iter().position(|&c| c == '}') else { return false };
     let inner: String = chars[1..end].iter().collect();
@@ -242,13 +264,19 @@ mod tests {
     fn numbers_and_texts() {
         let mut known = Strings::default();
         let a = known.intern(&"a".into());
-        assert_eq!((known.intern(&"".into()), a, known.intern(&"a".into())), (0.0, 1.0, 1.0));
+        assert_eq!(
+            (known.intern(&"".into()), a, known.intern(&"a".into())),
+            (StringId::EMPTY, StringId(1), StringId(1))
+        );
         let mut made = StringTable::default();
         let b = made.intern(&known, "b").unwrap();
-        assert_eq!((made.intern(&known, "a"), b, made.intern(&known, "b")), (Some(1.0), 2.0, Some(2.0)));
+        assert_eq!(
+            (made.intern(&known, "a"), b, made.intern(&known, "b")),
+            (Some(StringId(1)), StringId(2), Some(StringId(2)))
+        );
         assert_eq!(&**made.text(&known, b), "b");
-        for bad in [-1.0, 77.0, f32::NAN, f32::INFINITY] {
-            assert_eq!(&**made.text(&known, bad), "", "{bad}");
+        for bad in [3, 1 << 24, u32::MAX].map(StringId) {
+            assert_eq!(&**made.text(&known, bad), "", "{bad:?}");
         }
         made.reset();
         assert_eq!(&**made.text(&known, b), "");
@@ -261,15 +289,25 @@ mod tests {
         let most = MAX_BYTES / MAX_TEXT;
         let made_before = (0..2 * most).take_while(|k| made.intern(&known, &long(*k)).is_some()).count();
         assert!((most - 1..=most).contains(&made_before), "{made_before}");
-        // Those that are there are found, and the next run begins anew.
-        assert_eq!(made.intern(&known, &long(7)), Some(8.0));
+        // Existing strings are found, and the next run starts empty.
+        assert_eq!(made.intern(&known, &long(7)), Some(StringId(8)));
         assert_eq!(made.intern(&known, &"x".repeat(MAX_TEXT)), None);
         made.reset();
-        assert_eq!(made.intern(&known, &long(7)), Some(1.0));
+        assert_eq!(made.intern(&known, &long(7)), Some(StringId(1)));
         let mut text = "ä".repeat(MAX_TEXT);
         assert!(cut(&mut text) && text.len() == MAX_TEXT && !cut(&mut text));
         let mut text = format!("a{}", "ä".repeat(MAX_TEXT));
         assert!(cut(&mut text) && text.len() == MAX_TEXT - 1);
+    }
+
+    #[test]
+    fn registers_hold_ids_that_floats_do_not_count_to() {
+        // 2^24 + 1 is the first whole number that a float cannot represent.
+        for id in [0, 1, 16_777_216, 16_777_217, 16_777_219, u32::MAX].map(StringId) {
+            assert_eq!(StringId::from_register(id.to_register()), id);
+        }
+        let copied: Vec<f32> = [16_777_216, 16_777_217].map(|id| StringId(id).to_register()).to_vec().clone();
+        assert_ne!(StringId::from_register(copied[0]), StringId::from_register(copied[1]));
     }
 
     #[test]

@@ -1,24 +1,25 @@
-//! From operations to tapes.
+//! Builds tapes from operations.
 
 use super::{Code, Input, Output, Ref, Step, Symbols, Tape};
 use crate::Lane;
 use crate::link::{blocks_mut, occurrences};
-use crate::program::{At, Place};
+use crate::program::{At, Block, Op, Operation, Place, Stmt};
 use crate::run::lanes::{Binary as B, LUMINANCE, Ternary as T, Unary as U};
 use crate::run::simd;
 use granita_gsl::Func;
-use granita_gsl::ir::{Block, Op, OpCode, Stmt, Symbol, SymbolId, SymbolKind, ValueType};
+use granita_gsl::ir::{OpCode, Symbol, SymbolId, SymbolKind, ValueType};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A run with fewer steps than this is quicker one by one.
+/// The smallest number of steps of a tape. Fewer are faster one by one.
 const LEAST_STEPS: usize = 3;
-/// Registers that a tape may read: bits of the word that tells which vary.
+/// The largest number of registers that a tape reads, which is the number of bits of the word that marks the
+/// varying ones.
 const MAX_INPUTS: usize = 64;
-/// Values of a strip should stay in the nearest cache.
+/// The largest number of steps. The values of a strip should stay in the nearest cache.
 const MAX_STEPS: usize = 128;
 
-/// What is known of a layer's symbols.
+/// The properties of a layer's symbols.
 pub(crate) struct Surroundings<'a> {
     /// By symbol.
     pub(crate) symbols: &'a [Symbol],
@@ -28,17 +29,17 @@ pub(crate) struct Surroundings<'a> {
     pub(crate) constants: &'a [Arc<[f32]>],
 }
 
-/// Puts a `Straight` in front of every run of plain operations in `body`, and returns the tapes that they name.
-/// `elsewhere`: code beside `body` that uses the same symbols.
+/// Puts an [`Operation::Fused`] in front of every run of plain operations in `body`, and returns the tapes.
+/// `elsewhere` is code besides `body` that uses the same symbols.
 pub(crate) fn fuse(
     body: &mut Block,
-    elsewhere: &[&Block],
+    elsewhere: &[Block],
     symbols: &[Symbol],
     places: &[Place],
     constants: &[Arc<[f32]>],
 ) -> Vec<Tape> {
     let mut uses = vec![0_u32; symbols.len()];
-    for block in elsewhere.iter().copied().chain([&*body]) {
+    for block in elsewhere.iter().chain([&*body]) {
         occurrences(block, symbols, &mut |s| uses[s.0 as usize] += 1);
     }
     let around = Surroundings { symbols, places, constants };
@@ -73,10 +74,11 @@ fn close(run: &mut Vec<Op>, out: &mut Block, around: &Surroundings<'_>, uses: &[
         if let Some(tape) = tape {
             let at = ops[0].at;
             out.push(Stmt::Op(Op {
-                code: OpCode::Straight(tapes.len() as u32),
+                code: Operation::Fused(tapes.len() as u32),
                 dst: None,
                 args: vec![],
                 at,
+                call: None,
             }));
             tapes.push(tape);
         }
@@ -86,16 +88,17 @@ fn close(run: &mut Vec<Op>, out: &mut Block, around: &Surroundings<'_>, uses: &[
     run.clear();
 }
 
-/// A tape of the first operations, as many as fit, and how many these are; none where it would not pay.
+/// Returns a tape of the first operations, as many as fit, and their number. Returns no tape where it would not be
+/// faster.
 pub(super) fn build(ops: &[Op], around: &Surroundings<'_>, uses: &[u32]) -> (Option<Tape>, usize) {
     let mut builder = Builder { around, steps: Vec::new(), inputs: Vec::new(), known: HashMap::new() };
     let mut now = Symbols::new();
-    // Per symbol: occurrences so far, and whether the first was a write of the whole.
+    // By symbol, the number of uses so far, and true when the first was a write of the whole.
     let mut seen: HashMap<SymbolId, (u32, bool)> = HashMap::new();
     let mut written: Vec<SymbolId> = Vec::new();
     let mut taken = 0;
     for op in ops {
-        // An operation may need some dozen steps.
+        // An operation may need about a dozen steps.
         if builder.steps.len() > MAX_STEPS || builder.inputs.len() + 12 > MAX_INPUTS {
             break;
         }
@@ -103,7 +106,7 @@ pub(super) fn build(ops: &[Op], around: &Surroundings<'_>, uses: &[u32]) -> (Opt
         for &arg in &op.args {
             seen.entry(arg).or_insert((0, false)).0 += 1;
         }
-        let partial = op.code == OpCode::ComponentSet;
+        let partial = op.is(OpCode::ComponentSet);
         let parts = builder.operation(op, &now);
         now.insert(dst, parts);
         seen.entry(dst).or_insert((0, !partial)).0 += 1;
@@ -128,13 +131,13 @@ pub(super) fn build(ops: &[Op], around: &Surroundings<'_>, uses: &[u32]) -> (Opt
     ((tape.steps.len() >= LEAST_STEPS).then_some(tape), taken)
 }
 
-/// Whether a symbol is a single number, triple or the like.
+/// True when a symbol is a single value and not an array.
 fn is_single(s: SymbolId, around: &Surroundings<'_>) -> bool {
     let place = &around.places[s.0 as usize];
     !place.array && matches!(place.value.components(), 1 | 3) && place.value != ValueType::String
 }
 
-/// The constant number that a symbol stands for.
+/// Returns the constant number of a symbol.
 fn number(s: SymbolId, around: &Surroundings<'_>) -> Option<f32> {
     match around.places[s.0 as usize].at {
         At::Const(k) => around.constants[k as usize].first().copied(),
@@ -142,21 +145,26 @@ fn number(s: SymbolId, around: &Surroundings<'_>) -> Option<f32> {
     }
 }
 
-/// The constant component of a triple that an index means, if it is one.
+/// Returns the constant component of a triple for an index, if it is one.
 fn constant_component(s: SymbolId, around: &Surroundings<'_>) -> Option<usize> {
     number(s, around).map(f32::floor).filter(|k| (0.0..3.0).contains(k)).map(|k| k as usize)
 }
 
-/// Whether an operation can be part of a tape.
+/// True when an operation can be part of a tape.
 fn is_plain(op: &Op, around: &Surroundings<'_>) -> bool {
     let Some(dst) = op.dst else { return false };
     if !is_single(dst, around) || !op.args.iter().all(|&s| is_single(s, around)) {
         return false;
     }
-    match op.code {
+    let code = match op.code {
+        Operation::Stored(code) => code,
+        Operation::Select => return true,
+        Operation::Fused(_) => return false,
+    };
+    match code {
         OpCode::Assign | OpCode::Neg | OpCode::Add | OpCode::Sub | OpCode::Mul | OpCode::Div => true,
         OpCode::Eq | OpCode::Ne | OpCode::Lt | OpCode::Le | OpCode::Gt | OpCode::Ge => true,
-        OpCode::Not | OpCode::Truth | OpCode::Select | OpCode::Construct => true,
+        OpCode::Not | OpCode::Truth | OpCode::Construct => true,
         OpCode::Component => constant_component(op.args[1], around).is_some(),
         OpCode::ComponentSet => constant_component(op.args[0], around).is_some(),
         OpCode::Call(func) => match func {
@@ -171,7 +179,7 @@ fn is_plain(op: &Op, around: &Surroundings<'_>) -> bool {
     }
 }
 
-/// Functions that work component by component.
+/// Returns the code of functions that work component by component.
 fn simple(func: Func, args: usize) -> Option<Code> {
     use Func as F;
     Some(match (func, args) {
@@ -215,7 +223,7 @@ struct Builder<'a> {
     around: &'a Surroundings<'a>,
     steps: Vec<Step>,
     inputs: Vec<Input>,
-    /// Steps by what they compute.
+    /// The steps by their computation.
     known: HashMap<Step, u32>,
 }
 
@@ -226,14 +234,14 @@ impl Builder<'_> {
         Ref::Const(value.to_bits())
     }
 
-    /// Adds a step, or finds the one that computes the same.
+    /// Adds a step, or returns an equal one.
     fn step(&mut self, code: Code, args: &[Ref]) -> Ref {
         let mut all = [ZERO; 3];
         all[..args.len()].copy_from_slice(args);
         if code == Code::One(U::Copy) {
             return all[0];
         }
-        // What does not change need not be computed each time.
+        // A step of constants is computed here.
         let numbers = all.map(|r| if let Ref::Const(bits) = r { Some([f32::from_bits(bits)]) } else { None });
         if let [Some(a), Some(b), Some(c)] = numbers {
             return Self::constant(alone(code, [&a, &b, &c]));
@@ -255,7 +263,7 @@ impl Builder<'_> {
         self.step(Code::Two(f), &[a, b])
     }
 
-    /// Components of a symbol as they are now.
+    /// Returns the current components of a symbol.
     fn parts(&mut self, s: SymbolId, now: &Symbols) -> Vec<Ref> {
         if let Some(parts) = now.get(&s) {
             return parts.clone();
@@ -276,7 +284,7 @@ impl Builder<'_> {
             .collect()
     }
 
-    /// The new components of the operation's result.
+    /// Returns the components of the operation's result.
     fn operation(&mut self, op: &Op, now: &Symbols) -> Vec<Ref> {
         let dst = op.dst.expect("invariant: plain operations have a result");
         let size = self.around.places[dst.0 as usize].value.components();
@@ -285,48 +293,49 @@ impl Builder<'_> {
         let part =
             |k: usize, c: usize| args[k][if args[k].len() == 1 { 0 } else { c.min(args[k].len() - 1) }];
         let triple = |k: usize| [0, 1, 2].map(|c| part(k, c));
+        use Operation::Stored as S;
         let mut parts: Vec<Ref> = match op.code {
-            OpCode::Assign => (0..size).map(|c| part(0, c)).collect(),
-            OpCode::Neg => (0..size).map(|c| self.one(U::Neg, part(0, c))).collect(),
-            OpCode::Add => (0..size).map(|c| self.two(B::Add, part(0, c), part(1, c))).collect(),
-            OpCode::Sub => (0..size).map(|c| self.two(B::Sub, part(0, c), part(1, c))).collect(),
-            OpCode::Mul => (0..size).map(|c| self.two(B::Mul, part(0, c), part(1, c))).collect(),
-            OpCode::Div => (0..size).map(|c| self.two(B::Div, part(0, c), part(1, c))).collect(),
-            OpCode::Lt => (0..size).map(|c| self.two(B::Lt, part(0, c), part(1, c))).collect(),
-            OpCode::Le => (0..size).map(|c| self.two(B::Le, part(0, c), part(1, c))).collect(),
-            OpCode::Gt => (0..size).map(|c| self.two(B::Gt, part(0, c), part(1, c))).collect(),
-            OpCode::Ge => (0..size).map(|c| self.two(B::Ge, part(0, c), part(1, c))).collect(),
-            OpCode::Eq | OpCode::Ne => {
+            S(OpCode::Assign) => (0..size).map(|c| part(0, c)).collect(),
+            S(OpCode::Neg) => (0..size).map(|c| self.one(U::Neg, part(0, c))).collect(),
+            S(OpCode::Add) => (0..size).map(|c| self.two(B::Add, part(0, c), part(1, c))).collect(),
+            S(OpCode::Sub) => (0..size).map(|c| self.two(B::Sub, part(0, c), part(1, c))).collect(),
+            S(OpCode::Mul) => (0..size).map(|c| self.two(B::Mul, part(0, c), part(1, c))).collect(),
+            S(OpCode::Div) => (0..size).map(|c| self.two(B::Div, part(0, c), part(1, c))).collect(),
+            S(OpCode::Lt) => (0..size).map(|c| self.two(B::Lt, part(0, c), part(1, c))).collect(),
+            S(OpCode::Le) => (0..size).map(|c| self.two(B::Le, part(0, c), part(1, c))).collect(),
+            S(OpCode::Gt) => (0..size).map(|c| self.two(B::Gt, part(0, c), part(1, c))).collect(),
+            S(OpCode::Ge) => (0..size).map(|c| self.two(B::Ge, part(0, c), part(1, c))).collect(),
+            S(OpCode::Eq | OpCode::Ne) => {
                 let count = args[0].len().max(args[1].len());
                 let each: Vec<Ref> = (0..count).map(|c| self.two(B::Eq, part(0, c), part(1, c))).collect();
                 let all = self.fold(B::Min, &each);
-                vec![if op.code == OpCode::Eq { all } else { self.two(B::Sub, Self::constant(1.0), all) }]
+                vec![if op.is(OpCode::Eq) { all } else { self.two(B::Sub, Self::constant(1.0), all) }]
             }
-            OpCode::Not | OpCode::Truth => {
+            S(OpCode::Not | OpCode::Truth) => {
                 let each: Vec<Ref> = args[0].iter().map(|&a| self.two(B::Eq, a, ZERO)).collect();
                 let none = self.fold(B::Min, &each);
-                vec![if op.code == OpCode::Not { none } else { self.two(B::Sub, Self::constant(1.0), none) }]
+                vec![if op.is(OpCode::Not) { none } else { self.two(B::Sub, Self::constant(1.0), none) }]
             }
-            OpCode::Select => (0..size)
+            Operation::Select => (0..size)
                 .map(|c| self.step(Code::Three(T::Select), &[part(0, 0), part(1, c), part(2, c)]))
                 .collect(),
-            OpCode::Construct if args.len() == 1 => (0..size).map(|c| part(0, c)).collect(),
-            OpCode::Construct => (0..size).map(|c| part(c.min(args.len() - 1), 0)).collect(),
-            OpCode::Component => {
+            S(OpCode::Construct) if args.len() == 1 => (0..size).map(|c| part(0, c)).collect(),
+            S(OpCode::Construct) => (0..size).map(|c| part(c.min(args.len() - 1), 0)).collect(),
+            S(OpCode::Component) => {
                 let k = constant_component(op.args[1], self.around).expect("invariant: plain");
                 vec![part(0, k)]
             }
-            OpCode::ComponentSet => {
+            S(OpCode::ComponentSet) => {
                 let k = constant_component(op.args[0], self.around).expect("invariant: plain");
                 let mut parts = self.parts(dst, now);
                 let k = k.min(parts.len() - 1);
                 parts[k] = part(1, 0);
                 parts
             }
-            OpCode::Call(func) => self.function(func, op.args.len(), size, &part, &triple),
+            S(OpCode::Call(func)) => self.function(func, op.args.len(), size, &part, &triple),
             _ => vec![],
         };
-        // A float result fills a triple; of a triple a float takes the first.
+        // A float result fills a triple. A float takes the first component of a triple.
         match parts.len() {
             1 => parts.resize(size, parts[0]),
             _ => parts.resize(size, ZERO),
@@ -409,7 +418,7 @@ impl Builder<'_> {
         }
     }
 
-    /// In the order of the loops: x, y, z.
+    /// Adds in the order of the loops: x, y, z.
     fn dot(&mut self, a: [Ref; 3], b: [Ref; 3]) -> Ref {
         let [x, y, z] = [0, 1, 2].map(|c| self.two(B::Mul, a[c], b[c]));
         let sum = self.two(B::Add, x, y);
@@ -420,7 +429,7 @@ impl Builder<'_> {
         list[1..].iter().fold(list[0], |all, &x| self.two(f, all, x))
     }
 
-    /// Keeps what the outputs need; their numbers change.
+    /// Keeps the steps that the outputs need, with new indices.
     fn finish(self, mut outputs: Vec<Output>, len: usize) -> Tape {
         let mut needed = vec![false; self.steps.len()];
         let mut read = vec![false; self.inputs.len()];
@@ -458,7 +467,7 @@ impl Builder<'_> {
     }
 }
 
-/// One step for single numbers.
+/// Computes one step for single numbers.
 pub(super) fn alone(code: Code, args: [&[f32; 1]; 3]) -> f32 {
     let mut out = [0.0];
     let [a, b, c] = args.map(|values| Lane { values, stride: 0 });
@@ -470,7 +479,7 @@ pub(super) fn alone(code: Code, args: [&[f32; 1]; 3]) -> f32 {
     out[0]
 }
 
-/// The register and component where a value can be read, or the constant that it is.
+/// Returns the register and component of a value, or its constant value.
 fn source(at: At, component: usize, constants: &[Arc<[f32]>]) -> Result<Input, f32> {
     match at {
         At::Slot(slot) => Ok(Input { slot, component: component as u32 }),

@@ -1,16 +1,21 @@
-//! Runs of plain operations, computed strip by strip.
+//! Computes runs of plain operations strip by strip.
 //!
-//! Most of a shader is arithmetic between values that nobody needs for long. Done one operation at a time over a
-//! whole grid, every intermediate result is found, checked, stored and read again. A *tape* is such a run of operations
-//! taken apart into components: numbered values, each computed once, from numbers, from registers or from values
-//! before it. Copies, conversions and constructions vanish, and what is the same for all points is computed once.
+//! Most of a shader is arithmetic with intermediate results that are used only once. Executed one operation at a
+//! time over a whole grid, every intermediate result is looked up, checked, stored and read again. A *tape* is such
+//! a run of operations divided into components. It is a list of values, each computed once from numbers, from
+//! registers or from earlier values. Copies, conversions and constructions vanish, and uniform values are computed
+//! once.
 //!
-//! - [`build`](build::build) makes tapes when a group is linked. The operations stay where they are, behind an
-//!   `OpCode::Straight` that stands for them; the executor can always run them instead.
-//! - [`Plan`](plan::Plan) is a tape for one choice of which registers vary; made when first needed, kept with the tape.
-//! - Running a plan takes strips of 64 points through all of it, so that intermediate values stay in the nearest cache.
+//! - [`build`](build::build) makes tapes when a group is linked. The operations stay in place, after an
+//!   [`Operation::Fused`](crate::program::Operation::Fused) that represents them. The executor can always run them
+//!   instead.
+//! - [`Plan`](plan::Plan) is a tape for one choice of varying registers. It is made when first needed and kept with
+//!   the tape.
+//! - Running a plan processes strips of 64 points through all steps, so that intermediate values stay in the
+//!   nearest cache.
 //!
-//! Values are those of the operations, to the bit: a step calls the loops that the operations call (`run::lanes`).
+//! Values equal those of the operations to the bit, because a step calls the loops that the operations call
+//! (`run::lanes`).
 
 mod build;
 mod plan;
@@ -24,7 +29,7 @@ use crate::run::lanes::{Binary, Ternary, Unary};
 use granita_gsl::ir::SymbolId;
 use std::sync::OnceLock;
 
-/// What a step computes.
+/// The computation of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Code {
     One(Unary),
@@ -33,7 +38,7 @@ pub(crate) enum Code {
 }
 
 impl Code {
-    /// Operands.
+    /// Returns the number of operands.
     fn arity(self) -> usize {
         match self {
             Self::One(_) => 1,
@@ -46,15 +51,15 @@ impl Code {
 /// An operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Ref {
-    /// This number, by its bits.
+    /// A number, by its bits.
     Const(u32),
-    /// [`Tape::inputs`].
+    /// An index into [`Tape::inputs`].
     Input(u32),
-    /// [`Tape::steps`], before the one that takes it.
+    /// An index into [`Tape::steps`], before the step that takes it.
     Value(u32),
 }
 
-/// One step; unused operands are `Const (0)`.
+/// One step. Unused operands are `Const (0)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Step {
     code: Code,
@@ -72,15 +77,16 @@ struct Input {
 #[derive(Clone, Debug)]
 struct Output {
     slot: u32,
-    /// Values of inactive lanes need not be kept.
+    /// True when values of inactive lanes need not be kept.
     scratch: bool,
     parts: Vec<Ref>,
 }
 
-/// A run of operations, taken apart.
+/// A run of operations, divided into steps.
 #[derive(Debug)]
 pub(crate) struct Tape {
-    /// How many operations behind the `Straight` it stands for.
+    /// The number of operations after its [`Operation::Fused`](crate::program::Operation::Fused) that it
+    /// represents.
     pub(crate) len: usize,
     inputs: Vec<Input>,
     steps: Vec<Step>,
@@ -88,8 +94,8 @@ pub(crate) struct Tape {
     plans: Plans,
 }
 
-/// Plans by the inputs that vary (bit by bit), in the order in which they were needed. A list that only grows can be
-/// read by all threads without a lock.
+/// Plans by the varying inputs (bit by bit), in the order of first use. All threads can read a list that only grows
+/// without a lock.
 #[derive(Debug, Default)]
 struct Plans(OnceLock<Box<Node>>);
 
@@ -100,11 +106,11 @@ struct Node {
     next: Plans,
 }
 
-/// More plans than this no tape gets: the operations run one by one then.
+/// The largest number of plans of a tape. Beyond it the operations run one by one.
 const MAX_PLANS: usize = 32;
 
 impl Tape {
-    /// The plan for these varying inputs; `None` when there are too many already.
+    /// Returns the plan for these varying inputs; `None` when there are too many already.
     fn plan(&self, varies: u64) -> Option<&plan::Plan> {
         let mut list = &self.plans;
         for _ in 0..MAX_PLANS {
@@ -120,5 +126,5 @@ impl Tape {
     }
 }
 
-/// Names a symbol in maps.
+/// The current components by symbol.
 type Symbols = std::collections::HashMap<SymbolId, Vec<Ref>>;

@@ -1,9 +1,10 @@
-//! A tape for one choice of which registers vary.
+//! Plans, which are tapes for one choice of varying registers.
 
 use super::{Code, Input, Ref, Tape};
 use crate::run::lanes::{Binary as B, Ternary as T};
 
-/// One step over strips: operands and result are rows of the strip's room. The result comes behind its operands.
+/// One step over strips. Operands and result are rows of the strip's scratch memory. The result is after its
+/// operands.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StripStep {
     pub(crate) code: Code,
@@ -11,19 +12,19 @@ pub(crate) struct StripStep {
     pub(crate) args: [u32; 3],
 }
 
-/// One step for all points; operands are numbers of the list of scalars, the result goes to its end.
+/// One step for all points. Operands are indices into the list of scalars, and the result is appended to it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ScalarStep {
     pub(crate) code: Code,
     pub(crate) args: [u32; 3],
 }
 
-/// Where a component of a result is.
+/// The place of a component of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Part {
-    /// Row of the room.
+    /// A row of the scratch memory.
     Row(u32),
-    /// Scalar.
+    /// A scalar.
     Scalar(u32),
 }
 
@@ -34,32 +35,32 @@ pub(crate) struct Result {
     pub(crate) parts: Vec<Part>,
 }
 
-/// What to do, in this order.
+/// The work of a tape, in this order.
 #[derive(Debug, Default)]
 pub(crate) struct Plan {
-    /// Scalars begin with these,
+    /// The scalars begin with these constants,
     pub(crate) constants: Vec<f32>,
-    /// go on with uniform registers,
+    /// continue with uniform registers,
     pub(crate) uniform: Vec<Input>,
-    /// and with what follows from them.
+    /// and end with values computed from them.
     pub(crate) scalars: Vec<ScalarStep>,
-    /// Rows begin with varying registers,
+    /// The rows begin with varying registers,
     pub(crate) loads: Vec<Input>,
-    /// go on with scalars that steps need,
+    /// continue with scalars that steps need,
     pub(crate) splats: Vec<u32>,
-    /// and with what is computed.
+    /// and end with computed values.
     pub(crate) steps: Vec<StripStep>,
-    /// By output of the tape.
+    /// The results by output of the tape.
     pub(crate) results: Vec<Result>,
 }
 
 impl Plan {
-    /// Rows of a strip.
+    /// Returns the number of rows of a strip.
     pub(crate) fn rows(&self) -> usize {
         self.loads.len() + self.splats.len() + self.steps.len()
     }
 
-    /// For a tape whose inputs vary where `varies` has a bit.
+    /// Makes a plan for a tape whose inputs vary where `varies` has a bit.
     pub(super) fn new(tape: &Tape, varies: u64) -> Self {
         let input_varies = |k: u32| varies >> k & 1 == 1;
         let mut step_varies = Vec::with_capacity(tape.steps.len());
@@ -84,7 +85,7 @@ impl Plan {
     }
 }
 
-/// Numbers of scalars.
+/// The indices of scalars.
 #[derive(Default)]
 struct Scalars {
     constants: Vec<u32>,
@@ -109,7 +110,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Number of a uniform operand among the scalars.
+    /// Returns the index of a uniform operand among the scalars.
     fn scalar(&self, r: Ref) -> u32 {
         match r {
             Ref::Const(bits) => {
@@ -121,7 +122,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Constants, uniform inputs and uniform steps, in this order.
+    /// Assigns indices to constants, uniform inputs and uniform steps, in this order.
     fn number_scalars(&mut self) {
         let all = self.tape.steps.iter().flat_map(|s| &s.args[..s.code.arity()]);
         for r in all.chain(self.tape.outputs.iter().flat_map(|o| &o.parts)) {
@@ -153,7 +154,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Varying inputs, scalars that varying steps need, and varying steps, in this order.
+    /// Adds varying inputs, scalars that varying steps need, and varying steps, in this order.
     fn steps(&mut self) {
         let list = self.fused();
         let mut input_rows = Vec::new();
@@ -204,8 +205,8 @@ impl Maker<'_> {
         }
     }
 
-    /// The varying steps, where a product that only one sum takes is computed together with it: the same two
-    /// roundings, one step.
+    /// Returns the varying steps. A product that is used by one sum only is computed together with it, as one step
+    /// with the same two roundings.
     fn fused(&self) -> Vec<(usize, Code, [Ref; 3])> {
         let steps = &self.tape.steps;
         let mut uses = vec![0_u32; steps.len()];
@@ -215,7 +216,7 @@ impl Maker<'_> {
             }
         };
         steps.iter().for_each(|s| s.args[..s.code.arity()].iter().for_each(&mut count));
-        // What is a result must be there by itself.
+        // Results must be separate values.
         self.tape.outputs.iter().for_each(|o| {
             o.parts.iter().for_each(|r| {
                 count(r);
@@ -233,7 +234,7 @@ impl Maker<'_> {
         let mut list: Vec<(usize, Code, [Ref; 3])> = Vec::new();
         for (k, step) in steps.iter().enumerate().filter(|(k, _)| self.step_varies[*k]) {
             let [x, y, _] = step.args;
-            let joined = match step.code {
+            let batched = match step.code {
                 Code::Two(B::Add) => {
                     let right = product(y).map(|(p, a, b)| (p, T::MulAdd, [a, b, x]));
                     right.or_else(|| product(x).map(|(p, a, b)| (p, T::MulAdd, [a, b, y])))
@@ -245,8 +246,8 @@ impl Maker<'_> {
                 Code::Two(B::Mul) => product(x).map(|(p, a, b)| (p, T::MulMul, [a, b, y])),
                 _ => None,
             };
-            match joined {
-                // What was joined once already is no plain product any more.
+            match batched {
+                // A product that was fused already is not a plain product any more.
                 Some((p, code, args))
                     if !gone[p] && list.iter().any(|l| l.0 == p && l.1 == Code::Two(B::Mul)) =>
                 {

@@ -8,7 +8,7 @@ use crate::run::machine::Machine;
 use crate::run::simd;
 
 impl Machine<'_> {
-    /// Runs a tape in the active lanes; `false` when its operations must be run one by one.
+    /// Runs a tape in the active lanes. Returns `false` when its operations must be run one by one.
     pub(crate) fn tape(&mut self, tape: &Tape) -> bool {
         if self.st.nan_check {
             return false;
@@ -35,7 +35,7 @@ impl Machine<'_> {
         true
     }
 
-    /// What is the same for all points.
+    /// Computes the values that are the same for all points.
     fn scalars(&self, plan: &Plan, list: &mut Vec<f32>) {
         list.clear();
         list.extend_from_slice(&plan.constants);
@@ -46,7 +46,7 @@ impl Machine<'_> {
         }
     }
 
-    /// Components of results that are the same for all points.
+    /// Stores the components of results that are the same for all points.
     fn fill_uniform(&self, plan: &Plan, room: &mut Room) {
         for (result, out) in plan.results.iter().zip(&mut room.outs) {
             for (c, part) in result.parts.iter().enumerate() {
@@ -57,13 +57,13 @@ impl Machine<'_> {
         }
     }
 
-    /// Takes all points through the steps.
+    /// Computes the steps for all points.
     fn strips(&self, plan: &Plan, room: &mut Room) {
         let len = plan.rows() * WIDE + LINE;
         if room.rows.len() < len {
             room.rows.resize(len, 0.0);
         }
-        // Where few points are active, narrow strips leave out more.
+        // With few active points, narrow strips skip more of the others.
         let few = self.mask.count() * 4 < self.n;
         let wide_end = if few { 0 } else { self.n - self.n % WIDE };
         let n = self.n;

@@ -1,4 +1,4 @@
-//! Strips of points that go through a tape together.
+//! Strips of points that a tape processes together.
 
 use super::Code;
 use super::plan::{Part, Plan};
@@ -6,16 +6,16 @@ use crate::Lane;
 use crate::run::lanes;
 use crate::run::store::{Mask, Out, Slot};
 
-/// Points of a strip.
+/// The number of points of a strip.
 pub(crate) const WIDE: usize = 64;
 
-/// Points of a strip where the end of the grid is near, or few points are active.
+/// The number of points of a strip near the end of the grid, or with few active points.
 pub(crate) const NARROW: usize = 16;
 
-/// Numbers of a cache line.
+/// The number of floats of a cache line.
 pub(super) const LINE: usize = 16;
 
-/// Memory of tapes from run to run.
+/// The memory of tapes, kept from run to run.
 #[derive(Debug, Default)]
 pub(crate) struct Room {
     pub(super) scalars: Vec<f32>,
@@ -23,22 +23,22 @@ pub(crate) struct Room {
     pub(super) outs: Vec<Out>,
 }
 
-/// What a plan works on.
+/// The data that a plan works on.
 pub(crate) struct Strips<'a> {
     pub(super) plan: &'a Plan,
     pub(super) slots: &'a [Slot],
     pub(super) mask: &'a Mask,
-    /// Points of the grid.
+    /// The number of points of the grid.
     pub(super) n: usize,
     pub(super) room: &'a mut Room,
 }
 
-/// Takes the points `from..to` through all steps, `W` at a time.
+/// Computes all steps for the points `from..to`, `W` at a time.
 #[inline(always)]
 pub(crate) fn strips<const W: usize>(task: &mut Strips<'_>, from: usize, to: usize) {
     let Strips { plan, slots, mask, n, room } = task;
     let Room { scalars, rows, outs } = &mut **room;
-    // Loads that straddle cache lines cost twice.
+    // Loads across cache lines cost twice as much.
     let aligned = rows.as_ptr().align_offset(LINE * size_of::<f32>());
     let (rows, _) = rows[aligned..].as_chunks_mut::<W>();
     for (row, &k) in rows[plan.loads.len()..].iter_mut().zip(&plan.splats) {
@@ -79,7 +79,7 @@ pub(crate) fn strips<const W: usize>(task: &mut Strips<'_>, from: usize, to: usi
     }
 }
 
-/// The first numbers of a row.
+/// Copies the first numbers of a row.
 #[inline(always)]
 fn copy<const W: usize>(row: &mut [f32; W], from: &[f32]) {
     match <&[f32; W]>::try_from(from) {

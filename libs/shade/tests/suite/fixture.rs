@@ -1,8 +1,8 @@
 //! A renderer for tests: spaces, units, lights and textures with known answers.
 
 use granita_base::{Param, ParamData, ParamType, Params, Severity, Transform, Vec3};
-use granita_gsl::ir::{Module, ValueType};
-use granita_gsl::{CompileOptions, compile};
+use granita_gsl::ir::ValueType;
+use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_shade::*;
 use std::sync::Arc;
 
@@ -19,10 +19,14 @@ pub(crate) struct Double {
     /// Of each question to a light, whether only what comes from in front counts.
     pub(crate) in_front: Vec<bool>,
     pub(crate) asked: usize,
+    /// How many names of textures were looked for and kept.
+    pub(crate) found: usize,
     /// Records of spatial databases: name, key, data.
     pub(crate) records: Vec<(String, Vec<f32>, Vec<f32>)>,
     /// Options of the last database call, as text.
     pub(crate) options: String,
+    /// Of each query that may trace rays: its set or map, and the names of the messages that it brought.
+    pub(crate) told: Vec<(String, Vec<String>)>,
     /// The frame is to end.
     pub(crate) is_stopped: bool,
 }
@@ -37,6 +41,11 @@ fn numbers(key: DatabaseKey<'_>, i: usize) -> Vec<f32> {
 }
 
 impl Double {
+    /// Notes the messages of a query.
+    fn note(&mut self, name: &str, messages: &[Primvar]) {
+        self.told.push((name.to_owned(), messages.iter().map(|m| m.name.to_string()).collect()));
+    }
+
     pub(crate) fn with_lights(sources: &[&str]) -> Self {
         let mut double = Self::default();
         for source in sources {
@@ -59,7 +68,7 @@ impl Double {
     }
 }
 
-impl Services for Double {
+impl Spaces for Double {
     fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
         Some(match space {
             // Every layer's own: moved along x by its number plus ten.
@@ -89,9 +98,19 @@ impl Services for Double {
         };
         Some(mm(from)? / mm(to)?)
     }
+}
 
+impl Textures for Double {
     fn texture(&mut self, q: &TextureQuery<'_>, out: &mut LookupResult) {
         self.asked += 1;
+        if let Some(handle) = q.handle {
+            let found = &mut self.found;
+            let kept = handle.get_or_find(|| {
+                *found += 1;
+                Some(q.name.to_owned())
+            });
+            assert_eq!(kept.map(String::as_str), Some(q.name));
+        }
         out.value.resize(q.channels, Vec::new());
         for (c, channel) in out.value.iter_mut().enumerate() {
             channel.resize(q.batch.lanes, f32::NAN);
@@ -111,6 +130,7 @@ impl Services for Double {
     }
 
     fn environment(&mut self, q: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+        self.note(q.name, q.messages);
         out.value = (0..q.channels)
             .map(|c| (0..q.batch.lanes).map(|i| q.r.get(i)[c] + q.p.get(i)[c] * 100.0).collect())
             .collect();
@@ -122,6 +142,7 @@ impl Services for Double {
     }
 
     fn shadow(&mut self, q: &ShadowQuery<'_>, out: &mut Lanes3) {
+        self.note(q.name, q.messages);
         let i = q.batch.active[0] as usize;
         self.shadow_queries.push((q.to_light.get(i), q.light_infinite, q.options.angle.map(|a| a.get(i))));
         for &i in q.batch.active {
@@ -129,10 +150,14 @@ impl Services for Double {
         }
     }
 
-    fn is_stopped(&mut self) -> bool {
-        self.is_stopped
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        (texture == "wood.tx" && name == "resolution").then(|| {
+            Param::declared("float[2] x", ParamData::from(&[640.0, 480.0][..])).expect("a declaration")
+        })
     }
+}
 
+impl Lights for Double {
     fn light_count(&mut self) -> usize {
         self.lights.len()
     }
@@ -156,8 +181,19 @@ impl Services for Double {
         self.executor = executor;
         Arc::new(result)
     }
+}
+
+impl Rays for Double {
+    fn queries_parent(&mut self, set: &str) -> bool {
+        set == "curious"
+    }
+
+    fn indirect(&mut self, q: &GatherQuery<'_>, _: &mut Lanes3) {
+        self.note(q.set, q.messages);
+    }
 
     fn trace(&mut self, q: &TraceQuery<'_>, out: &mut TraceResult) {
+        self.note(q.set, q.messages);
         let n = q.batch.lanes;
         out.hit = vec![q.sample.is_multiple_of(2); n];
         out.hitdist = vec![q.sample as f32 + 1.0; n];
@@ -167,7 +203,9 @@ impl Services for Double {
         out.ol = Lanes3::splat(Vec3::ONE, n);
         out.p = Lanes3::splat(Vec3::Y, n);
     }
+}
 
+impl Databases for Double {
     fn spatialdb_save(&mut self, q: &DatabaseSave<'_>) {
         if q.name == "missing" {
             return self.unsupported("spatialdbsave");
@@ -210,6 +248,22 @@ impl Services for Double {
             out.set(i, Vec3::new(s.x, a.y, last) + q.p.get(i) - q.n.get(i));
         }
     }
+}
+
+impl Messages for Double {
+    fn append(&mut self, file: &str, text: &str) {
+        self.files.push((file.to_owned(), text.to_owned()));
+    }
+
+    fn say(&mut self, severity: Severity, text: &str) {
+        self.said.push((severity, text.to_owned()));
+    }
+}
+
+impl Host for Double {
+    fn is_stopped(&mut self) -> bool {
+        self.is_stopped
+    }
 
     fn attribute(&mut self, name: &str) -> Option<Param> {
         let param = |ty: &str, data: ParamData| Param::declared(ty, data).ok();
@@ -220,26 +274,12 @@ impl Services for Double {
             _ => None,
         }
     }
-
-    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
-        (texture == "wood.tx" && name == "resolution").then(|| {
-            Param::declared("float[2] x", ParamData::from(&[640.0, 480.0][..])).expect("a declaration")
-        })
-    }
-
-    fn append(&mut self, file: &str, text: &str) {
-        self.files.push((file.to_owned(), text.to_owned()));
-    }
-
-    fn say(&mut self, severity: Severity, text: &str) {
-        self.said.push((severity, text.to_owned()));
-    }
 }
 
 /// Compiles; a mistake fails the test with its messages.
-pub(crate) fn module(source: &str) -> Arc<Module> {
+pub(crate) fn module(source: &str) -> ValidModule {
     match compile(source, "test.gsl", &CompileOptions::default()) {
-        Ok(compiled) => Arc::new(compiled.module),
+        Ok(compiled) => compiled.module,
         Err(list) => panic!("{source}\n{list:#?}"),
     }
 }

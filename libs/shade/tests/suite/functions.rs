@@ -1,4 +1,4 @@
-//! tidy: table
+// tidy: table
 //! Every function against a table, with uniform and with varying arguments.
 
 use crate::fixture::*;

@@ -3,6 +3,7 @@
 use crate::fixture::*;
 use granita_base::Params;
 use granita_gsl::ir::ValueType;
+use granita_shade::Executor;
 
 #[test]
 fn textures_give_floats_or_colors() {
@@ -28,9 +29,59 @@ fn options_reach_the_lookup() {
     assert_eq!(floats("r = texture (\"wrap\", u, v, \"wrap\", \"black\");"), [1.0; 6]);
     assert_eq!(floats("r = texture (\"wrap\", u, v, \"wrap\", \"default\");"), [0.0; 6]);
     assert_eq!(floats("r = texture3d (\"none\", P, \"fill\", 0.5);"), [0.5; 6]);
+}
+
+#[test]
+fn names_of_options_may_be_known_only_when_they_run() {
+    let body =
+        |option: &str| format!("string option = {option}; r = texture (\"blur\", u, v, option, 0.25);");
+    assert_eq!(floats(&body("u > 5 ? \"fill\" : \"blur\"")), [0.25; 6]);
     let mut services = Double::default();
-    floats_with("string option = u > 5 ? \"blur\" : \"bluur\"; r = 1;", &mut services);
+    assert_eq!(floats_with(&body("u > 5 ? \"blur\" : \"bluur\""), &mut services), [-1.0; 6]);
+    assert_eq!(services.errors(), ["test.gsl:1: shader \"t\": texture has no option \"bluur\""]);
+}
+
+#[test]
+fn options_that_no_call_has_are_reported_where_they_run() {
+    let calls = [
+        (
+            "r = texture (\"blur\", u, v, \"bluur\", 1, \"blur\", 0.5, \"wild\", 2);",
+            "texture has no option \"bluur\", \"wild\"",
+        ),
+        ("r = aastep (0.5, u, \"with\", 1);", "aastep has no option \"with\""),
+        ("r = spatialdbquery (\"a\", P, r, \"most\", 1);", "spatialdbquery has no option \"most\""),
+    ];
+    for (call, said) in calls {
+        let mut services = Double::default();
+        floats_with(&format!("for (float k = 0; k < 2; ++k) {{ {call} }}"), &mut services);
+        assert_eq!(services.errors(), [format!("test.gsl:1: shader \"t\": {said}")]);
+        let mut services = Double::default();
+        floats_with(&format!("if (u > 5) {{ {call} }}"), &mut services);
+        assert!(services.errors().is_empty());
+    }
+    // Those of other lookups are passed over: the compiler has warned of them.
+    let mut services = Double::default();
+    floats_with("r = texture (\"blur\", u, v, \"samples\", 4, \"up\", \"y\");", &mut services);
     assert!(services.errors().is_empty());
+}
+
+#[test]
+fn constant_names_have_a_place_for_what_is_found() {
+    let kept = |body: &str| {
+        let mut services = Double::default();
+        let source = format!("surface t (string map = \"st\", string other = \"st\") {{ {body} }}");
+        let group = link(&[(&source, Params::new())], &[]);
+        for _ in 0..3 {
+            Executor::new().run(&group, &mut square(2, 2), &mut services, &[]);
+        }
+        (services.found, services.asked)
+    };
+    // One call, three grids.
+    assert_eq!(kept("C = texture (\"st\", u, v);"), (1, 3));
+    assert_eq!(kept("C = texture (map, u, v, \"blur\", 0.5);"), (1, 3));
+    assert_eq!(kept("C = texture (map, u, v) + texture (other, u + 1, v);"), (2, 6));
+    // Made while it runs.
+    assert_eq!(kept("C = texture (u > 0.5 ? map : \"d\", u, v);"), (0, 6));
 }
 
 #[test]
@@ -70,4 +121,30 @@ fn environments() {
     };
     assert_eq!(all("map"), [0.5, 1e38, 7.0]);
     assert_eq!(all("set"), [0.5, 3.0, 1.0]);
+}
+
+#[test]
+fn queries_bring_what_their_rays_tell() {
+    let mut services = Double::default();
+    let source = "surface t (float Kd = 0.5) {
+        setmessage (\"tag\", 2);
+        C = shadow (\"curious\", P) + environment (\"curious\", N) + environment (\"sky.env\", N);
+        C += indirect (\"curious\", P, N) + indirect (\"quiet\", P, N);
+        trace (\"curious\", P, N, 0, 1) { C += 1; }
+    }";
+    let group = link(&[(source, Params::new())], &[]);
+    let mut grid = square(2, 2);
+    services.grid = Some(grid.clone());
+    Executor::new().run(&group, &mut grid, &mut services, &[]);
+    let all: Vec<(&str, &[String])> = services.told.iter().map(|(name, told)| (&**name, &**told)).collect();
+    let told = ["tag".to_owned(), "Kd".to_owned()];
+    let expected: [(&str, &[String]); 6] = [
+        ("curious", &told),
+        ("curious", &told),
+        ("sky.env", &[]),
+        ("curious", &told),
+        ("quiet", &[]),
+        ("curious", &told),
+    ];
+    assert_eq!(all, expected);
 }

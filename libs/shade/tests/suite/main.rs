@@ -1,5 +1,6 @@
 //! Compiled shaders through the executor, against closed forms and against each other.
 
+mod batched;
 mod bundled;
 mod control;
 mod derivatives;
@@ -7,7 +8,6 @@ mod equivalence;
 mod fixture;
 mod forms;
 mod functions;
-mod joined;
 mod language;
 mod layers;
 mod lights;

@@ -109,7 +109,7 @@ fn messages_of_lights_and_primitives() {
                 r = getmessage (\"parent\", \"x\", x) * 100 + x; r += getmessage (\"parent\", \"x\", c) * 1000 + c[1]; \
                 r += getmessage (\"parent\", \"y\", x) * 10000; }";
     let group = link(&[(asks, Params::new())], &[]);
-    assert!(group.asks_parent());
+    assert!(group.queries_parent());
     let mut grid = square(2, 1);
     let floats_named = |name: &str, ty, values: &[f32]| Primvar {
         name: name.into(),
@@ -189,7 +189,7 @@ fn a_layer_that_is_asked_by_name_runs() {
     // A source that is not constant may be any.
     let source = "surface t (string from = \"\", output float r = 0) { float x = 0; getmessage (from, \"a\", x); r = x; }";
     let group = link(&[(source, Params::new())], &[]);
-    assert!(group.asks_light() && group.asks_primitive() && group.asks_parent());
+    assert!(group.asks_light() && group.asks_primitive() && group.queries_parent());
     assert!(group.listens_to(ShaderKind::Displacement) && group.listens_to(ShaderKind::Volume));
 }
 

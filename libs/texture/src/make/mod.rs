@@ -1,4 +1,4 @@
-//! Making textures: everything that `maketx` does (reference 9.1).
+//! Makes textures, which is the work of `maketx` (reference 9.1).
 
 mod color;
 mod convert;
@@ -29,22 +29,22 @@ use source::Source;
 use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
-/// Told how many steps of how many are done, in order.
+/// Receives the number of steps done and of all steps, in order.
 pub type Progress<'a> = &'a (dyn Fn(u64, u64) + Sync);
 
-/// Makes the texture `output` of `inputs`: as many as [`Mode::inputs`] or [`Mode::other_inputs`] says. For
+/// Makes the texture `output` from `inputs`. Their number is [`Mode::inputs`] or [`Mode::other_inputs`]. For
 /// [`Mode::ShadCube`] an input called "-" is an empty face.
 ///
-/// Plain textures, and latitude-longitude maps of one picture with the box filter, are made while their
-/// rows are read, in memory for some hundred rows; of plain ones that repeat in t, made with another filter than the box, all
-/// rows wait for the last. Others are made in memory as a whole: see [`MakeOptions::memory_bytes`].
+/// Plain textures, and latitude-longitude maps of one image with the box filter, are made while their rows are
+/// read, with some hundred rows in memory. For plain ones that repeat in t, with another filter than the box, all
+/// rows are kept until the last. Others are made in memory as a whole; see [`MakeOptions::memory_bytes`].
 ///
 /// The result does not depend on the number of threads. The file appears complete or not at all.
 ///
 /// # Errors
-/// When an input cannot be read or does not fit the mode, when options contradict each other, when the
-/// format cannot store tiles and MIP levels, when the output cannot be written, when more memory is needed than
-/// is allowed.
+/// Returns an error when an input cannot be read or is not suitable for the mode, when options contradict each
+/// other, when the format cannot store tiles and MIP levels, when the output cannot be written, or when more memory
+/// is needed than is permitted.
 pub fn make(
     inputs: &[PathBuf],
     output: &Path,
@@ -55,10 +55,10 @@ pub fn make(
     make_measured(inputs, output, options, registry, progress).map(|(made, _)| made)
 }
 
-/// The same, and what it took.
+/// Does the same as [`make`], and returns its costs.
 ///
 /// # Errors
-/// As [`make`].
+/// The errors are those of [`make`].
 pub fn make_measured(
     inputs: &[PathBuf],
     output: &Path,
@@ -73,10 +73,14 @@ pub fn make_measured(
     }
     let stamp = if options.update { Some(newest(inputs)?) } else { None };
     if let Some(stamp) = stamp
-        && std::fs::metadata(output).and_then(|m| m.modified()).is_ok_and(|time| time == stamp)
+        && has_time(output, stamp)
     {
         return Ok((Made::UpToDate, Costs::default()));
     }
+    // The file appears with its time stamp. A run that is killed later leaves no file that looks newer than its
+    // inputs.
+    let stamped = stamp.map(|stamp| registry.with_files(registry.files().clone().with_modified(stamp)));
+    let registry = stamped.as_ref().unwrap_or(registry);
     let made = match streamed(inputs, options, registry, progress)? {
         Some(stream) => stream.make(output)?,
         None => {
@@ -88,7 +92,10 @@ pub fn make_measured(
             (made, Costs { read, ..costs })
         }
     };
-    if let Some(stamp) = stamp {
+    // Plugins write their files themselves.
+    if let Some(stamp) = stamp
+        && !has_time(output, stamp)
+    {
         std::fs::File::options()
             .append(true)
             .open(output)
@@ -98,7 +105,12 @@ pub fn make_measured(
     Ok(made)
 }
 
-/// What can be made row by row.
+/// True when a file of this name was changed last at this time.
+fn has_time(path: &Path, time: SystemTime) -> bool {
+    std::fs::metadata(path).and_then(|m| m.modified()).is_ok_and(|own| own == time)
+}
+
+/// Returns a stream for a texture that can be made row by row.
 fn streamed<'a>(
     inputs: &[PathBuf],
     options: &'a MakeOptions,
@@ -119,8 +131,8 @@ fn streamed<'a>(
     Ok(Some(stream::Stream { source, kind, wrap, options, registry, progress }))
 }
 
-/// Whether what is made as a whole fits into the memory allowed: the inputs in floats, and all levels of the texture, for a
-/// moment twice.
+/// Checks that a texture that is made as a whole fits into the permitted memory: the inputs in floats, and all
+/// levels of the texture, for a short time twice.
 fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
     let exr = makes_exr(options, registry);
     let (mut bytes, mut working) = (0_u64, 0);
@@ -168,7 +180,7 @@ fn allow_memory(path: &Path, bytes: u64, options: &MakeOptions) -> Result<()> {
     Ok(())
 }
 
-/// Whether the options make sense, before anything is read.
+/// Checks that the options are consistent, before anything is read.
 fn check(inputs: &[PathBuf], options: &MakeOptions) -> Result<()> {
     let misuse = |what: String| Err(TextureError::Misuse { what });
     let (needed, given) = (options.mode.inputs(), inputs.len());
@@ -199,7 +211,7 @@ fn check(inputs: &[PathBuf], options: &MakeOptions) -> Result<()> {
     Ok(())
 }
 
-/// Time of the newest input.
+/// Returns the time stamp of the newest input.
 fn newest(inputs: &[PathBuf]) -> Result<SystemTime> {
     let mut newest = SystemTime::UNIX_EPOCH;
     for path in inputs.iter().filter(|p| !is_empty_face(p)) {
@@ -245,17 +257,17 @@ fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) ->
     }
 }
 
-/// Whether the texture will be an OpenEXR file.
+/// True when the texture will be an OpenEXR file.
 fn makes_exr(options: &MakeOptions, registry: &FormatRegistry) -> bool {
     registry.by_name(&options.format).is_some_and(|f| f.name() == "exr")
 }
 
-/// The next power of two, itself included.
+/// Returns the smallest power of two that is not less than `n`.
 fn power_of_two(n: usize) -> usize {
     n.next_power_of_two()
 }
 
-/// What the user should know about the inputs.
+/// Returns notes about the inputs for the user.
 fn notes_of(inputs: &[Input]) -> Vec<String> {
     inputs.iter().filter_map(|i| i.note.clone()).collect()
 }

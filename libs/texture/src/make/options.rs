@@ -1,4 +1,4 @@
-//! What to make, and how.
+//! The options of making a texture.
 
 use super::color::{ColorSpace, Conversion};
 use crate::Wrap;
@@ -6,31 +6,31 @@ use granita_base::Filter;
 use granita_image::PixelType;
 use std::time::Duration;
 
-/// What to make (reference 9.1.2 to 9.1.4).
+/// The kind of texture to make (reference 9.1.2 to 9.1.4).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Mode {
-    /// A texture of one picture.
+    /// A texture from one image.
     #[default]
     Plain,
-    /// A cube-face environment of six pictures: px nx py ny pz nz; or of one latitude-longitude map.
+    /// A cube-face environment from six images, px nx py ny pz nz, or from one latitude-longitude map.
     EnvCube,
-    /// A latitude-longitude environment of one picture; or of six faces, or of one file that says that it
-    /// is a cube-face environment.
+    /// A latitude-longitude environment from one image, from six faces, or from one file that declares a cube-face
+    /// environment.
     EnvLatLong,
-    /// A cube-face environment of one angular map.
+    /// A cube-face environment from one angular map.
     LightProbe,
-    /// A cube-face environment of one vertical cross.
+    /// A cube-face environment from one vertical cross.
     VertCross,
-    /// A shadow map of one depth map.
+    /// A shadow map from one depth map.
     Shadow,
-    /// A cube-face shadow map of six depth maps; "-" stands for an empty one.
+    /// A cube-face shadow map from six depth maps. "-" stands for an empty one.
     ShadCube,
-    /// A volume shadow map of one volume depth map.
+    /// A volume shadow map from one volume depth map.
     VolShad,
 }
 
 impl Mode {
-    /// How many inputs it takes; environments also take [`Mode::other_inputs`].
+    /// Returns the number of inputs. Environments also accept [`Mode::other_inputs`].
     pub fn inputs(self) -> usize {
         match self {
             Self::EnvCube | Self::ShadCube => 6,
@@ -38,7 +38,7 @@ impl Mode {
         }
     }
 
-    /// The other number of inputs that it takes, if there is one: then it converts.
+    /// Returns the other accepted number of inputs, if there is one. The input is then converted.
     pub fn other_inputs(self) -> Option<usize> {
         match self {
             Self::EnvCube => Some(1),
@@ -47,36 +47,36 @@ impl Mode {
         }
     }
 
-    /// Whether it can be given one input.
+    /// True when one input is accepted.
     pub fn takes_one(self) -> bool {
         self.inputs() == 1 || self.other_inputs() == Some(1)
     }
 }
 
-/// What becomes of values of the inputs that are not finite numbers.
+/// The treatment of values of the inputs that are not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum BrokenValues {
-    /// What is not a number becomes 0, what is infinite the largest number of its type (at most 1e30). A note tells.
+    /// NaN becomes 0, and infinity the largest number of its type (at most 1e30). A note reports it.
     #[default]
     Replace,
-    /// Nothing is made; the error says where the first one is.
+    /// Nothing is made. The error contains the position of the first one.
     Refuse,
-    /// They become the mean of the finite ones among the eight pixels around, or 0. A note tells.
+    /// They become the mean of the finite values among the eight pixels around, or 0. A note reports it.
     Fix,
 }
 
 /// Options of [`make`](super::make).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MakeOptions {
-    /// What to make.
+    /// The kind of texture.
     pub mode: Mode,
-    /// Format of the texture file, by name.
+    /// The format of the texture file, by name.
     pub format: String,
     /// Rounds the resolution up to powers of two. Shadow maps of all kinds keep theirs in any case.
     pub resize: bool,
     /// Does nothing when the output has the time stamp of the newest input; else gives it that stamp.
     pub update: bool,
-    /// Stores channels one after the other ("separate") instead of interleaved.
+    /// Stores channels as separate planes ("separate") instead of interleaved.
     pub separate: bool,
     /// Width and height of tiles in texels, at least 1.
     pub tile_size: (u32, u32),
@@ -98,28 +98,28 @@ pub struct MakeOptions {
     pub opaque_width: f32,
     /// Filter that makes each MIP level from the one before, over twice its natural width.
     pub filter: Filter,
-    /// Compression by the format's name for it; `None` for the format's own choice.
+    /// The compression by the format's name for it; `None` for the format's default.
     pub compression: Option<String>,
-    /// Storage of the texture; `None` for that of the input, or the nearest that the format can store.
+    /// The storage of the texture; `None` for that of the input, or the nearest that the format supports.
     pub pixel_type: Option<PixelType>,
-    /// Colour space of the inputs and of the texture. MIP levels are made in linear light, in the primaries of
-    /// the texture's. After `ingamma`, before `outgamma`.
+    /// The colour spaces of the inputs and of the texture. MIP levels are made in linear light, in the primaries of
+    /// the texture. The conversion is after `ingamma` and before `outgamma`.
     pub color_convert: Option<(ColorSpace, ColorSpace)>,
-    /// What becomes of values that are not finite.
+    /// The treatment of values that are not finite.
     pub broken_values: BrokenValues,
-    /// Writes a hash of the pixels (SHA-1) and their mean into the metadata: `oiio:SHA-1` and
-    /// `oiio:AverageColor`, which other texture systems know.
+    /// Writes a hash of the pixels (SHA-1) and their mean into the metadata: `oiio:SHA-1` and `oiio:AverageColor`,
+    /// which other texture systems read.
     pub hash: bool,
-    /// Stores a picture whose pixels are all alike as one tile. For plain textures and
-    /// latitude-longitude maps.
+    /// Stores an image of one constant colour as one tile. For plain textures and latitude-longitude maps.
     pub constant_color: bool,
-    /// What one texture may take of memory, in bytes, where it depends on the size of the picture: rows of it, all of it
-    /// where it is made or decoded as a whole. Nothing is made that needs more.
+    /// The largest number of bytes of memory of one texture that depend on the size of the image: rows of it, or
+    /// all of it where it is made or decoded as a whole. Nothing is made that needs more.
     pub memory_bytes: u64,
 }
 
 impl MakeOptions {
-    /// What happens to the colours of pixels with alpha in this channel, not yet multiplied in if `straight`.
+    /// Returns the conversion of the colours of pixels with alpha in this channel, which are not yet multiplied by
+    /// it if `straight`.
     pub(crate) fn conversion(&self, alpha: Option<usize>, straight: bool) -> Conversion {
         Conversion {
             ingamma: self.ingamma,
@@ -132,7 +132,7 @@ impl MakeOptions {
 }
 
 impl Default for MakeOptions {
-    /// As `maketx` without options.
+    /// Returns the options of `maketx` without arguments.
     fn default() -> Self {
         Self {
             mode: Mode::Plain,
@@ -161,35 +161,35 @@ impl Default for MakeOptions {
     }
 }
 
-/// What became of a request.
+/// The result of a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Made {
-    /// Written.
+    /// The texture was written.
     Written {
-        /// Width of the largest level (of the mosaic for cubes).
+        /// The width of the largest level (of the mosaic for cubes).
         width: u32,
-        /// Height of the largest level.
+        /// The height of the largest level.
         height: u32,
-        /// MIP levels.
+        /// The number of MIP levels.
         levels: u32,
-        /// What the user should know, each in a line.
+        /// Notes for the user, each in a line.
         notes: Vec<String>,
     },
-    /// Nothing to do: the output was up to date.
+    /// The output was up to date.
     UpToDate,
 }
 
-/// What making a texture took, of wall time; reading goes on while the rest is done.
+/// The wall time of making a texture. Reading runs in parallel with the other stages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Costs {
-    /// Looking at the whole input before, for hash and constant colour.
+    /// The time to read the whole input in advance, for hash and constant colour.
     pub scan: Duration,
-    /// Reading and decoding, and making the rows of level 0.
+    /// The time to read and decode, and to make the rows of level 0.
     pub read: Duration,
-    /// Making smaller levels.
+    /// The time to make smaller levels.
     pub filter: Duration,
-    /// Compressing and writing tiles.
+    /// The time to compress and write tiles.
     pub write: Duration,
-    /// Completing the file.
+    /// The time to complete the file.
     pub close: Duration,
 }

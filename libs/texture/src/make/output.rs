@@ -115,7 +115,8 @@ fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<
 }
 
 impl Plan {
-    /// For a texture of this kind of an input with these channels, this type and these attributes; `up`: how a panorama is meant.
+    /// For a texture of this kind of an input with these channels, this type and these attributes; `up`: how a panorama
+    /// is meant.
     pub(crate) fn new(
         kind: TextureKind,
         up: Option<Up>,
@@ -175,7 +176,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Sets a text of the metadata, or removes it: an attribute where the format has a place for any, else a word of the description.
+    /// Sets a text of the metadata, or removes it: an attribute where the format has a place for any, else a word of
+    /// the description.
     fn mark(&mut self, name: &str, value: Option<&str>) {
         let description = "ImageDescription";
         let old = self.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(description));

@@ -44,7 +44,8 @@ fn is_volume(input: &Input) -> bool {
     input.picture.channels >= 4 && !input.channels.iter().any(|c| c.eq_ignore_ascii_case("z"))
 }
 
-/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows. Of volume depth maps all must be.
+/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows. Of volume depth maps all must
+/// be.
 pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<Texture> {
     let mut known: Vec<Input> = Vec::new();
     let mut places = Vec::new();

@@ -168,8 +168,8 @@ impl Stream<'_> {
         }
     }
 
-    /// Whether what grows with the height of the image is within the options: rows that stages hold until the last one comes,
-    /// and what reading takes.
+    /// Whether what grows with the height of the image is within the options: rows that stages hold until the last one
+    /// comes, and what reading takes.
     fn check_memory(&self, reader: &mut Reader<'_>, stages: &[Stage], rows: usize) -> Result<()> {
         // Before anything is read, if only the rows that are read ahead.
         super::allow_memory(&self.source.path, self.source.working_bytes(), self.options)?;

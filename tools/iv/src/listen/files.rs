@@ -1,4 +1,4 @@
-//! Files as live pictures.
+//! Files as live images.
 
 use super::{OpenFile, Wanted};
 use granita_base::Reporter;
@@ -26,7 +26,7 @@ pub(crate) fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter)
 /// Shows the images of a file under its name; those after the first as `name#1` and so on.
 pub(crate) fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result<(), String> {
     const ROWS: u32 = 64;
-    // -allowopen says that clients may name any file.
+    // -allowopen allows clients to name any file.
     formats.files().grant(path);
     let input = formats.open(path).map_err(|e| e.to_string())?;
     for image in 0..input.images() {

@@ -54,7 +54,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     let (listener, messages) = listening(&live, None);
     assert_eq!(*messages.lock().unwrap(), [format!("iv: listening on {}\n", listener.address())]);
     let mut client = TcpStream::connect(listener.address()).unwrap();
-    // A picture in tiles of 128, as tev's own client for Python sends it; the last ones are smaller.
+    // An image in tiles of 128, as tev's own client for Python sends it; the last ones are smaller.
     let (width, height, names) = (200, 150, ["R", "G", "B", "A"]);
     let value = |x: i32, y: i32, c: i32| ((y * width + x) * 4 + c) as f32 * 0.37 - 1.0;
     client.write_all(&create("pic", width, height, &names)).unwrap();
@@ -84,17 +84,17 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     client.write_all(&packet(3, &[b"\0pic\0G\0", &place, &two])).unwrap();
     let four: Vec<u8> = [1.0_f32, 2.0, 3.0, 4.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     client.write_all(&packet(5, &[b"\0pic\0", &2_i32.to_le_bytes(), b"A\0B\0", &place, &four])).unwrap();
-    // Another connection knows the picture by its name, as scripts expect.
+    // Another connection finds the image by its name, as scripts expect.
     let mut second = TcpStream::connect(listener.address()).unwrap();
     second.write_all(&packet(2, &[b"end\0"])).unwrap();
     until("it is closed", || live.names() == ["pic"]);
     let rect = PixelRect::at(1, 2, 2, 1);
     let want = [value(1, 2, 0), 5.0, 3.0, 1.0, value(2, 2, 0), 6.0, 4.0, 2.0];
     until("the channels came", || live.read("pic", rect, &[0, 1, 2, 3]).unwrap() == want);
-    // Nothing was ever said to these clients.
+    // Nothing was sent to these clients.
     client.set_nonblocking(true).unwrap();
     assert!(client.read(&mut [0; 1]).is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock));
-    // It ends as such programs do: the picture is as good as ever.
+    // It ends as such programs do, and the image stays complete.
     drop(client);
     until("the client is gone", || listener.clients() == 1);
     assert_eq!(live.info("pic").unwrap().note, None);
@@ -134,7 +134,7 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
         assert!(said.contains(text), "{text} is not in {said}");
     }
     assert_eq!(said.matches("files are not").count(), 1);
-    // One that breaks off leaves its picture, with a note.
+    // A client that breaks off leaves its image, with a note.
     client.write_all(&[200, 0, 0, 0, 6, 0]).unwrap();
     drop(client);
     until("there is a note", || live.info("a").unwrap().note.is_some());
@@ -162,7 +162,7 @@ fn files_are_opened_only_when_that_is_allowed() {
     assert_eq!(*wanted.lock().unwrap(), expected);
 }
 
-/// Our own packets, by hand as well.
+/// Packets of the extension, made by hand as well.
 struct Ours(TcpStream);
 
 impl Ours {
@@ -221,7 +221,7 @@ fn renders_of_one_name_are_pictures_of_their_own_and_take_requests() {
     let info = live.info("a (2)").unwrap();
     assert_eq!((info.marks, info.wishes.foreground), (vec![PixelRect::at(0, 0, 2, 2)], String::new()));
     assert!(live.info("a").unwrap().marks.is_empty());
-    // Commands reach who makes the picture, under its own name.
+    // Commands reach the sender of the image, under its own name.
     let requests = live.requests("a (2)").unwrap();
     assert!(requests.send(Request::Center { x: 3, y: -1 }));
     assert!(requests.send(Request::Priority(PixelRect::at(1, 2, 3, 4))));

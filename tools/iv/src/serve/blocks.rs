@@ -1,4 +1,4 @@
-//! What pages are sent of a picture at a time: rectangles and blocks.
+//! The parts of an image that are sent to pages: rectangles and blocks.
 
 use granita_image::PixelRect;
 use granita_view::LiveInfo;
@@ -12,7 +12,7 @@ pub(super) const BLOCK: usize = 256;
 /// Rectangles that are sent one by one; of more, whole blocks that they touch.
 pub(super) const RECTS: usize = 64;
 
-/// How many pixels across and down become one that a page is sent.
+/// The number of pixels across and down that become one pixel of a page.
 pub(super) fn reduction(info: &LiveInfo) -> u32 {
     info.width.max(info.height).div_ceil(MOST_SIDE)
 }
@@ -39,7 +39,7 @@ pub(super) fn blocks(rects: &[PixelRect], info: &LiveInfo, side: usize) -> Vec<P
     touched.iter().enumerate().filter(|(_, t)| **t).map(|(k, _)| at(k)).collect()
 }
 
-/// A rectangle in parts that are sent at once, grown to whole pixels of the reduced picture.
+/// A rectangle in parts that are sent at once, extended to whole pixels of the reduced image.
 pub(super) fn parts(rect: &PixelRect, scale: u32, info: &LiveInfo) -> Vec<PixelRect> {
     let scale = scale as i32;
     let window = PixelRect::at(0, 0, info.width, info.height);

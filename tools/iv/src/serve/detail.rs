@@ -1,31 +1,31 @@
-//! Full detail of what a page has in sight of a picture that it was sent reduced.
+//! Full detail of the visible part of an image that a page was sent reduced.
 //!
-//! The page says `{"detail": ID, "scale": s, "rect": [x, y, width, height]}`, in pixels of the picture; what lies outside of
-//! it does not count. It is sent the blocks of 256 x 256 pixels, each the mean of `s x s` ones, that the rectangle touches, and
-//! what changes in them, until it says something else: then all that it has not got yet is dropped. Blocks that both
-//! rectangles touch at the same scale are sent once. A scale that is not less than the picture's, nothing in sight and more than
-//! [`BLOCKS`] ask for nothing.
+//! The page sends `{"detail": ID, "scale": s, "rect": [x, y, width, height]}`, in pixels of the image; the part
+//! outside of it is ignored. The page receives the blocks of 256 x 256 pixels, each the mean of `s x s` ones, that
+//! the rectangle touches, and their changes, until its next message. Then all unsent blocks are dropped. Blocks that
+//! both rectangles touch at the same scale are sent once. A scale that is not less than the image's, an empty
+//! rectangle and more than [`BLOCKS`] request nothing.
 
 use super::blocks::{BLOCK, MOST_SIDE, RECTS, blocks, parts, reduction};
 use granita_image::PixelRect;
 use granita_view::LiveInfo;
 use serde_json::Value;
 
-/// Most blocks of one answer: as many pixels as a page is sent of a whole picture, wherever they begin.
+/// Most blocks of one answer: as many pixels as a page is sent of a whole image, at any position.
 const BLOCKS: usize = (MOST_SIDE as usize / BLOCK + 1).pow(2);
 
-/// What a page is sent of what it has in sight.
+/// The state of the visible part for a page.
 #[derive(Debug, PartialEq)]
 pub(super) struct Detail {
     scale: u32,
-    /// Whole blocks, but at the edges of the picture.
+    /// Whole blocks, except at the edges of the image.
     range: PixelRect,
     /// Those that the page has not got; none larger than a block.
     pending: Vec<PixelRect>,
 }
 
 impl Detail {
-    /// What a page asks for, after what it asked for `before`; `None` when that is nothing, or more than it may.
+    /// The request of a page, after the request `before`; `None` when it is empty, or more than is allowed.
     pub(super) fn asked(value: &Value, info: &LiveInfo, before: Option<Self>) -> Option<Self> {
         let scale = value["scale"].as_u64().and_then(|s| u32::try_from(s).ok())?;
         if scale == 0 || scale >= reduction(info) {
@@ -65,7 +65,7 @@ impl Detail {
         }
     }
 
-    /// Whether there is more to send at once.
+    /// True when there is more to send at once.
     pub(super) fn is_behind(&self) -> bool {
         !self.pending.is_empty()
     }
@@ -113,7 +113,7 @@ mod tests {
         let mut detail = asked(&info, 1, [600, -10, 400, 99], Some(detail)).unwrap();
         assert_eq!(detail.pending, [PixelRect::at(512, 0, 256, 40), PixelRect::at(768, 0, 256, 40)]);
         detail.pending.clear();
-        // What changed is sent again, also after another rectangle is in sight.
+        // Changed blocks are sent again, also after another rectangle became visible.
         detail.change(&[PixelRect::at(760, 30, 20, 20), PixelRect::at(0, 0, 512, 40)], &info);
         assert_eq!(detail.pending, [PixelRect::at(760, 30, 20, 10)]);
         let detail = asked(&info, 1, [767, 0, 600, 9], Some(detail)).unwrap();
@@ -151,9 +151,9 @@ mod tests {
         ] {
             assert_eq!(Detail::asked(&value, &large, None), None, "{value}");
         }
-        // Nothing more is in a picture of which a page is sent all.
+        // There is no further detail in an image that a page has in full.
         assert_eq!(asked(&info(400, 400), 1, [0, 0, 9, 9], None), None);
-        // Whatever is said, an answer has an end and lies in the picture.
+        // For any request, an answer is finite and lies in the image.
         let (extremes, mut before) =
             ([i64::MIN, -far, -1, 0, 1, 4096, far, i64::from(u32::MAX), i64::MAX], None);
         for k in 0..extremes.len().pow(4) {

@@ -1,4 +1,4 @@
-//! As much of HTTP as one page and its socket need.
+//! The subset of HTTP that one page and its socket need.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream};
@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 const HEAD_BYTES: usize = 16 << 10;
 /// Most headers of a request.
 const HEADERS: usize = 100;
-/// Longest time that a request may take.
+/// Longest time, in seconds, of a request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A request without a body.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Request {
     pub(super) method: String,
-    /// Without what follows a question mark.
+    /// Without the part from a question mark on.
     pub(super) path: String,
     /// Names in lower case.
     headers: Vec<(String, String)>,
@@ -30,7 +30,7 @@ impl Request {
     /// A request and the number of its bytes; `Ok(None)` when they are its beginning.
     ///
     /// # Errors
-    /// When they are no request, or one that brings content.
+    /// Returns an error when it is not a request, or when it has content.
     fn parse(bytes: &[u8]) -> Result<Option<(Self, usize)>, ()> {
         let mut headers = [httparse::EMPTY_HEADER; HEADERS];
         let mut request = httparse::Request::new(&mut headers);
@@ -48,7 +48,7 @@ impl Request {
         let brings = |(name, value): &(String, String)| match &**name {
             "content-length" => value != "0",
             "transfer-encoding" => true,
-            // Two hosts would be two opinions about who is asked.
+            // Two Host headers would be ambiguous.
             "host" => headers.iter().filter(|(name, _)| name == "host").count() > 1,
             _ => false,
         };
@@ -59,7 +59,7 @@ impl Request {
         Ok(Some((Self { method: method.to_owned(), path, headers }, length)))
     }
 
-    /// Reads a request, and what came after it; `None` when it is none, or takes too long.
+    /// Reads a request, and the bytes after it; `None` when it is not a request, or takes too long.
     pub(super) fn read(socket: &mut TcpStream) -> Option<(Self, Vec<u8>)> {
         let begin = Instant::now();
         socket.set_read_timeout(Some(Duration::from_secs(1))).ok()?;
@@ -87,13 +87,13 @@ impl Request {
     }
 }
 
-/// The hosts that browsers may ask.
+/// The hosts that browsers may request.
 ///
-/// A page of somebody else can make a browser ask this server under a name of its own ("DNS rebinding"), and then counts as
-/// the server's own page. Addresses and the names that belong to this machine cannot be taken over in that way.
+/// A page of another origin can make a browser request this server under a name of its own ("DNS rebinding"), and
+/// then counts as the server's own page. Addresses and the names of this machine cannot be taken over in that way.
 #[derive(Debug)]
 pub(super) struct Hosts {
-    /// Where the server listens.
+    /// The address on which the server listens.
     address: IpAddr,
     /// Names besides, in lower case.
     names: Vec<String>,
@@ -106,8 +106,8 @@ impl Hosts {
         Self { address, names: names.iter().map(bare).collect() }
     }
 
-    /// Whether a browser may ask `host`, the value of a header: a name or address with or without a port. The port is not
-    /// looked at: ssh brings others.
+    /// True when a browser may request `host`, the value of a header: a name or address with or without a port. The
+    /// port is not checked, because ssh brings others.
     pub(super) fn accept(&self, host: &str) -> bool {
         let name = match host.strip_prefix('[') {
             Some(rest) => rest.split_once(']').map_or("", |(name, _)| name),
@@ -121,7 +121,7 @@ impl Hosts {
     }
 }
 
-/// Answers and says that nothing follows.
+/// Sends an answer and closes the connection.
 pub(super) fn answer(socket: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> std::io::Result<()> {
     socket.set_write_timeout(Some(PATIENCE))?;
     let head = format!(
@@ -135,12 +135,12 @@ pub(super) fn answer(socket: &mut TcpStream, status: &str, kind: &str, body: &[u
     socket.write_all(body)
 }
 
-/// Accepts the change to a web socket; `None` when the request asks for none.
+/// Accepts the change to a web socket; `None` when the request is not for one.
 pub(super) fn upgrade(socket: &mut TcpStream, request: &Request) -> Option<()> {
     let key = request.header("sec-websocket-key")?;
     let wants = request.header("upgrade")?.eq_ignore_ascii_case("websocket")
         && request.header("sec-websocket-version") == Some("13");
-    // Pages of others have no business here, even if they learned the address.
+    // Pages of other origins are refused, even with the right address.
     let host = request.header("host")?;
     let own = request.header("origin").is_none_or(|origin| {
         origin.split_once("://").is_some_and(|(_, rest)| rest.eq_ignore_ascii_case(host))
@@ -214,7 +214,7 @@ mod tests {
             there.accept("192.168.1.5:80") && there.accept("render-box.lan:80") && there.accept("localhost")
         );
         assert!(!there.accept("192.168.1.6") && !there.accept("render-box"));
-        // One that listens everywhere cannot know all its addresses; a name is needed to take one over.
+        // A server that listens everywhere cannot list all its addresses. DNS rebinding needs a name.
         let everywhere = at("0.0.0.0", &[]);
         assert!(everywhere.accept("10.1.2.3:80") && !everywhere.accept("evil.example"));
     }

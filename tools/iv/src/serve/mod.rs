@@ -1,7 +1,7 @@
-//! Live pictures in browsers (`iv -serve`), for machines without a screen.
+//! Live images in browsers (`iv -serve`), for machines without a screen.
 //!
-//! One port serves one page, which holds all that it needs, and its web socket. Both are found only under a random word
-//! in the address, which is printed. A page sees, and changes nothing here: its exposure, zoom and place are its own.
+//! One port serves one page, which is self-contained, and its web socket. Both are found only under a random word in
+//! the address, which is printed. A page is read-only: its exposure, zoom and position are its own.
 
 mod blocks;
 mod detail;
@@ -27,11 +27,11 @@ use tungstenite::{Error, WebSocket};
 const PAGE: &str = include_str!("page.html");
 /// Browsers at once, each with a connection or two.
 const CONNECTIONS: usize = 64;
-/// Of one address.
+/// The limit for one address.
 const CONNECTIONS_OF_ADDRESS: usize = 48;
-/// Longest wait for a browser that takes nothing.
+/// Longest wait for a browser that reads nothing.
 const STALL: Duration = Duration::from_secs(20);
-/// How often a browser's words are heard while nothing changes.
+/// The interval at which messages of a browser are read while nothing changes.
 const TICK: Duration = Duration::from_millis(40);
 
 /// A server of pages; ends when it is dropped.
@@ -49,10 +49,10 @@ struct Shared {
 }
 
 impl Server {
-    /// Serves `live` at `address`, also to browsers that ask for it by one of `names`; port 0 is any that is free.
+    /// Serves `live` at `address`, also to browsers that request it by one of `names`; port 0 means any free port.
     ///
     /// # Errors
-    /// What the system says.
+    /// Returns the error of the system.
     pub(crate) fn start(address: SocketAddr, names: &[String], live: Live) -> std::io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
@@ -118,7 +118,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
         ("GET", Some("/live")) => {
             match http::upgrade(&mut socket, &request) {
                 Some(()) => {
-                    // It knows the word of the address: it is no stranger.
+                    // The request has the random word of the address, so it is trusted.
                     place.heard();
                     show(shared, socket, more);
                 }
@@ -135,7 +135,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
     drop(result);
 }
 
-/// Keeps a page up to date until it goes; `more` came with its request.
+/// Keeps a page up to date until it is closed; `more` came with its request.
 fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     if socket.set_read_timeout(Some(Duration::from_millis(1))).is_err()
         || socket.set_write_timeout(Some(TICK)).is_err()
@@ -180,7 +180,7 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     let _ = web.flush();
 }
 
-/// Sends a message, as long as the browser takes some of it now and then.
+/// Sends a message, as long as the browser keeps reading.
 fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
     let begin = Instant::now();
     let mut result = web.write(message);
@@ -198,7 +198,7 @@ fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
     }
 }
 
-/// Whether it is only a matter of time.
+/// True when the error is only a time limit.
 fn is_later(error: &Error) -> bool {
     matches!(error, Error::Io(e)
         if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted))

@@ -1,16 +1,17 @@
-//! What a page in a browser is told: text in JSON, pixels in binary.
+//! The messages to a page in a browser: text in JSON, pixels in binary.
 //!
-//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`, and
-//! `{"detail": ID, "scale": s, "rect": [x, y, width, height]}` for what it has in sight, see [`detail`](super::detail).
+//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`, and `{"detail": ID,
+//! "scale": s, "rect": [x, y, width, height]}` for its visible part, see [`detail`](super::detail).
 //!
 //! To the page, as text: `{"pictures": [{id, name, width, height, channels, note} ...], "shown": ID}` whenever the list
 //! changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before its first pixels,
-//! `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` (steps are those of a canvas: "moveTo" ...), `{"probe": [x, y], "values": ["v" ...]}`.
+//! `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` (steps are those of a canvas: "moveTo"
+//! ...), `{"probe": [x, y], "values": ["v" ...]}`.
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
-//! channels, `u32` scale, then the values row by row, channels side by side. A picture of more than [`MOST_SIDE`](super::blocks::MOST_SIDE) pixels a
-//! side is sent reduced: each of its pixels is the mean of `scale x scale` ones, and places and sizes count those. Pixels
-//! of a smaller scale than the picture's are detail.
+//! channels, `u32` scale, then the values row by row, channels side by side. An image of more than
+//! [`MOST_SIDE`](super::blocks::MOST_SIDE) pixels a side is sent reduced: each of its pixels is the mean of `scale x
+//! scale` ones, and positions and sizes count those. Pixels of a smaller scale than the image's are detail.
 
 use super::blocks::{BLOCK, RECTS, blocks, parts, reduction};
 use super::detail::Detail;
@@ -25,19 +26,19 @@ const ROUND_BYTES: usize = 4 << 20;
 /// Bytes before the values of a message of pixels.
 const HEAD: usize = 32;
 
-/// What a page looks at.
+/// The view of a page.
 pub(super) struct Page {
     live: Live,
-    /// Version of the list that it knows.
+    /// The version of the list that it has.
     version: Option<u64>,
-    /// The picture it chose; 0 before.
+    /// The image that it selected; 0 before.
     chosen: u64,
     channels: Vec<usize>,
-    /// The picture that its pixels are of, and their generation.
+    /// The image of its pixels, and their generation.
     known: Option<(u64, u64)>,
     /// Pixels that it has not got.
     pending: Vec<PixelRect>,
-    /// What it has in sight, where it was sent less than there is.
+    /// Its visible part, where it was sent less than the full resolution.
     detail: Option<Detail>,
     marks: Vec<PixelRect>,
     drawing: Arc<Vec<Draw>>,
@@ -67,7 +68,7 @@ impl Page {
         }
     }
 
-    /// What the page says; an answer, if it wants one. Nonsense is nothing.
+    /// Processes a message of the page; returns an answer, if there is one. Invalid messages are ignored.
     pub(super) fn hear(&mut self, text: &str) -> Option<Message> {
         let value: Value = serde_json::from_str(text).ok()?;
         if let Some(id) = value["show"].as_u64() {
@@ -87,18 +88,18 @@ impl Page {
         let (x, y, info) = (x?, y?, self.chosen()?);
         let all: Vec<usize> = (0..info.channels.len()).collect();
         let values = self.live.read(&info.name, PixelRect::at(x, y, 1, 1), &all).ok()?;
-        // JSON has no words for what is no number.
+        // JSON cannot express values that are not finite.
         let values: Vec<String> = values.iter().map(|v| format!("{v}")).collect();
         Some(Message::Text(json!({"probe": [x, y], "values": values}).to_string()))
     }
 
-    /// The picture that is looked at, while it is there.
+    /// The selected image, while it exists.
     fn chosen(&self) -> Option<LiveInfo> {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
         infos.into_iter().find(|info| info.id == self.chosen)
     }
 
-    /// Whether there is more to send at once.
+    /// True when there is more to send at once.
     pub(super) fn is_behind(&self) -> bool {
         !self.pending.is_empty() || self.detail.as_ref().is_some_and(Detail::is_behind)
     }
@@ -108,7 +109,7 @@ impl Page {
         self.version.unwrap_or(0)
     }
 
-    /// What the page must be told, up to a few megabytes.
+    /// The pending messages for the page, up to a few megabytes.
     pub(super) fn news(&mut self) -> Vec<Message> {
         let version = self.live.version();
         let mut messages = Vec::new();
@@ -165,7 +166,7 @@ impl Page {
             self.drawing = info.drawing.clone();
         }
         let mut bytes = 0;
-        // What is in sight first; the rest has its turn in every round all the same.
+        // The visible part comes first, but the rest also gets a turn in every round.
         while bytes < ROUND_BYTES / 2
             && let Some((part, scale)) = self.detail.as_mut().and_then(Detail::next)
         {
@@ -195,7 +196,7 @@ impl Page {
         json!({"pictures": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
     }
 
-    /// Some pixels, as the page wants them; none when the picture was replaced meanwhile.
+    /// Some pixels, as the page requested them; none when the image was replaced meanwhile.
     fn pixels(&self, info: &LiveInfo, rect: PixelRect, scale: u32) -> Option<Vec<u8>> {
         let values = self.live.read(&info.name, rect, &self.channels).ok()?;
         let n = self.channels.len();
@@ -232,7 +233,7 @@ fn step(step: &Draw) -> Value {
     }
 }
 
-/// The channels that show the picture best: its colours, or the first one.
+/// The channels that represent the image best: its colours, or the first one.
 fn colors(names: &[String]) -> Vec<usize> {
     let find = |name: &str| names.iter().position(|n| n == name);
     match (find("R"), find("G"), find("B")) {
@@ -266,7 +267,7 @@ mod tests {
         list.iter().map(|n| (*n).to_owned()).collect()
     }
 
-    /// What the page holds after all news: its size, and values by pixel.
+    /// The content of the page after all updates: its size, and values by pixel.
     fn painted(page: &mut Page, painting: &mut (u32, u32, Vec<f32>)) -> usize {
         let mut count = 0;
         loop {

@@ -8,7 +8,7 @@ fn serving(live: &Live) -> Server {
     Server::start(([127, 0, 0, 1], 0).into(), &[], live.clone()).unwrap()
 }
 
-/// Sends bytes; what comes back until the end.
+/// Sends bytes; returns the answer until its end.
 fn ask(server: &Server, bytes: &str) -> String {
     let mut socket = TcpStream::connect(server.address).unwrap();
     socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
@@ -64,7 +64,7 @@ fn the_page_is_found_under_its_word_only() {
     for headers in ["", "Upgrade: websocket\r\n", &format!("{asks}Origin: http://evil.example\r\n")] {
         assert!(get(&server, &path, headers).starts_with("HTTP/1.1 403"), "{headers}");
     }
-    // Who asks by another name is somebody else's page.
+    // A request by another name belongs to a page of another origin.
     for host in ["evil.example", "evil.example:80", "10.9.8.7"] {
         for path in [format!("/{token}/"), path.clone()] {
             let answer = ask(&server, &format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n{asks}\r\n"));

@@ -1,83 +1,344 @@
-//! The window as the window system sees it.
+//! Between the desk and the screen: events in, a bitmap and some panels out.
 
-use super::panels;
-use super::shell::Shell;
-use eframe::egui;
-use egui::{Event, Key};
-use std::path::PathBuf;
-use std::time::Duration;
+use super::Outcome;
+use super::blit::Blit;
+use super::keys;
+use super::model::{Command, Model};
+use super::script::{Running, Step};
+use eframe::{egui, egui_wgpu};
+use egui::{Color32, ColorImage, Event, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2};
+use granita_image::{PixelRect, Request};
+use granita_view::{Mix, save_canvas, save_pixels};
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
-impl eframe::App for Shell {
-    fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
-        if let Some(script) = &mut self.script {
-            // Nobody else has a hand in it.
-            raw_input.events.retain(|e| {
-                !matches!(
-                    e,
-                    Event::PointerMoved(_)
-                        | Event::PointerButton { .. }
-                        | Event::Key { .. }
-                        | Event::PointerGone
-                )
-            });
-            if let Some(events) = script.events.pop_front() {
-                for event in &events {
-                    if let Event::PointerButton { modifiers, .. } | Event::Key { modifiers, .. } = event {
-                        raw_input.events.push(Event::ModifiersChanged(*modifiers));
-                    }
-                }
-                raw_input.events.extend(events);
+/// A drag that is going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Drag {
+    Pan,
+    Wipe,
+    /// From this point of the image area: the area that is measured.
+    Probe(Pos2),
+    /// The area that a render is to do first.
+    Priority(Pos2),
+}
+
+/// A name that the user is entering.
+#[derive(Clone, Debug)]
+pub(crate) struct Prompt {
+    pub(crate) text: String,
+    pub(crate) pixels: bool,
+}
+
+pub(super) type Shot = Arc<Mutex<Option<Arc<ColorImage>>>>;
+
+/// The application, as the window system sees it.
+pub(crate) struct App {
+    pub(crate) model: Model,
+    texture: Option<TextureHandle>,
+    /// The processor's drawing of the image, and whether it has it.
+    blit: Option<Blit>,
+    in_blit: bool,
+    /// The last frame had something everywhere, or the complete image, for the first time.
+    just_shown: [bool; 2],
+    /// The place of the image, in points.
+    pub(crate) area: egui::Rect,
+    pub(crate) pointer: Option<Pos2>,
+    drag: Option<(Drag, Pos2)>,
+    /// The point at which the button was pressed.
+    pressed: Option<(Pos2, Modifiers)>,
+    last_click: Option<(Instant, Pos2)>,
+    pub(crate) prompt: Option<Prompt>,
+    pub(super) full_screen: bool,
+    pub(super) script: Option<Running>,
+    pub(super) outcome: Outcome,
+    pub(super) shot: Shot,
+    pub(super) shown_title: String,
+    /// The present entry, and since when; of the first one since the program began to make the window.
+    since: (usize, Instant),
+    /// After how long there was something everywhere of it, and when it was complete.
+    pub(super) first_picture: [Option<Duration>; 2],
+}
+
+impl App {
+    /// `started` is the time at which the program began to make the window; `blit` draws the image if it exists.
+    pub(crate) fn new(
+        model: Model,
+        steps: Option<Vec<Step>>,
+        outcome: Outcome,
+        started: Instant,
+        blit: Option<Blit>,
+        ctx: &egui::Context,
+    ) -> Self {
+        ctx.set_theme(egui::Theme::Dark);
+        let script = steps.map(|steps| Running {
+            steps: steps.into(),
+            events: VecDeque::new(),
+            frames: 0,
+            until: None,
+            quiet: 0,
+            bench: None,
+            screenshot: None,
+        });
+        Self {
+            model,
+            texture: None,
+            blit,
+            in_blit: false,
+            just_shown: [false; 2],
+            area: egui::Rect::ZERO,
+            pointer: None,
+            drag: None,
+            pressed: None,
+            last_click: None,
+            prompt: None,
+            full_screen: false,
+            script,
+            outcome,
+            shot: Shot::default(),
+            shown_title: String::new(),
+            since: (0, started),
+            first_picture: [None; 2],
+        }
+    }
+
+    /// A point of the window in pixels of the image area.
+    pub(crate) fn in_area(&self, pos: Pos2, ppp: f32) -> (f64, f64) {
+        let at = (pos - self.area.min) * ppp;
+        (f64::from(at.x), f64::from(at.y))
+    }
+
+    pub(super) fn run(&mut self, command: Command, ctx: &egui::Context) {
+        match command {
+            Command::FullScreen => {
+                self.full_screen = !self.full_screen;
+                ctx.send_viewport_cmd(egui::ViewportCommand::Fullscreen(self.full_screen));
+            }
+            Command::Theme => {
+                let dark = ctx.theme() == egui::Theme::Dark;
+                ctx.set_theme(if dark { egui::Theme::Light } else { egui::Theme::Dark });
+            }
+            Command::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
+            Command::Save { pixels } => {
+                let name = self.model.entries.name(self.model.entries.current);
+                let stem = Path::new(&name).file_stem().map_or("picture".into(), |s| s.to_string_lossy());
+                let text = if pixels { format!("{stem}.copy.exr") } else { format!("{stem}.view.png") };
+                self.prompt = Some(Prompt { text, pixels });
             }
         }
-        let dropped: Vec<PathBuf> = raw_input.dropped_files.iter().map(|f| f.path().to_owned()).collect();
-        if !dropped.is_empty() {
-            let files = granita_view::expand(&dropped, &self.desk.formats);
-            let first = self.desk.entries.len();
-            self.desk.entries.add(files);
-            self.desk.show(first);
+    }
+
+    /// Saves under the name that was given.
+    pub(crate) fn save(&mut self, prompt: &Prompt) {
+        let path = PathBuf::from(prompt.text.trim());
+        let model = &mut self.model;
+        let done = if prompt.pixels {
+            let current = model.entries.current;
+            match model.seen(current) {
+                Some(seen) => save_pixels(&seen.page, Some(seen.layer), &path, &model.formats),
+                None => return,
+            }
+        } else {
+            save_canvas(&model.canvas, &path, &model.formats)
+        };
+        match done {
+            Ok(()) => model.say(format!("saved {}", path.display())),
+            Err(error) => model.say(error.to_string()),
         }
     }
 
-    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
-        let ctx = ui.ctx().clone();
-        let ppp = ctx.pixels_per_point();
-        let events = ctx.input(|i| i.events.clone());
-        // Tab and the like are keys of the picture, not ways through the panels.
-        if self.prompt.is_none() {
-            ctx.memory_mut(|m| {
-                if let Some(id) = m.focused() {
-                    m.surrender_focus(id);
+    pub(super) fn handle(&mut self, event: &Event, ppp: f32, ctx: &egui::Context) {
+        match event {
+            Event::Key { key, pressed: true, modifiers, .. } if self.prompt.is_none() => {
+                if let Some(action) = keys::action_of(*key, *modifiers)
+                    && let Some(command) = self.model.act(action)
+                {
+                    self.run(command, ctx);
                 }
-            });
+            }
+            Event::PointerMoved(pos) => self.moved(*pos, ppp, ctx.input(|i| i.modifiers)),
+            Event::PointerGone => self.pointer = None,
+            Event::PointerButton {
+                pos,
+                button: PointerButton::Primary | PointerButton::Middle,
+                pressed,
+                modifiers,
+            } => {
+                if *pressed && self.area.contains(*pos) && self.prompt.is_none() {
+                    self.press(*pos, *modifiers, ppp);
+                } else if !*pressed {
+                    self.release(*pos, ppp);
+                }
+            }
+            Event::MouseWheel { unit, delta, .. } => {
+                let Some(pos) = self.pointer.filter(|p| self.area.contains(*p)) else { return };
+                let lines = match unit {
+                    egui::MouseWheelUnit::Point => delta.y / 50.0,
+                    egui::MouseWheelUnit::Line => delta.y,
+                    egui::MouseWheelUnit::Page => delta.y * 8.0,
+                };
+                let (x, y) = self.in_area(pos, ppp);
+                self.model.fitted = false;
+                self.model.view.zoom_at(x, y, f64::from(lines / 4.0).exp2());
+            }
+            _ => {}
         }
-        for event in &events {
-            self.handle(event, ppp, &ctx);
-        }
-        if self.prompt.is_some()
-            && events.iter().any(|e| matches!(e, Event::Key { key: Key::Escape, pressed: true, .. }))
-        {
-            self.prompt = None;
-        }
-        if !self.full_screen || self.desk.list_open || self.desk.side_open {
-            panels::around(self, ui);
-        }
-        self.area = ui.available_rect_before_wrap();
-        self.show_picture(ui);
-        panels::over(self, ui);
-        if let Some(errand) = self.desk.pending.take() {
-            self.run(errand, &ctx);
-        }
-        let title = format!("{} - iv", self.desk.entries.name(self.desk.entries.current));
-        if title != self.shown_title {
-            ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
-            self.shown_title = title;
-        }
-        // Files are looked at for changes.
-        ctx.request_repaint_after(Duration::from_millis(500));
-        self.go_on(&ctx);
     }
 
-    fn clear_color(&self, _visuals: &egui::Visuals) -> [f32; 4] {
-        [34.0 / 255.0, 34.0 / 255.0, 36.0 / 255.0, 1.0]
+    /// The place of a wipe's edge on the screen, and whether it is horizontal.
+    fn wipe_edge(&self) -> Option<(f32, bool)> {
+        let Mix::Wipe { at, down } = self.model.mix else { return None };
+        let place = if down {
+            self.area.top() + at * self.area.height()
+        } else {
+            self.area.left() + at * self.area.width()
+        };
+        Some((place, down))
     }
+
+    fn wipe_to(&mut self, pos: Pos2) {
+        if let Mix::Wipe { down, .. } = self.model.mix {
+            let at = if down {
+                (pos.y - self.area.top()) / self.area.height()
+            } else {
+                (pos.x - self.area.left()) / self.area.width()
+            };
+            self.model.mix = Mix::Wipe { at: at.clamp(0.0, 1.0), down };
+        }
+    }
+
+    fn press(&mut self, pos: Pos2, modifiers: Modifiers, ppp: f32) {
+        self.pressed = Some((pos, modifiers));
+        let live = self.model.entries.is_live(self.model.entries.current);
+        let near_edge = self
+            .wipe_edge()
+            .is_some_and(|(place, down)| (if down { pos.y } else { pos.x } - place).abs() * ppp < 10.0);
+        let drag = if near_edge {
+            Drag::Wipe
+        } else if modifiers.command && live {
+            Drag::Priority(pos)
+        } else if modifiers.shift {
+            Drag::Probe(pos)
+        } else {
+            Drag::Pan
+        };
+        self.drag = Some((drag, pos));
+    }
+
+    fn moved(&mut self, pos: Pos2, ppp: f32, modifiers: Modifiers) {
+        self.pointer = Some(pos);
+        match &mut self.drag {
+            Some((Drag::Pan, last)) => {
+                let by = (pos - *last) * ppp;
+                *last = pos;
+                self.model.pan(f64::from(by.x), f64::from(by.y));
+            }
+            Some((Drag::Wipe, _)) => self.wipe_to(pos),
+            Some((Drag::Probe(from) | Drag::Priority(from), _)) => {
+                let from = *from;
+                // A click is not an area.
+                if (pos - from).length() * ppp > 3.0 {
+                    self.model.probe = self.rect_between(from, pos, ppp);
+                }
+            }
+            None if modifiers.shift && self.area.contains(pos) => self.wipe_to(pos),
+            None => {}
+        }
+    }
+
+    /// The pixels between two points of the window.
+    fn rect_between(&mut self, a: Pos2, b: Pos2, ppp: f32) -> Option<PixelRect> {
+        let (a, b) = (self.in_area(a, ppp), self.in_area(b, ppp));
+        let (p, q) = (self.model.nearest_pixel(a.0, a.1)?, self.model.nearest_pixel(b.0, b.1)?);
+        Some(PixelRect { x0: p.0.min(q.0), y0: p.1.min(q.1), x1: p.0.max(q.0) + 1, y1: p.1.max(q.1) + 1 })
+    }
+
+    fn release(&mut self, pos: Pos2, ppp: f32) {
+        let Some((drag, _)) = self.drag.take() else { return };
+        let Some((from, modifiers)) = self.pressed.take() else { return };
+        let moved = (pos - from).length() * ppp > 3.0;
+        match drag {
+            Drag::Priority(from) => {
+                let rect = self.rect_between(from, pos, ppp);
+                self.model.probe = None;
+                if let Some(rect) = rect.filter(|_| moved) {
+                    let told = self.model.request(Request::Priority(rect));
+                    self.model.say(if told { "these pixels first" } else { "nobody is there to be told" });
+                }
+            }
+            Drag::Probe(_) if !moved && modifiers.shift => {
+                let (x, y) = self.in_area(pos, ppp);
+                let at = self.model.nearest_pixel(x, y);
+                if let Some((x, y)) = at.filter(|_| self.model.entries.is_live(self.model.entries.current)) {
+                    let told = self.model.request(Request::Center { x, y });
+                    self.model.say(if told { "going on from here" } else { "nobody is there to be told" });
+                }
+            }
+            Drag::Pan if !moved => {
+                let again = self.last_click.is_some_and(|(t, p)| {
+                    t.elapsed() < Duration::from_millis(350) && (p - pos).length() < 6.0
+                });
+                self.last_click = Some((Instant::now(), pos));
+                if again {
+                    self.model.act(keys::Action::Fit);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Draws the image and shows it on the screen.
+    pub(super) fn show_picture(&mut self, ui: &mut egui::Ui) {
+        let ppp = ui.ctx().pixels_per_point();
+        let side = |v: f32| (v * ppp).round().clamp(1.0, 16384.0) as u32;
+        let most = ui.input(|i| i.max_texture_side) as u32;
+        let (width, height) = (side(self.area.width()).min(most), side(self.area.height()).min(most));
+        // By now the frame before is on its way to the screen.
+        for (just, time) in self.just_shown.iter_mut().zip(&mut self.first_picture) {
+            if std::mem::take(just) {
+                *time = Some(self.since.1.elapsed());
+            }
+        }
+        if self.since.0 != self.model.entries.current {
+            self.since = (self.model.entries.current, Instant::now());
+            self.first_picture = [None; 2];
+        }
+        let changed = self.model.frame(width, height);
+        let corner = [self.area.left(), self.area.top()].map(|v| (v * ppp).round() as i32);
+        if changed || self.texture.is_none() && !self.in_blit {
+            self.in_blit = self.blit.as_mut().is_some_and(|blit| blit.take(&self.model.canvas, corner));
+            if !self.in_blit {
+                self.set_texture(ui.ctx());
+            }
+        }
+        let now = [self.model.canvas.covered, self.model.complete];
+        for ((just, time), now) in self.just_shown.iter_mut().zip(&self.first_picture).zip(now) {
+            if now && time.is_none() {
+                *just = true;
+                ui.ctx().request_repaint();
+            }
+        }
+        let size = Vec2::new(width as f32, height as f32) / ppp;
+        let place = egui::Rect::from_min_size(self.area.min, size);
+        if let Some(callback) = self.blit.as_ref().filter(|_| self.in_blit).and_then(Blit::callback) {
+            ui.painter().add(egui_wgpu::Callback::new_paint_callback(place, callback));
+        } else if let Some(texture) = &self.texture {
+            let all = egui::Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+            ui.painter().image(texture.id(), place, all, Color32::WHITE);
+        }
+    }
+
+    fn set_texture(&mut self, ctx: &egui::Context) {
+        let canvas = &self.model.canvas;
+        let pixels = canvas.bytes.chunks_exact(4).map(|p| Color32::from_rgb(p[0], p[1], p[2])).collect();
+        let image = ColorImage::new([canvas.width as usize, canvas.height as usize], pixels);
+        match &mut self.texture {
+            Some(texture) => texture.set(image, TextureOptions::NEAREST),
+            None => self.texture = Some(ctx.load_texture("picture", image, TextureOptions::NEAREST)),
+        }
+    }
+
+    // The script.
 }

@@ -1,7 +1,7 @@
-//! The picture on the screen where the processor does the work of graphics hardware.
+//! The image on the screen where the processor does the work of graphics hardware.
 //!
-//! Such drivers take a long way for every look at a texture. What is drawn has a pixel for each of the window already: here
-//! it is a plain array of numbers, and the shader reads the one that it needs.
+//! Such drivers take long for every texture lookup. The drawing already has one pixel for each pixel of the window.
+//! Here it is a plain array of numbers, and the shader reads the one that it needs.
 
 use eframe::egui_wgpu::{CallbackResources, CallbackTrait, RenderState};
 use granita_view::Canvas;

@@ -1,4 +1,4 @@
-//! The list of pictures: files, and those that arrive. Files are opened when they are looked at.
+//! The list of images: files, and those that arrive. Files are opened when they are shown.
 
 use granita_image::{FormatRegistry, Request};
 use granita_view::{
@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// Files that are open at once.
 const OPEN: usize = 24;
 
-/// Which part of a picture is looked at.
+/// The selected part of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Choice {
     pub(crate) page: usize,
@@ -24,7 +24,7 @@ pub(crate) struct Choice {
     pub(crate) arrangement: Option<Arrangement>,
     /// The values of the layer stretched from black to white.
     pub(crate) normalize: bool,
-    /// Whether integers are encoded; `None`: as the page says.
+    /// True when integers are encoded; `None`: as the page declares.
     pub(crate) encoded: Option<bool>,
 }
 
@@ -33,7 +33,7 @@ impl Choice {
         Self { page: 0, layer: 0, level: 0, arrangement: None, normalize: false, encoded: None };
 }
 
-/// What is drawn of an entry.
+/// The drawn part of an entry.
 #[derive(Clone, Debug)]
 pub(crate) struct Seen {
     pub(crate) page: Arc<Page>,
@@ -57,7 +57,7 @@ enum Opened {
 }
 
 struct Entry {
-    /// Name of the file, or of the live picture.
+    /// Name of the file, or of the live image.
     path: PathBuf,
     live: bool,
     opened: Opened,
@@ -72,7 +72,7 @@ pub(crate) struct Entries {
     open: VecDeque<usize>,
     live: Live,
     live_version: u64,
-    /// The live picture that was last asked to be seen, by its number.
+    /// The live image that was last requested to be shown, by its number.
     live_shown: u64,
     changes: u64,
     /// The list in groups, and how long it was then; it only grows.
@@ -150,7 +150,7 @@ impl Entries {
     /// Opens an entry that is not open.
     ///
     /// # Errors
-    /// What is wrong, the first time.
+    /// The error, the first time.
     pub(crate) fn open(
         &mut self,
         entry: usize,
@@ -188,14 +188,14 @@ impl Entries {
         Ok(())
     }
 
-    /// Somebody waits for an open entry: of what has not been read a rough picture comes first.
+    /// The user waits for an open entry, so a rough image of the unread part comes first.
     pub(crate) fn hurry(&self, entry: usize) {
         if let Some(picture) = self.picture(entry) {
             picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
         }
     }
 
-    /// What is wrong with an entry that cannot be opened.
+    /// The error of an entry that cannot be opened.
     pub(crate) fn error(&self, entry: usize) -> Option<&str> {
         match &self.list.get(entry)?.opened {
             Opened::Failed(text, _) => Some(text),
@@ -224,7 +224,7 @@ impl Entries {
         }
     }
 
-    /// What is known of a live picture.
+    /// The state of a live image.
     pub(crate) fn live_info(&self, entry: usize) -> Option<&LiveInfo> {
         match &self.list.get(entry)?.opened {
             Opened::Live(live) => Some(live.info()),
@@ -242,12 +242,12 @@ impl Entries {
         }
     }
 
-    /// Whether an open entry can be looked around in.
+    /// True when an open entry supports looking around.
     pub(crate) fn panorama(&self, entry: usize) -> Option<bool> {
         self.page(entry).map(|(_, page)| page.is_panorama())
     }
 
-    /// Takes the chosen page of a file as a panorama, although it does not say so.
+    /// Takes the selected page of a file as a panorama, although it is not marked as one.
     pub(crate) fn as_panorama(&mut self, entry: usize, _store: &TileStore) {
         let Some(e) = self.list.get_mut(entry) else { return };
         let chosen = e.choice.page;
@@ -259,7 +259,7 @@ impl Entries {
         }
     }
 
-    /// Another entry is looked at in the same way where it has what that takes.
+    /// Another entry is shown in the same way where it supports it.
     pub(crate) fn follow(&mut self, from: usize, to: usize) {
         let choice = self.choice(from);
         if let Some(e) = self.list.get_mut(to)
@@ -269,7 +269,7 @@ impl Entries {
         }
     }
 
-    /// What is to be drawn of an open entry, with the user's display.
+    /// The image to draw of an open entry, with the user's display.
     pub(crate) fn seen(&self, entry: usize, display: &Display) -> Option<Seen> {
         let (_, mut page) = self.page(entry)?;
         let choice = self.choice(entry);
@@ -297,13 +297,13 @@ impl Entries {
         let stamp = Stamp::of(&e.path);
         match (Picture::open(&e.path, formats, store), &e.opened) {
             (Ok(picture), _) => e.opened = Opened::File(picture),
-            // What was there stays on the screen.
+            // The previous image stays on the screen.
             (Err(_), Opened::File(_)) => {}
             (Err(error), _) => e.opened = Opened::Failed(error.to_string(), stamp),
         }
     }
 
-    /// Opens a file anew if it changed; says so.
+    /// Opens a file again if it changed; returns true then.
     pub(crate) fn watch(
         &mut self,
         entry: usize,
@@ -317,7 +317,8 @@ impl Entries {
                 match Picture::open(&e.path, formats, store) {
                     Ok(new) => *picture = new,
                     Err(_) => {
-                        // Being written: what was there stays, and it is looked at again when more has come.
+                        // The file is being written. The previous image stays, and the file is checked again when
+                        // more has come.
                         picture.stamp = now;
                         return None;
                     }
@@ -341,8 +342,8 @@ impl Entries {
         }
     }
 
-    /// Takes note of what arrived; the entry that is to be seen now, if that is another one: one whose sender asks for it,
-    /// or the first to come where there is nothing else.
+    /// Records the images that arrived; returns the entry to show now, if that is another one: one whose sender
+    /// requests it, or the first to come when there is no other.
     pub(crate) fn poll_live(&mut self) -> Option<usize> {
         let version = self.live.version();
         if version == self.live_version {
@@ -384,7 +385,7 @@ impl Entries {
         (nothing && !self.list.is_empty()).then_some(0)
     }
 
-    /// Tells the sender of a live picture something; whether anybody is there.
+    /// Sends a message to the sender of a live image; returns true when it is connected.
     pub(crate) fn request(&self, entry: usize, request: Request) -> bool {
         let name = self.list.get(entry).filter(|e| e.live).map(|e| e.path.to_string_lossy().into_owned());
         name.and_then(|name| self.live.requests(&name)).is_some_and(|sender| sender.send(request))

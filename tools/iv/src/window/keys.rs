@@ -3,7 +3,7 @@
 use eframe::egui::{Key, Modifiers};
 use granita_view::Channels;
 
-/// What can be done.
+/// The possible actions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Action {
     Next(isize),
@@ -53,10 +53,10 @@ pub(crate) enum Action {
 /// One key.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
-    /// As people write it; several, separated by ", ".
+    /// As written for people; several, separated by ", ".
     pub(crate) keys: &'static str,
     pub(crate) action: Action,
-    /// What it does, where that is not in the row before it. Rows with an empty text share that.
+    /// The description, where it is not in the row before. Rows with an empty text share that.
     pub(crate) text: &'static str,
 }
 
@@ -191,7 +191,7 @@ pub(crate) fn parse(text: &str) -> Option<(Key, Modifiers)> {
     Key::from_name(rest).or_else(|| Key::from_name(name)).map(|key| (key, modifiers))
 }
 
-/// What a key does.
+/// The action of a key.
 pub(crate) fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
     // Characters that may need Shift on one keyboard and not on another stand for themselves.
     let itself = matches!(key, Key::Questionmark | Key::Plus | Key::Equals | Key::Minus);
@@ -211,7 +211,7 @@ pub(crate) fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
     None
 }
 
-/// How a key is written for people.
+/// The written form of a key.
 pub(crate) fn written(keys: &str) -> String {
     let mut text = keys.to_owned();
     for (name, sign) in [

@@ -1,17 +1,18 @@
-//! The end of a window whose screen goes away.
+//! The end of a window whose screen is closed.
 //!
-//! The libraries that draw and that ask for events panic, each in its own place and thread, when the server of the screen
-//! does not answer any more. Such a panic is not an error of this program: it ends with one message and without a trace.
+//! The libraries that draw and that read events panic, each in its own place and thread, when the server of the
+//! screen does not answer any more. Such a panic is not an error of this program. It ends with one message and
+//! without a trace.
 
 use granita_base::Reporter;
 use granita_cli::{Status, leave};
 use std::sync::mpsc;
 use std::time::Duration;
 
-/// The longest time that a screen may take to answer.
+/// The longest time in which a screen must answer.
 const ANSWER: Duration = Duration::from_secs(2);
 
-/// From now on, a panic after which there is no screen ends the program with a message. Other panics are what they were.
+/// From now on, a panic after which there is no screen ends the program with a message. Other panics are unchanged.
 pub(super) fn watch(reporter: &Reporter) {
     let (reporter, before) = (reporter.clone(), std::panic::take_hook());
     std::panic::set_hook(Box::new(move |info| {
@@ -29,7 +30,7 @@ pub(super) fn say(reporter: &Reporter) {
     reporter.error("the connection to the screen is lost (its server has ended)");
 }
 
-/// Whether the server of the screen takes connections. A kind of screen that is not known here does.
+/// True when the server of the screen accepts connections. An unknown kind of screen counts as true.
 pub(super) fn is_there() -> bool {
     let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
     match (variable("WAYLAND_DISPLAY"), variable("DISPLAY")) {
@@ -38,7 +39,7 @@ pub(super) fn is_there() -> bool {
     }
 }
 
-/// Whether an X server takes connections. What is not the name of an X display is not known here.
+/// True when an X server accepts connections. The result is unknown for a name that is not an X display.
 #[cfg(target_os = "linux")]
 fn answers(display: &str) -> bool {
     use x11rb::errors::ConnectError;

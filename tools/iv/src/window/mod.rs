@@ -1,36 +1,36 @@
 //! The window.
 //!
-//! [`desk::Desk`] knows what is looked at and how, and draws it (the whole picture is one bitmap of the size of the window,
-//! which needs no graphics hardware); [`shell::Shell`] is between it and the screen.
+//! [`model::Model`] holds what is shown and how, and draws it (the whole image is one bitmap of the size of the
+//! window, which needs no graphics hardware); [`app::App`] connects it to the screen.
 
 mod app;
 mod blit;
-mod desk;
 mod entries;
 mod keys;
 mod lost;
+mod model;
 mod panels;
 mod script;
-mod shell;
 mod steps;
 mod tasks;
+mod update;
 
 use crate::args::Args;
 use crate::listen::Wanted;
+use app::App;
 use blit::Blit;
-use desk::Desk;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuSetup, WgpuSetupExisting};
 use granita_base::Reporter;
 use granita_cli::Status;
 use granita_image::FormatRegistry;
 use granita_view::{Live, StoreLimits, TileStore, expand};
-use shell::Shell;
+use model::Model;
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-/// How the window ended: what its script found.
+/// The result of the window: that of its script.
 type Outcome = Arc<Mutex<Status>>;
 
 /// The graphics libraries to try, in order, with what they are called.
@@ -44,7 +44,7 @@ fn renderers(name: &str) -> &'static [(&'static str, wgpu::Backends)] {
     }
 }
 
-/// What a future gives that waits for nothing.
+/// The result of a future that never waits.
 fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     let mut context = std::task::Context::from_waker(std::task::Waker::noop());
     match std::pin::pin!(future).poll(&mut context) {
@@ -53,8 +53,8 @@ fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// The device that is most likely the right one, without a window; `None` where there is none or it takes a window to find
-/// one.
+/// The device that is most likely the right one, without a window; `None` where there is none or only a window can
+/// find one.
 fn early_device(setup: &WgpuSetup) -> Option<WgpuSetupExisting> {
     let WgpuSetup::CreateNew(new) = setup else { return None };
     if new.instance_descriptor.backends.contains(wgpu::Backends::GL) {
@@ -101,9 +101,9 @@ fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOption
     options
 }
 
-/// Opens the window and waits until it is closed. `live` are pictures that may arrive.
+/// Opens the window and waits until it is closed. `live` are images that may arrive.
 ///
-/// `wanted` are files that those who send pictures want to be opened.
+/// `wanted` are files that senders of images request to be opened.
 pub(crate) fn run(
     args: &Args,
     live: &Live,
@@ -130,34 +130,34 @@ pub(crate) fn run(
     let outcome: Outcome = Arc::new(Mutex::new(Status::Done));
     let mut faults = Vec::new();
     let renderers = renderers(&args.window.renderer);
-    // Drivers take their time: meanwhile the first picture is opened, and begun to be read.
+    // Drivers are slow to start. Meanwhile the first image is opened, and its reading begins.
     let early = {
         let setup = native_options(args, renderers[0].1).wgpu_options.wgpu_setup;
         std::thread::spawn(move || early_device(&setup))
     };
     let ctx = context();
-    let mut desk = Some({
+    let mut model = Some({
         let limits = StoreLimits { others: args.window.memory << 20, ..StoreLimits::default() };
         let ctx = ctx.clone();
         let wake = move || ctx.request_repaint();
         let files = expand(&args.files, formats);
         let store = TileStore::new(limits);
-        let mut desk = Desk::new(formats.clone(), files, live.clone(), display, store, wake);
-        desk.wanted = Some(wanted);
+        let mut model = Model::new(formats.clone(), files, live.clone(), display, store, wake);
+        model.wanted = Some(wanted);
         let (width, height) = size(args);
-        desk.foresee(width as u32, (height - panels::STATUS).max(1.0) as u32);
-        desk
+        model.foresee(width as u32, (height - panels::STATUS).max(1.0) as u32);
+        model
     });
-    // One whose thread panicked is no device either.
+    // A device whose thread panicked is not usable either.
     let early = early.join().ok().flatten().map(WgpuSetup::Existing);
     let tries = early.map(|setup| (renderers[0], Some(setup)));
     lost::watch(reporter);
     for ((library, backends), setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
-        let (taken, steps, outcome_inside) = (&mut desk, steps.clone(), outcome.clone());
+        let (taken, steps, outcome_inside) = (&mut model, steps.clone(), outcome.clone());
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
-            let desk = taken.take().ok_or("the window went away")?;
+            let model = taken.take().ok_or("the window went away")?;
             let blit = context.wgpu_render_state.as_ref().and_then(Blit::new);
-            Ok(Box::new(Shell::new(desk, steps, outcome_inside, started, blit, &context.egui_ctx)))
+            Ok(Box::new(App::new(model, steps, outcome_inside, started, blit, &context.egui_ctx)))
         });
         let mut options = native_options(args, backends);
         if let Some(setup) = setup {
@@ -166,11 +166,11 @@ pub(crate) fn run(
         match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
             Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),
             // There was a window: the picture was given to it.
-            Err(_) if desk.is_none() && !lost::is_there() => {
+            Err(_) if model.is_none() && !lost::is_there() => {
                 lost::say(reporter);
                 return Status::Failed;
             }
-            // Without a screen there is nothing to draw on for any of them.
+            // Without a screen none of them can draw.
             Err(eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_)) => {
                 faults = vec!["no connection to a screen (is DISPLAY or WAYLAND_DISPLAY set?)".to_owned()];
                 break;
@@ -180,7 +180,7 @@ pub(crate) fn run(
             }
             Err(error) => faults.push(format!("{library}: {error}")),
         }
-        if desk.is_none() {
+        if model.is_none() {
             break;
         }
     }

@@ -1,8 +1,8 @@
-//! What is around and over the picture: status, list, numbers, keys.
+//! The panels around and over the image: status, list, numbers, keys.
 
-use super::desk::Desk;
+use super::app::App;
 use super::keys;
-use super::shell::Shell;
+use super::model::Model;
 use crate::{info, still};
 use eframe::egui;
 use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
@@ -22,18 +22,18 @@ fn value_text(pixels: &Pixels, c: usize) -> String {
     }
 }
 
-/// What is under the pointer.
-fn readout(shell: &mut Shell, ppp: f32) -> Option<String> {
-    let pos = shell.pointer.filter(|p| shell.area.contains(*p))?;
-    let (x, y) = shell.in_area(pos, ppp);
-    let (seen, level, px, py) = shell.desk.pixel_under(x, y)?;
+/// The value under the pointer.
+fn readout(app: &mut App, ppp: f32) -> Option<String> {
+    let pos = app.pointer.filter(|p| app.area.contains(*p))?;
+    let (x, y) = app.in_area(pos, ppp);
+    let (seen, level, px, py) = app.model.pixel_under(x, y)?;
     let spec = seen.page.spec();
     let place = if level == 0 {
         format!("{} {}", i64::from(px) + i64::from(spec.x), i64::from(py) + i64::from(spec.y))
     } else {
         format!("{px} {py} of level {level}")
     };
-    // Values come from what is in memory: the pointer does not wait for files.
+    // Values come from memory: the pointer does not wait for files.
     let tile = granita_view::TILE;
     let held = seen.page.pyramid.held(level, px / tile, py / tile)?;
     let at = ((py % tile) * held.width + px % tile) as usize * held.channels;
@@ -52,20 +52,20 @@ fn readout(shell: &mut Shell, ppp: f32) -> Option<String> {
 }
 
 /// The status line.
-pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
-    let pointer = readout(shell, ppp);
-    let desk = &mut shell.desk;
-    let (current, count) = (desk.entries.current, desk.entries.len());
+pub(crate) fn status(app: &mut App, ppp: f32) -> String {
+    let pointer = readout(app, ppp);
+    let model = &mut app.model;
+    let (current, count) = (model.entries.current, model.entries.len());
     if count == 0 {
         return "no pictures: give files, or drop some here; ? lists the keys".to_owned();
     }
-    let mut parts = vec![format!("{}/{count} {}", current + 1, desk.entries.name(current))];
-    if let Some(error) = desk.entries.error(current) {
+    let mut parts = vec![format!("{}/{count} {}", current + 1, model.entries.name(current))];
+    if let Some(error) = model.entries.error(current) {
         parts.push(error.to_owned());
     }
-    if let Some((pages, page)) = desk.entries.page(current) {
+    if let Some((pages, page)) = model.entries.page(current) {
         let spec = page.spec();
-        let choice = desk.entries.choice(current);
+        let choice = model.entries.choice(current);
         parts.push(format!("{} x {} {}", spec.width, spec.height, spec.pixel_type.word()));
         if pages > 1 {
             let name = if page.name.is_empty() { String::new() } else { format!(" {}", page.name) };
@@ -89,14 +89,14 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
             parts.push("not all of it could be read".to_owned());
         }
     }
-    let view = &desk.view;
+    let view = &model.view;
     parts.push(match view.around {
         Some(a) => format!("to {:.0} {:.0}, {:.0} degrees", a.yaw_deg, a.pitch_deg, a.fov_deg),
         None => {
             format!("{:.4}", view.zoom * 100.0).trim_end_matches('0').trim_end_matches('.').to_owned() + " %"
         }
     });
-    let d = &desk.display;
+    let d = &model.display;
     if d.exposure != 0.0 {
         parts.push(format!("{:+} EV", d.exposure));
     }
@@ -109,7 +109,7 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
     if let Some(f) = d.false_color {
         parts.push(f.map.word().to_owned());
     }
-    match desk.mix {
+    match model.mix {
         Mix::First => {}
         Mix::Second => parts.push("the other".to_owned()),
         Mix::Wipe { .. } => parts.push("wipe".to_owned()),
@@ -117,21 +117,21 @@ pub(crate) fn status(shell: &mut Shell, ppp: f32) -> String {
         Mix::Over => parts.push("over".to_owned()),
         Mix::Flip => parts.push("FLIP map".to_owned()),
     }
-    if let Some(note) = desk.entries.live_info(current).and_then(|i| i.note.clone()) {
+    if let Some(note) = model.entries.live_info(current).and_then(|i| i.note.clone()) {
         parts.push(note);
     }
     parts.extend(pointer);
     parts.join("  \u{b7}  ")
 }
 
-/// The numbers that are known by now: of the probe, of the comparison.
-pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
-    let answers = desk.answers();
+/// The available numbers: of the probe, of the comparison.
+pub(crate) fn numbers(model: &mut Model) -> Vec<String> {
+    let answers = model.answers();
     let mut lines = Vec::new();
-    let current = desk.entries.current;
-    lines.extend(desk.entries.page(current).and_then(|(_, page)| page.fault()));
+    let current = model.entries.current;
+    lines.extend(model.entries.page(current).and_then(|(_, page)| page.fault()));
     if let (Some(found), Some(part), Some((_, page))) =
-        (&answers.probe, desk.probe, desk.entries.page(current))
+        (&answers.probe, model.probe, model.entries.page(current))
     {
         let title = format!("area of {} x {} at {} {}", part.width(), part.height(), part.x0, part.y0);
         match found {
@@ -146,7 +146,7 @@ pub(crate) fn numbers(desk: &mut Desk) -> Vec<String> {
     if let Some(found) = &answers.comparison {
         match found {
             Ok(c) => {
-                let other = desk.other.map(|o| desk.entries.name(o)).unwrap_or_default();
+                let other = model.other.map(|o| model.entries.name(o)).unwrap_or_default();
                 let psnr =
                     if c.psnr.is_finite() { format!("{:.2} dB", c.psnr) } else { "infinite".to_owned() };
                 lines.push(format!("against {other}"));
@@ -181,7 +181,7 @@ fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
         let color = if grey { Color32::from_gray(200) } else { color.gamma_multiply(0.7) };
         let width = rect.width() / bins.len() as f32;
         for (i, n) in bins.iter().enumerate().filter(|(_, n)| **n > 0) {
-            // What is rare is seen as well.
+            // Rare values are visible as well.
             let share = (f64::from(*n).ln_1p() / f64::from(most).ln_1p()) as f32;
             let x = rect.left() + (i as f32 + 0.5) * width;
             let line = [Pos2::new(x, rect.bottom()), Pos2::new(x, rect.bottom() - share * rect.height())];
@@ -217,22 +217,22 @@ fn gradient(painter: &egui::Painter, rect: egui::Rect, map: ColorMap) {
 }
 
 /// The panels at the edges of the window.
-pub(crate) fn around(shell: &mut Shell, ui: &mut egui::Ui) {
+pub(crate) fn around(app: &mut App, ui: &mut egui::Ui) {
     let ppp = ui.ctx().pixels_per_point();
-    let line = status(shell, ppp);
+    let line = status(app, ppp);
     egui::Panel::bottom("status").exact_size(STATUS).show(ui, |ui| {
         ui.add(egui::Label::new(RichText::new(line).size(12.0)).truncate());
     });
-    if shell.desk.list_open {
-        egui::Panel::left("list").default_size(220.0).show(ui, |ui| list(shell, ui));
+    if app.model.list_open {
+        egui::Panel::left("list").default_size(220.0).show(ui, |ui| list(app, ui));
     }
-    if shell.desk.side_open {
-        egui::Panel::right("side").default_size(300.0).show(ui, |ui| side(shell, ui));
+    if app.model.side_open {
+        egui::Panel::right("side").default_size(300.0).show(ui, |ui| side(app, ui));
     }
 }
 
-fn list(shell: &mut Shell, ui: &mut egui::Ui) {
-    let groups = shell.desk.entries.groups();
+fn list(app: &mut App, ui: &mut egui::Ui) {
+    let groups = app.model.entries.groups();
     // Rows of equal height: of thousands, only those in sight are laid out.
     let rows: Vec<Result<usize, &str>> = groups
         .iter()
@@ -249,11 +249,11 @@ fn list(shell: &mut Shell, ui: &mut egui::Ui) {
                     ui.add(egui::Label::new(RichText::new(*title).size(11.0).weak()).truncate());
                 }
                 Ok(entry) => {
-                    let name = shell.desk.entries.name(*entry);
-                    let live = if shell.desk.entries.is_live(*entry) { " (live)" } else { "" };
-                    let other = if shell.desk.other == Some(*entry) { " (other)" } else { "" };
+                    let name = app.model.entries.name(*entry);
+                    let live = if app.model.entries.is_live(*entry) { " (live)" } else { "" };
+                    let other = if app.model.other == Some(*entry) { " (other)" } else { "" };
                     let text = RichText::new(format!("{name}{live}{other}")).size(12.0);
-                    if ui.selectable_label(*entry == shell.desk.entries.current, text).clicked() {
+                    if ui.selectable_label(*entry == app.model.entries.current, text).clicked() {
                         chosen = Some(*entry);
                     }
                 }
@@ -261,43 +261,43 @@ fn list(shell: &mut Shell, ui: &mut egui::Ui) {
         }
     });
     if let Some(entry) = chosen {
-        shell.desk.show(entry);
+        app.model.show(entry);
     }
 }
 
-fn side(shell: &mut Shell, ui: &mut egui::Ui) {
-    let answers = shell.desk.answers();
-    let current = shell.desk.entries.current;
+fn side(app: &mut App, ui: &mut egui::Ui) {
+    let answers = app.model.answers();
+    let current = app.model.entries.current;
     egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         if let Some(histogram) = &answers.histogram {
-            let one = shell.desk.display.channels != Channels::Color
-                && shell.desk.display.channels != Channels::Luminance;
+            let one = app.model.display.channels != Channels::Color
+                && app.model.display.channels != Channels::Luminance;
             histogram_plot(ui, histogram, one);
-            if let Some(f) = shell.desk.display.false_color {
+            if let Some(f) = app.model.display.false_color {
                 scale(ui, f.map);
             }
         }
-        for line in numbers(&mut shell.desk) {
+        for line in numbers(&mut app.model) {
             ui.label(RichText::new(line).monospace().size(10.5));
         }
-        if let Some(picture) = shell.desk.entries.picture(current) {
+        if let Some(picture) = app.model.entries.picture(current) {
             ui.separator();
             ui.label(RichText::new(info::text(picture)).monospace().size(10.5));
         }
     });
 }
 
-/// What is drawn over the picture.
-pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
+/// The drawing over the image.
+pub(crate) fn over(app: &mut App, ui: &mut egui::Ui) {
     let ppp = ui.ctx().pixels_per_point();
-    let painter = ui.painter_at(shell.area);
-    let current = shell.desk.entries.current;
-    let seen = shell.desk.seen(current);
-    let area = shell.area;
+    let painter = ui.painter_at(app.area);
+    let current = app.model.entries.current;
+    let seen = app.model.seen(current);
+    let area = app.area;
     if let Some(seen) = &seen
-        && shell.desk.view.around.is_none()
+        && app.model.view.around.is_none()
     {
-        let view = shell.desk.view;
+        let view = app.model.view;
         let point = |x: f64, y: f64| {
             let (x, y) = view.to_screen(x, y);
             area.min + egui::Vec2::new(x as f32, y as f32) / ppp
@@ -321,17 +321,17 @@ pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
                 let (w, h) = (f64::from(display.2), f64::from(display.3));
                 frame(x, y, x + w, y + h, Color32::from_rgb(90, 130, 90));
             }
-            if let Some(part) = &shell.desk.probe {
+            if let Some(part) = &app.model.probe {
                 pixels(part, Color32::from_rgb(255, 220, 80));
             }
-            if let Some(info) = shell.desk.entries.live_info(current) {
+            if let Some(info) = app.model.entries.live_info(current) {
                 for mark in &info.marks {
                     pixels(mark, Color32::from_rgb(255, 140, 40));
                 }
             }
         }
     }
-    if let Mix::Wipe { at, down } = shell.desk.mix {
+    if let Mix::Wipe { at, down } = app.model.mix {
         let (a, b) = if down {
             let y = area.top() + at * area.height();
             (Pos2::new(area.left(), y), Pos2::new(area.right(), y))
@@ -341,14 +341,14 @@ pub(crate) fn over(shell: &mut Shell, ui: &mut egui::Ui) {
         };
         painter.line_segment([a, b], Stroke::new(1.0, Color32::from_white_alpha(160)));
     }
-    if shell.desk.mix == Mix::Flip {
+    if app.model.mix == Mix::Flip {
         key_of_flip(&painter, area);
     }
-    boxes(shell, &painter);
-    help_and_prompt(shell, ui);
+    boxes(app, &painter);
+    help_and_prompt(app, ui);
 }
 
-/// What the colours of a map of FLIP mean.
+/// The key of the colours of a map of FLIP.
 fn key_of_flip(painter: &egui::Painter, area: egui::Rect) {
     let place = egui::Rect::from_min_size(
         area.left_bottom() + egui::Vec2::new(12.0, -44.0),
@@ -365,7 +365,7 @@ fn key_of_flip(painter: &egui::Painter, area: egui::Rect) {
 }
 
 /// Lines of text in a corner.
-fn boxes(shell: &mut Shell, painter: &egui::Painter) {
+fn boxes(app: &mut App, painter: &egui::Painter) {
     let write = |at: Pos2, anchor: Align2, text: &str| {
         let font = FontId::monospace(11.5);
         let galley = painter.layout_no_wrap(text.to_owned(), font, Color32::from_gray(235));
@@ -373,41 +373,42 @@ fn boxes(shell: &mut Shell, painter: &egui::Painter) {
         painter.rect_filled(rect.expand(5.0), 3.0, Color32::from_black_alpha(190));
         painter.galley(rect.min, galley, Color32::WHITE);
     };
-    let area = shell.area;
-    if !shell.desk.side_open {
-        let lines = numbers(&mut shell.desk);
+    let area = app.area;
+    if !app.model.side_open {
+        let lines = numbers(&mut app.model);
         if !lines.is_empty() {
             write(area.left_top() + egui::Vec2::splat(10.0), Align2::LEFT_TOP, &lines.join("\n"));
         }
     }
-    let current = shell.desk.entries.current;
-    let error = shell.desk.entries.error(current).map(str::to_owned);
+    let current = app.model.entries.current;
+    let error = app.model.entries.error(current).map(str::to_owned);
     if let Some(text) = error {
         write(area.center(), Align2::CENTER_CENTER, &text);
-    } else if shell.desk.entries.len() == 0 {
+    } else if app.model.entries.len() == 0 {
         write(
             area.center(),
             Align2::CENTER_CENTER,
             "iv  \u{b7}  drop pictures here  \u{b7}  ? lists the keys",
         );
     }
-    if let Some(note) = shell.desk.entries.live_info(current).and_then(|i| i.note.clone()) {
+    if let Some(note) = app.model.entries.live_info(current).and_then(|i| i.note.clone()) {
         write(area.center_top() + egui::Vec2::new(0.0, 10.0), Align2::CENTER_TOP, &note);
     }
-    if let Some((text, _)) = &shell.desk.message {
+    if let Some((text, _)) = &app.model.message {
         write(area.center_bottom() - egui::Vec2::new(0.0, 12.0), Align2::CENTER_BOTTOM, text);
     }
 }
 
-fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
+fn help_and_prompt(app: &mut App, ui: &mut egui::Ui) {
     let ctx = ui.ctx().clone();
-    if shell.desk.help_open {
+    if app.model.help_open {
         egui::Area::new(egui::Id::unique("help")).anchor(Align2::CENTER_CENTER, egui::Vec2::ZERO).show(
             &ctx,
             |ui| {
                 egui::Frame::popup(ui.style()).show(ui, |ui| {
-                    let height = (shell.area.height() - 60.0).max(80.0);
-                    // As high as the keys are, if the window is; by itself it would scroll in half of the window.
+                    let height = (app.area.height() - 60.0).max(80.0);
+                    // As high as the keys are, if the window is high enough. By itself it would scroll in half of the
+                    // window.
                     let scrolled =
                         egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height);
                     scrolled.show(ui, |ui| {
@@ -436,7 +437,7 @@ fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
             },
         );
     }
-    let Some(mut prompt) = shell.prompt.take() else { return };
+    let Some(mut prompt) = app.prompt.take() else { return };
     let mut done = None;
     egui::Area::new(egui::Id::unique("prompt"))
         .anchor(Align2::CENTER_BOTTOM, egui::Vec2::new(0.0, -60.0))
@@ -458,8 +459,8 @@ fn help_and_prompt(shell: &mut Shell, ui: &mut egui::Ui) {
             });
         });
     match done {
-        None => shell.prompt = Some(prompt),
-        Some(true) => shell.save(&prompt),
+        None => app.prompt = Some(prompt),
+        Some(true) => app.save(&prompt),
         Some(false) => {}
     }
 }

@@ -1,4 +1,4 @@
-//! Scripts: what a user would do, line by line, for tests and pictures of the manual.
+//! Scripts: the actions of a user, line by line, for tests and images of the manual.
 //!
 //! | line | meaning |
 //! |---|---|
@@ -48,7 +48,7 @@ pub(crate) enum Step {
 /// Reads a script.
 ///
 /// # Errors
-/// What cannot be read, with its line.
+/// The error of a line, with the line.
 pub(crate) fn read(path: &Path) -> Result<Vec<Step>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let steps = text.lines().enumerate().filter(|(_, line)| {

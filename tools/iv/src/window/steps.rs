@@ -1,7 +1,7 @@
 //! The steps of a script, frame by frame.
 
+use super::app::App;
 use super::script::{Bench, Step};
-use super::shell::Shell;
 use super::{keys, panels};
 use eframe::egui;
 use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
@@ -10,15 +10,15 @@ use granita_view::save_canvas;
 use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
-impl Shell {
+impl App {
     fn fail(&self, what: &str) {
         granita_cli::print(&format!("script: {what}\n"));
         *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Status::WithErrors;
     }
 
-    /// Whether the script can go on with its next step.
+    /// True when the script can continue with its next step.
     fn can_go_on(&mut self) -> bool {
-        let settled = self.desk.complete && self.desk.is_settled();
+        let settled = self.model.complete && self.model.is_settled();
         let Some(script) = &mut self.script else { return false };
         if !script.events.is_empty() || script.screenshot.is_some() || script.bench.is_some() {
             return false;
@@ -53,9 +53,9 @@ impl Shell {
             let Some(step) = script.steps.pop_front() else { break };
             self.step(step, ctx);
         }
-        let settled = self.desk.is_settled();
+        let settled = self.model.is_settled();
         if let Some(script) = &self.script {
-            // What is being read has the window drawn again when it is there.
+            // When data has been read, the window is drawn again.
             match script.steps.front() == Some(&Step::Wait) && !settled {
                 true => ctx.request_repaint_after(Duration::from_millis(50)),
                 false => ctx.request_repaint(),
@@ -122,9 +122,9 @@ impl Shell {
             }
             Step::Type(text) => script.events.push_back(vec![Event::Text(text)]),
             Step::File(path) => {
-                self.desk.entries.add(vec![path]);
-                let last = self.desk.entries.len() - 1;
-                self.desk.show(last);
+                self.model.entries.add(vec![path]);
+                let last = self.model.entries.len() - 1;
+                self.model.show(last);
             }
             Step::Screenshot(path) => {
                 script.screenshot = Some(path);
@@ -134,7 +134,7 @@ impl Shell {
                 });
             }
             Step::Canvas(path) => {
-                if let Err(error) = save_canvas(&self.desk.canvas, &path, &self.desk.formats) {
+                if let Err(error) = save_canvas(&self.model.canvas, &path, &self.model.formats) {
                     self.fail(&error.to_string());
                 }
             }
@@ -160,8 +160,8 @@ impl Shell {
     fn everything_said(&mut self, ppp: f32) -> String {
         let [first, complete] = self.first_picture.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
         let mut lines = vec![panels::status(self, ppp)];
-        lines.extend(panels::numbers(&mut self.desk));
-        lines.extend(self.desk.message.as_ref().map(|(text, _)| text.clone()));
+        lines.extend(panels::numbers(&mut self.model));
+        lines.extend(self.model.message.as_ref().map(|(text, _)| text.clone()));
         lines.push(format!("first picture after {first:.3} s, complete after {complete:.3} s"));
         lines.join("\n") + "\n"
     }
@@ -173,14 +173,14 @@ impl Shell {
         let [width, height] = image.size.map(|side| side as u32);
         let bytes = image.pixels.iter().flat_map(|p| p.to_array()).collect();
         let canvas = granita_view::Canvas::new(width, height, bytes);
-        if let Err(error) = save_canvas(&canvas, &path, &self.desk.formats) {
+        if let Err(error) = save_canvas(&canvas, &path, &self.model.formats) {
             self.fail(&error.to_string());
         }
     }
 
     /// One frame of the bench: pans to the right and down, and back at the edges.
     fn bench_frame(&mut self) {
-        let complete = self.desk.complete;
+        let complete = self.model.complete;
         let Some(script) = &mut self.script else { return };
         let Some(bench) = &mut script.bench else { return };
         bench.frames += 1;
@@ -188,11 +188,11 @@ impl Shell {
         if bench.left > 0 {
             bench.left -= 1;
             let bounds = {
-                let current = self.desk.entries.current;
-                self.desk.seen(current).map(|s| s.sheet.bounds)
+                let current = self.model.entries.current;
+                self.model.seen(current).map(|s| s.sheet.bounds)
             };
             if let Some([left, top, right, bottom]) = bounds {
-                let (x, y) = self.desk.view.center;
+                let (x, y) = self.model.view.center;
                 if x >= right || y >= bottom {
                     bench.direction = -1.0;
                 } else if x <= left || y <= top {
@@ -200,12 +200,12 @@ impl Shell {
                 }
             }
             let by = -bench.direction;
-            self.desk.pan(24.0 * by, 14.0 * by);
+            self.model.pan(24.0 * by, 14.0 * by);
             return;
         }
         let seconds = bench.since.elapsed().as_secs_f64();
-        let (now, most) = self.desk.store.bytes();
-        let visible = self.desk.visible_bytes();
+        let (now, most) = self.model.store.bytes();
+        let visible = self.model.visible_bytes();
         granita_cli::print(&format!(
             "bench: {} frames in {seconds:.2} s: {:.1} frames/s, {} of them complete; tiles {:.1} MiB, at most {:.1}, in sight {:.1}\n",
             bench.frames,

@@ -1,4 +1,4 @@
-//! What takes longer than a frame: computed by the loader's threads, and shown when it is there.
+//! Work that takes longer than a frame: computed by the loader's threads, and shown when it is done.
 
 use super::entries::Seen;
 use granita_image::PixelRect;

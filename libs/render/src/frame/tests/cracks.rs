@@ -45,7 +45,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
             max_displacement_world: primitive.attributes.get(attr::DISPLACE_MAXRADIUS),
             measures: false,
             preshaded: false,
-            joins: false,
+            may_batch: false,
             saves: false,
         })
     }
@@ -266,7 +266,8 @@ fn twenty_thousand_others_have_no_holes() {
     run(1_000_000..1_020_000);
 }
 
-/// Alpha of something in the xy plane, 10 pixels a unit, 64 x 64 pixels about the origin, displaced within the plane by at most 1.
+/// Alpha of something in the xy plane, 10 pixels a unit, 64 x 64 pixels about the origin, displaced within the plane by
+/// at most 1.
 fn displaced_in_plane(
     shape: ShapeDesc,
     points: &[f32],
@@ -298,8 +299,8 @@ fn displaced_in_plane(
     image.chunks(4).map(|p| p[3]).collect()
 }
 
-/// Checks that `alpha` covers the area of a region (units), all of what lies inside and nothing outside of it; `distance` from
-/// the region, negative inside.
+/// Checks that `alpha` covers the area of a region (units), all of what lies inside and nothing outside of it;
+/// `distance` from the region, negative inside.
 fn covers(alpha: &[f32], area: f32, what: &str, distance: impl Fn(f32, f32) -> f32) {
     let covered: f32 = alpha.iter().sum::<f32>() / 100.0;
     assert!((covered / area - 1.0).abs() < 0.005, "{what}: covers {covered} instead of {area}");

@@ -1,4 +1,5 @@
-//! Scenes that ask for more than any machine has: what can be seen is rendered, and what cannot is left out with a message.
+//! Scenes that ask for more than any machine has: what can be seen is rendered, and what cannot is left out with a
+//! message.
 
 use super::huge::corners_of;
 use super::*;

@@ -69,7 +69,8 @@ fn ground(build: &mut Build, kind: Kind, s: f32, to_world: MotionTransform, list
 
 const ALL: [Kind; 5] = [Kind::Patch, Kind::Cubic, Kind::Mesh, Kind::Nurbs, Kind::Sphere];
 
-/// What a camera at height 1 that looks along z sees of a flat or round ground: its horizon is a little below the middle.
+/// What a camera at height 1 that looks along z sees of a flat or round ground: its horizon is a little below the
+/// middle.
 fn seen(kind: Kind, s: f32) -> f32 {
     let below = match kind {
         Kind::Sphere => (2.0 / s).sqrt(),

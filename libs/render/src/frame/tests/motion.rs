@@ -3,7 +3,8 @@
 use super::*;
 use granita_base::Vec2;
 
-/// A square of half side 1 at each of some times, moved along x by the first number, of the grey and opacity of the others.
+/// A square of half side 1 at each of some times, moved along x by the first number, of the grey and opacity of the
+/// others.
 fn moving_square(build: &mut Build, keys: &[(f32, [f32; 3])], to_world: MotionTransform) {
     let (shape, _) = square(1.0);
     build.add(shape, Params::new(), attributes(&[], to_world));

@@ -3,7 +3,8 @@
 use super::*;
 use std::sync::Mutex;
 
-/// A book half open, its back along y: two faces of two corners in common, with these normals at the six corners, if any.
+/// A book half open, its back along y: two faces of two corners in common, with these normals at the six corners, if
+/// any.
 fn seams_of(subdivide: bool, faces: usize, normals: Option<[[f32; 3]; 6]>) -> Vec<[bool; 4]> {
     let mut build = flat_camera();
     let points =
@@ -38,7 +39,8 @@ fn smooth_meshes_go_on_beyond_their_faces_and_flat_ones_do_not() {
     let round =
         seams_of(false, 2, Some([flat(0.0), flat(0.0), flat(-1.0), flat(-1.0), flat(1.0), flat(1.0)]));
     assert!(round.iter().all(|s| s.iter().filter(|x| **x).count() == 3), "{round:?}");
-    // Normals of the face itself are given, as exporters do: that is as flat as none. (Only the right face is left to see here.)
+    // Normals of the face itself are given, as exporters do: that is as flat as none. (Only the right face is left to
+    // see here.)
     let own = seams_of(false, 2, Some([flat(-1.0); 6]));
     assert!(own.contains(&[false; 4]) && own.contains(&[true; 4]), "{own:?}");
 }

@@ -1,8 +1,8 @@
 //! Two eyes that share their grids.
 
 use super::*;
-use crate::{EyeProjection, ShadedFrom, Stereo};
 use granita_base::hash;
+use granita_dicing::{EyeProjection, ShadedFrom, Stereo};
 
 const STEREO: Stereo = Stereo {
     separation: 0.4,

@@ -1,10 +1,11 @@
-//! What nobody reads is left out; what does not change in a loop moves in front of it.
+//! Removes unused code, and moves loop-invariant operations in front of their loops.
 
 use super::effects::{Effect, effect, is_partial, may_complain, written};
 use super::{blocks, blocks_mut, operands_mut};
-use granita_gsl::ir::{Block, Op, Stmt, Symbol, SymbolId, SymbolKind};
+use crate::program::{Block, Op, Stmt};
+use granita_gsl::ir::{OpCode, Symbol, SymbolId, SymbolKind};
 
-/// Removes operations whose results are never read, and conditions around nothing.
+/// Removes operations whose results are never read, and conditions around empty blocks.
 pub(super) fn remove(block: &mut Block, symbols: &[Symbol]) {
     loop {
         let mut read = vec![0; symbols.len()];
@@ -33,13 +34,13 @@ fn reads(block: &Block, f: &mut dyn FnMut(SymbolId)) {
     }
 }
 
-/// Calls `f` for each symbol that code reads or writes, once for each time.
+/// Calls `f` for each use of a symbol that code reads or writes.
 pub(crate) fn occurrences(block: &Block, symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
     reads(block, f);
     block.iter().for_each(|stmt| written(stmt, symbols, f));
 }
 
-/// A statement without the code inside.
+/// Returns a statement without the code inside.
 fn head(stmt: &Stmt) -> Stmt {
     match stmt {
         Stmt::If { cond, .. } => Stmt::If { cond: *cond, then: vec![], otherwise: vec![] },
@@ -56,13 +57,14 @@ fn head(stmt: &Stmt) -> Stmt {
             options: options.clone(),
             body: vec![],
             at: *at,
+            call: None,
         },
         _ => Stmt::Exit,
     }
 }
 
-/// Whether something was removed. From the end to the beginning, with the number of times that each symbol is read: what was
-/// computed for removed operations alone goes with them.
+/// Removes unused operations from the end to the beginning, and updates the number of reads of each symbol.
+/// Operations that only removed ones used are removed, too. Returns true when something was removed.
 fn sweep(block: &mut Block, symbols: &[Symbol], read: &mut [u32]) -> bool {
     let before = block.len();
     let mut changed = false;
@@ -89,12 +91,12 @@ fn sweep(block: &mut Block, symbols: &[Symbol], read: &mut [u32]) -> bool {
 fn is_dead(op: &Op, symbols: &[Symbol], read: &[u32]) -> bool {
     let Some(dst) = op.dst else { return false };
     let own = matches!(symbols[dst.0 as usize].kind, SymbolKind::Local | SymbolKind::Temp);
-    // A copy of itself changes nothing.
-    let idle = op.code == granita_gsl::ir::OpCode::Assign && op.args[0] == dst;
+    // A copy of a symbol to itself has no effect.
+    let idle = op.is(OpCode::Assign) && op.args[0] == dst;
     idle || own && read[dst.0 as usize] == 0 && effect(op, symbols) < Effect::Bound
 }
 
-/// Lets operations write the variable that their result is copied to right after, where nobody else reads it.
+/// Replaces an operation and the copy right after it by one operation, where nothing else reads the first result.
 pub(super) fn merge_copies(block: &mut Block, symbols: &[Symbol]) {
     let mut count = vec![0_u32; symbols.len()];
     reads(block, &mut |s| count[s.0 as usize] += 1);
@@ -110,7 +112,7 @@ fn merge_in(block: &mut Block, symbols: &[Symbol], count: &[u32]) {
         let (front, back) = block.split_at_mut(k + 1);
         if let (Stmt::Op(op), Stmt::Op(copy)) = (&mut front[k], &back[0])
             && let (Some(result), Some(target)) = (op.dst, copy.dst)
-            && copy.code == granita_gsl::ir::OpCode::Assign
+            && copy.is(OpCode::Assign)
             && copy.args[0] == result
             && count[result.0 as usize] == 1
             && symbols[result.0 as usize].kind == SymbolKind::Temp
@@ -127,7 +129,7 @@ fn merge_in(block: &mut Block, symbols: &[Symbol], count: &[u32]) {
     }
 }
 
-/// Moves what a loop computes again and again to the same result in front of it.
+/// Moves operations that give the same result in each round of a loop in front of it.
 pub(super) fn hoist(block: &mut Block, symbols: &[Symbol]) {
     let mut writes = vec![0_u32; symbols.len()];
     for stmt in &*block {

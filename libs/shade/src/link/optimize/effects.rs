@@ -1,26 +1,28 @@
-//! What operations do beside giving a result.
+//! Classifies the side effects of operations.
 
 use super::blocks;
+use crate::program::{Block, Op, Operation, Stmt};
 use granita_gsl::Func;
-use granita_gsl::ir::{Block, Op, OpCode, Stmt, Symbol, SymbolId, SymbolKind, ValueType};
+use granita_gsl::ir::{OpCode, Symbol, SymbolId, SymbolKind, ValueType};
 
 /// How far an operation may be moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Effect {
     /// The result follows from the operands alone.
     Pure,
-    /// The result follows from the operands and from the grid, the same wherever it stands.
+    /// The result follows from the operands and the grid, at any position in the code.
     Steady,
     /// The result follows from the operands of all active lanes.
     Neighbours,
-    /// Must happen as often and in the order as it stands.
+    /// The operation must run exactly as often and in the order as written.
     Bound,
 }
 
-/// What an operation does.
+/// Returns the effect of an operation.
 pub(super) fn effect(op: &Op, symbols: &[Symbol]) -> Effect {
     let ty = |s: &SymbolId| symbols[s.0 as usize].ty.value;
-    match op.code {
+    let Operation::Stored(code) = op.code else { return Effect::Pure };
+    match code {
         OpCode::Construct => {
             let named = op.args.first().is_some_and(|s| ty(s) == ValueType::String);
             let color = op.dst.is_some_and(|d| ty(&d) == ValueType::Color);
@@ -47,7 +49,8 @@ fn call(func: Func, op: &Op, ty: &dyn Fn(&SymbolId) -> ValueType) -> Effect {
         F::Determinant | F::Transpose | F::Translate | F::Scale | F::Step | F::SmoothStep => Effect::Pure,
         F::Noise | F::SNoise | F::CNoise | F::PNoise | F::PSNoise | F::PNNoise | F::Spline => Effect::Pure,
         F::Concat | F::Match | F::Substr | F::Format | F::SpecularBrdf => Effect::Pure,
-        // Without an argument the next number of a sequence; without a reference the geometric normal.
+        // Without an argument, it returns the next number of a sequence. Without a reference, it uses the geometric
+        // normal.
         F::Random if !op.args.is_empty() => Effect::Pure,
         F::FaceForward if op.args.len() > 2 => Effect::Pure,
         F::Transform | F::TransformV | F::TransformN
@@ -66,10 +69,11 @@ fn call(func: Func, op: &Op, ty: &dyn Fn(&SymbolId) -> ValueType) -> Effect {
     }
 }
 
-/// Whether an operation may complain when its operands are unusual.
+/// True when an operation may report an error for unusual operands.
 pub(super) fn may_complain(op: &Op, symbols: &[Symbol]) -> bool {
     let matrix = |s: &SymbolId| symbols[s.0 as usize].ty.value == ValueType::Matrix;
-    match op.code {
+    let Operation::Stored(code) = op.code else { return false };
+    match code {
         OpCode::Index | OpCode::IndexSet | OpCode::Component | OpCode::ComponentSet => true,
         OpCode::MatrixComponent | OpCode::MatrixComponentSet => true,
         OpCode::Div => op.args.iter().any(matrix),
@@ -87,9 +91,9 @@ pub(super) fn may_complain(op: &Op, symbols: &[Symbol]) -> bool {
     }
 }
 
-/// The first operand that a function may write, by number.
-pub(super) fn first_written(op: &Op) -> usize {
-    let OpCode::Call(func) = op.code else { return usize::MAX };
+/// Returns the index of the first operand that a function may write.
+pub(crate) fn first_written(op: &Op) -> usize {
+    let Some(func) = op.func() else { return usize::MAX };
     match func {
         Func::Fresnel | Func::Texture | Func::Texture3d | Func::Environment | Func::Shadow => 3,
         Func::Occlusion => 4,
@@ -99,19 +103,20 @@ pub(super) fn first_written(op: &Op) -> usize {
     }
 }
 
-/// Whether a result replaces only a part of what its symbol held.
-pub(super) fn is_partial(op: &Op, symbols: &[Symbol]) -> bool {
+/// True when a result replaces only a part of the value of its symbol.
+pub(crate) fn is_partial(op: &Op, symbols: &[Symbol]) -> bool {
     let elements = |s: &SymbolId| symbols[s.0 as usize].ty.elements();
-    match op.code {
+    let Operation::Stored(code) = op.code else { return false };
+    match code {
         OpCode::IndexSet | OpCode::ComponentSet | OpCode::MatrixComponentSet => true,
         OpCode::Assign => op.dst.is_some_and(|d| elements(&d) != elements(&op.args[0])),
         _ => false,
     }
 }
 
-/// Whether an operation may change globals that it does not name.
+/// True when an operation may change globals that are not operands.
 pub(super) fn writes_globals(op: &Op) -> bool {
-    matches!(op.code, OpCode::Call(Func::Displace | Func::Bump))
+    matches!(op.func(), Some(Func::Displace | Func::Bump))
 }
 
 /// Calls `f` for each symbol that a statement or the code inside of it may write.
@@ -134,7 +139,8 @@ pub(crate) fn written(stmt: &Stmt, symbols: &[Symbol], f: &mut dyn FnMut(SymbolI
     }
 }
 
-/// Whether code only computes: no result but its own parameters, nothing said, drawn, asked or left for others.
+/// True when code only computes its own parameters, and neither reports, draws random numbers, queries nor sends
+/// messages.
 pub(crate) fn is_inert(block: &Block, symbols: &[Symbol]) -> bool {
     block.iter().all(|stmt| match stmt {
         Stmt::Op(op) => {

@@ -1,20 +1,28 @@
-//! Constants through the code, conditions that are settled.
+//! Folds constants through the code, and resolves constant conditions.
 
-use super::effects::{Effect, effect, first_written, written};
+use super::effects::{Effect, effect, first_written, is_partial, written};
 use super::{Constants, Known, blocks_mut, operands_mut};
+use crate::program::{Block, Op, Operation, Program, Stmt};
 use crate::{
-    EnvironmentQuery, Executor, Grid, Group, IlluminateQuery, Lanes3, LayerSource, LightInfo, LightResult,
-    LinkOptions, LookupResult, Services, ShadowQuery, TextureQuery, Topology,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LayerSource,
+    LightInfo, LightResult, Lights, LinkOptions, LookupResult, Messages, Rays, ShadowQuery, Spaces,
+    TextureQuery, Textures, Topology,
 };
 use granita_base::{Param, Params, Severity, Transform};
+use granita_gsl::ValidModule;
 use granita_gsl::ir::{
-    Block, ConstValue, DefaultValue, Module, Op, OpCode, ParamDecl, ShaderKind, SourcePos, Stmt, Symbol,
-    SymbolId, SymbolKind, SymbolType, ValueType,
+    self, ConstValue, DefaultValue, Module, OpCode, ParamDecl, ShaderKind, SourcePos, Symbol, SymbolId,
+    SymbolKind, SymbolType, ValueType,
 };
 use std::sync::Arc;
 
-/// The body with constants folded, and the parameters that this relies on.
-pub(super) fn fold(module: &Module, known: &[Known], pool: &mut Constants) -> (Block, Vec<usize>) {
+/// Returns the body with constants folded, and the parameters that it relies on.
+pub(super) fn fold(
+    module: &Module,
+    program: &Program,
+    known: &[Known],
+    pool: &mut Constants,
+) -> (Block, Vec<usize>) {
     let mut folder =
         Folder { values: vec![None; module.symbols.len()], pool, evaluator: Evaluator::default() };
     let mut assumed = Vec::new();
@@ -26,7 +34,7 @@ pub(super) fn fold(module: &Module, known: &[Known], pool: &mut Constants) -> (B
                 folder.values[param.symbol.0 as usize] = Some(id);
             }
             Known::Default => {
-                folder.block(param.init.clone());
+                folder.block(program.inits[k].clone());
             }
             _ => {}
         }
@@ -39,11 +47,11 @@ pub(super) fn fold(module: &Module, known: &[Known], pool: &mut Constants) -> (B
             assumed.push(k);
         }
     }
-    (folder.block(module.body.clone()), assumed)
+    (folder.block(program.body.clone()), assumed)
 }
 
 struct Folder<'p> {
-    /// By symbol: the constant that it equals in all active lanes.
+    /// By symbol, the constant that it equals in all active lanes.
     values: Vec<Option<SymbolId>>,
     pool: &'p mut Constants,
     evaluator: Evaluator,
@@ -80,7 +88,7 @@ impl Folder<'_> {
                 out.push(Stmt::If { cond, then, otherwise });
             }
             mut other => {
-                // What changes inside is known neither at the start of a round nor afterwards.
+                // Values that change inside are unknown at the start of a round and afterwards.
                 self.forget(&other);
                 let before = self.values.clone();
                 for block in blocks_mut(&mut other) {
@@ -101,12 +109,12 @@ impl Folder<'_> {
         self.forget(&Stmt::Op(op.clone()));
         if let (Some(dst), Some(value)) = (op.dst, result) {
             self.values[dst.0 as usize] = Some(value);
-            op = Op { code: OpCode::Assign, dst: Some(dst), args: vec![value], at: op.at };
+            op = Op::assign(dst, value, op.at);
         }
         out.push(Stmt::Op(op));
     }
 
-    /// The constant that an operation always gives.
+    /// Returns the constant result of an operation, if it has one.
     fn evaluate(&mut self, op: &Op, dst: SymbolId) -> Option<SymbolId> {
         let symbol = &self.pool.symbols[dst.0 as usize];
         let ty = symbol.ty;
@@ -122,12 +130,12 @@ impl Folder<'_> {
             })
             .collect();
         let constants = constants?;
-        if op.code == OpCode::Assign && constants[0].ty == ty {
+        if op.is(OpCode::Assign) && constants[0].ty == ty {
             return Some(op.args[0]);
         }
         if effect(op, &self.pool.symbols) != Effect::Pure
             || ty.value == ValueType::String
-            || matches!(op.code, OpCode::IndexSet | OpCode::ComponentSet | OpCode::MatrixComponentSet)
+            || is_partial(op, &self.pool.symbols)
         {
             return None;
         }
@@ -135,12 +143,12 @@ impl Folder<'_> {
         Some(self.pool.add(ty, ConstValue::Floats(value.into())))
     }
 
-    /// The constant in place of a symbol that equals it.
+    /// Returns the constant that a symbol equals, else the symbol.
     fn resolved(&self, symbol: SymbolId) -> SymbolId {
         self.values.get(symbol.0 as usize).copied().flatten().unwrap_or(symbol)
     }
 
-    /// Forgets what a statement may write.
+    /// Forgets the values of symbols that a statement may write.
     fn forget(&mut self, stmt: &Stmt) {
         let values = &mut self.values;
         written(stmt, &self.pool.symbols, &mut |s| {
@@ -151,20 +159,21 @@ impl Folder<'_> {
     }
 }
 
-/// Computes constants by running the operation, so that the results are those of the executor to the bit.
+/// Computes constants by running the operation, so that the results equal those of the executor to the bit.
 #[derive(Debug, Default)]
 struct Evaluator {
     executor: Executor,
 }
 
 impl Evaluator {
-    /// The result; `None` when it cannot be had, or not without a complaint.
+    /// Returns the result; `None` when it needs services or reports a message.
     fn value(&mut self, op: &Op, ty: SymbolType, constants: &[&Symbol]) -> Option<Vec<f32>> {
         let mut symbols: Vec<Symbol> = constants.iter().map(|s| (*s).clone()).collect();
         let result = SymbolId(symbols.len() as u32);
         symbols.push(Symbol { name: "r".into(), ty, kind: SymbolKind::Param(0) });
         let args = (0..result.0).map(SymbolId).collect();
-        let op = Op { code: op.code, dst: Some(result), args, at: SourcePos::default() };
+        let Operation::Stored(code) = op.code else { return None };
+        let op = ir::Op { code, dst: Some(result), args, at: SourcePos::default() };
         let module = Module {
             kind: ShaderKind::Surface,
             name: "".into(),
@@ -177,14 +186,14 @@ impl Evaluator {
                 metadata: vec![],
             }],
             symbols,
-            body: vec![Stmt::Op(op)],
+            body: vec![ir::Stmt::Op(op)],
             files: vec![],
             reads: vec![],
             writes: vec![],
             needs_derivatives: false,
         };
         let params = Params::new();
-        let layer = LayerSource { module: Arc::new(module), params: &params, name: None };
+        let layer = LayerSource { module: ValidModule::check(module, "").ok()?, params: &params, name: None };
         let group = Group::link_with(&[layer], &[], LinkOptions { optimize: false }, &mut |_, _| {}).ok()?;
         let mut nothing = Nothing { said: false };
         let mut grid = Grid::new(Topology::Scattered { n: 1 });
@@ -193,48 +202,70 @@ impl Evaluator {
     }
 }
 
-/// No surroundings: whatever asks for some is not constant.
+/// Services without any data. An operation that uses them is not constant.
 struct Nothing {
     said: bool,
 }
 
-impl Services for Nothing {
+impl Spaces for Nothing {
     fn to_common(&mut self, _: &str, _: usize) -> Option<Transform> {
         self.said = true;
         None
     }
+
     fn unit_scale(&mut self, _: &str, _: &str) -> Option<f32> {
         self.said = true;
         None
     }
+}
+
+impl Textures for Nothing {
     fn texture(&mut self, _: &TextureQuery<'_>, _: &mut LookupResult) {
         self.said = true;
     }
+
     fn environment(&mut self, _: &EnvironmentQuery<'_>, _: &mut LookupResult) {
         self.said = true;
     }
+
     fn shadow(&mut self, _: &ShadowQuery<'_>, _: &mut Lanes3) {
         self.said = true;
     }
-    fn light_count(&mut self) -> usize {
-        0
-    }
-    fn light_info(&mut self, _: usize) -> LightInfo {
-        LightInfo::default()
-    }
-    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
-        self.said = true;
-        Arc::default()
-    }
-    fn attribute(&mut self, _: &str) -> Option<Param> {
-        self.said = true;
-        None
-    }
+
     fn texture_info(&mut self, _: &str, _: &str) -> Option<Param> {
         self.said = true;
         None
     }
+}
+
+impl Lights for Nothing {
+    fn light_count(&mut self) -> usize {
+        0
+    }
+
+    fn light_info(&mut self, _: usize) -> LightInfo {
+        LightInfo::default()
+    }
+
+    fn illuminate(&mut self, _: usize, _: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        self.said = true;
+        Arc::default()
+    }
+}
+
+impl Rays for Nothing {}
+
+impl Databases for Nothing {}
+
+impl Messages for Nothing {
     fn say(&mut self, _: Severity, _: &str) {
         self.said = true;
+    }
+}
+
+impl Host for Nothing {
+    fn attribute(&mut self, _: &str) -> Option<Param> {
+        self.said = true;
+        None
     }
 }

@@ -1,16 +1,14 @@
-//! Makes the code of one instance better before it runs: same results, to the bit, for less work.
+//! Optimises the code of one instance before it runs. The results stay the same to the bit.
 //!
-//! What is known when a group is linked (constants, the values given with the instance, defaults) is
-//! [folded](fold) through the code and settles conditions; what is computed twice is computed
-//! [once](reuse); what nobody reads is [left out](dead), and what does not change inside a loop moves in
-//! front of it. Everything works on the structured code of a module, whose symbols keep their numbers:
-//! constants are added behind them.
+//! Values that are known at link time (constants, the values of the instance, defaults) are [folded](fold) through
+//! the code and resolve conditions. Repeated computations are done [once](reuse). Unused code is [removed](dead),
+//! and loop-invariant code moves in front of its loop. All passes work on the structured code of a program, whose
+//! symbols keep their indices. Constants are appended to them.
 //!
-//! A primitive variable may replace a parameter that was folded. The code as it was compiled stays beside
-//! the better one, and a grid with such a variable runs that.
+//! A primitive variable may replace a parameter that was folded. The code as it was compiled is kept, and a grid
+//! with such a variable runs that.
 //!
-//! Not the same, on purpose: mistakes that code complains about as it runs are not found in code that was
-//! left out.
+//! There is one intended difference: errors that code reports as it runs are not found in code that was removed.
 
 mod dead;
 mod effects;
@@ -18,50 +16,49 @@ mod fold;
 mod reuse;
 mod select;
 
-use granita_gsl::ir::{Block, ConstValue, Module, OpCode, Stmt, Symbol, SymbolId, SymbolKind, SymbolType};
+use crate::program::{Block, Operation, Program, Stmt};
+use granita_gsl::ir::{ConstValue, Module, Symbol, SymbolId, SymbolKind, SymbolType};
 use std::collections::HashMap;
 use std::sync::Arc;
 
 pub(crate) use dead::occurrences;
-pub(crate) use effects::{is_inert, written};
+pub(crate) use effects::{first_written, is_inert, is_partial, written};
 
-/// What is known of a parameter before the shader runs.
+/// The value of a parameter before the shader runs.
 #[derive(Clone, Debug)]
 pub(crate) enum Known {
-    /// Whatever its default is.
+    /// The value of its default.
     Default,
     /// This value.
     Given(ConstValue),
-    /// Nothing.
+    /// An unknown value.
     Unknown,
 }
 
-/// Better code for one layer.
+/// Optimised code for one layer.
 #[derive(Clone, Debug)]
 pub(crate) struct Better {
-    /// The module with this body and with more symbols.
-    pub(crate) module: Module,
-    /// Parameters (by index) that must not be replaced by primitive variables.
+    /// The program with this body and with more symbols.
+    pub(crate) program: Program,
+    /// The indices of the parameters that must not be replaced by primitive variables.
     pub(crate) assumed: Vec<usize>,
 }
 
-/// Optimises a module; `known` by parameter.
-pub(crate) fn optimize(module: &Module, known: &[Known]) -> Better {
+/// Optimises the program of a module. `known` holds the values by parameter.
+pub(crate) fn optimize(module: &Module, program: &Program, known: &[Known]) -> Better {
     let mut pool = Constants::new(module);
-    let (mut body, assumed) = fold::fold(module, known, &mut pool);
+    let (mut body, assumed) = fold::fold(module, program, known, &mut pool);
     reuse::reuse(&mut body, &pool.symbols);
-    // What became a copy of a constant may settle more.
+    // Operations that became copies of constants may resolve more conditions.
     dead::remove(&mut body, &pool.symbols);
     dead::hoist(&mut body, &pool.symbols);
     select::select(&mut body, &mut pool.symbols);
     dead::merge_copies(&mut body, &pool.symbols);
-    let mut better = module.clone();
-    better.symbols = pool.symbols;
-    better.body = body;
-    Better { module: better, assumed }
+    let inits = program.inits.clone();
+    Better { program: Program { symbols: pool.symbols, inits, body }, assumed }
 }
 
-/// All symbols, with constants found by value.
+/// All symbols, with an index of the constants by value.
 struct Constants {
     symbols: Vec<Symbol>,
     by_value: HashMap<(SymbolType, Key), SymbolId>,
@@ -94,7 +91,7 @@ impl Constants {
         Self { symbols: module.symbols.clone(), by_value }
     }
 
-    /// The constant's symbol.
+    /// Returns the constant's symbol, which is added on first use.
     fn add(&mut self, ty: SymbolType, value: ConstValue) -> SymbolId {
         let symbols = &mut self.symbols;
         *self.by_value.entry((ty, Key::of(&value))).or_insert_with(|| {
@@ -111,18 +108,18 @@ impl Constants {
     }
 }
 
-/// The number of operations in a block and inside of it.
+/// Returns the number of operations in a block and inside of it.
 pub(crate) fn operations(block: &[Stmt]) -> usize {
     block
         .iter()
         .map(|stmt| match stmt {
-            Stmt::Op(op) => usize::from(!matches!(op.code, OpCode::Straight(_))),
+            Stmt::Op(op) => usize::from(!matches!(op.code, Operation::Fused(_))),
             other => blocks(other).into_iter().map(|b| operations(b)).sum(),
         })
         .sum()
 }
 
-/// The blocks inside of a statement.
+/// Returns the blocks inside of a statement.
 fn blocks(stmt: &Stmt) -> Vec<&Block> {
     match stmt {
         Stmt::If { then, otherwise, .. } => vec![then, otherwise],
@@ -135,7 +132,7 @@ fn blocks(stmt: &Stmt) -> Vec<&Block> {
     }
 }
 
-/// The blocks inside of a statement, to be changed.
+/// Returns the mutable blocks inside of a statement.
 pub(crate) fn blocks_mut(stmt: &mut Stmt) -> Vec<&mut Block> {
     match stmt {
         Stmt::If { then, otherwise, .. } => vec![then, otherwise],
@@ -148,7 +145,7 @@ pub(crate) fn blocks_mut(stmt: &mut Stmt) -> Vec<&mut Block> {
     }
 }
 
-/// Calls `f` for each symbol that the statement itself reads, beside operations and blocks inside.
+/// Calls `f` for each symbol that the statement itself reads, without operations and blocks inside.
 fn operands_mut(stmt: &mut Stmt, mut f: impl FnMut(&mut SymbolId)) {
     use granita_gsl::ir::EmitForm as E;
     match stmt {

@@ -1,8 +1,9 @@
-//! What is computed twice is computed once, and copies are read where they come from.
+//! Reuses the results of repeated operations, and reads copies from their source.
 
 use super::effects::{Effect, effect, first_written, is_partial, written};
 use super::{blocks_mut, operands_mut};
-use granita_gsl::ir::{Block, Op, OpCode, Stmt, Symbol, SymbolId, SymbolType};
+use crate::program::{Block, Op, Operation, Stmt};
+use granita_gsl::ir::{OpCode, Symbol, SymbolId, SymbolType};
 use std::collections::HashMap;
 
 /// Rewrites a block.
@@ -12,18 +13,18 @@ pub(super) fn reuse(block: &mut Block, symbols: &[Symbol]) {
     Reuse { symbols, next: 1 }.block(block, table);
 }
 
-/// An operation on certain values; a value is a symbol and how often it has been written.
+/// A value, which is a symbol and the number of its writes. An operation has certain values as operands.
 type Value = (SymbolId, u32);
-type Known = HashMap<(OpCode, Vec<Value>, SymbolType), Value>;
+type Known = HashMap<(Operation, Vec<Value>, SymbolType), Value>;
 
-/// What holds at a point of the code.
+/// The known facts at a point of the code.
 #[derive(Clone)]
 struct Table {
-    /// By symbol: the number of its last write.
+    /// By symbol, the number of its last write.
     versions: Vec<u32>,
-    /// By symbol: what it is a copy of, with its own version then.
+    /// By symbol, the value that it is a copy of, with its own version at that time.
     copies: Vec<Option<(Value, u32)>>,
-    /// Results that are there.
+    /// Results that are available.
     known: Known,
 }
 
@@ -32,7 +33,7 @@ impl Table {
         (s, self.versions[s.0 as usize])
     }
 
-    /// Where the value of a symbol is also found.
+    /// Returns the symbol that holds the original of a copied value.
     fn resolved(&self, s: SymbolId) -> SymbolId {
         match self.copies[s.0 as usize] {
             Some((source, own)) if own == self.versions[s.0 as usize] && self.value(source.0) == source => {
@@ -62,7 +63,7 @@ impl Reuse<'_> {
         }
         let branches = matches!(stmt, Stmt::If { .. });
         if !branches {
-            // A round begins with what the last one left.
+            // A round begins with the values of the last one.
             self.forget(stmt, table);
         }
         for block in blocks_mut(stmt) {
@@ -82,11 +83,11 @@ impl Reuse<'_> {
         if let (Some(dst), true, true) = (op.dst, reusable, single) {
             let ty = self.symbols[dst.0 as usize].ty;
             let args: Vec<Value> = op.args.iter().map(|&s| table.value(s)).collect();
-            if op.code != OpCode::Assign {
+            if !op.is(OpCode::Assign) {
                 let found = (op.code, args, ty);
                 let held = table.known.get(&found).copied().filter(|v| table.value(v.0) == *v);
                 if let Some((source, _)) = held {
-                    *op = Op { code: OpCode::Assign, dst: Some(dst), args: vec![source], at: op.at };
+                    *op = Op::assign(dst, source, op.at);
                 } else {
                     key = Some(found);
                 }
@@ -96,10 +97,10 @@ impl Reuse<'_> {
         let Some(dst) = op.dst.filter(|_| single) else { return };
         let now = table.value(dst);
         if let Some(key) = key {
-            // An operand that is the result holds another value now; the key names the old one.
+            // An operand that is also the result has another value now. The key refers to the old one.
             table.known.insert(key, now);
         }
-        if op.code == OpCode::Assign {
+        if op.is(OpCode::Assign) {
             let source = op.args[0];
             let same = self.symbols[source.0 as usize].ty == self.symbols[dst.0 as usize].ty;
             if same && source != dst {
@@ -108,7 +109,7 @@ impl Reuse<'_> {
         }
     }
 
-    /// New versions for what a statement may write.
+    /// Assigns new versions to symbols that a statement may write.
     fn forget(&mut self, stmt: &Stmt, table: &mut Table) {
         let next = &mut self.next;
         written(stmt, self.symbols, &mut |s| {

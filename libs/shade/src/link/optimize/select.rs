@@ -1,18 +1,17 @@
-//! Small conditions without branches: both sides are computed, and the condition chooses.
+//! Replaces small conditions by selection. Both sides are computed, and the condition chooses.
 //!
-//! Splitting the lanes of a grid and joining them again costs more than a few operations.
+//! Splitting the lanes of a grid and merging them again costs more than a few operations.
 
 use super::blocks_mut;
 use super::effects::{Effect, effect, is_partial, may_complain};
+use crate::program::{Block, Op, Operation, Stmt};
 use granita_gsl::Func;
-use granita_gsl::ir::{
-    Block, Op, OpCode, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType, ValueType,
-};
+use granita_gsl::ir::{OpCode, SourcePos, Symbol, SymbolId, SymbolKind, SymbolType, ValueType};
 
-/// More operations on one side than these are better left out where nobody needs them.
+/// The largest number of operations on one side. With more, skipping them where they are not needed is faster.
 const MOST: usize = 5;
 
-/// Turns conditions inside a block.
+/// Replaces conditions inside a block.
 pub(super) fn select(block: &mut Block, symbols: &mut Vec<Symbol>) {
     let mut out = Vec::with_capacity(block.len());
     for mut stmt in std::mem::take(block) {
@@ -26,7 +25,7 @@ pub(super) fn select(block: &mut Block, symbols: &mut Vec<Symbol>) {
                 let args = vec![*cond, sides[0].value, sides[1].value];
                 out.extend(sides.into_iter().flat_map(|side| side.before).map(Stmt::Op));
                 let at = SourcePos::default();
-                out.push(Stmt::Op(Op { code: OpCode::Select, dst: Some(dst), args, at }));
+                out.push(Stmt::Op(Op { code: Operation::Select, dst: Some(dst), args, at, call: None }));
             }
             None => out.push(stmt),
         }
@@ -34,13 +33,13 @@ pub(super) fn select(block: &mut Block, symbols: &mut Vec<Symbol>) {
     *block = out;
 }
 
-/// What one side computes: operations with results of their own, and the value in the end.
+/// The code of one side: operations with their own results, and the final value.
 struct Side {
     before: Vec<Op>,
     value: SymbolId,
 }
 
-/// The variable that both sides set, and how; `None` when they do more than that.
+/// Returns the variable that both sides set, and their code; `None` when they do more than that.
 fn sides(then: &Block, otherwise: &Block, symbols: &mut Vec<Symbol>) -> Option<(SymbolId, [Side; 2])> {
     let target = |block: &Block| match block.last() {
         Some(Stmt::Op(op)) => op.dst,
@@ -61,7 +60,7 @@ fn sides(then: &Block, otherwise: &Block, symbols: &mut Vec<Symbol>) -> Option<(
     Some((dst, [a, b]))
 }
 
-/// Whether a side consists of cheap operations on temporaries, the last of which sets the variable.
+/// True when a side consists of cheap operations on temporaries, the last of which sets the variable.
 fn is_simple(block: &Block, dst: SymbolId, symbols: &[Symbol]) -> bool {
     block.len() <= MOST
         && block.iter().enumerate().all(|(k, stmt)| {
@@ -72,7 +71,7 @@ fn is_simple(block: &Block, dst: SymbolId, symbols: &[Symbol]) -> bool {
         })
 }
 
-/// The operations of a side with fresh results, so that sides do not disturb each other.
+/// Returns the operations of a side with new result symbols, so that the sides are independent.
 fn side(block: &Block, dst: SymbolId, ty: SymbolType, symbols: &mut Vec<Symbol>) -> Side {
     let mut fresh: Vec<(SymbolId, SymbolId)> = Vec::new();
     let mut before = Vec::new();
@@ -87,7 +86,7 @@ fn side(block: &Block, dst: SymbolId, ty: SymbolType, symbols: &mut Vec<Symbol>)
         let Some(result) = op.dst else { continue };
         let from = |s: SymbolId| symbols[s.0 as usize].ty;
         if result == dst
-            && op.code == OpCode::Assign
+            && op.is(OpCode::Assign)
             && (from(op.args[0]) == ty || from(op.args[0]).value == ValueType::Float)
         {
             return Side { before, value: op.args[0] };
@@ -103,10 +102,10 @@ fn side(block: &Block, dst: SymbolId, ty: SymbolType, symbols: &mut Vec<Symbol>)
     Side { before, value }
 }
 
-/// An operation that nobody minds when it is done for nothing.
+/// True for an operation that is cheap and has no side effects.
 fn is_cheap(op: &Op, symbols: &[Symbol]) -> bool {
-    let plain = match op.code {
-        OpCode::Call(func) => {
+    let plain = match op.func() {
+        Some(func) => {
             use Func as F;
             matches!(
                 func,
@@ -122,7 +121,7 @@ fn is_cheap(op: &Op, symbols: &[Symbol]) -> bool {
                     | F::Sign
             )
         }
-        _ => true,
+        None => true,
     };
     let single = |s: &SymbolId| {
         let ty = symbols[s.0 as usize].ty;

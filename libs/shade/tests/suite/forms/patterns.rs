@@ -1,4 +1,4 @@
-//! tidy: table
+// tidy: table
 //! Steps, noises, random numbers and splines (reference 5.8.6), antialiased steps (5.8.7).
 
 use super::*;

@@ -1,4 +1,4 @@
-//! tidy: table
+// tidy: table
 //! Functions of numbers (reference 5.8.2) and operators.
 
 use super::*;

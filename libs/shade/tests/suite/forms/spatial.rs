@@ -1,4 +1,4 @@
-//! tidy: table
+// tidy: table
 //! Geometry, spaces, units, colours and matrices (reference 5.8.3 to 5.8.5).
 
 use super::*;

@@ -1,0 +1,244 @@
+//! Colours that are stored otherwise than as red, green and blue, and what they are as these.
+
+use crate::directory::Directory;
+use crate::tags;
+use granita_image::{FileSource, PixelType, Pixels, Result};
+
+/// How the first channels of a pixel make a colour. Further channels stay as they are.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Colors {
+    /// Four inks, 0 is none.
+    Cmyk,
+    /// CIE L*a*b* with signed a* and b* (TIFF 6.0, section 23).
+    CieLab,
+    /// CIE L*a*b* as in ICC profiles, a* and b* with an offset (Adobe's technical notes of 2002).
+    IccLab,
+    /// Luminance and colour differences.
+    YCbCr(YCbCr),
+}
+
+/// The tags of TIFF 6.0, sections 20 and 21.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct YCbCr {
+    /// Shares of red, green and blue in the luminance.
+    luma: [f32; 3],
+    /// What is black and white in each channel.
+    reference: [f32; 6],
+    /// Pixels across and down that share one pair of differences: 1, 2 or 4.
+    pub(crate) block: (usize, usize),
+}
+
+impl Colors {
+    /// From the tags of a directory. `None` when the channels are given out as they are stored.
+    pub(crate) fn of(
+        source: &FileSource,
+        directory: &Directory,
+        photometric: u64,
+        (pixel_type, bits, samples): (PixelType, u64, u64),
+    ) -> Result<Option<Self>> {
+        let (colors, name, stored) = match photometric {
+            5 if samples >= 4 && directory.number(source, tags::INK_SET, 1)? == 1 => {
+                (Self::Cmyk, "CMYK", samples)
+            }
+            6 => (Self::YCbCr(YCbCr::of(source, directory)?), "YCbCr", 3),
+            8 => (Self::CieLab, "CIE L*a*b*", 3),
+            9 => (Self::IccLab, "ICC L*a*b*", 3),
+            10 => return Err(source.unsupported("TIFF in ITU L*a*b* colours is not supported")),
+            32844 | 32845 => return Err(source.unsupported("TIFF in LogLuv colours is not supported")),
+            _ => return Ok(None),
+        };
+        if samples < stored {
+            return Err(source.malformed(format!("{name} colours in {samples} channels")));
+        }
+        let fits = match (&colors, pixel_type) {
+            (Self::YCbCr(_), _) => bits == 8 && pixel_type == PixelType::U8,
+            (_, PixelType::U8 | PixelType::U16) => bits >= 8,
+            (Self::Cmyk, PixelType::Float) => true,
+            _ => false,
+        };
+        if !fits {
+            let what = format!("TIFF in {name} colours of {bits}-bit {pixel_type:?} values is not supported");
+            return Err(source.unsupported(what));
+        }
+        Ok(Some(colors))
+    }
+
+    /// Number of channels that make the colour.
+    fn inks(&self) -> usize {
+        if *self == Self::Cmyk { 4 } else { 3 }
+    }
+
+    /// Channels of a pixel that is given out, of so many stored.
+    pub(crate) fn channels(&self, samples: usize) -> usize {
+        samples - self.inks() + 3
+    }
+
+    /// Pixels of `samples` stored values each as red, green and blue and the further channels, of the same type.
+    pub(crate) fn to_rgb(&self, stored: &Pixels, samples: usize) -> Pixels {
+        let values = stored.floats();
+        let mut out = Vec::with_capacity(values.len() / samples * self.channels(samples));
+        // The whole number that was stored: floats hold those of 16 bits exactly.
+        let top = if stored.pixel_type() == PixelType::U8 { 255.0 } else { 65535.0 };
+        for pixel in values.chunks_exact(samples) {
+            let (color, rest) = pixel.split_at(self.inks());
+            let whole = |i: usize| (color[i] * top).round();
+            out.extend(match self {
+                Self::Cmyk => [0, 1, 2].map(|i| (1.0 - color[i]) * (1.0 - color[3])),
+                Self::CieLab => {
+                    let signed = |n: f32| if n > top / 2.0 { n - top - 1.0 } else { n };
+                    let unit = (top + 1.0) / 256.0;
+                    lab_to_rgb([color[0] * 100.0, signed(whole(1)) / unit, signed(whole(2)) / unit])
+                }
+                Self::IccLab => {
+                    // 100 is 255 in 8 bits, 65280 in 16.
+                    let unit = (top + 1.0) / 256.0;
+                    let [l, a, b] = [0, 1, 2].map(|i| whole(i) / unit);
+                    lab_to_rgb([l / 2.55, a - 128.0, b - 128.0])
+                }
+                Self::YCbCr(tags) => tags.rgb([0, 1, 2].map(|i| color[i] * 255.0)),
+            });
+            out.extend_from_slice(rest);
+        }
+        Pixels::from_floats(stored.pixel_type(), &out)
+    }
+}
+
+impl YCbCr {
+    fn of(source: &FileSource, directory: &Directory) -> Result<Self> {
+        /// The numbers of a tag, or the default where it is absent or is damaged.
+        fn or<const N: usize>(values: &[f32], default: [f32; N]) -> [f32; N] {
+            values.try_into().ok().filter(|v: &[f32; N]| v.iter().all(|n| n.is_finite())).unwrap_or(default)
+        }
+        let luma = directory.floats(source, tags::YCBCR_COEFFICIENTS, 3)?;
+        let reference = directory.floats(source, tags::REFERENCE_BLACK_WHITE, 6)?;
+        let block = match directory.numbers(source, tags::YCBCR_SUBSAMPLING, 2)?[..] {
+            [h @ (1 | 2 | 4), v @ (1 | 2 | 4)] => (h as usize, v as usize),
+            [] => (2, 2),
+            ref other => {
+                return Err(source.malformed(format!("colour differences of blocks of {other:?} pixels")));
+            }
+        };
+        Ok(Self {
+            luma: or(&luma, [0.299, 0.587, 0.114]),
+            reference: or(&reference, [0.0, 255.0, 128.0, 255.0, 128.0, 255.0]),
+            block,
+        })
+    }
+
+    /// Red, green and blue from 0 to 1.
+    fn rgb(&self, stored: [f32; 3]) -> [f32; 3] {
+        let [r, g, b] = self.luma;
+        let full = |i: usize, top: f32| {
+            let (black, white) = (self.reference[2 * i], self.reference[2 * i + 1]);
+            (stored[i] - black) * top / (white - black)
+        };
+        let (y, cb, cr) = (full(0, 255.0), full(1, 127.0), full(2, 127.0));
+        let (red, blue) = (y + cr * (2.0 - 2.0 * r), y + cb * (2.0 - 2.0 * b));
+        [red, (y - b * blue - r * red) / g, blue].map(|v| (v / 255.0).clamp(0.0, 1.0))
+    }
+
+    /// Bytes of `size` pixels in blocks: the luminances of one block, row by row, then its two differences.
+    pub(crate) fn block_bytes(&self, size: (usize, usize)) -> usize {
+        let (h, v) = self.block;
+        size.0.div_ceil(h) * size.1.div_ceil(v) * (h * v + 2)
+    }
+
+    /// Three values for each of `size` pixels, from blocks: all pixels of a block get its differences.
+    pub(crate) fn spread(&self, blocks: &[u8], size: (usize, usize)) -> Vec<u8> {
+        let (h, v) = self.block;
+        let across = size.0.div_ceil(h).max(1);
+        let mut out = vec![0; size.0 * size.1 * 3];
+        for (index, block) in blocks.chunks_exact(h * v + 2).enumerate() {
+            let (left, top) = (index % across * h, index / across * v);
+            for y in top..(top + v).min(size.1) {
+                for x in left..(left + h).min(size.0) {
+                    let luminance = block[(y - top) * h + x - left];
+                    let at = (y * size.0 + x) * 3;
+                    out[at..at + 3].copy_from_slice(&[luminance, block[h * v], block[h * v + 1]]);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// sRGB from 0 to 1 of a CIE L*a*b* colour; what no screen shows is cut off. White is white: the colours are taken for
+/// those of the light D50, as is the custom, and adapted to that of sRGB, D65, by Bradford's matrix.
+fn lab_to_rgb([l, a, b]: [f32; 3]) -> [f32; 3] {
+    // CIE 15:2004, 8.2.1.
+    let linear = |f: f32| if f > 6.0 / 29.0 { f * f * f } else { (f - 4.0 / 29.0) * (108.0 / 841.0) };
+    let f = (l + 16.0) / 116.0;
+    let [x, y, z] = [0.96422 * linear(f + a / 500.0), linear(f), 0.82521 * linear(f - b / 200.0)];
+    // XYZ of D50 to linear sRGB: the matrix of IEC 61966-2-1 after Bradford's.
+    [
+        3.133_856 * x - 1.616_867 * y - 0.490_615 * z,
+        -0.978_768 * x + 1.916_142 * y + 0.033_454 * z,
+        0.071_945 * x - 0.228_991 * y + 1.405_243 * z,
+    ]
+    .map(|v| {
+        let v = v.clamp(0.0, 1.0);
+        if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// L*a*b* (D50) of the primaries of sRGB, to a tenth of a thousandth, are well known.
+    const PRIMARIES: [([f32; 3], [u8; 3]); 5] = [
+        ([100.0, 0.0, 0.0], [255; 3]),
+        ([54.2905, 80.8049, 69.8910], [255, 0, 0]),
+        ([87.8185, -79.2711, 80.9946], [0, 255, 0]),
+        ([29.5683, 68.2874, -112.0297], [0, 0, 255]),
+        ([53.3890, 0.0, 0.0], [127; 3]),
+    ];
+
+    #[test]
+    fn the_primaries_are_where_they_should_be() {
+        for (lab, rgb) in PRIMARIES {
+            let got = lab_to_rgb(lab).map(|v| (v * 255.0).round() as i32);
+            assert!(got.iter().zip(rgb).all(|(a, b)| (a - i32::from(b)).abs() <= 1), "{lab:?}: {got:?}");
+        }
+    }
+
+    #[test]
+    fn both_ways_to_store_lab_are_one_colour() {
+        let (l, a, b) = (54, 80, -70);
+        let cie = Pixels::U8(vec![(l as f32 * 2.55) as u8, a as u8, b as u8, 9]);
+        let icc = Pixels::U8(vec![(l as f32 * 2.55) as u8, (a + 128) as u8, (b + 128) as u8, 9]);
+        assert_eq!(Colors::CieLab.to_rgb(&cie, 4), Colors::IccLab.to_rgb(&icc, 4));
+        let cie = Pixels::U16(vec![35000, (a * 256) as u16, (b * 256) as u16]);
+        let Pixels::U16(cie) = Colors::CieLab.to_rgb(&cie, 3) else { panic!() };
+        let l = (35000.0f32 / 65535.0 * 65280.0).round() as u16;
+        let icc = Pixels::U16(vec![l, ((a + 128) * 256) as u16, ((b + 128) * 256) as u16]);
+        let Pixels::U16(icc) = Colors::IccLab.to_rgb(&icc, 3) else { panic!() };
+        assert!(cie.iter().zip(&icc).all(|(a, b)| a.abs_diff(*b) <= 3), "{cie:?} {icc:?}");
+    }
+
+    #[test]
+    fn inks_take_light_away() {
+        let inks = Pixels::U8(vec![0, 0, 0, 0, 7, 255, 0, 51, 0, 8, 0, 0, 0, 255, 9]);
+        let rgb = Pixels::U8(vec![255, 255, 255, 7, 0, 255, 204, 8, 0, 0, 0, 9]);
+        assert_eq!(Colors::Cmyk.to_rgb(&inks, 5), rgb);
+    }
+
+    #[test]
+    fn differences_are_shared_by_blocks() {
+        let tags = YCbCr {
+            luma: [0.299, 0.587, 0.114],
+            reference: [0.0, 255.0, 128.0, 255.0, 128.0, 255.0],
+            block: (2, 2),
+        };
+        assert_eq!(tags.block_bytes((3, 3)), 24);
+        let blocks: Vec<u8> = (0..24).collect();
+        let out = tags.spread(&blocks, (3, 3));
+        assert_eq!(out[..9], [0, 4, 5, 1, 4, 5, 6, 10, 11]);
+        assert_eq!(out[9..18], [2, 4, 5, 3, 4, 5, 8, 10, 11]);
+        assert_eq!(out[18..], [12, 16, 17, 13, 16, 17, 18, 22, 23]);
+        // Pure red, after TIFF 6.0, section 21.
+        let rgb = Colors::YCbCr(tags).to_rgb(&Pixels::U8(vec![76, 85, 255]), 3);
+        let Pixels::U8(rgb) = rgb else { panic!() };
+        assert!(rgb[0] >= 253 && rgb[1] <= 1 && rgb[2] <= 1, "{rgb:?}");
+    }
+}

@@ -1,0 +1,591 @@
+//! Samples micropolygons that move, that are out of focus, or that reach before the near plane.
+
+use super::hit::{Hit, Raster, Sink, before, spans};
+use super::lanes::{LANES, Lanes, Points, Signs, first_lanes};
+use super::streaks::{Candidate, Streak, Streaks};
+use super::visible::pixels_of;
+use granita_base::{Vec2, Vec3};
+use granita_dicing::PixelRect;
+use granita_machine::simd::Simd;
+
+/// Scratch for the work on a micropolygon, kept from one to the next.
+#[derive(Default)]
+pub(super) struct Scratch {
+    borders: Borders,
+    /// Scratch for micropolygons that move fast.
+    pub(super) streaks: Streaks,
+    /// The samples that the micropolygon may hit.
+    candidates: Vec<Candidate>,
+}
+
+/// The positions of a micropolygon at some consecutive times: its raster box as seen through a pinhole, and `1 /
+/// focus - 1 / z` of its nearest and farthest corner for the lens. A point at depth `z`, seen through the lens point
+/// `l`, appears `scale * l * (1 / focus - 1 / z)` away from where a pinhole shows it.
+///
+/// The box is infinite when the micropolygon is not entirely behind the near plane.
+#[derive(Default)]
+struct Borders {
+    lo_x: Vec<f32>,
+    hi_x: Vec<f32>,
+    lo_y: Vec<f32>,
+    hi_y: Vec<f32>,
+    near: Vec<f32>,
+    far: Vec<f32>,
+}
+
+/// A micropolygon that is searched for hits.
+pub(super) struct Polygon {
+    /// The indices of its corners in the grid, in order around it.
+    pub(super) corners: [usize; 4],
+    pub(super) rim: [bool; 4],
+    /// The size of a pixel in camera space at z = 1.
+    pub(super) pixel: Vec2,
+}
+
+impl Raster<'_> {
+    /// Samples any micropolygon. A ray through each sample's lens point at its time is tested against the corners at
+    /// that time.
+    ///
+    /// Two tests reject samples before the rays are traced. First, a micropolygon that moves far is in few places at
+    /// any one time, so that samples are tested only against its positions in their part of the shutter (Fatahalian
+    /// et al., Data-Parallel Rasterization of Micropolygons with Defocus and Motion Blur, 2009). Second, only those
+    /// samples remain whose lens point may see it there.
+    #[inline(always)]
+    pub(super) fn moving(
+        &self,
+        simd: impl Simd,
+        (at, mp): (usize, usize),
+        rim: [bool; 4],
+        room: &mut Scratch,
+        sink: &mut impl Sink,
+    ) {
+        let (samples, view, nu) = (self.samples, self.view, self.grid.nu);
+        let any_rim = rim.contains(&true);
+        let pad = self.widening(any_rim);
+        let b = view.boxes[mp];
+        let whole = pixels_of([b[0] - pad, b[1] - pad, b[2] + pad, b[3] + pad], &self.window());
+        if whole.is_empty() {
+            return;
+        }
+        let corners = [at, at + 1, at + nu + 1, at + nu];
+        // Depths change linearly from key to key.
+        let depths = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].z));
+        let z_min = depths.fold(f32::INFINITY, f32::min);
+        let nearest = before(z_min);
+        if sink.hides(&whole, nearest) {
+            return;
+        }
+        let travel_px = if z_min < self.closest() { f32::INFINITY } else { self.travel_px(corners[0]) };
+        room.candidates.clear();
+        if self.is_fast(travel_px) {
+            let streak = Streak { corners: &corners, whole: &whole, pad, nearest, limits: sink.limits() };
+            self.follow(&streak, &mut room.streaks, &mut room.candidates);
+        } else {
+            let strata = samples.time_strata();
+            let groups = samples.per_pixel.div_ceil(LANES);
+            // Each sample is tested in its own part of the shutter, or all samples of a group in their parts
+            // together.
+            let together = travel_px <= groups as f32;
+            let step = if together { LANES } else { 1 };
+            self.find_borders(&corners, step, pad, &mut room.borders);
+            for group in 0..groups {
+                let slice = match together {
+                    _ if strata == 1 => Slice::All(0),
+                    true => Slice::All(group),
+                    false => Slice::Each(group * LANES),
+                };
+                self.sift(simd, group, slice, (&whole, nearest, sink.limits()), room);
+            }
+        }
+        let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
+        for candidates in room.candidates.chunks(LANES) {
+            // Unused lanes repeat the first candidate.
+            let mut all = [candidates[0]; LANES];
+            all[..candidates.len()].copy_from_slice(candidates);
+            self.rays(simd, &polygon, &all, candidates.len(), &mut |sample, z, u, v, beside| {
+                sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
+            });
+        }
+    }
+
+    /// Appends the samples that may see the micropolygon to the candidates. Of each pixel in `whole` it tests the
+    /// `group`-th group of eight samples, and of these the samples that need hits at the depth `nearest`.
+    #[inline(always)]
+    fn sift(
+        &self,
+        simd: impl Simd,
+        group: usize,
+        slice: Slice,
+        (whole, nearest, limits): (&PixelRect, f32, Option<&[f32]>),
+        room: &mut Scratch,
+    ) {
+        let (samples, view) = (self.samples, self.view);
+        let Scratch { borders, candidates, .. } = room;
+        let first = group * LANES;
+        let boxes = borders.during(slice);
+        let scale = view.scale;
+        let defocused = view.lens_radius > 0.0;
+        let lens = match samples.tables.lens_boxes.get(group) {
+            Some(lens) if defocused => *lens,
+            _ => [0.0; 4],
+        };
+        let reach = borders.reach(slice, lens, scale);
+        let rect = pixels_of(reach, whole);
+        let full = first_lanes(samples.per_pixel - first);
+        let nearest = Lanes::splat(nearest);
+        let tables = &*samples.tables;
+        for y in rect.y0..rect.y1 {
+            let row = samples.pixel(rect.x0, y);
+            for pixel in row..row + rect.width() {
+                let at = pixel * samples.per_pixel + first;
+                let mut wanted = match samples.varies() {
+                    true => first_lanes(samples.count(pixel).saturating_sub(first)),
+                    false => full,
+                };
+                if let Some(limits) = limits {
+                    wanted &= simd.positive(Lanes::load(limits, at) - nearest);
+                    if wanted == 0 {
+                        continue;
+                    }
+                }
+                let place = samples.places(pixel) + first;
+                let px = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
+                let py = Lanes::load(&tables.fy, place) + y as f32;
+                let mut lens = 0;
+                let room = if defocused {
+                    lens = samples.lenses[pixel] + first as u32;
+                    let sx = Lanes::load(&tables.lens_x, lens as usize) * scale.x;
+                    let sy = Lanes::load(&tables.lens_y, lens as usize) * scale.y;
+                    let (ax, bx) = (px - sx * boxes.near, px - sx * boxes.far);
+                    let (ay, by) = (py - sy * boxes.near, py - sy * boxes.far);
+                    let x_room = (ax.max(bx) - boxes.lo_x).min(boxes.hi_x - ax.min(bx));
+                    x_room.min(ay.max(by) - boxes.lo_y).min(boxes.hi_y - ay.min(by))
+                } else {
+                    let x_room = (px - boxes.lo_x).min(boxes.hi_x - px);
+                    x_room.min(py - boxes.lo_y).min(boxes.hi_y - py)
+                };
+                let mut inside = simd.positive(room) & wanted;
+                let time = samples.times.get(pixel).map_or(0, |time| time + first as u32);
+                while inside != 0 {
+                    let lane = inside.trailing_zeros();
+                    inside &= inside - 1;
+                    candidates.push(Candidate {
+                        sample: at as u32 + lane,
+                        time: time + lane,
+                        lens: lens + lane,
+                    });
+                }
+            }
+        }
+    }
+
+    /// Returns the depth from which on points are projected.
+    #[inline(always)]
+    pub(super) fn closest(&self) -> f32 {
+        if self.view.perspective { self.view.near.max(f32::MIN_POSITIVE) } else { f32::NEG_INFINITY }
+    }
+
+    /// Returns approximately how many pixels a point moves from the first to the last key.
+    #[inline(always)]
+    pub(super) fn travel_px(&self, point: usize) -> f32 {
+        let view = self.view;
+        let (Some(first), Some(last)) = (view.p_cam.first(), view.p_cam.last()) else { return 0.0 };
+        let (a, b) = (first[point], last[point]);
+        let path = view.project(b) - view.project(a);
+        let far_enough = !view.perspective || a.z >= view.near && b.z >= view.near;
+        if far_enough { path.abs().max_element() } else { f32::INFINITY }
+    }
+
+    /// Finds the positions of a micropolygon at every `step`-th stratum boundary of the shutter and at its end. The
+    /// boxes are padded for rounding and by `pad` raster pixels for the boundary edge.
+    #[inline(always)]
+    fn find_borders(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
+        let (samples, view) = (self.samples, self.view);
+        borders.clear();
+        let strata = samples.time_strata();
+        let slices = strata.div_ceil(step);
+        let still = view.times.len() == 1;
+        for first in (0..=slices).step_by(LANES) {
+            let mut time = Lanes::splat(0.0);
+            for (k, time) in time.0.iter_mut().enumerate() {
+                *time = samples.stratum_time(((first + k) * step).min(strata));
+            }
+            borders.extend(&self.outlines(self.corners_at(corners, time), pad));
+            if still {
+                // A micropolygon that does not move has one position.
+                break;
+            }
+        }
+        if still {
+            borders.repeat_first(slices + 1);
+        }
+        // Between keys points move along straight lines, which the projection preserves. A key between two borders
+        // extends both.
+        let [open, close] = samples.shutter;
+        for key in 1..view.times.len().saturating_sub(1) {
+            let time = view.times[key];
+            let at = (time - open) / (close - open) * (strata as f32 / step as f32);
+            if at > 0.0 && at <= slices as f32 {
+                let outline = self.outlines(self.corners_at(corners, Lanes::splat(time)), pad);
+                let slice = (at as usize).min(slices - 1);
+                for border in slice.saturating_sub(1)..=(slice + 2).min(slices) {
+                    borders.include(border, &outline);
+                }
+            }
+        }
+        borders.pad();
+    }
+
+    /// Returns the outlines of the corners at eight times.
+    #[inline(always)]
+    fn outlines(&self, p: [Points; 4], pad: f32) -> LaneBoxes {
+        let view = self.view;
+        let [most, least] = [f32::INFINITY, f32::NEG_INFINITY].map(Lanes::splat);
+        let mut boxes =
+            LaneBoxes { lo_x: most, hi_x: least, lo_y: most, hi_y: least, near: most, far: least };
+        for p in &p {
+            let (mut x, mut y) = (p.x * view.scale.x, p.y * view.scale.y);
+            if view.perspective {
+                (x, y) = (x / p.z, y / p.z);
+            }
+            (boxes.lo_x, boxes.hi_x) = (boxes.lo_x.min(x), boxes.hi_x.max(x));
+            (boxes.lo_y, boxes.hi_y) = (boxes.lo_y.min(y), boxes.hi_y.max(y));
+            (boxes.near, boxes.far) = (boxes.near.min(p.z), boxes.far.max(p.z));
+        }
+        let largest = boxes.hi_x.max(-boxes.lo_x).max(boxes.hi_y).max(-boxes.lo_y);
+        let room = largest.max(-largest) * 1e-5 + (pad + 0.01 + 1e-5 * view.center.abs().max_element());
+        let too_close = if view.perspective { view.near.max(f32::MIN_POSITIVE) } else { -f32::MAX };
+        let clear = boxes.near - too_close;
+        (boxes.lo_x, boxes.hi_x) = (boxes.lo_x + view.center.x - room, boxes.hi_x + view.center.x + room);
+        (boxes.lo_y, boxes.hi_y) = (boxes.lo_y + view.center.y - room, boxes.hi_y + view.center.y + room);
+        if view.lens_radius > 0.0 {
+            let (focus, one) = (Lanes::splat(1.0 / view.focus), Lanes::splat(1.0));
+            (boxes.near, boxes.far) = (focus - one / boxes.near, focus - one / boxes.far);
+        }
+        let zero = Lanes::splat(0.0);
+        LaneBoxes {
+            lo_x: clear.choose(boxes.lo_x, least),
+            hi_x: clear.choose(boxes.hi_x, most),
+            lo_y: clear.choose(boxes.lo_y, least),
+            hi_y: clear.choose(boxes.hi_y, most),
+            near: clear.choose(boxes.near, zero),
+            far: clear.choose(boxes.far, zero),
+        }
+    }
+
+    /// Intersects rays from the lens points of samples with the two triangles of a micropolygon at the samples'
+    /// times. It computes the depth along z and the coordinates in the micropolygon. For a ray that passes beside the
+    /// micropolygon, on the widened boundary edge, it computes the direction to the micropolygon ([`Hit::beside`]).
+    ///
+    /// The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using 2D
+    /// Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
+    #[inline(always)]
+    pub(super) fn rays(
+        &self,
+        simd: impl Simd,
+        polygon: &Polygon,
+        list: &[Candidate; LANES],
+        used: usize,
+        hit: &mut impl FnMut(usize, f32, f32, f32, Option<Vec2>),
+    ) {
+        let (samples, view) = (self.samples, self.view);
+        let Polygon { corners, rim, pixel } = polygon;
+        let on_plane = [
+            (Lanes::gather(&samples.x, list, |c| c.sample) - view.center.x) * pixel.x,
+            (Lanes::gather(&samples.y, list, |c| c.sample) - view.center.y) * pixel.y,
+        ];
+        let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
+        let (origin, direction) = if !view.perspective {
+            (on_plane, Points { x: zero, y: zero, z: one })
+        } else if view.lens_radius > 0.0 {
+            let tables = &*samples.tables;
+            let lens = [&tables.lens_x, &tables.lens_y].map(|l| Lanes::gather(l, list, |c| c.lens));
+            let [x, y] = [0, 1].map(|k| on_plane[k] - lens[k] / view.focus);
+            (lens, Points { x, y, z: one })
+        } else {
+            ([zero; 2], Points { x: on_plane[0], y: on_plane[1], z: one })
+        };
+        let time = match samples.times.is_empty() {
+            true => Lanes::splat(samples.shutter[0]),
+            false => Lanes::gather(&samples.tables.time, list, |c| c.time),
+        };
+        let mut p = self.corners_at(corners, time);
+        for p in &mut p {
+            (p.x, p.y) = (p.x - origin[0], p.y - origin[1]);
+        }
+        // The normals of the planes through the origin and an edge are exactly opposite for opposite directions of
+        // the edge.
+        let d = p[0].cross(&p[2]).dot(&direction);
+        let (mut sides, mut e, mut pad) = ([p[0]; 4], [zero; 4], [zero; 4]);
+        for k in 0..4 {
+            sides[k] = p[k].cross(&p[(k + 1) % 4]);
+            e[k] = sides[k].dot(&direction);
+        }
+        // The change of the edge functions over one pixel.
+        let slope = |k: usize| match view.perspective {
+            true => [sides[k].x * pixel.x, sides[k].y * pixel.y],
+            // In an orthographic view both ends are projected without their depths.
+            false => {
+                let (a, b) = (&p[k], &p[(k + 1) % 4]);
+                [(a.y - b.y) * pixel.x, (b.x - a.x) * pixel.y]
+            }
+        };
+        let widened = view.rim_px > 0.0;
+        for k in 0..4 {
+            if rim[k] && widened {
+                let [x, y] = slope(k);
+                pad[k] = (x * x + y * y).root() * view.rim_px;
+            }
+        }
+        // The triangles are (0, 1, 2) and (0, 2, 3). The diagonal is not a boundary edge.
+        let signs = [(e[0] + e[1] - d).sign(), (d + e[2] + e[3]).sign()];
+        let slack = |k: usize, sign: Lanes| e[k] * sign + pad[k];
+        let slacks = [
+            slack(0, signs[0]).min(slack(1, signs[0])).min(-d * signs[0]),
+            slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]),
+        ];
+        let far_enough = view.near.max(view.z_min);
+        let mut alive = first_lanes(used);
+        if let Some([from, to]) = view.existence {
+            alive &= simd.not_negative(time - from) & simd.not_negative(-(time - to));
+        }
+        let (mut inside, mut found) = ([0; 2], [0; 2]);
+        let mut places = [(zero, zero, zero); 2];
+        for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])]
+        {
+            let t = usize::from(second);
+            let sum = e[0] + e[1] + e[2];
+            let size = sum * signs[t];
+            // The size must be neither 0 nor infinite.
+            let valid = simd.positive(size) & simd.positive(Lanes::splat(f32::INFINITY) - size);
+            found[t] = simd.not_negative(slacks[t]) & valid & alive;
+            if found[t] == 0 {
+                continue;
+            }
+            let least = (e[0] * signs[t]).min(e[1] * signs[t]).min(e[2] * signs[t]);
+            inside[t] = found[t] & simd.not_negative(least) & !inside[0];
+            let w = [e[1], e[2], e[0]].map(|w| (w / sum).max(zero).min(one));
+            let total = w[0] + w[1] + w[2];
+            let w = w.map(|w| w / total);
+            let z = w[0] * p[corner[0]].z + w[1] * p[corner[1]].z + w[2] * p[corner[2]].z;
+            let along = (w[1] + w[2]).min(one);
+            places[t] = if second { (z, w[1], along) } else { (z, along, w[2]) };
+        }
+        for (inside, (z, u, v)) in inside.into_iter().zip(&places) {
+            let clear = simd.not_negative(*z - far_enough) & simd.not_negative(-(*z - view.far));
+            let mut inside = inside & clear;
+            while inside != 0 {
+                let lane = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                hit(list[lane].sample as usize, z.0[lane], u.0[lane], v.0[lane], None);
+            }
+        }
+        // These rays are beside both triangles, on the widened boundary edge of one.
+        let mut beside = (found[0] | found[1]) & !(inside[0] | inside[1]);
+        while beside != 0 {
+            let lane = beside.trailing_zeros() as usize;
+            beside &= beside - 1;
+            let seen = |k: usize| Vec3::new(p[k].x.0[lane], p[k].y.0[lane], p[k].z.0[lane]);
+            let on_rim = [0, 1].into_iter().find_map(|t| {
+                if found[t] & 1 << lane == 0 {
+                    return None;
+                }
+                let (corner, e, side) = match t {
+                    0 => ([0, 1, 2], [e[0], e[1], -d], [Some(0), Some(1), None]),
+                    _ => ([0, 2, 3], [d, e[2], e[3]], [None, Some(2), Some(3)]),
+                };
+                let (sign, e) = (signs[t].0[lane], e.map(|e| e.0[lane]));
+                let k = (0..3).find(|k| e[*k] * sign < 0.0)?;
+                let ends = [seen(corner[k]), seen(corner[(k + 1) % 3])];
+                let ray = Vec2::new(direction.x.0[lane], direction.y.0[lane]);
+                if !self.is_along(ends, ray, *pixel) {
+                    return None;
+                }
+                let toward = side[k].filter(|side| rim[*side] && widened).map_or(Vec2::ZERO, |side| {
+                    let [x, y] = slope(side);
+                    Vec2::new(x.0[lane], y.0[lane]) * sign
+                });
+                Some((t, toward))
+            });
+            if let Some((t, toward)) = on_rim {
+                let (z, u, v) = places[t];
+                let z = z.0[lane];
+                if z >= far_enough && z <= view.far {
+                    hit(list[lane].sample as usize, z, u.0[lane], v.0[lane], Some(toward));
+                }
+            }
+        }
+    }
+
+    /// Does the test of [`spans`] for a ray from the origin to `ray` at depth 1 past an edge. An edge that reaches
+    /// behind the camera ends on one side only. An edge that is entirely behind the camera is beside no ray.
+    fn is_along(&self, ends: [Vec3; 2], ray: Vec2, pixel: Vec2) -> bool {
+        let view = self.view;
+        let seen = |p: Vec3| p.truncate() / if view.perspective { p.z } else { 1.0 } / pixel;
+        let at = if view.perspective { ray / pixel } else { Vec2::ZERO };
+        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
+            let [behind, front] = if ends[0].z > 0.0 { [ends[1], ends[0]] } else { ends };
+            // The direction in which the raster position of the end in front moves on the way to the other end.
+            let along = (behind.truncate() * front.z - front.truncate() * behind.z) / pixel;
+            return front.z > 0.0 && (at - seen(front)).dot(along.normalize_or_zero()) >= -1.5 * view.rim_px;
+        }
+        let [from, to] = ends.map(seen);
+        spans(to - from, at - from, view.rim_px)
+    }
+
+    /// Returns the positions of the corners at eight times.
+    #[inline(always)]
+    pub(super) fn corners_at(&self, corners: &[usize; 4], time: Lanes) -> [Points; 4] {
+        let view = self.view;
+        let mut out = [Points::splat(Vec3::ZERO); 4];
+        match (&view.times[..], &view.p_cam[..]) {
+            ([_], [p]) => {
+                for k in 0..4 {
+                    out[k] = Points::splat(p[corners[k]]);
+                }
+            }
+            ([t0, t1], [a, b]) => {
+                let alpha = (time - *t0) / (t1 - t0);
+                let alpha = alpha.max(Lanes::splat(0.0)).min(Lanes::splat(1.0));
+                let rest = Lanes::splat(1.0) - alpha;
+                for k in 0..4 {
+                    let (a, b) = (Points::splat(a[corners[k]]), Points::splat(b[corners[k]]));
+                    out[k] = Points {
+                        x: a.x * rest + b.x * alpha,
+                        y: a.y * rest + b.y * alpha,
+                        z: a.z * rest + b.z * alpha,
+                    };
+                }
+            }
+            _ => {
+                let keys = time.0.map(|time| granita_dicing::key_at(&view.times, time));
+                for k in 0..4 {
+                    let p = keys.map(|(key, next, alpha)| view.between(key, next, alpha, corners[k]));
+                    let [x, y, z] = [p.map(|p| p.x), p.map(|p| p.y), p.map(|p| p.z)];
+                    out[k] = Points { x: Lanes(x), y: Lanes(y), z: Lanes(z) };
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The slices of the shutter in which eight samples are tested.
+#[derive(Clone, Copy)]
+enum Slice {
+    /// All samples are tested in this slice.
+    All(usize),
+    /// Each sample is tested in its own slice, beginning with this one.
+    Each(usize),
+}
+
+impl Borders {
+    fn lists(&mut self) -> [&mut Vec<f32>; 6] {
+        [&mut self.lo_x, &mut self.hi_x, &mut self.lo_y, &mut self.hi_y, &mut self.near, &mut self.far]
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.lists().into_iter().for_each(Vec::clear);
+    }
+
+    /// Appends the outlines at eight times.
+    #[inline(always)]
+    fn extend(&mut self, boxes: &LaneBoxes) {
+        for (list, lanes) in self.lists().into_iter().zip(boxes.lists()) {
+            list.extend_from_slice(&lanes.0);
+        }
+    }
+
+    /// Repeats the first outline `n` times.
+    #[inline(always)]
+    fn repeat_first(&mut self, n: usize) {
+        for list in self.lists() {
+            let first = list[0];
+            list.clear();
+            list.resize(n, first);
+        }
+    }
+
+    /// Appends padding for loads beyond the last outline.
+    #[inline(always)]
+    fn pad(&mut self) {
+        for list in self.lists() {
+            let last = list.last().copied().unwrap_or(0.0);
+            list.extend_from_slice(&[last; LANES + 1]);
+        }
+    }
+
+    /// Extends an outline by the first lane of other outlines.
+    fn include(&mut self, border: usize, boxes: &LaneBoxes) {
+        for (k, (list, lanes)) in self.lists().into_iter().zip(boxes.lists()).enumerate() {
+            let value = &mut list[border];
+            *value = if k % 2 == 0 { value.min(lanes.0[0]) } else { value.max(lanes.0[0]) };
+        }
+    }
+
+    /// Returns the raster box of everything between the borders of the slices, seen through a part (x0, x1, y0, y1)
+    /// of the lens.
+    #[inline(always)]
+    fn reach(&self, slice: Slice, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+        let lesser = |a: f32, b: f32| if a < b { a } else { b };
+        let greater = |a: f32, b: f32| if a > b { a } else { b };
+        let (first, count) = match slice {
+            Slice::All(k) => (k, 1),
+            Slice::Each(k) => (k, LANES),
+        };
+        let mut reach = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        for k in first..first + count {
+            let least = |list: &[f32]| lesser(list[k], list[k + 1]);
+            let most = |list: &[f32]| greater(list[k], list[k + 1]);
+            let (near, far) = (least(&self.near), most(&self.far));
+            let side = |lo: f32, hi: f32, l0: f32, l1: f32, scale: f32| {
+                let (l0, l1) = (l0 * scale, l1 * scale);
+                let [a, b, c, d] = [near * l0, far * l0, near * l1, far * l1];
+                let smallest = lesser(lesser(a, b), lesser(c, d));
+                let largest = greater(greater(a, b), greater(c, d));
+                (lo + smallest, hi + largest)
+            };
+            let x = side(least(&self.lo_x), most(&self.hi_x), x0, x1, scale.x);
+            let y = side(least(&self.lo_y), most(&self.hi_y), y0, y1, scale.y);
+            reach = [reach[0].min(x.0), reach[1].min(y.0), reach[2].max(x.1), reach[3].max(y.1)];
+        }
+        reach
+    }
+
+    /// Returns the union of the outlines at the borders of the slices.
+    #[inline(always)]
+    fn during(&self, slice: Slice) -> LaneBoxes {
+        let at = |list: &[f32], offset: usize| match slice {
+            Slice::All(k) => Lanes::splat(list[k + offset]),
+            Slice::Each(k) => Lanes::load(list, k + offset),
+        };
+        let least = |list: &[f32]| at(list, 0).min(at(list, 1));
+        let most = |list: &[f32]| at(list, 0).max(at(list, 1));
+        LaneBoxes {
+            lo_x: least(&self.lo_x),
+            hi_x: most(&self.hi_x),
+            lo_y: least(&self.lo_y),
+            hi_y: most(&self.hi_y),
+            near: least(&self.near),
+            far: most(&self.far),
+        }
+    }
+}
+
+/// The outlines that eight samples are tested against; see [`Borders`].
+struct LaneBoxes {
+    lo_x: Lanes,
+    hi_x: Lanes,
+    lo_y: Lanes,
+    hi_y: Lanes,
+    near: Lanes,
+    far: Lanes,
+}
+
+impl LaneBoxes {
+    #[inline(always)]
+    fn lists(&self) -> [&Lanes; 6] {
+        [&self.lo_x, &self.hi_x, &self.lo_y, &self.hi_y, &self.near, &self.far]
+    }
+}

@@ -1,0 +1,309 @@
+//! Filters samples into pixels.
+//!
+//! A pixel is the weighted mean of the samples in the support of its filter, which includes samples of neighbouring
+//! pixels (reference 7.5). The set of these samples, their weights and the order of the sums depend on the absolute
+//! pixel alone. Buckets and crops therefore do not change a pixel.
+
+use crate::{SampleGrid, Tables};
+use granita_base::Filter;
+use granita_dicing::PixelRect;
+use granita_machine::widest;
+
+/// The way in which the values of samples are combined into a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PixelFilter {
+    /// A weighted mean.
+    Weighted(Filter),
+    /// The least value, for depths.
+    Min,
+    /// The greatest value of the samples that see a surface, for depths.
+    Max,
+    /// The mean value of the samples that see a surface, for depths.
+    Average,
+}
+
+/// The depth of a sample that sees no surface (reference 10.1).
+pub const NO_DEPTH: f32 = 1.0e30;
+
+/// A filter with the size of its support in raster pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilterSpec {
+    /// The shape.
+    pub filter: PixelFilter,
+    /// The full widths in x and y, in raster pixels.
+    pub width: [f32; 2],
+}
+
+impl FilterSpec {
+    /// The number of pixels beyond its own, in x and y, whose samples a pixel needs.
+    pub fn margin(&self) -> [i32; 2] {
+        self.width.map(|w| ((w * 0.5 - 0.5).ceil() as i32).max(0))
+    }
+}
+
+/// The number of lanes of each sum. The lanes are added in parallel and in a fixed order.
+const LANES: usize = 8;
+
+/// The number of channels that are summed in one pass over the samples.
+const TOGETHER: usize = 4;
+
+/// Filters some channels of samples into the pixels of `pixels`.
+///
+/// `values` holds channel `c` of sample `s` at `c * samples.len() + s`. `samples` must reach [`FilterSpec::margin`]
+/// pixels beyond `pixels`. The result holds the channels of each pixel together, row by row.
+pub fn filter(
+    support: &Support,
+    samples: &SampleGrid,
+    values: &[f32],
+    channels: &[usize],
+    pixels: &PixelRect,
+) -> Vec<f32> {
+    let source = Source { samples, values, channels };
+    widest!(filter_all(support, &source, pixels))
+}
+
+/// Does the work of [`filter`]. Vector instructions do not change the result.
+#[inline(always)]
+fn filter_all(support: &Support, source: &Source<'_>, pixels: &PixelRect) -> Vec<f32> {
+    let channels = source.channels.len();
+    let mut out = vec![0.0; pixels.width() * pixels.height() * channels];
+    let mut at = 0;
+    for y in pixels.y0..pixels.y1 {
+        for x in pixels.x0..pixels.x1 {
+            let pixel = &mut out[at..at + channels];
+            match support.spec.filter {
+                PixelFilter::Weighted(_) => support.weighted(source, [x, y], pixel),
+                _ => support.picked(source, [x, y], pixel),
+            }
+            at += channels;
+        }
+    }
+    out
+}
+
+/// Returns the first eight numbers, with zeros for those that are missing.
+#[inline(always)]
+fn eight(numbers: &[f32]) -> [f32; LANES] {
+    numbers.first_chunk().copied().unwrap_or_else(|| {
+        let mut out = [0.0; LANES];
+        out[..numbers.len()].copy_from_slice(numbers);
+        out
+    })
+}
+
+/// The samples and channels that are filtered.
+struct Source<'a> {
+    samples: &'a SampleGrid,
+    /// Channel `c` of sample `s` at `c * samples.len() + s`.
+    values: &'a [f32],
+    /// The indices of the requested channels.
+    channels: &'a [usize],
+}
+
+/// The weights of every sample position in the patterns, for the pixels around its own.
+pub struct Support {
+    spec: FilterSpec,
+    margin: [i32; 2],
+    /// `x[k][i]` is the weight of position `i` for the pixel `k - margin` columns to the right of its own.
+    x: Vec<Vec<f32>>,
+    y: Vec<Vec<f32>>,
+}
+
+impl Support {
+    /// Computes the weights of a filter.
+    pub fn new(spec: &FilterSpec, tables: &Tables) -> Self {
+        let margin = spec.margin();
+        let shape = match spec.filter {
+            PixelFilter::Weighted(f) => f,
+            _ => Filter::Box,
+        };
+        let weights = |places: &[f32], margin: i32, width: f32| {
+            (-margin..=margin)
+                .map(|k| places.iter().map(|f| shape.weight(f - 0.5 - k as f32, width)).collect())
+                .collect()
+        };
+        Self {
+            spec: *spec,
+            margin,
+            x: weights(&tables.fx, margin[0], spec.width[0]),
+            y: weights(&tables.fy, margin[1], spec.width[1]),
+        }
+    }
+
+    /// Returns the pixels in the support of a pixel: for each the index of its first sample, the weight of its
+    /// samples relative to those of other pixels, and the weights of its sample positions in x and y.
+    #[inline(always)]
+    fn around<'s>(
+        &'s self,
+        samples: &'s SampleGrid,
+        [x, y]: [i32; 2],
+    ) -> impl Iterator<Item = (usize, f32, &'s [f32], &'s [f32])> {
+        let [mx, my] = self.margin;
+        (-my..=my).flat_map(move |dy| (-mx..=mx).map(move |dx| (dx, dy))).map(move |(dx, dy)| {
+            let pixel = samples.pixel(x + dx, y + dy);
+            let (n, places) = (samples.count(pixel), samples.places(pixel));
+            // Relative to the other pixel, this pixel lies in the opposite direction.
+            let wx = &self.x[(mx - dx) as usize][places..places + n];
+            let wy = &self.y[(my - dy) as usize][places..places + n];
+            // All pixels have the same total weight, however many samples they have.
+            let counts = samples.per_pixel as f32 / n as f32;
+            (pixel * samples.per_pixel, counts, wx, wy)
+        })
+    }
+
+    /// Computes a weighted mean for each channel. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added to
+    /// lane `s % LANES`.
+    #[inline(always)]
+    fn weighted(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
+        let Source { samples, values, channels } = *source;
+        let total = samples.len();
+        let own = samples.pixel(pixel[0], pixel[1]) * samples.per_pixel;
+        for (out, channels) in out.chunks_mut(TOGETHER).zip(channels.chunks(TOGETHER)) {
+            // Deviations from one value are summed instead of the values, so that a constant channel stays exactly
+            // constant.
+            let mut base = [0.0_f32; TOGETHER];
+            for (base, channel) in base.iter_mut().zip(channels) {
+                let v = values[channel * total + own];
+                *base = if v.is_finite() { v } else { 0.0 };
+            }
+            let mut weight = [0.0_f32; LANES];
+            let mut sum = [[0.0_f32; LANES]; TOGETHER];
+            for (first, counts, wx, wy) in self.around(samples, pixel) {
+                let n = wx.len();
+                for k in (0..n).step_by(LANES) {
+                    let (wx, wy) = (eight(&wx[k..]), eight(&wy[k..]));
+                    let mut w = [0.0_f32; LANES];
+                    for i in 0..LANES {
+                        w[i] = wx[i] * wy[i] * counts;
+                    }
+                    if w == [0.0; LANES] {
+                        continue;
+                    }
+                    for i in 0..LANES {
+                        weight[i] += w[i];
+                    }
+                    let used = LANES.min(n - k);
+                    for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
+                        let seen = &values[channel * total + first + k..][..used];
+                        if let Some(seen) = seen.as_array::<LANES>() {
+                            for i in 0..LANES {
+                                sum[i] += w[i] * (seen[i] - base);
+                            }
+                        } else {
+                            for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
+                                *sum += w * (v - base);
+                            }
+                        }
+                    }
+                }
+            }
+            let weight: f32 = weight.iter().sum();
+            for ((out, sum), base) in out.iter_mut().zip(&sum).zip(&base) {
+                let sum: f32 = sum.iter().sum();
+                *out = if weight == 0.0 { *base } else { base + sum / weight };
+            }
+        }
+    }
+
+    fn picked(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
+        let Source { samples, values, channels } = *source;
+        let total = samples.len();
+        for (out, channel) in out.iter_mut().zip(channels) {
+            let plane = &values[channel * total..(channel + 1) * total];
+            let (mut least, mut greatest, mut sum, mut count) =
+                (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
+            for (first, _, wx, wy) in self.around(samples, pixel) {
+                for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
+                    let v = plane[first + s];
+                    if a * b > 0.0 && v.is_finite() {
+                        least = least.min(v);
+                        greatest = greatest.max(v);
+                        sum += f64::from(v);
+                        count += 1;
+                    }
+                }
+            }
+            *out = match self.spec.filter {
+                _ if count == 0 => NO_DEPTH,
+                PixelFilter::Min => least,
+                PixelFilter::Max => greatest,
+                _ => (sum / f64::from(count)) as f32,
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SamplePattern;
+    use granita_base::{Params, Reporter};
+
+    fn samples(rect: PixelRect) -> SampleGrid {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: Params::new(),
+        };
+        let camera = granita_dicing::CameraView::new(&camera, &Reporter::silent());
+        SampleGrid::new(rect, &SamplePattern::new(&camera, false), &camera, &[])
+    }
+
+    fn filter(
+        spec: &FilterSpec,
+        samples: &SampleGrid,
+        values: &[f32],
+        channels: &[usize],
+        pixels: &PixelRect,
+    ) -> Vec<f32> {
+        super::filter(&Support::new(spec, &samples.tables), samples, values, channels, pixels)
+    }
+
+    const PIXELS: PixelRect = PixelRect { x0: 10, y0: 20, x1: 14, y1: 23 };
+
+    #[test]
+    fn a_constant_stays_exactly_constant() {
+        for shape in Filter::ALL {
+            for width in [1.0, 1.5, 2.0, 3.0, 4.0] {
+                let spec = FilterSpec { filter: PixelFilter::Weighted(shape), width: [width, width] };
+                let samples = samples(PIXELS.grown(2));
+                let values = vec![0.3_f32; samples.len()];
+                let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+                assert!(out.iter().all(|v| *v == 0.3), "{shape:?} {width}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_ramp_stays_a_ramp_within_noise() {
+        let samples = samples(PIXELS.grown(1));
+        let spec = FilterSpec { filter: PixelFilter::Weighted(Filter::Gaussian), width: [2.0, 2.0] };
+        let values = samples.x.clone();
+        let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+        for (i, v) in out.iter().enumerate() {
+            let x = PIXELS.x0 as f32 + (i % 4) as f32 + 0.5;
+            assert!((v - x).abs() < 0.05, "{v} at {x}");
+        }
+    }
+
+    #[test]
+    fn depth_filters() {
+        let samples = samples(PIXELS);
+        let mut values = vec![f32::INFINITY; samples.len()];
+        let n = samples.per_pixel;
+        (values[0], values[1]) = (2.0, 4.0);
+        for (kind, expected) in
+            [(PixelFilter::Min, 2.0), (PixelFilter::Max, 4.0), (PixelFilter::Average, 3.0)]
+        {
+            let spec = FilterSpec { filter: kind, width: [1.0, 1.0] };
+            let out = filter(&spec, &samples, &values, &[0], &PIXELS);
+            assert_eq!((out[0], out[1]), (expected, NO_DEPTH), "{kind:?} of {n} samples");
+        }
+    }
+
+    #[test]
+    fn margins() {
+        let margin = |w: f32| FilterSpec { filter: PixelFilter::Min, width: [w, 1.0] }.margin();
+        assert_eq!([1.0, 1.5, 2.0, 3.0, 3.1, 4.0].map(|w| margin(w)[0]), [0, 1, 1, 1, 2, 2]);
+    }
+}

@@ -1,0 +1,359 @@
+//! The state of a frame that shaders read.
+
+use crate::lighting::cache::IrradianceCache;
+use crate::lighting::directions::EnvironmentSampler;
+use crate::lighting::lights::LightState;
+use crate::object::{LinkedShaders, Linker, ObjectState, StateShaders};
+use crate::services::maps;
+use crate::spaces::{Spaces, Units};
+use crate::texts::Texts;
+use crate::{ShaderLibrary, ShadingEnvironment, ShadingStatistics, preshaded};
+use granita_base::{Files, Location, OnceMap, Reporter, SearchPath, Severity, Vec3};
+use granita_dicing::{CameraView, finite};
+use granita_rays::{RayFrame, RayWorld};
+
+use granita_scene::attribute::{Key, scope};
+use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
+use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
+use granita_shade::Group;
+use granita_texture::{CacheOptions, TextureCache, TextureId, Up, Use};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+/// Depth maps that are rendered on demand while shaders read them (reference 10.1.5).
+pub trait DepthMaps: Send + Sync {
+    /// Returns the depths of a tile (column and row) of a map, row by row from the top. The result is always the
+    /// same to the bit, because a tile may be requested again.
+    fn tile(&self, frame: &ShadingContext, map: TextureId, tile: [u32; 2]) -> Vec<f32>;
+}
+
+/// The state of a frame that shading needs. Its threads share it.
+pub struct ShadingContext {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// The camera that dices and shades, which is the first one.
+    pub camera: CameraView,
+    /// The camera's position in world space.
+    pub(crate) eye_world: Vec3,
+    /// Receives messages.
+    pub reporter: Reporter,
+    /// Set when the frame must end. Results after that may be incomplete.
+    stop: Arc<AtomicBool>,
+    /// The named spaces.
+    pub(crate) spaces: Spaces,
+    /// The units of "common" space.
+    pub(crate) units: Units,
+    /// The texture files.
+    pub textures: TextureCache,
+    /// The shadow maps without files.
+    pub dynamic: Option<Box<dyn DepthMaps>>,
+    /// The spatial databases.
+    pub databases: Arc<Databases>,
+    database_attributes: Attributes,
+    texture_path: SearchPath,
+    /// Samplers of the light of environment maps, by map name and upper direction.
+    directions: OnceMap<MapFrame, Option<Arc<EnvironmentSampler>>>,
+    /// The databases that `subsurface ()` queries.
+    clustered: OnceMap<(String, Mode), Option<Clustered>>,
+    /// The lights by [`LightId`]; `None` for lights that stay dark.
+    pub(crate) lights: Vec<Option<LightState>>,
+    /// The geometry that rays intersect.
+    pub(crate) rays: RayWorld<ObjectState>,
+    /// The texts that `fprintf` writes.
+    pub(crate) texts: Texts,
+    /// Opens the files of `fprintf`.
+    pub(crate) files: Files,
+    /// The indirect light and occlusion of points that grids share.
+    pub(crate) light_cache: IrradianceCache,
+    pub(crate) library: Arc<dyn ShaderLibrary>,
+    states: States,
+}
+
+/// The name of an environment map, and the upper direction that a shader gives it.
+type MapFrame = (String, String);
+
+/// Records, and clusters of the far ones.
+pub(crate) type Clustered = (Arc<Packed>, Arc<Clusters>);
+
+/// The attributes "spatialdb:read" and so on (reference 4.3.9), which are lists that grow with every call.
+fn database_attributes(scene: &Scene) -> Attributes {
+    let names = |key: Key<scope::Global, Option<Arc<[Arc<str>]>>>| -> Vec<String> {
+        let list = scene.get(key).unwrap_or_default();
+        list.iter().map(ToString::to_string).collect()
+    };
+    Attributes {
+        read: names(attr::SPATIALDB_READ),
+        write: names(attr::SPATIALDB_WRITE),
+        readonly: names(attr::SPATIALDB_READONLY),
+        writeonly: names(attr::SPATIALDB_WRITEONLY),
+    }
+}
+
+/// Cached states by the address of their source. The scene keeps all sources alive, so an address identifies one of
+/// them for the whole frame.
+#[derive(Default)]
+struct States {
+    /// States by attribute set, by whether the primitive has its own "opacity", and by whether it is a grid with
+    /// colours.
+    objects: OnceMap<(usize, bool, bool), Arc<ObjectState>>,
+    groups: OnceMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
+    default_surface: OnceLock<Arc<LinkedShaders>>,
+}
+
+/// Returns the largest number of texture files open at once: "limits:texturefiles", and no more than three quarters
+/// of the files that the process may have open. The others are for images that are written, shaders, databases and
+/// sockets.
+fn texture_files(attribute: i32, open_files: Option<usize>) -> usize {
+    let most = open_files.map_or(usize::MAX, |limit| limit / 4 * 3);
+    usize::try_from(attribute).unwrap_or(0).min(most).max(1)
+}
+
+impl ShadingContext {
+    /// Links the lights and prepares the rest. It loads no surface, opens no texture and builds no ray structures.
+    pub fn new(scene: &Arc<Scene>, camera: &CameraView, environment: &ShadingEnvironment) -> Self {
+        let reporter = environment.reporter.clone();
+        let linker = Linker { library: &*environment.shaders, reporter: &reporter };
+        let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
+        let named =
+            |key: Key<scope::Global, Arc<str>>| Some(scene.get(key).to_string()).filter(|s| !s.is_empty());
+        let options = CacheOptions {
+            memory_bytes: u64::try_from(scene.get(attr::LIMITS_TEXTUREMEMORY)).map_or(0, |kb| kb * 1024),
+            max_files: texture_files(scene.get(attr::LIMITS_TEXTUREFILES), environment.open_files),
+            automipmap: scene.get(attr::TEXTURE_AUTOMIPMAP),
+            substitute_texture: named(attr::TEXTURE_SUBSTTEXTURE),
+            substitute_environment: named(attr::TEXTURE_SUBSTENV),
+            common_origin: camera.common_origin,
+        };
+        let textures = TextureCache::new(
+            environment.registry.clone(),
+            environment.texture_path.clone(),
+            options,
+            reporter.clone(),
+        );
+        let threads = match environment.threads {
+            0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
+            n => n,
+        };
+        Self {
+            spaces: Spaces::new(scene, camera),
+            units: Units::new(scene),
+            rays: RayWorld::new(scene, threads),
+            texts: Texts::default(),
+            files: environment.registry.files().clone(),
+            light_cache: IrradianceCache::default(),
+            scene: scene.clone(),
+            camera: camera.clone(),
+            eye_world: camera.position_world(),
+            textures,
+            dynamic: None,
+            lights,
+            library: environment.shaders.clone(),
+            databases: environment.databases.clone(),
+            database_attributes: database_attributes(scene),
+            texture_path: environment.texture_path.clone(),
+            directions: OnceMap::default(),
+            clustered: OnceMap::default(),
+            states: States::default(),
+            stop: environment.stop.clone(),
+            reporter,
+        }
+    }
+
+    /// Returns the properties of the frame that rays need.
+    pub(crate) fn ray_frame(&self) -> RayFrame<'_> {
+        RayFrame {
+            scene: &self.scene,
+            camera: &self.camera,
+            eye: self.eye_world,
+            reporter: &self.reporter,
+            cache: &self.rays.cache,
+        }
+    }
+
+    /// Returns the size in world units of a pixel of the camera at the distance of a place.
+    pub(crate) fn pixel_world(&self, p: Vec3) -> f32 {
+        self.ray_frame().pixel(p)
+    }
+
+    /// True when the frame must end, so that shaders must stop.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Returns the permitted use of a database, from the option "filemode" and the attributes of the scene.
+    pub(crate) fn database_mode(&self, name: &str, word: &str) -> Mode {
+        self.databases.mode(&self.database_attributes, name, word)
+    }
+
+    /// Returns the records that queries of a database read.
+    pub(crate) fn database(&self, name: &str, mode: Mode) -> Option<Arc<Packed>> {
+        self.databases.records(name, mode, &self.texture_path)
+    }
+
+    /// Returns the sampler of the light of a map; `None` when the map does not exist.
+    pub(crate) fn directions(&self, name: &str, up: Option<&str>) -> Option<Arc<EnvironmentSampler>> {
+        self.directions.get_or_make((name.to_owned(), up.unwrap_or("").to_owned()), || {
+            let id = self.textures.find_for(name, Use::Environment)?;
+            let up = up.and_then(Up::from_word);
+            Some(Arc::new(maps::directions(&self.textures, id, up, self.rays.threads)))
+        })
+    }
+
+    /// Returns the records of a database with clusters of the far ones, which are made on first use.
+    pub(crate) fn clustered(&self, name: &str, mode: Mode) -> Option<Clustered> {
+        self.clustered.get_or_make((name.to_owned(), mode), || {
+            let records = self.database(name, mode)?;
+            let clusters = Arc::new(Clusters::new(&records));
+            Some((records, clusters))
+        })
+    }
+
+    /// Returns the state of a primitive's object. It is made on first use, and all primitives with the same
+    /// attribute set share it.
+    pub fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
+        let own_opacity = primitive.keys.first().is_some_and(|key| key.params.get("opacity").is_some());
+        let grid = preshaded::lattice(primitive).is_some();
+        let key = (Arc::as_ptr(&primitive.attributes) as usize, own_opacity, grid);
+        self.states.objects.get_or_make(key, || Arc::new(self.new_object(primitive, own_opacity, grid)))
+    }
+
+    fn new_object(&self, primitive: &Primitive, own_opacity: bool, grid: bool) -> ObjectState {
+        let attributes = &primitive.attributes;
+        let name = attributes.name();
+        let (given, opacity) = (finite::given_opacity(attributes), finite::opacity(attributes));
+        if given != opacity {
+            self.reporter.once(
+                &format!("opacity {name}"),
+                Severity::Warning,
+                &primitive.at,
+                format!(
+                    "object \"{name}\": \"opacity\" ({} {} {}) counts as ({} {} {}): it is from 0 to 1",
+                    given.x, given.y, given.z, opacity.x, opacity.y, opacity.z
+                ),
+            );
+        }
+        let group = |shaders: &Option<Arc<ShaderGroup>>, usage| self.group(shaders.as_ref()?, usage, &name);
+        let surface = group(&attributes.surface, ShaderUsage::Surface);
+        let displacement = group(&attributes.displacement, ShaderUsage::Displacement);
+        let volume = group(&attributes.volume, ShaderUsage::Volume);
+        let surface = surface.unwrap_or_else(|| self.default_surface());
+        let preshaded = grid && preshaded::is_requested_by(&surface, displacement.as_ref());
+        // The volume between it and the camera was included when it was shaded.
+        let volume = volume.filter(|_| !preshaded);
+        let shaders = StateShaders { surface, displacement, volume };
+        let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
+        state.preshaded = preshaded;
+        let shines = |id: &LightId| self.light(*id).is_some();
+        state.lights = attributes.lights.iter().filter(shines).collect();
+        let groups = self.groups(&state);
+        // Parameters stay on the grid for later shaders of the object and for lights that query them.
+        for shaders in [state.displacement.as_ref(), Some(&state.surface)].into_iter().flatten() {
+            let kind = crate::object::kind(shaders.usage);
+            if groups.iter().any(|group| group.usage() != kind && group.listens_to(kind)) {
+                shaders.group.keep_parameters();
+            }
+        }
+        let saves = |key: Key<scope::Object, Arc<str>>| self.database_mode(&attributes.get(key), "").write;
+        let may_batch = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
+        let saves = saves(attr::INDIRECT_SPATIALDB)
+            || saves(attr::OCCLUSION_SPATIALDB)
+            || groups.iter().any(|group| group.may_save());
+        (state.may_batch, state.saves) = (may_batch, saves);
+        state
+    }
+
+    /// Returns all groups that run when the object is shaded.
+    fn groups<'s>(&'s self, state: &'s ObjectState) -> Vec<&'s Group> {
+        let own = [Some(&state.surface), state.displacement.as_ref(), state.volume.as_ref()];
+        let own = own.into_iter().flatten().map(|shaders| &shaders.group);
+        let lights = state.lights.iter().filter_map(|id| self.light(*id)).map(|light| &light.shaders.group);
+        own.chain(lights).collect()
+    }
+
+    /// Returns a light that is not dark.
+    pub(crate) fn light(&self, id: LightId) -> Option<&LightState> {
+        self.lights.get(id.0 as usize)?.as_ref()
+    }
+
+    fn group(
+        &self,
+        shaders: &Arc<ShaderGroup>,
+        usage: ShaderUsage,
+        owner: &str,
+    ) -> Option<Arc<LinkedShaders>> {
+        let key = (Arc::as_ptr(shaders) as usize, usage);
+        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        self.states.groups.get_or_make(key, || linker.link(shaders, usage, owner).map(Arc::new))
+    }
+
+    /// Returns the default surface, which belongs to no object. Its "shader" space is the world.
+    fn default_surface(&self) -> Arc<LinkedShaders> {
+        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        self.states.default_surface.get_or_init(|| Arc::new(linker.default_surface())).clone()
+    }
+
+    /// Limits the bytes of ray tessellations from now on.
+    pub fn limit_tessellations(&self, bytes: u64) {
+        self.rays.cache.set_limit(bytes);
+    }
+
+    /// Writes the texts of `fprintf`. Returns false when one could not be written, which is reported.
+    pub fn finish_texts(&self) -> bool {
+        self.texts.finish(&self.files, &self.reporter)
+    }
+
+    /// Returns the counts of the work that shading the frame did and avoided.
+    pub fn statistics(&self) -> ShadingStatistics {
+        let (built, sets) = self.rays.built();
+        let (triangles, bytes) = self.rays.size();
+        let tessellations = self.rays.cache.counts();
+        let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
+        let rays = &self.rays.counts;
+        let t = self.textures.statistics();
+        ShadingStatistics {
+            rays: count(&rays.rays),
+            shadow_rays: count(&rays.shadow_rays),
+            ray_hits_shaded: count(&rays.shaded),
+            ray_structures: sets as u64,
+            ray_structures_built: built as u64,
+            ray_triangles: triangles,
+            ray_bytes: bytes,
+            ray_tessellations: tessellations.made,
+            ray_tessellations_given_up: tessellations.given_up,
+            ray_tessellation_bytes_peak: tessellations.peak_bytes,
+            light_records: count(&self.light_cache.records),
+            light_rays: count(&self.light_cache.rays),
+            light_points: count(&self.light_cache.points),
+            texture_files: t.files,
+            texture_automipmaps: t.automipmaps,
+            texture_lookups: t.lookups,
+            texture_tile_requests: t.tile_requests,
+            texture_tiles_read: t.tiles_read,
+            texture_bytes_read: t.tile_bytes,
+            texture_bytes_peak: t.peak_bytes,
+        }
+    }
+
+    /// Reports a warning once per name of a feature.
+    pub(crate) fn unsupported(&self, feature: &str) {
+        self.reporter.once(
+            &format!("unsupported {feature}"),
+            Severity::Warning,
+            &Location::default(),
+            format!("{feature} is not supported yet"),
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn textures_leave_files_for_outputs() {
+        assert_eq!(texture_files(1000, None), 1000);
+        assert_eq!(texture_files(1000, Some(64)), 48);
+        assert_eq!(texture_files(10, Some(64)), 10);
+        assert_eq!(texture_files(-5, Some(2)), 1);
+    }
+}

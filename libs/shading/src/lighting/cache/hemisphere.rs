@@ -1,0 +1,332 @@
+//! The hemisphere (or a cone) over a point in strata: directions, means and derivatives.
+//!
+//! The derivatives are those of strata of constant radiance. The borders of the strata stay fixed in space at the
+//! distance of the nearer side, which occludes the other. When the receiver moves, an element `dl` of a border at
+//! `a` sweeps light of the difference `L`: `L / pi (a . n) (a x dl) / |a|^4` per unit of distance. The second
+//! derivative is the change of that with `|a|`. Walls of constant radiance therefore have no derivatives, however
+//! near they are. Gradients follow Ward and Heckbert, Irradiance Gradients (Eurographics Workshop on Rendering,
+//! 1992). Second derivatives with occlusion follow the idea of Schwarzhaupt, Jensen and Jarosz, Practical
+//! Hessian-Based Error Control for Irradiance Caching (SIGGRAPH Asia 2012).
+
+use super::{Kind, Record};
+use granita_base::{Color, Vec3, hash, sample};
+use granita_rays::sampling::basis;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// The smallest number of samples with meaningful derivatives.
+const LEAST_FOR_DERIVATIVES: u32 = 8;
+
+/// A division of the cone into cells of equal weight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Strata {
+    /// The number of rings from the axis to the boundary.
+    rings: u32,
+    /// The number of sectors of each ring.
+    sectors: u32,
+    /// The sine of the cone's half angle.
+    sin: f32,
+    /// The half angle of a cone whose cells have equal solid angles, in radians. It may be wider than the
+    /// hemisphere. `None` when cells are weighted by the cosine.
+    uniform: Option<f32>,
+}
+
+/// The result of one ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    /// A unit vector in world space.
+    pub(crate) dir: Vec3,
+    /// The colour; for occlusion the blocked share, in all channels.
+    pub(crate) value: Color,
+    /// The distance of the hit; infinite when nothing was hit.
+    pub(crate) distance: f32,
+}
+
+impl Strata {
+    /// Divides a cone into at most `samples` cells (at least one) of equal weight, by the cosine with the axis or
+    /// by solid angle. `half_angle` is in radians. With cosines it is at most a right angle.
+    pub(crate) fn new(samples: u32, half_angle: f32, cosine: bool) -> Self {
+        let samples = samples.max(1);
+        let rings = ((samples as f32 / PI).sqrt() as u32).max(1);
+        let sin = half_angle.clamp(0.0, FRAC_PI_2).sin();
+        let uniform = (!cosine).then(|| half_angle.clamp(0.0, PI));
+        Self { rings, sectors: (samples / rings).max(1), sin, uniform }
+    }
+
+    /// Returns the number of cells.
+    pub(crate) fn len(&self) -> u32 {
+        self.rings * self.sectors
+    }
+
+    /// Passes a direction in each cell (ring by ring) around a unit axis to `tell`. Directions are jittered so that
+    /// rings and sectors are also filled evenly (Kensler, Correlated Multi-Jittered Sampling, 2013).
+    pub(crate) fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
+        let wide = self.uniform.unwrap_or(self.sin);
+        if wide.is_nan() || wide <= 0.0 {
+            return (0..self.len()).for_each(|index| tell(index, axis));
+        }
+        let (u, v) = basis(axis);
+        let narrowest = self.uniform.map_or(0.0, f32::cos);
+        let (rings, sectors) = (self.rings as f32, self.sectors as f32);
+        let permuted = |n: u32, dimension: u32| -> Vec<u32> {
+            let seed = hash::words(&[seed, dimension]);
+            (0..n).map(|k| sample::permute(k, n, seed)).collect()
+        };
+        let (across, around) = (permuted(self.sectors, 1), permuted(self.rings, 2));
+        let part = |k: u32, of: f32, index: u32, dimension: u32| {
+            let jitter = hash::unit(hash::words(&[seed, index, dimension]));
+            (k as f32 + jitter) / of
+        };
+        for ring in 0..self.rings {
+            for sector in 0..self.sectors {
+                let index = ring * self.sectors + sector;
+                let x = part(across[sector as usize], sectors, index, 3);
+                let y = part(around[ring as usize], rings, index, 4);
+                let (x, y) = ((ring as f32 + x) / rings, (sector as f32 + y) / sectors);
+                let (sin, cos) = if self.uniform.is_some() {
+                    let cos = 1.0 - x * (1.0 - narrowest);
+                    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
+                } else {
+                    let sin = self.sin * x.sqrt();
+                    (sin, (1.0 - sin * sin).max(0.0).sqrt())
+                };
+                let (s, c) = (y * TAU).sin_cos();
+                tell(index, (u * (sin * c) + v * (sin * s) + axis * cos).normalize_or(axis));
+            }
+        }
+    }
+
+    /// Returns the record of all cells. `seen` holds one result per cell. Derivatives are computed only on request.
+    pub(crate) fn record(&self, kind: Kind, axis: Vec3, seen: &[Seen], derivatives: bool) -> Record {
+        let mut record = Record::default();
+        let mut sum = Color::ZERO;
+        let mut open = Vec3::ZERO;
+        for s in seen {
+            sum += s.value;
+            open += s.dir * (1.0 - s.value.x);
+        }
+        let n = kind.channels();
+        let mean = sum / seen.len().max(1) as f32;
+        record.value[..n].copy_from_slice(&mean.to_array()[..n]);
+        if kind == Kind::Occlusion {
+            record.open = open.normalize_or_zero();
+        }
+        if derivatives
+            && self.uniform.is_none()
+            && seen.len() as u32 == self.len()
+            && self.len() >= LEAST_FOR_DERIVATIVES
+        {
+            self.derive(kind, axis, seen, &mut record);
+        }
+        record
+    }
+
+    fn derive(&self, kind: Kind, axis: Vec3, seen: &[Seen], record: &mut Record) {
+        let (u, v) = basis(axis);
+        let at = |ring: u32, sector: u32| &seen[(ring * self.sectors + sector % self.sectors) as usize];
+        let (mut places, mut second) = ([[0.0_f32; 3]; 2], [0.0_f32; 3]);
+        // The sums of squares estimate the part of the derivatives that is noise.
+        let (mut noise, mut second_noise) = ([0.0_f32; 3], 0.0_f32);
+        // `sweep` is the normal of the border towards `one` times its length, and `by` is its direction. Both are
+        // weighted by the cosine.
+        let mut border = |one: &Seen, other: &Seen, sweep: [f32; 2], by: [f32; 2], hessian: f32| {
+            let step = one.value - other.value;
+            let distance = one.distance.min(other.distance);
+            if step == Color::ZERO || !distance.is_finite() || distance <= 0.0 {
+                return;
+            }
+            let near = 1.0 / distance;
+            for (sums, sweep) in places.iter_mut().zip(sweep) {
+                for (c, sum) in sums.iter_mut().enumerate() {
+                    *sum += step[c] * sweep * near;
+                }
+            }
+            let mean = match kind {
+                Kind::Irradiance => (step.x + step.y + step.z) / 3.0,
+                Kind::Occlusion => step.x,
+            };
+            let hessian = 4.0 * hessian * mean * near * near;
+            let terms = [sweep[0] * by[0], sweep[1] * by[1], 0.5 * (sweep[0] * by[1] + sweep[1] * by[0])];
+            for (sum, term) in second.iter_mut().zip(terms) {
+                *sum += hessian * term;
+            }
+            second_noise += hessian * hessian * size(terms);
+            for (c, sum) in noise.iter_mut().enumerate() {
+                *sum += (step[c] * near).powi(2) * (sweep[0] * sweep[0] + sweep[1] * sweep[1]);
+            }
+        };
+        let sine = |ring: u32| self.sin * (ring as f32 / self.rings as f32).sqrt();
+        let step = TAU / self.sectors as f32;
+        for ring in 0..self.rings {
+            let (inner, outer) = (sine(ring), sine(ring + 1));
+            for sector in 0..self.sectors {
+                let here = at(ring, sector);
+                // The border to the next sector.
+                let (s, c) = (step * (sector + 1) as f32).sin_cos();
+                let long = outer - inner;
+                let middle = 0.5 * (outer + inner);
+                border(here, at(ring, sector + 1), [s * long, -c * long], [c, s], middle);
+                // The border to the next ring.
+                if ring + 1 < self.rings {
+                    let (s, c) = (step * (sector as f32 + 0.5)).sin_cos();
+                    let arc = -(1.0 - outer * outer) * outer * 2.0 * (0.5 * step).sin();
+                    border(here, at(ring + 1, sector), [c * arc, s * arc], [c, s], outer);
+                }
+            }
+        }
+        // The estimates are shrunk by their noise, as means of normal distributions are (James and Stein,
+        // Estimation with Quadratic Loss, 1961).
+        let signal = |square: f32, noise: f32| if square > noise { 1.0 - noise / square } else { 0.0 };
+        let significant = signal(size(second), second_noise);
+        second.iter_mut().for_each(|x| *x *= significant);
+        for c in 0..3 {
+            let square = places[0][c] * places[0][c] + places[1][c] * places[1][c];
+            let significant = signal(square, noise[c]);
+            places.iter_mut().for_each(|p| p[c] *= significant);
+        }
+        // The cone's share of the hemisphere counts as one.
+        let scale = 1.0 / (PI * self.sin * self.sin);
+        for (c, change) in record.translational.iter_mut().enumerate().take(kind.channels()) {
+            *change = (u * places[0][c] + v * places[1][c]) * scale;
+        }
+        let [xx, yy, xy] = second.map(|x| x * scale);
+        let product = |a: Vec3, b: Vec3| {
+            let mixed = |i: usize, j: usize| 0.5 * (a[i] * b[j] + a[j] * b[i]);
+            [mixed(0, 0), mixed(1, 1), mixed(2, 2), mixed(0, 1), mixed(0, 2), mixed(1, 2)]
+        };
+        let (uu, vv, uv) = (product(u, u), product(v, v), product(u, v));
+        for (k, sum) in record.second.iter_mut().enumerate() {
+            *sum = xx * uu[k] + yy * vv[k] + 2.0 * xy * uv[k];
+        }
+        // Turning the normal changes the cosines. The boundary of a hemisphere has cosine zero, but that of a cone
+        // would turn along, so a cone has no rotational gradient.
+        if self.sin < 0.9999 {
+            return;
+        }
+        for ring in 0..self.rings {
+            // The mean of the tangent over the ring, by the square of the sine.
+            let area = |x: f32| x.sqrt().asin() - (x * (1.0 - x)).max(0.0).sqrt();
+            let (inner, outer) = (ring as f32 / self.rings as f32, (ring + 1) as f32 / self.rings as f32);
+            let tan = (area(outer) - area(inner)) * self.rings as f32;
+            for sector in 0..self.sectors {
+                let s = at(ring, sector);
+                let side = (s.dir - axis * s.dir.dot(axis)).normalize_or_zero();
+                for c in 0..kind.channels() {
+                    record.rotational[c] += side * (tan * s.value[c] / seen.len() as f32);
+                }
+            }
+        }
+    }
+}
+
+/// Returns the squared size of a symmetric matrix from its xx, yy and xy.
+fn size([xx, yy, xy]: [f32; 3]) -> f32 {
+    xx * xx + yy * yy + 2.0 * xy * xy
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn directions(strata: &Strata, axis: Vec3, seed: u32) -> Vec<Vec3> {
+        let mut out = Vec::new();
+        strata.directions(axis, seed, &mut |index, dir| {
+            assert_eq!(index as usize, out.len());
+            out.push(dir);
+        });
+        assert_eq!(out.len() as u32, strata.len());
+        out
+    }
+
+    /// Returns the record of a wall x = 1 from z = 0 to `height`, endless along y, seen from (x, 0, 0) with a
+    /// normal in the x-z plane.
+    fn wall(samples: u32, x: f32, turn: f32, height: f32, seed: u32) -> Record {
+        let axis = Vec3::new(turn.sin(), 0.0, turn.cos());
+        let strata = Strata::new(samples, FRAC_PI_2, true);
+        let seen: Vec<Seen> = directions(&strata, axis, seed)
+            .into_iter()
+            .map(|dir| {
+                let t = (1.0 - x) / dir.x;
+                let hit = t > 0.0 && t * dir.z < height && t * dir.z > -1e-6;
+                Seen {
+                    dir,
+                    value: Color::splat(f32::from(u8::from(hit))),
+                    distance: if hit { t } else { f32::INFINITY },
+                }
+            })
+            .collect();
+        strata.record(Kind::Occlusion, axis, &seen, true)
+    }
+
+    /// Returns the share of the wall (a long strip seen from the floor): (1 - cos of its elevation) / 2.
+    fn exact(x: f32, height: f32) -> f32 {
+        let d = 1.0 - x;
+        0.5 * (1.0 - d / (d * d + height * height).sqrt())
+    }
+
+    #[test]
+    fn a_strip_has_its_closed_form_and_derivatives() {
+        for height in [0.5, 1.0, 2.0] {
+            let n = 20;
+            let mean = |f: &dyn Fn(&Record) -> f32| {
+                (0..n).map(|seed| f(&wall(4096, 0.0, 0.0, height, seed))).sum::<f32>() / n as f32
+            };
+            let value = mean(&|r| r.value[0]);
+            assert!((value - exact(0.0, height)).abs() < 2e-3, "{height}: {value}");
+            let h = 0.01;
+            let slope = (exact(h, height) - exact(-h, height)) / (2.0 * h);
+            let found = mean(&|r| r.translational[0].x);
+            // The nearer sides of strata are slightly nearer than the border itself.
+            assert!((found - slope).abs() < 0.06 * slope.abs() + 0.005, "{height}: {found} for {slope}");
+            let hessian = (exact(h, height) + exact(-h, height) - 2.0 * exact(0.0, height)) / (h * h);
+            let found = mean(&|r| r.hessian(Vec3::X));
+            assert!((found - hessian).abs() < 0.2 * hessian.abs() + 0.1, "{height}: {found} for {hessian}");
+            // Nothing changes along the wall.
+            assert!(mean(&|r| r.translational[0].y).abs() < 0.02);
+            assert!(mean(&|r| r.hessian(Vec3::Y)).abs() < 0.15, "{}", mean(&|r| r.hessian(Vec3::Y)));
+        }
+    }
+
+    #[test]
+    fn turning_the_normal_is_foreseen() {
+        // The wall alone is seen, from slightly turned normals: what is below the floor does not count here.
+        let n = 60;
+        let mean = |turn: f32, f: &dyn Fn(&Record) -> f32| {
+            (0..n).map(|seed| f(&wall(1024, 0.0, turn, 1.0, seed))).sum::<f32>() / n as f32
+        };
+        let h = 0.05;
+        let slope = (mean(h, &|r| r.value[0]) - mean(-h, &|r| r.value[0])) / (2.0 * h);
+        let found = mean(0.0, &|r| r.rotational[0].x);
+        assert!((found - slope).abs() < 0.1 * slope.abs(), "{found} for {slope}");
+    }
+
+    #[test]
+    fn even_light_has_no_derivatives() {
+        let strata = Strata::new(64, FRAC_PI_2, true);
+        let seen: Vec<Seen> = directions(&strata, Vec3::Z, 3)
+            .into_iter()
+            .map(|dir| Seen { dir, value: Color::ONE, distance: 0.5 + dir.x.abs() })
+            .collect();
+        let record = strata.record(Kind::Irradiance, Vec3::Z, &seen, true);
+        assert_eq!(
+            (record.value, record.translational, record.second),
+            ([1.0; 3], [Vec3::ZERO; 3], [0.0; 6])
+        );
+        assert!(record.rotational[0].length() < 0.05, "{:?}", record.rotational[0]);
+    }
+
+    #[test]
+    fn strata_fill_their_cone() {
+        for (samples, angle) in [(1, 0.3_f32), (7, 1.0), (64, FRAC_PI_2), (250, 0.2), (3, 0.0), (9, f32::NAN)]
+        {
+            let strata = Strata::new(samples, angle, true);
+            assert!(strata.len() >= 1 && strata.len() <= samples);
+            for d in directions(&strata, Vec3::Y, 5) {
+                assert!((d.length() - 1.0).abs() < 1e-5);
+                assert!(angle.is_nan() || d.y > angle.cos() - 1e-3, "{d}");
+            }
+        }
+        let strata = Strata::new(1024, FRAC_PI_2, true);
+        let mean = directions(&strata, Vec3::Y, 5).iter().map(|d| d.y).sum::<f32>() / strata.len() as f32;
+        assert!((mean - 2.0 / 3.0).abs() < 2e-3, "{mean}");
+    }
+}

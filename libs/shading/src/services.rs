@@ -1,0 +1,767 @@
+// tidy: long: one set of traits is implemented here, with a short method for each request of a shader
+//! Answers the requests of running shaders: the renderer's side of [`Services`](granita_shade::Services).
+//!
+//! A [`Run`] serves one run of one shader group over one grid. The requests for rays are in `services/rays.rs`,
+//! shadows in `services/shadow.rs`, indirect light and occlusion in `services/light.rs`, and maps in
+//! `services/maps.rs`. This file has the others.
+//! occlusion in `services/light.rs`, maps in `services/maps.rs`; here is the rest.
+
+mod database;
+mod light;
+pub(crate) mod maps;
+mod rays;
+mod shadow;
+mod sky;
+mod tiles;
+
+use crate::lighting::area::{self, AreaLight};
+use crate::lighting::lights::{LightMemory, LightState, mend};
+use crate::object::RayScene;
+use crate::object::{LinkedShaders, ObjectState, usage_word};
+use crate::texts;
+use crate::{ShaderThread, ShadingContext};
+use granita_base::{
+    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
+};
+use granita_dicing::finite;
+use granita_gsl::Func;
+use granita_gsl::ir::ShaderKind;
+use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
+use granita_shade::{
+    Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Group, Host,
+    IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages, RayKind,
+    Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureQuery, Textures,
+    Topology, TraceQuery, TraceResult,
+};
+use std::sync::Arc;
+
+/// Hashed with lane seeds for places on area lights.
+const AREA: u32 = 0xa9ea;
+/// Hashed with lane seeds for directions sampled from maps.
+const SKY: u32 = 0x5c1e;
+
+/// The offset from flat faces to the smooth surface that their normals describe.
+struct Lift {
+    p: Lanes3,
+    n: Lanes3,
+    by: Arc<[Lanes3; 2]>,
+}
+
+impl Lift {
+    /// Returns the point of the smooth surface over a point of the grid, on the side of a direction. Returns the
+    /// point itself when it is not of the grid.
+    fn above(&self, lane: usize, p: Vec3, toward: Vec3) -> Vec3 {
+        let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+        if bits(self.p.get(lane)) != bits(p) {
+            return p;
+        }
+        let below = toward.dot(self.n.get(lane)) < 0.0;
+        p + self.by[usize::from(below)].get(lane)
+    }
+}
+
+/// One run of one shader group over one grid.
+pub(crate) struct Run<'r, 'f> {
+    thread: &'r mut ShaderThread<'f>,
+    frame: &'f ShadingContext,
+    /// The shaders that run.
+    shaders: &'r LinkedShaders,
+    /// The attributes that the shader sees: the object's, or those of the light.
+    attributes: &'r AttributeSet,
+    /// The attributes of the object.
+    object_attributes: &'r AttributeSet,
+    /// The object.
+    object: &'r ObjectState,
+    /// The points of the grid, and the offset from them to the smooth surface ([`Grid::lift`]).
+    lift: Option<Arc<Lift>>,
+    /// The neighbour relation of the points of the grid.
+    topology: Topology,
+    /// For each rectangle of the grid, which sides are boundary edges of its surface: first and last along u, first
+    /// and last along v.
+    rims: Arc<[[bool; 4]]>,
+    /// Coincident lanes with the earlier lane at the same point. They lie on sides of rectangles that are single
+    /// points.
+    coincident: Arc<[(u32, u32)]>,
+    /// The name of the object or the light, for messages.
+    owner: Arc<str>,
+    shadow_bias: f32,
+    /// True when rays see motion.
+    ray_motion: bool,
+    /// The lights that may be queried. There are none inside a light, and none for a ray that needs opacity only.
+    lights: &'r [LightId],
+    /// The grid that the lights read.
+    lit: Option<Grid>,
+    memory: LightMemory,
+    time: f32,
+    dtime: f32,
+    ray: RayKind,
+    seed: u32,
+    /// The seed of each lane ([`Grid::names`]). When it is empty, the seed of the grid and the lane's index are
+    /// used.
+    names: Vec<u32>,
+    /// The number of hits, when the grid consists of hits and their neighbours.
+    centres: Option<u32>,
+    /// The number of calls that drew random numbers so far. Two calls of one shader draw different ones.
+    calls: u32,
+    /// The same for each lane with its own seed, so that other lanes of its grid have no influence.
+    lane_calls: Vec<u32>,
+    /// True for a light whose contribution counts only from directions in front of the points.
+    gathers_in_front: bool,
+    /// Batches of directions sampled from maps. The last one is the one used last.
+    sky: Vec<sky::SampleBatch>,
+    /// Its operations on spatial databases.
+    databases: Vec<database::OwnDatabase>,
+    /// The number of texts that `fprintf` wrote so far.
+    appended: u32,
+}
+
+impl<'r, 'f> Run<'r, 'f> {
+    /// Serves surface, displacement and volume shaders of an object.
+    pub(crate) fn for_object(
+        thread: &'r mut ShaderThread<'f>,
+        object: &'r ObjectState,
+        shaders: &'r LinkedShaders,
+        grid: &Grid,
+    ) -> Self {
+        let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
+        let lights: &[LightId] = if gathers { &object.lights } else { &[] };
+        let frame = thread.frame();
+        Self {
+            frame,
+            thread,
+            shaders,
+            attributes: &object.attributes,
+            object_attributes: &object.attributes,
+            object,
+            lift: grid.lift.clone().map(|by| Arc::new(Lift { p: grid.p.clone(), n: grid.n.clone(), by })),
+            topology: grid.topology.clone(),
+            rims: rims(grid),
+            coincident: coincident(grid),
+            owner: object.name.clone(),
+            shadow_bias: object.shadow_bias,
+            ray_motion: object.ray_motion,
+            lights,
+            lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, lights)),
+            memory: LightMemory::default(),
+            time: grid.time,
+            dtime: grid.dtime,
+            ray: grid.ray,
+            seed: grid.seed,
+            names: grid.names.clone(),
+            centres: match grid.topology {
+                Topology::Triplets { n } => Some(n as u32).filter(|n| *n > 0),
+                _ => None,
+            },
+            calls: 0,
+            lane_calls: vec![0; grid.names.len()],
+            gathers_in_front: false,
+            sky: Vec::new(),
+            databases: Vec::new(),
+            appended: 0,
+        }
+    }
+
+    /// Serves a light that shines on the grid of `surface`. `names` are the lane seeds.
+    fn for_light(
+        surface: &'r mut Run<'_, 'f>,
+        light: &'r LightState,
+        names: Vec<u32>,
+        gathers_in_front: bool,
+    ) -> Self {
+        Self {
+            frame: surface.frame,
+            thread: surface.thread,
+            shaders: &light.shaders,
+            attributes: &light.attributes,
+            object_attributes: surface.object_attributes,
+            object: surface.object,
+            lift: surface.lift.clone(),
+            topology: surface.topology.clone(),
+            rims: surface.rims.clone(),
+            coincident: surface.coincident.clone(),
+            owner: light.name.clone(),
+            // The points are the object's, so its attributes and those around it have precedence over those of the
+            // light.
+            shadow_bias: match surface.object_attributes.is_set(attr::SHADOW_BIAS) {
+                true => surface.object.shadow_bias,
+                false => light.shadow_bias,
+            },
+            ray_motion: surface.ray_motion,
+            lights: &[],
+            lit: None,
+            memory: LightMemory::default(),
+            time: surface.time,
+            dtime: surface.dtime,
+            ray: surface.ray,
+            seed: hash::words(&[surface.seed, light.seed, surface.calls]),
+            lane_calls: vec![0; names.len()],
+            names,
+            centres: surface.centres,
+            calls: 0,
+            gathers_in_front,
+            sky: Vec::new(),
+            databases: Vec::new(),
+            appended: 0,
+        }
+    }
+
+    /// Runs a light once. `index` is the number of the sample.
+    fn run_light(
+        &mut self,
+        light: &LightState,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+        index: u32,
+    ) -> LightResult {
+        let names = self.names_for(light.seed, query, index);
+        let mut executor = self.thread.take_executor();
+        let mut result = {
+            let mut services = Run::for_light(self, light, names, query.in_front);
+            executor.run_light(&light.shaders.group, grid, query, &mut services)
+        };
+        self.thread.put_executor(executor);
+        if mend(&mut result, query.batch.active) {
+            self.frame.reporter.once(
+                &format!("not finite light {}", light.name),
+                Severity::Warning,
+                &Location::default(),
+                format!(
+                    "light \"{}\": its shader gave {}",
+                    light.name,
+                    finite::reason("colour or direction")
+                ),
+            );
+        }
+        result
+    }
+
+    /// Returns the mean of several runs of a light, each with a point on the light's surface for every lane.
+    fn area_light(
+        &mut self,
+        light: &LightState,
+        area: &AreaLight,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+    ) -> LightResult {
+        let mut sum = LightResult::default();
+        if self.thread.builds_rays {
+            return sum;
+        }
+        let Some(scene) = self.frame.rays.scene(&area.set, self.frame) else {
+            rays::unknown_set(self, &area.set);
+            return sum;
+        };
+        let (call, names) = (self.calls, self.names_for(light.seed, query, 0));
+        let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
+        let share = 1.0 / area.samples as f32;
+        for index in 0..area.samples {
+            let own = self.seed;
+            let seed = |lane: u32| match names.get(lane as usize) {
+                Some(name) => hash::words(&[*name, light.seed, AREA]),
+                None => hash::words(&[own, call, light.seed, lane]),
+            };
+            let active = query.batch.active;
+            if !area::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
+                return sum;
+            }
+            let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
+            let one = self.run_light(light, grid, &query, index);
+            add_share(&mut sum, one, share);
+            // The next run draws other numbers. Lanes with their own seeds differ by their index.
+            self.calls += 1;
+        }
+        sum
+    }
+
+    /// Returns the mean of several runs of a broad light, each with a direction within its spread for every lane.
+    /// Any other light runs once.
+    fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
+        let (call, names, own) = (self.calls, self.names_for(light.seed, query, 0), self.seed);
+        let share = 1.0 / light.samples as f32;
+        let mut sum = LightResult::default();
+        let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
+        for index in 0..light.samples {
+            for &lane in query.batch.active {
+                let seed = match names.get(lane as usize) {
+                    Some(name) => hash::words(&[*name, light.seed, AREA]),
+                    None => hash::words(&[own, call, light.seed, lane]),
+                };
+                let (x, y) = sample::square(index, seed);
+                (places[0][lane as usize], places[1][lane as usize]) = (x, y);
+            }
+            let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
+            let query = IlluminateQuery { cone: Some(cone), ..*query };
+            let one = self.run_light(light, grid, &query, index);
+            if index == 0 && !one.broad {
+                return one;
+            }
+            add_share(&mut sum, one, share);
+            self.calls += 1;
+        }
+        sum
+    }
+
+    /// Returns the seed of a lane for the next random call.
+    fn lane_seed(&self, call: u32, lane: u32) -> u32 {
+        match self.names.get(lane as usize) {
+            Some(name) => hash::words(&[*name, self.lane_calls[lane as usize]]),
+            None => hash::words(&[self.seed, call, lane]),
+        }
+    }
+
+    /// Counts a call that draws random numbers.
+    fn next_call(&mut self, active: &[u32]) -> u32 {
+        self.calls += 1;
+        if !self.lane_calls.is_empty() {
+            active.iter().for_each(|lane| self.lane_calls[*lane as usize] += 1);
+        }
+        self.calls
+    }
+
+    /// Returns the lane seeds of a light for a query at these places. They depend only on the query, so that a kept
+    /// result equals one that is computed again.
+    fn names_for(&self, light: u32, query: &IlluminateQuery<'_>, index: u32) -> Vec<u32> {
+        let mut names = self.names.clone();
+        for &lane in query.batch.active {
+            if let Some(name) = names.get_mut(lane as usize) {
+                let [x, y, z] = query.ps.get(lane as usize).to_array().map(f32::to_bits);
+                *name = hash::words(&[*name, light, index, x, y, z]);
+            }
+        }
+        names
+    }
+
+    /// Returns a bias option; the attribute when it is below 0 or absent.
+    fn bias(&self, option: Option<Lane<'_>>, lane: usize) -> f32 {
+        match option.map(|b| b.get(lane)) {
+            Some(b) if b >= 0.0 => b,
+            _ => self.shadow_bias,
+        }
+    }
+
+    /// Returns the layer name of the running shader, for messages.
+    fn layer_name(&self, layer: usize) -> &str {
+        self.shaders.names.get(layer).or(self.shaders.names.first()).map_or("", |n| n)
+    }
+
+    fn camera_attribute(&self, name: &str) -> Option<Param> {
+        let camera = self.frame.scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
+        camera.params.get(name).cloned()
+    }
+}
+
+/// Adds one of several samples of a light.
+fn add_share(sum: &mut LightResult, one: LightResult, share: f32) {
+    let scale = |lanes: &mut Lanes3| lanes.xyz.iter_mut().flatten().for_each(|v| *v *= share);
+    sum.samples.extend(one.samples.into_iter().map(|mut sample| {
+        scale(&mut sample.cl);
+        sample
+    }));
+    if let Some(mut ambient) = one.ambient {
+        scale(&mut ambient);
+        match &mut sum.ambient {
+            None => sum.ambient = Some(ambient),
+            Some(total) => {
+                for (t, a) in total.xyz.iter_mut().flatten().zip(ambient.xyz.iter().flatten()) {
+                    *t += a;
+                }
+            }
+        }
+    }
+    (sum.nondiffuse, sum.nonspecular, sum.messages) = (one.nondiffuse, one.nonspecular, one.messages);
+}
+
+/// Returns the lanes of a grid on sides that are single points (poles, tips of triangles), each with the first lane
+/// at that point. They are in increasing order.
+fn coincident(grid: &Grid) -> Arc<[(u32, u32)]> {
+    let place = |lane: usize| grid.p.get(lane).to_array().map(f32::to_bits);
+    let mut out = Vec::new();
+    for Rect { first, nu, nv } in grid.topology.rects() {
+        for (start, step, count) in [(0, 1, nu), ((nv - 1) * nu, 1, nu), (0, nu, nv), (nu - 1, nu, nv)] {
+            let lane = |k: usize| first + start + k * step;
+            if count > 1 && (1..count).all(|k| place(lane(k)) == place(lane(0))) {
+                out.extend((1..count).map(|k| (lane(k) as u32, lane(0) as u32)));
+            }
+        }
+    }
+    out.sort_unstable();
+    out.dedup_by_key(|twin| twin.0);
+    out.into()
+}
+
+/// Returns which sides of each rectangle of a grid are boundary edges of its surface: first and last along u, first
+/// and last along v.
+fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
+    let of = |(k, rect): (usize, Rect)| {
+        let Rect { first, nu, nv } = rect;
+        let ends = |parameter: &[f32], start: usize, step: usize, count: usize| {
+            let outside = |x: &f32| *x <= 0.0 || *x >= 1.0;
+            (0..count).all(|k| parameter.get(first + start + k * step).is_some_and(outside))
+        };
+        if nu < 2 || nv < 2 {
+            return [false; 4];
+        }
+        let [a, b, c, d] = grid.seams.get(k).copied().unwrap_or_default();
+        [
+            !a && ends(&grid.u, 0, nu, nv),
+            !b && ends(&grid.u, nu - 1, nu, nv),
+            !c && ends(&grid.v, 0, 1, nu),
+            !d && ends(&grid.v, (nv - 1) * nu, 1, nu),
+        ]
+    };
+    grid.topology.rects().enumerate().map(of).collect()
+}
+
+/// Returns the grid that light shaders read. It has the variables and messages of the surface only when one of the
+/// lights may query them.
+fn seen_by_lights(grid: &Grid, frame: &ShadingContext, lights: &[LightId]) -> Grid {
+    let mut seen = without_variables(grid);
+    let asked = |of: fn(&Group) -> bool| {
+        lights.iter().filter_map(|id| frame.light(*id)).any(|light| of(&light.shaders.group))
+    };
+    if asked(Group::asks_primitive) {
+        seen.primvars = grid.primvars.clone();
+    }
+    if asked(|group| group.listens_to(ShaderKind::Displacement) || group.listens_to(ShaderKind::Surface)) {
+        seen.messages = grid.messages.clone();
+    }
+    seen
+}
+
+/// Returns a copy of a grid without its variables and messages.
+fn without_variables(grid: &Grid) -> Grid {
+    Grid {
+        uneven: grid.uneven.clone(),
+        topology: grid.topology.clone(),
+        p: grid.p.clone(),
+        n: grid.n.clone(),
+        ng: grid.ng.clone(),
+        i: grid.i.clone(),
+        dpdu: grid.dpdu.clone(),
+        dpdv: grid.dpdv.clone(),
+        dpdtime: grid.dpdtime.clone(),
+        seams: grid.seams.clone(),
+        lift: None,
+        u: grid.u.clone(),
+        v: grid.v.clone(),
+        time: grid.time,
+        dtime: grid.dtime,
+        c: grid.c.clone(),
+        opacity: grid.opacity.clone(),
+        primvars: Vec::new(),
+        flip_normals: grid.flip_normals,
+        seed: grid.seed,
+        names: grid.names.clone(),
+        ray: grid.ray,
+        object: grid.object.clone(),
+        messages: Vec::new(),
+        parent: Vec::new(),
+    }
+}
+
+/// Returns a float option of a lane, or its default.
+fn option(value: Option<Lane<'_>>, lane: usize, default: f32) -> f32 {
+    value.map_or(default, |v| v.get(lane))
+}
+
+/// Returns a count option of a lane, from 1 to 65536.
+fn count(value: Option<Lane<'_>>, lane: usize) -> u32 {
+    let n = option(value, lane, 1.0);
+    if n >= 1.0 { n.min(65536.0) as u32 } else { 1 }
+}
+
+impl Spaces for Run<'_, '_> {
+    fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
+        match space {
+            "object" => Some(self.object.attributes.object_to_world(self.time)),
+            "shader" => Some(self.shaders.to_world.get(layer)?.at(self.time)),
+            _ => self.frame.spaces.to_common(space, self.time),
+        }
+    }
+
+    fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
+        let units = &self.frame.units;
+        units.scale(from, to).or_else(|| {
+            let (factor, what) = units.assumed(from, to)?;
+            self.frame.reporter.once(what, Severity::Warning, &Location::default(), what);
+            Some(factor)
+        })
+    }
+}
+
+impl Textures for Run<'_, '_> {
+    fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
+        maps::texture(self.thread.textures(), query, out);
+    }
+
+    fn texture3d(&mut self, query: &Texture3dQuery<'_>, out: &mut LookupResult) {
+        maps::texture3d(self.thread.textures(), query, out);
+    }
+
+    fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
+        if self.frame.rays.is_set(query.name) {
+            let lanes = rays::TracingLanes::new(self, query.batch.active);
+            let batch = Batch { active: &lanes.traced, ..query.batch };
+            rays::environment(self, &EnvironmentQuery { batch, ..*query }, out);
+            out.value.iter_mut().for_each(|channel| lanes.copy(channel));
+            lanes.copy(&mut out.alpha);
+            lanes.copy(&mut out.hitdist);
+            lanes.copy3(&mut out.p_hit);
+            lanes.copy3(&mut out.n_hit);
+        } else {
+            let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
+            if query.options.sample.is_some() && self.drawn(query, space, out) {
+                return;
+            }
+            // The results of indirect rays are averaged, so an approximate lookup suffices.
+            let quick = self.ray.indirect;
+            maps::environment(self.thread.textures(), query, space, quick, out);
+        }
+    }
+
+    fn wants_footprint(&mut self, name: &str, func: Func) -> bool {
+        let is_set = self.frame.rays.is_set(name);
+        match func {
+            Func::Environment => is_set,
+            // The width of the ray matters only to objects that are shaded or tessellated for it.
+            _ if is_set && self.may_trace() => {
+                let plain = |scene: &RayScene| scene.opaque_to_shadows && scene.is_settled();
+                !self.frame.rays.scene(name, self.frame).is_some_and(plain)
+            }
+            _ => true,
+        }
+    }
+
+    fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+        if self.frame.rays.is_set(query.name) {
+            let single = query.options.samples.is_none() && query.options.angle.is_none();
+            let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+            let asked = |i: usize| (bits(query.p.get(i)), bits(query.to_light.get(i)));
+            let lanes = rays::TracingLanes::new(self, query.batch.active)
+                .without_coincident(&self.coincident, &|a, b| single && asked(a) == asked(b));
+            let batch = Batch { active: &lanes.traced, ..query.batch };
+            shadow::shadow(self, &ShadowQuery { batch, ..*query }, out);
+            lanes.copy3(out);
+            return;
+        }
+        let call = self.next_call(query.batch.active);
+        let seeds = |lane: u32| self.lane_seed(call, lane);
+        // A thread that builds structures for others or renders a map must not wait for maps.
+        let may_wait = !self.thread.builds_rays && !self.thread.is_unlit;
+        let maps = self.frame.dynamic.as_deref().filter(|_| may_wait);
+        let maker = maps.map(|maps| tiles::Maker { frame: self.frame, maps });
+        let textures = &self.frame.textures;
+        let mut reader =
+            maker.as_ref().map_or_else(|| textures.reader(), |maker| textures.reader_with(maker));
+        let bias = |lane| self.bias(query.options.bias, lane);
+        maps::shadow(&mut reader, query, &seeds, &bias, out);
+    }
+
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.frame.textures.info(texture, name)
+    }
+}
+
+impl Lights for Run<'_, '_> {
+    fn light_count(&mut self) -> usize {
+        self.lights.len()
+    }
+
+    fn light_info(&mut self, index: usize) -> LightInfo {
+        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
+        light.map(|l| l.info.clone()).unwrap_or_default()
+    }
+
+    fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        if let Some(known) = self.memory.find(index, query) {
+            return known;
+        }
+        let dark = Arc::new(LightResult::default());
+        let Some(&id) = self.lights.get(index) else { return dark };
+        let Some(light) = self.frame.light(id) else { return dark };
+        // The grid is moved to the light while it runs. Nothing else uses it in that time.
+        let Some(mut grid) = self.lit.take() else { return dark };
+        // The messages of this surface shader follow those of earlier shaders.
+        let earlier = grid.messages.len();
+        grid.messages.extend_from_slice(query.messages);
+        self.calls += 1;
+        let result = match &light.area {
+            Some(area) => self.area_light(light, area, &grid, query),
+            None if light.samples > 1 => self.broad_light(light, &grid, query),
+            None => self.run_light(light, &grid, query, 0),
+        };
+        grid.messages.truncate(earlier);
+        self.lit = Some(grid);
+        let result = Arc::new(result);
+        // The messages of the surface may differ next time.
+        if !light.listens {
+            self.memory.keep(index, query, &result);
+        }
+        result
+    }
+
+    fn light_asks(&mut self, index: usize) -> bool {
+        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
+        light.is_some_and(|light| light.listens)
+    }
+}
+
+impl Rays for Run<'_, '_> {
+    fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        rays::trace(self, &TraceQuery { batch, ..*query }, out);
+        lanes.copy(&mut out.hit);
+        lanes.copy(&mut out.hitdist);
+        for found in [&mut out.l, &mut out.ps, &mut out.cl, &mut out.ol, &mut out.p] {
+            lanes.copy3(found);
+        }
+        for found in &mut out.others {
+            lanes.copy(&mut found.there);
+            let n = query.batch.lanes.max(1);
+            found.values.chunks_exact_mut(n).for_each(|component| lanes.copy(component));
+        }
+    }
+
+    fn occlusion(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        light::occlusion(self, &GatherQuery { batch, ..*query }, out, unoccluded);
+        lanes.copy(out);
+        lanes.copy3(unoccluded);
+    }
+
+    fn indirect(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
+        let lanes = rays::TracingLanes::new(self, query.batch.active);
+        let batch = Batch { active: &lanes.traced, ..query.batch };
+        light::indirect(self, &GatherQuery { batch, ..*query }, out);
+        lanes.copy3(out);
+    }
+
+    fn queries_parent(&mut self, set: &str) -> bool {
+        !self.thread.builds_rays
+            && self.frame.rays.is_set(set)
+            && self.frame.rays.scene(set, self.frame).is_some_and(|scene| scene.queries_parents)
+    }
+}
+
+impl Databases for Run<'_, '_> {
+    fn spatialdb_save(&mut self, query: &DatabaseSave<'_>) {
+        database::save(self, query);
+    }
+
+    fn spatialdb_query(&mut self, query: &DatabaseQuery<'_>, values: &mut [Vec<f32>], found: &mut [bool]) {
+        database::query(self, query, values, found);
+    }
+
+    fn subsurface(&mut self, query: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        database::subsurface(self, query, out);
+    }
+}
+
+impl Messages for Run<'_, '_> {
+    fn append(&mut self, file: &str, text: &str) {
+        let frame = self.frame;
+        let (owner, index) = (self.owner.clone(), self.appended);
+        self.appended += 1;
+        let key = texts::Key { owner, level: self.ray.level, seed: self.seed, index };
+        frame.texts.add(file, key, text, &frame.files, &frame.reporter);
+    }
+
+    fn say(&mut self, severity: Severity, text: &str) {
+        let reporter = &self.frame.reporter;
+        if severity == Severity::Message {
+            if self.thread.is_mute {
+                return;
+            }
+            reporter.say(severity, &Location::default(), text);
+            return;
+        }
+        let shader = self.layer_name(self.shaders.names.len().saturating_sub(1)).to_owned();
+        self.say_of(severity, &shader, &Location::default(), text);
+    }
+
+    fn say_of(&mut self, severity: Severity, shader: &str, at: &Location, text: &str) {
+        let usage = usage_word(self.shaders.usage);
+        let owner = match (self.shaders.usage, &*self.owner) {
+            (ShaderUsage::Light, name) => format!("light \"{name}\": "),
+            (_, "") => String::new(),
+            (_, name) => format!("object \"{name}\": "),
+        };
+        // The message is reported once per shader and text, because other grids repeat it.
+        let cause = format!("{at} {usage} {shader}: {text}");
+        let text = format!("{owner}{usage} shader \"{shader}\": {text}");
+        self.frame.reporter.once(&cause, severity, at, text);
+    }
+
+    fn unsupported(&mut self, feature: &str) {
+        self.frame.unsupported(feature);
+    }
+}
+
+impl Host for Run<'_, '_> {
+    fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
+        self.frame.library.shadeop(text)
+    }
+
+    fn attribute(&mut self, name: &str) -> Option<Param> {
+        let value = |ty: ParamType, data: ParamData| Some(Param { name: name.into(), ty, data });
+        match name {
+            "transform" => {
+                let camera = &self.frame.camera;
+                let matrix = self.object.attributes.object_to_world(camera.shading_time());
+                let matrix = camera.world_to_common().map_or(matrix, |m| matrix.then(&m.inverse()));
+                return value(ParamType::of(BaseType::Matrix), matrix.to_rows()[..].into());
+            }
+            "geometryset" => {
+                let names: Vec<&str> = self.attributes.geometry_sets.iter().map(|s| &**s).collect();
+                return value(ParamType::of(BaseType::String), (&*names.join(",")).into());
+            }
+            // Without these camera attributes there is no depth of field.
+            "focallength" | "focaldistance" if self.camera_attribute(name).is_none() => {
+                return value(ParamType::of(BaseType::Float), 0.0_f32.into());
+            }
+            "screen" if self.camera_attribute(name).is_none() => {
+                let scene = &self.frame.scene;
+                let camera = scene.cameras.iter().find(|c| c.name == self.frame.camera.name)?;
+                return value(ParamType::array(BaseType::Float, 4), camera.screen_window()[..].into());
+            }
+            _ => (),
+        }
+        if let Some(version) = granita_scene::version_attribute(name) {
+            return Some(version);
+        }
+        if let Some(own) = self.attributes.values.get(name).or_else(|| self.frame.scene.globals.get(name)) {
+            return Some(own.clone());
+        }
+        if name.starts_with("user:") {
+            return None;
+        }
+        self.camera_attribute(name).or_else(|| granita_scene::attribute_default(name))
+    }
+
+    fn is_stopped(&mut self) -> bool {
+        self.frame.is_stopped()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_in_one_place_are_known() {
+        // A triangle is a rectangle whose first column is one point, here beside a rectangle.
+        let tip = Vec3::new(1.0, 2.0, 3.0);
+        let p: Vec<Vec3> = (0..12)
+            .map(|i| if i < 6 && i % 2 == 0 { tip } else { Vec3::new(i as f32, (i * i) as f32, 0.0) })
+            .collect();
+        let rects = [Rect { first: 0, nu: 2, nv: 3 }, Rect { first: 6, nu: 3, nv: 2 }];
+        let grid = Grid { p: Lanes3::from_points(&p), ..Grid::new(Topology::Rects(Arc::from(&rects[..]))) };
+        assert_eq!(*coincident(&grid), [(2, 0), (4, 0)]);
+        // All points coincide, so each has an earlier one.
+        let grid = Grid { p: Lanes3::from_points(&[tip; 6]), ..Grid::new(Topology::Rect { nu: 3, nv: 2 }) };
+        let all = coincident(&grid);
+        assert!(all.iter().all(|(lane, of)| of < lane) && all.len() == 5, "{all:?}");
+    }
+}

@@ -1,0 +1,204 @@
+//! Samples the light of maps: `environment ()` with "sample".
+
+use super::maps::{CHANNELS, first_channel, prepare, store};
+use super::{Run, SKY, count, option};
+use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
+use granita_base::{Transform, Vec3, hash};
+use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
+use granita_texture::{EnvLookup, Up, Use};
+use std::sync::Arc;
+
+/// The largest number of samples.
+const MOST: f32 = 65536.0;
+
+/// The number of maps whose directions are kept. With more maps in one loop, directions are drawn again for each
+/// sample.
+const MOST_MAPS: usize = 4;
+
+/// Directions sampled from a map that were not requested yet.
+pub(super) struct SampleBatch {
+    map: Map,
+    /// For each lane, the key that its directions were drawn for.
+    keys: Vec<Option<Key>>,
+    /// The radiance and direction of each sample of all lanes, sample by sample.
+    sent: Vec<Sent>,
+    /// For each lane, the seed of its sequence and the index of its first sample there.
+    sequences: Vec<(u32, u32)>,
+}
+
+/// The map that all directions are drawn from.
+struct Map {
+    name: String,
+    up: String,
+    /// The transformation from the map's space to "common".
+    space: Option<Transform>,
+    channels: usize,
+    directions: Arc<EnvironmentSampler>,
+}
+
+impl Map {
+    fn is_for(&self, query: &EnvironmentQuery<'_>, space: Option<Transform>) -> bool {
+        self.name == query.name
+            && self.up == query.options.up.unwrap_or("")
+            && (self.space, self.channels) == (space, query.channels)
+    }
+}
+
+/// The values that the directions of a lane depend on.
+#[derive(Clone, Copy, PartialEq)]
+struct Key {
+    /// The index of the first of them, and the number of all.
+    first: u32,
+    all: u32,
+    /// The bits of the axis that they are in front of.
+    axis: [u32; 3],
+    first_channel: u32,
+    /// The bits of the value of channels that the map does not have.
+    fill: u32,
+}
+
+/// The radiance that arrives from a direction.
+#[derive(Clone, Copy, Default)]
+struct Sent {
+    /// The channels, then alpha.
+    values: [f32; CHANNELS],
+    /// A unit vector in "common" space.
+    dir: Vec3,
+}
+
+impl Run<'_, '_> {
+    /// Returns a sample for each active lane; false when the map does not exist. `space` leads from the map's space
+    /// to "common".
+    ///
+    /// The value is the contribution of the direction to the integral over the directions that the shader gathers:
+    /// radiance over pdf (1/sr) over the number of samples. For a light whose illumination is gathered in front of
+    /// surfaces, directions are drawn there.
+    pub(super) fn drawn(
+        &mut self,
+        query: &EnvironmentQuery<'_>,
+        space: Option<Transform>,
+        out: &mut LookupResult,
+    ) -> bool {
+        let o = &query.options;
+        let lanes = query.batch.lanes;
+        let known = self.sky.iter().position(|ahead| ahead.map.is_for(query, space));
+        let mut ahead = match known {
+            Some(k) => self.sky.swap_remove(k),
+            None => {
+                let Some(directions) = self.frame.directions(query.name, o.up) else { return false };
+                let (name, up) = (query.name.to_owned(), o.up.unwrap_or("").to_owned());
+                SampleBatch {
+                    map: Map { name, up, space, channels: query.channels, directions },
+                    keys: vec![None; lanes],
+                    sent: vec![Sent::default(); lanes * TOGETHER],
+                    sequences: self.sequences(lanes),
+                }
+            }
+        };
+        let directions = &ahead.map.directions;
+        prepare(query.batch, query.channels, out);
+        out.direction = Lanes3::zeros(lanes);
+        let to_common = space.unwrap_or(Transform::IDENTITY);
+        let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
+        let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
+        let wanted = (query.channels + 1).min(CHANNELS);
+        let mut room = None;
+        let up = o.up.and_then(Up::from_word);
+        let angle = Some(0.5 * EnvironmentSampler::cell());
+        // The map is found by name once, when the cells do not have all channels.
+        let mut map = None;
+        let coincident = self.coincident.clone();
+        let mut coincident = coincident.iter().peekable();
+        for &lane in query.batch.active {
+            let i = lane as usize;
+            let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
+            let first = number - number % TOGETHER as u32;
+            let r = query.r.get(i);
+            let all = of_all.unwrap_or_else(|| count(o.samples, i));
+            let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
+            let axis = r.to_array().map(f32::to_bits);
+            let key = Key { first, all, axis, first_channel, fill: fill.to_bits() };
+            if ahead.keys[i] != Some(key) {
+                ahead.keys[i] = Some(key);
+                while coincident.next_if(|twin| twin.0 < lane).is_some() {}
+                let twin = coincident.peek().filter(|twin| twin.0 == lane).map(|twin| twin.1 as usize);
+                if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
+                    (0..TOGETHER).for_each(|k| ahead.sent[k * lanes + i] = ahead.sent[k * lanes + of]);
+                } else {
+                    // A unit normal is transformed into the map's space, where cosines stay the same.
+                    let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
+                    let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
+                    let (seed, before) = ahead.sequences[i];
+                    let before = before.wrapping_mul(all.next_power_of_two());
+                    let drawn = directions.draw(
+                        normal,
+                        before.wrapping_add(first),
+                        seed,
+                        room.get_or_insert_with(DirectionWeights::new),
+                    );
+                    for (k, &DirectionSample { dir, pdf, mut seen }) in drawn.iter().enumerate() {
+                        // The cells hold the first channels only.
+                        if first_channel != 0 || fill != 0.0 {
+                            let frame = self.frame;
+                            let find = || frame.textures.find_for(query.name, Use::Environment);
+                            if let Some(id) = *map.get_or_insert_with(find) {
+                                let how = EnvLookup {
+                                    r: dir,
+                                    angle,
+                                    up,
+                                    first_channel,
+                                    fill,
+                                    ..EnvLookup::default()
+                                };
+                                self.thread.textures().environment(id, &how, &mut seen[..wanted]);
+                            }
+                        }
+                        let share = 1.0 / (pdf * all as f32);
+                        seen[..query.channels].iter_mut().for_each(|v| *v *= share);
+                        let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
+                        ahead.sent[k * lanes + i] = Sent { values: seen, dir };
+                    }
+                }
+            }
+            let Sent { values, dir } = ahead.sent[(number - first) as usize * lanes + i];
+            store(out, i, &values[..wanted]);
+            out.direction.set(i, dir);
+        }
+        if self.sky.len() == MOST_MAPS {
+            self.sky.remove(0);
+        }
+        self.sky.push(ahead);
+        true
+    }
+
+    /// Returns for each lane the seed of its sequence of directions, and its index among the lanes that share the
+    /// sequence.
+    ///
+    /// The points of a rectangle share one sequence, in the order of a curve that keeps neighbours together. The
+    /// samples of a point are then well distributed among those of the points around it (after Ahmed, Wonka:
+    /// Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels,
+    /// SIGGRAPH Asia 2020).
+    fn sequences(&self, lanes: usize) -> Vec<(u32, u32)> {
+        let seed = |lane: usize| match self.names.get(lane) {
+            Some(name) => hash::words(&[*name, SKY]),
+            None => hash::words(&[self.seed, SKY, lane as u32]),
+        };
+        let mut out: Vec<(u32, u32)> = Vec::with_capacity(lanes);
+        for Rect { first, nu, nv } in self.topology.rects() {
+            out.extend((out.len()..first).map(|lane| (seed(lane), 0)));
+            let own = seed(first);
+            let at = |k: usize| (own, spread((k % nu) as u32) | spread((k / nu) as u32) << 1);
+            out.extend((0..nu * nv).map(at));
+        }
+        out.extend((out.len()..lanes).map(|lane| (seed(lane), 0)));
+        for &(lane, of) in self.coincident.iter() {
+            out[lane as usize] = out[of as usize];
+        }
+        out
+    }
+}
+
+/// Returns the bits of a number, spread to every second place.
+fn spread(x: u32) -> u32 {
+    (0..16).fold(0, |out, bit| out | (x >> bit & 1) << (2 * bit))
+}

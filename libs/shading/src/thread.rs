@@ -1,0 +1,85 @@
+//! The state that one thread writes to while it shades.
+
+use crate::context::ShadingContext;
+use granita_scene::attr;
+use granita_shade::Executor;
+use granita_texture::TextureReader;
+
+/// The largest number of ray levels, whatever "ray:maxdepth" is.
+///
+/// A shader runs at each level. Its memory (about 20 KB of stack, registers, a grid of hits and their rays) stays
+/// allocated until the last of them returns, so this constant bounds the memory of a thread.
+pub(crate) const MAX_RAY_LEVELS: u32 = 1000;
+/// The largest number of shaders nested beyond [`MAX_RAY_LEVELS`]. Shadow rays need them, because they have the
+/// level of the shader that traces them.
+pub(crate) const MORE_NESTED: u32 = 16;
+/// The largest number of idle executors that a thread keeps.
+const MAX_IDLE: usize = 64;
+
+/// Runs shaders on one thread, and reuses its memory from grid to grid.
+pub struct ShaderThread<'f> {
+    frame: &'f ShadingContext,
+    /// Executors that are not running. Each nested shader (surface, its light, the surface that a ray of the light
+    /// hits, ...) uses one.
+    idle: Vec<Executor>,
+    /// Reads texture files, and keeps the tiles that it used last.
+    textures: TextureReader<'f>,
+    /// The number of shaders that run on this thread, nested within each other.
+    pub(crate) nested: u32,
+    /// True while this thread builds ray structures. Its shaders then trace no rays.
+    pub(crate) builds_rays: bool,
+    /// True while this thread renders depths. Its shaders then see neither lights nor dynamic shadow maps.
+    pub is_unlit: bool,
+    /// True when shaders print and save nothing, because their grids are shaded again.
+    pub is_mute: bool,
+}
+
+impl<'f> ShaderThread<'f> {
+    /// Returns a thread state without any memory yet.
+    pub fn new(frame: &'f ShadingContext) -> Self {
+        let textures = frame.textures.reader();
+        Self {
+            frame,
+            idle: Vec::new(),
+            textures,
+            nested: 0,
+            builds_rays: false,
+            is_unlit: false,
+            is_mute: false,
+        }
+    }
+
+    /// Returns the frame.
+    pub fn frame(&self) -> &'f ShadingContext {
+        self.frame
+    }
+
+    /// True when the data that shaders save is kept. It is not kept for grids that are shaded again where the
+    /// camera sees them.
+    pub(crate) fn keeps_saved(&self) -> bool {
+        !self.builds_rays && !self.is_mute
+    }
+
+    /// Returns the reader of texture files. It does not hold maps without files.
+    pub(crate) fn textures(&mut self) -> &mut TextureReader<'f> {
+        &mut self.textures
+    }
+
+    /// Takes an idle executor, or makes one. The caller returns it with [`ShaderThread::put_executor`].
+    pub(crate) fn take_executor(&mut self) -> Executor {
+        self.idle.pop().unwrap_or_else(|| {
+            let mut executor = Executor::new();
+            executor.look_for_nan(self.frame.scene.get(attr::DEBUG_SHADERNAN));
+            executor.seed_random(self.frame.scene.get(attr::RANDOM_SEED) as u32);
+            executor
+        })
+    }
+
+    /// Returns an executor to the idle ones.
+    pub(crate) fn put_executor(&mut self, executor: Executor) {
+        // Executors beyond the limit, which very deep rays needed, are freed.
+        if self.idle.len() < MAX_IDLE {
+            self.idle.push(executor);
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Law 6: below the tools no crate reads the environment, prints or exits.
+
+use crate::source::{Kind, Source, paths};
+
+/// Modules of the standard library, and the names in them that query or change the process.
+const NAMES: [(&str, &[&str]); 3] = [
+    (
+        "env",
+        &[
+            "args",
+            "args_os",
+            "current_dir",
+            "current_exe",
+            "home_dir",
+            "remove_var",
+            "set_current_dir",
+            "set_var",
+            "temp_dir",
+            "var",
+            "var_os",
+            "vars",
+            "vars_os",
+        ],
+    ),
+    ("process", &["abort", "exit"]),
+    ("io", &["stdin", "stdout", "stderr"]),
+];
+
+/// Macros that print.
+const MACROS: [&str; 5] = ["dbg", "eprint", "eprintln", "print", "println"];
+
+/// Files that may use a name all the same, each with the reason.
+const EXCEPTIONS: [(&str, &str, &str); 5] = [
+    ("libs/base/src/files/mod.rs", "temp_dir", "the system's folder where no option names another"),
+    (
+        "libs/machine/src/simd.rs",
+        "var_os",
+        "tests choose the portable code; not in the tools that are shipped",
+    ),
+    (
+        "libs/session/src/commands.rs",
+        "stderr",
+        "given to programs that a scene starts, as an option asks for",
+    ),
+    ("libs/session/src/inputs.rs", "stdin", "what the user names by \"-\""),
+    ("libs/plugin/src/errors.rs", "stderr", "an error manager of C++ that has no session prints"),
+];
+
+/// All breaches, one line each.
+pub(crate) fn check(sources: &[Source]) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut used = [false; EXCEPTIONS.len()];
+    for source in sources {
+        let below = source.file.starts_with("libs") && !source.file.starts_with("libs/cli");
+        if !below && !source.file.starts_with("formats") {
+            continue;
+        }
+        for (line, name) in breaches(source) {
+            let excepted =
+                |(file, other, _): &(&str, &str, &str)| source.file.ends_with(file) && *other == name;
+            match EXCEPTIONS.iter().position(excepted) {
+                Some(at) => used[at] = true,
+                None => {
+                    let file = source.file.display();
+                    faults.push(format!(
+                        "{file}:{line}: {name}: asks the process or prints below the tools (law 6)"
+                    ));
+                }
+            }
+        }
+    }
+    for ((file, name, _), _) in EXCEPTIONS.iter().zip(used).filter(|(_, used)| !used) {
+        faults.push(format!("xtask/src/process.rs: the exception {name} of {file} is not needed"));
+    }
+    faults
+}
+
+/// Lines with what a library must not do, and the name.
+fn breaches(source: &Source) -> Vec<(usize, String)> {
+    let mut found: Vec<(usize, String)> = Vec::new();
+    for (line, path) in paths(&source.code) {
+        let pair = path.windows(2).find(|pair| {
+            NAMES
+                .iter()
+                .any(|(module, names)| *module == pair[0] && (names.contains(&pair[1]) || pair[1] == "*"))
+        });
+        found.extend(pair.map(|pair| (line, pair[1].to_owned())));
+    }
+    for pair in source.code.windows(2) {
+        if let (Kind::Word(word), Kind::Sign('!')) = (&pair[0].kind, &pair[1].kind)
+            && MACROS.contains(&word.as_str())
+        {
+            found.push((pair[0].line, format!("{word}!")));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    #[test]
+    fn every_way_to_the_process_is_found() {
+        let text = "use std::env::{self, current_dir};\nfn f() { std::env::temp_dir(); env::args(); }\n\
+                    fn g() { println!(\"x\"); std::process::exit(1) }\nfn h() { std::env::consts::OS; io::stdout(); }\n\
+                    #[cfg(test)]\nmod tests { fn f() { println!(\"x\") } }";
+        let source = Source::new(PathBuf::from("libs/x/src/a.rs"), text.to_owned()).unwrap();
+        let found = breaches(&source);
+        let names: Vec<(usize, &str)> = found.iter().map(|(line, name)| (*line, name.as_str())).collect();
+        let expected =
+            [(1, "current_dir"), (2, "args"), (2, "temp_dir"), (3, "exit"), (3, "println!"), (4, "stdout")];
+        assert_eq!(names, expected);
+        assert!(!check(&[source]).is_empty());
+    }
+}
