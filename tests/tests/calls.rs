@@ -135,7 +135,7 @@ fn calls_of(text: &[u8], options: &PygOptions) -> Vec<Call> {
     let mut recorder = Recorder::default();
     let source = PygSource::Bytes { name: "<test>".into(), bytes: text.to_vec() };
     read(source, &mut recorder, options, &reporter).unwrap();
-    let said: Vec<String> = said.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = said.lock().iter().map(ToString::to_string).collect();
     assert!(said.is_empty(), "{}: {said:?}", String::from_utf8_lossy(text));
     recorder.0
 }
@@ -277,7 +277,7 @@ fn script(text: &str) -> (String, Vec<String>) {
     let mut state = State::new(Box::new(Nothing), reporter.clone());
     let source = PygSource::Bytes { name: "<test>".into(), bytes: text.as_bytes().to_vec() };
     read(source, &mut state, &PygOptions::default(), &reporter).unwrap();
-    let said = said.lock().unwrap();
+    let said = said.lock();
     let is_print = |m: &&granita_base::report::Message| m.severity == granita_base::Severity::Message;
     let printed = said.iter().filter(is_print).map(ToString::to_string).collect();
     (printed, said.iter().filter(|m| !is_print(m)).map(ToString::to_string).collect())

@@ -4,8 +4,8 @@
 #![allow(clippy::print_stdout, reason = "a test speaks to the person who runs it")]
 
 use granita_tests::{Outcome, Tools, cases, repository, run, write_report};
+use parking_lot::Mutex;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[test]
@@ -28,12 +28,12 @@ fn suite() {
             scope.spawn(|| {
                 while let Some(case) = chosen.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let outcome = run(case, &tools, &reference, scratch.path(), blessed(&case.name));
-                    outcomes.lock().unwrap().push(outcome);
+                    outcomes.lock().push(outcome);
                 }
             });
         }
     });
-    let mut outcomes = outcomes.into_inner().unwrap();
+    let mut outcomes = outcomes.into_inner();
     outcomes.sort_by(|a, b| a.name.cmp(&b.name));
     if let Ok(folder) = std::env::var("GRANITA_REPORT") {
         write_report(Path::new(&folder), &outcomes).unwrap();

@@ -7,8 +7,9 @@ use granita_image::{
     CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect, Pixels,
     Request, Result, Wishes,
 };
+use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 
 /// Most values of one packet: what a viewer shows at once.
 const PACKET_VALUES: usize = 1 << 20;
@@ -42,7 +43,7 @@ impl IvFormat {
 
     fn link(&self, address: &str) -> std::result::Result<Arc<Link>, std::io::Error> {
         let parts = server_address(address).map_err(|e| std::io::Error::other(e.to_string()))?;
-        let mut links = self.links.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut links = self.links.lock();
         links.retain(|(_, link)| link.strong_count() > 0);
         let same = links.iter().find(|(a, _)| a == address);
         if let Some(link) = same.and_then(|(_, link)| link.upgrade()) {

@@ -7,11 +7,12 @@
 use crate::packet::{GREETING, PacketLimits, Update, VERSION, rest_of};
 use crate::{DisplayError, Packet, Result};
 use granita_image::Request;
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream, ToSocketAddrs};
 use std::ops::Range;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -96,11 +97,11 @@ struct Shared {
 
 impl Shared {
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
-    fn wait<'a>(&self, state: MutexGuard<'a, State>, longest: Duration) -> MutexGuard<'a, State> {
-        self.changed.wait_timeout(state, longest).unwrap_or_else(PoisonError::into_inner).0
+    fn wait(&self, state: &mut MutexGuard<'_, State>, longest: Duration) {
+        self.changed.wait_for(state, longest);
     }
 
     /// Nothing more is sent.
@@ -246,7 +247,7 @@ impl Link {
                 self.shared.give_up(what.clone());
                 return Err(what);
             }
-            state = self.shared.wait(state, TICK);
+            self.shared.wait(&mut state, TICK);
         }
     }
 
@@ -305,7 +306,7 @@ fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
         let end = Instant::now() + FAREWELL;
         let mut state = shared.state();
         while state.two_way && !state.silent && Instant::now() < end {
-            state = shared.wait(state, TICK);
+            shared.wait(&mut state, TICK);
         }
     }
     let _ = socket.shutdown(Shutdown::Both);
@@ -335,7 +336,7 @@ fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<
     let end = Instant::now() + shared.patience.answer;
     let mut state = shared.state();
     while !state.two_way && Instant::now() < end && state.broken.is_none() {
-        state = shared.wait(state, end.saturating_duration_since(Instant::now()));
+        shared.wait(&mut state, end.saturating_duration_since(Instant::now()));
     }
     drop(state);
     loop {
@@ -347,7 +348,7 @@ fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<
             }
             if !state.queue.is_empty() {
                 if !state.ending && !state.hurried {
-                    state = shared.wait(state, COLLECT);
+                    shared.wait(&mut state, COLLECT);
                 }
                 break std::mem::take(&mut state.queue);
             }
@@ -355,7 +356,7 @@ fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<
             if state.ending {
                 return Ok(());
             }
-            state = shared.wait(state, Duration::from_secs(3600));
+            shared.wait(&mut state, Duration::from_secs(3600));
         };
         state.busy = true;
         let two_way = state.two_way;

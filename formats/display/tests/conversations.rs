@@ -11,11 +11,12 @@ use granita_display::{
 use granita_image::{
     CreateOptions, Format, ImageError, ImageOutput, ImageSpec, PixelRect, PixelType, Pixels, Request,
 };
+use parking_lot::Mutex;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// The calls that a sink received.
@@ -34,13 +35,13 @@ struct Passed {
 
 impl Passed {
     fn tell(&self, told: Told) {
-        let _ = self.to.lock().unwrap().send(told);
+        let _ = self.to.lock().send(told);
     }
 }
 
 impl Sink for Passed {
     fn packet(&self, client: &Arc<Client>, packet: Packet) -> Result<(), String> {
-        let mut clients = self.clients.lock().unwrap();
+        let mut clients = self.clients.lock();
         if !clients.iter().any(|c| c.id() == client.id()) {
             clients.push(client.clone());
         }
@@ -125,7 +126,7 @@ fn our_client_and_our_server_know_each_other() {
     assert!(matches!(next(&from), Told::Packet(Packet::Wish { .. })));
     assert_eq!(next(&from), Told::Packet(Packet::Finished { name: "a (2)".to_owned(), complete: false }));
     // Commands reach the image that they are for.
-    let client = sink.clients.lock().unwrap()[0].clone();
+    let client = sink.clients.lock()[0].clone();
     let name = || "a".to_owned();
     assert!(
         client.send(Packet::Request { name: "nosuch".to_owned(), request: Request::Center { x: 1, y: 1 } })

@@ -15,10 +15,11 @@ use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     FileSource, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, contained, rows_from_tiles,
 };
+use parking_lot::Mutex;
 use rayon::prelude::*;
 use std::io::Read;
 use std::path::Path;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// An open OpenEXR file.
 ///
@@ -244,7 +245,7 @@ impl ExrInput {
     /// A block of scanlines, perhaps the one read last.
     fn block(&self, key: [usize; 2], part: &Part) -> Result<Arc<Pixels>> {
         // The value is replaced whole, so a panic elsewhere cannot have left it half done.
-        let last = || self.last_block.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = || self.last_block.lock();
         if let Some((held, pixels)) = &*last()
             && *held == key
         {

@@ -62,7 +62,7 @@ pub(crate) fn run_in(
     reporter.set_verbosity(2);
     let error = generator.run(source, &mut place, &reporter).err();
     let pyg = String::from_utf8(place.writer.into_inner().unwrap()).unwrap();
-    let messages = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let messages = kept.lock().iter().map(ToString::to_string).collect();
     Trial { pyg, messages, error }
 }
 

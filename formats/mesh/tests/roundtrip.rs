@@ -81,7 +81,7 @@ fn read(generator: &dyn Generator, bytes: &[u8]) -> Corners {
     let (reporter, kept) = Reporter::collecting();
     let mut recorder = Recorder::default();
     generator.run(&source, &mut recorder, &reporter).unwrap();
-    assert!(kept.lock().unwrap().is_empty(), "{:?}", kept.lock().unwrap());
+    assert!(kept.lock().is_empty(), "{:?}", kept.lock());
     recorder.0
 }
 

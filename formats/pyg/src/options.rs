@@ -2,8 +2,9 @@
 
 use crate::python::Python;
 use granita_base::{Environment, Files, Supervisor};
+use parking_lot::{Mutex, MutexGuard};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// The amount of Python that is executed at once (reference 3.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,6 +73,6 @@ impl std::fmt::Debug for Scripts {
 
 impl Scripts {
     pub(crate) fn python(&self) -> MutexGuard<'_, Option<Python>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.lock()
     }
 }

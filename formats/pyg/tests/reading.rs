@@ -50,7 +50,7 @@ fn read_with(text: &[u8], options: &PygOptions) -> Outcome {
     let mut recorder = Recorder::default();
     let source = PygSource::Bytes { name: "t.pyg".into(), bytes: text.to_vec() };
     let error = read(source, &mut recorder, options, &reporter).err();
-    let told = messages.lock().unwrap().iter().map(ToString::to_string).collect();
+    let told = messages.lock().iter().map(ToString::to_string).collect();
     Outcome { calls: recorder.calls, told, error }
 }
 
@@ -506,7 +506,7 @@ fn calls_that_cannot_be_read_are_passed_over() {
     read(source, &mut recorder, &options, &reporter).unwrap();
     let names: Vec<(u32, &str)> = recorder.calls.iter().map(|(line, c)| (*line, c.name())).collect();
     assert_eq!(names, [(1, "World"), (4, "Scale"), (6, "Rotate")]);
-    let said: Vec<String> = said.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = said.lock().iter().map(ToString::to_string).collect();
     assert_eq!(
         said,
         [
@@ -607,7 +607,7 @@ fn scenes_may_share_what_their_scripts_define() {
         let mut recorder = Recorder::default();
         let source = PygSource::Bytes { name: name.into(), bytes: text.as_bytes().to_vec() };
         let error = read(source, &mut recorder, options, &reporter).err();
-        let told = messages.lock().unwrap().iter().map(ToString::to_string).collect();
+        let told = messages.lock().iter().map(ToString::to_string).collect();
         Outcome { calls: recorder.calls, told, error }
     };
     let first = named("a.pyg", "x = 3\ndef move(n):\n    Translate (n, 0, 0)\n", &shared);

@@ -30,7 +30,7 @@ fn read_back(text: Vec<u8>) -> (Vec<Call>, Vec<String>) {
     let options = PygOptions { always_pyglet: true, ..PygOptions::default() };
     let source = PygSource::Bytes { name: "<test>".into(), bytes: text };
     let result = read(source, &mut recorder, &options, &reporter);
-    let mut told: Vec<String> = messages.lock().unwrap().iter().map(ToString::to_string).collect();
+    let mut told: Vec<String> = messages.lock().iter().map(ToString::to_string).collect();
     told.extend(result.err().map(|e| e.to_string()));
     (recorder.0, told)
 }

@@ -7,9 +7,10 @@ use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
     PixelType, Pixels, Result,
 };
+use parking_lot::Mutex;
 use std::io::Write;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The format "iff" (reference 7.4.6).
 ///
@@ -217,7 +218,7 @@ impl Rows for IffRows {
             out
         };
         // The value is replaced whole, so a panic elsewhere cannot have left it half done.
-        let last = || self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = || self.last.lock();
         if let Some((first, held)) = &*last()
             && *first <= y0
             && (y1 - first) as usize * values <= held.len()

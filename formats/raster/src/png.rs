@@ -6,9 +6,10 @@ use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
     Pixels, Result,
 };
+use parking_lot::Mutex;
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
 use std::path::Path;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
 ///
@@ -137,7 +138,7 @@ impl ImageInput for PngRows {
             error
         };
         // Taken out while it works: after a fault there is none, and the next call begins again.
-        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.lock();
         let (mut reader, mut y) = match state.take() {
             Some((reader, next)) if next <= y0 => (reader, next),
             _ => (reader(place)?, 0),

@@ -3,11 +3,12 @@
 use granita_image::{
     AtomicFile, CreateOptions, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Result,
 };
+use parking_lot::Mutex;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// A file whose bytes are counted as they are read.
 pub(crate) type Source = BufReader<Counted>;
@@ -186,7 +187,7 @@ impl WholeInput {
         if let Some(decoded) = self.decoded.get() {
             return Ok(decoded);
         }
-        let _one_at_a_time = self.decoding.lock().unwrap_or_else(PoisonError::into_inner);
+        let _one_at_a_time = self.decoding.lock();
         if let Some(decoded) = self.decoded.get() {
             return Ok(decoded);
         }

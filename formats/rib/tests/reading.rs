@@ -50,7 +50,7 @@ fn run(bytes: &[u8], sink: &mut Recorder) -> (Result<(), GeneratorError>, Vec<St
     let (reporter, kept) = Reporter::collecting();
     let source = GeneratorSource::bytes("t.rib", bytes);
     let result = rib().run(&source, sink, &reporter);
-    let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said = kept.lock().iter().map(ToString::to_string).collect();
     (result, said)
 }
 
@@ -427,7 +427,7 @@ fn archives_and_procedurals() {
     );
     assert_eq!(inputs[0].1, Some([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0]));
     assert_eq!(inputs[1], ("rib < printf '%s\\n' '1000000 it'\\''s 3' | makehair".to_owned(), None));
-    let said: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = kept.lock().iter().map(ToString::to_string).collect();
     assert_eq!(said.len(), 4, "{said:?}");
     assert!(said[0].contains("ball.rib:2: error: unknown request Nonsense"), "{said:?}");
     let itself =

@@ -9,9 +9,10 @@ use crate::{codec, jpeg, webp};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
+use parking_lot::Mutex;
 use rayon::prelude::*;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// An open TIFF file.
 ///
@@ -194,7 +195,7 @@ impl TiffInput {
     /// A strip, perhaps the one read last.
     fn strip(&self, key: [usize; 3], level: &Level) -> Result<Arc<Pixels>> {
         // The value is replaced whole, so a panic elsewhere cannot have left it half done.
-        let last = || self.last_strip.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = || self.last_strip.lock();
         if let Some((held, pixels)) = &*last()
             && *held == key
         {

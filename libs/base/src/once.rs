@@ -1,8 +1,9 @@
 //! Values that are made once each, when they are first requested.
 
+use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::hash::Hash;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// Values by key, each made by the first thread that requests it.
 ///
@@ -28,7 +29,7 @@ impl<K: Eq + Hash, V: Clone> OnceMap<K, V> {
     /// Returns the value of a key. `make` makes it when it was not requested before.
     pub fn get_or_make(&self, key: K, make: impl FnOnce() -> V) -> V {
         let place = {
-            let mut places = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut places = self.0.lock();
             places.entry(key).or_default().clone()
         };
         place.get_or_init(make).clone()

@@ -20,11 +20,12 @@
 //! assert!(supervisor.running().is_empty());
 //! ```
 
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::io;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The environment variable of child processes by which the guard finds processes that were being started when this
@@ -137,7 +138,7 @@ impl Supervisor {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.state.lock()
     }
 
     #[cfg(unix)]
@@ -175,7 +176,7 @@ impl Supervisor {
 
 impl Drop for Inner {
     fn drop(&mut self) {
-        self.state.get_mut().unwrap_or_else(PoisonError::into_inner).release();
+        self.state.get_mut().release();
     }
 }
 

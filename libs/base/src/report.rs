@@ -8,11 +8,12 @@ mod message;
 
 pub use message::{Location, Message, Severity, printable};
 
+use parking_lot::Mutex;
 use std::collections::{BTreeSet, HashMap};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::ThreadId;
 
 /// The verbosity at which only errors and messages are shown.
@@ -60,7 +61,7 @@ struct EndOfDelivery<'a>(&'a Mutex<Delivery>);
 
 impl Drop for EndOfDelivery<'_> {
     fn drop(&mut self) {
-        *lock(self.0) = Delivery::default();
+        *self.0.lock() = Delivery::default();
     }
 }
 
@@ -95,10 +96,6 @@ impl Said {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl fmt::Debug for Reporter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Reporter({} errors)", self.errors())
@@ -123,7 +120,7 @@ impl Reporter {
 
     /// Sends messages to `sink` from now on. Returns the previous sink.
     pub fn set_sink(&self, sink: Sink) -> Sink {
-        let old = std::mem::replace(&mut *lock(&self.0.sink), Arc::new(sink));
+        let old = std::mem::replace(&mut *self.0.sink.lock(), Arc::new(sink));
         // A thread may be calling the old sink now.
         Arc::try_unwrap(old).unwrap_or_else(|shared| Box::new(move |message| shared(message)))
     }
@@ -131,7 +128,7 @@ impl Reporter {
     /// Sends all messages except [`Severity::Message`] to `log` instead ("error:filename" of reference 4.3.7). `None`
     /// ends this.
     pub fn set_log(&self, log: Option<Sink>) {
-        let old = std::mem::replace(&mut *lock(&self.0.log), log.map(Arc::new));
+        let old = std::mem::replace(&mut *self.0.log.lock(), log.map(Arc::new));
         // The old log is dropped without the lock, because it may report messages.
         drop(old);
     }
@@ -145,7 +142,7 @@ impl Reporter {
     pub fn collecting() -> (Self, Arc<Mutex<Vec<Message>>>) {
         let kept = Arc::new(Mutex::new(Vec::new()));
         let copy = kept.clone();
-        let reporter = Self::new(Box::new(move |m| lock(&copy).push(m.clone())));
+        let reporter = Self::new(Box::new(move |m| copy.lock().push(m.clone())));
         (reporter, kept)
     }
 
@@ -175,7 +172,7 @@ impl Reporter {
         let message = Message::new(severity, at, text.into());
         if severity >= Severity::Warning {
             let look = message.to_string();
-            let mut said = lock(&self.0.said);
+            let mut said = self.0.said.lock();
             if let Some(&entry) = said.looks.get(&look) {
                 said.again[entry].times += 1;
                 return;
@@ -203,7 +200,7 @@ impl Reporter {
     fn first(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>, counts: usize) {
         let message = Message::new(severity, at, text.into());
         {
-            let mut said = lock(&self.0.said);
+            let mut said = self.0.said.lock();
             if let Some(&entry) = said.index.get(cause) {
                 said.again[entry].times += counts;
                 return;
@@ -243,7 +240,7 @@ impl Reporter {
     fn show(&self, message: &Message) {
         let thread = std::thread::current().id();
         {
-            let mut delivery = lock(&self.0.delivery);
+            let mut delivery = self.0.delivery.lock();
             if delivery.thread == Some(thread) {
                 if !delivery.is_late {
                     delivery.waiting.push(message.clone());
@@ -251,12 +248,12 @@ impl Reporter {
                 return;
             }
         }
-        let _turn = lock(&self.0.turn);
-        lock(&self.0.delivery).thread = Some(thread);
+        let _turn = self.0.turn.lock();
+        self.0.delivery.lock().thread = Some(thread);
         let end = EndOfDelivery(&self.0.delivery);
         self.deliver(message);
         let waiting = {
-            let mut delivery = lock(&self.0.delivery);
+            let mut delivery = self.0.delivery.lock();
             delivery.is_late = true;
             std::mem::take(&mut delivery.waiting)
         };
@@ -266,8 +263,8 @@ impl Reporter {
 
     /// Calls the sink of a message, without holding a lock that the sink may need.
     fn deliver(&self, message: &Message) {
-        let log = lock(&self.0.log).clone().filter(|_| message.severity != Severity::Message);
-        let sink = log.unwrap_or_else(|| lock(&self.0.sink).clone());
+        let log = self.0.log.lock().clone().filter(|_| message.severity != Severity::Message);
+        let sink = log.unwrap_or_else(|| self.0.sink.lock().clone());
         sink(message);
     }
 
@@ -275,7 +272,7 @@ impl Reporter {
     /// at most one.
     pub fn summary(&self) -> Option<String> {
         let (errors, warnings) = (self.errors(), self.count(Severity::Warning));
-        let said = lock(&self.0.said);
+        let said = self.0.said.lock();
         let repeated: Vec<&Again> =
             said.again.iter().filter(|a| a.times > 0 && a.severity >= Severity::Warning).collect();
         if errors + warnings < 2 && repeated.is_empty() {
@@ -304,7 +301,7 @@ impl Reporter {
     /// Records that a file was read. `./a` is the same as `a`.
     pub fn file_read(&self, path: &Path) {
         let path = path.strip_prefix(".").unwrap_or(path);
-        let mut files = lock(&self.0.files);
+        let mut files = self.0.files.lock();
         if !files.contains(path) {
             files.insert(path.to_owned());
         }
@@ -312,7 +309,7 @@ impl Reporter {
 
     /// Returns all files that were read, sorted.
     pub fn files_read(&self) -> Vec<PathBuf> {
-        lock(&self.0.files).iter().cloned().collect()
+        self.0.files.lock().iter().cloned().collect()
     }
 
     /// Reports an error without a location.
@@ -347,7 +344,7 @@ mod tests {
         r.set_verbosity(0);
         r.warning("hidden too");
         r.error("shown");
-        let kept = kept.lock().unwrap();
+        let kept = kept.lock();
         let lines: Vec<String> = kept.iter().map(ToString::to_string).collect();
         assert_eq!(lines, ["a.pyg:3: warning: cannot find \"foo\"", "error: shown"]);
         assert_eq!((r.errors(), r.count(Severity::Warning)), (1, 2));
@@ -365,7 +362,7 @@ mod tests {
             r.say(Severity::Error, &Location::line(&"a.pyg".into(), line), "two");
             r.say(Severity::Message, &Location::default(), "printed");
         }
-        let lines: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = kept.lock().iter().map(ToString::to_string).collect();
         let printed = || "printed".to_owned();
         assert_eq!(
             lines,
@@ -380,7 +377,7 @@ mod tests {
         );
         assert_eq!(r.summary().unwrap(), "3 errors, 0 warnings\n  1 time more: a.pyg:3: error: two");
         r.tell_summary();
-        assert!(kept.lock().unwrap().last().unwrap().text.starts_with("3 errors"));
+        assert!(kept.lock().last().unwrap().text.starts_with("3 errors"));
     }
 
     #[test]
@@ -388,23 +385,23 @@ mod tests {
         let (r, kept) = Reporter::collecting();
         let codes = Arc::new(Mutex::new(Vec::new()));
         let mine = codes.clone();
-        let first = r.set_sink(Box::new(move |m| mine.lock().unwrap().push(m.severity.code())));
+        let first = r.set_sink(Box::new(move |m| mine.lock().push(m.severity.code())));
         r.set_verbosity(VERBOSITY_INFO);
         r.info("a");
         r.warning("b");
         r.error("c");
         r.say(Severity::Severe, &Location::default(), "d");
         r.say(Severity::Message, &Location::default(), "e");
-        assert_eq!(*codes.lock().unwrap(), [512, 1024, 2048, 4096, 8192]);
+        assert_eq!(*codes.lock(), [512, 1024, 2048, 4096, 8192]);
         drop(r.set_sink(first));
         let log = codes.clone();
-        r.set_log(Some(Box::new(move |m| log.lock().unwrap().push(-m.severity.code()))));
+        r.set_log(Some(Box::new(move |m| log.lock().push(-m.severity.code()))));
         r.error("f");
         r.say(Severity::Message, &Location::default(), "g");
         r.set_log(None);
         r.error("h");
-        assert_eq!(codes.lock().unwrap().last(), Some(&-2048));
-        let texts: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
+        assert_eq!(codes.lock().last(), Some(&-2048));
+        let texts: Vec<String> = kept.lock().iter().map(|m| m.text.clone()).collect();
         assert_eq!(texts, ["g", "h"]);
     }
 
@@ -425,7 +422,7 @@ mod tests {
             })));
             reporter.error("first");
             reporter.error("second");
-            let texts: Vec<String> = lock(&kept).iter().map(|m| m.text.clone()).collect();
+            let texts: Vec<String> = kept.lock().iter().map(|m| m.text.clone()).collect();
             done.send((texts, reporter.errors())).unwrap();
         });
         let waited = over.recv_timeout(std::time::Duration::from_secs(20));
@@ -444,7 +441,7 @@ mod tests {
             own.error(format!("about {}", message.text));
         })));
         reporter.error("a");
-        let texts: Vec<String> = lock(&kept).iter().map(|m| m.text.clone()).collect();
+        let texts: Vec<String> = kept.lock().iter().map(|m| m.text.clone()).collect();
         assert_eq!(texts, ["a", "about a"]);
         assert_eq!(reporter.errors(), 3, "the last one is counted only");
     }
@@ -473,7 +470,7 @@ mod tests {
         let (r, kept) = Reporter::collecting();
         (0..MOST_SHOWN + 100).for_each(|i| r.error(format!("mistake {i}")));
         r.say(Severity::Message, &Location::default(), "printed");
-        let kept = kept.lock().unwrap();
+        let kept = kept.lock();
         assert_eq!(kept.len(), MOST_SHOWN + 2);
         assert_eq!(kept[MOST_SHOWN].text, "more than 2000 messages: further ones are counted only");
         assert_eq!((r.errors(), kept[MOST_SHOWN + 1].text.as_str()), (MOST_SHOWN + 100, "printed"));
@@ -487,7 +484,7 @@ mod tests {
         r.error("bad\n    float x;\n    ^");
         r.once("c", Severity::Warning, &Location::default(), "a\u{9b}b\n");
         r.say(Severity::Message, &Location::default(), "1\t2\u{8}\n3\n");
-        let lines: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+        let lines: Vec<String> = kept.lock().iter().map(ToString::to_string).collect();
         assert_eq!(
             lines,
             [
@@ -508,7 +505,7 @@ mod tests {
         // The first causes are stored, and no message is lost.
         reporter.once("cause 0", Severity::Warning, &Location::default(), "a warning");
         assert_eq!(reporter.count(Severity::Warning), 2 * MANY);
-        let said = lock(&reporter.0.said);
+        let said = reporter.0.said.lock();
         assert_eq!((said.index.len(), said.again.len()), (MANY, MANY));
     }
 

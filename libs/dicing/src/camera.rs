@@ -643,7 +643,7 @@ mod tests {
         let params = Params(list.iter().map(|(d, v)| Param::declared(d, *v).unwrap()).collect());
         let camera = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
         let view = CameraView::new(&camera, &reporter);
-        let said = kept.lock().unwrap().len();
+        let said = kept.lock().len();
         (view, said)
     }
 

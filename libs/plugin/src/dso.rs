@@ -3,10 +3,11 @@
 //! Libraries are never unloaded. Objects of their classes may exist anywhere, and the system keeps one copy of a
 //! library per process. The table of libraries is therefore the only state that two renderers of one process share.
 
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::OnceLock;
 
 /// A loaded library.
 #[derive(Debug)]
@@ -28,7 +29,7 @@ impl Dso {
     /// Returns the error of the system, such as a missing symbol.
     pub(crate) fn load(path: &Path) -> Result<&'static Self, String> {
         let path = std::fs::canonicalize(path).map_err(|e| e.to_string())?;
-        let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut loaded = LOADED.lock();
         if let Some(dso) = loaded.get(&path) {
             return Ok(dso);
         }

@@ -8,10 +8,11 @@ use crate::rules::PluginRules;
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{Format, FormatFinder};
 use granita_scene::Generator;
+use parking_lot::{Mutex, RwLock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 /// Plugins that a file may hold, and the names of such files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -58,12 +59,8 @@ struct Inner {
 
 impl std::fmt::Debug for Plugins {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Plugins({})", lock(&self.0.images).len() + lock(&self.0.generators).len())
+        write!(f, "Plugins({})", self.0.images.lock().len() + self.0.generators.lock().len())
     }
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Plugins {
@@ -85,7 +82,7 @@ impl Plugins {
 
     /// Sets the folders of image formats ("path:imageio").
     pub fn set_image_path(&self, path: SearchPath) {
-        *self.0.image_path.write().unwrap_or_else(PoisonError::into_inner) = path;
+        *self.0.image_path.write() = path;
     }
 
     /// Reports every file that is tried ("debug:dso").
@@ -99,25 +96,25 @@ impl Plugins {
     /// There is an `ImageOutput` of `imageio.h`, and it exists until the session ends or renders no more.
     pub unsafe fn grant(&self, format: &str) {
         if let Some(address) = address(format) {
-            lock(&self.0.granted).insert(address);
+            self.0.granted.lock().insert(address);
         }
     }
 
     /// Sets the program to be another process. Addresses in an `Output` are then of that process, which decides
     /// what it permits.
     pub fn set_program_images(&self, make: ProgramImages) {
-        *self.0.program_images.write().unwrap_or_else(PoisonError::into_inner) = Some(make);
+        *self.0.program_images.write() = Some(make);
     }
 
     /// Revokes the permissions of [`Plugins::grant`].
     pub fn revoke_all(&self) {
-        lock(&self.0.granted).clear();
+        self.0.granted.lock().clear();
     }
 
     /// Returns the generator `name` with precedence over bundled ones: one that a program passed, or whose library
     /// the user named.
     pub fn preferred_generator(&self, name: &str) -> Option<Arc<dyn Generator>> {
-        if let Some(kept) = lock(&self.0.kept).get(name) {
+        if let Some(kept) = self.0.kept.lock().get(name) {
             return Some(kept.clone());
         }
         self.generator_in(self.named(Kind::Generator, name)?)
@@ -129,11 +126,11 @@ impl Plugins {
     }
 
     fn generator_in(&self, file: PathBuf) -> Option<Arc<dyn Generator>> {
-        if let Some(known) = lock(&self.0.generators).get(&file) {
+        if let Some(known) = self.0.generators.lock().get(&file) {
             return known.clone().map(|g| g as Arc<dyn Generator>);
         }
         let made = self.load(&file, PluginGenerator::new, Severity::Error).map(Arc::new);
-        lock(&self.0.generators).insert(file, made.clone());
+        self.0.generators.lock().insert(file, made.clone());
         made.map(|g| g as Arc<dyn Generator>)
     }
 
@@ -161,7 +158,7 @@ impl Plugins {
 
     fn keep(&self, generator: Arc<dyn Generator>) -> Arc<str> {
         let name: Arc<str> = format!("<generator-{}>", self.0.number.fetch_add(1, Ordering::Relaxed)).into();
-        lock(&self.0.kept).insert(name.clone(), generator);
+        self.0.kept.lock().insert(name.clone(), generator);
         name
     }
 
@@ -227,16 +224,16 @@ impl Plugins {
     }
 
     fn image(&self, file: &Path, severity: Severity) -> Option<Arc<PluginFormat>> {
-        if let Some(known) = lock(&self.0.images).get(file) {
+        if let Some(known) = self.0.images.lock().get(file) {
             return known.clone();
         }
         let made = self.load(file, PluginFormat::new, severity).map(Arc::new);
-        lock(&self.0.images).insert(file.to_owned(), made.clone());
+        self.0.images.lock().insert(file.to_owned(), made.clone());
         made
     }
 
     fn image_path(&self) -> SearchPath {
-        self.0.image_path.read().unwrap_or_else(PoisonError::into_inner).clone()
+        self.0.image_path.read().clone()
     }
 
     /// All image plugins, by folder and name.
@@ -297,11 +294,11 @@ impl FormatFinder for Plugins {
 
     fn named(&self, name: &str) -> Option<Arc<dyn Format>> {
         if let Some(address) = address(name) {
-            let elsewhere = self.0.program_images.read().unwrap_or_else(PoisonError::into_inner);
+            let elsewhere = self.0.program_images.read();
             if let Some(make) = &*elsewhere {
                 return Some(make(address));
             }
-            let granted = lock(&self.0.granted).contains(&address);
+            let granted = self.0.granted.lock().contains(&address);
             return granted.then(|| Arc::new(PluginFormat::in_program(address)) as Arc<dyn Format>);
         }
         self.image_named(name).map(|f| f as Arc<dyn Format>)

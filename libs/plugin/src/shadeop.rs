@@ -9,11 +9,12 @@ use granita_gsl::{ShadeopCall, ShadeopForm};
 use granita_shade::{
     NoiseForm, OptionValue, Shadeop, ShadeopContext, ShadeopData, Spot, is_text_option, noise_at,
 };
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// `SHADEOP_VERSION` and `SHADEOP_PROTOCOL`.
 const VERSION: c_int = 1;
@@ -118,7 +119,7 @@ unsafe impl Sync for PluginShadeop {}
 const VOID: u32 = 1;
 
 fn alone() -> MutexGuard<'static, ()> {
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+    ALONE.lock()
 }
 
 impl State<'_> {

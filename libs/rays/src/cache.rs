@@ -6,9 +6,10 @@
 
 use crate::mesh::{Level, RayMesh};
 use granita_trace::Tracer;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// The default limit of the tessellations of a frame, in bytes. More is kept only while it is in use.
 pub const CACHE_BYTES: u64 = 1 << 30;
@@ -116,7 +117,7 @@ impl TessellationCache {
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.lock()
     }
 
     /// Returns the tessellation of this key, made by `make` unless it exists. Other threads that request it meanwhile

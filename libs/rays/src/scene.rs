@@ -20,11 +20,10 @@ use crate::cache::{Key, Tessellation};
 use crate::mesh::{self, Level, Member, MeshHit, OnDemandMesh, RayMesh, StaticMesh};
 use crate::request::{Leaving, RayRequest};
 use crate::{GridShader, GridShaders, RayDisplacement, RayObject};
-use granita_base::{Bound, Vec3};
+use granita_base::{Bound, Vec3, parallel_map};
 use granita_trace::{BoxScratch, BoxTree, Hit, Ray, RayScratch, Tracer, TracerBuilder};
 use rustc_hash::{FxHashMap, FxHashSet};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// The approximate number of bytes of a tessellation for each triangle.
 const TRIANGLE_BYTES: f32 = 128.0;
@@ -186,29 +185,18 @@ impl<O: RayObject> RayScene<O> {
         motion: bool,
     ) -> Self {
         let seen = shaders.ray_frame();
-        let next = AtomicUsize::new(0);
-        let made: Mutex<Vec<(usize, Member<O>)>> = Mutex::default();
-        let work = || {
-            let mut thread = shaders.thread();
-            while let Some(member) = members.get(next.fetch_add(1, Ordering::Relaxed)) {
+        let made = parallel_map(
+            members,
+            threads,
+            || shaders.thread(),
+            |thread, member| {
                 let primitive = &seen.scene.primitives[*member as usize];
                 let object = shaders.object(primitive);
-                if let Some(ready) = mesh::prepare(primitive, &object, motion, &mut *thread) {
-                    let k = *member as usize;
-                    made.lock().unwrap_or_else(PoisonError::into_inner).push((k, ready));
-                }
-            }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..threads.min(members.len()) {
-                scope.spawn(work);
-            }
-            work();
-        });
-        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
-        made.sort_by_key(|m| m.0);
+                mesh::prepare(primitive, &object, motion, &mut **thread)
+            },
+        );
         let (mut static_meshes, mut on_demand_meshes) = (Vec::new(), Vec::new());
-        for (_, member) in made {
+        for member in made.into_iter().flatten() {
             match member {
                 Member::StaticMesh(static_mesh) => static_meshes.push(static_mesh),
                 Member::OnDemandMesh(on_demand) => on_demand_meshes.push(on_demand),

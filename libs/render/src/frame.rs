@@ -19,7 +19,7 @@ use crate::priority::{Priority, Turns};
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::{CameraView, PixelRect, RenderError};
-use granita_base::{Location, Reporter, Severity};
+use granita_base::{Location, Reporter, Severity, parallel_map};
 use granita_dicing::camera::is_moving;
 use granita_dicing::{Measure, SceneDicing};
 use granita_gsl::ir::ValueType;
@@ -29,9 +29,10 @@ use granita_image::{FormatRegistry, Request};
 use granita_scene::{Primitive, Scene, attr};
 use granita_shade::Grid;
 use job::{Job, Sighting};
+use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 pub(crate) use demand::{OnDemand, Surroundings};
@@ -248,7 +249,7 @@ pub(crate) fn render<S: FrameShader>(
         return Err(RenderError::Stopped);
     }
     for (image, canvas) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(canvases) {
-        match canvas.into_inner().unwrap_or_else(PoisonError::into_inner).finish() {
+        match canvas.into_inner().finish() {
             Finished::Kept(pixels) => image.pixels = pixels,
             Finished::Written(done) => image.written = Some(done),
             Finished::Shown(viewer) => image.shown = Shown(Mutex::new(viewer)),
@@ -320,37 +321,21 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     fn jobs(&self, scene: &Scene, threads: usize) -> Jobs<S::Object> {
         let visible: Vec<&Arc<Primitive>> = scene.primitives.iter().filter(|p| self.is_visible(p)).collect();
         add(&self.counters.primitives, visible.len());
-        let next = AtomicUsize::new(0);
-        let made: Mutex<Vec<(usize, Job<S::Object>)>> = Mutex::default();
-        std::thread::scope(|scope| {
-            for _ in 0..threads.min(visible.len().max(1)) {
-                scope.spawn(|| {
-                    let (mut mine, mut thread) = (Vec::new(), None);
-                    loop {
-                        let index = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(primitive) = visible.get(index) else { break };
-                        let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive, &mut thread)));
-                        match job {
-                            Ok(Some(job)) => mine.push((index, job)),
-                            Ok(None) => (),
-                            Err(panic) => self.options.reporter.say(
-                                Severity::Error,
-                                &primitive.at,
-                                format!(
-                                    "a {} is left out: building it failed: {}",
-                                    primitive.shape.call_name(),
-                                    panic_text(&*panic)
-                                ),
-                            ),
-                        }
-                    }
-                    made.lock().unwrap_or_else(PoisonError::into_inner).extend(mine);
-                });
-            }
-        });
-        let mut made = made.into_inner().unwrap_or_else(PoisonError::into_inner);
-        made.sort_by_key(|(index, _)| *index);
-        let list: Vec<Job<S::Object>> = made.into_iter().map(|(_, job)| job).collect();
+        let made = parallel_map(
+            visible,
+            threads,
+            || None,
+            |thread, primitive| {
+                let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive, thread)));
+                job.unwrap_or_else(|panic| {
+                    let (shape, what) = (primitive.shape.call_name(), panic_text(&*panic));
+                    let text = format!("a {shape} is left out: building it failed: {what}");
+                    self.options.reporter.say(Severity::Error, &primitive.at, text);
+                    None
+                })
+            },
+        );
+        let list: Vec<Job<S::Object>> = made.into_iter().flatten().collect();
         let mut of_bucket = vec![Vec::new(); self.buckets.order.len()];
         for (index, job) in list.iter().enumerate() {
             for Sighting { rect, .. } in &job.seen {
@@ -389,7 +374,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if self.options.stop.load(Ordering::Relaxed) {
                 return None;
             }
-            let mut turns = turns.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut turns = turns.lock();
             turns.next(&self.buckets, self.priority())
         };
         std::thread::scope(|scope| {
@@ -432,7 +417,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Applies the requests of the viewers of the images.
     fn hear(&self, canvases: &[Mutex<Canvas>]) {
         for canvas in canvases {
-            let requests = lock(canvas).requests();
+            let requests = canvas.lock().requests();
             for request in requests {
                 let crop = &self.options.camera.crop;
                 match (request, self.options.priority) {
@@ -451,12 +436,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Reports to the viewers of the images that a bucket is started.
     fn begin(&self, canvases: &[Mutex<Canvas>], index: usize) {
-        canvases.iter().for_each(|canvas| lock(canvas).begin(&self.buckets.order[index]));
+        canvases.iter().for_each(|canvas| canvas.lock().begin(&self.buckets.order[index]));
     }
 
     /// Stores the pixels of a bucket.
     fn store(&self, canvas: &Mutex<Canvas>, rect: &PixelRect, values: &[f32]) {
-        let mut canvas = lock(canvas);
+        let mut canvas = canvas.lock();
         canvas.store(rect, values);
         let trouble = canvas.trouble();
         drop(canvas);
@@ -466,7 +451,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Reports errors of viewers. Rendering continues without them.
     fn complain(&self, canvases: &[Mutex<Canvas>]) {
         for canvas in canvases {
-            let trouble = lock(canvas).trouble();
+            let trouble = canvas.lock().trouble();
             self.complain_of(trouble);
         }
     }
@@ -518,10 +503,6 @@ impl<O> Jobs<O> {
     fn cost(&self, index: usize) -> u64 {
         1 + 4 * self.of_bucket.get(index).map_or(0, |jobs| jobs.len().min(16)) as u64
     }
-}
-
-fn lock(canvas: &Mutex<Canvas>) -> MutexGuard<'_, Canvas> {
-    canvas.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Returns the text of a panic.

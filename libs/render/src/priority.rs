@@ -4,9 +4,9 @@
 
 use crate::PixelRect;
 use crate::bucket::Buckets;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// The priority of buckets, shared by the renderer and its viewers. It applies to the frame that is being rendered,
 /// and is reset before the next one.
@@ -46,7 +46,7 @@ impl Priority {
     }
 
     fn wanted(&self) -> MutexGuard<'_, Wanted> {
-        self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
+        self.wanted.lock()
     }
 
     fn change(&self, change: impl FnOnce(&mut Wanted)) {

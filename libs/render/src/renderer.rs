@@ -272,7 +272,7 @@ impl<'r> FrameInProgress<'r> {
                     continue;
                 }
                 if image.is_shown {
-                    let viewer = std::mem::take(&mut image.shown).0.into_inner().ok().flatten();
+                    let viewer = std::mem::take(&mut image.shown).0.into_inner();
                     self.viewers.extend(viewer);
                     continue;
                 }

@@ -5,7 +5,8 @@
 
 use crate::bucket;
 use crate::priority::{Priority, Turns};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use parking_lot::{Condvar, Mutex, MutexGuard};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The pixels of a bucket: for each image (those of an eye one after the other) its interleaved channels, row by
@@ -85,7 +86,7 @@ impl Queue {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     /// Takes a bucket as [`Buckets::take`] does.
@@ -109,7 +110,7 @@ impl Queue {
                 return None;
             }
             // A stop of the frame does not notify this condition.
-            (state, _) = self.changed.wait_timeout(state, GLANCE).unwrap_or_else(PoisonError::into_inner);
+            self.changed.wait_for(&mut state, GLANCE);
         }
     }
 
@@ -141,7 +142,7 @@ impl Queue {
 
     /// Returns the buckets that were not rendered, in order.
     pub(crate) fn left(self) -> Vec<usize> {
-        let state = self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let state = self.state.into_inner();
         let mut left: Vec<usize> = state.waiting.left().chain(state.failed).collect();
         left.sort_unstable();
         left

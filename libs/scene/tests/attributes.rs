@@ -6,7 +6,8 @@ use granita_scene::attribute::{AttributeRow, Scope, TABLE};
 use granita_scene::{
     Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, attribute_row,
 };
-use std::sync::{Arc, Mutex};
+use parking_lot::Mutex;
+use std::sync::Arc;
 
 struct Nothing;
 
@@ -52,7 +53,7 @@ impl Run {
 
     /// Returns the messages since the last call.
     fn said(&self) -> Vec<String> {
-        let said = std::mem::take(&mut *self.said.lock().unwrap());
+        let said = std::mem::take(&mut *self.said.lock());
         said.iter().map(ToString::to_string).collect()
     }
 }
@@ -318,7 +319,7 @@ fn what_may_be_set_is_set_without_a_word() {
         }
         if let Some(default) = row.default_param() {
             call(&mut run, default.data);
-            assert!(run.said.lock().unwrap().is_empty(), "{} set to its default", row.name);
+            assert!(run.said.lock().is_empty(), "{} set to its default", row.name);
         }
         call(&mut run, other(row));
         call(&mut run, other(row));

@@ -6,12 +6,13 @@ use crate::picture::{LARGEST, PictureOptions, picture};
 use crate::{Key, Packed, Schema};
 use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
+use parking_lot::Mutex;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The mode of a database's file, from an option "filemode" or from the attributes (reference 4.3.9, 5.8.13).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -119,10 +120,6 @@ struct Entry {
     file: Option<Option<Arc<Packed>>>,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Databases {
     /// Returns an empty set of databases. Images are written in a format of `formats`.
     pub fn new(formats: FormatRegistry, reporter: Reporter) -> Self {
@@ -146,7 +143,7 @@ impl Databases {
 
     /// Returns the database of this name, which is empty when it is new.
     fn entry(&self, name: &str) -> Arc<Mutex<Entry>> {
-        let mut entries = lock(&self.entries);
+        let mut entries = self.entries.lock();
         match entries.get(name) {
             Some(entry) => entry.clone(),
             None => entries.entry(name.to_owned()).or_default().clone(),
@@ -171,7 +168,7 @@ impl Databases {
         self.saves.fetch_add(1, Ordering::Relaxed);
         let (finite, broken) = finite(records, schema.numbers());
         let entry = self.entry(name);
-        let mut entry = lock(&entry);
+        let mut entry = entry.lock();
         entry.write |= mode.write;
         entry.adds |= mode.write && mode.read;
         if let Some(options) = options {
@@ -210,7 +207,7 @@ impl Databases {
     /// `search`, once per frame.
     pub fn records(&self, name: &str, mode: Mode, search: &SearchPath) -> Option<Arc<Packed>> {
         let entry = self.entry(name);
-        let mut entry = lock(&entry);
+        let mut entry = entry.lock();
         if !mode.read {
             return entry.memory.clone();
         }
@@ -246,13 +243,13 @@ impl Databases {
     /// True when queries may see records of earlier frames that were not read from a file. Other processes do not
     /// have these.
     pub fn hold_memory(&self) -> bool {
-        lock(&self.entries).values().any(|entry| lock(entry).memory.is_some())
+        self.entries.lock().values().any(|entry| entry.lock().memory.is_some())
     }
 
     /// Begins a frame. Records of a frame that did not finish are dropped.
     pub fn begin(&self) {
-        for entry in lock(&self.entries).values() {
-            let mut entry = lock(entry);
+        for entry in self.entries.lock().values() {
+            let mut entry = entry.lock();
             (entry.saved, entry.broken, entry.lost, entry.file) = (None, 0, None, None);
         }
     }
@@ -266,8 +263,8 @@ impl Databases {
     pub fn finish(&self, search: &SearchPath) -> std::result::Result<Finished, Vec<SdbError>> {
         let mut finished = Finished::default();
         let mut errors = Vec::new();
-        for (name, entry) in &*lock(&self.entries) {
-            let entry = &mut *lock(entry);
+        for (name, entry) in &*self.entries.lock() {
+            let entry = &mut *entry.lock();
             if entry.broken > 0 {
                 let count = std::mem::take(&mut entry.broken);
                 let text =
@@ -389,7 +386,7 @@ mod tests {
         let record = vec![0.5; schema.numbers()];
         // This simulates a thread that writes many records of "a" to a file.
         let a = databases.entry("a");
-        let busy = lock(&a);
+        let busy = a.lock();
         let (done, over) = std::sync::mpsc::channel();
         let (other, more) = (databases.clone(), record.clone());
         std::thread::spawn(move || {

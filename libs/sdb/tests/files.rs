@@ -22,7 +22,7 @@ fn path(folder: &Path) -> SearchPath {
 fn databases() -> (Databases, impl Fn() -> Vec<String>) {
     let (reporter, messages) = Reporter::collecting();
     let formats = granita_plugin::bundled_formats(Limits::default());
-    let texts = move || messages.lock().unwrap().iter().map(ToString::to_string).collect();
+    let texts = move || messages.lock().iter().map(ToString::to_string).collect();
     (Databases::new(formats, reporter), texts)
 }
 

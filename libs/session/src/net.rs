@@ -29,11 +29,12 @@ use crate::patient::{Patience, Patient};
 use granita_base::process::Process;
 use granita_base::{Reporter, Severity};
 use granita_render::{BucketPixels, Buckets, Workers};
+use parking_lot::Mutex;
 use std::io::{self, Read, Write};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 /// The first line of a worker of this version: the version of the suite, and that of this protocol.
@@ -53,10 +54,6 @@ const MOST_IMAGES: u32 = 1 << 16;
 
 /// The time in which a worker without output must end.
 const ENDING: Duration = Duration::from_secs(1);
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// The workers of a coordinator.
 pub(crate) struct Net {
@@ -108,9 +105,9 @@ impl Net {
             return false;
         };
         self.patience.set(patience);
-        let mut workers = lock(&self.workers);
+        let mut workers = self.workers.lock();
         if workers.is_empty() {
-            let progress = lock(&self.state);
+            let progress = self.state.lock();
             for server in servers {
                 match Worker::start(server, command, arguments, &self.options, &self.patience) {
                     Ok(worker) => {
@@ -125,7 +122,7 @@ impl Net {
                 }
             }
         }
-        workers.iter().any(|worker| lock(worker).is_some())
+        workers.iter().any(|worker| worker.lock().is_some())
     }
 
     /// Sets whether the cameras of the next frame are rendered without workers. Workers have no databases of
@@ -139,7 +136,7 @@ impl Net {
 
     /// Counts a command of the scene that was run.
     pub(crate) fn command_done(&self) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         state.commands += 1;
         let line = format!("commands {}\n", state.commands);
         drop(state);
@@ -147,23 +144,23 @@ impl Net {
     }
 
     fn tell(&self, line: &str) {
-        for worker in lock(&self.workers).iter() {
+        for worker in self.workers.lock().iter() {
             // A worker that has ended is reported when it is needed.
-            let _ = lock(worker).as_ref().map(|worker| worker.say(line));
+            let _ = worker.lock().as_ref().map(|worker| worker.say(line));
         }
     }
 }
 
 impl Workers for Net {
     fn begin(&self) -> usize {
-        if self.alone.load(Ordering::Relaxed) { 0 } else { lock(&self.workers).len() }
+        if self.alone.load(Ordering::Relaxed) { 0 } else { self.workers.lock().len() }
     }
 
     fn work(&self, worker: usize, buckets: &dyn Buckets) -> Result<(), String> {
-        let Some(slot) = lock(&self.workers).get(worker).cloned() else { return Ok(()) };
-        let mut slot = lock(&slot);
+        let Some(slot) = self.workers.lock().get(worker).cloned() else { return Ok(()) };
+        let mut slot = slot.lock();
         let Some(worker) = slot.as_mut() else { return Ok(()) };
-        let frame = lock(&self.state).frame;
+        let frame = self.state.lock().frame;
         let result = worker.work(frame, buckets);
         let name = worker.name.clone();
         if result.is_err() {
@@ -173,7 +170,7 @@ impl Workers for Net {
     }
 
     fn end(&self) {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         state.frame += 1;
         let line = format!("frame {}\n", state.frame);
         drop(state);

@@ -4,9 +4,10 @@ use granita_base::report::Sink;
 use granita_base::{FileError, Files, Reporter};
 use granita_render::{FrameReport, ShadingStatistics, Statistics};
 use granita_scene::InputCounts;
+use parking_lot::Mutex;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The record of one `Render`.
@@ -102,7 +103,7 @@ pub(crate) fn write_files_read(path: &Path, files: &Files, reporter: &Reporter) 
 pub(crate) fn error_log(path: &Path, files: &Files) -> Result<Sink, FileError> {
     let file = Mutex::new(files.create_log(path)?);
     Ok(Box::new(move |message| {
-        let mut file = file.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut file = file.lock();
         // There is no other place to report a log that cannot be written.
         let _ = file.write_all(format!("{message}\n").as_bytes());
     }))

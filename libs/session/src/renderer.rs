@@ -16,9 +16,10 @@ use granita_scene::{
     Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, attr,
 };
 use granita_sdb::Databases;
+use parking_lot::{Mutex, MutexGuard};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// The records of a session about its frames; clones share them.
@@ -35,7 +36,7 @@ pub(crate) struct Record {
 impl Record {
     /// Returns the records of all frames, in order.
     pub(crate) fn frames(&self) -> MutexGuard<'_, Vec<FrameRecord>> {
-        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+        self.frames.lock()
     }
 }
 

@@ -5,9 +5,10 @@ use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_plugin::Plugins;
 use granita_render::{NoShader, ShaderLibrary};
 use granita_shade::Shadeop;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// A C++ function, or the reason why it is not available.
 type FoundShadeop = Result<Arc<dyn Shadeop>, String>;
@@ -115,7 +116,7 @@ impl Shaders {
 impl ShaderLibrary for Shaders {
     fn load(&self, name: &str) -> Result<ValidModule, NoShader> {
         // The lock is held while the shader compiles, so that other threads wait instead of compiling it again.
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.known.lock();
         if let Some(module) = known.get(name) {
             return module.clone();
         }
@@ -125,7 +126,7 @@ impl ShaderLibrary for Shaders {
     }
 
     fn shadeop(&self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
-        let mut known = self.shadeops.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut known = self.shadeops.lock();
         if let Some(found) = known.get(text) {
             return found.clone();
         }

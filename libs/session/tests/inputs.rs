@@ -24,7 +24,7 @@ fn render(folder: &Path, before: &str, world: &str) -> (Vec<u8>, Vec<String>, Ou
     let mut session = Session::new(options, reporter, Default::default());
     session.read_stream("<test>", Box::new(std::io::Cursor::new(text.into_bytes()))).unwrap();
     let outcome = session.finish();
-    let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said = kept.lock().iter().map(ToString::to_string).collect();
     (std::fs::read(&image).unwrap_or_default(), said, outcome)
 }
 
@@ -170,6 +170,6 @@ fn a_file_that_reads_itself_is_found_out() {
     let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
     let mut session = Session::new(options, reporter, Default::default());
     session.read_file(scene.to_str().unwrap()).unwrap();
-    assert!(kept.lock().unwrap()[0].to_string().contains("would read itself"));
+    assert!(kept.lock()[0].to_string().contains("would read itself"));
     session.state().call(granita_scene::Call::World, &Location::default()).unwrap();
 }

@@ -29,7 +29,7 @@ fn run(scene: &str, options: SessionOptions) -> (Outcome, Vec<String>) {
     let result = session.read_stream("<test>", Box::new(std::io::Cursor::new(scene.to_owned().into_bytes())));
     assert!(matches!(result, Ok(()) | Err(SessionError::Exit)), "{result:?}");
     let outcome = session.finish();
-    let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said = kept.lock().iter().map(ToString::to_string).collect();
     (outcome, said)
 }
 
@@ -291,7 +291,7 @@ fn files_share_the_variables_of_their_scripts() {
     session.read_file(&main).unwrap();
     assert!(session.finish().rendered);
     assert_eq!(middle(&image), (32, 24, vec![0.25, 0.5, 1.0, 1.0]));
-    let said: Vec<String> = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+    let said: Vec<String> = kept.lock().iter().map(ToString::to_string).collect();
     assert!(said.len() == 1 && said[0].contains("inner.pyg:1: error: NameError"), "{said:?}");
 }
 
@@ -307,7 +307,7 @@ fn temporary_files_lie_where_the_environment_says() {
         let options = SessionOptions { environment, safe, ..options() };
         let session = Session::new(options, reporter, Default::default());
         assert_eq!(session.files().is_confined(), safe);
-        (session.files().temporary_folder(), kept.lock().unwrap().len())
+        (session.files().temporary_folder(), kept.lock().len())
     };
     let system = std::env::temp_dir();
     assert_eq!(place(None, false), (system.clone(), 0));

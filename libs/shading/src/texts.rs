@@ -6,10 +6,11 @@
 //! once.
 
 use granita_base::{Files, Reporter};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The largest number of bytes of text that is kept until the end of the frame.
 const MAX_BYTES: usize = 64 << 20;
@@ -40,7 +41,7 @@ struct Kept {
 impl Texts {
     /// Keeps a text for the file `name`.
     pub(crate) fn add(&self, name: &str, key: Key, text: &str, files: &Files, reporter: &Reporter) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.0.lock();
         kept.bytes += text.len() + size_of::<(Key, String)>();
         kept.files.entry(name.to_owned()).or_default().push((key, text.to_owned()));
         if kept.bytes > MAX_BYTES {
@@ -50,7 +51,7 @@ impl Texts {
 
     /// Appends all texts to their files. Returns false when one could not be written, which is reported.
     pub(crate) fn finish(&self, files: &Files, reporter: &Reporter) -> bool {
-        write(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner), files, reporter)
+        write(&mut self.0.lock(), files, reporter)
     }
 }
 
@@ -98,6 +99,6 @@ mod tests {
         let (reporter, kept) = Reporter::collecting();
         let texts = Texts::default();
         texts.add(folder.path().to_str().unwrap(), key("a", 0, 0), "x", &files, &reporter);
-        assert!(!texts.finish(&files, &reporter) && kept.lock().unwrap().len() == 1);
+        assert!(!texts.finish(&files, &reporter) && kept.lock().len() == 1);
     }
 }

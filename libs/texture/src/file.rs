@@ -10,9 +10,10 @@ use crate::tiles::{Cell, Layout, Tile, from_raw};
 use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform, Vec3};
 use granita_image::{ImageInput, Limits, PixelType, Pixels};
+use parking_lot::Mutex;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 
 /// An open file; `None` while it is closed.
 pub(crate) type Handle = Mutex<Option<Arc<dyn ImageInput>>>;

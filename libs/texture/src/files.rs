@@ -1,8 +1,9 @@
 //! The files of a cache. They are found by name once, never removed, and accessed without a lock.
 
 use crate::file::TextureFile;
+use parking_lot::{Mutex, RwLock};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+use std::sync::{Arc, OnceLock};
 
 /// The number of files of the first block. Each further block holds twice as many.
 const FIRST: usize = 64;
@@ -29,7 +30,7 @@ impl List {
 
     /// Appends the file that `make` makes for the index; `None` when it makes none.
     fn push(&self, make: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
-        let mut count = self.count.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut count = self.count.lock();
         let (block, at) = place(*count);
         let list =
             self.blocks.get(block)?.get_or_init(|| (0..FIRST << block).map(|_| OnceLock::new()).collect());
@@ -68,9 +69,9 @@ impl Files {
 
     /// Returns the index of the file called `name`. The first caller makes it with `open`.
     pub(crate) fn find(&self, name: &str, open: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
-        let known = self.names.read().unwrap_or_else(PoisonError::into_inner).get(name).cloned();
+        let known = self.names.read().get(name).cloned();
         let answer = known.unwrap_or_else(|| {
-            let mut names = self.names.write().unwrap_or_else(PoisonError::into_inner);
+            let mut names = self.names.write();
             names.entry(name.to_owned()).or_default().clone()
         });
         *answer.get_or_init(|| self.list.push(open))

@@ -9,10 +9,11 @@ use crate::volume::EMPTY;
 use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, ImageError, ImageInput, Pixels};
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering, fence};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// The inside of a [`crate::TextureCache`].
 #[derive(Debug)]
@@ -143,7 +144,7 @@ impl Shared {
     }
 
     fn open(&self) -> MutexGuard<'_, Open> {
-        self.open.lock().unwrap_or_else(PoisonError::into_inner)
+        self.open.lock()
     }
 
     /// Waits until one more file may be open; closes the one that was read from longest ago, of those that no thread
@@ -152,7 +153,7 @@ impl Shared {
         let mut open = self.open();
         while open.files.len() + open.more >= open.most {
             if !self.close_oldest(&mut open) {
-                open = self.wait(open);
+                self.wait(&mut open);
             }
         }
         open.more += 1;
@@ -161,15 +162,14 @@ impl Shared {
     }
 
     /// Sleeps until a file may have become idle.
-    fn wait<'a>(&'a self, mut open: MutexGuard<'a, Open>) -> MutexGuard<'a, Open> {
+    fn wait(&self, open: &mut MutexGuard<'_, Open>) {
         self.waiting.fetch_add(1, Ordering::Relaxed);
         fence(Ordering::SeqCst);
         // Once more: a read that ended before this thread was counted notified no one.
-        if !self.close_oldest(&mut open) {
-            open = self.opened.wait(open).unwrap_or_else(PoisonError::into_inner);
+        if !self.close_oldest(open) {
+            self.opened.wait(open);
         }
         self.waiting.fetch_sub(1, Ordering::Relaxed);
-        open
     }
 
     /// Closes the file that was read from longest ago, of those that no thread reads from; whether there was one.
@@ -204,7 +204,7 @@ impl Shared {
             open.most = open.most.min((open.files.len() + open.more).saturating_sub(spare)).max(1);
             while open.files.len() + open.more > open.most && !open.files.is_empty() {
                 if !self.close_oldest(&mut open) {
-                    open = self.wait(open);
+                    self.wait(&mut open);
                 }
             }
         }
@@ -213,7 +213,7 @@ impl Shared {
     /// Closes a file unless somebody reads from it.
     fn close(&self, index: u32) -> bool {
         let Some((handle, _)) = self.files.get(index).and_then(handle) else { return true };
-        let mut handle = handle.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut handle = handle.lock();
         let idle = handle.as_ref().is_none_or(|input| Arc::strong_count(input) == 1);
         if idle {
             *handle = None;
@@ -246,7 +246,7 @@ impl Shared {
     }
 
     fn unusable(&self) -> MutexGuard<'_, BTreeMap<String, String>> {
-        self.unusable.lock().unwrap_or_else(PoisonError::into_inner)
+        self.unusable.lock()
     }
 
     fn look_for(&self, name: &str) -> Option<u32> {
@@ -420,14 +420,14 @@ impl Shared {
             return self.registry.open(&file.path).map(Arc::from).map(reading);
         };
         stamp.store(self.clock.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
-        if let Some(input) = &*handle.lock().unwrap_or_else(PoisonError::into_inner) {
+        if let Some(input) = &*handle.lock() {
             return Ok(reading(input.clone()));
         }
         let _leave = self.leave();
         let input: Arc<dyn ImageInput> = Arc::from(self.retried(|| self.registry.open(&file.path))?);
         add(&self.counters.files_opened, 1);
         let mut open = self.open();
-        let mut handle = handle.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut handle = handle.lock();
         if let Some(input) = &*handle {
             // Meanwhile another thread did.
             return Ok(reading(input.clone()));

@@ -6,10 +6,10 @@ use crate::statistics::{Counters, add as count};
 use granita_base::hash;
 use granita_image::{PixelType, Pixels};
 use half::f16;
-use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
+use parking_lot::Mutex;
+use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// The largest magnitude of a float texel, so that filtering can neither overflow nor compute infinity minus
 /// infinity.
@@ -299,24 +299,6 @@ impl TileKey {
     }
 }
 
-/// Mixes the four words of a key; enough for a map that is never iterated over.
-#[derive(Default)]
-struct KeyHasher(u64);
-
-impl Hasher for KeyHasher {
-    fn finish(&self) -> u64 {
-        self.0
-    }
-    fn write(&mut self, bytes: &[u8]) {
-        for b in bytes {
-            self.write_u32(u32::from(*b));
-        }
-    }
-    fn write_u32(&mut self, word: u32) {
-        self.0 = (self.0 ^ u64::from(word)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
-    }
-}
-
 /// Memory of the bound that a tile uses until it is dropped.
 #[derive(Debug)]
 struct Room {
@@ -360,7 +342,7 @@ struct Slot {
 
 #[derive(Default)]
 struct Shard {
-    index: HashMap<TileKey, usize, BuildHasherDefault<KeyHasher>>,
+    index: FxHashMap<TileKey, usize>,
     slots: Vec<Slot>,
     hand: usize,
 }
@@ -413,10 +395,6 @@ impl std::fmt::Debug for TileCache {
     }
 }
 
-fn lock(shard: &Mutex<Shard>) -> MutexGuard<'_, Shard> {
-    shard.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl TileCache {
     pub(crate) fn new(max_bytes: u64) -> Self {
         Self { shards: std::array::from_fn(|_| Mutex::default()), max_bytes, now: Arc::default() }
@@ -443,14 +421,14 @@ impl TileCache {
             tile
         };
         let home = key.hash() as usize % SHARDS;
-        let found = lock(&self.shards[home]).find(key);
+        let found = self.shards[home].lock().find(key);
         let cell = match found {
             Some(cell) => cell,
             None => {
                 let Some(room) = self.make_room(home, bytes, counters) else {
                     return self.keep_small((home, key), bytes, counters, read());
                 };
-                let mut shard = lock(&self.shards[home]);
+                let mut shard = self.shards[home].lock();
                 // Meanwhile another thread may have put it there.
                 shard.find(key).unwrap_or_else(|| {
                     let cell = Arc::new(Cell { tile: OnceLock::new(), _room: Some(room) });
@@ -474,7 +452,7 @@ impl TileCache {
     ) -> Arc<Cell> {
         let room = (tile.bytes() < bytes).then(|| self.make_room(home, tile.bytes(), counters)).flatten();
         let Some(room) = room else { return Arc::new(Cell::of(tile)) };
-        let mut shard = lock(&self.shards[home]);
+        let mut shard = self.shards[home].lock();
         shard.find(key).unwrap_or_else(|| {
             let cell = Arc::new(Cell { tile: OnceLock::from(tile), _room: Some(room) });
             shard.insert(key, cell.clone());
@@ -494,7 +472,7 @@ impl TileCache {
             if bytes > self.max_bytes || empty == SHARDS {
                 return None;
             }
-            let gone = lock(&self.shards[(home + empty) % SHARDS]).evict();
+            let gone = self.shards[(home + empty) % SHARDS].lock().evict();
             empty += usize::from(gone.is_none());
         }
     }

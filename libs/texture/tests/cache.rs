@@ -182,7 +182,7 @@ fn a_broken_file_of_any_size_is_black() {
         assert!(s.automipmap_bytes < 1 << 20 && s.files_opened == 2, "{name}: {s:?}");
         // Only the first lookup filters.
         assert!(s.tile_requests < 20 && s.probes < 200, "{name}: {s:?}");
-        let texts = std::mem::take(&mut *folder.messages.lock().unwrap());
+        let texts = std::mem::take(&mut *folder.messages.lock());
         assert_eq!(texts.len(), 1, "{texts:?}");
     }
 }

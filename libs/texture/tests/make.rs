@@ -7,8 +7,9 @@ use granita_base::Filter;
 use granita_image::{CreateOptions, Format, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::Wrap;
 use granita_texture::make::{Made, MakeOptions};
+use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use support::{Folder, matrix, random};
 
@@ -185,7 +186,7 @@ impl ImageOutput for WatchedOutput {
 
     fn close(self: Box<Self>) -> granita_image::Result<()> {
         self.0.close()?;
-        self.2.lock().unwrap().push(std::fs::metadata(&self.1).unwrap().modified().unwrap());
+        self.2.lock().push(std::fs::metadata(&self.1).unwrap().modified().unwrap());
         Ok(())
     }
 }
@@ -204,7 +205,7 @@ fn an_updated_file_appears_with_its_time() {
         let o = MakeOptions { update: true, format: "watched".to_owned(), filter, ..options() };
         folder.make(&["a.tif"], &format!("{filter:?}.tx"), &o).unwrap();
     }
-    assert_eq!(*times.lock().unwrap(), [stamp, stamp]);
+    assert_eq!(*times.lock(), [stamp, stamp]);
 }
 
 #[test]

@@ -6,11 +6,9 @@
 //! on the number of threads.
 
 use crate::layout::{Box3, Link, Node};
+use granita_base::parallel_map;
 use granita_machine::memory::with_large_pages;
 use granita_machine::simd::{NARROW, WIDE};
-use std::sync::Mutex;
-use std::sync::PoisonError;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// An item to be put into a tree.
 #[derive(Clone, Copy, Debug)]
@@ -237,26 +235,17 @@ fn branches(
     }
     // The largest come first, so that smaller ones fill the remaining time.
     tasks.sort_by_key(|(i, own)| (usize::MAX - own.len(), *i));
-    let workers = threads.min(tasks.len());
     let inner = threads.div_ceil(tasks.len().max(1));
-    type Task<'a> = Mutex<Option<(usize, &'a mut [Item])>>;
-    let tasks: Vec<Task<'_>> = tasks.into_iter().map(|t| Mutex::new(Some(t))).collect();
-    let done: Mutex<Vec<(usize, Topology)>> = Mutex::default();
-    let next = AtomicUsize::new(0);
-    let work = || {
-        while let Some(task) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let Some((i, own)) = task.lock().unwrap_or_else(PoisonError::into_inner).take() else { continue };
+    let mut done = parallel_map(
+        tasks,
+        threads,
+        || (),
+        |(), (i, own)| {
             let mut part = Topology::default();
             subtree(own, children[i], level + 1, inner, &mut part);
-            done.lock().unwrap_or_else(PoisonError::into_inner).push((i, part));
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..workers {
-            scope.spawn(work);
-        }
-        work();
-    });
+            (i, part)
+        },
+    );
     for (slot, child) in children.iter().enumerate() {
         out.nodes[node].set_bounds(slot, &child.extent.bounds());
         if is_leaf(slot) {
@@ -264,7 +253,6 @@ fn branches(
             out.nodes[node].set_link(slot, link);
         }
     }
-    let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
     done.sort_by_key(|d| d.0);
     for (slot, mut part) in done {
         let (nodes, blocks) = (out.nodes.len(), out.blocks.len());

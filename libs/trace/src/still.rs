@@ -5,7 +5,7 @@ use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
 use crate::probe::{Scale, Wide, still_plane};
 use crate::tree::Tree;
-use granita_base::Vec3;
+use granita_base::{Vec3, parallel_map};
 use granita_machine::memory::with_large_pages;
 use granita_machine::simd::{NARROW, Simd, WIDE};
 
@@ -67,23 +67,22 @@ impl StillTree {
         let mut blocks = with_large_pages(spans.len());
         blocks.resize(spans.len(), Block::EMPTY);
         let part = spans.len().div_ceil(threads.max(1)).max(1);
-        std::thread::scope(|scope| {
-            for (spans, blocks) in spans.chunks(part).zip(blocks.chunks_mut(part)) {
-                let (ids, corners) = (&ids, &corners);
-                let fill = move || {
-                    for (span, block) in spans.iter().zip(blocks) {
-                        let own = &ids[span.first as usize..][..span.count as usize];
-                        for (lane, &id) in own.iter().enumerate() {
-                            let mesh = first.partition_point(|f| *f <= id) - 1;
-                            if let Some(vertices) = corners(mesh, (id - first[mesh]) as usize) {
-                                block.set(lane, id, &vertices);
-                            }
+        parallel_map(
+            spans.chunks(part).zip(blocks.chunks_mut(part)),
+            threads,
+            || (),
+            |(), (spans, blocks)| {
+                for (span, block) in spans.iter().zip(blocks) {
+                    let own = &ids[span.first as usize..][..span.count as usize];
+                    for (lane, &id) in own.iter().enumerate() {
+                        let mesh = first.partition_point(|f| *f <= id) - 1;
+                        if let Some(vertices) = corners(mesh, (id - first[mesh]) as usize) {
+                            block.set(lane, id, &vertices);
                         }
                     }
-                };
-                if threads > 1 { _ = scope.spawn(fill) } else { fill() }
-            }
-        });
+                }
+            },
+        );
         Self { nodes, blocks }
     }
 

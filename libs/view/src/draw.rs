@@ -6,9 +6,8 @@ use crate::picture::Page;
 use crate::sheet::Sheet;
 use crate::view::View;
 use crate::{Result, ViewError};
+use granita_base::parallel_map;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// A page and how it is shown.
 #[derive(Clone, Copy, Debug)]
@@ -129,24 +128,13 @@ pub(crate) fn load_tiles(page: &Page, needs: &Needs) -> Result<()> {
     if missing.is_empty() {
         return Ok(());
     }
-    let (next, failed) = (AtomicUsize::new(0), Mutex::new((0, None)));
-    let work = || {
-        while let Some((tx, ty)) = missing.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if let Err(error) = page.pyramid.tile(needs.level, *tx, *ty) {
-                let mut failed = failed.lock().unwrap_or_else(PoisonError::into_inner);
-                failed.0 += 1;
-                failed.1.get_or_insert(error);
-            }
-        }
-    };
-    let threads = rayon::current_num_threads().clamp(1, missing.len());
-    std::thread::scope(|scope| {
-        (1..threads).for_each(|_| drop(scope.spawn(work)));
-        work();
-    });
-    let (count, error) = failed.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let count = missing.len();
+    let read = |(): &mut (), (tx, ty)| page.pyramid.tile(needs.level, tx, ty).err();
+    let mut errors = parallel_map(missing, rayon::current_num_threads(), || (), read).into_iter().flatten();
+    let error = errors.next();
+    let failed = errors.count() + usize::from(error.is_some());
     match error {
-        Some(error) if count == missing.len() => Err(error),
+        Some(error) if failed == count => Err(error),
         _ => Ok(()),
     }
 }

@@ -6,9 +6,10 @@
 
 use crate::{Result, ViewError};
 use granita_image::{Draw, PixelRect, Request, Wishes};
+use parking_lot::{Condvar, Mutex, MutexGuard, RwLock};
 use std::collections::VecDeque;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::{Duration, Instant};
 
 /// The limits of the memory that senders may use.
@@ -120,12 +121,12 @@ impl Picture {
     }
 
     fn read<T>(&self, f: impl FnOnce(&State) -> T) -> T {
-        f(&self.state.read().unwrap_or_else(PoisonError::into_inner))
+        f(&self.state.read())
     }
 
     /// Changes something besides pixels, or in `changed` pixels.
     fn write<T>(&self, changed: Option<PixelRect>, f: impl FnOnce(&mut State) -> T) -> T {
-        let mut state = self.state.write().unwrap_or_else(PoisonError::into_inner);
+        let mut state = self.state.write();
         let result = f(&mut state);
         state.generation += 1;
         if let Some(rect) = changed {
@@ -215,7 +216,7 @@ impl Live {
         }
         let values = (u64::from(width) * u64::from(height)).saturating_mul(channels.len() as u64);
         let bytes = values.saturating_mul(4);
-        let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
+        let mut pictures = self.0.pictures.write();
         let at = pictures.iter().position(|p| p.name == name);
         let others = pictures.iter().filter(|p| p.name != name);
         let (count, used) = others.fold((0, 0_u64), |(n, sum), p| (n + 1, sum.saturating_add(p.bytes())));
@@ -347,7 +348,7 @@ impl Live {
 
     /// Removes an image.
     pub fn close(&self, name: &str) {
-        let mut pictures = self.0.pictures.write().unwrap_or_else(PoisonError::into_inner);
+        let mut pictures = self.0.pictures.write();
         let before = pictures.len();
         pictures.retain(|p| p.name != name);
         let gone = pictures.len() != before;
@@ -382,13 +383,13 @@ impl Live {
     /// Requests for the sender that this image is shown.
     pub fn show(&self, name: &str) {
         let Ok(picture) = self.picture(name) else { return };
-        *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner) = picture.id;
+        *self.0.shown.lock() = picture.id;
         self.tell();
     }
 
     /// Returns the [`LiveInfo::id`] of the image that a sender last requested to be shown; 0 when none did.
     pub fn shown(&self) -> u64 {
-        *self.0.shown.lock().unwrap_or_else(PoisonError::into_inner)
+        *self.0.shown.lock()
     }
 
     /// Sets the display settings that the sender requests for an image.
@@ -412,7 +413,7 @@ impl Live {
 
     /// Returns the names of the images, in order of creation.
     pub fn names(&self) -> Vec<String> {
-        let pictures = self.0.pictures.read().unwrap_or_else(PoisonError::into_inner);
+        let pictures = self.0.pictures.read();
         pictures.iter().map(|p| p.name.clone()).collect()
     }
 
@@ -517,7 +518,7 @@ impl Live {
             if left.is_zero() {
                 break;
             }
-            version = self.0.changed.wait_timeout(version, left).unwrap_or_else(PoisonError::into_inner).0;
+            self.0.changed.wait_for(&mut version, left);
         }
         *version
     }
@@ -525,15 +526,15 @@ impl Live {
     /// Calls `changed` after every change, from the thread that made it. It must be fast and must not change
     /// images.
     pub fn watch(&self, changed: impl Fn() + Send + Sync + 'static) {
-        self.0.watchers.lock().unwrap_or_else(PoisonError::into_inner).push(Arc::new(changed));
+        self.0.watchers.lock().push(Arc::new(changed));
     }
 
     fn lock_version(&self) -> MutexGuard<'_, u64> {
-        self.0.version.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.version.lock()
     }
 
     fn picture(&self, name: &str) -> Result<Arc<Picture>> {
-        let pictures = self.0.pictures.read().unwrap_or_else(PoisonError::into_inner);
+        let pictures = self.0.pictures.read();
         let found = pictures.iter().find(|p| p.name == name).cloned();
         found.ok_or_else(|| misuse(format!("there is no picture \"{name}\"")))
     }
@@ -541,7 +542,7 @@ impl Live {
     fn tell(&self) {
         *self.lock_version() += 1;
         self.0.changed.notify_all();
-        let watchers = self.0.watchers.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let watchers = self.0.watchers.lock().clone();
         watchers.iter().for_each(|watcher| watcher());
     }
 }

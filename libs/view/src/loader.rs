@@ -2,9 +2,10 @@
 
 use crate::grid::Needs;
 use crate::pyramid::Pyramid;
+use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -45,7 +46,7 @@ struct Shared {
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
         // Changes under it are single steps.
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 }
 
@@ -124,7 +125,7 @@ impl Loader {
     pub fn wait(&self) {
         let mut state = self.shared.lock();
         while !(state.jobs.is_empty() && state.tasks.is_empty() && state.busy == 0) {
-            state = self.shared.done.wait(state).unwrap_or_else(PoisonError::into_inner);
+            self.shared.done.wait(&mut state);
         }
     }
 }
@@ -162,7 +163,7 @@ fn work(shared: &Shared) {
         };
         let Some(next) = next else {
             shared.done.notify_all();
-            state = shared.wanted.wait(state).unwrap_or_else(PoisonError::into_inner);
+            shared.wanted.wait(&mut state);
             continue;
         };
         state.busy += 1;

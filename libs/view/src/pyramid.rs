@@ -5,8 +5,9 @@ use crate::source::{Access, Source};
 use crate::store::{TileKey, TileStore};
 use crate::tile::{Reduce, TILE, Tile, tile_size};
 use granita_image::PixelType;
+use parking_lot::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// Levels are made down to this many pixels a side.
 const SMALLEST: u32 = 16;
@@ -226,7 +227,7 @@ impl Pyramid {
             return self.read(level, tx, ty);
         }
         if self.upper.is_some() && level > self.stored_levels() {
-            let _one = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+            let _one = self.reading.lock();
             if !self.has(level, tx, ty) {
                 self.make_upper();
             }
@@ -288,7 +289,7 @@ impl Pyramid {
 
     /// Makes the rough image, if it is requested and not made yet.
     pub(crate) fn make_sketch(&self) {
-        let _one = self.reading.lock().unwrap_or_else(PoisonError::into_inner);
+        let _one = self.reading.lock();
         self.make_sketch_alone();
     }
 
@@ -315,9 +316,7 @@ impl Pyramid {
     fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Arc<Tile>> {
         let one = match self.source.access() {
             Access::Tiles => None,
-            Access::Whole | Access::Bands => {
-                Some(self.reading.lock().unwrap_or_else(PoisonError::into_inner))
-            }
+            Access::Whole | Access::Bands => Some(self.reading.lock()),
         };
         if one.is_some() {
             self.make_sketch_alone();

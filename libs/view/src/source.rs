@@ -4,7 +4,8 @@ use crate::sketch::{self, Sketch};
 use crate::tile::{TILE, Tile, cut, tile_size};
 use crate::{Result, ViewError};
 use granita_image::{BlockCopy, ImageError, ImageInput, ImageSpec, PixelType, Pixels};
-use std::sync::{Arc, Mutex, PoisonError};
+use parking_lot::Mutex;
+use std::sync::Arc;
 
 /// A level stored in rows is read as a whole up to this many bytes, else in bands.
 const WHOLE_BYTES: u64 = 512 << 20;
@@ -122,7 +123,7 @@ impl FilePage {
     }
 
     fn note(&self, error: &ImageError) {
-        let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut fault = self.fault.lock();
         fault.get_or_insert_with(|| error.to_string());
     }
 
@@ -274,7 +275,7 @@ impl Source for FilePage {
     }
 
     fn fault(&self) -> Option<String> {
-        self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.fault.lock().clone()
     }
 
     fn sketch(&self) -> Option<Sketch> {

@@ -3,9 +3,9 @@
 use crate::Result;
 use crate::picture::Page;
 use crate::tile::{TILE, Tile};
+use granita_base::parallel_map;
 use granita_image::PixelRect;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The statistics of one channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -129,44 +129,26 @@ pub fn statistics(page: &Page, level: usize, part: PixelRect) -> Result<Vec<Stat
     let places: Vec<(i32, i32)> = (part.y0 / tile..(part.y1 - 1) / tile + 1)
         .flat_map(|ty| columns.clone().map(move |tx| (tx, ty)))
         .collect();
-    let results = Mutex::new(vec![None; places.len()]);
-    let failed = Mutex::new(None);
-    let next = AtomicUsize::new(0);
-    let work = || {
-        while let Some((i, (tx, ty))) = {
-            let i = next.fetch_add(1, Ordering::Relaxed);
-            places.get(i).map(|place| (i, *place))
-        } {
-            match pyramid.tile(level, tx as u32, ty as u32) {
-                Ok(t) => {
-                    let inside = part.intersection(&PixelRect::at(tx * tile, ty * tile, t.width, t.height));
-                    let (left, top) = (tx * tile, ty * tile);
-                    let inside = PixelRect {
-                        x0: inside.x0 - left,
-                        x1: inside.x1 - left,
-                        y0: inside.y0 - top,
-                        y1: inside.y1 - top,
-                    };
-                    let found = of_tile(&t, inside);
-                    results.lock().unwrap_or_else(PoisonError::into_inner)[i] = Some(found);
-                }
-                Err(error) => {
-                    failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-                    // Nobody needs the rest.
-                    next.store(places.len(), Ordering::Relaxed);
-                }
-            }
+    let failed = AtomicBool::new(false);
+    let work = |(): &mut (), (tx, ty): (i32, i32)| {
+        if failed.load(Ordering::Relaxed) {
+            return Ok(None);
         }
+        let t = pyramid
+            .tile(level, tx as u32, ty as u32)
+            .inspect_err(|_| failed.store(true, Ordering::Relaxed))?;
+        let (left, top) = (tx * tile, ty * tile);
+        let inside = part.intersection(&PixelRect::at(left, top, t.width, t.height));
+        let inside = PixelRect {
+            x0: inside.x0 - left,
+            x1: inside.x1 - left,
+            y0: inside.y0 - top,
+            y1: inside.y1 - top,
+        };
+        Ok(Some(of_tile(&t, inside)))
     };
-    let threads = rayon::current_num_threads().clamp(1, places.len());
-    std::thread::scope(|scope| {
-        (1..threads).for_each(|_| drop(scope.spawn(work)));
-        work();
-    });
-    if let Some(error) = failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        return Err(error);
-    }
-    let results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let results = parallel_map(places, rayon::current_num_threads(), || (), work);
+    let results = results.into_iter().collect::<Result<Vec<_>>>()?;
     Ok(results
         .into_iter()
         .flatten()

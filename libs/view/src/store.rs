@@ -1,8 +1,9 @@
 //! The tiles in memory, within a bound. The least recently used ones are dropped first.
 
 use crate::tile::Tile;
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// The key of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -82,7 +83,7 @@ impl TileStore {
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
         // Nothing that can panic happens while it is held.
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+        self.inner.lock()
     }
 
     /// Returns an id for a page. Pages with `keep` are kept completely while they are visible.

@@ -71,7 +71,7 @@ impl Place {
         let result = session.read_stream("<test>", Box::new(text));
         assert!(matches!(result, Ok(()) | Err(SessionError::Exit)), "{result:?}");
         let outcome = session.finish();
-        let said = kept.lock().unwrap().iter().map(ToString::to_string).collect();
+        let said = kept.lock().iter().map(ToString::to_string).collect();
         Rendered { outcome, said }
     }
 

@@ -16,11 +16,12 @@ use granita_session::{
     ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
     archive_calls,
 };
+use parking_lot::Mutex;
 use progress::ShownProgress;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use viewer::Display;
 
 /// Renders scenes.
@@ -171,7 +172,7 @@ impl Answers {
     }
 
     fn put(&self, bytes: &[u8]) -> std::io::Result<()> {
-        let _alone = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let _alone = self.0.lock();
         std::io::stdout().lock().write_all(bytes)
     }
 }

@@ -3,7 +3,7 @@
 use granita_base::Reporter;
 use granita_cli::{Bar, time_left};
 use granita_render::Progress;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use parking_lot::{Mutex, MutexGuard};
 use std::time::Instant;
 
 /// Lines are this many percent apart.
@@ -31,7 +31,7 @@ impl ShownProgress {
     }
 
     fn shown(&self) -> MutexGuard<'_, Shown> {
-        self.shown.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shown.lock()
     }
 }
 

@@ -1,10 +1,11 @@
 //! The viewer that shows images while they are rendered.
 
+use parking_lot::Mutex;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Arc;
 use std::sync::mpsc::channel;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// The line that `iv` prints, before the address, when it is ready for images.
@@ -138,7 +139,7 @@ fn listening(mut command: Command) -> Result<String, String> {
         std::thread::spawn(move || {
             for line in BufReader::new(errors).lines().map_while(Result::ok) {
                 if !line.trim().is_empty() {
-                    *last.lock().unwrap_or_else(PoisonError::into_inner) = line;
+                    *last.lock() = line;
                 }
             }
         })
@@ -161,7 +162,7 @@ fn listening(mut command: Command) -> Result<String, String> {
                 }
             };
             let _ = errors.map(std::thread::JoinHandle::join);
-            let said = last.lock().unwrap_or_else(PoisonError::into_inner).trim().to_owned();
+            let said = last.lock().trim().to_owned();
             Err(if said.is_empty() { ended } else { format!("{ended}: {said}") })
         }
     }

@@ -4,11 +4,12 @@
 
 use granita_display::{Client, Ending, Listener, Packet, PacketLimits, ServerLimits, Sink};
 use granita_image::{Limits, Request};
+use parking_lot::Mutex;
 use std::io::Read;
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"
@@ -207,7 +208,7 @@ impl Sink for Aborting {
         if let Packet::UpdateImage { name, .. } = &packet {
             client.send(Packet::Request { name: name.clone(), request: Request::Abort });
         }
-        self.packets.lock().unwrap().push(packet);
+        self.packets.lock().push(packet);
         Ok(())
     }
 
@@ -239,7 +240,7 @@ fn a_viewer_may_end_the_render() {
         assert!(begin.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }
-    let packets = sink.packets.lock().unwrap();
+    let packets = sink.packets.lock();
     assert!(matches!(
         &packets[..],
         [Packet::Hello { .. }, Packet::CreateImage { .. }, Packet::Mark { .. }, ..]
@@ -274,7 +275,7 @@ fn our_own_viewer_is_told_what_begins_and_what_is_done() {
         assert!(begin.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }
-    let packets = sink.0.lock().unwrap();
+    let packets = sink.0.lock();
     let count = |test: fn(&Packet) -> bool| packets.iter().filter(|p| test(p)).count();
     assert_eq!(count(|p| matches!(p, Packet::CreateImage { name, .. } if name == "scene.pyg")), 1);
     assert_eq!(count(|p| matches!(p, Packet::Finished { complete: true, .. })), 1);
@@ -294,7 +295,7 @@ struct Recording(Mutex<Vec<Packet>>);
 
 impl Sink for Recording {
     fn packet(&self, _: &Arc<Client>, packet: Packet) -> Result<(), String> {
-        self.0.lock().unwrap().push(packet);
+        self.0.lock().push(packet);
         Ok(())
     }
 

@@ -12,10 +12,11 @@ use granita_shade::{
     Batch, Executor, Grid, Group, IlluminateQuery, Lane3, Lanes3, LayerSource, LinkOptions, Topology,
 };
 use granita_texture::{CacheOptions, TextureCache};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The side of the grids that the image is shaded in: 256 points each.
@@ -281,7 +282,7 @@ impl Job<'_> {
                     return;
                 }
                 let (values, took) = self.shade_tile(number, &mut executor, &mut around);
-                let mut finished = finished.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut finished = finished.lock();
                 finished.took += took;
                 finished.waiting.insert(number, (values, std::mem::take(&mut around.printed)));
                 self.deliver(&mut finished);
@@ -293,7 +294,7 @@ impl Job<'_> {
             }
             work();
         });
-        let finished = finished.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let finished = finished.into_inner();
         (finished.picture, finished.took)
     }
 

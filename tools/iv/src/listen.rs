@@ -14,9 +14,10 @@ use granita_display::{
 };
 use granita_image::PixelRect;
 use granita_view::{Live, RequestSender};
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The source and the destination of images.
@@ -174,7 +175,7 @@ impl Names {
 impl Feeder {
     fn warn(&self, client: &Client, what: &str) {
         let text = format!("{}: {what}", client.address());
-        let mut warnings = self.warnings.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut warnings = self.warnings.lock();
         if let Some(text) = warnings.say(Instant::now(), &text) {
             drop(warnings);
             self.reporter.warning(text);
@@ -182,7 +183,7 @@ impl Feeder {
     }
 
     fn names(&self) -> MutexGuard<'_, Names> {
-        self.names.lock().unwrap_or_else(PoisonError::into_inner)
+        self.names.lock()
     }
 
     fn create(

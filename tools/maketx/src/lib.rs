@@ -17,9 +17,9 @@ use granita_image::{FormatRegistry, Limits};
 use granita_plugin::PluginRules;
 use granita_texture::make::{Costs, Made, MakeOptions, make_measured};
 use jobs::Job;
+use parking_lot::Mutex;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 impl Args {
@@ -109,7 +109,7 @@ fn run_job(
 ) -> bool {
     let state = Mutex::new((bar.clone(), false));
     let progress = |done: u64, total: u64| {
-        let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut state = state.lock();
         if !state.1 {
             state.0.begin(&job.output.display().to_string(), total);
             state.1 = true;
@@ -118,7 +118,7 @@ fn run_job(
     };
     let start = Instant::now();
     let result = make_measured(&job.inputs, &job.output, options, registry, &progress);
-    state.lock().unwrap_or_else(PoisonError::into_inner).0.end();
+    state.lock().0.end();
     let output = job.output.display();
     match result {
         Ok((Made::UpToDate, _)) => {

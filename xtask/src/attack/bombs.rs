@@ -3,10 +3,10 @@
 
 use super::run::{Bounds, MEMORY_KIB, Outcome, Place};
 use super::{Attack, Failure, Tally, first_line, pictures, scenes};
+use parking_lot::Mutex;
 use std::fs;
 use std::io;
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The selected bombs.
@@ -79,14 +79,12 @@ pub(crate) fn run(attack: &Attack, choice: Choice) -> Result<Tally, String> {
                     Some(Failure { name: bomb.name.clone(), what, kept: Some(kept) })
                 }
             };
-            if let Ok(mut tally) = tally.lock() {
-                tally.add(failure);
-            }
+            tally.lock().add(failure);
         }
         place.clear()
     };
     attack.on_all_processors("bombs", work)?;
-    let tally = tally.into_inner().map_err(|_| "bombs: a worker panicked".to_owned())?;
+    let tally = tally.into_inner();
     if tally.tried < bombs.len() as u64 {
         println!("attack: bombs: the time is over after {} of {}", tally.tried, bombs.len());
     }

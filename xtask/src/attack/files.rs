@@ -4,10 +4,10 @@ use super::kinds::{KINDS, Kind};
 use super::mutate::{Random, mutated};
 use super::run::{Bounds, MEMORY_KIB, Outcome, Place};
 use super::{Attack, Failure, Tally};
+use parking_lot::Mutex;
 use std::fs;
 use std::io;
 use std::path::PathBuf;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Runs that may be spent on making a find smaller.
@@ -56,7 +56,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
             let what = case.fault(&place, &bytes)?;
             let mut failure = None;
             if let Some((what, is_quick)) = what {
-                let is_known = tally.lock().is_ok_and(|tally| tally.has_kind(case.kind.name, &what));
+                let is_known = tally.lock().has_kind(case.kind.name, &what);
                 // Repeated findings are counted; slow cases are not run again and again.
                 let smallest = if is_quick && !is_known && per_kind.is_none() {
                     case.shrunk(&place, &bytes)?
@@ -71,14 +71,12 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
                     if is_known { None } else { Some(attack.keep("files", &name, &place, &[command])?) };
                 failure = Some(Failure { name, what, kept });
             }
-            if let Ok(mut tally) = tally.lock() {
-                tally.add(failure);
-            }
+            tally.lock().add(failure);
         }
         fs::remove_dir_all(attack.scratch.join(format!("files-{worker}")))
     };
     attack.on_all_processors("files", work)?;
-    tally.into_inner().map_err(|_| "files: a worker panicked".to_owned())
+    Ok(tally.into_inner())
 }
 
 /// The corpus.

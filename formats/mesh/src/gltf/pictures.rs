@@ -11,8 +11,9 @@ use granita_image::{
     Result,
 };
 use granita_scene::{GeneratorError, GeneratorSource};
+use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// Reads the images of `.gltf` and `.glb` files as images of one file, numbered as in the list `images` of the file:
 /// `model.glb#2` is the third. Each is opened, and read from the file, when it is first used.
@@ -137,7 +138,7 @@ impl Pictures {
                     let asked = view.byte_length;
                     return Err(format!("image {image}: {asked} bytes, of at most {limit}"));
                 }
-                let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut buffers = self.buffers.lock();
                 buffers
                     .read(document, view.buffer, view.byte_offset, view.byte_length as usize)
                     .map_err(|why| format!("image {image}: {why}"))?

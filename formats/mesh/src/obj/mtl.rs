@@ -203,7 +203,7 @@ mod tests {
         let mut all = BTreeMap::new();
         read(&path, &Files::default(), &mut all, &reporter).unwrap();
         let prefix = format!("{}", path.display());
-        let kept = kept.lock().unwrap().iter().map(|m| m.to_string().replace(&prefix, "m.mtl")).collect();
+        let kept = kept.lock().iter().map(|m| m.to_string().replace(&prefix, "m.mtl")).collect();
         (all, kept)
     }
 

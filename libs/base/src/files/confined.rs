@@ -3,11 +3,12 @@
 use super::{AtomicFile, FileError};
 use cap_std::ambient_authority;
 use cap_std::fs::{Dir, OpenOptions};
+use parking_lot::{Mutex, RwLock};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Component, Path, PathBuf};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use std::sync::Arc;
 
 /// The files that a run for an untrusted scene may open.
 ///
@@ -81,10 +82,6 @@ fn denied(why: impl Into<String>) -> io::Error {
     io::Error::new(io::ErrorKind::PermissionDenied, why.into())
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Confined {
     pub(super) fn new(rules: Confinement) -> Self {
         let confined = Self {
@@ -100,27 +97,27 @@ impl Confined {
     pub(super) fn add_root(&self, folder: &Path) {
         let Ok(path) = std::fs::canonicalize(folder) else { return };
         let Ok(folder) = Dir::open_ambient_dir(&path, ambient_authority()) else { return };
-        let mut roots = self.roots.write().unwrap_or_else(PoisonError::into_inner);
+        let mut roots = self.roots.write();
         if !roots.iter().any(|root| root.path == path) {
             roots.push(Arc::new(Root { path, folder }));
         }
     }
 
     pub(super) fn grant(&self, file: &Path, output: bool) {
-        *lock(&self.granted).entry(plain(file)).or_default() |= output;
+        *self.granted.lock().entry(plain(file)).or_default() |= output;
     }
 
     fn is_granted(&self, file: &Path) -> bool {
-        lock(&self.granted).contains_key(&plain(file))
+        self.granted.lock().contains_key(&plain(file))
     }
 
     fn is_granted_output(&self, file: &Path) -> bool {
-        lock(&self.granted).get(&plain(file)) == Some(&true)
+        self.granted.lock().get(&plain(file)) == Some(&true)
     }
 
     pub(super) fn rules(&self) -> Rules {
-        let roots = self.roots.read().unwrap_or_else(PoisonError::into_inner);
-        let granted = lock(&self.granted);
+        let roots = self.roots.read();
+        let granted = self.granted.lock();
         let named =
             |output| granted.iter().filter(|(_, is)| **is == output).map(|(path, _)| path.clone()).collect();
         Rules {
@@ -174,7 +171,7 @@ impl Confined {
     /// Returns the relative name of the file that this run wrote as `path`.
     fn made_now(&self, path: &Path) -> Option<PathBuf> {
         let name = plain(path);
-        lock(&self.made).now.contains(&name).then_some(name)
+        self.made.lock().now.contains(&name).then_some(name)
     }
 
     pub(super) fn written(&self, path: &Path) -> Option<PathBuf> {
@@ -183,7 +180,7 @@ impl Confined {
 
     pub(super) fn open(&self, path: &Path) -> io::Result<File> {
         if let Some(name) = self.made_now(path)
-            && let Some(folder) = self.folder(&mut lock(&self.made), false)?
+            && let Some(folder) = self.folder(&mut self.made.lock(), false)?
         {
             return self.open_regular(&folder, &name);
         }
@@ -199,7 +196,7 @@ impl Confined {
         let resolved = std::fs::canonicalize(path)?;
         let inside = |root: &Root| resolved.strip_prefix(&root.path).ok().map(Path::to_owned);
         {
-            let roots = self.roots.read().unwrap_or_else(PoisonError::into_inner);
+            let roots = self.roots.read();
             if let Some(found) = roots.iter().find_map(|root| Some((root.clone(), inside(root)?))) {
                 return Ok(found);
             }
@@ -207,7 +204,7 @@ impl Confined {
         // The folder for writing may have been created since.
         let write = self.rules.write.as_ref().and_then(|write| std::fs::canonicalize(write).ok());
         let write = write.unwrap_or_default();
-        if let Some(folder) = self.folder(&mut lock(&self.made), false)?
+        if let Some(folder) = self.folder(&mut self.made.lock(), false)?
             && let Ok(name) = resolved.strip_prefix(&write)
             && !write.as_os_str().is_empty()
         {
@@ -260,7 +257,7 @@ impl Confined {
     /// that must not be replaced.
     fn place(&self, path: &Path) -> io::Result<(Dir, PathBuf, PathBuf)> {
         let name = self.output_name(path)?;
-        let mut made = lock(&self.made);
+        let mut made = self.made.lock();
         let Some(root) = self.folder(&mut made, true)? else { return Err(io::ErrorKind::NotFound.into()) };
         let mut folder = root.try_clone()?;
         let mut parts: Vec<_> = name.iter().collect();
@@ -291,7 +288,7 @@ impl Confined {
 
     /// Records that a run of this scene made a file.
     fn claim(&self, name: &Path) -> io::Result<()> {
-        let mut made = lock(&self.made);
+        let mut made = self.made.lock();
         if made.listed.insert(name.to_owned())
             && let Some(folder) = &made.folder
         {

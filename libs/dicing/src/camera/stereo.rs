@@ -147,7 +147,7 @@ mod tests {
         params.set(Param::declared("string stereo:projection", projection).unwrap());
         let camera = Camera { name: "main".into(), world_to_camera: MotionTransform::default(), params };
         let view = CameraView::new(&camera, &reporter);
-        let said = kept.lock().unwrap().len();
+        let said = kept.lock().len();
         (view, said)
     }
 

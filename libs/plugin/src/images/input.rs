@@ -5,9 +5,9 @@ use crate::ffi::{self, InputCalls, Spec, Text};
 use crate::interface::c_string;
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::{ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result};
+use parking_lot::Mutex;
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 /// Of scanlines that nobody asked for, so many values are read to bring a reader to its end.
 const MAX_DRAINED: u64 = 1 << 26;
@@ -295,7 +295,7 @@ impl PluginInput {
 
     /// The images behind the first one.
     fn find_images(&mut self, format: &PluginFormat) -> Result<()> {
-        let reader = self.reader.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let reader = self.reader.get_mut();
         while self.specs.len() < self.limits.images as usize {
             let (mut spec, mut why) = (empty(), Text::new());
             // SAFETY: a live object, and room for the description.
@@ -391,8 +391,8 @@ impl PluginInput {
         if same { Ok(()) } else { Err(self.fault("the image changed while it was read".to_owned())) }
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Reader> {
-        self.reader.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> parking_lot::MutexGuard<'_, Reader> {
+        self.reader.lock()
     }
 }
 
@@ -516,7 +516,7 @@ fn pixels(spec: &ImageSpec, bytes: Vec<u8>) -> Pixels {
 
 impl Drop for PluginInput {
     fn drop(&mut self) {
-        let reader = self.reader.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let reader = self.reader.get_mut();
         let rest = self.specs.get(reader.image).map(|(spec, _)| (spec, reader.row));
         reader.end(rest);
     }

@@ -8,9 +8,9 @@ use crate::statistics::{add, add_time};
 use granita_dicing::Leaf;
 use granita_hider::film;
 use granita_hider::{SampleGrid, ShadedGrid, Surfaces};
+use parking_lot::MutexGuard;
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, VecDeque};
-use std::sync::MutexGuard;
 use std::time::Instant;
 
 /// The largest number of points of a grid that may be batched.

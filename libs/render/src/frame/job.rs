@@ -5,7 +5,7 @@ use super::{Eye, Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
 use crate::preshaded::MOST_POINTS;
 use crate::statistics::add;
-use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3};
+use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3, parallel_map};
 use granita_dicing::camera::MAX_QUALITY;
 use granita_dicing::{
     DiceSettings, Leaf, Placement, Plan, Projection, Rates, Viewer, key_at, largest_coordinates,
@@ -15,8 +15,9 @@ use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
 use granita_hider::{NOWHERE, ShadedGrid, pixels_of};
 use granita_scene::{Primitive, attr};
 use granita_shading::preshaded;
-use std::sync::atomic::{AtomicU32, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
+use parking_lot::{Mutex, MutexGuard};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// A primitive that is in view.
 pub(super) struct Job<O> {
@@ -105,17 +106,13 @@ impl LeafState {
 impl LeafSlot {
     /// Locks the state. Other threads wait.
     pub(super) fn lock(&self) -> MutexGuard<'_, LeafState> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 
     /// Locks the state to make the grid before it is requested. Returns `None` when it was made or another thread holds
     /// the lock. Never waits.
     pub(super) fn lock_early(&self) -> Option<MutexGuard<'_, LeafState>> {
-        let state = match self.state.try_lock() {
-            Ok(state) => state,
-            Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-            Err(TryLockError::WouldBlock) => return None,
-        };
+        let state = self.state.try_lock()?;
         state.leaf().is_some().then_some(state)
     }
 
@@ -316,7 +313,7 @@ impl<S: FrameShader> Frame<'_, S> {
     pub(super) fn split<'j>(&self, job: &'j Job<S::Object>) -> &'j Split {
         job.split.get_or_init(|| {
             add(&self.counters.primitives_split, 1);
-            let pieces = std::mem::take(&mut *job.pieces.lock().unwrap_or_else(PoisonError::into_inner));
+            let pieces = std::mem::take(&mut *job.pieces.lock());
             let parts = self.leaves(job, pieces);
             let parts = if job.budget.is_spent() { self.leave_out(&job.primitive, parts) } else { parts };
             let mut leaves = Vec::with_capacity(parts.len());
@@ -340,7 +337,7 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.grids, leaves.len());
             of_bucket.iter_mut().for_each(|list| list.sort_unstable());
             let split = Split { leaves, of_bucket };
-            let passed = job.passed.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let passed = job.passed.lock().take();
             passed.into_iter().flatten().for_each(|(eye, bucket)| split.release(eye, bucket));
             split
         })
@@ -383,34 +380,13 @@ impl<S: FrameShader> Frame<'_, S> {
             return finish(nodes);
         }
         let share = nodes.len().div_ceil(enough);
-        let mut shares: Vec<Mutex<Vec<Node>>> = Vec::with_capacity(enough);
+        let mut shares: Vec<Vec<Node>> = Vec::with_capacity(enough);
         let mut nodes = nodes.into_iter();
         while nodes.len() > 0 {
-            shares.push(Mutex::new(nodes.by_ref().take(share).collect()));
+            shares.push(nodes.by_ref().take(share).collect());
         }
-        let next = AtomicUsize::new(0);
-        let work = || {
-            let mut mine = Vec::new();
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(share) = shares.get(index) else { break mine };
-                let nodes = std::mem::take(&mut *share.lock().unwrap_or_else(PoisonError::into_inner));
-                mine.push((index, finish(nodes)));
-            }
-        };
-        let mut done = std::thread::scope(|scope| {
-            let helpers: Vec<_> = (1..threads).map(|_| scope.spawn(work)).collect();
-            let mut done = work();
-            for helper in helpers {
-                match helper.join() {
-                    Ok(list) => done.extend(list),
-                    Err(panic) => std::panic::resume_unwind(panic),
-                }
-            }
-            done
-        });
-        done.sort_unstable_by_key(|(index, _)| *index);
-        done.into_iter().flat_map(|(_, leaves)| leaves).collect()
+        let done = parallel_map(shares, threads, || (), |(), nodes| finish(nodes));
+        done.into_iter().flatten().collect()
     }
 
     /// Splits or dices a piece. Appends its parts, or itself as a leaf, or nothing when it is not visible.
@@ -464,7 +440,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Releases a primitive in a bucket for an eye that does not need it. A primitive that is only released is never
     /// split.
     pub(super) fn pass(&self, job: &Job<S::Object>, eye: usize, bucket: u32) {
-        if let Some(passed) = &mut *job.passed.lock().unwrap_or_else(PoisonError::into_inner) {
+        if let Some(passed) = &mut *job.passed.lock() {
             passed.push((eye, bucket));
             return;
         }

@@ -8,10 +8,10 @@ use super::job::Job;
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
 use super::{Frame, FrameShader};
 use crate::{CameraView, PixelRect};
-use granita_base::Vec3;
+use granita_base::{Vec3, parallel_map};
 use granita_dicing::Plan;
 use granita_geom::{Piece, Surface};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 /// The number of pieces that several threads measure.
 const MANY: usize = 256;
@@ -59,35 +59,20 @@ impl<S: FrameShader> Frame<'_, S> {
             }
             parts = next;
         }
-        let next = AtomicUsize::new(0);
-        let work = |thread: &mut S::Thread<'t>| {
-            let mut longest = 0.0_f32;
-            let mut stack = Vec::new();
-            while let Some(part) = parts.get(next.fetch_add(1, Ordering::Relaxed)) {
-                longest = longest.max(self.measured(job, part, (&region, &budget), thread, &mut stack));
+        let of_parts = parallel_map(
+            parts,
+            self.options.threads,
+            || self.mute_thread(),
+            |thread, part| {
+                let mut longest = 0.0_f32;
+                let mut stack = vec![part];
                 while let Some(part) = stack.pop() {
                     longest = longest.max(self.measured(job, &part, (&region, &budget), thread, &mut stack));
                 }
-            }
-            longest
-        };
-        if !parts.is_empty() {
-            let mute = thread.get_or_insert_with(|| self.mute_thread());
-            let of_threads = std::thread::scope(|scope| {
-                let helpers: Vec<_> = (1..self.options.threads)
-                    .map(|_| scope.spawn(|| work(&mut self.mute_thread())))
-                    .collect();
-                let mut longest = work(mute);
-                for helper in helpers {
-                    match helper.join() {
-                        Ok(found) => longest = longest.max(found),
-                        Err(panic) => std::panic::resume_unwind(panic),
-                    }
-                }
                 longest
-            });
-            longest = longest.max(of_threads);
-        }
+            },
+        );
+        let longest = of_parts.into_iter().fold(longest, f32::max);
         longest * (1.0 + ROOM)
     }
 

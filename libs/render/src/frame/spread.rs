@@ -5,9 +5,9 @@ use crate::PixelRect;
 use crate::spread::{BucketPixels, Buckets, Coordinator, Queue, Workers};
 use crate::statistics::add;
 use granita_base::{Color, hash};
+use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 /// The number of threads that the size of buckets is chosen for. It is the same in all processes, so that all make
 /// the same buckets.
@@ -48,7 +48,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
         let stop = || frame.options.stop.load(Ordering::Relaxed);
         let index = self.queue.take(wait, stop, &frame.buckets, frame.priority())?;
         frame.begin(self.canvases, index);
-        self.taken.lock().unwrap_or_else(PoisonError::into_inner).push(index);
+        self.taken.lock().push(index);
         Some(index)
     }
 
@@ -58,7 +58,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
 
     fn put(&self, index: usize, pixels: Result<BucketPixels, String>) -> Result<(), String> {
         let frame = self.frame;
-        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut taken = self.taken.lock();
         let at =
             taken.iter().position(|i| *i == index).ok_or("it sent a bucket that it was not asked for")?;
         let rect = &frame.buckets.order[index];
@@ -115,7 +115,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 };
                 scope.spawn(move || {
                     let result = workers.work(worker, &share);
-                    let taken = share.taken.into_inner().unwrap_or_else(PoisonError::into_inner);
+                    let taken = share.taken.into_inner();
                     share.queue.give_back(&taken);
                     if let Err(what) = result {
                         share.frame.options.reporter.warning(what);

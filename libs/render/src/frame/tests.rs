@@ -744,7 +744,7 @@ fn a_panic_costs_one_bucket() {
     let shader = Painted { paint, displace: None };
     let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
     assert!(!complete);
-    let kept = kept.lock().unwrap();
+    let kept = kept.lock();
     assert!(!kept.is_empty());
     let text = kept[0].to_string();
     assert!(

@@ -16,10 +16,11 @@ use granita_base::{
 use granita_gsl::ir::ValueType;
 use granita_hider::ShadedGrid;
 use granita_scene::{Call, Holdout};
+use parking_lot::Mutex;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// A dump that is being made. The threads of a frame share it.
 pub(crate) struct GridDump {
@@ -84,7 +85,7 @@ impl GridDump {
     /// Appends a grid.
     pub(crate) fn add(&self, grid: &ShadedGrid, described: &Described<'_>) {
         let bytes = (self.text)(calls(grid, described, &self.camera), self.binary);
-        let mut spill = self.spill.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut spill = self.spill.lock();
         if spill.failed.is_some() {
             return;
         }
@@ -105,7 +106,7 @@ impl GridDump {
     /// Returns [`RenderError::Io`] when this or an earlier write failed.
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { path, files, binary, text, camera, spill } = self;
-        let mut spill = spill.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut spill = spill.into_inner();
         let io = |source| RenderError::Io { path: path.clone(), source };
         if let Some(error) = spill.failed.take() {
             return Err(io(error));

@@ -11,9 +11,10 @@ use granita_image::{
 };
 use granita_scene::attribute::{Scope, TABLE};
 use granita_scene::{Output, attr};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// Returns the parameters of `Output` that the renderer itself interprets. All others go to the format.
 fn own_parameters() -> impl Iterator<Item = &'static str> {
@@ -756,7 +757,7 @@ mod tests {
         assert_eq!(kinds, [granita_texture::TextureKind::VolumeShadow, granita_texture::TextureKind::Shadow]);
         assert_eq!((set.variables.len(), set.wanted.channels()), (2, 10));
         assert!(set.needs_shading && !set.needs_second_surface);
-        assert_eq!(kept.lock().unwrap().len(), 2);
+        assert_eq!(kept.lock().len(), 2);
         let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
         assert!(!only_depth.needs_shading);
         assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });
@@ -777,7 +778,7 @@ mod tests {
         assert_eq!(set.images[1].names[2..4], ["layers[0].B", "layers[1].R"]);
         assert_eq!((set.images[0].channels.clone(), set.images[1].channels.len()), (vec![4, 5, 6], 6));
         assert!(set.images[1].is_color && !set.images[0].is_color);
-        let said = kept.lock().unwrap();
+        let said = kept.lock();
         assert!(said.len() == 1 && said[0].text.contains("2000 elements, 1 to 1024"), "{said:?}");
     }
 
@@ -790,7 +791,7 @@ mod tests {
             [param("float gama"), param("float compresion"), param("float studio:mood"), param("float gain")];
         let output = output("a", "tiff", "rgb", &params);
         OutputSet::new(&[&output], &camera(), &registry, &reporter).unwrap();
-        let said: Vec<String> = kept.lock().unwrap().iter().map(|m| m.text.clone()).collect();
+        let said: Vec<String> = kept.lock().iter().map(|m| m.text.clone()).collect();
         assert_eq!(
             said,
             [

@@ -9,8 +9,9 @@ use granita_image::{
     Request, Result,
 };
 use granita_scene::Output;
+use parking_lot::Mutex;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// A viewer that keeps what it is shown, and asks for something after so many rectangles.
 #[derive(Default)]
@@ -41,7 +42,7 @@ impl ImageOutput for Shown {
     }
 
     fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
-        let mut seen = self.0.seen.lock().unwrap();
+        let mut seen = self.0.seen.lock();
         if self.0.fails_after == Some(seen.written.len()) {
             return Err(ImageError::Misuse { path: "viewer".into(), what: "it is gone".to_owned() });
         }
@@ -57,11 +58,11 @@ impl ImageOutput for Shown {
     }
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {
-        self.0.seen.lock().unwrap().begun.push(*rect);
+        self.0.seen.lock().begun.push(*rect);
     }
 
     fn requests(&mut self) -> Vec<Request> {
-        let mut seen = self.0.seen.lock().unwrap();
+        let mut seen = self.0.seen.lock();
         let from = seen.asked;
         let due = self.0.asks[from..].iter().take_while(|(after, _)| *after <= seen.written.len());
         let due: Vec<Request> = due.map(|(_, request)| *request).collect();
@@ -74,7 +75,7 @@ impl ImageOutput for Shown {
     }
 
     fn close(self: Box<Self>) -> Result<()> {
-        self.0.seen.lock().unwrap().closed = true;
+        self.0.seen.lock().closed = true;
         Ok(())
     }
 }
@@ -151,7 +152,7 @@ fn a_viewer_sees_what_the_file_holds() {
     let viewer = Arc::new(Viewer::default());
     let (complete, file, complaints) = render(&viewer, 2);
     assert!(complete.unwrap() && complaints.is_empty(), "{complaints:?}");
-    let seen = viewer.seen.lock().unwrap();
+    let seen = viewer.seen.lock();
     assert!(seen.pixels == file && file.iter().any(|v| *v > 0.0));
     assert_eq!((seen.written.len(), seen.begun.len(), seen.closed), (30, 30, true));
 }
@@ -167,7 +168,7 @@ fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
     let viewer = Arc::new(Viewer { asks, ..Viewer::default() });
     let (complete, file, _) = render(&viewer, 1);
     assert!(complete.unwrap() && file == plain);
-    let seen = viewer.seen.lock().unwrap();
+    let seen = viewer.seen.lock();
     assert!(seen.pixels == plain);
     let corners: Vec<[i32; 2]> = seen.written.iter().map(|a| [a.x0, a.y0]).collect();
     // In the order of the scene, around the last corner, the rectangle, around the corner again, around the first one.
@@ -186,7 +187,7 @@ fn a_viewer_may_stop_the_frame() {
     let viewer = Arc::new(Viewer { asks: vec![(3, Request::Abort)], ..Viewer::default() });
     let (result, file, _) = render(&viewer, 1);
     assert!(matches!(result, Err(RenderError::Stopped)) && file.is_empty());
-    let seen = viewer.seen.lock().unwrap();
+    let seen = viewer.seen.lock();
     assert_eq!((seen.written.len(), seen.closed), (3, false));
 }
 

@@ -4,7 +4,8 @@ use granita_base::{Location, Param, ParamData, Params, Reporter, ShapeDesc, Vec3
 use granita_scene::{
     Call, FoundInput, FrameRenderer, InputPaths, InputReader, Scene, SceneSink, State, Stop,
 };
-use std::sync::{Arc, Mutex};
+use parking_lot::Mutex;
+use std::sync::Arc;
 
 /// Stores the scenes that it receives.
 #[derive(Clone, Default)]
@@ -15,7 +16,7 @@ pub(crate) type Rendered = (Arc<Scene>, Option<String>);
 
 impl FrameRenderer for Keeper {
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
-        self.0.lock().unwrap().push((scene, camera.map(str::to_owned)));
+        self.0.lock().push((scene, camera.map(str::to_owned)));
         Ok(())
     }
     fn command(&mut self, name: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
@@ -68,7 +69,7 @@ impl Run {
     }
 
     pub(crate) fn messages(&self) -> Vec<String> {
-        self.messages.lock().unwrap().iter().map(ToString::to_string).collect()
+        self.messages.lock().iter().map(ToString::to_string).collect()
     }
 
     /// Returns the only message.
@@ -80,7 +81,7 @@ impl Run {
 
     pub(crate) fn scene(&mut self) -> Arc<Scene> {
         self.calls([Call::Render { camera: None }]);
-        self.kept.0.lock().unwrap().last().unwrap().0.clone()
+        self.kept.0.lock().last().unwrap().0.clone()
     }
 }
 

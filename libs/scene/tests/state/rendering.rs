@@ -34,7 +34,7 @@ fn cameras_outputs_and_render() {
         Call::World,
         Call::Render { camera: Some("mian".into()) },
     ]);
-    let kept = run.kept.0.lock().unwrap();
+    let kept = run.kept.0.lock();
     let (scene, wanted) = &kept[0];
     assert_eq!(*wanted, None);
     let c = &scene.cameras[0];
@@ -78,7 +78,7 @@ fn after_render() {
         sphere(),
         Call::Render { camera: None },
     ]);
-    let kept = run.kept.0.lock().unwrap();
+    let kept = run.kept.0.lock();
     assert_eq!((kept[0].0.primitives.len(), kept[1].0.primitives.len()), (1, 2));
     assert_eq!(origin(&kept[1].0, 1), Vec3::ZERO);
     assert_eq!(kept[1].0.get(attr::LIMITS_GRIDSIZE), 64);

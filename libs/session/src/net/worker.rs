@@ -1,12 +1,13 @@
 //! The worker's side of the connection.
 
-use super::{ALIVE, GREETING, NO_IMAGES, Progress, lock};
+use super::{ALIVE, GREETING, NO_IMAGES, Progress};
 use crate::patient::PULSE;
 use granita_base::Reporter;
 use granita_render::{BucketPixels, Coordinator};
+use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The connection of a worker to its coordinator.
 pub(crate) struct WorkerCoordinator {
@@ -59,13 +60,13 @@ impl WorkerCoordinator {
     /// has ended.
     pub(crate) fn command(&self) -> bool {
         let number = {
-            let mut here = lock(&self.here);
+            let mut here = self.here.lock();
             here.commands += 1;
             here.commands
         };
-        let mut said = lock(&self.shared.said);
+        let mut said = self.shared.said.lock();
         while said.progress.commands < number && !said.over {
-            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
+            self.shared.changed.wait(&mut said);
         }
         said.progress.commands >= number
     }
@@ -78,7 +79,7 @@ impl Shared {
             let mut words = line.split_whitespace();
             let Some(word) = words.next() else { continue };
             let numbers: Vec<usize> = words.map_while(|number| number.parse().ok()).collect();
-            let mut said = lock(&self.said);
+            let mut said = self.said.lock();
             match (word, &numbers[..]) {
                 ("commands", [number]) => said.progress.commands = *number,
                 ("frame", [number]) => {
@@ -98,13 +99,13 @@ impl Shared {
     fn beat(&self, output: &Mutex<BufWriter<Box<dyn Write + Send>>>) {
         loop {
             std::thread::sleep(PULSE);
-            let said = lock(&self.said);
+            let said = self.said.lock();
             let (over, works) = (said.over, !said.rendering.is_empty() || !said.buckets.is_empty());
             drop(said);
             if over {
                 return;
             }
-            let mut output = lock(output);
+            let mut output = output.lock();
             if works && output.write_all(&ALIVE.to_le_bytes()).and_then(|()| output.flush()).is_err() {
                 return self.hang_up();
             }
@@ -112,20 +113,20 @@ impl Shared {
     }
 
     fn hang_up(&self) {
-        lock(&self.said).over = true;
+        self.said.lock().over = true;
         self.changed.notify_all();
     }
 }
 
 impl Coordinator for WorkerCoordinator {
     fn begin(&self) {
-        lock(&self.here).frame += 1;
+        self.here.lock().frame += 1;
     }
 
     fn next(&self) -> Option<usize> {
         // Frames before this index are over when this one is.
-        let frame = lock(&self.here).frame;
-        let mut said = lock(&self.shared.said);
+        let frame = self.here.lock().frame;
+        let mut said = self.shared.said.lock();
         loop {
             if said.progress.frame >= frame {
                 return None;
@@ -137,13 +138,13 @@ impl Coordinator for WorkerCoordinator {
                 said.rendering.push(bucket);
                 return Some(bucket.1);
             }
-            said = self.shared.changed.wait(said).unwrap_or_else(PoisonError::into_inner);
+            self.shared.changed.wait(&mut said);
         }
     }
 
     fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>) {
         let count = |n: usize| u32::try_from(n).unwrap_or(NO_IMAGES).to_le_bytes();
-        let mut said = lock(&self.shared.said);
+        let mut said = self.shared.said.lock();
         let at = said.rendering.iter().position(|(_, number)| *number == index);
         let frame = at.map_or(0, |at| said.rendering.swap_remove(at).0);
         drop(said);
@@ -163,7 +164,7 @@ impl Coordinator for WorkerCoordinator {
                 bytes.extend(text);
             }
         }
-        let mut output = lock(&self.output);
+        let mut output = self.output.lock();
         if output.write_all(&bytes).and_then(|()| output.flush()).is_err() {
             // The connection has ended.
             self.shared.hang_up();

@@ -11,8 +11,9 @@ use granita_plugin::{Meanwhile, Plugins};
 use granita_pyg::frames::{Frame, receive, send};
 use granita_pyg::{Writer, WriterOptions};
 use granita_scene::{Call, SceneSink, Stop, attr};
+use parking_lot::{Condvar, Mutex};
 use std::io::{self, Read, Write};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread::{JoinHandle, ThreadId};
 use std::time::{Duration, Instant};
 
@@ -81,10 +82,6 @@ struct Known {
     over: bool,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Collects calls, and sends them when it is flushed.
 struct Pieces {
     link: Arc<Link>,
@@ -110,8 +107,8 @@ impl Write for Pieces {
 impl Link {
     /// Sends a frame. Returns `false` when the connection has ended.
     fn send(&self, kind: u8, payload: &[u8]) -> bool {
-        let sent = send(&mut **lock(&self.to), kind, &[payload]).is_ok();
-        let mut known = lock(&self.known);
+        let sent = send(&mut **self.to.lock(), kind, &[payload]).is_ok();
+        let mut known = self.known.lock();
         known.lost |= !sent && !known.leaving;
         sent
     }
@@ -127,7 +124,7 @@ impl Link {
         until: Option<Instant>,
         mut answer: impl FnMut(&mut Known) -> Option<T>,
     ) -> Option<T> {
-        let mut known = lock(&self.known);
+        let mut known = self.known.lock();
         if known.listener == Some(std::thread::current().id()) {
             return None;
         }
@@ -139,21 +136,21 @@ impl Link {
                 return None;
             }
             let Some(until) = until else {
-                known = self.changed.wait(known).unwrap_or_else(PoisonError::into_inner);
+                self.changed.wait(&mut known);
                 continue;
             };
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return None;
             }
-            known = self.changed.wait_timeout(known, left).unwrap_or_else(PoisonError::into_inner).0;
+            self.changed.wait_for(&mut known, left);
         }
     }
 
     /// Takes what the renderer says until it is gone. Tells when it was silent for too long instead.
     fn listen(&self, mut from: Patient, reporter: &Reporter, plugins: &Plugins) -> Option<String> {
         let mut arriving = Arriving::default();
-        lock(&self.known).listener = Some(std::thread::current().id());
+        self.known.lock().listener = Some(std::thread::current().id());
         loop {
             let (kind, payload) = match receive(&mut from) {
                 Ok(frame) => frame,
@@ -176,7 +173,7 @@ impl Link {
                 }
                 _ => {}
             }
-            let mut known = lock(&self.known);
+            let mut known = self.known.lock();
             match kind {
                 b'R' => known.progress = Frame(&payload).array().map_or(0.0, f32::from_le_bytes),
                 b'D' => (known.rendering, known.progress) = (false, 1.0),
@@ -201,7 +198,7 @@ impl Meanwhile for Link {
     }
 
     fn attribute(&self, name: &str) -> Option<Param> {
-        let known = lock(&self.known);
+        let known = self.known.lock();
         let done = if known.rendering { known.progress.min(0.999_999) } else { known.progress };
         attr::RENDER_PROGRESS.is_named(name).then(|| attr::RENDER_PROGRESS.param(done))
     }
@@ -247,7 +244,7 @@ impl Remote {
                 }
                 None => ended(&mut process),
             };
-            let mut known = lock(&listener.known);
+            let mut known = listener.known.lock();
             (known.over, known.rendering) = (true, false);
             let leaving = known.leaving && !known.lost;
             drop(known);
@@ -265,7 +262,7 @@ impl Remote {
 
     /// Sends what was collected.
     fn flush(&self) -> Result<(), Stop> {
-        lock(&self.writer).flush().map_err(|_| Stop::Exit)
+        self.writer.lock().flush().map_err(|_| Stop::Exit)
     }
 
     /// Waits until everything that was sent is done, or "float time" (seconds) has passed.
@@ -275,14 +272,14 @@ impl Remote {
         let seconds = params.float("time").filter(|t| *t < LONGEST && !t.is_nan());
         let until = seconds.map(|t| Instant::now() + Duration::from_secs_f32(t.max(0.0)));
         self.flush()?;
-        let mut known = lock(&self.link.known);
+        let mut known = self.link.known.lock();
         known.asked += 1;
         let mine = known.asked;
         drop(known);
         if self.link.send(b'W', &[]) {
             self.link.wait_until(until, |known| (known.answered >= mine).then_some(()));
         }
-        if lock(&self.link.known).over { Err(Stop::Exit) } else { Ok(()) }
+        if self.link.known.lock().over { Err(Stop::Exit) } else { Ok(()) }
     }
 }
 
@@ -293,7 +290,7 @@ impl SceneSink for Remote {
             Call::Command { name, .. } => Some(name.clone()),
             _ => None,
         };
-        let mut known = lock(&self.link.known);
+        let mut known = self.link.known.lock();
         if known.over {
             // That was said when it happened.
             return Err(Stop::Exit);
@@ -331,7 +328,7 @@ impl SceneSink for Remote {
                 | Call::Output { .. }
                 | Call::Input { .. }
         );
-        let mut writer = lock(&self.writer);
+        let mut writer = self.writer.lock();
         match writer.call(call, at) {
             Ok(()) => {}
             Err(Stop::Io(error)) => return Err(Stop::Failed(error.to_string())),
@@ -346,7 +343,7 @@ impl SceneSink for Remote {
 
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let name = declaration.split_whitespace().next_back()?;
-        let known = lock(&self.link.known);
+        let known = self.link.known.lock();
         // A renderer that is done with its frame and has ended is still done.
         if known.rendering || (known.over && known.progress >= 1.0) {
             drop(known);
@@ -354,7 +351,7 @@ impl SceneSink for Remote {
         }
         drop(known);
         self.flush().ok()?;
-        lock(&self.link.known).value = None;
+        self.link.known.lock().value = None;
         if !self.link.send(b'A', declaration.as_bytes()) {
             return None;
         }
@@ -365,9 +362,9 @@ impl SceneSink for Remote {
 
 impl Drop for Remote {
     fn drop(&mut self) {
-        lock(&self.link.known).leaving = true;
+        self.link.known.lock().leaving = true;
         // A frame that is on its way is finished; who does not want that says Command ("return") first.
-        let _ = lock(&self.writer).flush();
+        let _ = self.writer.lock().flush();
         self.link.send(b'Z', &[]);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

@@ -8,9 +8,10 @@ use granita_base::Reporter;
 use granita_base::report::VERBOSITY_INFO;
 use granita_pyg::frames::send;
 use granita_render::{Priority, Progress};
+use parking_lot::Mutex;
 use std::io::Write;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// The reports to the program: messages, progress, answers. Clones share the connection.
 #[derive(Clone)]
@@ -32,10 +33,6 @@ struct Inner {
     request: Mutex<Option<PriorityRequest>>,
     /// The number of images sent, which gives each its index.
     images: AtomicU32,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl std::fmt::Debug for Told {
@@ -87,25 +84,25 @@ impl Told {
     }
 
     pub(super) fn say(&self, kind: u8, parts: &[&[u8]]) {
-        let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut to = self.0.to.lock();
         // When the program has ended, the error cannot be reported.
         let _ = send(&mut **to, kind, parts);
     }
 
     /// Sets the flag that ends the session's frames.
     pub(super) fn set_stop(&self, stop: Arc<AtomicBool>) {
-        *lock(&self.0.stop) = Some(stop);
+        *self.0.stop.lock() = Some(stop);
     }
 
     /// Sets the priority of the buckets of the session's frames.
     pub(super) fn set_frame_priority(&self, priority: Arc<Priority>) {
-        *lock(&self.0.priority) = Some(priority);
+        *self.0.priority.lock() = Some(priority);
     }
 
     /// Drops the requests for a frame that has ended.
     pub(super) fn forget_requests(&self) {
         self.0.ends.store(false, Ordering::Release);
-        *lock(&self.0.request) = None;
+        *self.0.request.lock() = None;
     }
 
     /// Ends the current or the next frame.
@@ -116,19 +113,19 @@ impl Told {
 
     /// Changes the order of the buckets of the current or the next frame.
     pub(super) fn set_priority(&self, request: PriorityRequest) {
-        *lock(&self.0.request) = Some(request);
+        *self.0.request.lock() = Some(request);
         self.apply_request();
     }
 
     fn apply_request(&self) {
-        let request = *lock(&self.0.request);
-        if let (Some(request), Some(priority)) = (request, &*lock(&self.0.priority)) {
+        let request = *self.0.request.lock();
+        if let (Some(request), Some(priority)) = (request, &*self.0.priority.lock()) {
             request.apply(priority);
         }
     }
 
     fn pass_end_on(&self) {
-        let stop = self.0.stop.lock().unwrap_or_else(PoisonError::into_inner);
+        let stop = self.0.stop.lock();
         if let Some(stop) = stop.as_ref().filter(|_| self.0.ends.load(Ordering::Acquire)) {
             stop.store(true, Ordering::Relaxed);
         }
@@ -138,7 +135,7 @@ impl Told {
 /// Receives whole frames, which `granita_pyg::serve` makes.
 impl Write for Told {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let mut to = self.0.to.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut to = self.0.to.lock();
         to.write_all(bytes)?;
         to.flush()?;
         Ok(bytes.len())

@@ -7,9 +7,10 @@ use super::relink::Relink;
 use crate::ShadeError;
 use crate::run::strings::{StringId, Strings};
 use granita_gsl::ir::{ConstValue, Global, Module, ShaderKind, SymbolKind, ValueType};
+use parking_lot::Mutex;
 use std::collections::HashSet;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Shaders that run one after the other on the same points, ready to run. A group is immutable and shared by all
 /// threads.
@@ -234,7 +235,7 @@ impl Group {
 
     /// True for the first call with this cause, for messages that are reported once.
     pub(crate) fn first_time(&self, cause: String) -> bool {
-        self.said.lock().unwrap_or_else(PoisonError::into_inner).insert(cause)
+        self.said.lock().insert(cause)
     }
 
     /// Computes the properties of the group from those of its layers.

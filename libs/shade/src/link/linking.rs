@@ -15,9 +15,10 @@ use crate::tape::fuse;
 use crate::{Grid, ShadeError};
 use granita_base::Severity;
 use granita_gsl::ir::{ConstValue, Global, Module, ShaderKind, Symbol, SymbolKind, ValueType};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
 
 /// The largest number of floats per point. A shader with more would exhaust memory.
 const MAX_NUMBERS: usize = 1 << 20;

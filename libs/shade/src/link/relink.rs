@@ -7,8 +7,9 @@ use crate::Grid;
 use granita_base::Params;
 use granita_gsl::ValidModule;
 use granita_gsl::ir::ValueType;
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// The largest number of kept variants. Further lengths are linked each time.
 const MAX_VARIANTS: usize = 64;
@@ -85,7 +86,7 @@ impl<G> Relink<G> {
             return None;
         }
         let known = |map: &BTreeMap<Lengths, Arc<G>>| map.get(&lengths).cloned();
-        if let Some(group) = known(&self.variants.lock().unwrap_or_else(PoisonError::into_inner)) {
+        if let Some(group) = known(&self.variants.lock()) {
             return Some(group);
         }
         let layers: Vec<LayerSource<'_>> = self
@@ -108,7 +109,7 @@ impl<G> Relink<G> {
             })
             .collect();
         let group = Arc::new(link(&layers, &connections, &lengths)?);
-        let mut variants = self.variants.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut variants = self.variants.lock();
         if variants.len() >= MAX_VARIANTS {
             variants.clear();
         }

@@ -10,9 +10,10 @@ pub(crate) mod lattice;
 
 use granita_base::{Color, Vec3};
 use granita_sdb::{Key, Schema, Value};
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,7 +186,7 @@ impl IrradianceCache {
 
     fn part(&self, spot: &Spot) -> MutexGuard<'_, Part> {
         let part = &self.parts[granita_base::hash::words(spot) as usize % PARTS];
-        part.lock().unwrap_or_else(PoisonError::into_inner)
+        part.lock()
     }
 
     /// A record that was computed before and is still kept.
@@ -256,7 +257,7 @@ mod tests {
         }
         let held = (0..20_000).filter(|k| cache.find(&spot(*k)).is_some()).count();
         assert!((PARTS * 5..=PARTS * 20).contains(&held), "{held}");
-        let counts = cache.parts.iter().map(|part| part.lock().unwrap());
+        let counts = cache.parts.iter().map(|part| part.lock());
         assert!(counts.into_iter().all(|part| part.young.len() <= 10 && part.old.len() <= 10));
         assert!(cache.is_first_to_save(spot(1)) && !cache.is_first_to_save(spot(1)));
     }

@@ -11,7 +11,7 @@
 //! Sampling, SIGGRAPH 2005, of two levels). Rows are drawn first, then columns (Pharr, Jakob and Humphreys,
 //! Physically Based Rendering, 4th edition 2023, A.5.3, piecewise constant distributions).
 
-use granita_base::{Vec3, sample};
+use granita_base::{Vec3, parallel_map, sample};
 use granita_machine::widest;
 use std::f64::consts::{PI, TAU};
 
@@ -136,15 +136,9 @@ impl EnvironmentSampler {
         };
         let mut seen = vec![Seen::default(); ALL_ROWS * ALL_COLUMNS];
         let part = seen.len().div_ceil(threads.max(1));
-        std::thread::scope(|scope| {
-            for (k, part_seen) in seen.chunks_mut(part).enumerate() {
-                let mut fill = move || {
-                    let mut look = looker();
-                    let cells = part_seen.iter_mut().enumerate();
-                    cells.for_each(|(cell, seen)| *seen = mean(&mut look, k * part + cell));
-                };
-                if threads > 1 { _ = scope.spawn(fill) } else { fill() }
-            }
+        parallel_map(seen.chunks_mut(part).enumerate(), threads, looker, |look, (k, part_seen)| {
+            let cells = part_seen.iter_mut().enumerate();
+            cells.for_each(|(cell, seen)| *seen = mean(look, k * part + cell));
         });
         let solid_angle = |row: usize| (heights[row] - heights[row + 1]) * TAU / ALL_COLUMNS as f64;
         let mut pdf: Vec<f64> = seen

@@ -6,8 +6,9 @@ use granita_base::{Environment, Param, ParamData, ParamType, Reporter, SearchPat
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::make::{Made, MakeOptions, make};
 use granita_texture::{CacheOptions, Lookup, TextureCache, TextureError, TextureId};
+use parking_lot::Mutex;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 /// Names of pictures of the faces of a cube, in the order of reference 9.3.
 pub const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
@@ -75,12 +76,12 @@ impl Folder {
     /// A cache with default options and one texture in it.
     pub fn open(&self, name: &str) -> (TextureCache, TextureId) {
         let cache = self.cache(CacheOptions::default());
-        let id = cache.find(name).unwrap_or_else(|| panic!("{name}: {:?}", self.messages.lock().unwrap()));
+        let id = cache.find(name).unwrap_or_else(|| panic!("{name}: {:?}", self.messages.lock()));
         (cache, id)
     }
 
     pub fn texts(&self) -> Vec<String> {
-        self.messages.lock().unwrap().iter().map(|m| m.to_string()).collect()
+        self.messages.lock().iter().map(|m| m.to_string()).collect()
     }
 }
 

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 fn listening(live: &Live, open: Option<Box<OpenFile>>) -> (Listener, Arc<Mutex<Vec<String>>>) {
     let messages = Arc::new(Mutex::new(Vec::new()));
     let kept = messages.clone();
-    let reporter = Reporter::new(Box::new(move |m| kept.lock().unwrap().push(m.to_string())));
+    let reporter = Reporter::new(Box::new(move |m| kept.lock().push(m.to_string())));
     (start(([127, 0, 0, 1], 0).into(), live, &reporter, open, false).unwrap(), messages)
 }
 
@@ -52,7 +52,7 @@ fn tile(name: &str, channels: &[&str], [x, y, w, h]: [i32; 4], values: &[f32]) -
 fn a_client_written_from_the_description_shows_its_pixels() {
     let live = Live::default();
     let (listener, messages) = listening(&live, None);
-    assert_eq!(*messages.lock().unwrap(), [format!("iv: listening on {}\n", listener.address())]);
+    assert_eq!(*messages.lock(), [format!("iv: listening on {}\n", listener.address())]);
     let mut client = TcpStream::connect(listener.address()).unwrap();
     // An image in tiles of 128, as tev's own client for Python sends it; the last ones are smaller.
     let (width, height, names) = (200, 150, ["R", "G", "B", "A"]);
@@ -122,7 +122,7 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
     }
     until("the good one came", || live.read("a", PixelRect::at(3, 3, 1, 1), &[0]).is_ok_and(|v| v == [9.0]));
     assert_eq!(live.info("a").unwrap().drawing.to_vec(), [Draw::BeginPath, Draw::MoveTo([0.0, 0.0])]);
-    let said = messages.lock().unwrap()[1..].concat();
+    let said = messages.lock()[1..].concat();
     for text in [
         "bytes of all pictures 400000000 exceeds the limit of 1048576",
         "two channels are called \"R\"",
@@ -147,19 +147,19 @@ fn files_are_opened_only_when_that_is_allowed() {
     let wanted = Arc::new(Mutex::new(Vec::new()));
     let kept = wanted.clone();
     let open = move |file: Wanted| {
-        kept.lock().unwrap().push(file);
+        kept.lock().push(file);
         Ok(())
     };
     let (listener, _) = listening(&live, Some(Box::new(open)));
     let mut client = TcpStream::connect(listener.address()).unwrap();
     client.write_all(&packet(0, &[b"\x01a.exr:z\0"])).unwrap();
     client.write_all(&packet(1, &[b"\0a.exr\0"])).unwrap();
-    until("both came", || wanted.lock().unwrap().len() == 2);
+    until("both came", || wanted.lock().len() == 2);
     let expected = [
         Wanted::Open { path: "a.exr".to_owned(), selector: "z".to_owned(), focus: true },
         Wanted::Reload { name: "a.exr".to_owned(), focus: false },
     ];
-    assert_eq!(*wanted.lock().unwrap(), expected);
+    assert_eq!(*wanted.lock(), expected);
 }
 
 /// Packets of the extension, made by hand as well.

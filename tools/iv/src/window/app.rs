@@ -9,9 +9,10 @@ use eframe::{egui, egui_wgpu};
 use egui::{Color32, ColorImage, Event, Modifiers, PointerButton, Pos2, TextureHandle, TextureOptions, Vec2};
 use granita_image::{PixelRect, Request};
 use granita_view::{Mix, save_canvas, save_pixels};
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A drag that is going on.

@@ -26,8 +26,9 @@ use granita_cli::Status;
 use granita_image::FormatRegistry;
 use granita_view::{Live, StoreLimits, TileStore, expand};
 use model::Model;
+use parking_lot::Mutex;
+use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// The result of the window: that of its script.
@@ -164,7 +165,7 @@ pub(crate) fn run(
             options.wgpu_options.wgpu_setup = setup;
         }
         match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
-            Ok(()) => return *outcome.lock().unwrap_or_else(PoisonError::into_inner),
+            Ok(()) => return *outcome.lock(),
             // There was a window: the picture was given to it.
             Err(_) if model.is_none() && !lost::is_there() => {
                 lost::say(reporter);

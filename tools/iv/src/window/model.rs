@@ -10,9 +10,10 @@ use granita_view::{
     Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
     Mix, Needs, Shown, TileStore, View, draw_into, needs, paint, pixel_under,
 };
+use parking_lot::Mutex;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::Receiver;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The interval at which files are checked for changes.
@@ -478,7 +479,7 @@ impl Model {
         }
         self.fulfil();
         let wanted: Vec<Wanted> = match &self.wanted {
-            Some(wanted) => wanted.lock().unwrap_or_else(PoisonError::into_inner).try_iter().collect(),
+            Some(wanted) => wanted.lock().try_iter().collect(),
             None => Vec::new(),
         };
         wanted.into_iter().for_each(|wanted| self.open_for_client(wanted));

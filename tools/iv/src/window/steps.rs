@@ -7,13 +7,12 @@ use eframe::egui;
 use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
 use granita_cli::Status;
 use granita_view::save_canvas;
-use std::sync::PoisonError;
 use std::time::{Duration, Instant};
 
 impl App {
     fn fail(&self, what: &str) {
         granita_cli::print(&format!("script: {what}\n"));
-        *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Status::WithErrors;
+        *self.outcome.lock() = Status::WithErrors;
     }
 
     /// True when the script can continue with its next step.
@@ -130,7 +129,7 @@ impl App {
                 script.screenshot = Some(path);
                 let shot = self.shot.clone();
                 ctx.request_screenshot(move |image| {
-                    *shot.lock().unwrap_or_else(PoisonError::into_inner) = Some(image);
+                    *shot.lock() = Some(image);
                 });
             }
             Step::Canvas(path) => {
@@ -167,7 +166,7 @@ impl App {
     }
 
     fn take_screenshot(&mut self) {
-        let image = self.shot.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let image = self.shot.lock().take();
         let Some(image) = image else { return };
         let Some(path) = self.script.as_mut().and_then(|s| s.screenshot.take()) else { return };
         let [width, height] = image.size.map(|side| side as u32);

@@ -6,8 +6,9 @@ use granita_view::{
     CompareOptions, Comparison, Histogram, Loader, Needs, Page, Pick, Statistics, TileStore, compare,
     flip_page, statistics, value_range,
 };
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// What one question is about.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +66,7 @@ impl Tasks {
     /// Least and largest value of a layer; `None` until it is known, or when there is none.
     pub(crate) fn range(&mut self, loader: &Loader, page: &Arc<Page>, layer: usize) -> Option<(f32, f32)> {
         let key = (page.pyramid.number(), layer);
-        if let Some(range) = self.ranges.lock().unwrap_or_else(PoisonError::into_inner).get(&key) {
+        if let Some(range) = self.ranges.lock().get(&key) {
             return *range;
         }
         if !self.ranges_asked.contains(&key) {
@@ -73,7 +74,7 @@ impl Tasks {
             let (page, ranges) = (page.clone(), self.ranges.clone());
             loader.run(move || {
                 let range = value_range(&page, layer).ok().flatten();
-                ranges.lock().unwrap_or_else(PoisonError::into_inner).insert(key, range);
+                ranges.lock().insert(key, range);
             });
         }
         None
@@ -85,7 +86,7 @@ impl Tasks {
         question: Question,
         answer: impl FnOnce() -> Answer + Send + 'static,
     ) -> Option<Answer> {
-        let held = self.answers.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = self.answers.lock();
         if let Some((_, answer)) = held.iter().find(|(q, _)| *q == question) {
             return Some(answer.clone());
         }
@@ -98,7 +99,7 @@ impl Tasks {
             let answers = self.answers.clone();
             loader.run(move || {
                 let answer = answer();
-                let mut held = answers.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut held = answers.lock();
                 held.push((question, answer));
                 if held.len() > KEPT {
                     held.remove(0);

@@ -1,7 +1,7 @@
 //! Which sides of the faces of a mesh go on in others.
 
 use super::*;
-use std::sync::Mutex;
+use parking_lot::Mutex;
 
 /// A book half open, its back along y: two faces of two corners in common, with these normals at the six corners, if
 /// any.
@@ -21,9 +21,9 @@ fn seams_of(subdivide: bool, faces: usize, normals: Option<[[f32; 3]; 6]>) -> Ve
     }
     build.add(shape, params, attributes(&[], at(0.0, 0.0, 5.0)));
     let seen = Mutex::new(Vec::new());
-    let paint = |grid: &mut Grid| seen.lock().unwrap().extend(grid.seams.iter().copied());
+    let paint = |grid: &mut Grid| seen.lock().extend(grid.seams.iter().copied());
     render_with(&build, &build.view(&[]), 1, ("rgba", &[]), &Painted { paint, displace: None });
-    let seen = seen.into_inner().unwrap();
+    let seen = seen.into_inner();
     assert!(seen.len() >= faces, "{seen:?}");
     seen
 }
