@@ -13,6 +13,8 @@ pub(crate) struct Faults<'a> {
     file: Arc<str>,
     kinds: Vec<Fault>,
     others: u64,
+    /// The highest severity of these others.
+    severity: Severity,
 }
 
 struct Fault {
@@ -25,7 +27,7 @@ struct Fault {
 
 impl<'a> Faults<'a> {
     pub(crate) fn new(reporter: &'a Reporter, file: Arc<str>) -> Self {
-        Self { reporter, file, kinds: Vec::new(), others: 0 }
+        Self { reporter, file, kinds: Vec::new(), others: 0, severity: Severity::Warning }
     }
 
     /// Something is left out or replaced. `line` is 0 where there are none; `text` is made for the first of its kind
@@ -49,6 +51,7 @@ impl<'a> Faults<'a> {
             fault.more += 1;
         } else if self.kinds.len() >= MOST_KINDS {
             self.others += 1;
+            self.severity = self.severity.max(severity);
         } else {
             self.kinds.push(Fault { kind, severity, line, text: text(), more: 0 });
         }
@@ -66,8 +69,8 @@ impl Drop for Faults<'_> {
             self.reporter.say(fault.severity, &at, format!("{}{more}", fault.text));
         }
         if self.others > 0 {
-            let text = format!("{} more mistakes of other kinds", self.others);
-            self.reporter.say(Severity::Error, &Location::line(&self.file, 0), text);
+            let text = format!("{} more errors and warnings of other kinds", self.others);
+            self.reporter.say(self.severity, &Location::line(&self.file, 0), text);
         }
     }
 }
@@ -75,4 +78,28 @@ impl Drop for Faults<'_> {
 /// ` (object "name")`, or nothing.
 pub(crate) fn of_object(name: &str) -> String {
     if name.is_empty() { String::new() } else { format!(" (object \"{name}\")") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn further_kinds_have_the_highest_of_their_severities() {
+        for has_error in [false, true] {
+            let (reporter, messages) = Reporter::collecting();
+            let mut faults = Faults::new(&reporter, "a.obj".into());
+            for kind in 0..MOST_KINDS {
+                faults.error(kind.to_string(), 1, || "an error".to_owned());
+            }
+            faults.warning("a warning", 2, || unreachable!());
+            if has_error {
+                faults.error("one more", 3, || unreachable!());
+            }
+            drop(faults);
+            let last = messages.lock().last().cloned().unwrap();
+            let expected = if has_error { Severity::Error } else { Severity::Warning };
+            assert_eq!(last.severity, expected, "{last}");
+        }
+    }
 }

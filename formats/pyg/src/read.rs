@@ -83,9 +83,10 @@ pub fn read(
     }
     let parser = Parser::new(Bytes::new(stream, options.statement_limit));
     let mut script = Script::default();
-    if let Some(mut python) = options.scripts.as_ref().and_then(|scripts| scripts.python().take())
-        && !options.safe
-        && !options.always_pyglet
+    // An interpreter that is not used here stays with the other files of the session.
+    let scripts = options.scripts.as_ref().filter(|_| !options.safe && !options.always_pyglet);
+    if let Some(scripts) = scripts
+        && let Some(mut python) = scripts.python().take()
         // One that has died is replaced when a script needs it.
         && let Ok(rebound) = python.go_on(&file)
     {
@@ -95,7 +96,7 @@ pub fn read(
     let mut reader = Reader { file, parser, sink, options, reporter, script };
     let result = reader.run().and_then(|()| reader.finish_renderers());
     reader.sum_up();
-    if let Some(scripts) = &options.scripts {
+    if let Some(scripts) = scripts {
         *scripts.python() = reader.script.python.take();
     }
     result

@@ -612,6 +612,9 @@ fn scenes_may_share_what_their_scripts_define() {
     };
     let first = named("a.pyg", "x = 3\ndef move(n):\n    Translate (n, 0, 0)\n", &shared);
     assert!(first.error.is_none() && first.told.is_empty(), "{:?}", first.told);
+    // A file that is read without this interpreter leaves it in place.
+    let pyglet = PygOptions { always_pyglet: true, ..shared.clone() };
+    assert_eq!(named("c.pyg", "Scale (2, 2, 2)\n", &pyglet).lines(), [(1, "Scale")]);
     let second = named("b.pyg", "Scale (2, 2, 2)\n\nmove (x)\nprint (__file__)\nx = 4\n", &shared);
     assert_eq!(second.lines(), [(1, "Scale"), (3, "Translate")], "{:?}", second.told);
     assert_eq!(second.told, ["b.pyg\n"]);

@@ -14,7 +14,8 @@ use granita_gsl::{CompileOptions, Diagnostic, ValidModule, compile, gso};
 use granita_image::AtomicFile;
 use granita_plugin::{PluginRules, Plugins};
 use std::ffi::OsString;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Compiles a shader.
@@ -187,13 +188,19 @@ fn shadeop_path(options: &Options) -> SearchPath {
     SearchPath::parse(&options.include.join(":"), &SearchPath::default(), &Environment::empty())
 }
 
-/// The text, and its name in messages. Bytes that are not UTF-8 (old comments) are replaced.
+/// Returns the text, and its name in messages. Bytes that are not UTF-8 (old comments) are replaced.
 fn read_source(name: &str) -> io::Result<(String, String)> {
-    let (bytes, name) = match name {
-        "-" => (io::read_to_string(io::stdin())?.into_bytes(), "<stdin>"),
-        file => (std::fs::read(file)?, file),
+    let (text, name) = match name {
+        "-" => (text_of(io::stdin().lock())?, "<stdin>"),
+        file => (text_of(File::open(file)?)?, file),
     };
-    Ok((String::from_utf8_lossy(&bytes).into_owned(), name.to_owned()))
+    Ok((text, name.to_owned()))
+}
+
+fn text_of(mut file: impl Read) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
 /// Reads an included file.
@@ -201,8 +208,8 @@ fn load(path: &str) -> io::Result<Option<String>> {
     if Path::new(path).is_dir() {
         return Ok(None);
     }
-    match std::fs::read(path) {
-        Ok(bytes) => Ok(Some(String::from_utf8_lossy(&bytes).into_owned())),
+    match File::open(path).and_then(text_of) {
+        Ok(text) => Ok(Some(text)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     }
@@ -223,4 +230,12 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let mut file = AtomicFile::create(path).map_err(|e| e.to_string())?;
     file.write_all(bytes).map_err(|e| format!("{}: {e}", path.display()))?;
     file.commit().map_err(|e| e.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn bytes_that_are_not_utf8_are_replaced_wherever_a_source_comes_from() {
+        assert_eq!(super::text_of(&b"/* 90\xb0 */"[..]).unwrap_or_default(), "/* 90\u{fffd} */");
+    }
 }

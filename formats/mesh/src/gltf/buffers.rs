@@ -140,7 +140,10 @@ fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let [first, tail @ ..] = rest {
-        let code = (*first == b'%').then(|| tail.get(..2)).flatten();
+        let code = (*first == b'%')
+            .then(|| tail.get(..2))
+            .flatten()
+            .filter(|code| code.iter().all(u8::is_ascii_hexdigit));
         let code = code.and_then(|c| u8::from_str_radix(std::str::from_utf8(c).ok()?, 16).ok());
         match code {
             Some(byte) => {
@@ -170,6 +173,7 @@ mod tests {
         assert!(data_of_uri("a.bin").is_none());
         let folder = PathBuf::from("d");
         assert_eq!(path_of_uri("a%20b%2.bin", Some(&folder)).unwrap(), PathBuf::from("d/a b%2.bin"));
+        assert_eq!(path_of_uri("a%+5.bin", Some(&folder)).unwrap(), PathBuf::from("d/a%+5.bin"));
         assert!(path_of_uri("http://x/a.bin", Some(&folder)).is_err());
         assert!(path_of_uri("a.bin", None).is_err());
     }

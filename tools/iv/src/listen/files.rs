@@ -12,7 +12,7 @@ pub(crate) fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter)
     Box::new(move |wanted| {
         let (path, focus) = match wanted {
             Wanted::Open { path, focus, .. } => (path, focus),
-            Wanted::Reload { name, focus } => (name, focus),
+            Wanted::Reload { name, focus } => (file_of(&name).to_owned(), focus),
         };
         read(&live, &formats, Path::new(&path))?;
         reporter.info(format!("{path} is read for a client"));
@@ -21,6 +21,14 @@ pub(crate) fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter)
         }
         Ok(())
     })
+}
+
+/// Returns the name of the file that an image was read from by [`read`].
+fn file_of(image: &str) -> &str {
+    match image.rsplit_once('#') {
+        Some((file, number)) if number.parse::<usize>().is_ok() && !Path::new(image).exists() => file,
+        _ => image,
+    }
 }
 
 /// Shows the images of a file under its name; those after the first as `name#1` and so on.
@@ -71,5 +79,8 @@ mod tests {
         let name = path.display().to_string();
         open(Wanted::Reload { name: name.clone(), focus: true }).unwrap();
         assert_eq!(live.shown(), live.info(&name).unwrap().id);
+        // Later images of a file are reloaded with the file.
+        open(Wanted::Reload { name: format!("{name}#1"), focus: false }).unwrap();
+        assert_eq!((file_of("a.tif#12"), file_of("a#b.tif")), ("a.tif", "a#b.tif"));
     }
 }

@@ -180,10 +180,11 @@ impl Entries {
         self.open.retain(|i| *i != entry);
         self.open.push_back(entry);
         while self.open.len() > OPEN {
-            let Some(oldest) = self.open.pop_front() else { break };
-            if oldest != self.current && oldest != entry {
-                self.list[oldest].opened = Opened::Not;
-            }
+            let is_free = |i: &usize| *i != self.current && *i != entry;
+            let Some(oldest) = self.open.iter().position(is_free).and_then(|at| self.open.remove(at)) else {
+                break;
+            };
+            self.list[oldest].opened = Opened::Not;
         }
         Ok(())
     }

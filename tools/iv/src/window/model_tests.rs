@@ -127,3 +127,18 @@ fn files_of_senders_are_seen_below_and_above() {
     });
     assert_eq!(left_and_right(&mut model), [[100; 3], [100; 3]]);
 }
+
+#[test]
+fn files_that_are_not_shown_are_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut model = model(folder.path(), &[(8, 8); 40], 1 << 20);
+    for entry in 0..40 {
+        model.entries.open(entry, &model.formats, &model.store).unwrap();
+    }
+    let open: Vec<usize> = (0..40).filter(|i| model.entries.page(*i).is_some()).collect();
+    let shown = std::iter::once(0);
+    assert_eq!(open, shown.chain(17..40).collect::<Vec<_>>(), "the entry that is shown, and the last ones");
+    model.act(Action::Next(1));
+    model.entries.open(5, &model.formats, &model.store).unwrap();
+    assert!(model.entries.page(0).is_none(), "it is not shown any more, and is the oldest");
+}
