@@ -14,12 +14,10 @@ const BINARY_FROM: usize = 16;
 /// The number of bytes after which text is passed on.
 const PIECE: usize = 1 << 16;
 
-/// The options for writing. Attributes such as `Attribute ("int pyg:binary", 1)` change them while the calls are
-/// written.
+/// The options for writing. Attributes such as `Attribute ("int pyg:binary", 1)` change them between calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriterOptions {
-    /// True when long arrays are written as binary data (reference 3.7). They have half the size and are read much
-    /// faster, but the file is no longer Python.
+    /// True when long arrays are binary data (reference 3.7), with half the size. The file is then no longer Python.
     pub binary: bool,
     /// True when parameters are written as calls of `Parameter`, before the call that takes them.
     pub separate_params: bool,
