@@ -11,7 +11,7 @@ use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Weak};
 
-/// Most values of one packet: what a viewer shows at once.
+/// The largest number of values of one packet, which a viewer shows at once.
 const PACKET_VALUES: usize = 1 << 20;
 
 /// The image format "iv", which sends images to a viewer instead of a file.
@@ -25,7 +25,7 @@ const PACKET_VALUES: usize = 1 << 20;
 /// never blocks. `close` waits as long as the viewer keeps reading the data.
 pub struct IvFormat {
     patience: Patience,
-    /// By address.
+    /// The connections by address.
     links: Mutex<Vec<(String, Weak<Link>)>>,
 }
 
@@ -36,7 +36,7 @@ impl Default for IvFormat {
 }
 
 impl IvFormat {
-    /// One that bears so much.
+    /// Returns the format with these limits.
     pub fn new(patience: Patience) -> Self {
         Self { patience, links: Mutex::default() }
     }
@@ -121,11 +121,11 @@ impl Format for IvFormat {
 /// An image that is being sent to a viewer.
 struct IvOutput {
     link: Arc<Link>,
-    /// Stands for the file in messages.
+    /// The address, which replaces the file in messages.
     address: PathBuf,
     name: String,
     spec: ImageSpec,
-    /// The places of the values of each channel in a packet.
+    /// The positions of the values of each channel in a packet.
     channels: Vec<Channel>,
     /// The next row, for rows in order.
     row: u32,
@@ -227,7 +227,7 @@ impl ImageOutput for IvOutput {
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {
         if !rect.is_empty() {
-            // A failure here shows up when pixels are sent.
+            // A failure here is reported when pixels are sent.
             let _ = self.link.push(&Packet::Mark { name: self.name.clone(), rect: *rect });
         }
     }

@@ -1,9 +1,9 @@
 //! The errors, sorted by cause.
 
-/// A packet that cannot be understood, or a conversation that cannot go on.
+/// A packet that cannot be decoded, or a connection that cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum DisplayError {
-    /// The system refused.
+    /// A system call failed.
     #[error("{what}: {source}")]
     Io {
         /// The action that was attempted, with the address.
@@ -22,10 +22,10 @@ pub enum DisplayError {
     /// A packet of an unknown kind.
     #[error("unknown packet of type {kind}")]
     Unsupported {
-        /// Its type.
+        /// The type of the packet.
         kind: u8,
     },
-    /// More than is taken in.
+    /// A quantity exceeds the limits of the receiver.
     #[error("{what} {asked} exceeds the limit of {max}")]
     Limit {
         /// The quantity that is too large.
@@ -43,5 +43,5 @@ pub enum DisplayError {
     },
 }
 
-/// Result of an operation of this crate.
+/// The result of an operation of this crate.
 pub type Result<T> = std::result::Result<T, DisplayError>;

@@ -1,19 +1,20 @@
 //! Live images over TCP, in the protocol that the viewer `tev` established.
 //!
-//! - [`packet`]: the messages and their bytes;
-//! - [`IvFormat`]: the image format "iv" (reference 7.4.3), which sends an image to a viewer while it is rendered;
-//! - [`Listener`]: receives images from any renderer that uses the protocol.
+//! - [`packet`] contains the messages and their bytes.
+//! - [`IvFormat`] is the image format "iv" (reference 7.4.3), which sends an image to a viewer while it is rendered.
+//! - [`Listener`] receives images from any renderer that uses the protocol.
 //!
-//! Invariants:
-//! - a viewer that dies, stalls or sends invalid data never stops or slows the renderer;
-//! - a sender that dies, stalls or sends invalid data never stops the viewer, and takes no memory beyond
-//!   [`PacketLimits`];
-//! - silent connections never block others ([`Places`]);
-//! - packets that are not part of tev's protocol are sent only to a peer that declared that it supports them
+//! # Invariants
+//!
+//! - A viewer that dies, stalls or sends invalid data never stops or slows the renderer.
+//! - A sender that dies, stalls or sends invalid data never stops the viewer, and takes no memory beyond
+//!   [`PacketLimits`].
+//! - Silent connections never block others ([`Places`]).
+//! - Packets that are not part of tev's protocol are sent only to a peer that declared that it supports them
 //!   ([`packet::GREETING`]).
 //!
-//! Deliberately absent: encryption and passwords (listen on this machine only, and forward the port by ssh), and
-//! compression of pixels (ssh does that as well).
+//! Encryption and passwords are deliberately absent (listen on this machine only, and forward the port by ssh), and so
+//! is compression of pixels (ssh does that as well).
 
 #![forbid(unsafe_code)]
 

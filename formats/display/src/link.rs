@@ -1,8 +1,8 @@
-//! A connection to a viewer: a queue, and threads that send and receive.
+//! A connection to a viewer, with a queue, and threads that send and receive.
 //!
-//! The renderer only appends to the queue. One thread connects and sends. When the viewer reads nothing for some
-//! time, or the queue exceeds its limit, the connection is closed, and the next send returns the reason. Another
-//! thread receives the packets of the viewer, if it sends any.
+//! The renderer only appends to the queue. One thread connects and sends. When the viewer reads nothing for some time,
+//! or the queue exceeds its limit, the connection is closed, and the next send returns the reason. Another thread
+//! receives the packets of the viewer, if it sends any.
 
 use crate::packet::{GREETING, PacketLimits, Update, VERSION, rest_of};
 use crate::{DisplayError, Packet, Result};
@@ -19,19 +19,19 @@ use std::time::{Duration, Instant};
 /// The limits of a sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Longest time until the viewer accepts the connection.
+    /// The longest time until the viewer accepts the connection.
     pub connect: Duration,
-    /// Longest time in which the viewer reads nothing of the data.
+    /// The longest time in which the viewer reads nothing of the data.
     pub stall: Duration,
     /// The time to wait for the answer to the greeting. A later answer is valid as well, but the images have started
     /// by then.
     pub answer: Duration,
-    /// Most bytes of pixels that wait to be sent.
+    /// The largest number of bytes of pixels that wait to be sent.
     pub queue_bytes: usize,
 }
 
 impl Default for Patience {
-    /// 3 s to connect, 5 s without taking anything, 0.25 s for an answer, 256 MiB.
+    /// Returns 3 s to connect, 5 s without reading, 0.25 s for an answer, and 256 MiB.
     fn default() -> Self {
         Self {
             connect: Duration::from_secs(3),
@@ -44,23 +44,23 @@ impl Default for Patience {
 
 /// The interval at which a thread that waits for the system checks whether it should end.
 const TICK: Duration = Duration::from_millis(50);
-/// The time during which small packets are collected before they are sent together. It is too short to be visible,
-/// and waking a thread for each bucket would cost the render more than everything else.
+/// The time during which small packets are collected before they are sent together. It is too short to be visible, and
+/// waking a thread for each bucket would take more time of the render than all other work for the viewer.
 const COLLECT: Duration = Duration::from_millis(20);
-/// Bytes that are given to the system at once, about.
+/// The approximate number of bytes that are passed to the system at once.
 const CHUNK_BYTES: usize = 256 << 10;
-/// Chunks whose room is kept.
+/// The number of buffers that are kept for further chunks.
 const SPARE: usize = 8;
-/// The time that a viewer has for closing its side.
+/// The time that a viewer has to close its side.
 const FAREWELL: Duration = Duration::from_millis(500);
-/// The requests for one image that have not been fetched.
+/// The largest number of requests for one image that are kept until they are fetched.
 const REQUESTS: usize = 64;
 
 /// Packets that follow each other, as bytes.
 #[derive(Default)]
 struct Chunk {
     bytes: Vec<u8>,
-    /// The positions in the queue of the packets that are sent only to viewers that answered the greeting.
+    /// The ranges in `bytes` of the packets that are sent only to viewers that answered the greeting.
     ours: Vec<Range<usize>>,
 }
 
@@ -69,20 +69,20 @@ struct State {
     /// The bytes to be sent.
     queue: VecDeque<Chunk>,
     bytes: usize,
-    /// The buffer of sent packets, kept as scratch for the next ones.
+    /// The buffers of sent chunks, which are kept for the next ones.
     spare: Vec<Vec<u8>>,
-    /// A packet was taken from the queue and is not sent yet.
+    /// True when a packet was taken from the queue and is not sent yet.
     busy: bool,
     connected: bool,
-    /// Our own packets are understood.
+    /// True when the viewer supports the extension.
     two_way: bool,
-    /// Somebody waits until all is sent.
+    /// True while a caller waits until all is sent.
     hurried: bool,
-    /// Nothing more will be queued.
+    /// True when nothing more will be queued.
     ending: bool,
-    /// Why nothing is sent any more.
+    /// The reason why nothing more is sent.
     broken: Option<String>,
-    /// The viewer closed its side.
+    /// True when the viewer closed its side.
     silent: bool,
     names: BTreeSet<String>,
     requests: BTreeMap<String, Vec<Request>>,
@@ -104,7 +104,7 @@ impl Shared {
         self.changed.wait_for(state, longest);
     }
 
-    /// Nothing more is sent.
+    /// Ends sending for this reason, unless it ended before. Discards the queue.
     fn give_up(&self, what: impl Into<String>) {
         let mut state = self.state();
         if state.broken.is_none() {
@@ -158,7 +158,7 @@ impl Link {
     /// Queues a packet. A packet of the extension is left out when the viewer turns out not to support it.
     ///
     /// # Errors
-    /// Why nothing is sent any more.
+    /// Returns the reason why nothing more is sent.
     pub(crate) fn push(&self, packet: &Packet) -> std::result::Result<(), String> {
         let bytes = match packet {
             Packet::UpdateImage { values, .. } => values.len() * 4,
@@ -167,15 +167,15 @@ impl Link {
         self.append(bytes, is_ours(packet), |out| packet.encode(out))
     }
 
-    /// The same for an update of what the caller holds.
+    /// Does the same for an update with borrowed data.
     ///
     /// # Errors
-    /// The same as for [`Link::push`].
+    /// The errors are those of [`Link::push`].
     pub(crate) fn push_update(&self, update: &Update<'_>) -> std::result::Result<(), String> {
         self.append(update.values.len() * 4, false, |out| update.encode(out))
     }
 
-    /// `bytes` is about how many there will be.
+    /// Appends a packet to the queue. `bytes` is its approximate size.
     fn append(
         &self,
         bytes: usize,
@@ -217,7 +217,7 @@ impl Link {
         })
     }
 
-    /// The requests for an image since the last call.
+    /// Returns the requests for an image since the last call.
     pub(crate) fn requests(&self, name: &str) -> Vec<Request> {
         self.shared.state().requests.get_mut(name).map(std::mem::take).unwrap_or_default()
     }
@@ -225,7 +225,7 @@ impl Link {
     /// Waits until everything is sent, as long as the viewer keeps reading.
     ///
     /// # Errors
-    /// Why it is not.
+    /// Returns the reason why not everything is sent.
     pub(crate) fn flush(&self) -> std::result::Result<(), String> {
         let begin = Instant::now();
         let Patience { connect, stall, .. } = self.shared.patience;
@@ -251,7 +251,7 @@ impl Link {
         }
     }
 
-    /// Marks an image as done, and frees its name.
+    /// Removes the name and the requests of an image that is complete.
     pub(crate) fn forget(&self, name: &str) {
         let mut state = self.shared.state();
         state.names.remove(name);
@@ -265,7 +265,7 @@ impl Drop for Link {
         self.shared.changed.notify_all();
         let _ = self.flush();
         let connected = self.shared.state().connected;
-        // One that hangs in looking up a name ends with the process.
+        // A thread that is still resolving a name ends with the process.
         if let Some(sender) = self.sender.take()
             && (connected || sender.is_finished())
         {
@@ -283,7 +283,7 @@ fn is_ours(packet: &Packet) -> bool {
 fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
     let mut socket = connect(shared)?;
     shared.state().connected = true;
-    // Tiles are many small packets, and should be seen at once.
+    // Tiles are many small packets, and should be visible at once.
     let _ = socket.set_nodelay(true);
     socket.set_write_timeout(Some(TICK)).map_err(|e| e.to_string())?;
     let mut bytes = Vec::new();
@@ -298,7 +298,7 @@ fn send(shared: &Arc<Shared>) -> std::result::Result<(), String> {
         .map_err(|e| e.to_string())?;
     let result = send_packets(shared, &mut socket);
     if let Err(what) = &result {
-        // Before the other thread finds its own reason.
+        // The reason is stored before the other thread finds its own.
         shared.give_up(what.clone());
     } else {
         // When data of the viewer has not been read, closing would discard data that the viewer has not read.
@@ -368,7 +368,7 @@ fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<
                 at = ours.end;
             }
             write(shared, socket, &chunk.bytes[at..])?;
-            // Those who gave up have forgotten what waits.
+            // After an error the number of waiting bytes is 0 already.
             let mut state = shared.state();
             state.bytes = state.bytes.saturating_sub(chunk.bytes.len());
             if state.spare.len() < SPARE && chunk.bytes.capacity() <= 2 * CHUNK_BYTES {
@@ -409,7 +409,7 @@ fn write(shared: &Shared, socket: &mut TcpStream, bytes: &[u8]) -> std::result::
     Ok(())
 }
 
-/// Hears the viewer until it closes its side.
+/// Receives packets of the viewer until it closes its side.
 fn hear(shared: &Shared, mut socket: TcpStream) {
     let limits = PacketLimits { packet_bytes: 1 << 16, ..PacketLimits::default() };
     let mut answer = || -> Option<Packet> {

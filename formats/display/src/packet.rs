@@ -1,9 +1,9 @@
-// tidy: long: how each packet is written and how it is read stand in one file, so that one cannot change alone
-//! Packets: their content, and their bytes.
+// tidy: long: the encoding and the decoding of each packet are in one file, so that one cannot change alone
+//! Packets, with their content and their bytes.
 //!
-//! A packet is its length in bytes (`u32`, these four included), its type (`u8`), and what belongs to the type. Numbers
-//! are little endian; a text ends with a zero byte; a flag is a byte, 1 for yes. The types up to 8 are those that `tev`
-//! established; all current senders of it write them like this:
+//! A packet is its length in bytes (`u32`, these four included), its type (`u8`), and the content of the type. Numbers
+//! are little-endian. A text ends with a zero byte. A flag is a byte, which is 1 for true. The types up to 8 are those
+//! that `tev` established. All current senders of it write them like this:
 //!
 //! | type | packet | content |
 //! |---|---|---|
@@ -17,7 +17,7 @@
 //! | 7 | open image, 2nd form | flag focus, text path, text selector |
 //! | 8 | vector graphics | flag focus, text name, flag append, `i32` count, commands: `i8` type, its `f32` arguments |
 //!
-//! In the 3rd form the value of channel c in pixel k (row by row) is number `offset[c] + k * stride[c]`.
+//! In the 3rd form the value of channel c in pixel k (row by row) has the index `offset[c] + k * stride[c]`.
 //!
 //! The types from 100 are an extension. They are sent only between a client and a server that have agreed on it (see
 //! [`GREETING`]):
@@ -25,8 +25,8 @@
 //! | type | packet | content |
 //! |---|---|---|
 //! | 100 | hello | `u32` version |
-//! | 101 | mark: somebody works on these pixels | text name, `i32` x, y, width, height |
-//! | 102 | wishes: how to show it | text name, flag fullscreen, `u32` zoom, text foreground, text background |
+//! | 101 | mark: these pixels are being rendered | text name, `i32` x, y, width, height |
+//! | 102 | wishes: display settings | text name, flag fullscreen, `u32` zoom, text foreground, text background |
 //! | 103 | finished | text name, flag complete |
 //! | 110 | center (to the client) | text name, `i32` x, y |
 //! | 111 | priority (to the client) | text name, `i32` x, y, width, height |
@@ -35,34 +35,35 @@
 use crate::{DisplayError, Result};
 use granita_image::{Draw, PixelRect, Request, Wishes};
 
-/// The port that viewers listen on.
+/// The port on which viewers listen.
 pub const DEFAULT_PORT: u16 = 14158;
 
 /// The name of an image that does not exist. A client that supports the extension first requests that this image be
-/// closed. Any server of the protocol accepts that and does nothing. Ours answers with [`Packet::Hello`]. Before that
-/// answer a client sends packets of types up to 8 only, and a server that did not receive the request sends nothing.
+/// closed. Any server of the protocol accepts that and does nothing. The server of this crate answers with
+/// [`Packet::Hello`]. Before that answer a client sends packets of types up to 8 only, and a server that did not
+/// receive the request sends nothing.
 pub const GREETING: &str = "\u{1}granita hello";
 
-/// The version of our own packets.
+/// The version of the extension.
 pub const VERSION: u32 = 1;
 
 /// The limits of a receiver. They are checked before anything is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PacketLimits {
-    /// Most bytes of a packet.
+    /// The largest number of bytes of a packet.
     pub packet_bytes: u32,
-    /// Most pixels across or down.
+    /// The largest number of pixels across or down.
     pub dimension: u32,
-    /// Most channels.
+    /// The largest number of channels.
     pub channels: u32,
-    /// Most bytes of a text.
+    /// The largest number of bytes of a text.
     pub text_bytes: usize,
-    /// Most commands of vector graphics.
+    /// The largest number of commands of vector graphics.
     pub commands: u32,
 }
 
 impl Default for PacketLimits {
-    /// 256 MiB, 64 Ki pixels a side, 256 channels, 4 KiB for a text, 64 Ki commands.
+    /// Returns 256 MiB, 64 Ki pixels a side, 256 channels, 4 KiB for a text, and 64 Ki commands.
     fn default() -> Self {
         Self {
             packet_bytes: 256 << 20,
@@ -74,107 +75,107 @@ impl Default for PacketLimits {
     }
 }
 
-/// The places of the values of a channel in a packet.
+/// The positions of the values of a channel in a packet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Channel {
-    /// Its name, as "R".
+    /// The name of the channel, for example "R".
     pub name: String,
-    /// Number of its first value.
+    /// The index of its first value.
     pub offset: u64,
-    /// The distance from the value of one pixel to that of the next.
+    /// The distance from the value of one pixel to that of the next, in values.
     pub stride: u64,
 }
 
 /// One message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Packet {
-    /// Open a file of the viewer's machine.
+    /// Opens a file of the viewer's machine.
     OpenImage {
-        /// Its path.
+        /// The path of the file.
         path: String,
-        /// The channels; empty for all.
+        /// The channels. It is empty for all.
         selector: String,
-        /// Show it.
+        /// True to show the image.
         focus: bool,
     },
-    /// Read a file again.
+    /// Reads a file again.
     ReloadImage {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
-        /// Show it.
+        /// True to show the image.
         focus: bool,
     },
     /// Closes an image.
     CloseImage {
-        /// Its name.
+        /// The name of the image.
         name: String,
     },
     /// Creates a black image.
     CreateImage {
-        /// Its name.
+        /// The name of the image.
         name: String,
-        /// Show it.
+        /// True to show the image.
         focus: bool,
-        /// Pixels across.
+        /// The number of pixels across.
         width: u32,
-        /// Pixels down.
+        /// The number of pixels down.
         height: u32,
-        /// Names of its channels.
+        /// The names of its channels.
         channels: Vec<String>,
     },
-    /// New values of some pixels.
+    /// Sets new values of some pixels.
     UpdateImage {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
-        /// Show it.
+        /// True to show the image.
         focus: bool,
         /// The channels.
         channels: Vec<Channel>,
-        /// The pixels; at least one.
+        /// The pixels, at least one.
         rect: PixelRect,
-        /// The values; at least as many as the channels need.
+        /// The values, at least as many as the channels need.
         values: Vec<f32>,
     },
     /// Draws lines over an image.
     VectorGraphics {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
-        /// Show it.
+        /// True to show the image.
         focus: bool,
-        /// Those that are there stay.
+        /// True to keep the lines that were drawn before.
         append: bool,
         /// The drawing commands.
         commands: Vec<Draw>,
     },
-    /// Our own packets are understood.
+    /// Declares that the server supports the extension.
     Hello {
-        /// The tiles.
+        /// The version of the extension.
         version: u32,
     },
-    /// Somebody works on these pixels.
+    /// Marks pixels that are being rendered.
     Mark {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
-        /// The pixels; at least one.
+        /// The pixels, at least one.
         rect: PixelRect,
     },
     /// Sets how an image is shown.
     Wish {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
         /// The display settings.
         wishes: Wishes,
     },
-    /// Ends an image: no more data follows.
+    /// Ends an image, for which no more data follows.
     Finished {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
         /// True when the image is complete.
         complete: bool,
     },
     /// A request of the viewer to the renderer.
     Request {
-        /// Name of the image.
+        /// The name of the image.
         name: String,
         /// The request.
         request: Request,
@@ -185,17 +186,17 @@ impl Packet {
     /// Appends the packet's bytes to `out`, in the newest form of its kind.
     ///
     /// # Errors
-    /// [`DisplayError::Misuse`] for what the protocol cannot hold: texts with zero bytes, sizes beyond `i32`, packets
-    /// beyond `u32`. Nothing is appended then.
+    /// Returns [`DisplayError::Misuse`] when the protocol cannot express the packet: texts with zero bytes, sizes
+    /// beyond `i32`, packets beyond `u32`. Nothing is appended then.
     pub fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
         put(out, |put| put.packet(self))
     }
 
-    /// Reads a packet; `bytes` holds it whole, with its length. Bytes after what belongs to it are ignored, as other
+    /// Decodes a packet. `bytes` holds all of it, with its length. Bytes after its content are ignored, as other
     /// receivers do.
     ///
     /// # Errors
-    /// [`DisplayError::Malformed`], [`DisplayError::Unsupported`], [`DisplayError::Limit`].
+    /// Returns [`DisplayError::Malformed`], [`DisplayError::Unsupported`] or [`DisplayError::Limit`].
     pub fn decode(bytes: &[u8], limits: &PacketLimits) -> Result<Self> {
         let mut take = Take { bytes, at: 0, limits };
         let length = u32::from_le_bytes(take.array("its length")?);
@@ -206,10 +207,10 @@ impl Packet {
     }
 }
 
-/// Checks the length that a packet begins with: how many bytes follow it.
+/// Checks the length with which a packet begins. Returns the number of bytes that follow it.
 ///
 /// # Errors
-/// [`DisplayError::Malformed`], [`DisplayError::Limit`]: what follows cannot be found then.
+/// Returns [`DisplayError::Malformed`] or [`DisplayError::Limit`]. The packets that follow cannot be found then.
 pub fn rest_of(length: [u8; 4], limits: &PacketLimits) -> Result<usize> {
     let length = u32::from_le_bytes(length);
     if length < 5 {
@@ -223,7 +224,7 @@ fn within(what: &'static str, asked: u64, max: u64) -> Result<()> {
     if asked <= max { Ok(()) } else { Err(DisplayError::Limit { what, asked, max }) }
 }
 
-/// [`Packet::UpdateImage`] of borrowed data.
+/// The packet [`Packet::UpdateImage`] with borrowed data.
 pub(crate) struct Update<'a> {
     pub(crate) name: &'a str,
     pub(crate) focus: bool,
@@ -233,13 +234,13 @@ pub(crate) struct Update<'a> {
 }
 
 impl Update<'_> {
-    /// The same as for [`Packet::encode`].
+    /// Does the same as [`Packet::encode`].
     pub(crate) fn encode(&self, out: &mut Vec<u8>) -> Result<()> {
         put(out, |put| put.update(self))
     }
 }
 
-/// Appends a packet with its length; on an error nothing.
+/// Appends a packet with its length. Appends nothing on an error.
 fn put(out: &mut Vec<u8>, packet: impl FnOnce(&mut Put<'_>) -> Result<()>) -> Result<()> {
     let start = out.len();
     let done = packet(&mut Put { out, start });
@@ -334,7 +335,7 @@ impl Put<'_> {
         self.rect(rect)?;
         channels.iter().try_for_each(|channel| self.long(channel.offset))?;
         channels.iter().try_for_each(|channel| self.long(channel.stride))?;
-        // Others insist on as many values as are used.
+        // Other receivers require exactly as many values as are used.
         self.floats(&values[..needed as usize]);
         Ok(())
     }
@@ -470,7 +471,7 @@ impl Take<'_> {
         self.array::<1>(what).map(|[byte]| byte == 1)
     }
 
-    /// Bytes that are not UTF-8 are replaced, because other programs send the encoding of their system.
+    /// Reads a text. Bytes that are not UTF-8 are replaced, because other programs send the encoding of their system.
     fn text(&mut self, what: &str) -> Result<String> {
         let rest = &self.bytes[self.at..];
         let searched = &rest[..rest.len().min(self.limits.text_bytes + 1)];
@@ -494,7 +495,7 @@ impl Take<'_> {
         self.array(what).map(u32::from_le_bytes)
     }
 
-    /// A number of something, from 0.
+    /// Reads a number of elements, at least 0.
     fn count(&mut self, what: &'static str, max: u32) -> Result<u32> {
         let count = self.int(what)?;
         let count = u32::try_from(count).map_err(|_| self.wrong(format!("{what} is {count}")))?;
@@ -502,7 +503,7 @@ impl Take<'_> {
         Ok(count)
     }
 
-    /// A side of an image, at least 1.
+    /// Reads a side of an image, at least 1.
     fn side(&mut self, what: &'static str) -> Result<u32> {
         match self.count(what, self.limits.dimension)? {
             0 => Err(self.wrong(format!("{what} is 0"))),
@@ -524,7 +525,7 @@ impl Take<'_> {
         (0..count).map(|_| self.text("a channel's name")).collect()
     }
 
-    /// A number from 0 to 2^63 - 1.
+    /// Reads a number from 0 to 2^63 - 1.
     fn long(&mut self, what: &str) -> Result<u64> {
         let value = i64::from_le_bytes(self.array(what)?);
         u64::try_from(value).map_err(|_| self.wrong(format!("{what} is {value}")))
@@ -644,7 +645,7 @@ impl Take<'_> {
     }
 }
 
-/// "path:selector"; the colon of a drive is none of these.
+/// Splits "path:selector". The colon of a drive does not begin a selector.
 fn path_and_selector(text: &str) -> (String, String) {
     match text.rsplit_once(':') {
         Some((drive, rest)) if drive.len() == 1 && rest.starts_with(['/', '\\']) => {

@@ -1,9 +1,8 @@
-//! The number of connections that a server holds, and the choice of the one that ends when another one needs its
-//! place.
+//! The number of connections that a server holds, and the choice of the connection that is closed for a new one.
 //!
-//! Connections that have not yet sent anything whole must never keep others out: when all places are taken, or those of
-//! one address, the oldest such connection is closed in favour of the new one. Connections that have sent something
-//! keep their places, and the new one is refused.
+//! Connections that have not yet sent a whole packet must never block others. When all places are taken, or those of
+//! one address, the oldest such connection is closed in favour of the new one. Connections that have sent a packet keep
+//! their places, and the new one is refused.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
@@ -18,7 +17,7 @@ pub struct Places {
     total: usize,
     per_address: usize,
     ending: AtomicBool,
-    /// By an id that grows: the first is the oldest.
+    /// The connections by an increasing id. The first is the oldest.
     taken: Mutex<BTreeMap<u64, Taken>>,
 }
 
@@ -26,25 +25,25 @@ pub struct Places {
 struct Taken {
     origin: IpAddr,
     socket: TcpStream,
-    /// It has sent something whole.
+    /// True when it has sent a whole packet.
     heard: bool,
 }
 
-/// The place of one connection; dropping it gives the place back.
+/// The place of one connection. Dropping it frees the place.
 #[derive(Debug)]
 pub struct Place {
     places: Arc<Places>,
     id: u64,
 }
 
-/// Why a connection has no place.
+/// The reason why a connection has no place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// All places are taken by connections that have sent a whole packet; the number of places.
+    /// All places are taken by connections that have sent a whole packet. The value is the number of places.
     Full(usize),
-    /// The same of the places for one address.
+    /// All places for one address are taken in the same way. The value is their number.
     FullOfAddress(usize),
-    /// The system does not duplicate the socket, as when no more files may be open.
+    /// The system cannot duplicate the socket, for example when no more files may be open.
     NoSocket,
 }
 
@@ -59,8 +58,8 @@ impl std::fmt::Display for Refusal {
 }
 
 impl Places {
-    /// Places for `total` connections, of which `per_address` may come from one address (of IPv6: from one network of
-    /// 64 bits, which is what one machine can choose from).
+    /// Returns places for `total` connections, of which `per_address` may come from one address. For IPv6 an address is
+    /// a network of 64 bits, because one machine can choose any address of it.
     pub fn new(total: usize, per_address: usize) -> Arc<Self> {
         let (ending, taken) = (AtomicBool::new(false), Mutex::default());
         Arc::new(Self { total, per_address, ending, taken })
@@ -101,8 +100,8 @@ impl Places {
         self.ending.load(Ordering::SeqCst)
     }
 
-    /// Ends all connections, and the thread that accepts them at `address`: that one waits for a connection, is sent
-    /// one, and finds that the server [is ending](Places::is_ending).
+    /// Ends all connections, and the thread that accepts them at `address`. That thread waits for a connection, so one
+    /// is made. The thread then finds that the server [is ending](Places::is_ending).
     pub fn close(&self, address: SocketAddr) {
         self.ending.store(true, Ordering::SeqCst);
         for taken in self.taken().values() {
@@ -117,7 +116,7 @@ impl Places {
 }
 
 impl Place {
-    /// Records that a whole packet has come: this place is not given to others any more.
+    /// Records that a whole packet was received. This place is no longer given to others.
     pub fn heard(&self) {
         if let Some(taken) = self.places.taken().get_mut(&self.id) {
             taken.heard = true;
@@ -131,7 +130,8 @@ impl Drop for Place {
     }
 }
 
-/// Closes the oldest connection that has sent nothing whole, among those that `may` end; false when there is none.
+/// Closes the oldest connection that has not sent a whole packet, among those for which `may` is true. Returns false
+/// when there is none.
 fn close_oldest_silent(taken: &mut BTreeMap<u64, Taken>, may: impl Fn(&Taken) -> bool) -> bool {
     let oldest = taken.iter().find(|(_, t)| !t.heard && may(t)).map(|(id, _)| *id);
     let Some(closed) = oldest.and_then(|id| taken.remove(&id)) else { return false };
@@ -139,8 +139,9 @@ fn close_oldest_silent(taken: &mut BTreeMap<u64, Taken>, may: impl Fn(&Taken) ->
     true
 }
 
-/// The address at which a server that listens on `address` is reached from its own machine. The wildcard address is
-/// replaced by the loopback address of the same family, because only some systems connect to the wildcard address.
+/// Returns the address at which a server that listens on `address` is reached from its own machine. The wildcard
+/// address is replaced by the loopback address of the same family, because only some systems connect to the wildcard
+/// address.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() {
         address.set_ip(match address {
@@ -151,7 +152,7 @@ fn reachable(mut address: SocketAddr) -> SocketAddr {
     address
 }
 
-/// The part of an address that counts as one address.
+/// Returns the part of an address that counts as one address.
 fn origin(address: IpAddr) -> IpAddr {
     match address.to_canonical() {
         IpAddr::V6(v6) => {
@@ -162,7 +163,7 @@ fn origin(address: IpAddr) -> IpAddr {
     }
 }
 
-/// Lets through the first few messages, then one in a while, and counts those in between.
+/// Passes the first few messages, then one in each interval, and counts those in between.
 #[derive(Debug)]
 pub struct Sparingly {
     first: u32,
@@ -172,13 +173,13 @@ pub struct Sparingly {
 }
 
 impl Sparingly {
-    /// `first` messages at once, then one in each `pause`.
+    /// Passes `first` messages at once, then one in each `pause`.
     pub fn new(first: u32, pause: Duration) -> Self {
         Self { first, pause, last: None, left_out: 0 }
     }
 
-    /// The text to print at `now`; `None` when it is too early. It contains the number of messages left out before
-    /// it.
+    /// Returns the text to print at `now`; `None` when it is too early. It contains the number of messages that were
+    /// left out before it.
     pub fn say(&mut self, now: Instant, text: &str) -> Option<String> {
         if self.first > 0 {
             self.first -= 1;
@@ -213,7 +214,7 @@ mod tests {
         }
     }
 
-    /// Both ends of a connection.
+    /// Returns both ends of a connection.
     fn pair(listener: &TcpListener) -> (TcpStream, TcpStream) {
         let client = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
         client.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
@@ -234,7 +235,8 @@ mod tests {
         let a = next("10.0.0.1").unwrap();
         let b = next("10.0.0.1").unwrap();
         a.heard();
-        // A third one of the address: the silent one of them ends. Then nothing of this address gives way.
+        // There is a third connection of the address, so the silent one of them is closed. Then no connection of this
+        // address can be closed for another.
         let c = next("::ffff:10.0.0.1").unwrap();
         c.heard();
         assert_eq!(next("10.0.0.1").unwrap_err(), Refusal::FullOfAddress(2));
@@ -247,7 +249,7 @@ mod tests {
         let e = next("fd00::2").unwrap();
         e.heard();
         assert_eq!(next("fd00::3").unwrap_err(), Refusal::FullOfAddress(2));
-        // The place of one that was closed before is not given back twice.
+        // The place of a connection that was closed before is not freed twice.
         drop(b);
         assert_eq!(places.count(), 3);
         let is_closed = |k: usize| matches!((&clients[k]).read(&mut [0; 1]), Ok(0));

@@ -14,25 +14,26 @@ use std::time::{Duration, Instant};
 pub struct ServerLimits {
     /// The limits of a packet.
     pub packet: PacketLimits,
-    /// Most clients at once.
+    /// The largest number of clients at once.
     pub clients: usize,
-    /// Most clients at once of one address.
+    /// The largest number of clients at once of one address.
     pub clients_of_address: usize,
-    /// Longest time until a client has sent its first whole packet. One whose place another client needs ends sooner.
+    /// The longest time until a client has sent its first whole packet. A client whose place is needed for another one
+    /// ends sooner.
     pub first_packet: Duration,
-    /// Longest silence, in seconds, in the middle of a packet. A packet also ends its client when it comes slower
-    /// than [`ServerLimits::bytes_per_second`] after that time. Between packets a client may be silent without limit,
+    /// The longest silence in the middle of a packet. A packet also ends its client when it arrives slower than
+    /// [`ServerLimits::bytes_per_second`] after that time. Between packets a client may be silent without limit,
     /// because a bucket may take any time.
     pub silence: Duration,
-    /// Least rate of the bytes of a packet.
+    /// The lowest rate at which the bytes of a packet must arrive.
     pub bytes_per_second: u32,
-    /// Packets without sense, or that fit nothing, until a client is sent away.
+    /// The number of invalid or refused packets after which a client is disconnected.
     pub mistakes: u32,
 }
 
 impl Default for ServerLimits {
-    /// 64 clients, 48 of one address, 120 s for the first packet (renderers connect before they read their scene), 30
-    /// s of silence, 1024 bytes per second, 100 errors.
+    /// Returns 64 clients, 48 of one address, 120 s for the first packet (renderers connect before they read their
+    /// scene), 30 s of silence, 1024 bytes per second, 100 errors.
     fn default() -> Self {
         Self {
             packet: PacketLimits::default(),
@@ -49,13 +50,13 @@ impl Default for ServerLimits {
 /// The reason why a client ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// It closed the connection after a whole packet.
+    /// The client closed the connection after a whole packet.
     Closed,
-    /// Otherwise: why.
+    /// The connection ended otherwise. The value is the reason.
     Broken(String),
 }
 
-/// Receives the packets of clients. Called from a thread for each client.
+/// Receives the packets of clients. It is called from one thread for each client.
 pub trait Sink: Send + Sync {
     /// Receives a packet. Any client may send types up to vector graphics. Clients that support the extension also
     /// send [`Packet::Hello`] (once, when that is established), [`Packet::Mark`], [`Packet::Wish`] and
@@ -68,7 +69,7 @@ pub trait Sink: Send + Sync {
     /// Reports a refusal, once for each client and cause.
     fn trouble(&self, client: &Client, what: &str);
 
-    /// A client is gone.
+    /// Reports that a client is disconnected.
     fn gone(&self, client: &Client, ending: &Ending);
 }
 
@@ -77,17 +78,17 @@ pub trait Sink: Send + Sync {
 pub struct Client {
     id: u64,
     address: SocketAddr,
-    /// The channel to the thread that sends; it does not exist before the client requested it.
+    /// The channel to the thread that sends. It does not exist before the client requested the extension.
     replies: OnceLock<SyncSender<Packet>>,
 }
 
 impl Client {
-    /// Differs for all clients of a listener.
+    /// Returns the id, which differs for all clients of a listener.
     pub fn id(&self) -> u64 {
         self.id
     }
 
-    /// The address of the client.
+    /// Returns the address of the client.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
@@ -110,7 +111,7 @@ struct Shared {
     places: Arc<Places>,
 }
 
-/// Listens until it is dropped.
+/// A listener, which accepts clients until it is dropped.
 pub struct Listener {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -123,7 +124,7 @@ impl std::fmt::Debug for Listener {
 }
 
 impl Listener {
-    /// Takes clients at `address`; port 0 is any that is free.
+    /// Accepts clients at `address`. Port 0 is any free port.
     ///
     /// # Errors
     /// Returns [`DisplayError::Io`], for example when another process listens there.
@@ -141,12 +142,12 @@ impl Listener {
         Ok(Self { address: local, shared })
     }
 
-    /// The address on which it listens, with the assigned port.
+    /// Returns the address on which it listens, with the assigned port.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Clients that are there.
+    /// Returns the number of connected clients.
     pub fn clients(&self) -> usize {
         self.shared.places.count()
     }
@@ -166,7 +167,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
             return;
         }
         let Ok((socket, address)) = accepted else {
-            // For example, the limit of open files is reached. Waiting helps.
+            // For example, the limit of open files is reached. A later attempt may succeed.
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
@@ -181,7 +182,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
             }
         };
         let own = shared.clone();
-        // Without a thread the connection is closed.
+        // When no thread can be created, the connection is closed.
         let _ = std::thread::Builder::new().name("display client".to_owned()).spawn(move || {
             let ending = converse(&own, &client, socket, &place);
             drop(place);
@@ -190,7 +191,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
     }
 }
 
-/// Hears a client to its end.
+/// Receives the packets of a client until it ends.
 fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream, place: &Place) -> Ending {
     let limits = &shared.limits;
     let tick = (limits.silence.min(limits.first_packet) / 4).max(Duration::from_millis(1));
@@ -240,7 +241,7 @@ fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::R
     }
 }
 
-/// The client requests the extension: a thread is started that sends packets to it.
+/// Starts a thread that sends packets to a client, which has requested the extension.
 fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::result::Result<(), String> {
     if client.is_two_way() {
         return Ok(());
@@ -256,7 +257,7 @@ fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::res
         .name("display replies".to_owned())
         .spawn(move || {
             let mut bytes = Vec::new();
-            // Ends with the client.
+            // The loop ends with the client.
             for packet in waiting {
                 bytes.clear();
                 if packet.encode(&mut bytes).is_ok() && socket.write_all(&bytes).is_err() {
@@ -268,7 +269,7 @@ fn answer(shared: &Shared, client: &Arc<Client>, socket: &TcpStream) -> std::res
     shared.sink.packet(client, hello)
 }
 
-/// Reads a packet into `bytes`. Its first byte must come within `patience` where that is given. Returns `false` at
+/// Reads a packet into `bytes`. Its first byte must arrive within `patience` where that is given. Returns `false` at
 /// the end between packets.
 fn read_packet(
     shared: &Shared,
@@ -298,7 +299,7 @@ struct Clock {
 }
 
 impl Clock {
-    /// Bytes came, of which there were `count` before.
+    /// Records that bytes were received, after `count` bytes of the packet.
     fn bytes_came(&mut self, count: usize) {
         self.last = Instant::now();
         if count == 0 {
@@ -306,7 +307,7 @@ impl Clock {
         }
     }
 
-    /// Why the client, of which `count` bytes of a packet are there, must go.
+    /// Returns the reason why the client must be disconnected, when `count` bytes of a packet are available.
     fn fault(&self, count: usize, limits: &ServerLimits) -> Option<&'static str> {
         if count == 0 {
             let late = self.patience.is_some_and(|patience| self.begin.elapsed() >= patience);
@@ -357,11 +358,11 @@ fn read(
     Ok(true)
 }
 
-/// An address to listen on: `PORT` of this machine only, or `ADDR:PORT`, where the address "*" is every one of this
-/// machine.
+/// Parses an address to listen on. It is `PORT` of this machine only, or `ADDR:PORT`, where the address "*" is every
+/// address of this machine.
 ///
 /// # Errors
-/// [`DisplayError::Misuse`].
+/// Returns [`DisplayError::Misuse`] when the text is not such an address.
 pub fn listen_address(text: &str) -> Result<SocketAddr> {
     let wrong = || DisplayError::Misuse { what: format!("\"{text}\" is not [ADDRESS:]PORT") };
     let (host, port) = match text.rsplit_once(':') {
@@ -377,10 +378,10 @@ pub fn listen_address(text: &str) -> Result<SocketAddr> {
     }
 }
 
-/// The host and port of a viewer: `HOST`, `HOST:PORT`, `:PORT`; an IPv6 address with a port stands in brackets.
+/// Parses the host and port of a viewer: `HOST`, `HOST:PORT` or `:PORT`. An IPv6 address with a port is in brackets.
 ///
 /// # Errors
-/// [`DisplayError::Misuse`].
+/// Returns [`DisplayError::Misuse`] when the text is not such an address.
 pub fn server_address(text: &str) -> Result<(String, u16)> {
     let wrong = || DisplayError::Misuse { what: format!("\"{text}\" is not HOST[:PORT]") };
     let plain = |host: &str| host.trim_start_matches('[').trim_end_matches(']').to_owned();

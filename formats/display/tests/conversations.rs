@@ -1,4 +1,4 @@
-//! Clients and servers over real sockets of this machine.
+//! Tests clients and servers over real sockets of this machine.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
@@ -27,7 +27,7 @@ enum Told {
     Gone(Ending),
 }
 
-/// Passes everything on.
+/// Passes all calls on.
 struct Passed {
     to: Mutex<Sender<Told>>,
     clients: Mutex<Vec<Arc<Client>>>,
@@ -73,7 +73,7 @@ fn next(from: &Receiver<Told>) -> Told {
     from.recv_timeout(Duration::from_secs(30)).expect("somebody says something")
 }
 
-/// An image that is being sent to a server.
+/// Creates an image that is sent to a server.
 fn create(format: &IvFormat, name: &str, to: SocketAddr, sides: [u32; 2]) -> Box<dyn ImageOutput> {
     try_create(format, name, to, sides).unwrap()
 }
@@ -116,7 +116,7 @@ fn our_client_and_our_server_know_each_other() {
         }
         other => panic!("{other:?}"),
     }
-    // A second image shares the connection, and gets a name of its own.
+    // A second image shares the connection, and gets its own name.
     let second = create(&format, "a", listener.address(), [1, 1]);
     assert!(
         matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: false, .. }) if name == "a (2)")
@@ -125,7 +125,7 @@ fn our_client_and_our_server_know_each_other() {
     drop(second);
     assert!(matches!(next(&from), Told::Packet(Packet::Wish { .. })));
     assert_eq!(next(&from), Told::Packet(Packet::Finished { name: "a (2)".to_owned(), complete: false }));
-    // Commands reach the image that they are for.
+    // Requests reach their image.
     let client = sink.clients.lock()[0].clone();
     let name = || "a".to_owned();
     assert!(
@@ -177,7 +177,7 @@ fn rows_and_tiles_are_rectangles_too() {
     assert_eq!(updates[2], (PixelRect::at(4, 2, 1, 1), 0, vec![0.2]));
 }
 
-/// A server that never answers, like other viewers. Only packets of types up to 8 may reach it.
+/// The server never answers, like other viewers. Only packets of types up to 8 may reach it.
 #[test]
 fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -286,7 +286,7 @@ fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
     }
 }
 
-/// A client of the protocol made by hand, and its expectations of the server.
+/// A client that sends the bytes of the protocol directly.
 struct Raw(TcpStream);
 
 impl Raw {
@@ -298,7 +298,7 @@ impl Raw {
 
     fn send(&mut self, kind: u8, content: &[u8]) {
         let length = u32::try_from(content.len() + 5).unwrap();
-        // A failure here shows up at the other side.
+        // A failure here is visible at the other side.
         let _ = self.0.write_all(&[&length.to_le_bytes()[..], &[kind], content].concat());
     }
 
@@ -322,17 +322,17 @@ fn clients_that_talk_nonsense() {
         Told::Gone(Ending::Broken(what)) => assert!(what.contains(text), "{what}"),
         other => panic!("{other:?}"),
     };
-    // A browser.
+    // The client is a browser.
     let mut client = Raw::new(to);
     client.0.write_all(b"POST / HTTP/1.1\r\n\r\n").unwrap();
     assert!(client.is_sent_away());
     gone("bytes of a packet 1414745936 exceeds the limit");
-    // No length at all.
+    // The length is missing.
     let mut client = Raw::new(to);
     client.0.write_all(&[0; 4]).unwrap();
     assert!(client.is_sent_away());
     gone("its length is 0");
-    // Half a packet, then silence; half a packet, then the end.
+    // One client sends half a packet and then nothing. Another sends half a packet and ends.
     let mut client = Raw::new(to);
     client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     assert!(client.is_sent_away());
@@ -356,7 +356,7 @@ fn clients_that_talk_nonsense() {
     assert_eq!(next(&from), Told::Trouble("a packet that clients do not send".to_owned()));
     assert!(client.is_sent_away());
     gone("5 packets were refused");
-    // Too many at once.
+    // There are too many clients at once.
     let some: Vec<Raw> = (0..3)
         .map(|_| {
             let mut client = Raw::new(to);
@@ -374,7 +374,7 @@ fn clients_that_talk_nonsense() {
     for _ in 0..3 {
         assert_eq!(next(&from), Told::Gone(Ending::Closed));
     }
-    // One who waits between packets, longer than anybody may in one, is borne; it ends with the listener.
+    // A client may wait between packets for longer than in the middle of one. It ends with the listener.
     let mut client = Raw::new(to);
     std::thread::sleep(Duration::from_millis(700));
     client.send(2, b"c\0");
@@ -385,7 +385,7 @@ fn clients_that_talk_nonsense() {
     assert!(TcpStream::connect(to).is_err(), "nobody listens any more");
 }
 
-/// As many clients as there are places, which send nothing, or a byte now and then.
+/// There are more clients than places. They send nothing, or a byte at intervals.
 #[test]
 fn silent_clients_keep_nobody_out() {
     let limits = ServerLimits {
@@ -409,7 +409,7 @@ fn silent_clients_keep_nobody_out() {
     };
     assert_eq!(told, Told::Packet(Packet::CloseImage { name: "a".to_owned() }));
     assert!(listener.clients() <= 6);
-    // Those that were not yet sent away are, for their silence.
+    // The remaining silent clients are disconnected for their silence.
     assert!(silent.iter_mut().all(Raw::is_sent_away));
     let gone = || loop {
         match next(&from) {
@@ -419,7 +419,7 @@ fn silent_clients_keep_nobody_out() {
         }
     };
     assert_eq!([(); 5].map(|()| gone()), ["it sent nothing"; 5]);
-    // A byte now and then does not count as progress.
+    // Single bytes at intervals do not count as progress.
     let mut dripping = Raw::new(to);
     dripping.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     let begin = Instant::now();
@@ -433,7 +433,7 @@ fn silent_clients_keep_nobody_out() {
     drop(listener);
 }
 
-/// Bytes of every kind in pieces of every size.
+/// The client sends random bytes in pieces of every size.
 #[test]
 fn random_bytes_never_harm_the_server() {
     let (listener, from, _) = listen(ServerLimits { mistakes: 50, ..ServerLimits::default() });

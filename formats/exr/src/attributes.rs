@@ -1,4 +1,4 @@
-//! Attributes of OpenEXR files as attributes of the suite, both ways; names and order of channels.
+//! Converts attributes of OpenEXR files to attributes of the suite and back, and names and orders channels.
 
 use exr::meta::attribute::{AttributeValue, EnvironmentMap, Text};
 use exr::meta::header::{LayerAttributes, standard_names};
@@ -6,10 +6,10 @@ use exr::prelude::Vec2;
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
 use granita_image::ImageSpec;
 
-/// Custom attribute that keeps the order of the channels, which the format sorts by name.
+/// The custom attribute with the order of the channels, which the format sorts by name.
 pub(crate) const CHANNEL_ORDER: &str = "channelOrder";
 
-/// Attributes that are options of writers, or have a place of their own in the header.
+/// The attributes that are options of writers, or have their own place in the header.
 const NOT_CUSTOM: [&str; 19] = [
     "compression",
     "planarconfig",
@@ -32,24 +32,24 @@ const NOT_CUSTOM: [&str; 19] = [
     "pixelaspect",
 ];
 
-/// Text of the format from any string: it is taken for UTF-8 by today's programs.
+/// Converts any string to a text of the format, which current programs read as UTF-8.
 fn text(s: &str) -> Text {
     let bytes: String = s.bytes().filter(|b| *b != 0).map(char::from).collect();
     // Every byte is a character below 256, so it always fits.
     Text::new_or_none(bytes).unwrap_or_default()
 }
 
-/// The string in a text of the format.
+/// Returns the string in a text of the format.
 pub(crate) fn string(t: &Text) -> String {
     String::from_utf8_lossy(t.as_slice()).into_owned()
 }
 
-/// A channel name, if the format can hold it.
+/// Returns a channel name; `None` when the format cannot store it.
 pub(crate) fn channel_name(name: &str) -> Option<Text> {
     (!name.is_empty() && name.len() < 256 && !name.contains('\0')).then(|| text(name))
 }
 
-/// The header's attributes from those of a spec.
+/// Returns the header's attributes from those of a spec.
 pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
     let mut own = LayerAttributes::default();
     let named = |name: &str| {
@@ -80,7 +80,7 @@ pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
     own
 }
 
-/// A value of the format; `None` for what it has no type for.
+/// Returns a value of the format; `None` when it has no type for it.
 fn value_of(data: &ParamData) -> Option<AttributeValue> {
     Some(match data {
         ParamData::Float(v) => match v[..] {
@@ -106,7 +106,7 @@ fn value_of(data: &ParamData) -> Option<AttributeValue> {
     })
 }
 
-/// Attributes of a spec from a header's, in the order of their names.
+/// Returns the attributes of a spec from a header's, in the order of their names.
 pub(crate) fn from_header(own: &LayerAttributes) -> Params {
     let mut params = Params::new();
     let mut set = |name: &str, value: Option<(ParamType, ParamData)>| {
@@ -145,7 +145,7 @@ fn text_param(s: &str) -> (ParamType, ParamData) {
     (ParamType::of(BaseType::String), s.into())
 }
 
-/// A parameter from a custom attribute; `None` for kinds that the suite has no use for.
+/// Returns a parameter from a custom attribute; `None` for kinds that the suite does not use.
 fn param_of(value: &AttributeValue) -> Option<(ParamType, ParamData)> {
     let floats = |v: &[f32]| (ParamType::array(BaseType::Float, v.len() as u32), v.into());
     let ints = |v: &[i32]| (ParamType::array(BaseType::Int, v.len() as u32), v.into());
@@ -168,9 +168,9 @@ fn param_of(value: &AttributeValue) -> Option<(ParamType, ParamData)> {
     })
 }
 
-/// The order of the channels in the output: `result[i]` is the place in `sorted` (the file's order) of channel `i`.
-/// It follows `wanted` if that names the same channels. Otherwise it goes layer by layer, in each R G B, Y, A, Z and
-/// then the others by name.
+/// Returns the order of the channels in the output. `result[i]` is the index in `sorted` (the file's order) of channel
+/// `i`. It follows `wanted` if that names the same channels. Otherwise it goes layer by layer, in each R G B, Y, A, Z
+/// and then the others by name.
 pub(crate) fn channel_order(sorted: &[String], wanted: Option<&str>) -> Vec<usize> {
     if let Some(wanted) = wanted {
         let mut order = Vec::new();
@@ -242,7 +242,7 @@ mod tests {
         for p in &spec.attributes {
             assert_eq!(got.get(&p.name), Some(p));
         }
-        // Names that the format keeps for itself are left out, not refused.
+        // Names that the format reserves are omitted, not refused.
         spec.attributes.set(Param::declared("int tiles", 3).unwrap());
         assert_eq!(from_header(&to_header(&spec)).get("tiles"), None);
     }

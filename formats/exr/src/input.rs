@@ -1,4 +1,4 @@
-//! Reading: chunks by position, from any thread.
+//! Reads chunks by position, from any thread.
 
 use crate::attributes::{self, channel_order};
 use crate::{CompressionName, Order, zip};
@@ -23,15 +23,15 @@ use std::sync::{Arc, OnceLock};
 
 /// An open OpenEXR file.
 ///
-/// Every part is an image. Only headers are read at first; a part's table of chunks is read when the
-/// part is first touched, and one tile is one positioned read.
+/// Every part is an image. Only headers are read at first. A part's table of chunks is read when the part is first
+/// used. One tile is two positioned reads, of its head and its data.
 #[derive(Debug)]
 pub struct ExrInput {
     source: FileSource,
     meta: MetaData,
     limits: Limits,
     parts: Vec<Part>,
-    /// The block of scanlines read last, by image and number, because rows are often read one by one.
+    /// The block of scanlines read last, by indices of image and block, because rows are often read one by one.
     last_block: Mutex<Option<([usize; 2], Arc<Pixels>)>>,
 }
 
@@ -42,7 +42,7 @@ struct Part {
     header: usize,
     levels: Vec<Level>,
     order: Order,
-    /// Rows of one block of scanlines.
+    /// The number of rows of one block of scanlines.
     block_rows: u32,
     table_at: u64,
     chunks: u64,
@@ -52,9 +52,9 @@ struct Part {
 #[derive(Debug)]
 struct Level {
     spec: ImageSpec,
-    /// Number of this level in both directions.
+    /// The index of this level in both directions.
     index: usize,
-    /// Its first chunk in the table of the part.
+    /// The index of its first chunk in the table of the part.
     first_chunk: usize,
 }
 
@@ -65,7 +65,7 @@ struct Front<'a> {
     buffer: Vec<u8>,
     /// The number of bytes of `buffer` that were consumed.
     used: usize,
-    /// The error that ended it, which the crate does not pass on.
+    /// The error that ended reading, which the crate does not pass on.
     fault: Option<granita_image::ImageError>,
 }
 
@@ -89,7 +89,7 @@ impl Read for Front<'_> {
 }
 
 impl Front<'_> {
-    /// Bytes given out so far.
+    /// Returns the number of bytes that were consumed so far.
     fn consumed(&self) -> u64 {
         self.position - (self.buffer.len() - self.used) as u64
     }
@@ -134,7 +134,7 @@ impl ExrInput {
         })
     }
 
-    /// Tile or block of scanlines `(cx, cy)`; tiles are of full size, the rest of an edge tile is 0.
+    /// Reads tile or block of scanlines `(cx, cy)`. Tiles have full size, and the rest of an edge tile is 0.
     fn read_chunk(&self, part: &Part, level: &Level, cx: u32, cy: u32) -> Result<Pixels> {
         let (spec, source) = (&level.spec, &self.source);
         let (across, width, height) = if spec.is_tiled() {
@@ -143,7 +143,7 @@ impl ExrInput {
             (1, spec.width, part.block_rows.min(spec.height - cy * part.block_rows))
         };
         let bytes = self.limits.check_read(source.path(), spec, width, height)? as u64;
-        // Packed, unpacked and in order.
+        // The memory holds the data packed, unpacked and in order.
         Limits::check_memory(source.path(), bytes.saturating_mul(4))?;
         let number = level.first_chunk + cy as usize * across as usize + cx as usize;
         let what = if spec.is_tiled() { "tile" } else { "block of scanlines" };
@@ -157,7 +157,7 @@ impl ExrInput {
             Fault::Image(error) => error,
             Fault::Data(fault) => malformed(fault),
         })?;
-        // Pixels of the chunk: tiles at the edges are stored cut.
+        // The size of the chunk in pixels. Tiles at the edges are stored cropped.
         let (w, h) = if spec.is_tiled() {
             let left =
                 |side: u32, tile: u32, i: u32| side.saturating_sub(i.saturating_mul(tile)).min(tile) as usize;
@@ -186,7 +186,7 @@ impl ExrInput {
         Ok(pixels)
     }
 
-    /// Reads the chunk at byte `at`, whose header must match the requested chunk; also returns its packed size.
+    /// Reads the chunk at byte `at`, whose header must match the requested chunk. Also returns its packed size.
     fn read_block(
         &self,
         part: &Part,
@@ -242,9 +242,9 @@ impl ExrInput {
         ))
     }
 
-    /// A block of scanlines, perhaps the one read last.
+    /// Returns a block of scanlines, which may be the one read last.
     fn block(&self, key: [usize; 2], part: &Part) -> Result<Arc<Pixels>> {
-        // The value is replaced whole, so a panic elsewhere cannot have left it half done.
+        // The value is replaced as a whole, so it is consistent even after a panic in another thread.
         let last = || self.last_block.lock();
         if let Some((held, pixels)) = &*last()
             && *held == key
@@ -257,7 +257,8 @@ impl ExrInput {
     }
 }
 
-/// The `len` bytes of a zipped block, if it is one and in order: the common case, by the faster library.
+/// Returns the `len` bytes of a zipped block by the faster library; `None` when the block is not zipped or has an
+/// error. This is the common case.
 fn unzipped(header: &Header, block: &CompressedBlock, len: usize) -> Option<Vec<u8>> {
     if !matches!(header.compression, Compression::ZIP1 | Compression::ZIP16) || cfg!(target_endian = "big") {
         return None;
@@ -271,13 +272,13 @@ fn unzipped(header: &Header, block: &CompressedBlock, len: usize) -> Option<Vec<
     if packed.len() >= len { None } else { zip::decompress(packed, len) }
 }
 
-/// Checks a chunk and returns the error in it.
+/// An error of a chunk.
 enum Fault {
     Image(granita_image::ImageError),
     Data(String),
 }
 
-/// The headers, and where the tables of chunks begin.
+/// Returns the headers, and the offset of the tables of chunks.
 fn read_headers(source: &FileSource) -> Result<(MetaData, u64)> {
     let mut front = Front { source, position: 0, buffer: Vec::new(), used: 0, fault: None };
     let read = contained(|| MetaData::read_from_buffered(&mut front, false))
@@ -293,7 +294,7 @@ fn read_headers(source: &FileSource) -> Result<(MetaData, u64)> {
     Ok((meta, end))
 }
 
-/// An error of the crate as ours.
+/// Converts an error of the crate `exr`.
 fn exr_fault(source: &FileSource, error: exr::error::Error, at: &str) -> granita_image::ImageError {
     match error {
         exr::error::Error::NotSupported(what) => {
@@ -323,7 +324,7 @@ impl Part {
             return Err(source.unsupported(format!("OpenEXR compression {name} is not supported")));
         }
         let list = &header.channels.list;
-        // Before anything is done for each pair of them.
+        // The number is checked before any work for each pair of channels.
         limits.within(source.path(), "number of channels", list.len() as u64, u64::from(limits.channels))?;
         if let Some(c) = list.iter().find(|c| c.sampling != Vec2(1, 1)) {
             let name = attributes::string(&c.name);
@@ -376,7 +377,7 @@ impl Part {
             .into_iter()
             .map(|mut level| {
                 if own.environment_map == Some(EnvironmentMap::Cube) {
-                    // Six faces, one above the other (reference 9.2.8).
+                    // There are six faces, one above the other (reference 9.2.8).
                     level.spec.full_width = level.spec.width;
                     level.spec.full_height = level.spec.height.div_ceil(6);
                 }
@@ -389,7 +390,7 @@ impl Part {
         Ok(Self { header: index, levels, order, block_rows, table_at, chunks, table: OnceLock::new() })
     }
 
-    /// The offsets of the chunks; read from the file at the first use.
+    /// Returns the offsets of the chunks, which are read from the file at the first use.
     fn table(&self, source: &FileSource) -> Result<&[u64]> {
         if let Some(table) = self.table.get() {
             return Ok(table);
@@ -400,8 +401,8 @@ impl Part {
     }
 }
 
-/// The levels of a tiled part: all levels of a MIP map; of a map that is reduced in each direction separately (a "RIP
-/// map") the levels reduced equally in both.
+/// Returns the levels of a tiled part. These are all levels of a MIP map. For a map that is reduced in each direction
+/// separately (a "RIP map"), they are the levels reduced equally in both.
 fn tile_levels(
     source: &FileSource,
     first: &ImageSpec,
@@ -434,7 +435,7 @@ fn tile_levels(
             (size(first.full_width as usize, index), size(first.full_height as usize, index))
         };
         let number = match mode {
-            // Levels of a RIP map lie in rows of equal height.
+            // Levels of a RIP map are in rows of equal height.
             LevelMode::RipMap => {
                 let above: usize = (0..index).map(|y| (0..count_x).map(|x| tiles(x, y)).sum::<usize>()).sum();
                 above + (0..index).map(|x| tiles(x, index)).sum::<usize>()
@@ -481,15 +482,15 @@ impl ImageInput for ExrInput {
             return rows_from_tiles(spec, y0, y1, |tx, ty| self.read_chunk(part, l, tx, ty));
         }
         let row = spec.width as usize * spec.nchannels();
-        // Whole blocks are decoded at once, in the threads of the caller's pool; rows of a part of one go
-        // through the block held.
+        // Whole blocks are decoded at once, in the threads of the caller's pool. Rows of a part of a block are read
+        // from the block that is held.
         let rows = part.block_rows;
         let (first, last) =
             (y0.div_ceil(rows), if y1 == spec.height { y1.div_ceil(rows) } else { y1 / rows });
         if last > first + 1 {
             part.table(&self.source)?;
             let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
-            // As many at once as keep the threads busy: this takes the memory of a few blocks more than the result.
+            // The number at once is sufficient for all threads. The memory is that of the result and a few blocks.
             let at_once = 4 * rayon::current_num_threads() as u32;
             for group in (first..last).step_by(at_once as usize) {
                 let blocks: Vec<Pixels> = (group..last.min(group + at_once))
@@ -541,7 +542,7 @@ impl ImageInput for ExrInput {
         self.source.bytes_read()
     }
 
-    /// A row of tiles; blocks of scanlines have few rows.
+    /// Returns the bytes of a row of tiles. Blocks of scanlines have few rows.
     fn working_bytes(&self, image: usize, level: usize) -> u64 {
         self.spec(image, level).map_or(0, |spec| spec.decoding_bytes(spec.tile_height))
     }

@@ -1,25 +1,30 @@
 //! OpenEXR: floats with many named channels, in scanlines, tiles and MIP levels.
 //!
-//! Read are halves, floats and 32-bit integers (channels of different types become floats); scanlines, tiles, MIP
-//! levels, of RIP maps those reduced equally in both directions; several parts, each an image; all compressions
-//! except HTJ2K. Written are one part, one type for all channels, scanlines or tiles, one level or a MIP map that
-//! halves downward.
+//! **Reading.** Halves, floats and 32-bit integers are read (channels of different types become floats). They are in
+//! scanlines, tiles or MIP levels. Of RIP maps, the levels that are reduced equally in both directions are read. A file
+//! may have several parts, each an image. All compressions except HTJ2K are supported.
 //!
-//! **Order of channels.** The format sorts channels by name. They are given out layer by layer, in each R,
-//! G, B, Y, A, Z, then the rest by name. A file written here in another order keeps it in the attribute
+//! **Writing.** Files have one part, one type for all channels, scanlines or tiles, and one level or a MIP map whose
+//! sizes are rounded down.
+//!
+//! **Order of channels.** The format sorts channels by name. They are returned layer by layer, in each R, G, B, Y, A,
+//! Z, and then the rest by name. A file that is written here in another order stores it in the attribute
 //! `channelOrder`.
 //!
-//! **Attributes.** `worldtocamera`, `wrapmodes`, `software`, `owner` (also `copyright`, reference 7.4.4)
-//! and `ImageDescription` (`comments`) are stored in the format's standard attributes, an environment map in
-//! `envmap`; others under their own names. `compression` is "none", "rle", "zip" (or "deflate", the
-//! default), "zips", "piz", "pxr24", "b44", "b44a", "dwaa" or "dwab" (both with a quality, as "dwaa:45").
-//! Attributes are written in the order of their names: the same picture gives the same bytes.
+//! **Attributes.** `worldtocamera`, `wrapmodes`, `software`, `owner` (also `copyright`, reference 7.4.4) and
+//! `ImageDescription` (`comments`) are stored in the format's standard attributes, and an environment map in `envmap`.
+//! Others are stored under their own names. `compression` is "none", "rle", "zip" (or "deflate", the default), "zips",
+//! "piz", "pxr24", "b44", "b44a", "dwaa" or "dwab" (both with a quality, as "dwaa:45"). Attributes are written in the
+//! order of their names, so that the same image results in the same bytes.
 //!
-//! Invariants: one tile is two positioned reads (its head, its data), from any thread; nothing is allocated
-//! on the word of a header before it is checked against limits and file size.
+//! # Invariants
 //!
-//! Deliberately absent: deep pixels, subsampled channels, writing of several parts. In the reference a *rendered*
-//! image is always stored in halves (7.4.4), which [`Format::output_type`] returns. Other writers may store floats.
+//! - One tile is two positioned reads (its head, its data), from any thread.
+//! - Memory is allocated by the numbers of a header only after they are checked against limits and file size.
+//!
+//! Deep pixels, subsampled channels, and writing of several parts are deliberately absent. In the reference a
+//! *rendered* image is always stored in halves (7.4.4), which [`Format::output_type`] returns. Other writers may store
+//! floats.
 
 #![forbid(unsafe_code)]
 
@@ -76,7 +81,7 @@ impl Format for ExrFormat {
     }
 }
 
-/// Names of compressions, as the attribute `compression` has them.
+/// The name of a compression, as in the attribute `compression`, and its quality.
 #[derive(Clone, Copy, Debug)]
 struct CompressionName(&'static str, Option<f32>);
 
@@ -98,7 +103,7 @@ impl CompressionName {
         }
     }
 
-    /// The compression that a word names, if it can be written.
+    /// Returns the compression of a word; `None` when it cannot be written.
     fn parse(word: &str) -> Option<Compression> {
         let word = word.to_ascii_lowercase();
         let (name, level) = match word.split_once(':') {

@@ -8,17 +8,17 @@ use half::f16;
 /// The storage and the output order of the channels of a part.
 #[derive(Clone, Debug)]
 pub(crate) struct Order {
-    /// Type of every stored channel, in the file's order.
+    /// The type of every stored channel, in the file's order.
     pub(crate) types: Vec<SampleType>,
-    /// Place in the file's order of every channel given out.
+    /// The index in the file's order of every output channel.
     pub(crate) order: Vec<usize>,
-    /// The type given out: that of all channels, or floats.
+    /// The output type, which is that of all channels, or floats.
     pub(crate) pixel_type: PixelType,
 }
 
 impl Order {
-    /// Puts `w x h` pixels of a block into the upper left of `out`, whose rows have `stride` pixels.
-    /// `data` has exactly the bytes of the block.
+    /// Copies `w x h` pixels of a block into the upper left of `out`, whose rows have `stride` pixels. `data` has
+    /// exactly the bytes of the block.
     pub(crate) fn scatter(&self, data: &[u8], w: usize, h: usize, stride: usize, out: &mut Pixels) {
         let n = self.order.len();
         let row_bytes: usize = self.types.iter().map(|t| t.bytes_per_sample() * w).sum();
@@ -48,8 +48,8 @@ impl Order {
         }
     }
 
-    /// The bytes of a block from the upper left `w x h` pixels of `pixels`, whose rows have `stride` pixels.
-    /// All channels are of the type of the pixels.
+    /// Returns the bytes of a block from the upper left `w x h` pixels of `pixels`, whose rows have `stride` pixels.
+    /// All channels have the type of the pixels.
     pub(crate) fn gather(&self, pixels: &Pixels, w: usize, h: usize, stride: usize) -> Vec<u8> {
         let n = self.order.len();
         let mut out = Vec::with_capacity(w * h * n * self.pixel_type.bytes());
@@ -61,7 +61,7 @@ impl Order {
                     Pixels::Half(v) => out.extend(values.flat_map(|i| v[i].to_ne_bytes())),
                     Pixels::Float(v) => out.extend(values.flat_map(|i| v[i].to_ne_bytes())),
                     Pixels::U32(v) => out.extend(values.flat_map(|i| v[i].to_ne_bytes())),
-                    // The format has no such type; `create` lets none in.
+                    // The format does not have these types, and `create` refuses them.
                     Pixels::U8(_) | Pixels::U16(_) => {}
                 }
             }
@@ -70,7 +70,7 @@ impl Order {
     }
 }
 
-/// Puts values into every `step`-th place.
+/// Stores values at every `step`-th index.
 fn put<const N: usize, T>(to: &mut [T], step: usize, bytes: &[u8], get: impl Fn([u8; N]) -> T) {
     for (to, from) in to.iter_mut().step_by(step).zip(bytes.as_chunks::<N>().0) {
         *to = get(*from);

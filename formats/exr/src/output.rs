@@ -1,4 +1,4 @@
-//! Writing: chunks in the order of arrival, their table at the end.
+//! Writes chunks in the order of arrival, and their table at the end.
 
 use crate::attributes::{self, channel_order};
 use crate::{CompressionName, Order, zip};
@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// A rectangle of the current level: column and row, columns and rows, and how many pixels the rows of its
-/// block in memory have.
+/// A rectangle of the current level: column and row, columns and rows, and the number of pixels in the rows of its
+/// block in memory.
 #[derive(Clone, Copy, Debug)]
 struct Area {
     at: (usize, usize),
@@ -28,7 +28,7 @@ struct Area {
     stride: usize,
 }
 
-/// An OpenEXR file being written: one part, scanlines or tiles, one level or a whole MIP map.
+/// An OpenEXR file that is being written. It has one part, scanlines or tiles, and one level or a whole MIP map.
 #[derive(Debug)]
 pub struct ExrOutput {
     file: AtomicFile,
@@ -36,16 +36,16 @@ pub struct ExrOutput {
     order: Order,
     /// The offset of the next byte.
     position: u64,
-    /// The offset and the content of the table of chunks; 0 for a chunk not yet written.
+    /// The offset and the content of the table of chunks. An entry is 0 for a chunk that is not written yet.
     table_at: u64,
     table: Vec<u64>,
-    /// Level, its spec, and its first chunk.
+    /// The index of the current level, its spec, and the index of its first chunk.
     level: usize,
     spec: ImageSpec,
     first_chunk: usize,
-    /// Spec and first chunk of every level, once they are planned.
+    /// The spec and the index of the first chunk of every level, once they are planned.
     planned: Vec<(ImageSpec, usize)>,
-    /// Rows that do not fill a block or a row of tiles yet.
+    /// The rows that do not fill a block or a row of tiles yet.
     tiles: Option<TileRows>,
     block: Pixels,
     filled: u32,
@@ -53,7 +53,7 @@ pub struct ExrOutput {
 }
 
 impl ExrOutput {
-    /// Begins a file; nothing is visible under its name before `close`.
+    /// Begins a file. It is not visible under its name before `close`.
     ///
     /// # Errors
     /// Returns an error when the folder is missing or refuses the file, and for a description that OpenEXR cannot
@@ -65,7 +65,7 @@ impl ExrOutput {
             .map_err(|e| misuse(path, format!("OpenEXR cannot hold it: {e}")))?;
         let mut front = vec![0x76, 0x2f, 0x31, 0x01];
         let mut written = requirements.write(&mut front);
-        // By name: the crate's own order is that of a hash map, and differs from run to run.
+        // The attributes are sorted by name. The crate's own order is that of a hash map, and differs from run to run.
         let mut all: Vec<(Vec<u8>, AttributeValue)> =
             header.all_named_attributes().map(|(name, value)| (name.to_vec(), value)).collect();
         all.sort_by(|a, b| a.0.cmp(&b.0));
@@ -110,7 +110,7 @@ impl ExrOutput {
         Err(self.misuse(format!("pixels of type {got:?} for a file of {wanted:?}")))
     }
 
-    /// Compresses and writes blocks, each with its chunk number; compressed in the threads of the caller's
+    /// Compresses and writes blocks, each with its chunk index. They are compressed in the threads of the caller's
     /// pool, and written in order.
     fn write_blocks(&mut self, blocks: &[(usize, Area, &Pixels)]) -> Result<()> {
         let done: Vec<Result<Vec<u8>>> = match blocks {
@@ -129,7 +129,7 @@ impl ExrOutput {
         Ok(())
     }
 
-    /// The chunk of a block of the current level, as the file holds it.
+    /// Returns the chunk of a block of the current level, as the file stores it.
     fn pack(&self, area: &Area, pixels: &Pixels) -> Result<Vec<u8>> {
         let (at, size) = (area.at, area.size);
         let data = self.order.gather(pixels, size.0, size.1, area.stride);
@@ -175,14 +175,15 @@ impl ExrOutput {
         let written = match &block {
             CompressedBlock::ScanLine(block) => block.write(&mut bytes),
             CompressedBlock::Tile(block) => block.write(&mut bytes),
-            // A header without deep data makes no deep blocks.
+            // A header without deep data has no deep blocks.
             CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => Ok(()),
         };
         written.map_err(|e| self.misuse(e.to_string()))?;
         Ok(bytes)
     }
 
-    /// Chunk number and place of a tile, if it is there and `pixels` is one.
+    /// Returns the chunk index and the area of a tile. It is an error when the tile does not exist or `pixels` does not
+    /// have its size.
     fn tile_area(&self, tx: u32, ty: u32, pixels: &Pixels) -> Result<(usize, Area)> {
         self.check_type(pixels)?;
         let spec = &self.spec;
@@ -202,7 +203,7 @@ impl ExrOutput {
         Ok((number, Area { at, size, stride: tw as usize }))
     }
 
-    /// Number of chunks of the current level.
+    /// Returns the number of chunks of the current level.
     fn chunks(&self) -> usize {
         if self.spec.is_tiled() {
             let (across, down) = self.spec.tiles();
@@ -212,7 +213,7 @@ impl ExrOutput {
         }
     }
 
-    /// The current level must be all there.
+    /// Checks that the current level is complete.
     fn check_complete(&self) -> Result<()> {
         let chunks = &self.table[self.first_chunk..self.first_chunk + self.chunks()];
         let missing = chunks.iter().filter(|c| **c == 0).count();
@@ -263,7 +264,7 @@ fn misuse(path: &Path, what: String) -> ImageError {
     ImageError::Misuse { path: path.to_owned(), what }
 }
 
-/// The header of a file for `spec`, and the order of its channels.
+/// Returns the header of a file for `spec`, and the order of its channels.
 fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order)> {
     let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
     if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
@@ -315,7 +316,7 @@ fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order
     } else {
         (BlockDescription::ScanLines, LineOrder::Increasing)
     };
-    // The size of one cube face has no place of its own: the window is that of all six.
+    // The format cannot store the size of one cube face. The display window is that of all six faces.
     let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
     let display = if cube {
         IntegerBounds::new(Vec2(spec.x, spec.y), Vec2(spec.width as usize, spec.height as usize))

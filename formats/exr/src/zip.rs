@@ -1,16 +1,16 @@
-//! The compressions "zip" and "zips" by libdeflate: the same data as by the `exr` crate.
+//! The compressions "zip" and "zips" by libdeflate, which are compatible with those of the `exr` crate.
 //!
-//! Bytes of a block are first parted into those at even places and those at odd ones (the low and the high
-//! bytes of halves), then each is replaced by its difference to the one before, then deflated ("ZIP" of the
+//! Bytes of a block are first split into those at even and those at odd positions (the low and the high bytes of
+//! halves). Then each byte is replaced by its difference to the one before. The result is deflated ("ZIP" of the
 //! technical introduction to OpenEXR).
 
 use libdeflater::{CompressionLvl, Compressor, Decompressor};
 
-/// Effort, as OpenEXR's own library has it since 3.1.3.
+/// The effort, which is that of OpenEXR's own library since 3.1.3.
 const EFFORT: i32 = 4;
 
-/// The packed form of a block's little-endian bytes; `None` when it would not be shorter, because the format then
-/// stores the bytes uncompressed.
+/// Returns the packed form of a block's little-endian bytes; `None` when it would not be shorter, because the format
+/// then stores the bytes uncompressed.
 pub(crate) fn compress(bytes: &[u8]) -> Option<Vec<u8>> {
     let mut parted: Vec<u8> = Vec::with_capacity(bytes.len());
     parted.extend(bytes.iter().step_by(2));
@@ -22,14 +22,14 @@ pub(crate) fn compress(bytes: &[u8]) -> Option<Vec<u8>> {
         before = this;
     }
     let mut deflate = Compressor::new(CompressionLvl::new(EFFORT).ok()?);
-    // One byte less than before, or not at all.
+    // The result must be at least one byte shorter.
     let mut out = vec![0; bytes.len() - 1];
     let len = deflate.zlib_compress(&parted, &mut out).ok()?;
     out.truncate(len);
     Some(out)
 }
 
-/// The `len` bytes of a block from its packed form; `None` when the data is damaged or of another length.
+/// Returns the `len` bytes of a block from its packed form; `None` when the data is damaged or of another length.
 pub(crate) fn decompress(packed: &[u8], len: usize) -> Option<Vec<u8>> {
     let mut parted = vec![0; len];
     if Decompressor::new().zlib_decompress(packed, &mut parted) != Ok(len) {

@@ -1,4 +1,4 @@
-//! Damaged files: an error that names the file, never a panic, a hang or a huge allocation.
+//! Damaged files result in an error that names the file, and never in a panic, a hang or a huge allocation.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -22,7 +22,7 @@ fn sample(path: &Path, compression: &str, tiled: bool) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-/// Reads all that can be read.
+/// Reads all images and levels that can be read.
 fn read(path: &Path, bytes: &[u8]) -> granita_image::Result<()> {
     let limits = Limits { dimension: 4096, pixels: 1 << 22, bytes: 16 << 20, ..Limits::default() };
     std::fs::write(path, bytes).unwrap();
@@ -57,7 +57,7 @@ proptest! {
         header_only in any::<bool>(),
         kind in 0..COMPRESSIONS.len() * 2,
     ) {
-        // Written once: samples do not depend on the case.
+        // The samples are written once, because they do not depend on the case.
         use std::sync::OnceLock;
         static SAMPLES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
         let samples = SAMPLES.get_or_init(|| {
@@ -85,14 +85,14 @@ fn a_window_of_a_million_pixels_a_side() {
     let path = dir.path().join("damaged.exr");
     for tiled in [false, true] {
         let mut bytes = sample(&path, "zip", tiled);
-        // Both windows are four numbers behind their name, type and size.
+        // Both windows are four numbers after their name, type and size.
         for name in [&b"dataWindow\0box2i\0"[..], b"displayWindow\0box2i\0"] {
             let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 12;
             bytes[at..at + 4].copy_from_slice(&999_999i32.to_le_bytes());
             bytes[at + 4..at + 8].copy_from_slice(&999_999i32.to_le_bytes());
         }
         std::fs::write(&path, &bytes).unwrap();
-        // The default limits. Even so, nothing of that size may be allocated.
+        // The limits are the defaults. Even so, nothing of that size may be allocated.
         let error = match ExrFormat.open(&path, &Limits::default()) {
             Ok(input) => input.read_level(0, 0).unwrap_err(),
             Err(error) => error,
@@ -101,7 +101,7 @@ fn a_window_of_a_million_pixels_a_side() {
     }
 }
 
-/// Thousands of channels are refused before anything is done for each pair of them.
+/// Thousands of channels are refused before any work for each pair of them.
 #[test]
 fn the_number_of_channels_is_limited() {
     let dir = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@ use std::path::Path;
 
 const TYPES: [PixelType; 3] = [PixelType::U32, PixelType::Half, PixelType::Float];
 
-/// Pixels of every bit pattern (no NaN: they do not compare), the same for the same seed.
+/// Returns pixels of every bit pattern, the same for the same seed. NaN is excluded, because it does not compare equal.
 fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
     let word = |i: usize| granita_base::hash::words(&[seed, (i / 3) as u32]);
     let finite = |bits: u32| if f32::from_bits(bits).is_nan() { 1.5 } else { f32::from_bits(bits) };
@@ -48,7 +48,7 @@ fn write(path: &Path, levels: &[ImageSpec], rows_at_once: u32) -> Vec<Pixels> {
 }
 
 proptest! {
-    // Every file written is synchronised with the disk.
+    // The number of cases is small, because every written file is synchronised with the disk.
     #![proptest_config(ProptestConfig::with_cases(100))]
     #[test]
     fn identity(
@@ -235,7 +235,7 @@ fn one_tile_reads_few_bytes() {
 
 #[test]
 fn files_of_other_writers() {
-    // Parts of different types, as the crate's own writer makes them.
+    // The file has parts of different types, as the crate's own writer makes them.
     use exr::prelude::*;
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("parts.exr");
@@ -294,7 +294,7 @@ fn the_reference_implementation_reads_ours() {
     }
 }
 
-/// The shape of the pixels stands where the format has it.
+/// The shape of the pixels is stored in the attribute of the format.
 #[test]
 fn pixels_that_are_not_square() {
     let dir = tempfile::tempdir().unwrap();
@@ -302,7 +302,7 @@ fn pixels_that_are_not_square() {
     let mut spec = ImageSpec::new(4, 3, 3, PixelType::Half);
     write(&path, &[spec.clone()], 3);
     let stored = |path: &Path| {
-        // The attribute "pixelAspectRatio", a float of four bytes.
+        // The attribute is "pixelAspectRatio", a float of four bytes.
         let bytes = std::fs::read(path).unwrap();
         let name = b"pixelAspectRatio\0float\0\x04\0\0\0";
         let at = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len();

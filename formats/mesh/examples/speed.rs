@@ -1,7 +1,7 @@
-//! How fast a mesh file is read: `cargo run --release -p granita-mesh --example speed -- FILE [COPIES]`.
+//! Measures how fast a mesh file is read: `cargo run --release -p granita-mesh --example speed -- FILE [COPIES]`.
 //!
-//! The file is read COPIES times (10), from memory, into a receiver that counts what it gets. The time is that of the
-//! processor.
+//! The file is read COPIES times (10), from memory, into a receiver that counts its calls. The measured time is that of
+//! the processor.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program of its own")]
 
 use cpu_time::ProcessTime;

@@ -1,15 +1,15 @@
-//! Calls in the making: parameters, points and curves that mesh files have no width for.
+//! Functions that make calls, with parameters, and with points and curves for which mesh files give no width.
 
 use granita_base::{BaseType, CurveBasis, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
 use granita_scene::{Call, SceneSink, Stop};
 use std::sync::Arc;
 
-/// The width in pixels of a particle of a file that does not give its size.
+/// The width in pixels of a particle in a file that does not give its size.
 pub(crate) const POINT_PIXELS: f32 = 2.0;
-/// Width of lines, as a part of the diagonal of the box around them.
+/// The width of lines, as a fraction of the diagonal of their bounding box.
 const LINE_PART: f32 = 0.002;
 
-/// The receiver, and the name of the file for its calls.
+/// The receiver of calls, and the name of the file for their positions.
 pub(crate) struct Emit<'a> {
     sink: &'a mut dyn SceneSink,
     file: Arc<str>,
@@ -44,7 +44,7 @@ impl<'a> Emit<'a> {
     }
 }
 
-/// Varying floats.
+/// Returns a parameter of floats with an interpolation.
 pub(crate) fn floats(name: &str, base: BaseType, interp: Interp, values: impl Into<Arc<[f32]>>) -> Param {
     Param {
         name: name.into(),
@@ -53,38 +53,38 @@ pub(crate) fn floats(name: &str, base: BaseType, interp: Interp, values: impl In
     }
 }
 
-/// One float.
+/// Returns a parameter of one float.
 pub(crate) fn float(name: &str, value: f32) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::Float), data: value.into() }
 }
 
-/// One colour.
+/// Returns a parameter of one colour.
 pub(crate) fn color(name: &str, value: [f32; 3]) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::Color), data: ParamData::from(&value[..]) }
 }
 
-/// One string.
+/// Returns a parameter of one string.
 pub(crate) fn string(name: &str, value: &str) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::String), data: value.into() }
 }
 
-/// The name of an object, for messages and `Modify`.
+/// Returns the name of an object as a parameter, for messages and `Modify`.
 pub(crate) fn object_name(name: &str) -> Param {
     string("name", name)
 }
 
-/// Positions `P`, three numbers each.
+/// Returns the positions `P`, with three numbers each.
 pub(crate) fn positions(values: impl Into<Arc<[f32]>>) -> Param {
     floats("P", BaseType::Point, Interp::Vertex, values)
 }
 
-/// `Points` of `P`, and the size that they have where the file gives none.
+/// Returns `Points` at `p`, with the width of points in a file that does not give it.
 pub(crate) fn points(p: Vec<f32>) -> (ShapeDesc, Params) {
     let shape = ShapeDesc::Points { n: p.len() / 3 };
     (shape, Params(vec![positions(p), float("rasterwidth", POINT_PIXELS)]))
 }
 
-/// Straight lines through `nverts` points each, which `p` holds one curve behind the other.
+/// Returns straight lines through `nverts` points each. `p` holds the points of one curve after the other.
 pub(crate) fn lines(p: Vec<f32>, nverts: usize) -> (ShapeDesc, Params) {
     let ncurves = p.len() / 3 / nverts.max(1);
     let mut min = [f32::INFINITY; 3];
@@ -99,7 +99,7 @@ pub(crate) fn lines(p: Vec<f32>, nverts: usize) -> (ShapeDesc, Params) {
     (shape, Params(vec![positions(p), width]))
 }
 
-/// The name under which the texture system finds an image that a file names. Relative names are not searched along
+/// Returns the name by which the texture system finds an image that a file names. Relative names are not searched along
 /// paths.
 pub(crate) fn texture_path(path: &std::path::Path) -> String {
     let name = path.to_string_lossy();
@@ -110,7 +110,7 @@ pub(crate) fn texture_path(path: &std::path::Path) -> String {
     }
 }
 
-/// True when the bytes of images of this name are, by custom, encoded for a screen (sRGB) and not linear light.
+/// True when the colours of images with this name are usually encoded for a screen (sRGB), and are not linear.
 pub(crate) fn is_screen_picture(name: &str) -> bool {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     matches!(ending.as_str(), "png" | "jpg" | "jpeg" | "tga" | "bmp" | "gif" | "webp" | "qoi")

@@ -1,10 +1,11 @@
-//! Mistakes of a file, gathered by kind: one message for each kind, with the first place and how many more there are.
+//! The errors of a file, collected by kind. There is one message for each kind, with the first position and the number
+//! of further ones.
 
 use granita_base::{Location, Reporter, Severity};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// The number of kinds that are reported separately; all others share one message.
+/// The largest number of kinds that are reported separately. All others share one message.
 const MOST_KINDS: usize = 40;
 
 /// Collects errors, and reports them when dropped, in the order in which the kinds first occurred.
@@ -30,8 +31,8 @@ impl<'a> Faults<'a> {
         Self { reporter, file, kinds: Vec::new(), others: 0, severity: Severity::Warning }
     }
 
-    /// Something is left out or replaced. `line` is 0 where there are none; `text` is made for the first of its kind
-    /// only.
+    /// Adds an error, after which something is left out or replaced. `line` is 0 where there are no lines. `text` is
+    /// called only for the first error of its kind.
     pub(crate) fn error(
         &mut self,
         kind: impl Into<Cow<'static, str>>,
@@ -41,7 +42,7 @@ impl<'a> Faults<'a> {
         self.add(Severity::Error, kind.into(), line, text);
     }
 
-    /// Something is perhaps not as the user thinks.
+    /// Adds a warning, when the result may differ from what the user expects.
     pub(crate) fn warning(&mut self, kind: &'static str, line: u32, text: impl FnOnce() -> String) {
         self.add(Severity::Warning, kind.into(), line, text);
     }
@@ -75,7 +76,7 @@ impl Drop for Faults<'_> {
     }
 }
 
-/// ` (object "name")`, or nothing.
+/// Returns ` (object "name")`, or an empty string.
 pub(crate) fn of_object(name: &str) -> String {
     if name.is_empty() { String::new() } else { format!(" (object \"{name}\")") }
 }

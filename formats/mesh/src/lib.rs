@@ -1,23 +1,24 @@
-//! Mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
+//! Reads mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
 //!
-//! [`GltfPictures`] reads the pictures in glTF files, as an image format. Each other reader is a
-//! [`granita_scene::Generator`]: `Input ("bunny.obj")` makes its calls with the current transformation and attributes.
-//! The manual says under "Mesh files" what becomes of each element of the formats; the sources are the OBJ and MTL
-//! specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the glTF 2.0
-//! specification of the Khronos Group.
+//! [`GltfPictures`] reads the images in glTF files, as an image format. Each other reader is a
+//! [`granita_scene::Generator`]. `Input ("bunny.obj")` makes its calls with the current transformation and attributes.
+//! The section "Mesh files" of the manual lists what each element of the formats becomes. The sources are the OBJ and
+//! MTL specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the glTF
+//! 2.0 specification of the Khronos Group.
 //!
 //! Invariants:
 //! - Coordinates are kept as they are in the file. Texture coordinates are measured from the upper edge of the image,
-//!   as in the suite: `t` of OBJ and PLY is flipped, that of glTF is not.
-//! - An error costs the element that contains it. There is one message for each kind of error, with the first
-//!   position, and the number of further ones. No input causes a panic, and no allocation is larger than the file
-//!   justifies, for any header.
-//! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must carry: a group of
-//!   an OBJ file, the one mesh of a PLY file, a primitive of a glTF file.
-//! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, `user:lights` its lights.
+//!   as in the suite. `t` of OBJ and PLY is flipped, and `t` of glTF is not.
+//! - An element that contains an error is left out. There is one message for each kind of error, with the first
+//!   position and the number of further ones. No input causes a panic. No allocation is larger than the file justifies,
+//!   for any header.
+//! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must contain: a group
+//!   of an OBJ file, the one mesh of a PLY file, a primitive of a glTF file.
+//! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, and `user:lights` its
+//!   lights.
 //!
-//! Deliberately absent: free-form curves and surfaces of OBJ; animation (skins and morph targets are at rest) and
-//! compressed geometry of glTF files. Each is reported by name.
+//! Deliberately absent are free-form curves and surfaces of OBJ files, and animation (skins and morph targets are at
+//! rest) and compressed geometry of glTF files. Each is reported by name.
 //!
 //! ```
 //! use granita_base::Reporter;
@@ -51,7 +52,7 @@ pub use ply::Ply;
 use granita_scene::Generator;
 use std::sync::Arc;
 
-/// The generators of this crate.
+/// Returns the generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
     vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Gltf), Arc::new(Glb)]
 }

@@ -1,4 +1,4 @@
-//! The source of a generator, and its lines.
+//! The opened source of a generator.
 
 use granita_base::Files;
 use granita_scene::{GeneratorError, GeneratorSource};
@@ -7,7 +7,7 @@ use std::io::{self, Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::Arc;
 
-/// A source that can be read from any place.
+/// A source that can be read from any position.
 pub(crate) trait Stream: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Stream for T {}
 
@@ -19,7 +19,7 @@ pub(crate) struct Opened {
     pub(crate) size: u64,
 }
 
-/// Opens the file or the bytes.
+/// Opens the file or the bytes of a source.
 pub(crate) fn open(source: &GeneratorSource) -> Result<Opened, GeneratorError> {
     let name: Arc<str> = source.name().into();
     match source {
@@ -44,7 +44,7 @@ pub(crate) fn open_file(path: &Path, files: &Files) -> io::Result<(File, u64)> {
     Ok((files.open(path)?, data.len()))
 }
 
-/// An error of reading `name`.
+/// Returns an error of reading the source `name`.
 pub(crate) fn io_error(name: &str, source: io::Error) -> GeneratorError {
     GeneratorError::Io { name: name.to_owned(), source }
 }

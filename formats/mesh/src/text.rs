@@ -1,11 +1,12 @@
-//! Lines and words of text formats, without a copy of either.
+//! Lines and words of text formats. Neither are copied.
 
 use granita_base::scan_number;
 use std::io::{self, Read};
 use std::ops::Range;
 
 const CHUNK: usize = 256 * 1024;
-/// The limit is far above the lines of real files. Without it, a file of zeros would be read as a whole.
+/// The largest number of bytes of a line. It is far above the lines of real files. Without it, a file of zeros would be
+/// read as a whole.
 const LINE_LIMIT: usize = 1 << 28;
 
 /// The lines of a stream, in chunks.
@@ -26,33 +27,33 @@ impl<R: Read> Lines<R> {
         Self { stream, buf: Vec::new(), pos: 0, eof: false, line: 0, next: 1, continued }
     }
 
-    /// The next line without its end, and its number from 1; a continuation stands as a blank, and the number is that
-    /// of its first line. `None` at the end of the source.
+    /// Returns the next line without its end, and its number, counted from 1. The end of a continued line is replaced
+    /// by blanks, and its number is that of its first line. Returns `None` at the end of the source.
     pub(crate) fn next_line(&mut self) -> io::Result<Option<(u32, &[u8])>> {
         Ok(self.next_range()?.map(|range| (self.line, &self.buf[range])))
     }
 
-    /// The number of the line given last, from 1.
+    /// Returns the number of the last returned line, counted from 1.
     pub(crate) fn line(&self) -> u32 {
         self.line
     }
 
-    /// The text of the range that [`Lines::next_range`] returned last.
+    /// Returns the text of the range that [`Lines::next_range`] returned last.
     pub(crate) fn text(&self, range: Range<usize>) -> &[u8] {
         &self.buf[range]
     }
 
-    /// The data read ahead behind the last line, and the rest of the stream.
+    /// Returns the data that was read after the last line, and the rest of the stream.
     pub(crate) fn into_rest(self) -> (Vec<u8>, R) {
         let mut ahead = self.buf;
         ahead.drain(..self.pos);
         (ahead, self.stream)
     }
 
-    /// The next line, as [`Lines::next_line`], as a range of the window; good until the next call.
+    /// Returns the next line like [`Lines::next_line`], as a range of the window. It is valid until the next call.
     pub(crate) fn next_range(&mut self) -> io::Result<Option<Range<usize>>> {
         self.line = self.next;
-        // The part of the line that was searched already, counted from its beginning.
+        // The length of the part of the line that was searched already.
         let mut searched = 0;
         loop {
             let from = self.pos + searched;
@@ -89,7 +90,7 @@ impl<R: Read> Lines<R> {
             let text = format!("line {} is longer than {LINE_LIMIT} bytes", self.line);
             return Err(io::Error::new(io::ErrorKind::InvalidData, text));
         }
-        // Long lines are read in ever larger pieces, so that they are not copied too often.
+        // Long lines are read in larger and larger pieces, so that they are not copied too often.
         self.buf.resize(old + CHUNK.max(old), 0);
         let got = read_some(&mut self.stream, &mut self.buf[old..]);
         self.buf.truncate(old + *got.as_ref().unwrap_or(&0));
@@ -98,7 +99,7 @@ impl<R: Read> Lines<R> {
     }
 }
 
-/// Reads once, again if interrupted.
+/// Reads once. An interrupted read is repeated.
 pub(crate) fn read_some(stream: &mut impl Read, buf: &mut [u8]) -> io::Result<usize> {
     loop {
         match stream.read(buf) {
@@ -118,7 +119,7 @@ impl<'a> Words<'a> {
         self.0 = &self.0[blanks..];
     }
 
-    /// The next word.
+    /// Returns the next word.
     pub(crate) fn word(&mut self) -> Option<&'a [u8]> {
         self.skip_blanks();
         let len = self.0.iter().position(|c| is_blank(*c)).unwrap_or(self.0.len());
@@ -127,12 +128,12 @@ impl<'a> Words<'a> {
         (len > 0).then_some(word)
     }
 
-    /// The rest of the line as text, without blanks around it.
+    /// Returns the rest of the line as text, without the blanks around it.
     pub(crate) fn rest(&self) -> String {
         String::from_utf8_lossy(self.0.trim_ascii()).into_owned()
     }
 
-    /// The next word as a number; `None` at the end. A word that is not a number counts as NaN.
+    /// Returns the next word as a number; `None` at the end. A word that is not a number counts as NaN.
     #[inline]
     pub(crate) fn double(&mut self) -> Option<f64> {
         self.skip_blanks();
@@ -145,14 +146,14 @@ impl<'a> Words<'a> {
         Some(unusual_number(self.word()?))
     }
 
-    /// The same as [`Words::double`], in single precision.
+    /// Returns the next word like [`Words::double`], in single precision.
     #[inline]
     pub(crate) fn float(&mut self) -> Option<f32> {
         self.double().map(|x| x as f32)
     }
 }
 
-/// A number with a plus, `nan`, `inf` and the like; NaN for anything else.
+/// Parses a number with a plus, `nan`, `inf` and similar words. Anything else is NaN.
 fn unusual_number(word: &[u8]) -> f64 {
     std::str::from_utf8(word).ok().and_then(|w| w.parse().ok()).unwrap_or(f64::NAN)
 }

@@ -1,10 +1,10 @@
-//! Common code of the tests: runs a generator over text and returns its calls as Pyg, and its messages.
+//! Common code of the tests. It runs a generator over text and returns its calls as Pyg, and its messages.
 
 use granita_base::{Location, Param, Reporter};
 use granita_pyg::Writer;
 use granita_scene::{Call, Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
 
-/// Calls as Pyg, messages as lines, and the error if the run ended early.
+/// The calls as Pyg, the messages as lines, and the error if the run ended early.
 pub(crate) struct Trial {
     pub(crate) pyg: String,
     pub(crate) messages: Vec<String>,
@@ -12,14 +12,14 @@ pub(crate) struct Trial {
 }
 
 impl Trial {
-    /// The calls of a source without errors.
+    /// Returns the calls of a run without errors and messages.
     pub(crate) fn clean(self) -> String {
         assert!(self.messages.is_empty() && self.error.is_none(), "{:?} {:?}", self.messages, self.error);
         self.pyg
     }
 }
 
-/// Runs `generator` over `bytes`, which messages call "t".
+/// Runs `generator` over `bytes`, which have the name "t" in messages.
 pub(crate) fn run(generator: &dyn Generator, bytes: impl AsRef<[u8]>) -> Trial {
     run_source(generator, &self::bytes(bytes))
 }
@@ -29,7 +29,7 @@ pub(crate) fn run_source(generator: &dyn Generator, source: &GeneratorSource) ->
     run_in(generator, source, true, None)
 }
 
-/// A writer that reports its position in the scene, and has one attribute.
+/// A writer that is before or after `World`, and has one attribute.
 struct Place {
     writer: Writer<Vec<u8>>,
     in_world: bool,
@@ -50,7 +50,7 @@ impl SceneSink for Place {
     }
 }
 
-/// The same as [`run_source`], before or after `World`, with an attribute set.
+/// Runs `generator` like [`run_source`], before or after `World`, with an attribute set.
 pub(crate) fn run_in(
     generator: &dyn Generator,
     source: &GeneratorSource,
@@ -66,12 +66,12 @@ pub(crate) fn run_in(
     Trial { pyg, messages, error }
 }
 
-/// Text as bytes with the name "t".
+/// Returns text as a source with the name "t".
 pub(crate) fn bytes(bytes: impl AsRef<[u8]>) -> GeneratorSource {
     GeneratorSource::bytes("t", bytes.as_ref())
 }
 
-/// Lines that the writer broke, put together again.
+/// Joins the lines that the writer broke.
 pub(crate) fn flat(text: &str) -> String {
     text.replace("\n    ", " ")
 }

@@ -1,4 +1,4 @@
-//! Random meshes, written in each format by a few lines here and read back: the same faces, to the bit.
+//! Tests that random meshes, written in each format here and read back, have the same faces to the bit.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -9,17 +9,17 @@ use proptest::prelude::*;
 use std::fmt::Write;
 use std::ops::Range;
 
-/// Faces with what their corners have.
+/// Faces with the properties of their corners.
 #[derive(Clone, Debug, PartialEq)]
 struct Mesh {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     texcoords: Vec<[f32; 2]>,
-    /// Position, normal and texture coordinates of each corner.
+    /// The indices of position, normal and texture coordinates of each corner.
     faces: Vec<Vec<[usize; 3]>>,
 }
 
-/// What a reader made of it: for each corner position, normal, s and t.
+/// The result of a reader, with position, normal, s and t for each corner.
 type Corners = Vec<Vec<[f32; 8]>>;
 
 fn meshes(corners: Range<usize>, joint: bool) -> impl Strategy<Value = Mesh> {
@@ -41,7 +41,7 @@ fn meshes(corners: Range<usize>, joint: bool) -> impl Strategy<Value = Mesh> {
     })
 }
 
-/// The corners as they should come back; `flip` where the file's t goes up.
+/// Returns the expected corners. `flip` is true where t of the file points up.
 fn corners(mesh: &Mesh, flip: bool) -> Corners {
     let corner = |[p, n, t]: &[usize; 3]| {
         let (p, n, t) = (mesh.positions[*p], mesh.normals[*n], mesh.texcoords[*t]);
@@ -85,7 +85,7 @@ fn read(generator: &dyn Generator, bytes: &[u8]) -> Corners {
     recorder.0
 }
 
-/// As OBJ; `relative` counts backwards, `blocks` puts a group before every so many faces.
+/// Writes OBJ. `relative` writes indices that count backwards. Each group has `blocks` faces.
 fn obj(mesh: &Mesh, relative: bool, blocks: usize) -> String {
     let mut text = String::new();
     for [x, y, z] in &mesh.positions {
@@ -112,7 +112,7 @@ fn obj(mesh: &Mesh, relative: bool, blocks: usize) -> String {
     text
 }
 
-/// As PLY, where what a vertex has goes with its position.
+/// Writes PLY, in which all properties of a vertex belong to its position.
 fn ply(mesh: &Mesh, format: &str) -> Vec<u8> {
     let mut bytes =
         format!("ply\nformat {format} 1.0\nelement vertex {}\n", mesh.positions.len()).into_bytes();
@@ -143,11 +143,11 @@ fn ply(mesh: &Mesh, format: &str) -> Vec<u8> {
     bytes
 }
 
-/// As a binary glTF file; faces are triangles.
+/// Writes a binary glTF file, whose faces are triangles.
 fn glb(mesh: &Mesh) -> Vec<u8> {
     let n = mesh.positions.len();
     let mut bin = Vec::new();
-    // Interleaved, 32 bytes a vertex.
+    // The values are interleaved, with 32 bytes per vertex.
     for ((p, m), t) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.texcoords) {
         p.iter().chain(m).chain(t).for_each(|x| bin.extend(x.to_le_bytes()));
     }

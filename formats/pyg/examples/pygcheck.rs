@@ -1,4 +1,4 @@
-//! Reads Pyg files into the state machine and tells what came of it, and how fast.
+//! Reads Pyg files into the state machine, and prints the frames, commands and inputs and the speed.
 #![allow(clippy::print_stdout, reason = "telling is what it is for")]
 
 use granita_base::{Location, Param, Params, Reporter};

@@ -1,9 +1,10 @@
-//! A window onto the source: bytes from the beginning of the current statement to what has been read.
+//! A window onto the source. It holds the bytes from the beginning of the current statement to what has been read.
 
 use std::io::{self, Read};
 
 const CHUNK: usize = 256 * 1024;
-/// So much of a statement is kept, should it turn out to be a script's after all.
+/// The number of bytes of a statement after which its beginning may be dropped. A shorter statement can still be passed
+/// to Python.
 pub(crate) const KEPT: usize = 16 << 20;
 
 /// Reads ahead in chunks and drops the data before the current statement.
@@ -13,11 +14,11 @@ pub(crate) struct Bytes {
     pos: usize,
     eof: bool,
     line: u32,
-    /// The most bytes of one statement.
+    /// The largest number of bytes of one statement.
     limit: usize,
-    /// Long statements need not be kept.
+    /// True when the beginning of a long statement may be dropped.
     may_drop: bool,
-    /// The beginning of the statement is gone.
+    /// True when the beginning of the statement was dropped.
     dropped: bool,
 }
 
@@ -26,12 +27,12 @@ impl Bytes {
         Self { source, buf: Vec::new(), pos: 0, eof: false, line: 1, limit, may_drop: false, dropped: false }
     }
 
-    /// Line of the current position, from 1.
+    /// Returns the line of the current position. The first line is 1.
     pub(crate) fn line(&self) -> u32 {
         self.line
     }
 
-    /// Position inside the window, for [`Bytes::back_to`].
+    /// Returns the position inside the window, for [`Bytes::back_to`].
     pub(crate) fn mark(&self) -> (usize, u32) {
         (self.pos, self.line)
     }
@@ -51,7 +52,7 @@ impl Bytes {
         self.dropped
     }
 
-    /// Marks the start of a statement: the data before it is no longer needed.
+    /// Marks the start of a statement. The data before it is no longer needed.
     pub(crate) fn forget(&mut self) {
         self.dropped = false;
         if self.pos >= CHUNK {
@@ -60,7 +61,7 @@ impl Bytes {
         }
     }
 
-    /// The next byte, without taking it. `None` at the end.
+    /// Returns the next byte without taking it; `None` at the end.
     #[inline]
     pub(crate) fn peek(&mut self) -> io::Result<Option<u8>> {
         if self.pos < self.buf.len() {
@@ -70,7 +71,7 @@ impl Bytes {
         Ok(self.buf.get(self.pos).copied())
     }
 
-    /// The byte `n` after the next one.
+    /// Returns the byte `n` after the next one.
     pub(crate) fn peek_at(&mut self, n: usize) -> io::Result<Option<u8>> {
         while self.pos + n >= self.buf.len() && !self.eof {
             self.more()?;
@@ -78,7 +79,7 @@ impl Bytes {
         Ok(self.buf.get(self.pos + n).copied())
     }
 
-    /// Takes a byte that [`Bytes::peek`] has shown.
+    /// Takes a byte that [`Bytes::peek`] has returned.
     #[inline]
     pub(crate) fn advance(&mut self) {
         if self.buf.get(self.pos) == Some(&b'\n') {
@@ -87,7 +88,7 @@ impl Bytes {
         self.pos += 1;
     }
 
-    /// Takes the next `n` bytes as data (line ends do not count); `None` when there are fewer.
+    /// Takes the next `n` bytes as data, whose line ends are not counted. Returns `None` when there are fewer.
     pub(crate) fn data(&mut self, n: usize) -> io::Result<Option<&[u8]>> {
         while self.buf.len() - self.pos < n && !self.eof {
             self.more()?;
@@ -97,7 +98,8 @@ impl Bytes {
         Ok(Some(&self.buf[start..end]))
     }
 
-    /// The bytes of the window from here on; at least `n` of them unless the source ends before.
+    /// Returns the bytes of the window from the current position on. There are at least `n` of them unless the source
+    /// ends before.
     #[inline]
     pub(crate) fn ahead(&mut self, n: usize) -> io::Result<&[u8]> {
         while self.buf.len() - self.pos < n && !self.eof {
@@ -106,7 +108,7 @@ impl Bytes {
         Ok(&self.buf[self.pos..])
     }
 
-    /// Takes `n` bytes of [`Bytes::ahead`] that hold no line end.
+    /// Takes `n` bytes of [`Bytes::ahead`] that do not contain a line end.
     #[inline]
     pub(crate) fn skip(&mut self, n: usize) {
         self.pos += n;

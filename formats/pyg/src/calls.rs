@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// An error in the arguments of a call.
 pub(crate) type Mistake = String;
 
-/// Takes arguments from the front.
+/// The arguments of a call, which are taken from the front.
 struct Args<'a> {
     call: &'a str,
     rest: std::vec::IntoIter<Value>,
@@ -35,7 +35,7 @@ impl Args<'_> {
     fn string(&mut self, what: &str) -> Result<Arc<str>, Mistake> {
         match self.next(what)? {
             Value::Str(s) => Ok(s),
-            // A tuple with one string, by a comma too many.
+            // A tuple with one string results from a comma too many.
             Value::Seq(Seq::Strings(v)) if v.len() == 1 => Ok(v[0].clone()),
             _ => self.wants(what, "a string"),
         }
@@ -49,7 +49,7 @@ impl Args<'_> {
         }
     }
 
-    /// A count: an integer, not negative.
+    /// Takes a number of things, which is an integer and not negative.
     fn count(&mut self, what: &str) -> Result<usize, Mistake> {
         match self.next(what)? {
             Value::Int(i) if (0..=i64::from(i32::MAX)).contains(&i) => Ok(i as usize),
@@ -82,7 +82,7 @@ impl Args<'_> {
         }
     }
 
-    /// The remaining arguments as one list of numbers: separate numbers, or one sequence.
+    /// Takes the remaining arguments as one list of numbers. They are separate numbers or sequences.
     fn numbers(&mut self, n: Option<usize>, what: &str) -> Result<Vec<f32>, Mistake> {
         let mut all = Vec::new();
         while self.left() > 0 {
@@ -108,7 +108,7 @@ impl Args<'_> {
         Ok(Box::new(m))
     }
 
-    /// Declarations and values, alternating, to the end.
+    /// Takes all remaining arguments as alternating declarations and values.
     fn params(&mut self) -> Result<Params, Mistake> {
         let mut params = Params::new();
         while self.left() > 0 {
@@ -120,7 +120,7 @@ impl Args<'_> {
                 return Err(format!("{}: parameter \"{declaration}\" has no value", self.call));
             };
             let param = self.param(&declaration, value)?;
-            // Of two with one name the later one counts. Lists are short.
+            // The later one of two parameters with one name is used. Lists are short.
             params.set(param);
         }
         Ok(params)
@@ -140,7 +140,7 @@ impl Args<'_> {
     }
 }
 
-/// The data of a value; integers become floats where floats are declared.
+/// Returns the data of a value. Integers become floats where floats are declared.
 fn data(value: Value, ty: ParamType) -> Option<ParamData> {
     let floats = !matches!(ty.base, BaseType::Int | BaseType::String | BaseType::Unknown);
     Some(match value {
@@ -159,7 +159,7 @@ fn data(value: Value, ty: ParamType) -> Option<ParamData> {
     })
 }
 
-/// The call `name (args)`; `None` when no such call exists.
+/// Returns the call `name (args)`; `None` when no such call exists.
 pub(crate) fn call(name: &str, args: Vec<Value>) -> Option<Result<Call, Mistake>> {
     if !crate::names::is_call(name) || name == "GetAttribute" {
         return None;
@@ -172,7 +172,7 @@ fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
     Ok(match name {
         "Parameter" | "Attribute" => {
             let declaration = a.string("the name")?;
-            // Numbers side by side are taken for a sequence.
+            // Several adjacent numbers form a sequence.
             let value = if a.left() > 1 && !matches!(a.peek(), Some(Value::Str(_))) {
                 Value::Seq(Seq::Floats(a.numbers(None, "the value")?))
             } else {
@@ -206,7 +206,7 @@ fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
         "Camera" => Call::Camera { name: a.string("the name")?, params: a.params()? },
         "Output" => {
             let name = a.string("the file name")?;
-            // None as the format removes an output.
+            // The format `None` removes an output.
             let format = optional(a)?.unwrap_or_else(|| "null".into());
             let data = a.string("the data")?;
             let camera = a.string("the camera")?;
@@ -271,13 +271,13 @@ fn optional(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
     }
 }
 
-/// A layer name stands before the parameters when the number of arguments left is odd.
+/// Takes the name of a layer. It is before the parameters when the number of remaining arguments is odd.
 fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
     if a.left().is_multiple_of(2) {
         return Ok(None);
     }
     let layer = optional(a)?;
-    // A type in front of a name belongs to a parameter.
+    // A type before a name belongs to a parameter.
     let typed = |l: &str| ParamType::parse(l).is_ok_and(|(ty, _)| ty.base != BaseType::Unknown);
     let declared = |l: &&Arc<str>| l.contains(' ') && typed(l);
     match layer.as_ref().filter(declared) {
@@ -359,7 +359,7 @@ fn shape(name: &str, a: &mut Args) -> Result<ShapeDesc, Mistake> {
     })
 }
 
-/// `TrimCurve`; no loops (no arguments, 0 or an empty sequence first) turn trimming off.
+/// Returns a `TrimCurve` call. Without loops (no arguments, or 0 or an empty sequence first), it turns trimming off.
 fn trim(a: &mut Args) -> Result<Call, Mistake> {
     let off = match a.peek() {
         None | Some(Value::None | Value::Int(0)) => true,

@@ -1,21 +1,21 @@
-//! Why reading ends early.
+//! The errors that end the reading.
 
 use granita_base::Location;
 use granita_scene::Stop;
 use std::io;
 
-/// Why reading ended early. Mistakes inside of the scene are reported, not returned.
+/// An error that ends the reading. Errors inside of the scene are reported, not returned.
 #[derive(Debug, thiserror::Error)]
 pub enum PygError {
     /// The source cannot be read.
     #[error("cannot read {path}: {source}")]
     Io {
-        /// Name of the source.
+        /// The name of the source.
         path: String,
         /// The message of the system.
         source: io::Error,
     },
-    /// A text that is neither flat nor Python.
+    /// The text is neither flat nor Python.
     #[error("{at}: {what}")]
     Malformed {
         /// The error.
@@ -23,7 +23,7 @@ pub enum PygError {
         /// The position.
         at: Location,
     },
-    /// A script where none is allowed, or without an interpreter.
+    /// The scene is a script, but scripts are not allowed or there is no interpreter.
     #[error("{0}")]
     Unsupported(String),
     /// The sink stopped the reading.

@@ -1,15 +1,15 @@
-//! The flat subset: one call with constant arguments per statement (reference 3.6), and binary arrays (3.7).
+//! The flat subset. It has one call with constant arguments per statement (reference 3.6), and binary arrays (3.7).
 
 use crate::bytes::{Bytes, KEPT};
 use crate::value::{Seq, Value};
 use granita_base::{Number, scan_number};
 use std::io;
 
-/// Sequences nested deeper than this are refused.
+/// The largest depth of nested sequences.
 const MAX_DEPTH: usize = 64;
-/// Most values that `sequence * n` may make.
+/// The largest number of values that `sequence * n` may make.
 const MAX_REPEAT: usize = 1 << 28;
-/// Numbers of a binary array that are read at once.
+/// The number of values of a binary array that are read at once.
 const PIECE: usize = 1 << 16;
 
 /// The item at the current position.
@@ -17,28 +17,28 @@ const PIECE: usize = 1 << 16;
 pub(crate) enum Statement {
     /// The end of the source.
     End,
-    /// Nothing to do: an import of the interface, `pass`, a lone string.
+    /// An item without an effect, such as an import of the interface, `pass` or a string alone.
     Nothing,
     /// A call with constant arguments.
     Call { name: String, args: Vec<Value>, line: u32 },
-    /// Something that only Python understands; the position is unchanged.
+    /// An item that only Python can execute. The position is unchanged.
     Python { line: u32, why: Why },
-    /// An item that cannot be parsed, and behind which nothing can be decoded.
+    /// An item that cannot be parsed, and after which nothing can be decoded.
     Broken(Why),
 }
 
-/// Why a statement is not flat.
+/// The reason why a statement is not flat.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Why {
     pub(crate) what: String,
     pub(crate) line: u32,
 }
 
-/// Ends the attempt to read a statement as a flat one.
+/// The reason why a statement cannot be read as a flat one.
 #[derive(Debug)]
 pub(crate) enum NotFlat {
     Why(Why),
-    /// Nor is it Python.
+    /// The statement is not Python either.
     Broken(Why),
     Io(io::Error),
 }
@@ -49,7 +49,7 @@ impl From<io::Error> for NotFlat {
     }
 }
 
-/// True when a byte begins neither an ASCII letter nor a UTF-8 letter.
+/// True when a byte begins neither an ASCII character nor another UTF-8 character.
 fn is_no_text(byte: u8) -> bool {
     matches!(byte, 0x80..=0xc1 | 0xf5..=0xff)
 }
@@ -61,7 +61,7 @@ pub(crate) struct Parser {
     pub(crate) bytes: Bytes,
     /// The start of the last statement.
     start: (usize, u32),
-    /// The reader never returns to the beginning of a flat statement.
+    /// True when the beginning of a long statement may be dropped. The reader then never returns to it.
     pub(crate) may_drop: bool,
 }
 
@@ -70,8 +70,8 @@ impl Parser {
         Self { bytes, start: (0, 1), may_drop: true }
     }
 
-    /// The next statement. Blank lines and comments before it are passed over. Calls of names that
-    /// `is_flat` denies are left to Python.
+    /// Reads the next statement. Blank lines and comments before it are skipped. Calls of names for which `is_flat`
+    /// returns false are left to Python.
     pub(crate) fn statement(&mut self, is_flat: &dyn Fn(&str) -> bool) -> io::Result<Statement> {
         loop {
             self.bytes.forget();
@@ -104,7 +104,7 @@ impl Parser {
                 Err(NotFlat::Io(e)) => Err(e),
                 Err(NotFlat::Broken(why)) => Ok(Statement::Broken(why)),
                 Err(NotFlat::Why(why)) => {
-                    // Returns to the beginning of the line, so that Python gets the indentation.
+                    // Python needs the indentation, so the position returns to the beginning of the line.
                     self.bytes.back_to(start);
                     self.blank_lines()?;
                     Ok(Statement::Python { line: self.bytes.line(), why })
@@ -113,12 +113,12 @@ impl Parser {
         }
     }
 
-    /// Goes back to the beginning of the statement that was read last.
+    /// Returns to the beginning of the statement that was read last.
     pub(crate) fn again(&mut self) {
         self.bytes.back_to(self.start);
     }
 
-    /// Passes over whole lines that are blank or comments; stays at the beginning of the next.
+    /// Skips whole lines that are blank or comments. Stops at the beginning of the next line.
     fn blank_lines(&mut self) -> io::Result<()> {
         loop {
             let start = self.bytes.mark();
@@ -191,7 +191,8 @@ impl Parser {
         Ok(Statement::Call { name, args, line })
     }
 
-    /// `import gelato`, `from gelato import *`: everything in them is there already.
+    /// Reads an import such as `import gelato` or `from gelato import *`. It has no effect, because all names exist
+    /// already.
     fn import(&mut self, first: &str) -> Flat<Statement> {
         let mut words = vec![first.to_owned()];
         loop {
@@ -215,7 +216,7 @@ impl Parser {
         Ok(Statement::Nothing)
     }
 
-    /// Arguments up to the closing parenthesis.
+    /// Reads the arguments up to the closing parenthesis.
     fn arguments(&mut self) -> Flat<Vec<Value>> {
         let mut args = Vec::new();
         loop {
@@ -236,7 +237,7 @@ impl Parser {
         }
     }
 
-    /// A constant, or simple arithmetic between constants.
+    /// Reads a constant, or simple arithmetic between constants.
     fn expression(&mut self, depth: usize) -> Flat<Value> {
         let mut left = self.term(depth)?;
         loop {
@@ -268,7 +269,7 @@ impl Parser {
         }
     }
 
-    /// One operation, as Python 3 does it.
+    /// Applies one operation, as Python 3 does.
     fn combine(&self, left: Value, op: u8, right: Value) -> Flat<Value> {
         use Value::{Float, Int, Seq as List};
         let float = |v: &Value| match v {
@@ -350,14 +351,15 @@ impl Parser {
             "True" => Ok(Value::Int(1)),
             "False" => Ok(Value::Int(0)),
             "None" => Ok(Value::None),
-            // The form of such numbers from C's printf. The call that receives them reports their position.
+            // The printf function of C writes such numbers in this form. The call that receives them reports their
+            // position.
             "nan" | "NaN" => Ok(Value::Float(f64::NAN)),
             "inf" | "Inf" => Ok(Value::Float(f64::INFINITY)),
             _ => self.fail(format!("the name \"{word}\"")),
         }
     }
 
-    /// A tuple or a list; a lone value in parentheses is that value.
+    /// Reads a tuple or a list. A single value in parentheses is that value.
     fn sequence(&mut self, depth: usize) -> Flat<Value> {
         if depth >= MAX_DEPTH {
             return self.fail("sequences nested too deep".into());
@@ -373,7 +375,7 @@ impl Parser {
                 self.bytes.advance();
                 return Ok(Value::Seq(seq));
             }
-            // Plain numbers are nearly everything there is: straight into the sequence.
+            // Nearly all values are plain numbers. They are appended directly to the sequence.
             if let Some(number) = self.plain_number()? {
                 let pushed = match number {
                     Number::Int(i) => seq.push_int(i),
@@ -408,22 +410,23 @@ impl Parser {
         }
     }
 
-    /// A number with a comma right behind it, so that no arithmetic can follow. Takes both, or nothing.
+    /// Takes a number and the comma directly after it, so that no arithmetic can follow. Returns `None`, and takes
+    /// nothing, when they are not there.
     fn plain_number(&mut self) -> Flat<Option<Number>> {
         let ahead = self.bytes.ahead(64)?;
         let Some((number, len)) = scan_number(ahead) else { return Ok(None) };
-        // A comma must follow directly. A lone value in parentheses, or arithmetic, is parsed by the general path.
+        // A comma must follow directly. A single value in parentheses, or arithmetic, is parsed by the general path.
         if ahead.get(len) != Some(&b',') {
             return Ok(None);
         }
-        // The comma, and the blank that usually follows it.
+        // The comma is taken, and the blank that usually follows it.
         let blank = ahead.get(len + 1) == Some(&b' ');
         self.bytes.skip(len + 1 + usize::from(blank));
         Ok(Some(number))
     }
 
     fn number(&mut self, negative: bool) -> Flat<Value> {
-        // Far longer numbers than anybody writes are refused, not misread.
+        // The limit is far beyond the length of useful numbers. Longer numbers are refused, not misread.
         let ahead = self.bytes.ahead(512)?;
         let Some((number, len)) = scan_number(ahead) else {
             return self.fail("a number that cannot be read".into());
@@ -441,7 +444,7 @@ impl Parser {
         })
     }
 
-    /// A binary array (reference 3.7).
+    /// Reads a binary array (reference 3.7).
     fn binary(&mut self) -> Flat<Value> {
         let code = self.bytes.peek()?.unwrap_or(0);
         self.bytes.skip(1);
@@ -457,7 +460,7 @@ impl Parser {
         let Ok(n) = usize::try_from(n as i32) else {
             return self.broken(format!("a binary array of {} values", n as i32));
         };
-        // Piece by piece: what the header promises is not there before it has been read.
+        // The values are read in pieces, because the length in the header may be larger than the data.
         let mut seq = if code < 0x82 { Seq::Ints(Vec::new()) } else { Seq::Floats(Vec::new()) };
         let mut left = n;
         while left > 0 {
@@ -476,7 +479,7 @@ impl Parser {
         Ok(Value::Seq(seq))
     }
 
-    /// A name, or an empty string.
+    /// Reads a name. Returns an empty string when there is none.
     fn word(&mut self) -> Flat<String> {
         let mut word = String::new();
         while let Some(c) = self.bytes.peek()? {
@@ -492,7 +495,8 @@ impl Parser {
         Ok(word)
     }
 
-    /// Blanks, comments and joined lines; line ends too where a statement may go on (`lines`).
+    /// Skips blanks, comments and line ends after a backslash. With `lines` it also skips other line ends, where a
+    /// statement may continue.
     #[inline]
     pub(crate) fn blanks(&mut self, lines: bool) -> io::Result<()> {
         loop {
@@ -508,7 +512,7 @@ impl Parser {
                     }
                     (0..=n).for_each(|_| self.bytes.advance());
                 }
-                // A byte order mark at the beginning of the file.
+                // This is a byte order mark at the beginning of the file.
                 Some(0xef)
                     if self.bytes.mark() == (0, 1)
                         && self.bytes.ahead(3)?.starts_with(&[0xef, 0xbb, 0xbf]) =>
@@ -527,7 +531,7 @@ impl Parser {
         Ok(())
     }
 
-    /// After a statement: a line end, a semicolon, or the end.
+    /// Reads the end of a statement, which is a line end, a semicolon or the end of the source.
     fn end_of_statement(&mut self) -> Flat<()> {
         self.blanks(false)?;
         match self.bytes.peek()? {
@@ -550,7 +554,7 @@ impl Parser {
     }
 }
 
-/// Checks whether a word is a prefix of string literals, and whether of raw ones.
+/// Returns true for a prefix of raw string literals, and false for another prefix; `None` for any other word.
 fn string_prefix(word: &str) -> Option<bool> {
     match word {
         "r" | "R" => Some(true),

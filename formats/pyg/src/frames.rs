@@ -1,16 +1,17 @@
-//! Frames: the messages between a renderer and programs in other processes.
+//! Frames, which are the messages between a renderer and programs in other processes.
 //!
-//! A frame is one byte kind, four bytes length, payload; numbers are little endian, texts have their length in front.
+//! A frame is one byte kind, four bytes length, and the payload. Numbers are little endian. Texts are preceded by their
+//! length.
 
 use crate::value::{Seq, Value};
 use granita_base::{Param, ParamData};
 use std::io::{self, Read, Write};
 use std::sync::Arc;
 
-/// Writes a frame whose payload is these parts.
+/// Writes a frame whose payload consists of these parts.
 ///
 /// # Errors
-/// Those of `to`; also for a payload of 4 GiB or more.
+/// Returns the errors of `to`, and an error for a payload of 4 GiB or more.
 pub fn send(to: &mut dyn Write, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
     let length: usize = parts.iter().map(|p| p.len()).sum();
     let length = u32::try_from(length).map_err(|_| io::Error::other("a frame is too long"))?;
@@ -20,10 +21,10 @@ pub fn send(to: &mut dyn Write, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
     to.flush()
 }
 
-/// Reads a frame: kind and payload.
+/// Reads a frame. Returns its kind and its payload.
 ///
 /// # Errors
-/// Those of `from`; an end inside of a frame or before it is `UnexpectedEof`.
+/// Returns the errors of `from`. An end inside of a frame or before it is `UnexpectedEof`.
 pub fn receive(from: &mut dyn Read) -> io::Result<(u8, Vec<u8>)> {
     let mut head = [0; 5];
     from.read_exact(&mut head)?;
@@ -36,16 +37,16 @@ pub fn receive(from: &mut dyn Read) -> io::Result<(u8, Vec<u8>)> {
     Ok((head[0], payload))
 }
 
-/// Appends a text and its length.
+/// Appends the length of a text and the text.
 pub fn put_text(text: &str, out: &mut Vec<u8>) {
     out.extend((text.len() as u32).to_le_bytes());
     out.extend(text.as_bytes());
 }
 
-/// Appends the values of a parameter, or that there are none.
+/// Appends the values of a parameter, or the mark for no values.
 pub fn put_value(value: Option<&Param>, out: &mut Vec<u8>) {
     let Some(param) = value else { return out.push(b'N') };
-    // One value of a simple type is itself, everything else a sequence.
+    // One value of a simple type is written alone. Everything else is written as a sequence.
     let single = param.data.len() == 1 && param.ty.array.is_none();
     match &param.data {
         ParamData::Int(v) if single => {
@@ -78,7 +79,7 @@ pub fn put_value(value: Option<&Param>, out: &mut Vec<u8>) {
     }
 }
 
-/// Takes values from the front of a payload; `None` when it is too short.
+/// A payload. Its functions take values from the front, and return `None` when it is too short.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a>(pub &'a [u8]);
 
@@ -89,28 +90,28 @@ impl<'a> Frame<'a> {
         Some(head)
     }
 
-    /// So many bytes.
+    /// Takes `N` bytes.
     pub fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         self.bytes(N)?.try_into().ok()
     }
 
-    /// A number of 32 bits.
+    /// Takes a number of 32 bits.
     pub fn word(&mut self) -> Option<u32> {
         self.array().map(u32::from_le_bytes)
     }
 
-    /// A text with its length in front.
+    /// Takes a text that is preceded by its length.
     pub fn text(&mut self) -> Option<String> {
         let n = self.word()? as usize;
         self.bytes(n).map(|b| String::from_utf8_lossy(b).into_owned())
     }
 
-    /// The rest as text.
+    /// Returns the rest as text.
     pub fn rest(&mut self) -> String {
         String::from_utf8_lossy(self.0).into_owned()
     }
 
-    /// Reads the output of [`put_value`]: `Some (None)` stands for no values.
+    /// Takes the output of [`put_value`]. `Some (None)` stands for no values.
     pub fn data(&mut self) -> Option<Option<ParamData>> {
         Some(match self.value()? {
             Value::None => None,

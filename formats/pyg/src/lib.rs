@@ -1,16 +1,15 @@
-//! Pyg scene files (reference chapter 3): the reader and the writer.
+//! Pyg scene files (reference chapter 3), with their reader and writer.
 //!
-//! Pyg is Python with a function for every call of the scene interface. Nearly all of it in practice is
-//! *flat*: calls with constant arguments, one behind the other, perhaps with binary arrays. [`read`] takes
-//! flat statements by itself, as fast as the numbers can be read and without holding more than one statement
-//! in memory. Anything else (`def`, `for`, a variable ...) is cut out statement by statement and executed by
-//! a child `python3`, which sends its calls back; flat statements between them still need no Python. A
-//! scene without such statements needs none at all.
+//! Pyg is Python with a function for every call of the scene interface. In practice, nearly all of it is *flat*. It
+//! consists of calls with constant arguments, one after the other, sometimes with binary arrays. [`read`] reads flat
+//! statements itself, as fast as the numbers can be read and with only one statement in memory. Anything else (`def`,
+//! `for`, a variable ...) is cut out statement by statement and executed by a child `python3`, which sends its calls
+//! back. Flat statements between them still need no Python. A scene without other statements needs none at all.
 //!
-//! Beyond the flat subset of the reference, arithmetic between constants (`1.0/48`, `[0]*3`), nested
-//! sequences, numbers side by side where a sequence belongs, and indented statements are read.
+//! Beyond the flat subset of the reference, the reader accepts arithmetic between constants (`1.0/48`, `[0]*3`), nested
+//! sequences, adjacent numbers where a sequence belongs, and indented statements.
 //!
-//! [`Writer`] is the way back: a [`granita_scene::SceneSink`] that writes every call as flat, ASCII Pyg whose
+//! [`Writer`] is the inverse. It is a [`granita_scene::SceneSink`] that writes every call as flat, ASCII Pyg whose
 //! numbers read back to the same bits.
 //!
 //! ```
@@ -49,7 +48,7 @@ pub use read::{PygSource, read};
 pub use serve::serve;
 pub use write::{Writer, WriterOptions};
 
-/// `; did you mean ...`, or nothing.
+/// Returns `; did you mean ...`, or an empty string.
 pub(crate) fn hint(suggestion: Option<&str>) -> String {
     suggestion.map(|s| format!("; did you mean \"{s}\"?")).unwrap_or_default()
 }

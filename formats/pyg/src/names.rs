@@ -1,6 +1,6 @@
-//! Names of the calls that Pyg has (reference 3.3).
+//! The names of the calls of Pyg (reference 3.3).
 
-/// Every function of Pyg.
+/// The functions of Pyg and other names of its interface. The first 35 are calls.
 pub(crate) const CALLS: [&str; 39] = [
     "AppendTransform",
     "Attribute",
@@ -37,19 +37,19 @@ pub(crate) const CALLS: [&str; 39] = [
     "Translate",
     "TrimCurve",
     "World",
-    // The renderer object and the module that scripts outside of the reader import.
+    // These are the renderer object and the module that scripts outside of the reader import.
     "GelatoRenderer",
     "gelato",
     "CreateRenderer",
     "GelatoAPI",
 ];
 
-/// True when `name` is a call with effects (not `GetAttribute`, which returns a value).
+/// True when `name` is a call of the scene interface, including `GetAttribute`.
 pub(crate) fn is_call(name: &str) -> bool {
     CALLS[..35].contains(&name)
 }
 
-/// Functions of Python that a script may call without having defined anything.
+/// The functions of Python that a script may call without having defined anything.
 const BUILTINS: [&str; 22] = [
     "print",
     "exec",

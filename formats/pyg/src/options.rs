@@ -1,4 +1,4 @@
-//! Options for reading a scene.
+//! The options for reading a scene.
 
 use crate::python::Python;
 use granita_base::{Environment, Files, Supervisor};
@@ -9,10 +9,10 @@ use std::sync::Arc;
 /// The amount of Python that is executed at once (reference 3.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Chunking {
-    /// Statement by statement; flat statements between them without Python.
+    /// Statement by statement. Flat statements between them are read without Python.
     #[default]
     Auto,
-    /// The same as [`Chunking::Auto`]: the value for "PYG_ALWAYS_CHUNK".
+    /// The same as [`Chunking::Auto`]. It is the value for "PYG_ALWAYS_CHUNK".
     Always,
     /// From the first statement that is not flat, the rest of the file is executed at once.
     Never,
@@ -21,25 +21,25 @@ pub enum Chunking {
 /// The options for reading.
 #[derive(Clone, Debug)]
 pub struct PygOptions {
-    /// Everything is flat: never start Python (`PYG_ALWAYS_PYGLET`).
+    /// True when everything must be flat, so that Python is never started (`PYG_ALWAYS_PYGLET`).
     pub always_pyglet: bool,
-    /// Nothing is flat: give everything to Python (`PYG_NEVER_PYGLET`).
+    /// True when everything is passed to Python (`PYG_NEVER_PYGLET`).
     pub never_pyglet: bool,
     /// The amount of Python that is executed at once.
     pub chunking: Chunking,
-    /// The interpreter; `python3` on the process's path when `None`.
+    /// The interpreter; `None` for `python3` on the process's path.
     pub python: Option<PathBuf>,
-    /// Variables of the environment for scripts, beside those of this process.
+    /// The environment variables for scripts, in addition to those of this process.
     pub environment: Environment,
-    /// Refuse scripts: for scenes from strangers.
+    /// True when scripts are refused, for untrusted scenes.
     pub safe: bool,
-    /// Opens files.
+    /// The opener of files.
     pub files: Files,
-    /// Knows the interpreter as long as it runs.
+    /// The supervisor of the interpreter while it runs.
     pub supervisor: Supervisor,
-    /// Most bytes of one statement.
+    /// The largest number of bytes of one statement.
     pub statement_limit: usize,
-    /// Scripts that are read with the same value share their definitions.
+    /// The interpreter that several scenes share. Scripts that are read with the same value share their definitions.
     pub scripts: Option<Scripts>,
 }
 
@@ -60,8 +60,8 @@ impl Default for PygOptions {
     }
 }
 
-/// The interpreter of several scenes that count as one, as those of a command line do (reference 6.1). One at a time
-/// has it; clones share it.
+/// The interpreter of several scenes that count as one, such as those of a command line (reference 6.1). Only one scene
+/// at a time uses it. Clones share it.
 #[derive(Clone, Default)]
 pub struct Scripts(Arc<Mutex<Option<Python>>>);
 

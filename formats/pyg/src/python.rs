@@ -1,8 +1,8 @@
-//! Scripts: a child interpreter executes them and sends their calls back.
+//! Scripts, which a child interpreter executes. It sends their calls back.
 //!
-//! The child is `python3` with a small program of the suite (`shim.py`). Frames go over its standard input and
-//! output: one byte kind, four bytes length (little endian), payload. The child only answers requests, so the two
-//! never wait for each other.
+//! The child is `python3` with a small program of the suite (`shim.py`). Frames go over its standard input and output:
+//! one byte kind, four bytes length (little endian), payload. The child only answers requests, so the two never wait
+//! for each other.
 
 use crate::frames::{self, Frame, put_value, send};
 use crate::value::Value;
@@ -13,59 +13,59 @@ use std::path::Path;
 use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
-/// The frames, which the Python package has too, and what runs in the child.
+/// The program of the child. Its code for frames is also part of the Python package.
 const SHIM: &str = concat!(
     include_str!("../../../bindings/python/gelato/_stream.py"),
     "\n_RENDERER = r'''",
-    // Executed when a script makes a renderer of its own.
+    // This part is executed when a script makes a renderer of its own.
     include_str!("../../../bindings/python/gelato/_renderer.py"),
     "'''\n",
     include_str!("shim.py")
 );
 
-/// The time for an interpreter without output to end.
+/// The time in which an interpreter without output must end.
 const ENDING: Duration = Duration::from_secs(1);
 
 /// A message of the child.
 #[derive(Debug)]
 pub(crate) enum Event {
-    /// The script called something.
+    /// The script made a call.
     Call { line: u32, name: String, args: Vec<Value> },
-    /// Calls, as Pyg.
+    /// Calls as Pyg text.
     Text(Vec<u8>),
-    /// `GetAttribute`: to be answered.
+    /// The script called `GetAttribute` and waits for the answer.
     Get(String),
-    /// Following calls come from this file.
+    /// The following calls come from this file.
     File(String),
-    /// To be answered when everything before is done.
+    /// The sender waits for an answer, which is sent when everything before has been processed.
     Wait,
-    /// The script printed.
+    /// The script printed this text.
     Printed(String),
-    /// The piece is executed; whether the script gave one of the calls' names another meaning.
+    /// The piece has been executed. `rebound` is true when the script gave the name of a call another meaning.
     Done { rebound: bool },
-    /// A statement ended with an exception; the piece continues with the next one.
+    /// A statement ended with an exception. The piece continues with the next statement.
     Raised(Exception),
-    /// The piece is not valid Python: nothing of it was executed.
+    /// The piece is not valid Python. Nothing of it was executed.
     Unread(Exception),
     /// The script was interrupted.
     Ended(Exception),
-    /// The script left by `sys.exit`.
+    /// The script ended itself by `sys.exit`.
     Exit { line: u32, code: i32, text: String },
 }
 
-/// The error message of Python.
+/// An exception of Python.
 #[derive(Debug)]
 pub(crate) struct Exception {
-    /// The innermost line of the scene file that it went through.
+    /// The innermost line of the scene file that the exception passed through.
     pub(crate) line: u32,
-    /// Its type.
+    /// The type of the exception.
     pub(crate) kind: String,
     pub(crate) text: String,
-    /// The name that is missing, of a `NameError`.
+    /// The missing name of a `NameError`.
     pub(crate) name: String,
 }
 
-/// A running interpreter. Dropped, it ends.
+/// A running interpreter. It ends when it is dropped.
 pub(crate) struct Python {
     child: Process,
     to: BufWriter<ChildStdin>,
@@ -73,7 +73,7 @@ pub(crate) struct Python {
 }
 
 impl Python {
-    /// Starts `program` for the script `file`, with these variables beside those of this process.
+    /// Starts `program` for the script `file`, with these variables in addition to those of this process.
     pub(crate) fn start(
         program: &Path,
         file: &str,
@@ -89,10 +89,10 @@ impl Python {
         };
         let mut python =
             Self { child, to: BufWriter::new(to), from: BufReader::with_capacity(1 << 18, from) };
-        // Line ends would end the name.
+        // A line end would be the end of the name.
         let file = file.replace('\n', " ");
         let names = crate::names::CALLS[..35].join(" ");
-        // A program that is not an interpreter is detected here, before anything is lost.
+        // A program that is not an interpreter is detected here, before any data is lost.
         let greeted = match python.send(b'I', &[file.as_bytes(), b"\n", names.as_bytes()]) {
             Ok(()) => python.event()?,
             Err(error) => return Err(python.died(error)),
@@ -103,12 +103,13 @@ impl Python {
         }
     }
 
-    /// Begins to execute a piece of the script that begins at `line`; events follow until it is done.
+    /// Begins to execute a piece of the script that begins at `line`. Events follow until it is done.
     pub(crate) fn execute(&mut self, line: u32, code: &[u8]) -> io::Result<()> {
         self.send(b'X', &[&line.to_le_bytes(), code]).map_err(|error| self.died(error))
     }
 
-    /// Goes on with another file; what those before defined stays. Returns whether names of calls mean something else.
+    /// Continues with another file. The definitions of the files before stay. Returns true when names of calls have
+    /// another meaning.
     pub(crate) fn go_on(&mut self, file: &str) -> io::Result<bool> {
         let file = file.replace('\n', " ");
         self.send(b'N', &[file.as_bytes()]).map_err(|error| self.died(error))?;
@@ -137,7 +138,7 @@ impl Python {
         }
     }
 
-    /// Why there is nothing more to read.
+    /// Returns the reason why there is nothing more to read.
     fn died(&mut self, error: io::Error) -> io::Error {
         if !matches!(error.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::BrokenPipe) {
             return error;
@@ -149,13 +150,13 @@ impl Python {
     }
 }
 
-/// Reads a frame; `None` when it makes no sense. An end inside of one or before it is an error.
+/// Reads a frame. Returns `None` when its content is invalid. An end inside of a frame or before it is an error.
 pub(crate) fn receive(from: &mut dyn Read) -> io::Result<Option<Event>> {
     let (kind, payload) = frames::receive(from)?;
     Ok(event(kind, &payload))
 }
 
-/// The content of a frame.
+/// Decodes the content of a frame.
 fn event(kind: u8, payload: &[u8]) -> Option<Event> {
     let mut frame = Frame(payload);
     Some(match kind {

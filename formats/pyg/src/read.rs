@@ -1,4 +1,4 @@
-//! The reader: flat statements at full speed, everything else by Python.
+//! The reader. It reads flat statements itself, and everything else with Python.
 
 use crate::bytes::Bytes;
 use crate::flat::{Parser, Statement, Why};
@@ -14,18 +14,18 @@ use std::sync::Arc;
 pub enum PygSource {
     /// A file.
     Path(PathBuf),
-    /// Text in memory, under the name that messages give it.
+    /// Text in memory.
     Bytes {
-        /// Shown in messages, as `<string>`.
+        /// The name in messages, such as `<string>`.
         name: Arc<str>,
-        /// The scene.
+        /// The text of the scene.
         bytes: Vec<u8>,
     },
-    /// A stream, as standard input, under the name that messages give it.
+    /// A stream, such as standard input.
     Stream {
-        /// Shown in messages, as `<stdin>`.
+        /// The name in messages, such as `<stdin>`.
         name: Arc<str>,
-        /// The scene.
+        /// The text of the scene.
         stream: Box<dyn Read + Send>,
     },
 }
@@ -37,7 +37,7 @@ impl std::fmt::Debug for PygSource {
 }
 
 impl PygSource {
-    /// The name that messages give it.
+    /// Returns the name of the source in messages.
     pub fn name(&self) -> Arc<str> {
         match self {
             Self::Path(path) => path.to_string_lossy().as_ref().into(),
@@ -87,7 +87,7 @@ pub fn read(
     let scripts = options.scripts.as_ref().filter(|_| !options.safe && !options.always_pyglet);
     if let Some(scripts) = scripts
         && let Some(mut python) = scripts.python().take()
-        // One that has died is replaced when a script needs it.
+        // An interpreter that has ended is replaced when a script needs one.
         && let Ok(rebound) = python.go_on(&file)
     {
         script.rebound = rebound;

@@ -1,4 +1,4 @@
-//! Statements of a scene one by one: flat ones become calls, and what scripts need of the way there is kept.
+//! Reads the statements of a scene one by one. Flat statements become calls. The text of the others is kept for Python.
 
 use crate::flat::{Parser, Statement, Why};
 use crate::python::Python;
@@ -15,18 +15,18 @@ pub(crate) struct Reader<'a> {
     pub(crate) sink: &'a mut dyn SceneSink,
     pub(crate) options: &'a PygOptions,
     pub(crate) reporter: &'a Reporter,
-    /// Runs what is not flat.
+    /// The state of the script.
     pub(crate) script: Script,
 }
 
-/// True to continue reading.
+/// The state of the reading after a step.
 #[derive(PartialEq)]
 pub(crate) enum Next {
     More,
     End,
 }
 
-/// Makes a call from its name and arguments, and passes it on; errors are reported.
+/// Makes a call from its name and arguments, and passes it on. Errors are reported.
 pub(crate) fn pass_on(
     name: &str,
     args: Vec<Value>,
@@ -51,23 +51,23 @@ pub(crate) fn pass_on(
     Ok(())
 }
 
-/// The script in a scene file, as far as it has run.
+/// The state of the script in a scene file.
 #[derive(Default)]
 pub(crate) struct Script {
     pub(crate) python: Option<Python>,
-    /// It changed what the names of calls mean: nothing is flat any more.
+    /// True when the script changed the meaning of names of calls. Nothing is flat after that.
     pub(crate) rebound: bool,
-    /// Statements that could not be read and were passed over.
+    /// The number of statements that could not be read and were skipped.
     pub(crate) unread: usize,
     /// True when anything could be read.
     pub(crate) read: bool,
-    /// Statements that ended with an exception.
+    /// The number of statements that ended with an exception.
     pub(crate) raised: usize,
-    /// Interpreters that ended early.
+    /// The number of interpreters that ended early.
     pub(crate) deaths: usize,
 }
 
-/// The name of the object that is being made, for messages; nothing when it has none.
+/// Returns the name of the current object, for messages; an empty string when it has none.
 pub(crate) fn object(sink: &dyn SceneSink) -> String {
     match &*granita_scene::attr::NAME.ask(sink) {
         "" => String::new(),
@@ -76,7 +76,7 @@ pub(crate) fn object(sink: &dyn SceneSink) -> String {
 }
 
 impl Reader<'_> {
-    /// The next statement; names that only the script defines make it a statement for Python.
+    /// Reads the next statement. A call of a name that only the script defines is a statement for Python.
     pub(crate) fn statement(&mut self) -> Result<Statement, PygError> {
         let (scripted, rebound) = (self.script.python.is_some(), self.script.rebound);
         self.parser.may_drop = !scripted;

@@ -1,7 +1,8 @@
-//! The part of the reader that runs scripts: pieces of Python go to a child interpreter, and its calls are passed on.
+//! The part of the reader that runs scripts. It passes pieces of Python to a child interpreter, and passes its calls
+//! on.
 //!
-//! An error in a script costs the top-level statement that contains it, like an error in a flat call costs the call.
-//! The script ends early only when it calls for that, or when nothing in it can be read.
+//! After an error in a script, the top-level statement that contains it is lost, like a flat call with an error. The
+//! script ends early only when it requests that, or when nothing in it can be read.
 
 use crate::flat::{Statement, Why};
 use crate::python::{Event, Exception, Python};
@@ -12,26 +13,26 @@ use granita_scene::Stop;
 use std::io;
 use std::path::Path;
 
-/// The number of unreadable statements that are skipped; a file with more of them is not a scene.
+/// The number of unreadable statements after which a file does not count as a scene.
 const MAX_UNREAD: usize = 20;
-/// So many are enough where nothing else could be read either.
+/// The number of unreadable statements after which a file does not count as a scene, when nothing else could be read.
 const MAX_UNREAD_ALONE: usize = 3;
-/// The number of exceptions that are reported; further ones are counted.
+/// The number of exceptions that are reported. Further ones are counted.
 const MAX_TOLD: usize = 20;
-/// So often an interpreter that died is replaced.
+/// The number of times that an interpreter that ended early is replaced.
 const MAX_DEATHS: usize = 3;
 
-/// Python statements are gathered up to this size. Finding the line of a call takes Python longer the longer the piece
-/// is.
+/// The size, in bytes, up to which Python statements are gathered. Python takes longer to find the line of a call in a
+/// longer piece.
 const BATCH: usize = 1 << 15;
 
 /// The reason why a piece of script failed.
 enum Failed {
-    /// It is not valid Python; nothing of it was executed, and the interpreter continues.
+    /// The piece is not valid Python. Nothing of it was executed, and the interpreter continues.
     Unread(Exception),
-    /// The interpreter is gone.
+    /// The interpreter has ended.
     Died(io::Error),
-    /// It failed while it ran.
+    /// The script, or the sink of its calls, ended the reading.
     Ended(PygError),
 }
 
@@ -41,11 +42,11 @@ impl From<PygError> for Failed {
     }
 }
 
-/// Statements for Python: their text, the line where it begins, and where each of them begins.
+/// Statements for Python, with the line of the first one.
 struct Piece {
     line: u32,
     code: Vec<u8>,
-    /// Line and place in `code`.
+    /// The line of each statement, and its index in `code`.
     begins: Vec<(u32, usize)>,
 }
 
@@ -54,7 +55,7 @@ impl Piece {
         Self { line, code: Vec::new(), begins: Vec::new() }
     }
 
-    /// Ends the last line, and adds empty ones up to `line`: comments were left out.
+    /// Ends the last line, and adds empty lines up to `line` in place of comments that were left out.
     fn go_to(&mut self, line: u32) {
         if !self.code.is_empty() && self.code.last() != Some(&b'\n') {
             self.code.push(b'\n');
@@ -84,7 +85,7 @@ impl Reader<'_> {
                     let before = piece.code.len();
                     piece.go_to(next);
                     if self.take(&mut piece.code)?.is_some() {
-                        // Dealt with when it comes up again.
+                        // It is reported when it is read again.
                         piece.begins.pop();
                         piece.code.truncate(before);
                         self.parser.bytes.back_to(mark);
@@ -105,7 +106,7 @@ impl Reader<'_> {
             Some(Statement::End) => Ok(Next::End),
             Some(Statement::Broken(why)) => Err(self.malformed(why)),
             Some(Statement::Call { name, args, line }) => {
-                // The piece just executed may have changed what the name means.
+                // The executed piece may have changed the meaning of the name.
                 if self.script.rebound {
                     self.parser.again();
                     return Ok(Next::More);
@@ -115,8 +116,8 @@ impl Reader<'_> {
         }
     }
 
-    /// Takes the next statement for Python. A call of the scene interface that is none, because a string or a bracket
-    /// has no end, is passed over up to the next line with a call; what is missing is returned.
+    /// Takes the next statement for Python. A call of the scene interface in which a string or a bracket has no end is
+    /// skipped up to the next line with a call. The missing part is then returned.
     fn take(&mut self, code: &mut Vec<u8>) -> Result<Option<&'static str>, PygError> {
         let mark = self.parser.bytes.mark();
         let start = code.len();
@@ -131,7 +132,7 @@ impl Reader<'_> {
         Ok(missing)
     }
 
-    /// Reports a call without its end.
+    /// Reports a call that has no end.
     fn missing(&mut self, line: u32, missing: &str) {
         self.script.unread += 1;
         let text = format!("{missing}: the call is ignored{}", object(self.sink));
@@ -153,7 +154,7 @@ impl Reader<'_> {
                 piece.begins.pop();
                 piece.code.truncate(before);
                 self.missing(line, missing);
-                // Lines must stay in step, and calls in order.
+                // Lines must agree with those of the file, and calls must keep their order.
                 break;
             }
         }
@@ -164,7 +165,7 @@ impl Reader<'_> {
         self.piece(&piece)
     }
 
-    /// Executes all that is left, as one piece.
+    /// Executes the rest of the file as one piece.
     pub(crate) fn all_python(&mut self, why: &Why) -> Result<Next, PygError> {
         self.start(why)?;
         let mut piece = Piece::new(self.parser.bytes.line());
@@ -206,8 +207,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Executes a piece. When it is not valid Python, its statements are executed one after the other, and the
-    /// invalid ones are reported.
+    /// Executes a piece. When it is not valid Python, its statements are executed one after the other, and the invalid
+    /// ones are reported.
     fn piece(&mut self, piece: &Piece) -> Result<Next, PygError> {
         let unread = match self.execute(piece.line, &piece.code) {
             Ok(next) => return Ok(next),
@@ -226,7 +227,7 @@ impl Reader<'_> {
                 Ok(Next::More) => {}
                 Ok(Next::End) => return Ok(Next::End),
                 Err(Failed::Unread(unread)) => self.unread(unread, statement)?,
-                // Those behind it have nothing to build upon.
+                // The following statements may need definitions that are lost.
                 Err(Failed::Died(error)) => return self.died(line, &error),
                 Err(Failed::Ended(error)) => return Err(error),
             }
@@ -234,7 +235,7 @@ impl Reader<'_> {
         Ok(Next::More)
     }
 
-    /// Reports a statement that is not valid Python; returns an error when there are too many of them.
+    /// Reports a statement that is not valid Python. Returns an error when there are too many of them.
     fn unread(&mut self, unread: Exception, statement: &[u8]) -> Result<(), PygError> {
         self.script.unread += 1;
         let at = Location::line(&self.file, unread.line);
@@ -261,7 +262,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Reports an interpreter that ended early; an error when it has happened too often.
+    /// Reports an interpreter that ended early. Returns an error when that has happened too often.
     fn died(&mut self, line: u32, error: &io::Error) -> Result<Next, PygError> {
         if self.options.supervisor.has_ended() {
             return Err(PygError::Stopped(Stop::Exit));
@@ -277,7 +278,8 @@ impl Reader<'_> {
         Ok(Next::More)
     }
 
-    /// To be called at the end of the file. Then renderers that the script created have processed all their calls.
+    /// Waits until the renderers that the script created have processed all their calls. It must be called at the end
+    /// of the file.
     pub(crate) fn finish_renderers(&mut self) -> Result<(), PygError> {
         let line = self.parser.bytes.line();
         match self.script.python.is_some().then(|| self.execute(line, b"__granita_finish__ ()\n")) {
@@ -287,7 +289,7 @@ impl Reader<'_> {
         }
     }
 
-    /// To be called at the end of the file: tells how many exceptions were only counted.
+    /// Reports the number of exceptions that were only counted. It must be called at the end of the file.
     pub(crate) fn sum_up(&self) {
         if let Some(more) = self.script.raised.checked_sub(MAX_TOLD).filter(|more| *more > 0) {
             let at = Location { file: self.file.clone(), ..Location::default() };
@@ -303,7 +305,7 @@ impl Reader<'_> {
         let Some(mut python) = self.script.python.take() else { return Ok(Next::End) };
         let next = self.converse(&mut python, line, code);
         self.script.read |= next.is_ok();
-        // After any other failure nobody knows what state the script is in.
+        // After any other failure, the state of the script is unknown.
         if matches!(next, Ok(_) | Err(Failed::Unread(_))) {
             self.script.python = Some(python);
         }
@@ -320,7 +322,7 @@ impl Reader<'_> {
                     let value = self.sink.attribute(&name);
                     python.answer(value.as_ref()).map_err(Failed::Died)?;
                 }
-                // Only programs that start the renderer send these.
+                // Only programs that start the renderer send these events.
                 Event::File(_) | Event::Text(_) | Event::Wait => {}
                 Event::Printed(text) => {
                     printed.push_str(&text);
@@ -356,7 +358,7 @@ impl Reader<'_> {
         }
     }
 
-    /// A last printed line without an end.
+    /// Reports a last printed line that has no line end.
     fn say_rest(&self, mut printed: String) {
         if !printed.is_empty() {
             printed.push('\n');
@@ -365,7 +367,7 @@ impl Reader<'_> {
     }
 }
 
-/// An exception in words, with the call that a missing name looks like.
+/// Describes an exception. A missing name that is similar to a call is followed by the name of the call.
 fn described(exception: &Exception) -> String {
     let missing = Some(&*exception.name).filter(|name| !name.is_empty());
     let hint = hint(missing.and_then(|name| granita_base::suggestion(name, names::CALLS)));

@@ -1,18 +1,18 @@
-//! Cuts statements that are no flat calls out of the source, for Python to execute.
+//! Cuts statements that are not flat calls out of the source, for Python to execute.
 
 use crate::bytes::Bytes;
 use std::io;
 
-/// What a statement may lack.
+/// The part that a statement lacks.
 const STRING: &str = "a string without its end";
 const BRACKET: &str = "a bracket without its end";
 
-/// Words that continue a compound statement at the same indentation.
+/// The words that continue a compound statement at the same indentation.
 const CONTINUED: [&[u8]; 4] = [b"else", b"elif", b"except", b"finally"];
 
-/// Takes the next statement: one logical line, and the indented block that belongs to it.
+/// Takes the next statement, which is one logical line and the indented block that belongs to it.
 ///
-/// The text is as written, except that binary arrays (reference 3.7) become lists. Returns what is missing when its
+/// The text is unchanged, except that binary arrays (reference 3.7) become lists. Returns the missing part when its
 /// first line cannot be Python because a string or a bracket has no end.
 pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<&'static str>> {
     let mut decorated = bytes.peek()? == Some(b'@');
@@ -21,7 +21,7 @@ pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result
         return Ok(missing);
     }
     loop {
-        // Blank lines and comments belong to the block only if the block goes on behind them.
+        // Blank lines and comments belong to the block only if the block continues after them.
         let start = bytes.mark();
         let blank = take_blank_lines(bytes)?;
         let next = bytes.peek()?;
@@ -43,7 +43,7 @@ pub(crate) fn take_statement(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result
     }
 }
 
-/// Passes over the line that begins here and all others up to one that begins with a call of the scene interface.
+/// Skips the line that begins here and all others up to one that begins with a call of the scene interface.
 pub(crate) fn skip_to_call(bytes: &mut Bytes) -> io::Result<()> {
     loop {
         while let Some(c) = bytes.peek()? {
@@ -58,7 +58,7 @@ pub(crate) fn skip_to_call(bytes: &mut Bytes) -> io::Result<()> {
     }
 }
 
-/// Whether a statement begins with the name of a call and a parenthesis.
+/// True when a statement begins with the name of a call and a parenthesis.
 pub(crate) fn begins_with_call(statement: &[u8]) -> bool {
     let statement = &statement[..statement.len().min(64)];
     let end = statement.iter().position(|c| !c.is_ascii_alphanumeric() && *c != b'_').unwrap_or(0);
@@ -66,7 +66,7 @@ pub(crate) fn begins_with_call(statement: &[u8]) -> bool {
     next == Some(&b'(') && std::str::from_utf8(&statement[..end]).is_ok_and(crate::names::is_call)
 }
 
-/// Takes all that is left.
+/// Takes the rest of the source.
 pub(crate) fn take_rest(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
     while bytes.peek()?.is_some() {
         take_logical_line(bytes, out)?;
@@ -74,7 +74,7 @@ pub(crate) fn take_rest(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> 
     Ok(())
 }
 
-/// Whether one of the continuing words stands here.
+/// True when one of the continuing words comes next.
 fn continues(bytes: &mut Bytes) -> io::Result<bool> {
     let ahead = bytes.ahead(16)?;
     Ok(CONTINUED.iter().any(|word| {
@@ -83,7 +83,7 @@ fn continues(bytes: &mut Bytes) -> io::Result<bool> {
     }))
 }
 
-/// Passes over lines that are blank or comments; how many.
+/// Skips lines that are blank or comments. Returns their number.
 fn take_blank_lines(bytes: &mut Bytes) -> io::Result<usize> {
     let mut lines = 0;
     loop {
@@ -110,12 +110,13 @@ fn take_blank_lines(bytes: &mut Bytes) -> io::Result<usize> {
     }
 }
 
-/// Takes one line with all lines that brackets, long strings and backslashes join to it.
-/// Returns what is missing when it cannot be Python.
+/// Takes one line with all lines that brackets, long strings and backslashes join to it. Returns the missing part when
+/// it cannot be Python.
 fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<&'static str>> {
     let mut depth = 0usize;
     let mut missing = None;
-    // A line with a call inside of brackets: should anything be missing, it is the bracket before it.
+    // True when a line inside of brackets begins with a call. If anything is missing, it is then the bracket before
+    // that line.
     let mut runs_over = false;
     while let Some(c) = bytes.peek()? {
         match c {
@@ -124,7 +125,7 @@ fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<
                 continue;
             }
             0xc2..=0xf4 => {
-                // A letter of more than one byte: what follows is no binary code.
+                // The character has several bytes. The following ones are not binary codes.
                 let n = if c >= 0xf0 {
                     4
                 } else if c >= 0xe0 {
@@ -142,7 +143,7 @@ fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<
             }
             b'"' | b'\'' => {
                 if !take_string(bytes, out)? {
-                    // A mistake whatever follows: the statement ends with this line.
+                    // This is an error, whatever follows. The statement ends with this line.
                     missing = Some(if runs_over { BRACKET } else { STRING });
                     depth = 0;
                 }
@@ -181,7 +182,7 @@ fn take_logical_line(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<Option<
     Ok(missing.or((depth > 0).then_some(BRACKET)))
 }
 
-/// Takes a string; `false` when the line, or the file, ends before it.
+/// Takes a string. Returns false when the line, or the file, ends before the string does.
 fn take_string(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<bool> {
     let quote = bytes.peek()?.unwrap_or(b'"');
     let triple = bytes.peek_at(1)? == Some(quote) && bytes.peek_at(2)? == Some(quote);
@@ -213,7 +214,8 @@ fn take_string(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// A binary array as a list; one that is cut short is left out, which Python then complains about.
+/// Takes a binary array and appends it as a list. An array that is cut short is left out, which Python then reports as
+/// an error.
 fn take_binary(bytes: &mut Bytes, out: &mut Vec<u8>) -> io::Result<()> {
     use std::io::Write;
     let code = bytes.peek()?.unwrap_or(0);
@@ -251,7 +253,7 @@ mod tests {
         while bytes.peek().unwrap().is_some() {
             let mut out = Vec::new();
             take_statement(&mut bytes, &mut out).unwrap();
-            // A lone comment comes out as an empty line.
+            // A comment alone becomes an empty line.
             if out != b"\n" {
                 all.push(String::from_utf8(out).unwrap());
             }

@@ -1,4 +1,4 @@
-//! Calls from a program that started the renderer, as the Python package does.
+//! Reads calls from a program that started the renderer, such as the Python package.
 
 use crate::frames::{put_value, send};
 use crate::python::{Event, receive};
@@ -9,15 +9,15 @@ use granita_scene::SceneSink;
 use std::io::{self, Read, Write};
 use std::sync::Arc;
 
-/// Passes the calls of a stream on until it ends, and answers its questions on `output`.
+/// Passes the calls of a stream on until it ends, and answers its queries on `output`.
 ///
-/// Frames on both sides are those of [`crate::frames`]: `C` a call, `F` the file that calls come from, `T` calls as
-/// flat Pyg, `A` asks for an attribute (answered by `G` with its value), `W` waits (answered by `W` with the number of
-/// errors so far). `bindings/python/gelato/_stream.py` is the other side.
+/// Frames in both directions are those of [`crate::frames`]. `C` is a call, `F` the file that calls come from, and `T`
+/// calls as flat Pyg. `A` queries an attribute, and `G` answers with its value. `W` waits, and `W` answers with the
+/// number of errors so far. `bindings/python/gelato/_stream.py` is the other side.
 ///
 /// # Errors
-/// [`PygError::Malformed`] for frames that make no sense or are cut short, [`PygError::Io`], [`PygError::Stopped`] when
-/// the sink wants no more. Mistakes of single calls are reported, and reading goes on.
+/// Returns [`PygError::Malformed`] for frames that are invalid or cut short, [`PygError::Io`] when the streams fail,
+/// and [`PygError::Stopped`] when the sink stops. Errors of single calls are reported, and reading continues.
 pub fn serve(
     input: &mut dyn Read,
     output: &mut dyn Write,
@@ -30,11 +30,11 @@ pub fn serve(
         what: what.to_owned(),
         at: Location { file: file.clone(), ..Location::default() },
     };
-    // An answer is one piece.
+    // The buffer makes each answer one write.
     let output = &mut io::BufWriter::new(output);
     let mut input = io::BufReader::with_capacity(1 << 18, input);
     loop {
-        // An end between frames is how a stream ends.
+        // A stream may only end between frames.
         if io::BufRead::fill_buf(&mut input).map_err(failed)?.is_empty() {
             return Ok(());
         }
@@ -51,7 +51,7 @@ pub fn serve(
             }
             Some(Event::File(name)) => file = name.into(),
             Some(Event::Text(bytes)) => {
-                // It has no place of its own.
+                // The text does not have a file name.
                 let source = PygSource::Bytes { name: "".into(), bytes };
                 let flat = PygOptions { always_pyglet: true, ..PygOptions::default() };
                 read(source, sink, &flat, reporter)?;

@@ -4,7 +4,7 @@ use crate::flat::{Flat, Parser};
 use std::sync::Arc;
 
 impl Parser {
-    /// Strings side by side are one string.
+    /// Reads string literals. Adjacent ones form one string.
     pub(crate) fn strings(&mut self, raw: bool) -> Flat<Arc<str>> {
         let mut text = self.string(raw)?;
         loop {
@@ -16,7 +16,7 @@ impl Parser {
         }
     }
 
-    /// One string literal, escapes replaced unless `raw`. Bytes that are no UTF-8 are read as Latin-1.
+    /// Reads one string literal. Escapes are replaced unless `raw`. Bytes that are not UTF-8 are read as Latin-1.
     pub(crate) fn string(&mut self, raw: bool) -> Flat<String> {
         let quote = self.bytes.peek()?.unwrap_or(b'"');
         self.bytes.advance();
@@ -54,7 +54,7 @@ impl Parser {
             .unwrap_or_else(|e| e.into_bytes().iter().map(|&b| char::from(b)).collect()))
     }
 
-    /// What follows a backslash.
+    /// Reads the rest of an escape, after the backslash.
     fn escape(&mut self, raw: bool, text: &mut Vec<u8>) -> Flat<()> {
         let Some(c) = self.bytes.peek()? else { return Ok(()) };
         if raw {
@@ -90,7 +90,7 @@ impl Parser {
             b'x' => return self.hex(2, text),
             b'u' => return self.hex(4, text),
             b'U' => return self.hex(8, text),
-            // Python keeps what it does not know.
+            // Python keeps unknown escapes.
             _ => {
                 text.push(b'\\');
                 c

@@ -1,4 +1,4 @@
-//! Constant values: numbers, strings and sequences of them.
+//! Constant values, which are numbers, strings and sequences of them.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ pub(crate) enum Value {
     Seq(Seq),
 }
 
-/// A sequence, flat: nested sequences are joined.
+/// A sequence without nesting. The elements of nested sequences are joined.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Seq {
     Ints(Vec<i32>),
@@ -35,7 +35,7 @@ impl Seq {
         }
     }
 
-    /// Appends an integer; one beyond 32 bits makes the sequence one of floats.
+    /// Appends an integer. One that does not fit into 32 bits turns the sequence into floats.
     pub(crate) fn push_int(&mut self, i: i64) -> Result<(), &'static str> {
         match (&mut *self, i32::try_from(i)) {
             (Self::Ints(v), Ok(i)) => v.push(i),
@@ -46,7 +46,7 @@ impl Seq {
         Ok(())
     }
 
-    /// Appends a float; integers before it become floats.
+    /// Appends a float. Integers before it become floats.
     pub(crate) fn push_float(&mut self, f: f64) -> Result<(), &'static str> {
         match self {
             Self::Floats(v) => v.push(f as f32),
@@ -75,7 +75,7 @@ impl Seq {
         }
     }
 
-    /// Appends a value; a sequence is joined.
+    /// Appends a value. The elements of a sequence are appended.
     pub(crate) fn push(&mut self, value: Value) -> Result<(), &'static str> {
         match value {
             Value::None => Err("None inside a sequence"),
@@ -107,7 +107,7 @@ impl Seq {
         Ok(())
     }
 
-    /// `self` repeated, as `sequence * n` in Python.
+    /// Returns `self` repeated, like `sequence * n` in Python.
     pub(crate) fn repeat(&self, n: i64, limit: usize) -> Result<Self, &'static str> {
         let n = n.max(0) as usize;
         if self.len().checked_mul(n).is_none_or(|total| total > limit) {

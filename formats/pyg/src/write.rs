@@ -1,4 +1,4 @@
-//! The writer: calls as Pyg text, flat and ASCII (reference 3.6, 4.3.12).
+//! The writer. It writes calls as Pyg text, flat and ASCII (reference 3.6, 4.3.12).
 
 use granita_base::shape::KnotSpan;
 use granita_base::{BaseType, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
@@ -7,29 +7,29 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// Lines are broken behind this column.
+/// The column after which lines are broken.
 const WIDTH: usize = 100;
-/// Shorter arrays are written as text even in binary files.
+/// The length from which arrays are written as binary data in binary files.
 const BINARY_FROM: usize = 16;
-/// Text is passed on in pieces of this size.
+/// The number of bytes after which text is passed on.
 const PIECE: usize = 1 << 16;
 
-/// How to write; `Attribute ("int pyg:binary", 1)` and its like change it on the way.
+/// The options for writing. Attributes such as `Attribute ("int pyg:binary", 1)` change them between calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriterOptions {
-    /// Long arrays as binary data (reference 3.7): half the size, much faster to read, no longer Python.
+    /// True when long arrays are binary data (reference 3.7), with half the size. The file is then no longer Python.
     pub binary: bool,
-    /// Parameters as calls of `Parameter` before the call that takes them.
+    /// True when parameters are written as calls of `Parameter`, before the call that takes them.
     pub separate_params: bool,
-    /// Blanks before every statement.
+    /// The number of blanks before every statement.
     pub indent: usize,
 }
 
-/// Writes every call that it receives as Pyg. What it writes is flat (it needs no Python to read) and, unless
-/// binary, plain ASCII; numbers are written with the fewest digits that read back to the same bits.
+/// Writes every call that it receives as Pyg. The text is flat, so that it can be read without Python. It is plain
+/// ASCII unless it is binary. Numbers are written with the fewest digits that read back to the same bits.
 ///
-/// The attributes "pyg:binary", "format:binary", "pyg:separateparams", "pyg:indent" and
-/// "limits:inputlevels" control the writer and are not written themselves.
+/// The attributes "pyg:binary", "format:binary", "pyg:separateparams", "pyg:indent" and "limits:inputlevels" control
+/// the writer and are not written.
 ///
 /// ```
 /// use granita_base::{Location, Param};
@@ -45,16 +45,16 @@ pub struct Writer<W: Write> {
     out: W,
     options: WriterOptions,
     input_levels: i32,
-    /// What `Parameter` gave, for the call that takes it; always empty where parameters are separate.
+    /// The parameters of `Parameter` for the call that takes them. They are always empty where parameters are separate.
     pending: Params,
     line: Line,
 }
 
-/// The statement being written.
+/// The statement that is being written.
 #[derive(Debug, Default)]
 struct Line {
     text: Vec<u8>,
-    /// Where the current line of the text begins.
+    /// The index at which the current line of the text begins.
     start: usize,
     indent: usize,
     first: bool,
@@ -62,42 +62,42 @@ struct Line {
 }
 
 impl<W: Write> Writer<W> {
-    /// Writes text to `out`, in pieces: a buffered writer is not needed.
+    /// Returns a writer to `out`. It passes text on in pieces, so a buffered output is not needed.
     pub fn new(out: W) -> Self {
         Self::with_options(out, WriterOptions::default())
     }
 
-    /// As [`Writer::new`], with other options.
+    /// Returns a writer like [`Writer::new`], with other options.
     pub fn with_options(out: W, options: WriterOptions) -> Self {
         Self { out, options, input_levels: 0, pending: Params::new(), line: Line::default() }
     }
 
-    /// Passes everything on and gives the output back.
+    /// Passes all text on and returns the output.
     ///
     /// # Errors
-    /// What the output says.
+    /// Returns the errors of the output.
     pub fn into_inner(mut self) -> io::Result<W> {
         self.write_pending()?;
         self.flush()?;
         Ok(self.out)
     }
 
-    /// Passes everything on.
+    /// Passes all text on.
     ///
     /// # Errors
-    /// What the output says.
+    /// Returns the errors of the output.
     pub fn flush(&mut self) -> io::Result<()> {
         self.out.write_all(&self.line.text)?;
         self.line.text.clear();
         self.out.flush()
     }
 
-    /// What text was passed on to.
+    /// Returns the output.
     pub fn get_ref(&self) -> &W {
         &self.out
     }
 
-    /// Levels of `Input` that are to be expanded, as set by "limits:inputlevels".
+    /// Returns the number of levels of `Input` that are expanded, as set by "limits:inputlevels".
     pub fn input_levels(&self) -> i32 {
         self.input_levels
     }
@@ -160,7 +160,7 @@ impl<W: Write> Writer<W> {
         if self.options.binary && values.len() >= BINARY_FROM {
             return self.raw(0x82, values.len(), values.iter().map(|f| f.to_le_bytes()));
         }
-        // One value with a point makes the sequence one of floats.
+        // One value with a point turns the whole sequence into floats.
         let mut keep = keep_float && values.iter().all(|f| is_whole(*f));
         self.line.text.push(b'(');
         for (i, f) in values.iter().enumerate() {
@@ -196,7 +196,7 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// A binary array. Lengths beyond what the format can say are impossible in memory of this kind.
+    /// Writes a binary array. The format limits its length to `i32::MAX` values.
     fn raw(&mut self, code: u8, n: usize, words: impl Iterator<Item = [u8; 4]>) -> io::Result<()> {
         let n = i32::try_from(n).map_err(|_| io::Error::other("an array is too long for binary Pyg"))?;
         self.line.text.push(code);
@@ -206,7 +206,7 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
-    /// Passes finished lines of a long statement on.
+    /// Passes the finished lines of a long statement on.
     fn relieve(&mut self) -> io::Result<()> {
         if self.line.text.len() >= PIECE && self.line.start > 0 {
             let start = std::mem::take(&mut self.line.start);
@@ -218,7 +218,7 @@ impl<W: Write> Writer<W> {
 
     fn value(&mut self, data: &ParamData, ty: ParamType) -> io::Result<()> {
         let single = data.len() == 1 && ty.array.is_none();
-        // Where no type says so, the text itself has to tell floats from integers.
+        // Without a type in the declaration, the text itself must distinguish floats from integers.
         let keep_float = matches!(ty.base, BaseType::Unknown | BaseType::Int | BaseType::String);
         match data {
             ParamData::Float(v) if single => {
@@ -258,7 +258,7 @@ impl<W: Write> Writer<W> {
         self.value(&param.data, param.ty)
     }
 
-    /// A call that takes parameters: `head` writes the arguments before them.
+    /// Writes a call that takes parameters. `head` writes the arguments before them.
     fn with_params(
         &mut self,
         name: &str,
@@ -284,7 +284,7 @@ impl<W: Write> Writer<W> {
         self.end()
     }
 
-    /// Writes parameters that no call has taken as calls of their own.
+    /// Writes the parameters that no call has taken, as calls of their own.
     fn write_pending(&mut self) -> io::Result<()> {
         for param in std::mem::take(&mut self.pending).0 {
             self.separate(&param)?;
@@ -298,14 +298,14 @@ impl<W: Write> Writer<W> {
         self.end()
     }
 
-    /// A call with strings only.
+    /// Writes a call that has only strings.
     fn strings(&mut self, name: &str, args: &[&str]) -> io::Result<()> {
         self.begin(name);
         args.iter().for_each(|a| self.string(a));
         self.end()
     }
 
-    /// A call with numbers only.
+    /// Writes a call that has only numbers.
     fn numbers(&mut self, name: &str, args: &[f32]) -> io::Result<()> {
         self.begin(name);
         args.iter().for_each(|a| self.number(*a));
@@ -362,7 +362,7 @@ impl<W: Write> Writer<W> {
         })
     }
 
-    /// Shader and Light: name, layer and parameters.
+    /// Writes a Shader or Light call with its name, layer and parameters.
     fn shader(
         &mut self,
         call: &str,
@@ -395,7 +395,7 @@ impl<W: Write> Writer<W> {
                 self.write_pending()?;
             }
         } else if let Some(more) = attr::PYG_INDENT.given(param) {
-            // Relative; more than any editor shows is a mistake.
+            // The value is relative to the current indentation. A very large indentation is an error of the scene.
             let indent = self.options.indent as i64 + i64::from(more);
             self.options.indent = indent.clamp(0, 256) as usize;
         } else if let Some(levels) = attr::LIMITS_INPUTLEVELS.given(param) {
@@ -412,7 +412,7 @@ impl<W: Write> Writer<W> {
         let name = call.name();
         match call {
             Call::Parameter(p) if self.options.separate_params => self.separate(p),
-            // Goes into the call that takes it.
+            // The parameter is written in the call that takes it.
             Call::Parameter(p) => {
                 self.pending.set(p.clone());
                 Ok(())
@@ -434,7 +434,7 @@ impl<W: Write> Writer<W> {
             Call::SetTransform(TransformTarget::Named(space)) => self.strings(name, &[space]),
             Call::SetTransform(TransformTarget::Matrix(m)) | Call::AppendTransform(m) => {
                 self.begin(name);
-                // Sixteen numbers stay readable.
+                // A matrix of sixteen numbers stays readable.
                 let binary = std::mem::take(&mut self.options.binary);
                 let result = self.floats(&m[..], false);
                 self.options.binary = binary;
@@ -526,7 +526,7 @@ impl<W: Write> SceneSink for Writer<W> {
     }
 }
 
-/// The declaration as it is written: also an interpolation without a type.
+/// Returns the declaration as it is written. It may have an interpolation without a type.
 fn declaration(param: &Param) -> String {
     if param.ty.base == BaseType::Unknown && param.ty.interp != Interp::Constant {
         return format!("{} {}", param.ty.interp.word(), param.name);
@@ -534,16 +534,16 @@ fn declaration(param: &Param) -> String {
     param.declaration()
 }
 
-/// Whether the number can be written without a point.
+/// True when the number can be written without a point.
 fn is_whole(f: f32) -> bool {
     f.fract() == 0.0 && f.abs() < 1.0e9 && (f != 0.0 || f.is_sign_positive())
 }
 
 impl Line {
-    /// Puts a word down, on a new line if this one is full.
+    /// Appends a word, on a new line if the current one is full.
     fn put(&mut self, word: &str) {
         let column = self.text.len() - self.start;
-        // What the gap before it left at the end of the line is not kept.
+        // The blank at the end of the full line is removed.
         if column + word.len() > WIDTH && column > self.indent + 16 && self.text.last() == Some(&b' ') {
             self.text.pop();
             self.text.push(b'\n');

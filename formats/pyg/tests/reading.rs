@@ -1,5 +1,5 @@
 // tidy: tests
-//! The reader: spellings, places of mistakes, scripts.
+//! Tests of the reader: spellings, positions of errors, and scripts.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::{Location, Param, ParamData, Params, Reporter, ShapeDesc};
@@ -54,14 +54,14 @@ fn read_with(text: &[u8], options: &PygOptions) -> Outcome {
     Outcome { calls: recorder.calls, told, error }
 }
 
-/// Flat text, without messages.
+/// Reads flat text that must not cause messages.
 fn flat(text: &str) -> Vec<Call> {
     let got = read_with(text.as_bytes(), &PygOptions { always_pyglet: true, ..PygOptions::default() });
     assert!(got.error.is_none() && got.told.is_empty(), "{:?} {:?}", got.told, got.error);
     got.calls.into_iter().map(|(_, c)| c).collect()
 }
 
-/// Whether scripts can be tested here at all.
+/// True when scripts can be tested here.
 fn has_python() -> bool {
     granita_needs::has("python3")
 }
@@ -141,7 +141,7 @@ fn types_of_values() {
     assert_eq!(data("Attribute ('a', True)"), ParamData::from(1));
     assert_eq!(data("Attribute ('a', 4294967296)"), ParamData::from(4_294_967_296.0_f32));
     assert_eq!(data("Attribute ('string[1] a', ('x',))"), ParamData::from("x"));
-    // What a later point in the file says about integers does not change earlier ones.
+    // Large integers keep their values in a sequence of integers.
     assert_eq!(data("Attribute ('a', (16777217, 1))"), ParamData::from(&[16_777_217, 1][..]));
     assert_eq!(data("Attribute ('float a', 1e999)"), ParamData::from(f32::INFINITY));
 }
@@ -151,7 +151,7 @@ fn binary_arrays() {
     let mut text = b"Attribute (\"float[2] a\", ".to_vec();
     text.extend([0x82, 2, 0, 0, 0]);
     text.extend(1.5f32.to_le_bytes());
-    // A line end and a bracket inside of the data.
+    // The data contains a line end and a bracket.
     text.extend([0x0a, 0x29, 0x0a, 0x41]);
     text.extend(b")\nAttribute ('int[1] b', [");
     text.extend([0x81, 0, 0, 0, 1, 0xff, 0xff, 0xff, 0xfe]);
@@ -223,7 +223,7 @@ fn scripts_need_permission_and_an_interpreter() {
     let none = PygOptions { python: Some(PathBuf::from("/nonexistent/python3")), ..PygOptions::default() };
     let told = read_with(text, &none).error();
     assert!(told.starts_with("t.pyg:2: an assignment to \"x\" makes this a Python script, but /nonexistent/python3 cannot be started"), "{told}");
-    // An interpreter that is none.
+    // This program is not an interpreter.
     let wrong = PygOptions { python: Some(PathBuf::from("/bin/false")), ..PygOptions::default() };
     assert!(read_with(text, &wrong).error.is_some());
     assert!(matches!(
@@ -242,10 +242,10 @@ fn statements_have_a_limit() {
     let options = PygOptions { statement_limit: 1 << 20, always_pyglet: true, ..PygOptions::default() };
     let long = format!("Attribute ('float[9] x', ({}))", "1, ".repeat(1_000_000));
     assert!(matches!(read_with(long.as_bytes(), &options).error, Some(PygError::Io { .. })));
-    // Many short ones have none.
+    // The limit does not apply to many short statements.
     let many = "Sphere (1, -1, 1, 360)\n".repeat(100_000);
     assert_eq!(read_with(many.as_bytes(), &options).calls.len(), 100_000);
-    // Nesting has one, too.
+    // The depth of nesting also has a limit.
     let deep = format!("Attribute ('x', {})", "(".repeat(100_000));
     assert!(read_with(deep.as_bytes(), &options).told[0].contains("a bracket without its end"));
     let deep = format!("Attribute ('x', {}{})", "(".repeat(100_000), ")".repeat(100_000));
@@ -256,7 +256,8 @@ fn statements_have_a_limit() {
 
 #[test]
 fn long_statements_are_not_kept() {
-    // Longer than what is kept for Python: flat it is read, and a name in it is a mistake with its line.
+    // The statement is longer than what is kept for Python. It can be read when it is flat. A name in it is an error
+    // with its line.
     let mut text = b"Points (1800000, \"vertex point P\", (\n".to_vec();
     text.extend(b"0.5,1,-2,\n".repeat(1_800_000));
     let good = [&text, &b"))\nScale (1, 2, 3)\n"[..]].concat();
@@ -270,7 +271,7 @@ fn long_statements_are_not_kept() {
 
 #[test]
 fn whole_scripts_are_executed_in_pieces() {
-    // Every statement goes to Python, a batch at a time; lines are those of the file.
+    // Every statement is passed to Python, in batches. The lines are those of the file.
     let mut text = "# a scene\n\n".to_owned();
     for _ in 0..20_000 {
         text += "Scale (1, 2,\n  3) # comment\n\n";
@@ -311,7 +312,7 @@ fn scripts_and_flat_statements_keep_their_order() {
         (11, "Scale"),
     ];
     assert_eq!(got.lines(), want);
-    // All at once gives the same.
+    // The other ways of execution give the same calls.
     for options in [
         PygOptions { chunking: Chunking::Never, ..PygOptions::default() },
         PygOptions { never_pyglet: true, ..PygOptions::default() },
@@ -387,7 +388,8 @@ fn mistakes_of_scripts_have_their_line() {
             assert!(got.told[0].starts_with(expected), "{text}: {:?}", got.told);
             assert_eq!(got.told.len(), 1, "{text}: {:?}", got.told);
             assert!(got.error.is_none(), "{text}: {:?}", got.error);
-            // Nothing of the rest is lost; what is read as one piece is lost with its interpreter or its syntax.
+            // The rest of the file is executed, except where one piece contains a statement that ends the interpreter
+            // or has invalid syntax.
             let whole = options.chunking == Chunking::Never || options.never_pyglet;
             let lost = whole && (text.contains("_exit") || text.contains("if x"));
             assert!(lost || got.lines().last().is_some_and(|l| l.1 == "Render"), "{text}: {:?}", got.lines());
@@ -404,17 +406,17 @@ fn mistakes_of_scripts_have_their_line() {
             assert_eq!(got.lines(), []);
         }
     }
-    // Leaving without a complaint is the end of the file.
+    // Exiting without an error is like the end of the file.
     let Some(got) = script("import sys\nWorld ()\nsys.exit ()\nWorld ()") else { return };
     assert!(got.error.is_none());
     assert_eq!(got.lines(), [(2, "World")]);
-    // Mistakes of single calls do not stop a script; the same one again is only counted.
+    // Errors of single calls do not stop a script. Repetitions of an error are only counted.
     let Some(got) = script("for i in range (2):\n  Sphere (i)\nWorld ()") else { return };
     assert_eq!(got.told.len(), 1);
     assert_eq!(got.lines(), [(3, "World")]);
 }
 
-/// Ways to read what is a script.
+/// Returns the ways in which a script can be read.
 fn every_way() -> [PygOptions; 4] {
     let default = PygOptions::default;
     [
@@ -481,7 +483,7 @@ Render ()
             ["Sphere", "Sphere", "Sphere", "Translate", "Sphere", "Scale", "World", "Translate", "Render"];
         assert_eq!(names, wanted);
     }
-    // Many are counted; statements that are no Python end the file at some point.
+    // Many exceptions are counted. Too many statements that are not Python end the file.
     let Some(got) = script(&"x = []\ny = x[0]\n".repeat(500)) else { return };
     assert_eq!(got.told.len(), 21, "{:?}", got.told);
     assert_eq!(got.told[20], "t.pyg: error: 480 more statements of the script ended with an exception");
@@ -497,7 +499,7 @@ Render ()
 
 #[test]
 fn calls_that_cannot_be_read_are_passed_over() {
-    // Without Python: strings and brackets without their end.
+    // Without Python, strings and brackets without their end are reported.
     let text = "World ()\nTranslate (0, 0,\n# so\nScale (1, 1, 1)\nShader (\"surface\", \"plastic)\nRotate (1, 0, 0, 1)\nSphere (1,";
     let (reporter, said) = Reporter::collecting();
     let mut recorder = Recorder::default();
@@ -515,7 +517,7 @@ fn calls_that_cannot_be_read_are_passed_over() {
             "t.pyg:7: error: a bracket without its end: the call is ignored (object \"béta\")",
         ]
     );
-    // With it: what else is no Python, also between statements that are.
+    // With Python, other invalid statements are reported too, also between valid ones.
     let text =
         "x = 1\nSphere (x, -1 1)\ny = 2\nSphere (x, -y, y, 360)\nSphere (y 3)\nWorld ()\nz = x +\nWorld ()\n";
     let Some(got) = script(text) else { return };
@@ -538,11 +540,11 @@ fn scripts_that_close_their_streams_go_on() {
         assert!(got.error.is_none(), "{close}: {:?}", got.error);
         assert_eq!(got.lines().last().map(|l| l.1), Some("World"), "{close}");
     }
-    // The pipes of the interpreter itself are another matter.
+    // A script that closes the pipes of the interpreter itself ends the interpreter.
     let Some(got) = script("import os\nos.closerange (3, 64)\nWorld ()\n") else { return };
     assert!(got.told[0].starts_with("t.pyg:1: error: the interpreter ended early"), "{:?}", got.told);
     assert_eq!((got.lines(), got.error.is_none()), (vec![(3, "World")], true));
-    // Not for ever.
+    // The interpreter is replaced only a few times.
     let text = "import os\nos._exit (1)\nWorld ()\n".repeat(6);
     let Some(got) = script(&text) else { return };
     assert!(got.error().starts_with("t.pyg:10: the interpreter ended early"), "{}", got.error());
@@ -595,7 +597,7 @@ fn the_reference_s_cylinder() {
     assert_eq!(params.get("Pw").unwrap().data.len(), 18 * 4);
 }
 
-/// Scenes that share their scripts are as one that contains them all; others know nothing of each other.
+/// Scenes that share their scripts behave like one scene that contains them all. Other scenes do not share definitions.
 #[test]
 fn scenes_may_share_what_their_scripts_define() {
     if !has_python() {
@@ -618,16 +620,16 @@ fn scenes_may_share_what_their_scripts_define() {
     let second = named("b.pyg", "Scale (2, 2, 2)\n\nmove (x)\nprint (__file__)\nx = 4\n", &shared);
     assert_eq!(second.lines(), [(1, "Scale"), (3, "Translate")], "{:?}", second.told);
     assert_eq!(second.told, ["b.pyg\n"]);
-    // Mistakes are those of the file that is read.
+    // Errors have the position in the file that is being read.
     let third = named("c.pyg", "\nnosuch (x)\nTranslate (x, 0, 0)\n", &shared);
     assert_eq!(third.lines(), [(3, "Translate")]);
     assert!(third.told[0].starts_with("c.pyg:2: error: NameError"), "{:?}", third.told);
-    // What calls mean goes on as well.
+    // The changed meaning of calls is also shared.
     named("d.pyg", "def Sphere (*a): Scale (9, 9, 9)\n", &shared);
     assert_eq!(named("e.pyg", "Sphere (1, -1, 1, 360)\n", &shared).lines(), [(1, "Scale")]);
     let alone = named("f.pyg", "Translate (x, 0, 0)\n", &PygOptions::default());
     assert!(alone.calls.is_empty() && alone.told[0].contains("NameError"), "{:?}", alone.told);
-    // A flat scene needs no interpreter, and scenes that may run none do not get it.
+    // Scenes that may not run scripts do not get the interpreter.
     let safe = PygOptions { safe: true, ..shared.clone() };
     assert!(named("g.pyg", "Translate (x, 0, 0)\n", &safe).calls.is_empty());
 }

@@ -1,4 +1,5 @@
-//! Calls -> text -> the same calls; and the reader against everything that is no scene.
+//! Tests that calls written as text read back to the same calls. Further tests give the reader text that is not a
+//! scene.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::shape::KnotSpan;
@@ -13,7 +14,7 @@ use granita_scene::{
 use proptest::prelude::*;
 use std::sync::Arc;
 
-/// Keeps all calls.
+/// Records all calls.
 #[derive(Default)]
 struct Recorder(Vec<Call>);
 
@@ -41,7 +42,7 @@ fn written(calls: &[Call], options: WriterOptions) -> Vec<u8> {
     writer.into_inner().unwrap()
 }
 
-/// Any float but NaN, also infinite and denormal ones.
+/// Generates any float except NaN, including infinite and denormal ones.
 fn float() -> impl Strategy<Value = f32> {
     prop_oneof![
         any::<u32>().prop_map(f32::from_bits).prop_filter("NaN is not equal to itself", |f| !f.is_nan()),
@@ -53,7 +54,7 @@ fn float() -> impl Strategy<Value = f32> {
 fn text() -> impl Strategy<Value = Arc<str>> {
     prop_oneof![
         "[a-zA-Z0-9_:./]{0,12}".prop_map(Arc::from),
-        // Not "null": it is another way to say that there is none.
+        // "null" is not expected here, because it is another way to write that there is none.
         any::<String>().prop_map(Arc::from),
     ]
 }
@@ -221,7 +222,8 @@ fn call() -> impl Strategy<Value = Call> {
     prop_oneof![1 => simple, 2 => named, 2 => transforms, 4 => with_params]
 }
 
-/// The calls with the parameters of `Parameter` in the calls that take them; those that none takes at the end.
+/// Returns the calls with the parameters of `Parameter` moved into the calls that take them. Parameters that no call
+/// takes come at the end.
 fn embedded(calls: &[Call]) -> Vec<Call> {
     let (mut pending, mut out) = (Params::new(), Vec::new());
     for call in calls {
@@ -250,7 +252,7 @@ fn embedded(calls: &[Call]) -> Vec<Call> {
     out
 }
 
-/// Renders nothing; inputs contain a sphere.
+/// A renderer that renders nothing. Its inputs contain a sphere.
 struct Blank;
 
 impl FrameRenderer for Blank {
@@ -274,7 +276,7 @@ impl FrameRenderer for Blank {
     }
 }
 
-/// A layer may have a blank in its name; only a type in front of a name makes it a parameter without a value.
+/// A layer may have a blank in its name. Only a type before a name makes it a parameter without a value.
 #[test]
 fn layers_with_blanks_in_their_names() {
     let (back, told) = read_back(b"Shader (\"surface\", \"matte\", \"base \")\n".to_vec());
@@ -321,7 +323,7 @@ proptest! {
         let rerender = Call::Attribute(Param::declared("int rerender", i32::from(again)).unwrap());
         let calls = std::iter::once(rerender).chain(before).chain([Call::World]).chain(after);
         for call in calls.chain([Call::Render { camera: None }, Call::World, Call::Render { camera: None }]) {
-            // Only `Command ("exit")` stops, and nothing here says it.
+            // Only `Command ("exit")` stops, and no call here is one.
             state.call(call, &Location::default()).unwrap();
         }
         state.end();
@@ -359,7 +361,7 @@ proptest! {
 
 #[test]
 fn every_float_survives() {
-    // A walk through all exponents with many mantissas, both signs.
+    // The values cover all exponents with many mantissas, with both signs.
     let mut values = Vec::new();
     let mut bits = 1u32;
     while bits < 0x7f80_0000 {

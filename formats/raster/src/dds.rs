@@ -1,4 +1,4 @@
-//! DDS: the format of graphics cards (Microsoft, "DDS file layout", "Programming guide for DDS").
+//! DDS, the format of graphics cards (Microsoft, "DDS file layout", "Programming guide for DDS").
 
 mod layout;
 mod output;
@@ -14,15 +14,15 @@ use std::path::Path;
 
 /// The format "dds".
 ///
-/// Read: the block compressions BC1 to BC7 (also called DXT1 to DXT5, ATI1, ATI2), uncompressed integers of
-/// any masks up to 32 bits per pixel, and 16 or 32-bit floats and integers; MIP levels; the faces of cubes and
-/// the elements of arrays as further images. Written: uncompressed, with MIP levels: 8 bits of 1 to 4 channels, 16
-/// bits, halves and floats of 1, 2 or 4.
+/// Reading supports the block compressions BC1 to BC7 (also called DXT1 to DXT5, ATI1, ATI2), uncompressed integers of
+/// any masks up to 32 bits per pixel, and 16 or 32-bit floats and integers. MIP levels are read, and the faces of cubes
+/// and the elements of arrays as further images. Files are written uncompressed, with MIP levels, in 8 bits of 1 to 4
+/// channels, or in 16 bits, halves and floats of 1, 2 or 4 channels.
 ///
-/// BC1 to BC3 and BC7 give 8 bits RGBA, BC4 and BC5 8 bits of one and two channels (floats when signed), BC6H halves
-/// RGB. An image with alpha has the attribute `unassociatedalpha` unless its header says otherwise. Images are
-/// written unchanged with a header that describes their alpha. Only those of 8 bits, whose header cannot, are divided
-/// by alpha unless they have the attribute.
+/// BC1 to BC3 and BC7 are read as 8 bits RGBA, BC4 and BC5 as 8 bits of one and two channels (floats when signed), and
+/// BC6H as halves RGB. An image with alpha has the attribute `unassociatedalpha` unless its header declares otherwise.
+/// Images are written unchanged with a header that describes their alpha. Only those of 8 bits, whose header cannot,
+/// are divided by alpha unless they have the attribute.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DdsFormat;
 
@@ -131,7 +131,7 @@ impl Rows for DdsRows {
     }
 }
 
-/// The bits of `word` under `mask`, stretched to `0..=max`.
+/// Returns the bits of `word` under `mask`, scaled to `0..=max`.
 fn scaled(word: u32, mask: u32, max: u64) -> u16 {
     if mask == 0 {
         return max as u16;
@@ -141,7 +141,7 @@ fn scaled(word: u32, mask: u32, max: u64) -> u16 {
     ((value * max + top / 2) / top).min(max) as u16
 }
 
-/// Rows `y0..y1` from rows of 4 x 4 blocks, the first of which holds `y0`.
+/// Returns rows `y0..y1` from rows of 4 x 4 blocks. The first row of blocks holds `y0`.
 fn decode_blocks(kind: Block, spec: &ImageSpec, bytes: &[u8], y0: u32, y1: u32) -> Pixels {
     let n = spec.nchannels();
     let across = spec.width.div_ceil(4) as usize;
@@ -159,7 +159,7 @@ fn decode_blocks(kind: Block, spec: &ImageSpec, bytes: &[u8], y0: u32, y1: u32) 
     out
 }
 
-/// The 16 texels of one block.
+/// Returns the 16 texels of one block.
 fn decode_block(kind: Block, block: &[u8]) -> Pixels {
     let mut bytes = [0u8; 64];
     match kind {
@@ -208,7 +208,8 @@ mod tests {
         assert_eq!(scaled(u32::MAX, u32::MAX, 65535), 65535);
     }
 
-    /// A block of two colours of BC1, computed by hand from the format: red and blue, and two thirds between.
+    /// The block of two colours of BC1 is computed from the format's description. It has red and blue, and two mixtures
+    /// by thirds.
     #[test]
     fn a_block_by_hand() {
         let block = [0x00, 0xf8, 0x1f, 0x00, 0b1110_0100, 0b1110_0100, 0b1110_0100, 0b1110_0100];
@@ -218,7 +219,7 @@ mod tests {
         assert_eq!(texels[8..12], [170, 0, 85, 255]);
         assert_eq!(texels[12..16], [85, 0, 170, 255]);
         assert_eq!(texels[16..32], texels[..16]);
-        // Alpha of BC4: two ends, all texels the first.
+        // The block is alpha of BC4 with two end values. All texels have the first.
         let Pixels::U8(texels) = decode_block(Block::Bc4 { signed: false }, &[200, 100, 0, 0, 0, 0, 0, 0])
         else {
             panic!()

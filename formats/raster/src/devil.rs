@@ -1,15 +1,15 @@
-//! The format "DevIL" (reference 7.4.7): the name of the library that stood for four formats.
+//! The format "DevIL" (reference 7.4.7), the name of the library that supported four formats.
 
 use crate::{FORMATS, PngFormat, SgiFormat};
 use granita_image::{CreateOptions, Format, ImageError, ImageInput, ImageOutput, Limits, PixelType, Result};
 use std::path::Path;
 use std::sync::Arc;
 
-/// "DevIL": BMP, PNG, SGI or Targa, by the extension of the file; 8 bits of each channel.
+/// The format "DevIL", which is BMP, PNG, SGI or Targa by the extension of the file, with 8 bits per channel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct DevilFormat;
 
-/// The formats that it stands for.
+/// Returns the formats that it represents.
 fn formats() -> Vec<Arc<dyn Format>> {
     let mut all: Vec<Arc<dyn Format>> = vec![Arc::new(PngFormat), Arc::new(SgiFormat)];
     let plain = FORMATS.iter().filter(|f| matches!(f.name(), "bmp" | "tga"));
@@ -38,7 +38,7 @@ impl Format for DevilFormat {
     }
 
     fn recognizes(&self, _head: &[u8]) -> bool {
-        // Files are of the formats themselves.
+        // The files are recognized by the formats themselves.
         false
     }
 

@@ -4,9 +4,9 @@ use crate::whole::Place;
 use granita_image::Result;
 use std::io::{self, Read};
 
-/// Checks the memory for decoding the first image beside the screen, against the length of the file, of which one
-/// byte stands for at most `ratio` bytes of pixels, and against the memory that the system grants. A file without an
-/// image is left to the decoder.
+/// Checks the memory for decoding the first image beside the screen. It is compared with the length of the file, of
+/// which one byte represents at most `ratio` bytes of pixels, and with the memory that the system grants. A file
+/// without an image is left to the decoder.
 ///
 /// # Errors
 /// Returns an error for an image that is too large, and errors of reading the file.
@@ -26,12 +26,12 @@ fn first_picture(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
     let mut head = [0; 13];
     file.read_exact(&mut head)?;
     if head[10] & 0x80 != 0 {
-        // The palette of the screen.
+        // The bytes are the palette of the screen.
         skip(file, 3 << ((head[10] & 7) + 1))?;
     }
     loop {
         match byte(file)? {
-            // An extension: its label, then blocks of which the last one is empty.
+            // An extension is its label, and then blocks of which the last one is empty.
             0x21 => {
                 byte(file)?;
                 while let length @ 1.. = byte(file)? {

@@ -1,4 +1,4 @@
-//! Maya's image files (Autodesk, "Maya File Formats": image file format): tiles of RGBA and depth in chunks.
+//! Maya's image files (Autodesk, "Maya File Formats": image file format), which are tiles of RGBA and depth in chunks.
 
 use crate::rows::{Rows, RowsInput};
 use crate::whole::WholeOutput;
@@ -14,19 +14,19 @@ use std::sync::Arc;
 
 /// The format "iff" (reference 7.4.6).
 ///
-/// Read are 8 and 16-bit integers and floats; RGB, RGBA, one channel of alpha, depth, tiles of any position and size,
-/// run-length encoded or not. An image with depth is returned in floats: colours as fractions, then "Z" as it is
-/// stored. Written are 8 and 16 bits, RGB and RGBA; floats only with a last channel "Z", and then colours have 16
-/// bits. `compression` is "rle" (the default) or "none"; `Artist` and `DateTime` are kept.
+/// Reading supports 8 and 16-bit integers and floats, RGB, RGBA, one channel of alpha, depth, and tiles of any position
+/// and size, run-length encoded or not. An image with depth is returned in floats, with colours as fractions, and then
+/// "Z" as it is stored. Writing supports 8 and 16 bits, RGB and RGBA. Floats are written only with a last channel "Z",
+/// and colours then have 16 bits. `compression` is "rle" (the default) or "none". `Artist` and `DateTime` are kept.
 ///
-/// Tiles of 16-bit RGBA are run-length encoded only where both bytes of every alpha are the same: some
-/// programs store the two planes of alpha in the other order than the rest, so that others would be misread.
+/// Tiles of 16-bit RGBA are run-length encoded only where both bytes of every alpha are the same. Some programs store
+/// the two planes of alpha in another order than the rest, so that others would be misread.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct IffFormat;
 
-/// Side of the tiles written.
+/// The side of the written tiles, in pixels.
 const TILE: usize = 64;
-/// Flags of the header.
+/// The flags of the header.
 const RGB: u32 = 1;
 const ALPHA: u32 = 2;
 const DEPTH: u32 = 4;
@@ -90,7 +90,7 @@ impl Format for IffFormat {
 #[derive(Clone, Copy, Debug)]
 struct Tile {
     depth: bool,
-    /// Column and row of the lower left pixel; rows count from the bottom.
+    /// The column and row of the lower left pixel. Rows count from the bottom.
     at: (u32, u32),
     size: (u32, u32),
     /// The offset and the length of its data.
@@ -99,16 +99,16 @@ struct Tile {
 
 struct IffRows {
     tiles: Vec<Tile>,
-    /// Type of the colours, and how many there are.
+    /// The type of the colours, and the number of their channels.
     stored: PixelType,
     colors: usize,
-    /// Rows that are decoded together: those of the highest tile.
+    /// The number of rows that are decoded together, which is that of the highest tile.
     together: u32,
-    /// The rows decoded last, from the first of them, because rows are often read one by one.
+    /// The rows decoded last, with the index of the first of them, because rows are often read one by one.
     last: Mutex<Option<(u32, Arc<Pixels>)>>,
 }
 
-/// Walks through the chunks.
+/// Reads the heads of all chunks.
 fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRows)> {
     let head = source.read_vec(0, 12, "the header")?;
     if !IffFormat.recognizes(&head) {
@@ -117,7 +117,7 @@ fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRo
     let mut header: Option<ImageSpec> = None;
     let (mut flags, mut stored) = (0, PixelType::U8);
     let mut tiles = Vec::new();
-    // Behind the mark, the size and the kind of the file.
+    // The first chunk begins after the mark, the size and the kind of the file.
     let mut at: u64 = 12;
     while at + 8 <= source.len() {
         let chunk = source.read_vec(at, 8, "a chunk")?;
@@ -152,7 +152,7 @@ fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRo
                     spec.attributes.set(word(name, &String::from_utf8_lossy(text)));
                 }
             }
-            // A group: its chunks follow behind its kind.
+            // The chunk is a group, whose own chunks follow after its kind.
             b"FOR4" | b"FORM" => {
                 at = body + 4;
                 continue;
@@ -186,7 +186,7 @@ fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRo
     if flags & DEPTH != 0 {
         spec.channels.push("Z".to_owned());
     }
-    // Tiles that cover each other would be decoded for nothing, as often as the file names them.
+    // Tiles that overlap would be decoded needlessly, as often as the file contains them.
     let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
     let (held, most) = (tiles.iter().map(|t| area(t.size)).sum::<u64>(), 4 * area((spec.width, spec.height)));
     if held > most {
@@ -217,7 +217,7 @@ impl Rows for IffRows {
             out.copy_from(0, held, (y0 - first) as usize * values, n);
             out
         };
-        // The value is replaced whole, so a panic elsewhere cannot have left it half done.
+        // The value is replaced as a whole, so it is consistent even after a panic in another thread.
         let last = || self.last.lock();
         if let Some((first, held)) = &*last()
             && *first <= y0
@@ -225,7 +225,7 @@ impl Rows for IffRows {
         {
             return Ok(cut(*first, held));
         }
-        // Whole rows of tiles, which count from the bottom; many rows are not held.
+        // Few rows are extended to whole rows of tiles, which count from the bottom. Many rows are not held.
         let tile = self.together;
         let keep = y1 - y0 < tile;
         let (mut top, mut bottom) = (y0, y1);
@@ -237,7 +237,7 @@ impl Rows for IffRows {
         Limits::check_memory(source.path(), bytes.saturating_mul(3))?;
         let mut band = Pixels::zeros(spec.pixel_type, (bottom - top) as usize * values);
         for tile in &self.tiles {
-            // Rows of the tile, from the top of the image.
+            // The range of rows of the tile, from the top of the image.
             let (first, end) = (spec.height - tile.at.1 - tile.size.1, spec.height - tile.at.1);
             if end <= top || first >= bottom {
                 continue;
@@ -254,7 +254,7 @@ impl Rows for IffRows {
                 let from = (end - 1 - y) as usize * width * count;
                 let to = (y - top) as usize * values + tile.at.0 as usize * spec.nchannels() + channel;
                 let n = spec.nchannels();
-                // Runs of all channels at once where there are no others between.
+                // A run contains all channels of a row where the tile has all channels.
                 let (run, runs) = if count == n { (width * n, 1) } else { (count, width) };
                 for x in 0..runs {
                     band.copy_from(to + x * n, &pixels, from + x * count, run);
@@ -274,7 +274,7 @@ impl Rows for IffRows {
     }
 }
 
-/// The pixels of a tile, rows from the bottom, channels in the usual order.
+/// Returns the pixels of a tile, with rows from the bottom and channels in the usual order.
 fn decode_tile(source: &FileSource, tile: &Tile, count: usize, pixel_type: PixelType) -> Result<Pixels> {
     let pixels = tile.size.0 as usize * tile.size.1 as usize;
     let size = pixel_type.bytes();
@@ -287,14 +287,15 @@ fn decode_tile(source: &FileSource, tile: &Tile, count: usize, pixel_type: Pixel
     let data = source.read_vec(at, len.min(whole as u64), "a tile")?;
     let mut big_endian = vec![0; whole];
     if len >= whole as u64 {
-        // Channels from the last to the first.
+        // The channels are stored from the last to the first.
         for (to, from) in big_endian.chunks_exact_mut(count * size).zip(data.chunks_exact(count * size)) {
             for c in 0..count {
                 to[c * size..][..size].copy_from_slice(&from[(count - 1 - c) * size..][..size]);
             }
         }
     } else {
-        // Planes of bytes: the most significant of all channels first, channels from the last to the first.
+        // The data has planes of bytes. The most significant bytes of all channels are first, with channels from the
+        // last to the first.
         let mut rest = data.as_slice();
         for byte in 0..size {
             for c in (0..count).rev() {
@@ -308,7 +309,7 @@ fn decode_tile(source: &FileSource, tile: &Tile, count: usize, pixel_type: Pixel
     Ok(Pixels::from_bytes(pixel_type, big_endian, true))
 }
 
-/// Fills every `step`-th of `out` with `count` bytes; returns the data behind.
+/// Fills every `step`-th byte of `out` with `count` bytes. Returns the data after them.
 fn unpack<'a>(mut data: &'a [u8], out: &mut [u8], step: usize, count: usize) -> Option<&'a [u8]> {
     let mut done = 0;
     while done < count {
@@ -328,7 +329,7 @@ fn unpack<'a>(mut data: &'a [u8], out: &mut [u8], step: usize, count: usize) -> 
     Some(data)
 }
 
-/// The inverse of [`unpack`], without a step.
+/// Does the inverse of [`unpack`], without a step.
 fn pack(plane: &[u8], out: &mut Vec<u8>) {
     let same = |from: usize| plane[from..].iter().take(128).take_while(|v| **v == plane[from]).count();
     let mut at = 0;
@@ -348,10 +349,10 @@ fn pack(plane: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// The data of a tile of big-endian values, `count` channels of `size` bytes.
+/// Returns the data of a tile of big-endian values, with `count` channels of `size` bytes.
 fn encode_tile(big_endian: &[u8], count: usize, size: usize, rle: bool) -> Vec<u8> {
     let pixel = count * size;
-    // See the format's documentation.
+    // The documentation of [`IffFormat`] describes the reason.
     let ambiguous = size == 2 && count == 4 && big_endian.chunks_exact(8).any(|p| p[6] != p[7]);
     if rle && !ambiguous {
         let mut out = Vec::new();
@@ -396,7 +397,7 @@ fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()>
     let flags = RGB | if colors == 4 { ALPHA } else { 0 } | if depth { DEPTH } else { 0 };
     head.extend(flags.to_be_bytes());
     head.extend([0, size as u8 - 1]);
-    // More than fit are not counted: readers go by the chunks.
+    // A larger number of tiles is not stored, because readers use the chunks.
     head.extend((u16::try_from(across * down).unwrap_or(u16::MAX)).to_be_bytes());
     head.extend(u32::from(rle).to_be_bytes());
     head.extend([0; 8]);

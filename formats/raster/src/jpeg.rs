@@ -1,4 +1,4 @@
-//! JPEG files that end early: which of their rows are there.
+//! Determines the available rows of JPEG files that end early.
 //!
 //! The decoder fills missing data without an error. So a file without its end mark is decoded again with bytes after
 //! its end, and with their opposites. Rows that come out the same are from the file.
@@ -6,16 +6,16 @@
 /// The end of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// With the end mark.
+    /// The file has the end mark.
     Marked,
-    /// Without the end mark.
+    /// The file does not have the end mark.
     Open {
-        /// All rows come in several passes, each finer than the ones before.
+        /// True when all rows are stored in several passes, each finer than the ones before.
         progressive: bool,
     },
 }
 
-/// Looks for the mark of the end, from segment to segment.
+/// Searches for the end mark, from segment to segment.
 pub(crate) fn ending(bytes: &[u8]) -> Ending {
     let mut progressive = false;
     let mut at = 2;
@@ -23,7 +23,7 @@ pub(crate) fn ending(bytes: &[u8]) -> Ending {
     while let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|b| *b == 0xff)) {
         at += found + 1;
         match bytes.get(at) {
-            // A byte of packed data, a filler, a mark of restart: nothing follows that has a length.
+            // A byte of packed data, a filler, or a mark of restart is not followed by a length.
             Some(0 | 0x01 | 0xd0..=0xd8 | 0xff) => {}
             Some(0xd9) => return Ending::Marked,
             Some(kind) => {
@@ -37,14 +37,14 @@ pub(crate) fn ending(bytes: &[u8]) -> Ending {
     Ending::Open { progressive }
 }
 
-/// Half of a mark at the end is none.
+/// Removes half of a mark at the end.
 pub(crate) fn without_half_a_mark(bytes: &mut Vec<u8>) {
     while bytes.last() == Some(&0xff) {
         bytes.pop();
     }
 }
 
-/// The same file, with other bytes after its end, none of them a mark. With `opposite` each of their bits is
+/// Returns the same file with other bytes after its end, none of which is a mark. With `opposite` each of their bits is
 /// inverted, so that one of the two continues differently from the file.
 pub(crate) fn with_noise(bytes: &[u8], opposite: bool) -> Vec<u8> {
     const NOISE: usize = 4096;
@@ -54,7 +54,7 @@ pub(crate) fn with_noise(bytes: &[u8], opposite: bool) -> Vec<u8> {
     out
 }
 
-/// Any bytes, but 0 and 255.
+/// Returns pseudorandom bytes, except 0 and 255.
 pub(crate) fn noise() -> impl Iterator<Item = u8> {
     let next = |n: &u32| Some(n.wrapping_mul(747_796_405).wrapping_add(2_891_336_453));
     std::iter::successors(Some(0x5a00_0000), next).map(|n| ((n >> 24) as u8).clamp(1, 254))

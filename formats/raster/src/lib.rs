@@ -1,30 +1,34 @@
-//! Plain images: rows, no tiles; levels and several images only in DDS.
+//! Plain images with rows and without tiles. Only DDS has levels and several images.
 //!
 //! | format | read | written |
 //! |---|---|---|
 //! | "png" | every kind | 8 and 16 bits, 1 to 4 channels |
-//! | "jpeg" | grey, RGB, CMYK; turned upright as its Exif data say | 8 bits, grey and RGB; alpha is left out |
+//! | "jpeg" | grey, RGB, CMYK; rotated upright by its Exif data | 8 bits, grey and RGB; alpha is left out |
 //! | "tga" | every kind | 8 bits; grey, RGB, RGBA |
 //! | "bmp" | every kind | 8 bits; grey, RGB, RGBA |
-//! | "pnm" | PBM, PGM, PPM, PAM | 8 and 16 bits, 1 to 4 channels; without alpha under the endings ppm and pgm |
+//! | "pnm" | PBM, PGM, PPM, PAM | 8 and 16 bits, 1 to 4 channels; without alpha under the extensions ppm and pgm |
 //! | "pfm" | grey, RGB | floats, grey and RGB |
 //! | "hdr" | RGBE | RGBE (9 bits of each colour), alpha is left out |
 //! | "sgi" | every kind without a colour map | 8 and 16 bits, any number of channels |
 //! | "iff" (Maya) | 8 and 16 bits, floats, RGB, RGBA, depth | the same; floats with depth |
 //! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
-//! | "gif" | first picture | no |
-//! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the ending of the name |
+//! | "gif" | first image | no |
+//! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
 //!
-//! Invariants: nothing is converted silently (a type or a number of channels that a format cannot hold is
-//! an error at `create`, only alpha may be left out, and then `supports("alpha")` is false).
+//! # Invariants
 //!
-//! **What a reader keeps in memory.** SGI, IFF, DDS, PFM and binary PNM of 8 and 16 bits find any rows by their
-//! place in the file. PNG that is not interlaced is decoded row after row, and nothing is kept; asking for rows
-//! before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM)
-//! are decoded whole at the first touch and kept. Pictures are encoded whole at `close`; DDS as rows come.
+//! Nothing is converted silently. A type or a number of channels that a format cannot store is an error at `create`.
+//! Only alpha may be left out, and `supports("alpha")` is then false.
 //!
-//! Deliberately absent: colour profiles, animation, writing of GIF, compressing to BC1 to BC7, volumes in DDS.
+//! # Memory of readers
+//!
+//! SGI, IFF, DDS, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG that is not
+//! interlaced is decoded row after row without keeping rows. A request for rows before the last ones begins again. The
+//! others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the first request
+//! and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
+//!
+//! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
 #![forbid(unsafe_code)]
 
@@ -53,8 +57,8 @@ pub use self::sgi::SgiFormat;
 use granita_image::Format;
 use std::sync::Arc;
 
-/// All formats of this crate, in the order in which files should be tried. [`DevilFormat`] is a name for some of
-/// them.
+/// Returns all formats of this crate, in the order in which files should be tried. [`DevilFormat`] is a name for some
+/// of them.
 pub fn formats() -> Vec<Arc<dyn Format>> {
     let mut all: Vec<Arc<dyn Format>> = vec![
         Arc::new(PngFormat),

@@ -1,4 +1,4 @@
-//! PFM: floats, grey or RGB, rows from the bottom (Debevec, "PFM Portable FloatMap Image Format").
+//! PFM, which stores floats, grey or RGB, with rows from the bottom (Debevec, "PFM Portable FloatMap Image Format").
 
 use crate::rows::{PlainRows, RowsInput, ends_early};
 use crate::whole::WholeOutput;
@@ -28,7 +28,7 @@ impl Format for PfmFormat {
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let source = FileSource::open(path, "PFM", &limits.files)?;
-        // Four words of no more than 32 bytes, with blanks in between.
+        // The header has four words of at most 32 bytes, separated by blanks.
         let head = source.read_vec(0, source.len().min(256), "the header")?;
         let (header, at) = Header::read(&source, &head)?;
         let spec = ImageSpec::new(header.width, header.height, header.channels, PixelType::Float);
@@ -67,7 +67,7 @@ struct Header {
 }
 
 impl Header {
-    /// The header, and where it ends.
+    /// Returns the header, and its end.
     fn read(source: &FileSource, head: &[u8]) -> Result<(Self, u64)> {
         let mut words: [&str; 4] = [""; 4];
         let mut at = 0;
@@ -92,7 +92,7 @@ impl Header {
             channels: if words[0] == "PF" { 3 } else { 1 },
             big_endian: scale > 0.0,
         };
-        // One blank behind the scale.
+        // One blank follows the scale.
         Ok((header, at as u64 + 1))
     }
 }

@@ -1,4 +1,4 @@
-//! The formats that the `image` crate reads and writes, one row of a table each.
+//! The formats that the `image` crate reads and writes, with one row of a table for each.
 
 use crate::jpeg::{self, Ending};
 use crate::turn::Turn;
@@ -13,20 +13,20 @@ use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
-/// One of the plain image formats: see [`FORMATS`].
+/// One of the plain image formats (see [`FORMATS`]).
 #[derive(Clone, Copy, Debug)]
 pub struct PlainFormat {
     name: &'static str,
     aliases: &'static [&'static str],
     extensions: &'static [&'static str],
-    /// Beginnings of such files; none for a format that has no mark of its own.
+    /// The signatures at the beginning of files. It is empty for a format without a signature.
     magic: &'static [&'static [u8]],
-    /// Name in errors.
+    /// The name in errors.
     title: &'static str,
     image: ImageFormat,
-    /// Types that can be written; the first is the one to prefer. None: it is only read.
+    /// The types that can be written, the preferred one first. It is empty when the format is only read.
     types: &'static [PixelType],
-    /// Numbers of channels that are stored as they are.
+    /// The numbers of channels that are stored as they are.
     channels: &'static [usize],
     /// True when 2 and 4 channels are written as 1 and 3, without their alpha (reference 7.4.5).
     drops_alpha: bool,
@@ -241,26 +241,27 @@ impl PlainFormat {
     }
 }
 
-/// The most bytes of pixels that one byte of a file can stand for, with plenty to spare: files that end early have
-/// fewer.
+/// Returns the largest number of bytes of pixels that one byte of a file can represent, with a margin for files that
+/// end early and have fewer bytes.
 fn most_packed(format: ImageFormat, width: u32) -> u64 {
     /// A file that ends early must have at least a sixteenth of its data.
     const SPARE: u64 = 16;
     SPARE
         * match format {
-            // Eight pixels of a bitmap.
+            // A byte of a bitmap has eight pixels.
             ImageFormat::Pnm => 8,
-            // 255 pixels of a run in two bytes.
+            // A run of 255 pixels takes two bytes.
             ImageFormat::Bmp => 384,
-            // 128 pixels of a run in two bytes, from a palette.
+            // A run of 128 pixels takes two bytes, from a palette.
             ImageFormat::Tga => 256,
-            // 62 pixels of a run in one byte.
+            // A run of 62 pixels takes one byte.
             ImageFormat::Qoi => 248,
-            // A row of runs in eight bytes at least.
+            // A row of runs takes at least eight bytes.
             ImageFormat::Hdr => 2 * u64::from(width.max(1)),
-            // Strings of up to 3838 pixels in 12 bits, each longer by one than the string before.
+            // Strings of up to 3838 pixels take 12 bits. Each is longer by one than the string before.
             ImageFormat::Gif => 8192,
-            // One bit for a block of the greys of 64 pixels, of each of which colours may have four by four pixels.
+            // A block of the greys of 64 pixels takes at least one bit. Each of its colours may cover four by four
+            // pixels.
             ImageFormat::Jpeg => 2048,
             // An image of one colour has no bytes of pixels at all. A side has at most 16384 pixels.
             _ => u64::from(u32::MAX),
@@ -272,7 +273,8 @@ fn straight(format: ImageFormat) -> bool {
     matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif)
 }
 
-/// The turn that makes the pixels of a file upright, from its Exif data. Without useful data the image is not turned.
+/// Returns the turn that makes the pixels of a file upright, from its Exif data. Without useful data the image is not
+/// turned.
 fn turn(decoder: &mut impl ImageDecoder) -> Turn {
     let found = contained(|| decoder.orientation()).ok().and_then(std::result::Result::ok);
     Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
@@ -291,7 +293,7 @@ fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {
 }
 
 fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
-    // A plain function, so the row of the table is found again by its title.
+    // This is a plain function, so the row of the table is found again by its title.
     let format = FORMATS.iter().find(|f| f.title == place.format).map_or(ImageFormat::Tga, |f| f.image);
     let bytes = spec.bytes().unwrap_or(u64::MAX) as usize;
     if format == ImageFormat::Gif {
@@ -303,7 +305,7 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         _ => Part { bytes: decode_into(place, format, vec![0; bytes])?, rest: None },
     };
     let turn = turn(&mut decoder(place, format)?);
-    // Unchanged.
+    // The size as it is stored.
     let (width, height) = turn.size((spec.width, spec.height));
     let row = (bytes / height as usize).max(1);
     let missing = match part.rest {
@@ -317,18 +319,17 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         }
         Some(Rest { there, .. }) => {
             let rows = (there / row) as u32;
-            // Rows missing at the end of the file are missing in every row, or at the start, of an image that is
-            // turned.
+            // When the image is turned, rows missing at the end of the file are missing in every row, or at the start.
             let known = if turn.keeps_rows() { rows } else { 0 };
             Some((known, format!("the file ends early: {rows} of {height} rows are there")))
         }
     };
-    // The decoders deliver values in the order of the machine.
+    // The decoders return values in the byte order of the machine.
     let pixels = Pixels::from_bytes(spec.pixel_type, part.bytes, cfg!(target_endian = "big"));
     Ok(Decoded { pixels: turn.apply(pixels, (width as usize, height as usize), spec.nchannels()), missing })
 }
 
-/// Bytes of pixels, of which some may be missing.
+/// The bytes of pixels, of which some may be missing.
 struct Part {
     bytes: Vec<u8>,
     rest: Option<Rest>,
@@ -336,19 +337,19 @@ struct Part {
 
 /// The missing part.
 struct Rest {
-    /// Bytes of pixels that are there, from the first on.
+    /// The number of available bytes of pixels, from the first on.
     there: usize,
-    /// There may be more in later passes, about all rows.
+    /// True when later passes, which concern all rows, may be missing.
     passes: bool,
 }
 
-/// All pixels, in the bytes of `out`.
+/// Decodes all pixels into the bytes of `out`.
 fn decode_into(place: &Place, format: ImageFormat, mut out: Vec<u8>) -> Result<Vec<u8>> {
     decode_some(place, format, &mut out)?;
     Ok(out)
 }
 
-/// The same as [`decode_into`]; on failure, the pixels decoded before it are kept.
+/// Does the same as [`decode_into`]. On failure, the pixels that were decoded before it are kept.
 fn decode_some(place: &Place, format: ImageFormat, out: &mut [u8]) -> Result<()> {
     let decoder = decoder(place, format)?;
     if decoder.total_bytes() != out.len() as u64 {
@@ -371,7 +372,7 @@ fn decode_jpeg(place: &Place, bytes: usize) -> Result<Part> {
     jpeg::without_half_a_mark(&mut file);
     let noisy = [false, true].map(|opposite| {
         let mut out: Vec<u8> = jpeg::noise().take(bytes).collect();
-        // Data behind the image may be invalid for the decoder.
+        // The decoder may refuse the data after the image.
         let _ = decode_some(&place.holding(jpeg::with_noise(&file, opposite)), ImageFormat::Jpeg, &mut out);
         out
     });
@@ -415,7 +416,7 @@ fn write_fault(file: &Path, error: image::ImageError) -> ImageError {
     }
 }
 
-/// The pixels without alpha, and how many channels are left.
+/// Returns the pixels without alpha, and the number of remaining channels.
 fn without_alpha(pixels: &Pixels, n: usize) -> (Pixels, usize) {
     let left = n - 1;
     let mut out = Pixels::zeros(pixels.pixel_type(), pixels.len() / n * left);
@@ -425,7 +426,7 @@ fn without_alpha(pixels: &Pixels, n: usize) -> (Pixels, usize) {
     (out, left)
 }
 
-/// The color type of `n` channels.
+/// Returns the color type of `n` channels.
 fn color(n: usize, pixel_type: PixelType) -> ExtendedColorType {
     match (n, pixel_type) {
         (1, PixelType::U16) => ExtendedColorType::L16,
@@ -439,7 +440,7 @@ fn color(n: usize, pixel_type: PixelType) -> ExtendedColorType {
     }
 }
 
-/// Values in the byte order of the machine, as the encoders need them.
+/// Returns the values in the byte order of the machine, as the encoders need them.
 fn native_bytes(pixels: Pixels) -> Vec<u8> {
     match pixels {
         Pixels::U8(v) => v,
@@ -480,7 +481,7 @@ fn is_without_alpha(path: &Path, n: usize) -> bool {
     matches!(n, 2 | 4) && ending.is_some_and(|e| matches!(&*e, "ppm" | "pgm"))
 }
 
-/// Binary PGM, PPM, and PAM for alpha; 16-bit values have the most significant byte first.
+/// Encodes binary PGM, PPM, and PAM for alpha. 16-bit values have the most significant byte first.
 fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
     let (w, h, n) = (spec.width, spec.height, spec.nchannels());
     let (pixels, n) = if is_without_alpha(file.path(), n) { without_alpha(&pixels, n) } else { (pixels, n) };
@@ -504,7 +505,7 @@ fn encode_pnm(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result
 fn encode_hdr(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
     let n = spec.nchannels();
     let floats = pixels.to_floats();
-    // RGBE holds neither negative numbers nor NaN, and nothing from 2^127 on.
+    // RGBE cannot store negative numbers, NaN, or numbers from 2^127 on.
     let channel = |p: &[f32], c: usize| if p[c] > 0.0 { p[c].min(1e38) } else { 0.0 };
     let rgb: Vec<_> =
         floats.chunks_exact(n).map(|p| image::Rgb([channel(p, 0), channel(p, 1), channel(p, 2)])).collect();

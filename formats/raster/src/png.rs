@@ -1,4 +1,4 @@
-//! PNG, through the `png` crate.
+//! PNG, read and written by the `png` crate.
 
 use crate::whole::{Decoded, Place, Source, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::{BaseType, Param, ParamType};
@@ -11,29 +11,29 @@ use png::{BitDepth, ColorType, DecodingError, EncodingError};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-/// The format "png": 8 and 16 bits, grey or RGB, with or without alpha.
+/// The format "png", with 8 and 16 bits, grey or RGB, with or without alpha.
 ///
-/// Read is every kind of PNG; palettes and fewer than 8 bits become 8-bit values, a transparent colour becomes alpha.
-/// A PNG holds colours that alpha has *not* been multiplied into: images read have the attribute `int
-/// unassociatedalpha` 1. An image written without this attribute is divided by its alpha (where alpha is 0, colours
-/// are not changed).
+/// Every kind of PNG is read. Palettes and fewer than 8 bits become 8-bit values, and a transparent colour becomes
+/// alpha. The colours of a PNG are *not* multiplied by alpha, so images that are read have the attribute `int
+/// unassociatedalpha` 1. An image that is written without this attribute is divided by its alpha. Where alpha is 0,
+/// colours are not changed.
 ///
-/// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as
-/// texts; `compression` may be "none", "fast" or "zip" (the default).
+/// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as texts.
+/// `compression` may be "none", "fast" or "zip" (the default).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PngFormat;
 
-/// The most bytes that deflate packs into one.
+/// The largest number of bytes that deflate packs into one.
 const DEFLATE: u64 = 1032;
 
-/// The same in bytes of pixels: a bit of a palette's index becomes three bytes.
+/// The same in bytes of pixels, because a bit of a palette's index becomes three bytes.
 const EXPANDED: u64 = 24 * DEFLATE;
 
-/// The most bytes of a text that is kept. Longer ones are left out: compressed, they may be a thousand times as long as
-/// the file.
+/// The largest number of bytes of a text that is kept. Longer texts are omitted, because uncompressed they may be a
+/// thousand times as long as the file.
 const LONGEST_TEXT: usize = 1 << 20;
 
-/// Keyword of a text chunk (PNG specification, 11.3.3.1) and name of the attribute.
+/// The keyword of a text chunk (PNG specification, 11.3.3.1), and the name of the attribute.
 const TEXTS: [(&str, &str); 5] = [
     ("Title", "DocumentName"),
     ("Description", "ImageDescription"),
@@ -86,17 +86,17 @@ fn open(place: Place) -> Result<Box<dyn ImageInput>> {
         return Ok(Box::new(WholeInput::new("png", place, spec, decode, EXPANDED)?));
     }
     place.limits.check(&place.path, "PNG", &spec)?;
-    // Rows cost little memory, but so many of nothing would cost hours.
+    // Rows need little memory, but an image without data for its many rows would take hours.
     let bytes = (spec.bytes().unwrap_or(u64::MAX), place.len()?);
     place.limits.check_ratio(&place.path, "PNG", bytes, EXPANDED)?;
     Ok(Box::new(PngRows { place, spec, state: Mutex::new(None), broken: OnceLock::new() }))
 }
 
-/// An open PNG that is not interlaced. Rows are decoded in their order and not kept: going back begins again.
+/// An open PNG that is not interlaced. Rows are decoded in order and not kept. A request for earlier rows begins again.
 struct PngRows {
     place: Place,
     spec: ImageSpec,
-    /// The decoder, and the row that it gives next.
+    /// The decoder, and the index of the row that it returns next.
     state: Mutex<Option<(png::Reader<Source>, u32)>>,
     /// The first row that cannot be decoded, and the reason, so that it is not tried again.
     broken: OnceLock<(u32, ImageError)>,
@@ -137,7 +137,7 @@ impl ImageInput for PngRows {
             }
             error
         };
-        // Taken out while it works: after a fault there is none, and the next call begins again.
+        // The state is taken out while it is used. After an error there is none, and the next call begins again.
         let mut state = self.state.lock();
         let (mut reader, mut y) = match state.take() {
             Some((reader, next)) if next <= y0 => (reader, next),
@@ -153,7 +153,8 @@ impl ImageInput for PngRows {
             reader.next_row().map_err(|e| failed(y, e))?.ok_or_else(whole)?;
             y += 1;
         }
-        // It grows as rows are read, so that a short file with a tall header does not cost the memory of its height.
+        // The result grows as rows are read, so that a short file with a tall header does not need the memory of its
+        // height.
         let mut out = Vec::new();
         while y < y1 {
             let at = out.len();
@@ -174,13 +175,13 @@ impl ImageInput for PngRows {
     }
 }
 
-/// Opens the decoder behind the header.
+/// Opens the decoder, which then is behind the header.
 fn reader(place: &Place) -> Result<png::Reader<Source>> {
-    /// Rows and texts. Pixels do not count.
+    /// The largest number of bytes of rows and texts. Pixels do not count.
     const MOST: u64 = 64 << 20;
     let bytes = usize::try_from(place.limits.bytes.min(MOST)).unwrap_or(usize::MAX);
     let mut decoder = png::Decoder::new_with_limits(place.source()?, png::Limits { bytes });
-    // No use is made of colour profiles, which may unpack to a thousand times their length.
+    // Colour profiles are not used, and may unpack to a thousand times their length.
     decoder.set_ignore_iccp_chunk(true);
     decoder.set_transformations(png::Transformations::EXPAND);
     decoder.read_info().map_err(|e| fault(place, e))
@@ -194,7 +195,7 @@ fn fault(place: &Place, error: DecodingError) -> ImageError {
     }
 }
 
-/// The content of the header, and whether rows come in another order.
+/// Returns the content of the header, and true when rows are interlaced.
 fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     let reader = reader(place)?;
     let info = reader.info();
@@ -251,7 +252,7 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
     let bytes = match pixels {
         Pixels::U8(v) => v,
         Pixels::U16(v) => v.iter().flat_map(|v| v.to_be_bytes()).collect(),
-        // `create` lets no other type in.
+        // `create` refuses other types.
         other => other.to_floats().iter().map(|v| (v * 255.0).round() as u8).collect(),
     };
     let path = file.path().to_owned();
@@ -271,7 +272,7 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
         let given = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
         if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
             let text = text.replace('\0', " ");
-            // Plain chunks hold Latin-1 only.
+            // Plain chunks can store only Latin-1.
             if text.chars().all(|c| u32::from(c) < 256) {
                 encoder.add_text_chunk(keyword.to_owned(), text).map_err(fault)?;
             } else {

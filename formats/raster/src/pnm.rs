@@ -1,17 +1,18 @@
-//! Binary PGM, PPM and PAM of 8 and 16 bits: rows of a range without the rest.
+//! Binary PGM, PPM and PAM of 8 and 16 bits, of which a range of rows can be read without the rest.
 
 use crate::rows::{PlainRows, RowsInput, ends_early};
 use granita_image::{FileSource, ImageInput, ImageSpec, Limits, PixelType, Result};
 
 /// Opens a file whose rows can be found by position. Returns `None` for a file of another kind (text, one bit per
-/// pixel, a maximum value other than 255 and 65535), or a damaged one, for which the `image` crate gives the error.
+/// pixel, a maximum value other than 255 and 65535), or for a damaged one, for which the `image` crate returns the
+/// error.
 pub(crate) fn open(source: FileSource, limits: &Limits) -> Result<Option<Box<dyn ImageInput>>> {
-    // Comments beyond this are for the `image` crate.
+    // Longer comments are left to the `image` crate.
     let head = source.read_vec(0, source.len().min(1024), "the header")?;
     let Some((spec, at)) = header(&head) else { return Ok(None) };
     let bytes = spec.bytes().and_then(|b| b.checked_add(at));
     if bytes.is_none_or(|end| end > source.len()) {
-        // Refused before anything else, as too large or too short.
+        // The file is refused before anything else, as too large or too short.
         limits.check(source.path(), "PNM", &spec)?;
         ends_early(&source, &spec, at)?;
     }
@@ -19,7 +20,7 @@ pub(crate) fn open(source: FileSource, limits: &Limits) -> Result<Option<Box<dyn
     Ok(Some(Box::new(RowsInput::new("pnm", "PNM", source, limits, vec![vec![spec]], rows)?)))
 }
 
-/// The content of a header, and its end.
+/// Returns the content of a header, and its end.
 fn header(head: &[u8]) -> Option<(ImageSpec, u64)> {
     if head.starts_with(b"P7") {
         return arbitrary_map(head);

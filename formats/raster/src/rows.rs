@@ -1,10 +1,10 @@
-//! Files in which any row can be found: read by position, a few rows at a time.
+//! Files in which any row can be found, which are read by position, a few rows at a time.
 
 use granita_image::{FileSource, ImageInput, ImageSpec, Limits, Pixels, Result};
 
-/// The properties of the rows of a format.
+/// The access to the rows of a format.
 pub(crate) trait Rows: Send + Sync {
-    /// Rows `y0..y1` of a level, which exist and which the limits allow.
+    /// Returns rows `y0..y1` of a level, which exist and which the limits permit.
     fn rows(
         &self,
         source: &FileSource,
@@ -14,7 +14,7 @@ pub(crate) trait Rows: Send + Sync {
         y1: u32,
     ) -> Result<Pixels>;
 
-    /// The bytes of memory that reading rows takes beside the rows.
+    /// Returns the bytes of memory that reading rows takes beside the rows.
     fn working_bytes(&self, spec: &ImageSpec) -> u64 {
         let _ = spec;
         0
@@ -31,7 +31,8 @@ pub(crate) struct RowsInput<R> {
 }
 
 impl<R: Rows> RowsInput<R> {
-    /// `images` are the images of the file with their levels, at least one of each; all are checked.
+    /// Returns an open file. `images` are the images of the file with their levels, at least one of each. All are
+    /// checked.
     pub(crate) fn new(
         name: &'static str,
         format: &'static str,
@@ -93,8 +94,8 @@ impl<R: Rows> ImageInput for RowsInput<R> {
     }
 }
 
-/// A file that ends before its last row is opened as long as its first row is there: rows that are missing are errors
-/// of their own then. `at` is where the first stored row begins.
+/// Checks a file that ends before its last row. It is opened when its first row is available. Missing rows are then
+/// separate errors. `at` is the offset of the first stored row.
 ///
 /// # Errors
 /// Returns an error when not even one row is available.
@@ -108,12 +109,12 @@ pub(crate) fn ends_early(source: &FileSource, spec: &ImageSpec, at: u64) -> Resu
     Err(source.malformed(format!("{wanted} bytes of pixels, of which the file has {there}")))
 }
 
-/// Rows of equal length one after the other, the plainest of files.
+/// Rows of equal length one after the other, which is the simplest kind of file.
 pub(crate) struct PlainRows {
     /// The offset of the first stored row.
     pub(crate) at: u64,
     pub(crate) big_endian: bool,
-    /// The first stored row is the lowest of the image.
+    /// True when the first stored row is the lowest of the image.
     pub(crate) upward: bool,
 }
 

@@ -1,4 +1,4 @@
-//! SGI images (Paul Haeberli, "The SGI Image File Format", version 1.00): planes of rows from the bottom.
+//! SGI images (Paul Haeberli, "The SGI Image File Format", version 1.00), which are planes of rows from the bottom.
 
 use crate::rows::{Rows, RowsInput};
 use crate::whole::WholeOutput;
@@ -10,14 +10,14 @@ use granita_image::{
 use std::io::Write;
 use std::path::Path;
 
-/// The format "sgi": 8 and 16 bits, any number of channels, run-length encoded or verbatim.
+/// The format "sgi", with 8 and 16 bits and any number of channels, run-length encoded or verbatim.
 ///
-/// The attribute `compression` is "rle" (the default) or "none"; up to 79 bytes of `ImageDescription` are kept as the
+/// The attribute `compression` is "rle" (the default) or "none". Up to 79 bytes of `ImageDescription` are kept as the
 /// name of the image.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SgiFormat;
 
-/// Bytes in front of the pixels or the tables of rows.
+/// The number of bytes before the pixels or the tables of rows.
 const HEADER: usize = 512;
 
 impl Format for SgiFormat {
@@ -59,7 +59,7 @@ impl Format for SgiFormat {
     }
 }
 
-/// Position and length of every row, plane after plane, each from the bottom; none in a verbatim file.
+/// The offset and length in bytes of every row, plane after plane, each from the bottom; `None` in a verbatim file.
 struct SgiRows(Option<Vec<[u32; 2]>>);
 
 fn read_header(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, SgiRows)> {
@@ -128,7 +128,7 @@ impl Rows for SgiRows {
                     }
                     Some(table) => {
                         let [start, length] = table[from_bottom(y)];
-                        // The longest encoding of a row: a count for every value, and the end.
+                        // The longest encoding of a row has a count for every value, and the end.
                         let longest = bytes_per_row * 2 + 4;
                         let length = u64::from(length).min(longest);
                         let packed = source.read_vec(u64::from(start), length, "a row")?;
@@ -145,8 +145,8 @@ impl Rows for SgiRows {
     }
 }
 
-/// A run-length encoded row of `width` values: the low seven bits of a value count the values that follow
-/// (high bit set) or the repetitions of the one that follows; a count of 0 ends the row.
+/// Decodes a run-length encoded row of `width` values. The low seven bits of a value are the number of values that
+/// follow (high bit set), or of repetitions of the one that follows. A count of 0 ends the row.
 fn unpack(packed: Vec<u8>, pixel_type: PixelType, width: usize) -> Option<Pixels> {
     fn run<T: Copy + Into<u32>>(packed: &[T], width: usize) -> Option<Vec<T>> {
         let mut out = Vec::with_capacity(width);
@@ -170,12 +170,12 @@ fn unpack(packed: Vec<u8>, pixel_type: PixelType, width: usize) -> Option<Pixels
     Some(match Pixels::from_bytes(pixel_type, packed, true) {
         Pixels::U16(v) => Pixels::U16(run(&v, width)?),
         Pixels::U8(v) => Pixels::U8(run(&v, width)?),
-        // The header allows no other type.
+        // The header permits no other type.
         _ => return None,
     })
 }
 
-/// The inverse of [`unpack`], as big-endian bytes.
+/// Does the inverse of [`unpack`], and returns big-endian bytes.
 fn pack(row: &Pixels) -> Vec<u8> {
     fn run<T: Copy + PartialEq + From<u8>>(row: &[T]) -> Vec<T> {
         let same = |from: usize| row[from..].iter().take(127).take_while(|v| **v == row[from]).count();
@@ -201,7 +201,7 @@ fn pack(row: &Pixels) -> Vec<u8> {
     match row {
         Pixels::U8(v) => run(v),
         Pixels::U16(v) => run(v).iter().flat_map(|v| v.to_be_bytes()).collect(),
-        // `create` lets no other type in.
+        // `create` refuses other types.
         _ => Vec::new(),
     }
 }
@@ -219,7 +219,7 @@ fn encode(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Result<()>
     head.extend([0; 4]);
     let name = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case("ImageDescription"));
     let name = name.and_then(|p| spec.string(&p.name)).unwrap_or_default();
-    // Cut at a whole character, and a NUL at the end.
+    // The name is cut at a whole character, with a NUL at the end.
     let end = (0..=79.min(name.len())).rev().find(|i| name.is_char_boundary(*i)).unwrap_or(0);
     head.extend(name.as_bytes()[..end].iter().map(|b| if *b == 0 { b' ' } else { *b }));
     head.resize(HEADER, 0);

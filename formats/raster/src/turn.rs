@@ -1,28 +1,28 @@
-//! Pictures that are stored lying on a side, or as in a mirror: the orientation of Exif data.
+//! Images that are stored rotated or mirrored, by the orientation of Exif data.
 
 use granita_image::Pixels;
 
-/// The turn from the stored pixels to the upright image, by its Exif number (tag 274; CIPA DC-008, 4.6.4): the sides
-/// of the image that the first row and the first column show.
+/// The turn from the stored pixels to the upright image, by its Exif number (tag 274; CIPA DC-008, 4.6.4). The number
+/// defines the sides of the image that the first row and the first column show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Turn {
-    /// The first row is a column of the image.
+    /// True when the first row is a column of the image.
     transposed: bool,
-    /// The image is then mirrored from left to right.
+    /// True when the image is then mirrored from left to right.
     mirrored: bool,
-    /// The image is then turned upside down by rows.
+    /// True when the image is then turned upside down by rows.
     flipped: bool,
 }
 
 impl Turn {
-    /// By number, 1 to 8; others are upright.
+    /// Returns the turn of a number from 1 to 8. Other numbers are upright.
     pub(crate) fn of_exif(number: u8) -> Self {
         let (transposed, mirrored, flipped) = match number {
-            // First row and column: top right, bottom right, bottom left.
+            // The first row and column are: top right, bottom right, bottom left.
             2 => (false, true, false),
             3 => (false, true, true),
             4 => (false, false, true),
-            // The first row is the left side, the right, the right, the left; the first column the top, the top, the
+            // The first row is the left side, the right, the right, the left. The first column is the top, the top, the
             // bottom, the bottom.
             5 => (true, false, false),
             6 => (true, true, false),
@@ -38,12 +38,12 @@ impl Turn {
         if self.transposed { (height, width) } else { (width, height) }
     }
 
-    /// True when rows keep their places.
+    /// True when rows keep their positions.
     pub(crate) fn keeps_rows(self) -> bool {
         !self.transposed && !self.flipped
     }
 
-    /// The upright image of stored pixels: `size` is their width and height, `n` the number of channels.
+    /// Returns the upright image of stored pixels. `size` is their width and height, and `n` the number of channels.
     pub(crate) fn apply(self, pixels: Pixels, size: (usize, usize), n: usize) -> Pixels {
         if self == Self::of_exif(1) {
             return pixels;
@@ -68,14 +68,14 @@ mod tests {
 
     #[test]
     fn the_first_row_and_column_are_where_exif_says() {
-        // Three columns, two rows: the first row is 1 2 3, the first column 1 4.
+        // There are three columns and two rows. The first row is 1 2 3, and the first column 1 4.
         let stored = || Pixels::U8(vec![1, 2, 3, 4, 5, 6]);
         for (number, upright) in [
             (1, [1, 2, 3, 4, 5, 6]),
             (2, [3, 2, 1, 6, 5, 4]),
             (3, [6, 5, 4, 3, 2, 1]),
             (4, [4, 5, 6, 1, 2, 3]),
-            // Two columns, three rows.
+            // There are two columns and three rows.
             (5, [1, 4, 2, 5, 3, 6]),
             (6, [4, 1, 5, 2, 6, 3]),
             (7, [6, 3, 5, 2, 4, 1]),

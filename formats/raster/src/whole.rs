@@ -1,4 +1,4 @@
-//! Files that are read and written in one piece: decoded at the first touch, encoded at `close`.
+//! Files that are read and written as a whole. They are decoded at the first request, and encoded at `close`.
 
 use granita_image::{
     AtomicFile, CreateOptions, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels, Result,
@@ -13,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 /// A file whose bytes are counted as they are read.
 pub(crate) type Source = BufReader<Counted>;
 
-/// Counts the bytes that pass.
+/// Counts the bytes that are read.
 pub(crate) struct Counted {
     from: From,
     count: Arc<AtomicU64>,
@@ -44,13 +44,13 @@ impl Seek for Counted {
     }
 }
 
-/// A file to decode: where it is, what it may cost, how its faults are reported.
+/// A file to decode, with its path, its limits, and the reports of its errors.
 pub(crate) struct Place {
     pub(crate) path: PathBuf,
-    /// Name of the format in errors, as "PNG".
+    /// The name of the format in errors, for example "PNG".
     pub(crate) format: &'static str,
     pub(crate) limits: Limits,
-    /// The content, when it is not a file of its own.
+    /// The content, when it is not that of the file at `path`.
     bytes: Option<Arc<[u8]>>,
     count: Arc<AtomicU64>,
 }
@@ -60,24 +60,24 @@ impl Place {
         Self { path: path.to_owned(), format, limits: limits.clone(), bytes: None, count: Arc::default() }
     }
 
-    /// The source is in memory; `path` replaces it in errors.
+    /// Returns the place of a source in memory. `path` still names it in errors.
     pub(crate) fn with_bytes(self, bytes: Arc<[u8]>) -> Self {
         Self { bytes: Some(bytes), ..self }
     }
 
-    /// The same place with other bytes in it.
+    /// Returns the same place with other content.
     pub(crate) fn holding(&self, bytes: Vec<u8>) -> Self {
         Self::new(&self.path, self.format, &self.limits).with_bytes(bytes.into())
     }
 
-    /// All bytes of the file.
+    /// Reads all bytes of the file.
     pub(crate) fn read_all(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         self.source()?.read_to_end(&mut bytes).map_err(|e| self.io(e))?;
         Ok(bytes)
     }
 
-    /// Bytes of the file.
+    /// Returns the length of the file in bytes.
     pub(crate) fn len(&self) -> Result<u64> {
         match &self.bytes {
             Some(bytes) => Ok(bytes.len() as u64),
@@ -98,7 +98,7 @@ impl Place {
         Ok(counted(From::File(file)))
     }
 
-    /// The error of the system; a file that ends early is malformed.
+    /// Converts an error of the system. A file that ends early is malformed.
     pub(crate) fn io(&self, source: io::Error) -> ImageError {
         if matches!(source.kind(), io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidData) {
             return self.malformed(match source.kind() {
@@ -117,7 +117,7 @@ impl Place {
         ImageError::Unsupported { path: self.path.clone(), what: what.into() }
     }
 
-    /// Bytes read so far.
+    /// Returns the number of bytes that were read so far.
     pub(crate) fn bytes_read(&self) -> u64 {
         self.count.load(Ordering::Relaxed)
     }
@@ -130,12 +130,12 @@ impl Place {
 /// The pixels of a file.
 pub(crate) struct Decoded {
     pub(crate) pixels: Pixels,
-    /// Not all rows are available: the number of available rows, and the error.
+    /// The number of available rows and the error, when not all rows are available.
     pub(crate) missing: Option<(u32, String)>,
 }
 
 impl Decoded {
-    /// All of them.
+    /// Returns a result in which all pixels are available.
     pub(crate) fn whole(pixels: Pixels) -> Self {
         Self { pixels, missing: None }
     }
@@ -154,13 +154,13 @@ pub(crate) struct WholeInput {
     decoded: OnceLock<Decoded>,
     /// The reason why it cannot be decoded, so that it is not tried again.
     broken: OnceLock<ImageError>,
-    /// Held while decoding, so that two threads do not both do it.
+    /// The lock that is held while decoding, so that two threads do not both do it.
     decoding: Mutex<()>,
 }
 
 impl WholeInput {
-    /// Checks the size against the limits, and against the length of the file: its codec packs at most `ratio` bytes of
-    /// pixels into one.
+    /// Checks the size against the limits, and against the length of the file. Its codec packs at most `ratio` bytes of
+    /// pixels into one byte.
     pub(crate) fn new(
         name: &'static str,
         place: Place,
@@ -182,7 +182,7 @@ impl WholeInput {
         })
     }
 
-    /// The pixels that are kept.
+    /// Returns the pixels that are kept.
     fn kept(&self) -> Result<&Decoded> {
         if let Some(decoded) = self.decoded.get() {
             return Ok(decoded);
@@ -195,7 +195,7 @@ impl WholeInput {
         Ok(self.decoded.get_or_init(|| decoded))
     }
 
-    /// Decodes the file, unless that was found to be in vain.
+    /// Decodes the file, unless that has failed before.
     fn decode(&self) -> Result<Decoded> {
         if let Some(error) = self.broken.get().and_then(ImageError::lasting) {
             return Err(error);
@@ -210,7 +210,7 @@ impl WholeInput {
     fn decode_now(&self) -> Result<Decoded> {
         let spec = &self.spec;
         let bytes = self.place.limits.check_read(&self.place.path, spec, spec.width, spec.height)?;
-        // The decoders keep the pixels once or twice more while they work.
+        // The decoders keep one or two more copies of the pixels while they work.
         Limits::check_memory(&self.place.path, 3 * bytes as u64)?;
         let decoded = (self.decode)(&self.place, spec)?;
         let pixels = &decoded.pixels;
@@ -256,7 +256,7 @@ impl ImageInput for WholeInput {
             // The pixels are read again, in parts.
             let _ = self.decoded.set(decoded);
         }
-        // Decoded, and with it checked, before the result is allocated.
+        // The pixels are decoded, and thereby checked, before the result is allocated.
         let Decoded { pixels, missing } = self.kept()?;
         if let Some((_, what)) = missing.as_ref().filter(|(rows, _)| y1 > *rows) {
             return Err(self.place.malformed(what.clone()));
@@ -274,13 +274,13 @@ impl ImageInput for WholeInput {
         self.place.bytes_read()
     }
 
-    /// The pixels that are kept, and those of the decoder.
+    /// Returns the bytes of the pixels that are kept, and of those of the decoder.
     fn working_bytes(&self, _image: usize, _level: usize) -> u64 {
         self.spec.bytes().unwrap_or(u64::MAX).saturating_mul(2)
     }
 }
 
-/// Encodes a complete image; `Err` names the limit of the format, or the error of the system.
+/// Encodes a complete image. `Err` describes the limit of the format, or the error of the system.
 pub(crate) type Encode = fn(&ImageSpec, Pixels, &mut AtomicFile) -> Result<()>;
 
 /// An image while its rows are collected.
@@ -293,7 +293,7 @@ pub(crate) struct WholeOutput {
 }
 
 impl WholeOutput {
-    /// Begins a file; the format has checked that it can hold the image.
+    /// Begins a file. The format has checked that it can store the image.
     pub(crate) fn create(path: &Path, options: &CreateOptions<'_>, encode: Encode) -> Result<Self> {
         let spec = options.spec;
         let misuse = |what: String| ImageError::Misuse { path: path.to_owned(), what };
@@ -357,7 +357,7 @@ impl ImageOutput for WholeOutput {
     }
 }
 
-/// Turns colours with alpha multiplied in into colours without; the last of `n` channels is alpha.
+/// Divides colours by alpha, which is the last of `n` channels.
 pub(crate) fn divide_by_alpha(pixels: &mut Pixels, n: usize) {
     macro_rules! divide {
         ($v:expr, $t:ty) => {

@@ -1,4 +1,4 @@
-//! Headers that promise far more than their files hold are refused before memory is taken for it.
+//! Headers that declare far more than their files hold are refused before memory is allocated for it.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use granita_image::{CreateOptions, Format, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels};
@@ -11,7 +11,7 @@ fn read(name: &str, bytes: &[u8]) -> Result<Pixels, ImageError> {
     input.read_rows(0, 0, 0, height)
 }
 
-/// The folder stays as long as the file is read.
+/// Opens a file of these bytes. The folder exists as long as the file is read.
 fn open(name: &str, bytes: &[u8]) -> Result<(tempfile::TempDir, Box<dyn ImageInput>), ImageError> {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join(name);
@@ -58,7 +58,7 @@ fn promises_are_compared_with_what_there_is() {
     }
 }
 
-/// The screen of a GIF is small, its picture is not: that is refused before there is room for it.
+/// The screen of the GIF is small, but its image is not. The file is refused before memory is allocated for the image.
 #[test]
 fn pictures_larger_than_their_screens_are_compared_as_well() {
     let screen: &[u8] = b"GIF89a\x20\0\x18\0\x80\0\0\0\0\0\xff\xff\xff";
@@ -72,7 +72,7 @@ fn pictures_larger_than_their_screens_are_compared_as_well() {
     assert!(!error.contains("promises"), "{error}");
 }
 
-/// Small pictures may lack any part, so that what is there can be had.
+/// Small images may lack any part, so that the available part can be read.
 #[test]
 fn small_ones_are_opened_in_any_case() {
     assert!(open("a.tga", &tga(2, 1000, 1000, 32, &[0; 8])).is_ok());
@@ -86,7 +86,7 @@ fn chunk(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
     [&(body.len() as u32).to_be_bytes()[..], kind, body, &sum.finalize().to_be_bytes()].concat()
 }
 
-/// Texts and colour profiles that unpack to a thousand times their length cost neither time nor memory.
+/// Texts and colour profiles that unpack to a thousand times their length need neither time nor memory.
 #[test]
 fn packed_texts_are_bounded() {
     let deflated = |bytes: &[u8]| {
@@ -146,7 +146,7 @@ fn tiles_that_cover_each_other_are_refused() {
     assert!(error.contains("its tiles hold 10240 pixels, of which the picture has at most 8192"), "{error}");
 }
 
-/// What is broken is decoded once: asked for again, its rows cost nothing.
+/// A broken file is decoded once. Further requests for its rows do not read it again.
 #[test]
 fn broken_files_are_decoded_once() {
     let folder = tempfile::tempdir().unwrap();

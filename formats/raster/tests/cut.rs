@@ -1,4 +1,4 @@
-//! Files that end early: what is there can be read, and what is not is an error that says so.
+//! Files that end early. The available rows can be read, and the error of the others describes the cause.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_image::{CreateOptions, Format, ImageInput, ImageSpec, Limits, PixelType, Pixels};
@@ -14,18 +14,19 @@ fn open(name: &str, bytes: &[u8]) -> granita_image::Result<Box<dyn ImageInput>> 
     format(name).open_bytes(Path::new("cut"), bytes.into(), &Limits::default())
 }
 
-/// 96 x 64 pixels each: in one pass, the same with a restart after every row of blocks, and in passes.
+/// The images have 96 x 64 pixels each, in one pass, the same with a restart after every row of blocks, and in several
+/// passes.
 const SEQUENTIAL: &[u8] = include_bytes!("data/sequential.jpg");
 const RESTARTS: &[u8] = include_bytes!("data/restarts.jpg");
 const PROGRESSIVE: &[u8] = include_bytes!("data/progressive.jpg");
 
-/// How many rows from the top can be read.
+/// Returns the number of rows from the top that can be read.
 fn rows(input: &dyn ImageInput) -> u32 {
     let height = input.spec(0, 0).unwrap().height;
     (0..height).take_while(|y| input.read_rows(0, 0, *y, y + 1).is_ok()).count() as u32
 }
 
-/// The file cut at `cut` bytes gives rows of the whole or an error; how many rows.
+/// Checks that the file cut at `cut` bytes results in rows of the whole or an error. Returns the number of rows.
 fn check(name: &str, whole: &[u8], cut: usize, same: bool) -> u32 {
     let Ok(input) = open(name, &whole[..cut]) else { return 0 };
     let all = open(name, whole).unwrap().read_rows(0, 0, 0, 64).unwrap();
@@ -48,13 +49,13 @@ fn check(name: &str, whole: &[u8], cut: usize, same: bool) -> u32 {
 fn jpeg_in_one_pass() {
     for file in [SEQUENTIAL, RESTARTS] {
         assert_eq!(check("jpeg", file, file.len(), true), 64);
-        // Without the mark of the end there still is everything.
+        // Without the end mark all rows are still available.
         assert_eq!(check("jpeg", file, file.len() - 2, true), 64);
         assert_eq!(check("jpeg", file, file.len() - 1, true), 64);
         let mut before = 0;
         for cut in (0..file.len() - 40).step_by(7) {
             let there = check("jpeg", file, cut, true);
-            // A few may seem to be there by chance, with the right pixels.
+            // A few rows may appear to be available by chance, with the correct pixels.
             assert!(there <= 64 && there + 16 >= before, "{cut}: {there} rows, {before} of a shorter file");
             before = there;
         }
@@ -66,7 +67,7 @@ fn jpeg_in_one_pass() {
 fn jpeg_in_passes() {
     let file = PROGRESSIVE;
     assert_eq!(check("jpeg", file, file.len(), true), 64);
-    // Of what is there now the later passes may still be missing: some row is always told to be.
+    // The later passes of the available rows may still be missing. Some row is always reported as missing.
     for cut in (0..file.len()).step_by(9) {
         assert!(check("jpeg", file, cut, false) < 64, "{cut}");
     }
@@ -82,7 +83,7 @@ fn radiance() {
     let mut spec = ImageSpec::new(96, 64, 3, PixelType::Float);
     spec.channels = vec!["R".into(), "G".into(), "B".into()];
     let mut file = format("hdr").create(&path, &CreateOptions::new(&spec, 1)).unwrap();
-    // Black rows among others: they are there as well.
+    // Some rows are black. They are available as well.
     let values = (0..96 * 64 * 3).map(|i| if i / 288 % 5 == 0 { 0.0 } else { (i % 251) as f32 * 0.37 });
     file.write_rows(&Pixels::Float(values.collect())).unwrap();
     file.close().unwrap();

@@ -1,11 +1,11 @@
-//! What is written comes back; what is damaged is refused.
+//! Written files are read back unchanged, and damaged files are refused.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
 use granita_image::{CreateOptions, Format, ImageError, ImageSpec, Limits, PixelType, Pixels};
 use granita_raster::formats;
 use proptest::prelude::*;
-// Every file written is synchronised with the disk, so the numbers of cases are small.
+// Every written file is synchronised with the disk, so the numbers of cases are small.
 use std::path::Path;
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, ro
     out.close().unwrap();
 }
 
-/// Formats that keep every value, their types and numbers of channels.
+/// The formats that keep every value, with their types and numbers of channels.
 const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
     ("png", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pnm", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
@@ -220,11 +220,11 @@ fn marks() {
     assert_eq!(find(b""), [""; 0]);
 }
 
-/// Exif data with nothing but an orientation, as a segment of a JPEG file.
+/// Returns Exif data with only an orientation, as a segment of a JPEG file.
 fn exif(orientation: u8, big_endian: bool) -> Vec<u8> {
     let mut segment = b"\xff\xe1\x00\x22Exif\0\0".to_vec();
     segment.extend(match big_endian {
-        // One entry: orientation, a short, one of it.
+        // There is one entry, the orientation, which is one short.
         false => {
             [&b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0"[..], &[orientation, 0, 0, 0], &[0; 4]].concat()
         }
@@ -235,8 +235,8 @@ fn exif(orientation: u8, big_endian: bool) -> Vec<u8> {
     segment
 }
 
-/// Which corner of the upright picture the first stored pixel is, for all eight orientations: (right, bottom), and
-/// whether the first row became a column (Exif, tag 274).
+/// The table has the corner of the upright image that is the first stored pixel, for all eight orientations, as (right,
+/// bottom). It also has whether the first row became a column (Exif, tag 274).
 #[test]
 fn jpeg_stands_upright() {
     let dir = tempfile::tempdir().unwrap();
@@ -260,7 +260,7 @@ fn jpeg_stands_upright() {
         (6, true, false, true),
         (7, true, true, true),
         (8, false, true, true),
-        // No orientation at all: as it is stored.
+        // Without an orientation the image is as it is stored.
         (9, false, false, false),
     ] {
         for big_endian in [false, true] {
@@ -270,20 +270,20 @@ fn jpeg_stands_upright() {
             let spec = input.spec(0, 0).unwrap();
             assert_eq!((spec.width, spec.height), (w, h), "{number}");
             let Pixels::U8(all) = input.read_level(0, 0).unwrap() else { panic!() };
-            // The middle of a quarter, counted from the corner of the first stored pixel.
+            // Returns the middle of a quarter, counted from the corner of the first stored pixel.
             let at = |along_x: bool, along_y: bool| {
                 let x = if along_x == right { w / 4 } else { 3 * w / 4 };
                 let y = if along_y == bottom { h / 4 } else { 3 * h / 4 };
                 all[(y * w + x) as usize]
             };
-            // From that corner along the first row: light grey; along the first column: dark.
+            // From that corner the image is light grey along the first row, and dark along the first column.
             let (row, column) = if transposed {
                 (at(false, true), at(true, false))
             } else {
                 (at(true, false), at(false, true))
             };
             assert!(at(false, false) > 240 && (140..160).contains(&row) && column < 40, "{number}: {all:?}");
-            // Rows asked for by themselves are those of the upright picture.
+            // Rows that are requested alone are those of the upright image.
             let Pixels::U8(last) = input.read_rows(0, 0, h - 1, h).unwrap() else { panic!() };
             assert_eq!(last, all[((h - 1) * w) as usize..]);
         }

@@ -1,4 +1,4 @@
-//! What reading some rows costs, and that it does not matter in which order they are read.
+//! Reading some rows does not read the whole file, and the order of requests does not matter.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -38,16 +38,17 @@ fn write(path: &Path, format: &dyn Format, levels: &[(ImageSpec, Pixels)]) {
 #[test]
 fn a_few_rows_are_read_without_the_rest() {
     let dir = tempfile::tempdir().unwrap();
-    // Kind, type, and the share of the file that 8 of 1024 rows in its middle may cost.
+    // The list has the format, the type, and the largest share of the file that may be read for 8 of 1024 rows in its
+    // middle.
     for (name, pixel_type, share) in [
         ("pfm", PixelType::Float, 0.02),
         ("pnm", PixelType::U16, 0.02),
-        // The table of rows is a good part of so narrow a picture.
+        // The table of rows is a large part of so narrow an image.
         ("sgi", PixelType::U8, 0.09),
-        // A row of tiles of 64.
+        // The part is a row of tiles of 64.
         ("iff", PixelType::U16, 0.15),
         ("dds", PixelType::Float, 0.02),
-        // All rows up to them are decoded, but no more; and the front twice.
+        // All rows up to these are decoded, but not the later ones, and the front twice.
         ("png", PixelType::U8, 0.7),
     ] {
         let path = dir.path().join(name);
@@ -125,7 +126,7 @@ fn levels_and_types_of_dds() {
             }
         }
     }
-    // Sizes that do not halve, and levels that do not come.
+    // The sizes are not halves, and a level is missing.
     let spec = ImageSpec::new(8, 8, 3, PixelType::U8);
     let begin = || format("dds").create(&path, &CreateOptions::new(&spec, 2)).unwrap();
     let mut out = begin();
@@ -144,7 +145,7 @@ fn multiplied_alpha_of_dds() {
     let input = format("dds").open(&path, &Limits::default()).unwrap();
     assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(vec![32, 64, 128, 80]));
     assert_eq!(input.spec(0, 0).unwrap().attributes.int("unassociatedalpha"), Some(1));
-    // The second header says that colours are multiplied.
+    // The second header declares that colours are multiplied.
     let spec = ImageSpec::new(1, 1, 4, PixelType::Half);
     let values = Pixels::Half([0.1, 0.2, 0.3, 0.4].map(f16::from_f32).to_vec());
     write(&path, &*format("dds"), &[(spec, values.clone())]);
@@ -165,7 +166,7 @@ fn depth_and_texts_of_iff() {
         for (name, text) in [("Artist", "J\u{f6}rg"), ("DateTime", "2005:06:07 08:09:10")] {
             spec.attributes.set(Param::declared(&format!("string {name}"), text).unwrap());
         }
-        // Colours are kept to 16 bits, depths to all of theirs.
+        // Colours are kept to 16 bits, and depths to all of theirs.
         let value = |i: usize| match i % n {
             c if c < colors => (i * 7 % 65536) as f32 / 65535.0,
             _ => -1.0 / (1.0 + i as f32),
@@ -202,7 +203,7 @@ fn name_and_compression_of_sgi() {
     assert!(sizes[1] * 4 < sizes[0], "{sizes:?}");
 }
 
-/// The header of a DDS file of blocks, 10^6 pixels a side, and little behind it.
+/// Returns the header of a DDS file of blocks, with 10^6 pixels a side and little data.
 fn bomb_dds() -> Vec<u8> {
     let mut h = vec![0u8; 200];
     h[..4].copy_from_slice(b"DDS ");
@@ -258,7 +259,7 @@ fn headers_that_claim_a_million_pixels_a_side() {
         std::fs::write(&path, bytes).unwrap();
         let extension = path.extension().unwrap().to_str().unwrap();
         let by_extension = formats().into_iter().find(|f| f.extensions().contains(&extension)).unwrap();
-        // Memory of ten pixels a row; more must not even be asked for.
+        // The memory is that of ten pixels a row. More must not even be requested.
         let limits = Limits { bytes: 1 << 26, pixels: 1 << 40, ..Limits::default() };
         let error = match by_extension.open(&path, &limits) {
             Ok(input) => input.read_level(0, 0).unwrap_err(),

@@ -1,5 +1,5 @@
-//! Archives: files that are read where they are named, and requests that a file keeps under a name (`ArchiveBegin`,
-//! `ArchiveEnd`; of later versions of the interface).
+//! Archives. They are files that are read where they are named, or requests that a file stores under a name
+//! (`ArchiveBegin`, `ArchiveEnd`, of later versions of the interface).
 
 use crate::reader::{Done, Fault, MAX_REPEATED, Reader, handle};
 use crate::recording::Recording;
@@ -9,11 +9,12 @@ use granita_scene::{GeneratorError, attr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Archives nested deeper than this are not read.
+/// The largest depth of nested archives.
 const MAX_DEPTH: usize = 64;
 
 impl Reader<'_> {
-    /// Takes a request into the archive that is being kept; gives it back when there is none, or when it ends it.
+    /// Moves a request into the archive that is being stored. Returns the request when no archive is being stored, or
+    /// when the request ends it.
     pub(crate) fn recorded(&mut self, request: Request) -> Option<Request> {
         let Some(recording) = &mut self.archives.recording else { return Some(request) };
         match request.name.as_str() {
@@ -26,14 +27,14 @@ impl Reader<'_> {
         None
     }
 
-    /// `ArchiveBegin name`.
+    /// Begins to store an archive, for `ArchiveBegin name`.
     pub(crate) fn archive_begin(&mut self, request: &Request) -> Done {
         let name = handle(request.args.first()).ok_or_else(|| "no name".to_owned())?;
         self.archives.recording = Some(Recording { name, line: self.line, requests: Vec::new(), inner: 0 });
         Ok(())
     }
 
-    /// `ArchiveEnd`.
+    /// Ends the archive, for `ArchiveEnd`.
     pub(crate) fn archive_end(&mut self) -> Done {
         let Some(recording) = self.archives.recording.take() else {
             return Err(Fault::Mistake("without ArchiveBegin".to_owned()));
@@ -42,7 +43,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Carries out the requests that are kept under a name.
+    /// Executes the requests that are stored under a name.
     pub(crate) fn kept_archive(&mut self, name: &Arc<str>) -> Done {
         let Some((from, requests)) = self.archives.kept.get(name).cloned() else {
             return Err(Fault::Mistake(format!("there is no archive \"{name}\"")));
@@ -73,7 +74,7 @@ impl Reader<'_> {
         result
     }
 
-    /// The path of an archive: beside the file that names it, then on the path of inputs.
+    /// Returns the path of an archive. It is looked for beside the file that names it, then on the path of inputs.
     pub(crate) fn find_archive(&self, name: &str) -> Option<PathBuf> {
         let beside = self.files.last().and_then(|f| f.parent()).map(|folder| folder.join(name));
         if let Some(file) = beside.filter(|f| self.opens.is_file(f)) {
@@ -87,7 +88,7 @@ impl Reader<'_> {
         path.find(name).or_else(|| self.opens.is_file(Path::new(name)).then(|| PathBuf::from(name)))
     }
 
-    /// `ReadArchive name`: of the file itself, or a file.
+    /// Reads an archive that is stored under a name, or else a file, for `ReadArchive name`.
     pub(crate) fn archive(&mut self, request: &Request) -> Done {
         let name = request.args.first().and_then(|a| a.strings()?.first().cloned());
         let name = name.ok_or_else(|| "no file name".to_owned())?;
@@ -119,7 +120,7 @@ impl Reader<'_> {
         let result = self.stream(stream);
         self.files.pop();
         let result = match result {
-            // The archive is broken, not what reads it.
+            // The error is one of the archive, not of the file that reads it.
             Err(Fault::Ends(GeneratorError::Malformed(text))) => {
                 self.reporter.error(text);
                 Ok(())

@@ -1,8 +1,8 @@
-//! Cubic bases: from any of them to Bezier control values.
+//! Cubic bases, and their conversion to Bezier control values.
 
 use granita_base::CurveBasis;
 
-/// A 4x4 matrix that acts on columns of control values: rows belong to powers 3, 2, 1, 0 of the parameter.
+/// A 4x4 matrix that acts on columns of control values. The rows belong to powers 3, 2, 1, 0 of the parameter.
 pub(crate) type Matrix4 = [[f64; 4]; 4];
 
 /// A basis of the RenderMan interface, with its step.
@@ -10,14 +10,14 @@ pub(crate) type Matrix4 = [[f64; 4]; 4];
 pub(crate) struct Basis {
     pub(crate) matrix: Matrix4,
     pub(crate) step: usize,
-    /// The same in the scene interface, if it has it with this step.
+    /// The same basis of the scene interface, if it has one with this step.
     pub(crate) native: Option<CurveBasis>,
 }
 
 const BEZIER: Matrix4 =
     [[-1.0, 3.0, -3.0, 1.0], [3.0, -6.0, 3.0, 0.0], [-3.0, 3.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
 
-/// The inverse of `BEZIER`: powers to control values.
+/// The inverse of `BEZIER`. It converts powers to control values.
 const FROM_POWERS: Matrix4 = [
     [0.0, 0.0, 0.0, 1.0],
     [0.0, 0.0, 1.0 / 3.0, 1.0],
@@ -25,7 +25,7 @@ const FROM_POWERS: Matrix4 = [
     [1.0, 1.0, 1.0, 1.0],
 ];
 
-/// The solution of a system of four equations, by elimination; `None` when there is none.
+/// Solves a system of four equations by elimination. Returns `None` when there is no solution.
 fn solved(matrix: &Matrix4, right: [f64; 4]) -> Option<[f64; 4]> {
     let mut rows: [[f64; 5]; 4] =
         std::array::from_fn(|i| std::array::from_fn(|j| if j < 4 { matrix[i][j] } else { right[i] }));
@@ -47,10 +47,10 @@ fn solved(matrix: &Matrix4, right: [f64; 4]) -> Option<[f64; 4]> {
 }
 
 impl Basis {
-    /// The default.
+    /// The default basis.
     pub(crate) const BEZIER: Self = Self { matrix: BEZIER, step: 3, native: Some(CurveBasis::Bezier) };
 
-    /// By name, with the step that belongs to it.
+    /// Returns a basis by its name, with the step that belongs to it.
     pub(crate) fn named(name: &str) -> Option<Self> {
         let sixth = 1.0 / 6.0;
         Some(match name {
@@ -99,19 +99,19 @@ impl Basis {
         })
     }
 
-    /// Of any matrix.
+    /// Returns the basis of any matrix.
     pub(crate) fn of(matrix: &[f32], step: usize) -> Option<Self> {
         let rows: [f32; 16] = matrix.try_into().ok()?;
         let matrix = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(rows[4 * i + j])));
         Some(Self { matrix, step, native: None }.recognised())
     }
 
-    /// With another step.
+    /// Returns the same basis with another step.
     pub(crate) fn with_step(self, step: usize) -> Self {
         Self { step, ..self }.recognised()
     }
 
-    /// A matrix that is one of the named ones, with its step, is as good as the name.
+    /// Sets the basis of the scene interface. A matrix and step that are those of a named basis count as that basis.
     fn recognised(self) -> Self {
         let native =
             ["bezier", "b-spline", "catmull-rom"].into_iter().filter_map(Self::named).find(|named| {
@@ -121,7 +121,7 @@ impl Basis {
         Self { native: native.and_then(|n| n.native), ..self }
     }
 
-    /// Segments of `n` control values; `None` when that number makes no whole segments.
+    /// Returns the number of segments of `n` control values; `None` when that number does not make whole segments.
     pub(crate) fn segments(&self, n: usize, periodic: bool) -> Option<usize> {
         if self.step == 0 {
             None
@@ -132,8 +132,8 @@ impl Basis {
         }
     }
 
-    /// The `n` control values of the curve that is its own parameter, from 0 to 1 over all segments; `None` when the
-    /// basis has no such curve.
+    /// Returns the `n` control values of the curve that is its own parameter, from 0 to 1 over all segments; `None`
+    /// when the basis has no such curve.
     pub(crate) fn parameter(&self, n: usize, periodic: bool) -> Option<Vec<f64>> {
         let segments = self.segments(n, periodic)?;
         let one = solved(&self.matrix, [0.0, 0.0, 0.0, 1.0])?;
@@ -145,18 +145,18 @@ impl Basis {
                 values[(segment * self.step + j) % n].get_or_insert(value);
             }
         }
-        // Steps larger than four leave control values that no segment reads.
+        // With steps larger than four, some control values belong to no segment.
         Some(values.into_iter().map(Option::unwrap_or_default).collect())
     }
 
-    /// The weights of the four control values for each Bezier control value of a segment.
+    /// Returns the weights of the four control values for each Bezier control value of a segment.
     pub(crate) fn to_bezier(self) -> Matrix4 {
         let product = |i: usize, j: usize| (0..4).map(|k| FROM_POWERS[i][k] * self.matrix[k][j]).sum();
         std::array::from_fn(|i| std::array::from_fn(|j| product(i, j)))
     }
 
-    /// `n` control items of `width` numbers as Bezier control items: three for each segment, and one at the end of what
-    /// is not periodic (a periodic one repeats its first item there).
+    /// Converts `n` control items of `width` numbers to Bezier control items. There are three for each segment and one
+    /// at the end. A periodic curve repeats its first item there.
     pub(crate) fn converted(&self, values: &[f32], width: usize, n: usize, periodic: bool) -> Vec<f32> {
         let Some(segments) = self.segments(n, periodic) else { return Vec::new() };
         let weights = self.to_bezier();
@@ -185,7 +185,7 @@ impl Basis {
     }
 }
 
-/// Values at the ends of segments as Bezier control values, which blend linearly in between.
+/// Converts values at the ends of segments to Bezier control values, which blend linearly in between.
 pub(crate) fn linear_as_bezier(values: &[f32], width: usize) -> Vec<f32> {
     let n = values.len() / width.max(1);
     let mut out = Vec::with_capacity((3 * n).saturating_sub(2) * width);
@@ -239,7 +239,7 @@ mod tests {
                 let q = std::array::from_fn(|j| f64::from(bezier[3 * segment + j]));
                 for t in [0.0, 0.3, 0.9] {
                     let (a, b) = (at(&basis, p, t), at(&Basis::BEZIER, q, t));
-                    // The join of two segments is one value: only continuous curves keep both.
+                    // At the joint of two segments, only continuous curves have one value.
                     let joined = !matches!(name, "power");
                     assert!((a - b).abs() < 1e-5 || !joined, "{name} {segment} {t}: {a} {b}");
                 }

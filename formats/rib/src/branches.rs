@@ -1,4 +1,4 @@
-//! `IfBegin`, `ElseIf`, `Else`, `IfEnd`: which requests count.
+//! Conditionals (`IfBegin`, `ElseIf`, `Else`, `IfEnd`). They select the requests that are executed.
 
 use crate::condition::{Branch, Value, is_true};
 use crate::options::string;
@@ -6,11 +6,12 @@ use crate::reader::{Done, Fault, Reader};
 use crate::request::Request;
 use granita_base::ParamData;
 
-/// Most conditionals inside of each other.
+/// The largest depth of nested conditionals.
 const MAX_BRANCHES: usize = 1000;
 
 impl Reader<'_> {
-    /// Handles conditionals, and requests of branches that are not taken; `None` for a request that must be executed.
+    /// Handles conditionals, and requests of branches that are not taken. Returns `None` for a request that must be
+    /// executed.
     pub(crate) fn branch(&mut self, request: &Request) -> Option<Done> {
         let outer = self.branches.iter().rev().skip(1).all(|b| b.taken);
         let counts = self.branches.last().is_none_or(|b| b.taken) && outer;
@@ -24,7 +25,7 @@ impl Reader<'_> {
                 if self.branches.len() >= MAX_BRANCHES {
                     return mistake("conditionals are nested too deep");
                 }
-                // One that cannot be read is false, so that its IfEnd has something to end.
+                // A condition that cannot be read is false, so that its `IfEnd` has an `IfBegin`.
                 let (taken, done) = match counts.then(|| condition(self)) {
                     None => (false, Ok(())),
                     Some(Ok(taken)) => (taken, Ok(())),
@@ -63,7 +64,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The value of a name in a condition.
+    /// Returns the value of a name in a condition.
     fn variable(&self, name: &str) -> Option<Value> {
         let name = ["Attribute:", "Option:"].iter().find_map(|p| name.strip_prefix(p)).unwrap_or(name);
         let attribute = || {

@@ -5,7 +5,7 @@
 //! `Frame`), `defined (name)`, `!`, `*`, `/`, `+`, `-`, comparisons (`=~` matches a pattern of the shell), `&&`, `||`
 //! and parentheses.
 
-/// A value; what is not defined is neither number nor string, and false.
+/// A value. An undefined value is neither a number nor a string, and is false.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Nothing,
@@ -39,13 +39,13 @@ impl Value {
     }
 }
 
-/// Deepest nesting of parentheses and signs.
+/// The largest depth of nested parentheses and signs.
 const MAX_DEPTH: usize = 64;
 
-/// True when an expression holds; `lookup` returns the values of names.
+/// True when an expression holds. `lookup` returns the values of names.
 ///
 /// # Errors
-/// Returns a text when it cannot be read.
+/// Returns a text when the expression cannot be read.
 pub(crate) fn is_true(text: &str, lookup: &dyn Fn(&str) -> Option<Value>) -> Result<bool, String> {
     let mut parser = Parser { rest: text, lookup, depth: 0 };
     let value = parser.level(0)?;
@@ -59,7 +59,7 @@ fn head(text: &str) -> String {
     text.chars().take(20).collect()
 }
 
-/// Operators by precedence, the loosest first; longer ones before their beginnings.
+/// The operators by precedence, the lowest first. An operator comes before those that are its beginning.
 const LEVELS: [&[&str]; 6] =
     [&["||"], &["&&"], &["==", "!=", "=~"], &["<=", ">=", "<", ">"], &["+", "-"], &["*", "/"]];
 
@@ -158,7 +158,7 @@ impl Parser<'_> {
         }
     }
 
-    /// Letters, digits and what names and numbers have besides.
+    /// Takes a word of letters, digits and the other characters of names and numbers.
     fn word(&mut self) -> String {
         let rest = self.rest.trim_start();
         let end = rest.find(|c: char| !(c.is_alphanumeric() || matches!(c, '_' | ':' | '.')));
@@ -196,10 +196,10 @@ fn apply(operator: &str, left: &Value, right: &Value) -> Value {
     }
 }
 
-/// `*` stands for anything, `?` for one byte.
+/// True when a text matches a pattern. `*` matches any text, `?` one byte.
 fn matches_pattern(text: &[u8], pattern: &[u8]) -> bool {
     let (mut t, mut p) = (0, 0);
-    // The last `*`, and where in the text what follows it was tried.
+    // The position of the last `*`, and the position in the text at which the rest of the pattern was tried.
     let mut star = None;
     while t < text.len() {
         match pattern.get(p) {
@@ -226,11 +226,11 @@ fn matches_pattern(text: &[u8], pattern: &[u8]) -> bool {
 /// A conditional that is being read.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Branch {
-    /// Line of its `IfBegin`.
+    /// The line of its `IfBegin`.
     pub(crate) line: u32,
     /// True when the current branch is taken.
     pub(crate) taken: bool,
-    /// True when some branch was taken, so that no later one is.
+    /// True when a branch was taken, so that no later one is taken.
     pub(crate) done: bool,
     /// True when `Else` was read.
     pub(crate) last: bool,

@@ -1,11 +1,11 @@
-//! Declarations of parameters: `Declare`, types inside of names, and the names that need none.
+//! Declarations of parameters, by `Declare`, by types inside of names, and by standard names.
 
 use crate::request::Arg;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Classes of the RenderMan interface.
+/// The classes of the RenderMan interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
     Constant,
@@ -47,12 +47,12 @@ pub(crate) struct Declared {
 }
 
 impl Declared {
-    /// Values of one item.
+    /// Returns the number of values of one item.
     pub(crate) fn width(self) -> usize {
         self.base.components().saturating_mul(self.array.unwrap_or(1) as usize)
     }
 
-    /// `class type[n]`; uniform is what no class means.
+    /// Parses `class type[n]`. Without a class it is uniform.
     pub(crate) fn parse(text: &str) -> Option<Self> {
         let text = text.replace('[', " [").replace(']', "] ");
         let mut declared = Self { class: Class::Uniform, base: BaseType::Unknown, array: None };
@@ -71,7 +71,7 @@ impl Declared {
         (declared.base != BaseType::Unknown).then_some(declared)
     }
 
-    /// The type that values have by themselves; `None` for an empty array.
+    /// Returns the type of values without a declaration; `None` for an empty array.
     pub(crate) fn of_values(value: &Arg) -> Option<Self> {
         let (base, n) = match value {
             Arg::String(_) | Arg::Strings(_) => (BaseType::String, value.strings()?.len()),
@@ -87,7 +87,7 @@ impl Declared {
     }
 }
 
-/// A parameter of a request: its name, its type, its values.
+/// A parameter of a request, with its name, type and values.
 #[derive(Clone, Debug)]
 pub(crate) struct Given {
     pub(crate) name: Arc<str>,
@@ -96,23 +96,23 @@ pub(crate) struct Given {
 }
 
 impl Given {
-    /// As a constant of the scene interface, for shaders and attributes.
+    /// Returns the parameter as a constant of the scene interface, for shaders and attributes.
     pub(crate) fn constant(&self) -> Param {
         let ty = ParamType { base: self.declared.base, array: self.declared.array, interp: Interp::Constant };
         Param { name: self.name.clone(), ty, data: self.data.clone() }
     }
 
-    /// The numbers.
+    /// Returns the numbers.
     pub(crate) fn floats(&self) -> Arc<[f32]> {
         self.data.to_floats().unwrap_or_default()
     }
 
-    /// The first number.
+    /// Returns the first number.
     pub(crate) fn float(&self) -> Option<f32> {
         self.floats().first().copied()
     }
 
-    /// The first string.
+    /// Returns the first string.
     pub(crate) fn string(&self) -> Option<&Arc<str>> {
         match &self.data {
             ParamData::String(v) => v.first(),
@@ -121,20 +121,20 @@ impl Given {
     }
 }
 
-/// Why a parameter is left out.
+/// The reason why a parameter is left out.
 #[derive(Debug)]
 pub(crate) enum Flaw {
     /// Neither its name nor a declaration gives its type.
     Undeclared(String),
-    /// Its values do not fit, or it has none.
+    /// The values do not fit, or there are none.
     Mistake(String),
 }
 
-/// The declarations in force.
+/// The current declarations.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Declarations(BTreeMap<String, Declared>);
 
-/// The standard names.
+/// Returns the declaration of a standard name.
 fn standard(name: &str) -> Option<Declared> {
     use BaseType::{Color, Float, HPoint, Normal, Point, String};
     use Class::{Constant, Uniform, Varying, Vertex};
@@ -154,7 +154,7 @@ fn standard(name: &str) -> Option<Declared> {
         "specularcolor" | "lightcolor" | "background" => (Uniform, Color, None),
         "from" | "to" => (Uniform, Point, None),
         "texturename" | "shadowname" | "name" => (Uniform, String, None),
-        // Names of Option and Attribute.
+        // These are names of Option and Attribute.
         "sphere" | "endofframe" | "maxdepth" | "gridsize" | "texturememory" | "binary" | "hidden"
         | "bias" => (Uniform, Float, None),
         "bucketsize" => (Uniform, BaseType::Int, Some(2)),
@@ -167,7 +167,7 @@ fn standard(name: &str) -> Option<Declared> {
 }
 
 impl Declarations {
-    /// `Declare`; `false` for a type that is none.
+    /// Adds a declaration, for `Declare`. Returns false when the type is invalid.
     pub(crate) fn declare(&mut self, name: &str, declaration: &str) -> bool {
         match Declared::parse(declaration) {
             Some(declared) => {
@@ -178,13 +178,13 @@ impl Declarations {
         }
     }
 
-    /// The declarations as requests, for a source that is read later.
+    /// Returns the declarations as requests, for a source that is read later.
     pub(crate) fn requests(&self) -> String {
         let quoted = |name: &str| name.replace('\\', "\\\\").replace('"', "\\\"");
         self.0.iter().map(|(name, d)| format!("Declare \"{}\" \"{}\" ", quoted(name), d.text())).collect()
     }
 
-    /// The type and the name of a token: declared in itself, declared before, or standard.
+    /// Returns the type and the name of a token, which is declared in itself, declared before, or standard.
     pub(crate) fn find<'a>(&self, token: &'a str) -> Option<(Declared, &'a str)> {
         let token = token.trim();
         match token.rsplit_once(char::is_whitespace) {
@@ -196,8 +196,8 @@ impl Declarations {
         }
     }
 
-    /// The parameter list of a request. Errors go to `flaw`, and their parameters are left out. `undeclared` returns
-    /// the type of a parameter without a declaration from its name and its values.
+    /// Returns the parameter list of a request. Errors go to `flaw`, and their parameters are left out. `undeclared`
+    /// returns the type of a parameter without a declaration from its name and its values.
     pub(crate) fn list(
         &self,
         args: &[Arg],

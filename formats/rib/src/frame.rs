@@ -1,4 +1,4 @@
-//! Options of a frame: what camera and images become of them.
+//! The options of a frame, and the attributes and outputs that they become.
 
 use crate::declare::{Declared, Given};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
@@ -6,18 +6,18 @@ use granita_scene::{Call, attr};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The name of the one camera that RIB has.
+/// The name of the camera. RIB has only one.
 pub(crate) const CAMERA: &str = "camera";
 
 /// The projection of camera space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Projection {
     Orthographic,
-    /// Field of view in degrees.
+    /// The field of view in degrees.
     Perspective(f32),
 }
 
-/// `Display`.
+/// The arguments of `Display`.
 #[derive(Clone, Debug)]
 pub(crate) struct Display {
     pub(crate) name: String,
@@ -26,7 +26,7 @@ pub(crate) struct Display {
     pub(crate) params: Vec<Given>,
 }
 
-/// The options in force, with the defaults of the RenderMan interface.
+/// The current options, with the defaults of the RenderMan interface.
 #[derive(Clone, Debug)]
 pub(crate) struct Options {
     pub(crate) resolution: [i32; 2],
@@ -42,7 +42,7 @@ pub(crate) struct Options {
     pub(crate) filter: (String, [f32; 2]),
     pub(crate) depth_filter: String,
     pub(crate) exposure: [f32; 2],
-    /// one, min, max, dither by "rgba", "z" or the name of a variable.
+    /// Maps "rgba", "z" or the name of a variable to one, min, max and dither.
     pub(crate) quantize: BTreeMap<String, [f32; 4]>,
     pub(crate) displays: Vec<Display>,
     pub(crate) bucketsize: Option<[i32; 2]>,
@@ -76,7 +76,7 @@ fn param(declaration: &str, data: impl Into<ParamData>) -> Option<Param> {
 }
 
 impl Options {
-    /// The screen window: as given, or as wide as the frame's shape makes it.
+    /// Returns the screen window. If it is not given, its size follows from the aspect ratio of the frame.
     fn screen(&self) -> [f32; 4] {
         if let Some(screen) = self.screen {
             return screen;
@@ -86,8 +86,8 @@ impl Options {
         if aspect >= 1.0 { [-aspect, aspect, -1.0, 1.0] } else { [-1.0, 1.0, -1.0 / aspect, 1.0 / aspect] }
     }
 
-    /// The calls before `World`. `named` returns the types of variables that displays show; features that must be
-    /// left out go to `wrong`.
+    /// Returns the calls before `World`. `named` returns the types of variables that displays show. Messages about
+    /// features that must be left out go to `wrong`.
     pub(crate) fn calls(
         &self,
         named: &dyn Fn(&str) -> Option<Declared>,
@@ -155,8 +155,8 @@ impl Options {
                     let plain = match plain {
                         "Ci" => "C",
                         "Oi" => "opacity",
-                        // The variable of the surface, not of the light that leaves it; in the interface s and t are
-                        // u and v by default.
+                        // Cs is the variable of the surface, not of the light that leaves it. In the scene interface s
+                        // and t are u and v by default.
                         "Cs" => "primitive:C",
                         "Os" => "primitive:opacity",
                         "s" => "primitive:s",
@@ -225,7 +225,7 @@ impl Options {
     }
 }
 
-/// The image format of a display type, or of the ending of a name.
+/// Returns the image format of a display type, or else of the extension of a name.
 fn format(kind: &str, name: &str) -> Option<String> {
     let known = |word: &str| {
         Some(match word {
@@ -247,7 +247,7 @@ fn format(kind: &str, name: &str) -> Option<String> {
     known(&kind.to_ascii_lowercase()).or_else(|| known(ending.as_deref()?)).map(str::to_owned)
 }
 
-/// Types of the variables that every surface has.
+/// Returns the type of a variable that every surface has.
 pub(crate) fn shading_variable(name: &str) -> Option<Declared> {
     let base = match name {
         "Ci" | "Oi" | "Cs" | "Os" => BaseType::Color,

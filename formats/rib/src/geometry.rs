@@ -1,4 +1,4 @@
-//! Geometric primitives: polygons, meshes, points, quadrics.
+//! Geometric primitives, which are polygons, meshes, points and quadrics.
 
 use crate::declare::Given;
 use crate::loops;
@@ -10,25 +10,25 @@ use crate::request::{Arg, Request};
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params, ShapeDesc};
 use std::sync::Arc;
 
-/// Integers at a place among the arguments.
+/// Returns the integers of the argument with an index.
 pub(crate) fn ints(request: &Request, at: usize) -> Result<Arc<[i32]>, Fault> {
     let found = request.args.get(at).and_then(Arg::ints);
     found.ok_or_else(|| Fault::Mistake(format!("argument {} should be integers", at + 1)))
 }
 
-/// The first integer at a place.
+/// Returns the first integer of the argument with an index.
 pub(crate) fn int(request: &Request, at: usize) -> Result<usize, Fault> {
     let found = ints(request, at)?.first().copied().and_then(|n| usize::try_from(n).ok());
     found.ok_or_else(|| Fault::Mistake(format!("argument {} should be a number", at + 1)))
 }
 
-/// The start of the parameter list: the first string.
+/// Returns the index at which the parameter list begins, which is that of the first string.
 fn list_start(request: &Request) -> usize {
     request.args.iter().position(|a| a.floats().is_none()).unwrap_or(request.args.len())
 }
 
 impl Reader<'_> {
-    /// Geometry; `None` for other requests.
+    /// Executes geometry requests. Returns `None` for other requests.
     pub(crate) fn geometry_request(&mut self, request: &Request) -> Option<Done> {
         Some(match request.name.as_str() {
             "Polygon" => self.polygon(request),
@@ -52,7 +52,7 @@ impl Reader<'_> {
         })
     }
 
-    /// The parameter list, with positions. Heights alone make none here.
+    /// Returns the parameter list. Heights ("Pz") are left out, because they do not give positions here.
     pub(crate) fn given(&mut self, request: &Request, from: usize) -> Vec<Given> {
         let mut list = self.params(request, from);
         if list.iter().any(|g| &*g.name == "Pz") {
@@ -91,7 +91,7 @@ impl Reader<'_> {
         self.with_holes(&nloops, &nverts, verts, given)
     }
 
-    /// Polygons of several loops each.
+    /// Makes polygons with several loops each.
     fn with_holes(&mut self, nloops: &[i32], nverts: &[i32], verts: Arc<[i32]>, given: Vec<Given>) -> Done {
         let p = points_of(&given)?;
         let total: i64 = nverts.iter().map(|n| i64::from((*n).max(0))).sum();
@@ -145,7 +145,7 @@ impl Reader<'_> {
         let scheme = crate::options::string(request, 0)?;
         let (nverts, verts) = (ints(request, 1)?, ints(request, 2)?);
         let hierarchical = request.name.starts_with('H');
-        // Tags come with counts, integers and floats (and strings in the hierarchical form).
+        // The tags are followed by counts, integers and floats (and strings in the hierarchical form).
         let tags = request.args.get(3).and_then(|a| match a {
             Arg::Strings(tags) => Some(tags.clone()),
             Arg::Ints(none) if none.is_empty() => Some([].into()),
@@ -177,7 +177,7 @@ impl Reader<'_> {
             given.iter().any(|g| same(&g.name, &v.name) && g.declared.class == crate::declare::Class::Varying)
         };
         for variable in &mut all {
-            // Varying values are blended over faces as they are, and not smoothed as positions.
+            // Varying values are interpolated over faces. They are not smoothed like positions.
             if subdivide && variable.interp == Interp::Vertex && is_varying(variable) {
                 let n = variable.items();
                 if verts.iter().all(|v| usize::try_from(*v).is_ok_and(|v| v < n)) {
@@ -191,7 +191,7 @@ impl Reader<'_> {
         self.shape(ShapeDesc::Mesh { subdivide, nverts, verts }, all)
     }
 
-    /// Tags of a subdivision mesh; `kinds` counts of arguments each.
+    /// Reads the tags of a subdivision mesh. Each tag has `kinds` counts of arguments.
     fn tags(
         &mut self,
         tags: &[Arc<str>],
@@ -215,7 +215,7 @@ impl Reader<'_> {
                 return Err(Fault::Mistake(format!("tag \"{tag}\" has fewer numbers than it says")));
             };
             next_float += n;
-            // One number for all, or one for each.
+            // There is one number for all, or one for each.
             let spread = |count: usize| match floats {
                 [one] => Some(vec![*one; count]),
                 many => (many.len() == count).then(|| many.to_vec()),
@@ -229,7 +229,7 @@ impl Reader<'_> {
                             floats.len()
                         )));
                     };
-                    // Edges one by one: each may be as sharp as it likes.
+                    // Each edge of a crease may have its own sharpness.
                     for (pair, sharp) in own.windows(2).zip(sharp) {
                         lengths.push(2);
                         chains.extend(pair);
@@ -324,7 +324,7 @@ impl Reader<'_> {
         self.shape(shape, all)
     }
 
-    /// `TextureCoordinates`, for primitives without their own.
+    /// Adds the `TextureCoordinates` to a primitive that does not have its own.
     pub(crate) fn corners(&self, variables: &mut Vec<Variable>) {
         let Some(c) = &self.local.corners else { return };
         for (name, at) in [("s", 0), ("t", 1)] {
@@ -352,7 +352,7 @@ pub(crate) fn same(given: &str, variable: &str) -> bool {
         || matches!((given, variable), ("Cs", "C") | ("Os", "opacity") | ("Np", "N") | ("st", "s" | "t"))
 }
 
-/// A width of everything.
+/// Returns a width that is the same everywhere.
 pub(crate) fn width(value: f32) -> Variable {
     Variable {
         name: "width".into(),
@@ -363,7 +363,7 @@ pub(crate) fn width(value: f32) -> Variable {
     }
 }
 
-/// The positions, three floats each.
+/// Returns the positions, with three floats each.
 pub(crate) fn points_of(given: &[Given]) -> Result<Arc<[f32]>, Fault> {
     let p = given.iter().find(|g| &*g.name == "P").map(Given::floats);
     p.ok_or_else(|| Fault::Mistake("no \"P\"".to_owned()))

@@ -1,38 +1,39 @@
-//! Tokens of RIB: the text form and the binary encoding, which may be mixed (RenderMan interface 3.2, appendix C).
+//! The tokens of RIB, in the text form and in the binary encoding, which may be mixed (RenderMan interface 3.2,
+//! appendix C).
 
 use crate::names::begins_request;
 use granita_base::number::{Number, scan_number};
 use std::io::{self, Read};
 
-/// Longest word or string.
+/// The largest number of bytes of a word or a string.
 const MAX_TEXT: usize = 1 << 24;
-/// Longest number in text.
+/// The largest number of bytes of a number in text.
 const MAX_NUMBER: usize = 512;
-/// Most strings that a file may define for later use.
+/// The largest number of strings that a file may define for later use.
 const MAX_DEFINED: usize = 1 << 16;
 
 /// One token.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Token {
-    /// Name of a request.
+    /// The name of a request.
     Word(String),
-    /// A string in quotes, or encoded.
+    /// A string, either in quotes or encoded.
     String(String),
-    /// Written without point and exponent, within 32 bits.
+    /// A number without point and exponent that fits into 32 bits.
     Int(i32),
     /// Any other number.
     Float(f32),
-    /// An encoded array of so many floats follows in the stream: [`Lexer::float`] reads them.
+    /// An encoded array of this number of floats follows in the stream. [`Lexer::float`] reads them.
     Floats(u32),
     /// `[`.
     Open,
     /// `]`.
     Close,
-    /// A byte, or a word of it, that belongs to nothing.
+    /// A description of bytes that do not belong to a token.
     Garbage(String),
-    /// A string that ends with its line, or the source, and not with a quote.
+    /// A string that ends with its line or with the source, and not with a quote.
     Unclosed,
-    /// The source ends.
+    /// The end of the source.
     End,
 }
 
@@ -43,13 +44,13 @@ pub(crate) struct Lexer {
     at: usize,
     filled: usize,
     line: u32,
-    /// Names of encoded requests.
+    /// The names of encoded requests.
     requests: Vec<Option<String>>,
     strings: Vec<Option<String>>,
 }
 
 impl Lexer {
-    /// Over a source that is not compressed.
+    /// Returns a lexer of a source that is not compressed.
     pub(crate) fn new(input: Box<dyn Read>) -> Self {
         Self {
             input,
@@ -62,7 +63,7 @@ impl Lexer {
         }
     }
 
-    /// The line that is being read, counted from 1.
+    /// Returns the current line, counted from 1.
     pub(crate) fn line(&self) -> u32 {
         self.line
     }
@@ -96,19 +97,19 @@ impl Lexer {
         Ok(byte)
     }
 
-    /// A big-endian number of `n` bytes, at most 8.
+    /// Reads a big-endian number of `n` bytes, at most 8.
     fn big_endian(&mut self, n: usize) -> io::Result<u64> {
         (0..n).try_fold(0, |sum, _| Ok(sum << 8 | u64::from(self.raw()?)))
     }
 
-    /// A byte that is not text and does not end a line.
+    /// Reads a byte that is not text. It does not end a line.
     fn raw(&mut self) -> io::Result<u8> {
         let byte = self.peek()?.ok_or(io::ErrorKind::UnexpectedEof)?;
         self.at += 1;
         Ok(byte)
     }
 
-    /// The next token.
+    /// Reads the next token.
     pub(crate) fn token(&mut self) -> io::Result<Token> {
         loop {
             let Some(byte) = self.peek()? else { return Ok(Token::End) };
@@ -139,7 +140,7 @@ impl Lexer {
         }
     }
 
-    /// One float of an encoded array.
+    /// Reads one float of an encoded array.
     #[inline]
     pub(crate) fn float(&mut self) -> io::Result<f32> {
         Ok(f32::from_bits(self.big_endian(4)? as u32))
@@ -182,7 +183,7 @@ impl Lexer {
         })
     }
 
-    /// The next bytes, up to `n`, without taking them.
+    /// Returns the next bytes, up to `n`, without taking them.
     fn ahead(&mut self, n: usize) -> io::Result<&[u8]> {
         if self.filled - self.at < n {
             self.buffer.copy_within(self.at..self.filled, 0);
@@ -200,7 +201,8 @@ impl Lexer {
         Ok(&self.buffer[self.at..self.filled.min(self.at + n)])
     }
 
-    /// A string; `None` when it has no end: the source ends, or the next line begins with a request.
+    /// Reads a string. Returns `None` when it has no end, because the source ends or the next line begins with a
+    /// request.
     fn quoted(&mut self) -> io::Result<Option<String>> {
         self.next()?;
         let mut bytes = Vec::new();
@@ -235,7 +237,7 @@ impl Lexer {
         Ok(Some(text(bytes)))
     }
 
-    /// `n` bytes of an encoded string.
+    /// Reads an encoded string of `n` bytes.
     fn string(&mut self, n: usize) -> io::Result<String> {
         too_long(n, MAX_TEXT)?;
         let mut bytes = Vec::with_capacity(n.min(1 << 12));
@@ -245,12 +247,12 @@ impl Lexer {
         Ok(text(bytes))
     }
 
-    /// A string in any form, for a definition.
+    /// Reads a string in any form, for a definition.
     fn any_string(&mut self) -> io::Result<Option<String>> {
         while matches!(self.peek()?, Some(b' ' | b'\t' | b'\n' | b'\r')) {
             self.next()?;
         }
-        // Definitions do not nest: what follows them is a string.
+        // Definitions do not nest. They are followed by a string.
         match self.peek()? {
             Some(b'"') => self.quoted(),
             Some(byte @ 0x90..=0xa3) => match self.encoded(byte)? {
@@ -261,11 +263,11 @@ impl Lexer {
         }
     }
 
-    /// The item that the byte begins; `None` for definitions, which are kept.
+    /// Reads the item that begins with a byte. Returns `None` for definitions, which are stored.
     fn encoded(&mut self, byte: u8) -> io::Result<Option<Token>> {
         self.raw()?;
         Ok(Some(match byte {
-            // Integers and fixed-point numbers: bits 2 and 3 count the bytes behind the point.
+            // These are integers and fixed-point numbers. Bits 2 and 3 hold the number of bytes after the point.
             0x80..=0x8f => {
                 let n = usize::from(byte & 3) + 1;
                 let behind = u32::from(byte >> 2 & 3);
@@ -311,7 +313,7 @@ impl Lexer {
                     _ => Token::Garbage(format!("string number {index}, which is not defined")),
                 }
             }
-            // A program that makes RIB ends its output with this request.
+            // A program that writes RIB ends its output with this byte.
             0xff => return Ok(None),
             _ => Token::Garbage(format!("byte {byte:#04x}")),
         }))
@@ -334,7 +336,7 @@ fn too_long(length: usize, most: usize) -> io::Result<()> {
     Ok(())
 }
 
-/// Strings of old files may have any encoding; names with other letters are kept as far as possible.
+/// Converts bytes to text. Strings of old files may have any encoding. Bytes that are not UTF-8 are read as Latin-1.
 fn text(bytes: Vec<u8>) -> String {
     String::from_utf8(bytes).unwrap_or_else(|e| e.into_bytes().iter().map(|b| char::from(*b)).collect())
 }
@@ -422,7 +424,7 @@ mod tests {
             Token::Garbage("byte 0xd1".into()),
         ];
         assert_eq!(tokens(&bytes), expected);
-        // A length that the file does not have.
+        // The length is larger than the file.
         assert!(tokens(&[0xa3, 0xff, 0xff, 0xff, 0xff, b'x']).is_empty());
     }
 

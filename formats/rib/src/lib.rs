@@ -1,14 +1,14 @@
-//! RIB files as scenes: the requests of the RenderMan interface 3.2 become calls of the scene interface.
+//! Reads RIB files as scenes. The requests of the RenderMan interface 3.2 become calls of the scene interface.
 //!
 //! One reader accepts the text form, the binary encoding (appendix C of the specification), and either of them
-//! compressed by gzip. It is a stream. Its memory does not grow with the file, except for one request, for objects
-//! until their instances, and for the requests before `WorldBegin`, which are sent when the world begins.
+//! compressed by gzip. The source is read as a stream. The memory does not grow with the file, except for one request,
+//! for objects until their instances, and for the requests before `WorldBegin`, which are sent when the world begins.
 //!
 //! - Each `WorldEnd` renders. A source with several frames requests a new one from its receiver in between
 //!   ([`granita_scene::SceneSink::new_frame`]).
 //! - A source without a world is a part of the scene that reads it.
-//! - An error costs the request that contains it, and is reported with file, line and the request's name. Unsupported
-//!   features are reported once.
+//! - A request that contains an error is left out. The error is reported with file, line and the name of the request.
+//!   Unsupported features are reported once.
 //!
 //! The manual (`docs/scenes.md`) lists the calls that each request becomes.
 //!
@@ -41,12 +41,12 @@ use granita_base::Reporter;
 use granita_scene::{Generator, GeneratorError, GeneratorSource, SceneSink};
 use std::sync::Arc;
 
-/// The generators of this crate: one, called "rib".
+/// Returns the generators of this crate. There is one, called "rib".
 pub fn generators() -> Vec<Arc<dyn Generator>> {
     vec![Arc::new(Rib)]
 }
 
-/// Reads RIB.
+/// The generator that reads RIB.
 #[derive(Clone, Copy, Debug)]
 struct Rib;
 

@@ -1,13 +1,15 @@
-//! Polygons with holes as polygons without: each hole is joined to the outline by a cut.
+//! Converts polygons with holes to polygons without holes. A cut joins each hole to the outline.
 
-/// Most cuts that are tried for one hole.
+/// The largest number of cuts that are tried for one hole.
 const MOST_TRIALS: usize = 400;
 
-/// The limit of holes times corners. More would take too long, and the holes are left out.
+/// The largest product of the numbers of holes and corners. With more, the conversion would take too long, and the
+/// holes are left out.
 const MOST_WORK: usize = 50_000_000;
 
-/// The corners (indices into `p`, three floats each, through `verts`) of one polygon that covers the inside of the
-/// first loop and the outside of the others. Loops are lists of corners.
+/// Returns the corners of one polygon that covers the inside of the first loop and the outside of the others. Loops are
+/// lists of corners. A corner is an index into `verts`, which holds the indices of points in `p`, with three floats
+/// each.
 pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usize> {
     let Some((outline, holes)) = loops.split_first() else { return Vec::new() };
     let mut polygon = outline.clone();
@@ -43,7 +45,7 @@ pub(crate) fn joined(loops: &[Vec<usize>], verts: &[i32], p: &[f32]) -> Vec<usiz
             hole
         })
         .collect();
-    // From left to right, so that no cut crosses a later hole.
+    // The holes are joined from left to right, so that no cut crosses a later hole.
     let left = |hole: &Vec<usize>| hole.iter().map(|c| flat(*c)[0]).fold(f64::INFINITY, f64::min);
     holes.sort_by(|a, b| left(a).total_cmp(&left(b)));
     for k in 0..holes.len() {
@@ -99,7 +101,7 @@ fn area(ring: &[usize], flat: &dyn Fn(usize) -> [f64; 2]) -> f64 {
         .sum()
 }
 
-/// True when two segments cross, or touch other than at common ends.
+/// True when two segments cross, or touch at a point that is not a common end.
 fn cross_each_other(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
     let side = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
         let (left, right) = ((q[0] - p[0]) * (r[1] - p[1]), (q[1] - p[1]) * (r[0] - p[0]));
@@ -119,7 +121,7 @@ mod tests {
 
     #[test]
     fn holes_are_cut_in() {
-        // A square with two square holes, wound like the outline.
+        // A square has two square holes, with the orientation of the outline.
         let square = |x: f32, y: f32, s: f32| [[x, y], [x + s, y], [x + s, y + s], [x, y + s]];
         let corners = [square(0.0, 0.0, 10.0), square(6.0, 6.0, 2.0), square(2.0, 2.0, 2.0)];
         let p: Vec<f32> = corners.iter().flatten().flat_map(|[x, y]| [*x, *y, 1.0]).collect();

@@ -1,6 +1,6 @@
-//! Names of requests.
+//! The names of requests.
 
-/// Those of the interface 3.2, and the few of later versions that are read.
+/// The requests of the interface 3.2, and those of later versions that are supported.
 pub(crate) const REQUESTS: [&str; 110] = [
     "ArchiveBegin",
     "ArchiveEnd",

@@ -1,4 +1,4 @@
-//! Options and attributes.
+//! Options and attributes of RIB.
 
 use crate::basis::Basis;
 use crate::condition::Value;
@@ -11,25 +11,25 @@ use granita_scene::attribute::{Key, scope};
 use granita_scene::{Call, attr};
 use std::sync::Arc;
 
-/// All numbers among the arguments, in order, up to the first string.
+/// Returns all numbers among the arguments, in order, up to the first string.
 pub(crate) fn numbers(args: &[Arg]) -> Vec<f32> {
     args.iter().map_while(Arg::floats).flat_map(|f| f.to_vec()).collect()
 }
 
-/// Exactly `N` numbers.
+/// Returns exactly `N` numbers.
 pub(crate) fn exactly<const N: usize>(request: &Request) -> Result<[f32; N], Fault> {
     let all = numbers(&request.args);
     let n = all.len();
     all.try_into().map_err(|_| Fault::Mistake(format!("wants {N} numbers, not {n}")))
 }
 
-/// The string at a place.
+/// Returns the string of the argument with an index.
 pub(crate) fn string(request: &Request, at: usize) -> Result<Arc<str>, Fault> {
     let found = request.args.get(at).and_then(|a| a.strings()?.first().cloned());
     found.ok_or_else(|| Fault::Mistake(format!("argument {} should be a string", at + 1)))
 }
 
-/// Groups and names of `Option` that may be set without a declaration.
+/// The groups and names of `Option` that may be set without a declaration.
 const OPTIONS: [(&str, &str); 10] = [
     ("searchpath", "shader"),
     ("searchpath", "texture"),
@@ -43,7 +43,7 @@ const OPTIONS: [(&str, &str); 10] = [
     ("trace", "maxdepth"),
 ];
 
-/// Groups and names of `Attribute` that may be set without a declaration.
+/// The groups and names of `Attribute` that may be set without a declaration.
 const ATTRIBUTES: [(&str, &str); 19] = [
     ("identifier", "name"),
     ("displacementbound", "sphere"),
@@ -67,7 +67,7 @@ const ATTRIBUTES: [(&str, &str); 19] = [
 ];
 
 impl Reader<'_> {
-    /// Options of the frame; `None` for other requests.
+    /// Executes requests for options of the frame. Returns `None` for other requests.
     pub(crate) fn option_request(&mut self, request: &Request) -> Option<Done> {
         let done = match request.name.as_str() {
             "Format" => exactly::<3>(request).and_then(|[x, y, aspect]| {
@@ -109,7 +109,7 @@ impl Reader<'_> {
                     Err(Fault::Mistake(format!("\"{declaration}\" is no type")))
                 }
             }),
-            // No visible effect.
+            // These requests have no visible effect.
             "version" | "ErrorHandler" | "PixelVariance" | "RelativeDetail" | "ArchiveRecord" => Ok(()),
             "Imager" => Err(Fault::Unsupported("Imager is not supported".to_owned())),
             _ => return None,
@@ -201,7 +201,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Colours of `n` samples: kept is how they become three.
+    /// Sets the number of samples of a colour. Only the matrix that converts them to three numbers is stored.
     fn color_samples(&mut self, request: &Request) -> Done {
         let arrays: Vec<_> = request.args.iter().filter_map(Arg::floats).filter(|f| f.len() > 1).collect();
         let to_rgb = arrays.first().filter(|a| a.len().is_multiple_of(3));
@@ -211,7 +211,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A colour of three numbers.
+    /// Returns a colour as three numbers.
     pub(crate) fn color(&self, values: &[f32]) -> Result<[f32; 3], Fault> {
         if let Some((n, to_rgb)) = &self.color_samples
             && values.len() == *n
@@ -272,7 +272,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Attributes; `None` for other requests.
+    /// Executes requests for attributes. Returns `None` for other requests.
     pub(crate) fn attribute_request(&mut self, request: &Request) -> Option<Done> {
         let done = match request.name.as_str() {
             "Color" | "Opacity" => {
@@ -280,7 +280,8 @@ impl Reader<'_> {
                 self.color(&numbers(&request.args)).and_then(|c| self.attribute(key, Color::from_array(c)))
             }
             "ShadingRate" => exactly::<1>(request).and_then(|[rate]| {
-                // The area of a facet in pixels; the attribute counts points along a pixel's side.
+                // The rate is the area of a facet in pixels. The attribute is the number of points along the side of a
+                // pixel.
                 self.attribute(attr::SHADINGQUALITY, 1.0 / rate.max(1.0e-4).sqrt())
             }),
             "Sides" => exactly::<1>(request).and_then(|[n]| self.attribute(attr::TWOSIDED, n != 1.0)),
@@ -298,7 +299,7 @@ impl Reader<'_> {
                 self.once("Detail: only the finest level of detail is shown".to_owned());
                 Ok(())
             }
-            // The finest level is the one that is seen at any size.
+            // The finest level of detail is visible at any size.
             "DetailRange" => exactly::<4>(request).map(|[.., most]| self.local.coarse = most < 1.0e30),
             "Interior" | "Exterior" => Err(Fault::Unsupported(format!("{} is not supported", request.name))),
             _ => return None,
@@ -379,7 +380,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// A name in the geometry sets of what follows.
+    /// Adds a name to the geometry sets of the following geometry.
     pub(crate) fn add_to_set(&mut self, set: &str) -> Done {
         self.emit(Call::Attribute(plain("geometryset", BaseType::String, format!("+{set}").as_str())))
     }

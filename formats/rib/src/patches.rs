@@ -22,17 +22,17 @@ struct Side {
 }
 
 impl Side {
-    /// Values of a varying variable along it.
+    /// Returns the number of values of a varying variable along this side.
     fn varying(&self) -> usize {
         if self.periodic { self.segments } else { self.segments + 1 }
     }
 
-    /// Control values after conversion.
+    /// Returns the number of control values after conversion.
     fn converted(&self) -> usize {
         3 * self.segments + 1
     }
 
-    /// Items of `width` numbers at segment ends, as Bezier control items.
+    /// Converts items of `width` numbers at the ends of segments to Bezier control items.
     fn spread(&self, values: &[f32], width: usize) -> Vec<f32> {
         let mut values = values.to_vec();
         if self.periodic {
@@ -78,7 +78,7 @@ impl Reader<'_> {
         check_counts(&all, nu, nv)?;
         match &*kind {
             "bilinear" => {
-                // Values between vertices are blended as the vertices are.
+                // Varying values with one item per vertex are interpolated like the vertices.
                 for variable in &mut all {
                     if variable.interp == Interp::Linear && variable.items() == nu * nv && nu * nv != 4 {
                         variable.interp = Interp::Vertex;
@@ -107,8 +107,8 @@ impl Reader<'_> {
         }
     }
 
-    /// The parameter list of a patch whose sides have so many vertices and are periodic or not. With "Pz" it is a
-    /// height field: x and y are the surface's u and v.
+    /// Returns the parameter list of a patch. `sides` holds the number of vertices of each side, and true when the side
+    /// is periodic. "Pz" becomes a height field, whose x and y are the surface's u and v.
     fn patch_given(
         &mut self,
         request: &Request,
@@ -142,7 +142,8 @@ impl Reader<'_> {
         Ok(given)
     }
 
-    /// A cubic patch mesh; in the bases of the scene interface where they do, as Bezier patches otherwise.
+    /// Makes a cubic patch mesh. It keeps its bases where the scene interface supports them, and becomes Bezier patches
+    /// otherwise.
     fn bicubic(&mut self, u: Side, v: Side, mut all: Vec<Variable>) -> Done {
         check_counts(&all, u.n, v.n)?;
         let many = u.segments * v.segments > 1;
@@ -200,7 +201,7 @@ impl Reader<'_> {
         let given = self.given(request, 10);
         let mut all = variables(&given, PATCH);
         self.corners(&mut all);
-        // Segments of u and v; the scene interface has values at the four corners.
+        // `su` and `sv` are the numbers of segment ends in u and v. The scene interface has values at the four corners.
         let (su, sv) = (u.n + 2 - u.order, v.n + 2 - v.order);
         for variable in &mut all {
             if variable.interp == Interp::Linear && variable.items() != 4 {
@@ -252,7 +253,7 @@ impl Reader<'_> {
             "cubic" => Some(self.local.vbasis),
             other => return Err(Fault::Mistake(format!("there are no curves \"{other}\""))),
         };
-        // Segments of each curve.
+        // The segments of each curve.
         let mut sides = Vec::with_capacity(nverts.len());
         for n in nverts.iter() {
             let n = usize::try_from(*n).unwrap_or(0);
@@ -285,7 +286,7 @@ impl Reader<'_> {
                 return Err(Fault::Mistake(format!("\"{}\" has {n} values where {want} are needed", v.name)));
             }
         }
-        // Neighbours with as many vertices are one call.
+        // Adjacent curves with the same number of vertices become one call.
         let (mut from, mut vertex, mut end) = (0, 0, 0);
         while from < sides.len() {
             let side = sides[from];
@@ -311,7 +312,7 @@ impl Reader<'_> {
                 }
                 let (width, vertexlike) = (v.width(), v.interp == Interp::Vertex);
                 if basis.is_none() {
-                    // Linear curves interpolate both classes alike.
+                    // Linear curves interpolate both classes in the same way.
                     let places = (0..count).flat_map(|k| (0..n_out).map(move |i| k * each + i % each));
                     let data = out.picked(places);
                     return Variable { interp: Interp::Vertex, data, ..out };
@@ -342,7 +343,7 @@ impl Reader<'_> {
     }
 }
 
-/// Checks that the number of positions is that of the request.
+/// Returns an error when the number of positions is not that of the request.
 fn check_counts(all: &[Variable], nu: usize, nv: usize) -> Result<(), Fault> {
     let want = nu.checked_mul(nv).filter(|n| *n < 1 << 28).ok_or_else(|| format!("{nu} x {nv} vertices"))?;
     match all.iter().find(|v| matches!(&*v.name, "P" | "Pw")) {

@@ -1,10 +1,10 @@
-//! Variables of primitives: classes of the RenderMan interface as those of the scene interface.
+//! The variables of primitives. Classes of the RenderMan interface become those of the scene interface.
 
 use crate::declare::{Class, Given};
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, Params};
 use std::sync::Arc;
 
-/// The numbers of values of the classes on a primitive.
+/// The class in the scene interface of each class of the RenderMan interface, for a kind of primitives.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Classes {
     pub(crate) uniform: Interp,
@@ -12,16 +12,16 @@ pub(crate) struct Classes {
     pub(crate) facevarying: Interp,
 }
 
-/// On patches, spheres and their like.
+/// The classes on patches, spheres and similar primitives.
 pub(crate) const PATCH: Classes =
     Classes { uniform: Interp::Constant, varying: Interp::Linear, facevarying: Interp::Linear };
-/// On polygons.
+/// The classes on polygons.
 pub(crate) const POLYGONS: Classes =
     Classes { uniform: Interp::PerPiece, varying: Interp::Vertex, facevarying: Interp::Linear };
-/// On points.
+/// The classes on points.
 pub(crate) const POINTS: Classes =
     Classes { uniform: Interp::Constant, varying: Interp::Vertex, facevarying: Interp::Vertex };
-/// On curves.
+/// The classes on curves.
 pub(crate) const CURVES: Classes =
     Classes { uniform: Interp::PerPiece, varying: Interp::Linear, facevarying: Interp::Linear };
 
@@ -37,7 +37,7 @@ impl Classes {
     }
 }
 
-/// A variable with its name, type and class.
+/// A variable with its name, type, class and values.
 #[derive(Clone, Debug)]
 pub(crate) struct Variable {
     pub(crate) name: Arc<str>,
@@ -48,17 +48,17 @@ pub(crate) struct Variable {
 }
 
 impl Variable {
-    /// Values of one item.
+    /// Returns the number of values of one item.
     pub(crate) fn width(&self) -> usize {
         ParamType { base: self.base, array: self.array, interp: self.interp }.width().max(1)
     }
 
-    /// Items.
+    /// Returns the number of items.
     pub(crate) fn items(&self) -> usize {
         self.data.len() / self.width()
     }
 
-    /// As a parameter; a constant keeps its first item.
+    /// Converts the variable to a parameter. A constant keeps its first item.
     pub(crate) fn param(self) -> Param {
         let n = self.width();
         let data = match (self.interp, &self.data) {
@@ -71,7 +71,7 @@ impl Variable {
         Param { name: self.name, ty, data }
     }
 
-    /// With the items at these places, which are in range.
+    /// Returns the items at these indices, which are in range.
     pub(crate) fn picked(&self, places: impl Iterator<Item = usize>) -> ParamData {
         let n = self.width();
         fn pick<T: Clone>(values: &[T], n: usize, places: impl Iterator<Item = usize>) -> Arc<[T]> {
@@ -85,7 +85,7 @@ impl Variable {
     }
 }
 
-/// The variables of a primitive, under the names that they have in the scene interface.
+/// Returns the variables of a primitive, with their names in the scene interface.
 pub(crate) fn variables(given: &[Given], classes: Classes) -> Vec<Variable> {
     let mut all: Vec<Variable> = Vec::with_capacity(given.len() + 1);
     for g in given {
@@ -122,7 +122,7 @@ pub(crate) fn variables(given: &[Given], classes: Classes) -> Vec<Variable> {
     all
 }
 
-/// All of them as parameters.
+/// Converts all variables to parameters.
 pub(crate) fn params(variables: Vec<Variable>) -> Params {
     variables.into_iter().map(Variable::param).collect()
 }

@@ -1,33 +1,34 @@
-//! Quadrics and tori as rational patches, exactly.
+//! Quadrics and tori as rational patches, which represent them exactly.
 //!
 //! u sweeps about the z axis and v follows the profile, as in the RenderMan interface. Circles are rational quadratic
-//! arcs of at most a quarter turn each. Points lie on the surface. Between the ends of an arc u differs slightly from
+//! arcs of at most a quarter turn each. Points lie on the surface. Between the ends of an arc, u differs slightly from
 //! the angle.
 
 use granita_base::shape::KnotSpan;
 use granita_base::{BaseType, Interp, Param, ParamData, ParamType, ShapeDesc};
 use std::sync::Arc;
 
-/// A homogeneous point of a profile: r, z and the weight (r and z are not multiplied by it).
+/// A homogeneous point: two coordinates and the weight. The coordinates are not multiplied by the weight.
 type Point = [f64; 3];
 
-/// A curve in (r, z, angle offset): what is swept.
+/// The curve that is swept about the axis.
 struct Profile {
-    /// Distance from the axis, angle about it, height, weight.
+    /// The points, each with the distance from the axis, the angle about it in radians, the height and the weight.
     points: Vec<[f64; 4]>,
     span: KnotSpan,
 }
 
-/// The least number of arcs that each circle is made of.
+/// The number of arcs of each circle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arcs {
-    /// The least number for the angle.
+    /// The least number of arcs for the angle.
     Fewest,
-    /// Four for any angle, so that keys of a motion block have the same number of control points.
+    /// At least four arcs for any angle, so that keys of a motion block have the same number of control points.
     Four,
 }
 
-/// An arc of a circle about the origin from `from` to `to` (radians) as (cosine, sine, weight) of control points.
+/// Returns an arc of a circle about the origin from `from` to `to` (radians). The control points are (cosine, sine,
+/// weight).
 fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
     let least = if arcs == Arcs::Four { 4 } else { 1 };
     let quarters =
@@ -49,7 +50,7 @@ fn arc(from: f64, to: f64, arcs: Arcs) -> (Vec<Point>, KnotSpan) {
     (points, span)
 }
 
-/// Cosines that are zero become exactly zero, so that shared edges close and poles are points.
+/// Returns the cosine of an angle in radians. Zeros are exact, so that shared edges close and poles are points.
 fn exact_cos(angle: f64) -> f64 {
     let c = angle.cos();
     if c.abs() < 1e-15 { 0.0 } else { c }
@@ -68,7 +69,7 @@ fn line(a: [f64; 3], b: [f64; 3]) -> Profile {
     }
 }
 
-/// The surface of a profile that turns by `thetamax_deg`, with the parameter "Pw".
+/// Returns the surface of a profile that turns by `thetamax_deg`, and its parameter "Pw".
 fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param) {
     let (circle, u) = arc(0.0, thetamax_deg.to_radians(), arcs);
     let mut values = Vec::with_capacity(4 * circle.len() * profile.points.len());
@@ -85,8 +86,8 @@ fn swept(profile: &Profile, thetamax_deg: f64, arcs: Arcs) -> (ShapeDesc, Param)
     (ShapeDesc::Nurbs { u, v: profile.span.clone() }, pw)
 }
 
-/// `Sphere`, for where the native one will not do: its arguments change while it moves. One without a radius or a
-/// height is a point or a ring.
+/// Returns a sphere as a patch, for spheres whose arguments change while they move. One without a radius or a height is
+/// a point or a ring.
 pub(crate) fn sphere([radius, zmin, zmax, thetamax]: [f64; 4]) -> (ShapeDesc, Param) {
     let half = std::f64::consts::FRAC_PI_2;
     let angle = |z: f64| (z / radius.abs()).clamp(-1.0, 1.0).asin();
@@ -102,32 +103,32 @@ fn circle_profile(centre: f64, radius: f64, from: f64, to: f64, arcs: Arcs) -> P
     }
 }
 
-/// `Cone height radius thetamax`.
+/// Returns `Cone height radius thetamax`.
 pub(crate) fn cone([height, radius, thetamax]: [f64; 3], arcs: Arcs) -> (ShapeDesc, Param) {
     swept(&line([radius, 0.0, 0.0], [0.0, 0.0, height]), thetamax, arcs)
 }
 
-/// `Cylinder radius zmin zmax thetamax`.
+/// Returns `Cylinder radius zmin zmax thetamax`.
 pub(crate) fn cylinder([radius, zmin, zmax, thetamax]: [f64; 4], arcs: Arcs) -> (ShapeDesc, Param) {
     swept(&line([radius, 0.0, zmin], [radius, 0.0, zmax]), thetamax, arcs)
 }
 
-/// `Disk height radius thetamax`.
+/// Returns `Disk height radius thetamax`.
 pub(crate) fn disk([height, radius, thetamax]: [f64; 3], arcs: Arcs) -> (ShapeDesc, Param) {
     swept(&line([radius, 0.0, height], [0.0, 0.0, height]), thetamax, arcs)
 }
 
-/// `Hyperboloid p1 p2 thetamax`.
+/// Returns `Hyperboloid p1 p2 thetamax`.
 pub(crate) fn hyperboloid(p1: [f64; 3], p2: [f64; 3], thetamax: f64, arcs: Arcs) -> (ShapeDesc, Param) {
     swept(&line(p1, p2), thetamax, arcs)
 }
 
-/// `Paraboloid rmax zmin zmax thetamax`; `None` when it has no surface there.
+/// Returns `Paraboloid rmax zmin zmax thetamax`; `None` when it has no surface.
 pub(crate) fn paraboloid([rmax, zmin, zmax, thetamax]: [f64; 4], arcs: Arcs) -> Option<(ShapeDesc, Param)> {
     if zmax == 0.0 || zmin / zmax < 0.0 {
         return None;
     }
-    // z grows with the square of r: a parabola is a quadratic Bezier curve over r.
+    // z is proportional to the square of r. A parabola is a quadratic Bezier curve over r.
     let r0 = rmax * (zmin / zmax).sqrt();
     let height = |a: f64, b: f64| zmax * (a / rmax) * (b / rmax);
     let points = [(r0, r0), (r0, rmax), (rmax, rmax)].map(|(a, b)| [(a + b) * 0.5, 0.0, height(a, b), 1.0]);
@@ -136,7 +137,7 @@ pub(crate) fn paraboloid([rmax, zmin, zmax, thetamax]: [f64; 4], arcs: Arcs) -> 
     (rmax != 0.0).then(|| swept(&Profile { points: points.to_vec(), span }, thetamax, arcs))
 }
 
-/// `Torus majorradius minorradius phimin phimax thetamax`.
+/// Returns `Torus majorradius minorradius phimin phimax thetamax`.
 pub(crate) fn torus([major, minor, phimin, phimax, thetamax]: [f64; 5], arcs: Arcs) -> (ShapeDesc, Param) {
     swept(&circle_profile(major, minor, phimin.to_radians(), phimax.to_radians(), arcs), thetamax, arcs)
 }
@@ -145,7 +146,7 @@ pub(crate) fn torus([major, minor, phimin, phimax, thetamax]: [f64; 5], arcs: Ar
 mod tests {
     use super::*;
 
-    /// B-spline basis functions by their recursion.
+    /// Returns a B-spline basis function by its recursion.
     fn basis(i: usize, order: usize, t: f64, knots: &[f32]) -> f64 {
         let k = |i: usize| f64::from(knots[i]);
         if order == 1 {
@@ -183,7 +184,7 @@ mod tests {
         for p in &all {
             assert!(error(*p).abs() < 1e-5, "{p:?} {}", error(*p));
         }
-        // The sweep begins in the plane y = 0 and ends at the right angle.
+        // The sweep begins in the plane y = 0 and ends at the given angle.
         let [x, y, _] = all[9 * 12];
         let r = x.hypot(y);
         let (ex, ey) = (r * thetamax.to_radians().cos(), r * thetamax.to_radians().sin());

@@ -1,5 +1,5 @@
 // tidy: long: one match over the requests of RIB, with a short method for each
-//! The reader: requests in, scene calls out.
+//! The reader. It executes requests and sends calls of the scene interface.
 
 use crate::basis::Basis;
 use crate::condition::{Branch, Value};
@@ -17,7 +17,7 @@ use std::io::{self, Read};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Most calls that instances of objects, and requests that archives of the file itself, may repeat.
+/// The largest number of calls that instances of objects may repeat, and of requests that stored archives may repeat.
 pub(crate) const MAX_REPEATED: usize = 50_000_000;
 
 /// The reason why a request has no result.
@@ -26,7 +26,7 @@ pub(crate) enum Fault {
     Mistake(String),
     /// An unsupported feature, reported once.
     Unsupported(String),
-    /// Reading ends.
+    /// The reading ends.
     Ends(GeneratorError),
 }
 
@@ -44,7 +44,7 @@ impl From<String> for Fault {
 
 pub(crate) type Done = Result<(), Fault>;
 
-/// A call and its place.
+/// A call and its position.
 pub(crate) type Placed = (Call, Location);
 
 /// The part of the attribute state that the scene interface does not have.
@@ -52,11 +52,11 @@ pub(crate) type Placed = (Call, Location);
 pub(crate) struct Local {
     pub(crate) ubasis: Basis,
     pub(crate) vbasis: Basis,
-    /// `TextureCoordinates`, when set: s and t at the four corners.
+    /// s and t at the four corners, set by `TextureCoordinates`.
     pub(crate) corners: Option<[f32; 8]>,
-    /// Inside of `Detail`.
+    /// True inside of `Detail`.
     pub(crate) detail: bool,
-    /// A level of detail that a finer one stands for.
+    /// True in a level of detail that is not shown, because a finer one is.
     pub(crate) coarse: bool,
 }
 
@@ -66,16 +66,16 @@ impl Default for Local {
     }
 }
 
-/// The receiver of calls.
+/// The state of the world, which determines where calls go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
-    /// Before `WorldBegin`: they wait.
+    /// The world has not begun. Calls are stored.
     Before,
-    /// In a world of this source.
+    /// A world of this source has begun.
     World,
-    /// In a world that another source began: this source is a part of a scene.
+    /// Another source began the world. This source is a part of a scene.
     Part,
-    /// In the world of a frame that is not accepted.
+    /// The world belongs to a frame that is not accepted. Calls are dropped.
     Dropped,
 }
 
@@ -87,16 +87,16 @@ struct Frame {
     waiting: usize,
 }
 
-/// A block that must end.
+/// A block that is open.
 struct Block {
     name: &'static str,
     line: u32,
     local: Local,
-    /// The handles before the world.
+    /// The handles of lights before the world.
     lights: Option<Lights>,
 }
 
-/// The number of lights that each handle has stood for. A light of the interface stays on when its handle is used
+/// The number of lights that each handle has been used for. A light of the interface stays on when its handle is used
 /// again.
 pub(crate) type Lights = BTreeMap<Arc<str>, usize>;
 
@@ -112,36 +112,36 @@ pub(crate) struct Reader<'a> {
     mode: Mode,
     /// True when the world began before this source.
     part: bool,
-    /// Calls in front of `WorldBegin`.
+    /// The calls before `WorldBegin`.
     waiting: Vec<Placed>,
     pub(crate) options: Options,
     pub(crate) local: Local,
     pub(crate) declarations: Declarations,
     frames: Vec<Frame>,
     blocks: Vec<Block>,
-    /// Worlds begun, and frames rendered.
+    /// The number of worlds that have begun.
     worlds: usize,
     rendered: usize,
     motion: Option<Motion>,
-    /// An object being defined.
+    /// The object that is being defined, with its name, its calls and its line.
     object: Option<(Arc<str>, Vec<Placed>, u32)>,
     objects: BTreeMap<Arc<str>, Arc<[Placed]>>,
     pub(crate) repeated: usize,
     pub(crate) lights: Lights,
-    /// Archives of the file itself.
+    /// The archives that are stored by the file itself.
     pub(crate) archives: Archives,
-    /// Files being read, outermost first.
+    /// The files that are being read, outermost first.
     pub(crate) files: Vec<PathBuf>,
-    /// Opens them.
+    /// The opener of files.
     pub(crate) opens: Files,
     pub(crate) file: Arc<str>,
     pub(crate) line: u32,
     said: BTreeSet<String>,
-    /// The request is already reported.
+    /// True when an error of the request is already known, so that further ones are not reported.
     pub(crate) quiet: bool,
-    /// Conditionals being read, outermost first.
+    /// The conditionals that are being read, outermost first.
     pub(crate) branches: Vec<Branch>,
-    /// `Option "user"`, and `Frame`.
+    /// The values of `Option "user"`, and of `Frame`.
     pub(crate) variables: BTreeMap<String, Value>,
     pub(crate) area_lights: usize,
     pub(crate) color_samples: Option<(usize, Vec<f32>)>,
@@ -220,9 +220,9 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Carries out one request; only what ends reading is an error.
+    /// Executes one request. Returns only errors that end the reading. Others are reported.
     pub(crate) fn perform(&mut self, request: Request) -> Done {
-        // An error in its text is the cause of all other errors.
+        // An error in the text of the request is the cause of all other errors.
         self.quiet = request.mistake.is_some();
         let done = self.branch(&request).unwrap_or_else(|| self.request(&request));
         self.quiet = false;
@@ -240,7 +240,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The source is at its end.
+    /// Processes the end of the source.
     fn end(&mut self) -> Result<(), GeneratorError> {
         if let Some(motion) = self.motion.take() {
             self.line = motion.line;
@@ -264,7 +264,7 @@ impl<'a> Reader<'a> {
             self.error(format!("{0} without {1}{frame}", block.name, block.name.replace("Begin", "End")));
         }
         if self.mode == Mode::Before && self.worlds == 0 {
-            // Settings for a scene, or a part of one without any geometry.
+            // The source holds settings for a scene, or a part of one without geometry.
             let (calls, at) = (self.frame_calls(), self.at());
             if !self.part {
                 for call in calls {
@@ -280,7 +280,7 @@ impl<'a> Reader<'a> {
         Location::line(&self.file, self.line)
     }
 
-    /// ` (object "name")`, or nothing.
+    /// Returns ` (object "name")`, or an empty string.
     fn object_name(&self) -> String {
         match &*attr::NAME.ask(self.sink) {
             name if self.in_world() && !name.is_empty() => format!(" (object \"{name}\")"),
@@ -295,14 +295,14 @@ impl<'a> Reader<'a> {
         self.reporter.say(Severity::Error, &self.at(), text);
     }
 
-    /// A warning, once per text.
+    /// Reports a warning, once per text.
     pub(crate) fn once(&mut self, text: String) {
         if self.said.len() < 10_000 && self.said.insert(text.clone()) {
             self.reporter.say(Severity::Warning, &self.at(), text);
         }
     }
 
-    /// The parameters of a request from argument `from` on.
+    /// Returns the parameters of a request from argument `from` on.
     pub(crate) fn params(&mut self, request: &Request, from: usize) -> Vec<Given> {
         let mut wrong = Vec::new();
         let args = request.args.get(from..).unwrap_or_default();
@@ -313,8 +313,8 @@ impl<'a> Reader<'a> {
         list
     }
 
-    /// The same as [`Self::params`], for requests whose parameters each renderer chooses. An undeclared parameter has
-    /// the type of its values where `knows` accepts its name, and is left out with a warning otherwise.
+    /// Returns the parameters like [`Self::params`], for requests whose parameters each renderer chooses. An undeclared
+    /// parameter has the type of its values where `knows` accepts its name, and is left out with a warning otherwise.
     pub(crate) fn own_params(
         &mut self,
         request: &Request,
@@ -334,7 +334,7 @@ impl<'a> Reader<'a> {
         list
     }
 
-    /// Passes a call on, or keeps it where it belongs: a motion key, an object, in front of the world.
+    /// Sends a call, or stores it where it belongs, which is a motion key, an object, or the calls before the world.
     pub(crate) fn emit(&mut self, call: Call) -> Done {
         let at = self.at();
         if let Some(key) = self.motion.as_mut().and_then(|m| m.keys.last_mut()) {
@@ -358,7 +358,7 @@ impl<'a> Reader<'a> {
             Mode::Before => {
                 let shape = matches!(call, Call::Shape { .. } | Call::Input { .. });
                 if shape && self.part {
-                    // Geometry without a world of its own: a part of another scene.
+                    // Geometry without a world of its own is a part of another scene.
                     self.mode = Mode::Part;
                     self.flush(|_| true)?;
                     return Ok(self.sink.call(call, &at)?);
@@ -375,7 +375,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Sends what waits in front of the world.
+    /// Sends the wanted calls among those before the world.
     fn flush(&mut self, wanted: impl Fn(&Call) -> bool) -> Result<(), Stop> {
         for (call, at) in &self.waiting {
             if wanted(call) {
@@ -403,7 +403,7 @@ impl<'a> Reader<'a> {
         calls
     }
 
-    /// Takes transformations of this frame off what waits in front of the world; whether there were any.
+    /// Removes the transformations of this frame from the calls before the world. Returns true when there were any.
     pub(crate) fn forget_transforms(&mut self) -> bool {
         let from = self.frames.last().map_or(0, |f| f.waiting).min(self.waiting.len());
         let rest = self.waiting.split_off(from);
@@ -423,7 +423,7 @@ impl<'a> Reader<'a> {
         self.waiting.len() < from + n
     }
 
-    /// An attribute, also one that waits for the world to begin.
+    /// Returns an attribute, which may be among the calls before the world.
     pub(crate) fn attribute_value(&self, name: &str) -> Option<Param> {
         let waits = self.waiting.iter().rev().find_map(|(call, _)| match call {
             Call::Attribute(param) if &*param.name == name => Some(param.clone()),
@@ -436,7 +436,7 @@ impl<'a> Reader<'a> {
         matches!(self.mode, Mode::World | Mode::Dropped | Mode::Part)
     }
 
-    /// `FrameBegin`, `WorldBegin` and so on; `None` when the request is none of them.
+    /// Executes structural requests such as `FrameBegin` and `WorldBegin`. Returns `None` for other requests.
     pub(crate) fn structure(&mut self, request: &Request) -> Option<Done> {
         Some(match request.name.as_str() {
             "FrameBegin" => {
@@ -508,7 +508,7 @@ impl<'a> Reader<'a> {
                 "WorldBegin: the scene has a world already; camera and options are left out".to_owned(),
             );
             self.sink.call(Call::PushAttributes, &at)?;
-            // The requests before it placed the camera.
+            // The transformations before it positioned the camera.
             self.flush(|call| {
                 matches!(call, Call::Attribute(_) | Call::Shader { .. } | Call::LightSwitch { .. })
             })?;
@@ -611,7 +611,7 @@ impl<'a> Reader<'a> {
         self.motion.is_some()
     }
 
-    /// In a motion block each request is a key.
+    /// Begins a key. In a motion block, each request is a key.
     fn next_key(&mut self) {
         if let Some(motion) = &mut self.motion {
             motion.keys.push(Vec::new());
@@ -726,7 +726,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The state that a source which is read later needs, as requests.
+    /// Returns the state that a source which is read later needs, as requests.
     pub(crate) fn inherited(&self) -> String {
         let mut text = self.declarations.requests();
         if let Some(corners) = &self.local.corners {
@@ -742,7 +742,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// A sphere whose arguments change becomes a patch at each time.
+/// Converts a sphere whose arguments change to a patch at each time.
 fn swell(keys: &mut [Placed]) {
     let shapes: Vec<&ShapeDesc> = keys
         .iter()
@@ -765,7 +765,7 @@ fn swell(keys: &mut [Placed]) {
     }
 }
 
-/// A handle: a number or a name.
+/// Returns a handle, which is a number or a name.
 pub(crate) fn handle(arg: Option<&Arg>) -> Option<Arc<str>> {
     match arg? {
         Arg::Int(i) => Some(i.to_string().into()),
@@ -774,12 +774,12 @@ pub(crate) fn handle(arg: Option<&Arg>) -> Option<Arc<str>> {
     }
 }
 
-/// A plain parameter of the scene interface.
+/// Returns a parameter of the scene interface that is neither an array nor interpolated.
 pub(crate) fn plain(name: &str, base: BaseType, data: impl Into<granita_base::ParamData>) -> Param {
     Param { name: name.into(), ty: ParamType::of(base), data: data.into() }
 }
 
-/// The stream, decompressed when it is compressed by gzip.
+/// Returns the stream, decompressed when it is compressed by gzip.
 fn decompressed(mut stream: Box<dyn Read>) -> io::Result<Box<dyn Read>> {
     let mut head = Vec::with_capacity(2);
     stream.by_ref().take(2).read_to_end(&mut head)?;

@@ -1,10 +1,10 @@
-//! Requests: a name and its arguments.
+//! Requests, which consist of a name and its arguments.
 
 use crate::lex::{Lexer, Token};
 use std::io;
 use std::sync::Arc;
 
-/// Most values of one request.
+/// The largest number of values of one request.
 const MAX_VALUES: usize = 1 << 27;
 
 const UNCLOSED: &str = "a string without its end";
@@ -12,7 +12,7 @@ const UNCLOSED: &str = "a string without its end";
 /// One argument.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Arg {
-    /// One integer, as written.
+    /// One integer as it is written.
     Int(i32),
     /// One number.
     Float(f32),
@@ -27,7 +27,7 @@ pub(crate) enum Arg {
 }
 
 impl Arg {
-    /// As numbers, a single one or an array.
+    /// Returns the numbers of a single number or an array; `None` for strings.
     pub(crate) fn floats(&self) -> Option<Arc<[f32]>> {
         match self {
             Self::Int(i) => Some([*i as f32].into()),
@@ -38,7 +38,7 @@ impl Arg {
         }
     }
 
-    /// As integers; numbers with a fraction are refused.
+    /// Returns the integers of a single number or an array; `None` when a number has a fraction.
     pub(crate) fn ints(&self) -> Option<Arc<[i32]>> {
         let whole = |f: f32| (f.fract() == 0.0 && f.abs() < 2.0e9).then_some(f as i32);
         match self {
@@ -50,7 +50,7 @@ impl Arg {
         }
     }
 
-    /// As strings, a single one or an array.
+    /// Returns the strings of a single string or an array; `None` for numbers.
     pub(crate) fn strings(&self) -> Option<Arc<[Arc<str>]>> {
         match self {
             Self::String(s) => Some([s.clone()].into()),
@@ -60,7 +60,7 @@ impl Arg {
         }
     }
 
-    /// The kind, for messages.
+    /// Returns the kind of the argument, for messages.
     pub(crate) fn kind(&self) -> &'static str {
         match self {
             Self::Int(_) => "an integer",
@@ -79,21 +79,21 @@ pub(crate) struct Request {
     pub(crate) name: String,
     /// All arguments in order.
     pub(crate) args: Vec<Arg>,
-    /// The line it begins in.
+    /// The line in which it begins.
     pub(crate) line: u32,
-    /// The errors found; the rest of the arguments is kept.
+    /// The first error in its text. The rest of the arguments is kept.
     pub(crate) mistake: Option<String>,
 }
 
-/// Puts tokens together.
+/// Combines tokens to requests.
 pub(crate) struct Requests {
     lexer: Lexer,
-    /// The name of the next request, and its line.
+    /// The name of the next request and its line.
     next: Option<(String, u32)>,
     started: bool,
 }
 
-/// An array being read.
+/// The array that is being read.
 enum Array {
     Empty,
     Ints(Vec<i32>),
@@ -136,12 +136,13 @@ impl Requests {
         Self { lexer, next: None, started: false }
     }
 
-    /// The line that is being read.
+    /// Returns the current line.
     pub(crate) fn line(&self) -> u32 {
         self.lexer.line()
     }
 
-    /// The next request; `None` at the end. What stands in front of the first one is a request without a name.
+    /// Reads the next request. Returns `None` at the end. Arguments before the first name form a request without a
+    /// name.
     pub(crate) fn next(&mut self) -> io::Result<Option<Request>> {
         let (name, line) = match self.next.take() {
             Some(next) => next,
@@ -204,7 +205,7 @@ impl Requests {
         Ok(list)
     }
 
-    /// The rest of an array; `None` when the next request begins before it ends.
+    /// Reads the rest of an array. Returns `None` when the next request begins before the array ends.
     fn array(&mut self, request: &mut Request, values: &mut usize) -> io::Result<Option<Arg>> {
         let mut array = Array::Empty;
         let mut wrong = |what: String| _ = request.mistake.get_or_insert(what);

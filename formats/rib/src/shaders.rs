@@ -9,7 +9,7 @@ use granita_scene::Call;
 use std::sync::Arc;
 
 impl Reader<'_> {
-    /// Shaders and lights; `None` for other requests.
+    /// Executes requests for shaders and lights. Returns `None` for other requests.
     pub(crate) fn shader_request(&mut self, request: &Request) -> Option<Done> {
         Some(match request.name.as_str() {
             "Surface" => self.shader(request, "surface"),
@@ -45,7 +45,7 @@ impl Reader<'_> {
         let name = shader_name(&string(request, 0)?);
         let id = handle(request.args.get(1)).ok_or_else(|| "no light handle".to_owned())?;
         if area && (name.is_empty() || &*name == "null") {
-            // The end of an area light.
+            // This request ends an area light.
             return Ok(());
         }
         let uses = self.lights.entry(id.clone()).or_insert(0);
@@ -64,19 +64,19 @@ impl Reader<'_> {
     }
 }
 
-/// The name of the light that a handle stands for after so many uses. In the scene interface a name that is used again
-/// replaces its light; in RIB the first light stays.
+/// Returns the name of the light for a handle after this number of uses. In the scene interface, a name that is used
+/// again replaces its light. In RIB the first light stays.
 fn light_id(handle: &Arc<str>, uses: usize) -> Arc<str> {
     if uses < 2 { handle.clone() } else { format!("{handle} ({uses})").into() }
 }
 
-/// Without the extension of compiled shaders of another renderer.
+/// Returns the name without the extension of compiled shaders of other renderers.
 fn shader_name(name: &str) -> Arc<str> {
     let endings = [".sl", ".slo", ".slx", ".slc", ".sdl", ".oso"];
     endings.iter().find_map(|e| name.strip_suffix(e)).unwrap_or(name).into()
 }
 
-/// The parameters, under the names that the bundled shaders have for them.
+/// Returns the parameters, with the names that the bundled shaders have for them.
 fn shader_params(shader: &str, given: &[Given]) -> Params {
     given
         .iter()
@@ -86,7 +86,7 @@ fn shader_params(shader: &str, given: &[Given]) -> Params {
                 param.name = "envname".into();
             }
             if param.ty.array.is_none() {
-                // One value, for any declared class.
+                // One value is used, for any declared class.
                 param.data = first_item(&param.data, param.ty.base.components());
             }
             param

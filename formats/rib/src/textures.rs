@@ -1,4 +1,4 @@
-//! Texture making, and sources that are read later.
+//! Requests that make textures, and sources that are read later.
 
 use crate::options::{exactly, string};
 use crate::reader::{Done, Fault, Reader};
@@ -8,7 +8,7 @@ use granita_scene::Call;
 use std::sync::Arc;
 
 impl Reader<'_> {
-    /// `Make...`, `Procedural` and `Geometry`; `None` for other requests.
+    /// Executes `Make...`, `Procedural` and `Geometry`. Returns `None` for other requests.
     pub(crate) fn texture_request(&mut self, request: &Request) -> Option<Done> {
         Some(match request.name.as_str() {
             "MakeTexture" => self.make(request, 1, 2, None),
@@ -28,7 +28,7 @@ impl Reader<'_> {
         })
     }
 
-    /// Pictures, texture, then `wraps` wrap modes; runs `maketx`.
+    /// Runs `maketx`. The arguments are `pictures` images, a texture and `wraps` wrap modes.
     fn make(&mut self, request: &Request, pictures: usize, wraps: usize, mode: Option<&str>) -> Done {
         let mut words: Vec<Arc<str>> = vec!["maketx".into()];
         words.extend(mode.map(Arc::from));
@@ -59,7 +59,7 @@ impl Reader<'_> {
         let args = request.args.get(1).and_then(|a| a.strings()).ok_or_else(|| "no arguments".to_owned())?;
         let bound: Request =
             Request { args: request.args.get(2..).unwrap_or_default().to_vec(), ..request.clone() };
-        // Without a bound, or with one that holds everything, it is read at once.
+        // Without a bound, or with an infinite one, the source is read at once.
         let bound = exactly::<6>(&bound).ok().filter(|b| b.iter().all(|x| x.abs() < 1.0e30));
         let inherited = self.inherited();
         let command = match (kind, &args[..]) {

@@ -5,7 +5,8 @@ use crate::reader::{Done, Fault, Reader};
 use crate::request::Request;
 use granita_scene::{Call, TransformTarget};
 
-/// A shear that turns direction `d1` towards `d2` by an angle in degrees, along `d2`.
+/// Returns a shear along `d2` that turns direction `d1` towards `d2` by an angle in degrees; `None` when the directions
+/// are parallel or the angle is too large.
 fn skew(angle_deg: f32, d1: [f32; 3], d2: [f32; 3]) -> Option<[f32; 16]> {
     let length = |d: [f64; 3]| d.iter().map(|x| x * x).sum::<f64>().sqrt();
     let unit = |d: [f32; 3]| {
@@ -15,7 +16,7 @@ fn skew(angle_deg: f32, d1: [f32; 3], d2: [f32; 3]) -> Option<[f32; 16]> {
     };
     let (a, b) = (unit(d1)?, unit(d2)?);
     let cosine: f64 = (0..3).map(|i| a[i] * b[i]).sum();
-    // The part of d1 that is square to d2 is what the shear follows.
+    // The shear is proportional to the component of d1 that is perpendicular to d2.
     let side: [f64; 3] = std::array::from_fn(|i| a[i] - cosine * b[i]);
     let height = length(side);
     if height < 1.0e-9 {
@@ -40,7 +41,7 @@ fn skew(angle_deg: f32, d1: [f32; 3], d2: [f32; 3]) -> Option<[f32; 16]> {
 }
 
 impl Reader<'_> {
-    /// Transformations; `None` for other requests.
+    /// Executes transformation requests. Returns `None` for other requests.
     pub(crate) fn transform_request(&mut self, request: &Request) -> Option<Done> {
         let call = match request.name.as_str() {
             "Identity" => {
@@ -89,7 +90,7 @@ mod tests {
 
     #[test]
     fn shears() {
-        // y is turned towards x by 45 degrees, and keeps its height.
+        // y is turned towards x by 45 degrees. Its y coordinate does not change.
         let m = skew(45.0, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]).unwrap();
         let p = Transform::from_rows(&m).point(Vec3::new(0.0, 1.0, 0.0));
         assert!((p - Vec3::new(1.0, 1.0, 0.0)).length() < 1e-6, "{p}");

@@ -1,5 +1,5 @@
 // tidy: tests
-//! RIB from outside: text in, calls and messages out.
+//! Tests of the reader with text as input and calls and messages as output.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::{CurveBasis, Interp, Location, Param, ParamData, Params, Reporter, ShapeDesc};
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use std::io::Write;
 use std::sync::Arc;
 
-/// Keeps calls; follows the world as a graphics state does.
+/// Records calls, and tracks the world like a graphics state.
 #[derive(Default)]
 struct Recorder {
     calls: Vec<Call>,
@@ -54,7 +54,7 @@ fn run(bytes: &[u8], sink: &mut Recorder) -> (Result<(), GeneratorError>, Vec<St
     (result, said)
 }
 
-/// The calls of a whole scene whose world holds `text`, without those of the camera.
+/// Returns the calls of a scene whose world contains `text`, without those of the camera, and the messages.
 fn world(text: &str) -> (Vec<Call>, Vec<String>) {
     let mut sink = Recorder::default();
     let (result, said) = run(format!("WorldBegin\n{text}\nWorldEnd").as_bytes(), &mut sink);
@@ -65,7 +65,7 @@ fn world(text: &str) -> (Vec<Call>, Vec<String>) {
     (sink.calls[from..to].to_vec(), said)
 }
 
-/// As [`world`], with nothing said.
+/// Returns the calls of [`world`], which must not report any messages.
 fn clean(text: &str) -> Vec<Call> {
     let (calls, said) = world(text);
     assert!(said.is_empty(), "{text}: {said:?}");
@@ -99,7 +99,7 @@ fn attribute(calls: &[Call], name: &str) -> Option<Param> {
     })
 }
 
-/// Positions of `n` vertices.
+/// Returns the positions of `n` vertices.
 fn p(n: usize) -> String {
     format!("\"P\" [{}]", (0..3 * n).map(|i| i.to_string()).collect::<Vec<_>>().join(" "))
 }
@@ -227,7 +227,7 @@ fn polygons() {
     let (_, params) = only(&calls);
     assert_eq!(params.get("s").unwrap().ty.interp, Interp::Linear);
     assert_eq!(floats(params.get("t")), [0.0, 0.0, 1.0, 0.0, 1.0, 1.0]);
-    // A hole becomes a cut: eight corners and two more.
+    // A hole becomes a cut. The polygon has eight corners and two more.
     let calls = clean(
         "GeneralPolygon [4 4] \"P\" [0 0 0 9 0 0 9 9 0 0 9 0  3 3 0 6 3 0 6 6 0 3 6 0]\n\
          \"facevarying float f\" [0 1 2 3 4 5 6 7]",
@@ -257,7 +257,7 @@ fn patches() {
         "Basis \"b-spline\" 1 \"b-spline\" 1 PatchMesh \"bicubic\" 5 \"nonperiodic\" 4 \"nonperiodic\"";
     let calls = clean(&format!("{mesh} {}", p(20)));
     assert!(matches!(only(&calls).0, ShapeDesc::Patch { u: CurveBasis::BSpline, nu: 5, nv: 4, .. }));
-    // Values at the patches' corners make it Bezier patches, whose inner values lie on straight lines.
+    // With values at the corners of the patches, it becomes Bezier patches. Their inner values lie on straight lines.
     let calls = clean(&format!("{mesh} {} \"varying float k\" [0 3 6 9 12 15]", p(20)));
     let (shape, params) = only(&calls);
     assert!(matches!(shape, ShapeDesc::Patch { u: CurveBasis::Bezier, nu: 7, nv: 4, .. }));
@@ -368,7 +368,7 @@ fn frames() {
     });
     let Some(ParamData::String(words)) = command else { panic!() };
     assert_eq!(words.join(" "), "maketx -smode periodic -tmode clamp one.tif -o one.tx");
-    // Whoever takes one frame only gets the first.
+    // A receiver of only one frame gets the first one.
     let mut sink = Recorder::default();
     let (_, said) = run(text.as_bytes(), &mut sink);
     assert_eq!(said.len(), 1);
@@ -498,7 +498,8 @@ fn mistakes_cost_one_request() {
     let (result, said) = run(b"WorldBegin \"no end", &mut Recorder::default());
     assert!(result.is_ok());
     assert!(said[0].starts_with("t.rib:1: error: WorldBegin: a string without its end"), "{said:?}");
-    // A string without its end costs its request, and is told where it begins; one with a line in it is a string.
+    // A string without its end is an error of its request, at the line where the request begins. A string may contain a
+    // line end.
     let text = "\nSurface \"plastic\n  Translate 1 2 3\nAttribute \"identifier\" \"name\" [\"a\nSurface, b\"]\nSpere 1 2";
     let (calls, said) = world(text);
     assert!(calls.contains(&Call::Translate([1.0, 2.0, 3.0])));
@@ -616,7 +617,7 @@ fn each_light_source_adds_a_light() {
         calls.iter().filter_map(id).collect()
     };
     assert_eq!(ids(&clean(text)), ["1", "1 (2)", "1 (2) false", "key", "key (2)"]);
-    // A frame begins with the lights in front of it, so that it does not depend on frames before.
+    // A frame begins with the lights before it, so that it does not depend on earlier frames.
     let text = "LightSource \"ambientlight\" 1 FrameBegin 1 LightSource \"a\" 1 WorldBegin LightSource \"b\" 2 WorldEnd FrameEnd\n\
         FrameBegin 2 WorldBegin LightSource \"b\" 1 LightSource \"b\" 2 WorldEnd FrameEnd";
     let mut sink = Recorder { several: true, ..Recorder::default() };
@@ -653,7 +654,7 @@ fn parameters_of_other_renderers_warn() {
         _ => None,
     });
     assert_eq!(filter.as_deref(), Some("max"));
-    // Values that do not fit, and shaders, are as strict as before.
+    // Values that do not fit, and parameters of shaders, are still errors.
     let (_, said) = world("Attribute \"visibility\" \"int camera\" [\"no\"]\nSurface \"a\" \"b\" 1");
     assert!(said.len() == 2 && said.iter().all(|s| s.contains("error")), "{said:?}");
 }
@@ -697,7 +698,7 @@ fn archives_of_the_file_itself() {
     let (_, said) =
         run(b"WorldBegin WorldEnd\nArchiveBegin \"a\"\nSphere 1 -1 1 360", &mut Recorder::default());
     assert_eq!(said, ["t.rib:2: error: ArchiveBegin without ArchiveEnd"]);
-    // Each doubles the one before: the number of requests has a limit.
+    // Each archive doubles the one before. The number of requests has a limit.
     let mut text = "ArchiveBegin \"a0\" Translate 1 0 0 ArchiveEnd\n".to_owned();
     for k in 1..60 {
         text += &format!("ArchiveBegin \"a{k}\" {0} {0} ArchiveEnd\n", format!("ReadArchive \"a{}\"", k - 1));
@@ -708,7 +709,7 @@ fn archives_of_the_file_itself() {
 
 #[test]
 fn heights_over_the_parameters() {
-    // A plane over the unit square, whatever the basis.
+    // The heights form a plane over the unit square, for any basis.
     let z = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>().join(" ");
     let calls =
         clean(&format!("PatchMesh \"bilinear\" 3 \"nonperiodic\" 2 \"nonperiodic\" \"Pz\" [{}]", z(6)));
@@ -746,7 +747,7 @@ fn quadrics_that_open_keep_their_vertices() {
     }
 }
 
-/// Requests and pieces of them.
+/// Requests and parts of requests.
 const PIECES: [&str; 37] = [
     "ArchiveBegin \"a\"",
     "ArchiveEnd",

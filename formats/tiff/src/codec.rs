@@ -15,18 +15,18 @@ pub(crate) enum Compression {
     Lzw,
     Deflate,
     PackBits,
-    /// Only read.
+    /// This compression is only read.
     Zstd,
-    /// Only read, by [`crate::jpeg`].
+    /// This compression is only read, by [`crate::jpeg`].
     Jpeg,
-    /// Only read, by [`crate::webp`].
+    /// This compression is only read, by [`crate::webp`].
     WebP,
-    /// Only read, by [`crate::strip_file`].
+    /// This compression is only read, by [`crate::strip_file`].
     Group4,
 }
 
 impl Compression {
-    /// Converts the number in the file; `Err` is the name of one that is not supported.
+    /// Converts the number in the file. `Err` is the name of a compression that is not supported.
     pub(crate) fn from_code(code: u64) -> Result<Self, String> {
         Err(match code {
             1 => return Ok(Self::None),
@@ -48,7 +48,7 @@ impl Compression {
         })
     }
 
-    /// Number in the file.
+    /// Returns the number in the file.
     pub(crate) fn code(self) -> u16 {
         match self {
             Self::None => 1,
@@ -62,7 +62,8 @@ impl Compression {
         }
     }
 
-    /// Converts the value of the attribute `compression` (reference 7.4.1), and the effort of deflate: "zip:9".
+    /// Converts the value of the attribute `compression` (reference 7.4.1), which may contain the effort of deflate:
+    /// "zip:9".
     pub(crate) fn from_word(word: &str) -> Option<(Self, i32)> {
         let word = word.to_ascii_lowercase();
         let (name, effort) = match word.split_once(':') {
@@ -79,7 +80,7 @@ impl Compression {
         })
     }
 
-    /// Value of the attribute.
+    /// Returns the value of the attribute.
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::None => "none",
@@ -93,7 +94,7 @@ impl Compression {
         }
     }
 
-    /// Fills `out` from `data`; `Err` describes the error in the data.
+    /// Fills `out` from `data`. `Err` describes the error in the data.
     pub(crate) fn decode(self, data: &[u8], out: &mut [u8]) -> Result<(), String> {
         let (got, fault) = match self {
             Self::None => {
@@ -114,7 +115,7 @@ impl Compression {
         }
     }
 
-    /// Compresses `data`, which has rows of `row_bytes`; deflate takes `effort` (1 to 12).
+    /// Compresses `data`, which has rows of `row_bytes`. `effort` is that of deflate, from 1 to 12.
     pub(crate) fn encode(self, data: &[u8], row_bytes: usize, effort: i32) -> std::io::Result<Vec<u8>> {
         match self {
             Self::None => Ok(data.to_vec()),
@@ -144,8 +145,8 @@ impl Compression {
     }
 }
 
-/// Valid data is decoded in one call. Otherwise the slower way reports the decoded length, and accepts data that
-/// continues beyond the end or has no check sum.
+/// Decodes data of deflate, and returns the decoded length. Valid data is decoded in one call. Otherwise the slower way
+/// reports the decoded length, and accepts data that continues beyond the end or has no check sum.
 fn decode_deflate(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
     if libdeflater::Decompressor::new().zlib_decompress(data, out) == Ok(out.len()) {
         return (out.len(), None);
@@ -212,7 +213,7 @@ fn decode_packbits(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
 }
 
 fn encode_packbits(row: &[u8], out: &mut Vec<u8>) {
-    /// Length of the run of equal bytes at the front, up to 128.
+    /// Returns the length of the run of equal bytes at the front, up to 128.
     fn run(bytes: &[u8]) -> usize {
         bytes.iter().take(128).take_while(|b| **b == bytes[0]).count()
     }
@@ -223,7 +224,7 @@ fn encode_packbits(row: &[u8], out: &mut Vec<u8>) {
             out.extend([(1 - n as i32) as u8, rest[0]]);
             rest = &rest[n..];
         } else {
-            // Literal bytes until a run of three: one of two costs as much inside.
+            // Literal bytes continue until a run of three. A run of two needs as many bytes when it is literal.
             let mut n = 1;
             while n < rest.len().min(128) && run(&rest[n..]) < 3 {
                 n += 1;
@@ -235,8 +236,8 @@ fn encode_packbits(row: &[u8], out: &mut Vec<u8>) {
     }
 }
 
-/// Horizontal differencing (predictor 2), undone: every value becomes the sum of those to its left.
-/// `width` values per row, `step` channels. Floats are summed as the integers of their bits, as libtiff does.
+/// Reverses horizontal differencing (predictor 2), so that every value becomes the sum of those to its left. Rows have
+/// `width` values and `step` channels. Floats are summed as the integers of their bits, as libtiff does.
 pub(crate) fn undo_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
     macro_rules! sum {
         ($v:expr, $add:expr) => {
@@ -260,7 +261,7 @@ pub(crate) fn undo_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
     }
 }
 
-/// Horizontal differencing of integers, in place; the inverse of [`undo_horizontal`].
+/// Applies horizontal differencing of integers in place, which is the inverse of [`undo_horizontal`].
 pub(crate) fn apply_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
     macro_rules! difference {
         ($v:expr) => {
@@ -280,9 +281,9 @@ pub(crate) fn apply_horizontal(pixels: &mut Pixels, width: usize, step: usize) {
     }
 }
 
-/// Floating-point prediction (predictor 3, TIFF Technical Note 3), undone: `bytes` are rows of
-/// `width * size` bytes, first all most significant bytes, each the difference to the one `step`
-/// before. Returns big-endian values.
+/// Reverses floating-point prediction (predictor 3, TIFF Technical Note 3). `bytes` are rows of `width * size` bytes,
+/// with all most significant bytes first. Each byte is the difference to the one `step` before. Returns big-endian
+/// values.
 pub(crate) fn undo_floating(mut bytes: Vec<u8>, width: usize, step: usize, size: usize) -> Vec<u8> {
     let mut values = vec![0; width * size];
     for row in bytes.chunks_exact_mut((width * size).max(1)) {
@@ -299,7 +300,7 @@ pub(crate) fn undo_floating(mut bytes: Vec<u8>, width: usize, step: usize, size:
     bytes
 }
 
-/// Floating-point prediction of little-endian values, the inverse of [`undo_floating`].
+/// Applies floating-point prediction to little-endian values, which is the inverse of [`undo_floating`].
 pub(crate) fn apply_floating(bytes: &mut [u8], width: usize, step: usize, size: usize) {
     let mut planes = vec![0; width * size];
     for row in bytes.chunks_exact_mut((width * size).max(1)) {
@@ -315,13 +316,13 @@ pub(crate) fn apply_floating(bytes: &mut [u8], width: usize, step: usize, size: 
     }
 }
 
-/// Turns the bits of every byte around (FillOrder 2).
+/// Reverses the bits of every byte (FillOrder 2).
 pub(crate) fn reverse_bits(bytes: &mut [u8]) {
     bytes.iter_mut().for_each(|b| *b = b.reverse_bits());
 }
 
-/// Spreads values of 1, 2 or 4 bits, packed in rows from the most significant bit, over bytes:
-/// `width` values per row. `scale` stretches them to 0..=255, else they stay as they are.
+/// Converts values of 1, 2 or 4 bits to bytes. They are packed in rows of `width` values from the most significant bit.
+/// `scale` stretches them to 0..=255. Otherwise they stay as they are.
 pub(crate) fn unpack_bits(bytes: &[u8], width: usize, bits: usize, scale: bool) -> Vec<u8> {
     let top = (1u8 << bits) - 1;
     let factor = if scale { 255 / top } else { 1 };

@@ -1,17 +1,17 @@
-//! Colours that are stored otherwise than as red, green and blue, and what they are as these.
+//! Converts colours that are not stored as red, green and blue.
 
 use crate::directory::Directory;
 use crate::tags;
 use granita_image::{FileSource, PixelType, Pixels, Result};
 
-/// How the first channels of a pixel make a colour. Further channels stay as they are.
+/// The conversion of the first channels of a pixel to a colour. Further channels stay as they are.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Colors {
-    /// Four inks, 0 is none.
+    /// Four inks, where 0 is no ink.
     Cmyk,
     /// CIE L*a*b* with signed a* and b* (TIFF 6.0, section 23).
     CieLab,
-    /// CIE L*a*b* as in ICC profiles, a* and b* with an offset (Adobe's technical notes of 2002).
+    /// CIE L*a*b* as in ICC profiles, with an offset of a* and b* (Adobe's technical notes of 2002).
     IccLab,
     /// Luminance and colour differences.
     YCbCr(YCbCr),
@@ -20,16 +20,16 @@ pub(crate) enum Colors {
 /// The tags of TIFF 6.0, sections 20 and 21.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct YCbCr {
-    /// Shares of red, green and blue in the luminance.
+    /// The weights of red, green and blue in the luminance.
     luma: [f32; 3],
-    /// What is black and white in each channel.
+    /// The values of black and white in each channel.
     reference: [f32; 6],
-    /// Pixels across and down that share one pair of differences: 1, 2 or 4.
+    /// The numbers of pixels across and down that share one pair of differences: 1, 2 or 4.
     pub(crate) block: (usize, usize),
 }
 
 impl Colors {
-    /// From the tags of a directory. `None` when the channels are given out as they are stored.
+    /// Returns the conversion from the tags of a directory; `None` when the channels are returned as they are stored.
     pub(crate) fn of(
         source: &FileSource,
         directory: &Directory,
@@ -63,21 +63,22 @@ impl Colors {
         Ok(Some(colors))
     }
 
-    /// Number of channels that make the colour.
+    /// Returns the number of channels that define the colour.
     fn inks(&self) -> usize {
         if *self == Self::Cmyk { 4 } else { 3 }
     }
 
-    /// Channels of a pixel that is given out, of so many stored.
+    /// Returns the number of channels of a converted pixel, for the number of stored channels.
     pub(crate) fn channels(&self, samples: usize) -> usize {
         samples - self.inks() + 3
     }
 
-    /// Pixels of `samples` stored values each as red, green and blue and the further channels, of the same type.
+    /// Converts pixels of `samples` stored values each to red, green and blue and the further channels, of the same
+    /// type.
     pub(crate) fn to_rgb(&self, stored: &Pixels, samples: usize) -> Pixels {
         let values = stored.floats();
         let mut out = Vec::with_capacity(values.len() / samples * self.channels(samples));
-        // The whole number that was stored: floats hold those of 16 bits exactly.
+        // The integer that was stored. Floats hold integers of 16 bits exactly.
         let top = if stored.pixel_type() == PixelType::U8 { 255.0 } else { 65535.0 };
         for pixel in values.chunks_exact(samples) {
             let (color, rest) = pixel.split_at(self.inks());
@@ -90,7 +91,7 @@ impl Colors {
                     lab_to_rgb([color[0] * 100.0, signed(whole(1)) / unit, signed(whole(2)) / unit])
                 }
                 Self::IccLab => {
-                    // 100 is 255 in 8 bits, 65280 in 16.
+                    // 100 is 255 in 8 bits, and 65280 in 16.
                     let unit = (top + 1.0) / 256.0;
                     let [l, a, b] = [0, 1, 2].map(|i| whole(i) / unit);
                     lab_to_rgb([l / 2.55, a - 128.0, b - 128.0])
@@ -105,7 +106,7 @@ impl Colors {
 
 impl YCbCr {
     fn of(source: &FileSource, directory: &Directory) -> Result<Self> {
-        /// The numbers of a tag, or the default where it is absent or is damaged.
+        /// Returns the numbers of a tag, or the default where it is absent or damaged.
         fn or<const N: usize>(values: &[f32], default: [f32; N]) -> [f32; N] {
             values.try_into().ok().filter(|v: &[f32; N]| v.iter().all(|n| n.is_finite())).unwrap_or(default)
         }
@@ -125,7 +126,7 @@ impl YCbCr {
         })
     }
 
-    /// Red, green and blue from 0 to 1.
+    /// Returns red, green and blue from 0 to 1.
     fn rgb(&self, stored: [f32; 3]) -> [f32; 3] {
         let [r, g, b] = self.luma;
         let full = |i: usize, top: f32| {
@@ -137,13 +138,14 @@ impl YCbCr {
         [red, (y - b * blue - r * red) / g, blue].map(|v| (v / 255.0).clamp(0.0, 1.0))
     }
 
-    /// Bytes of `size` pixels in blocks: the luminances of one block, row by row, then its two differences.
+    /// Returns the number of bytes of `size` pixels in blocks. A block is its luminances, row by row, and then its two
+    /// differences.
     pub(crate) fn block_bytes(&self, size: (usize, usize)) -> usize {
         let (h, v) = self.block;
         size.0.div_ceil(h) * size.1.div_ceil(v) * (h * v + 2)
     }
 
-    /// Three values for each of `size` pixels, from blocks: all pixels of a block get its differences.
+    /// Returns three values for each of `size` pixels, from blocks. All pixels of a block get its differences.
     pub(crate) fn spread(&self, blocks: &[u8], size: (usize, usize)) -> Vec<u8> {
         let (h, v) = self.block;
         let across = size.0.div_ceil(h).max(1);
@@ -162,14 +164,15 @@ impl YCbCr {
     }
 }
 
-/// sRGB from 0 to 1 of a CIE L*a*b* colour; what no screen shows is cut off. White is white: the colours are taken for
-/// those of the light D50, as is the custom, and adapted to that of sRGB, D65, by Bradford's matrix.
+/// Converts a CIE L*a*b* colour to sRGB from 0 to 1. Colours outside the gamut are clamped. By convention the colours
+/// are relative to the illuminant D50. They are adapted to D65, that of sRGB, by Bradford's matrix, so that white
+/// remains white.
 fn lab_to_rgb([l, a, b]: [f32; 3]) -> [f32; 3] {
-    // CIE 15:2004, 8.2.1.
+    // The formula is that of CIE 15:2004, 8.2.1.
     let linear = |f: f32| if f > 6.0 / 29.0 { f * f * f } else { (f - 4.0 / 29.0) * (108.0 / 841.0) };
     let f = (l + 16.0) / 116.0;
     let [x, y, z] = [0.96422 * linear(f + a / 500.0), linear(f), 0.82521 * linear(f - b / 200.0)];
-    // XYZ of D50 to linear sRGB: the matrix of IEC 61966-2-1 after Bradford's.
+    // The matrix converts XYZ of D50 to linear sRGB. It is the product of Bradford's matrix and that of IEC 61966-2-1.
     [
         3.133_856 * x - 1.616_867 * y - 0.490_615 * z,
         -0.978_768 * x + 1.916_142 * y + 0.033_454 * z,
@@ -185,7 +188,7 @@ fn lab_to_rgb([l, a, b]: [f32; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// L*a*b* (D50) of the primaries of sRGB, to a tenth of a thousandth, are well known.
+    /// The well-known L*a*b* (D50) of the primaries of sRGB, to a tenth of a thousandth.
     const PRIMARIES: [([f32; 3], [u8; 3]); 5] = [
         ([100.0, 0.0, 0.0], [255; 3]),
         ([54.2905, 80.8049, 69.8910], [255, 0, 0]),
@@ -236,7 +239,7 @@ mod tests {
         assert_eq!(out[..9], [0, 4, 5, 1, 4, 5, 6, 10, 11]);
         assert_eq!(out[9..18], [2, 4, 5, 3, 4, 5, 8, 10, 11]);
         assert_eq!(out[18..], [12, 16, 17, 13, 16, 17, 18, 22, 23]);
-        // Pure red, after TIFF 6.0, section 21.
+        // The colour is pure red, after TIFF 6.0, section 21.
         let rgb = Colors::YCbCr(tags).to_rgb(&Pixels::U8(vec![76, 85, 255]), 3);
         let Pixels::U8(rgb) = rgb else { panic!() };
         assert!(rgb[0] >= 253 && rgb[1] <= 1 && rgb[2] <= 1, "{rgb:?}");

@@ -1,18 +1,18 @@
-//! The skeleton of a TIFF file: header, chain of directories, entries and their values.
+//! The structure of a TIFF file: header, chain of directories, entries and their values.
 
 use granita_image::{FileSource, Limits, Result};
 
-/// Byte order and width of a file, from its first bytes.
+/// The byte order and the width of offsets of a file, from its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
-    /// "MM" rather than "II".
+    /// True for "MM", and false for "II".
     pub(crate) big_endian: bool,
-    /// 64-bit offsets.
+    /// True for 64-bit offsets.
     pub(crate) big_tiff: bool,
 }
 
 impl Layout {
-    /// Checks whether these first bytes are of a TIFF file, and returns its kind.
+    /// Checks whether these first bytes are those of a TIFF file, and returns its layout.
     pub(crate) fn of(head: &[u8]) -> Option<Self> {
         match head {
             [b'I', b'I', 42, 0, ..] => Some(Self { big_endian: false, big_tiff: false }),
@@ -23,18 +23,18 @@ impl Layout {
         }
     }
 
-    /// An unsigned number of `bytes.len()` (at most 8) bytes.
+    /// Returns an unsigned number of `bytes.len()` (at most 8) bytes.
     pub(crate) fn number(self, bytes: &[u8]) -> u64 {
         let fold = |n: u64, b: &u8| n << 8 | u64::from(*b);
         if self.big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
     }
 
-    /// The bytes of a number of 16 bits.
+    /// Returns the bytes of a number of 16 bits.
     pub(crate) fn short(self, n: u16) -> [u8; 2] {
         if self.big_endian { n.to_be_bytes() } else { n.to_le_bytes() }
     }
 
-    /// The bytes of a number of 32 bits.
+    /// Returns the bytes of a number of 32 bits.
     pub(crate) fn long(self, n: u32) -> [u8; 4] {
         if self.big_endian { n.to_be_bytes() } else { n.to_le_bytes() }
     }
@@ -45,14 +45,14 @@ impl Layout {
 pub(crate) struct Entry {
     pub(crate) tag: u16,
     kind: u16,
-    /// Number of values.
+    /// The number of values.
     pub(crate) count: u64,
-    /// The value field: the values themselves if they fit, else where they are.
+    /// The value field, which holds the values themselves if they fit, and otherwise their offset.
     field: [u8; 8],
 }
 
 impl Entry {
-    /// The number of bytes of one value; 0 for unknown kinds.
+    /// Returns the number of bytes of one value. It is 0 for unknown kinds.
     fn size(&self) -> u64 {
         match self.kind {
             1 | 2 | 6 | 7 => 1,
@@ -71,7 +71,7 @@ pub(crate) struct Directory {
     entries: Vec<Entry>,
 }
 
-/// Reads the chain of directories. Follows no more than `limits.images` of them, and no loops.
+/// Reads the chain of directories. It follows at most `limits.images` of them, and no loops.
 pub(crate) fn read_directories(source: &FileSource, limits: &Limits) -> Result<(Layout, Vec<Directory>)> {
     let head = source.read_vec(0, source.len().min(16), "the header")?;
     let layout = Layout::of(&head).ok_or_else(|| source.malformed("it does not begin like one"))?;
@@ -104,7 +104,7 @@ pub(crate) fn read_directories(source: &FileSource, limits: &Limits) -> Result<(
 }
 
 impl Directory {
-    /// The directory at `offset`, and where the next one is.
+    /// Returns the directory at `offset`, and the offset of the next one.
     fn read(source: &FileSource, layout: Layout, offset: u64) -> Result<(Self, u64)> {
         let (count_bytes, entry_bytes, field_bytes) = if layout.big_tiff { (8, 20, 8) } else { (2, 12, 4) };
         let count = layout.number(&source.read_vec(offset, count_bytes, "a directory")?);
@@ -129,12 +129,12 @@ impl Directory {
         Ok((Self { layout, entries }, layout.number(next)))
     }
 
-    /// The entry of a tag.
+    /// Returns the entry of a tag.
     pub(crate) fn entry(&self, tag: u16) -> Option<&Entry> {
         self.entries.iter().find(|e| e.tag == tag)
     }
 
-    /// The first number of a tag; `default` when the tag is absent.
+    /// Returns the first number of a tag, or `default` when the tag is absent.
     pub(crate) fn number(&self, source: &FileSource, tag: u16, default: u64) -> Result<u64> {
         match self.entry(tag) {
             Some(entry) => Ok(self.layout.numbers(source, entry, 1)?.first().copied().unwrap_or(default)),
@@ -142,14 +142,14 @@ impl Directory {
         }
     }
 
-    /// The first `max` numbers of a tag; none when it is absent.
+    /// Returns the first `max` numbers of a tag. There are none when it is absent.
     pub(crate) fn numbers(&self, source: &FileSource, tag: u16, max: u64) -> Result<Vec<u64>> {
         self.entry(tag).map_or(Ok(Vec::new()), |e| self.layout.numbers(source, e, max))
     }
 
-    /// The text of a tag, up to its first NUL; `None` when absent or no text.
+    /// Returns the text of a tag, up to its first NUL; `None` when it is absent or not a text.
     pub(crate) fn text(&self, source: &FileSource, tag: u16) -> Result<Option<String>> {
-        /// Longer ones are cut: a description of a megabyte is damage, or no description.
+        /// The largest number of bytes of a text. A longer text is cut, because it is probably damaged.
         const LONGEST: u64 = 1 << 20;
         let Some(entry) = self.entry(tag).filter(|e| matches!(e.kind, 1 | 2 | 7)) else { return Ok(None) };
         let bytes = self.layout.values(source, entry, LONGEST)?;
@@ -157,13 +157,13 @@ impl Directory {
         Ok(Some(String::from_utf8_lossy(text).into_owned()))
     }
 
-    /// The bytes of a tag, `None` when it is absent or has more than `max`.
+    /// Returns the bytes of a tag; `None` when it is absent or has more than `max`.
     pub(crate) fn bytes(&self, source: &FileSource, tag: u16, max: u64) -> Result<Option<Vec<u8>>> {
         let entry = self.entry(tag).filter(|e| matches!(e.kind, 1 | 7) && e.count <= max);
         entry.map(|e| self.layout.values(source, e, max)).transpose()
     }
 
-    /// The first `max` values of a tag as floats, from floats, doubles, fractions or integers.
+    /// Returns the first `max` values of a tag as floats, from floats, doubles, fractions or integers.
     pub(crate) fn floats(&self, source: &FileSource, tag: u16, max: u64) -> Result<Vec<f32>> {
         let Some(entry) = self.entry(tag) else { return Ok(Vec::new()) };
         let layout = self.layout;
@@ -183,7 +183,7 @@ impl Directory {
 }
 
 impl Layout {
-    /// The first `max` values of an entry, as unsigned numbers. Other kinds of values are an error.
+    /// Returns the first `max` values of an entry, as unsigned numbers. Other kinds of values are an error.
     pub(crate) fn numbers(self, source: &FileSource, entry: &Entry, max: u64) -> Result<Vec<u64>> {
         if !matches!(entry.kind, 1 | 3 | 4 | 7 | 13 | 16 | 18) {
             return Err(
@@ -194,7 +194,7 @@ impl Layout {
         Ok(bytes.chunks_exact(entry.size() as usize).map(|b| self.number(b)).collect())
     }
 
-    /// The bytes of the first `max` values of an entry.
+    /// Returns the bytes of the first `max` values of an entry.
     fn values(self, source: &FileSource, entry: &Entry, max: u64) -> Result<Vec<u8>> {
         let broken = || source.malformed(format!("tag {} has {} values", entry.tag, entry.count));
         let all = entry.count.checked_mul(entry.size()).ok_or_else(broken)?;

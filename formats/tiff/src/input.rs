@@ -1,4 +1,4 @@
-//! Reading: strips and tiles by position, from any thread.
+//! Reads strips and tiles by position, from any thread.
 
 use crate::codec::Compression;
 use crate::colors::Colors;
@@ -16,8 +16,8 @@ use std::sync::Arc;
 
 /// An open TIFF file.
 ///
-/// Every directory is an image, or a MIP level of the image before it: see [`crate`]. Tables of strips
-/// and tiles are read when a level is first touched, so that opening a large texture costs little.
+/// Every directory is an image, or a MIP level of the image before it (see [`crate`]). Tables of strips and tiles are
+/// read when a level is first used, so that opening a large texture needs little time.
 #[derive(Debug)]
 pub struct TiffInput {
     source: FileSource,
@@ -59,15 +59,15 @@ impl TiffInput {
         })
     }
 
-    /// Strip or tile `(cx, cy)` with all its channels.
+    /// Reads strip or tile `(cx, cy)` with all its channels.
     fn read_chunk(&self, level: &Level, cx: u32, cy: u32) -> Result<Pixels> {
         let spec = &level.spec;
         let width = level.chunk.0;
         let height =
             if spec.is_tiled() { level.chunk.1 } else { level.chunk.1.min(spec.height - cy * level.chunk.1) };
         let bytes = self.limits.check_read(self.source.path(), spec, width, height)? as u64;
-        // Packed, unpacked and in order; what is converted is stored in up to twice the bytes, or becomes floats on the
-        // way.
+        // The memory holds the data packed, unpacked and in order. Data that is converted is stored in up to twice the
+        // bytes, or becomes floats meanwhile.
         let times = if level.colors.is_some() || level.by_crate.is_some() { 12 } else { 3 };
         Limits::check_memory(self.source.path(), bytes.saturating_mul(times))?;
         let (across, down) = level.chunks();
@@ -102,7 +102,7 @@ impl TiffInput {
         Ok(pixels)
     }
 
-    /// Decodes entry `index` of the table: `size` pixels of `samples` values.
+    /// Decodes entry `index` of the table, which has `size` pixels of `samples` values.
     fn decode(&self, level: &Level, index: usize, size: (usize, usize), samples: usize) -> Result<Pixels> {
         let source = &self.source;
         let table = level.table(source)?;
@@ -118,7 +118,7 @@ impl TiffInput {
             needed = tags.block_bytes(size);
         }
         if offset == 0 && count == 0 {
-            // A sparse file: this part was never written, and stands for zeros.
+            // In a sparse file this part was never written. It represents zeros.
             return Ok(Pixels::zeros(pixel_type, row_values * size.1));
         }
         let what = if level.spec.is_tiled() { "tile" } else { "strip" };
@@ -126,7 +126,7 @@ impl TiffInput {
         // No scheme packs more densely, so a short strip cannot request a huge buffer.
         let densest = match level.compression {
             Compression::None => 1,
-            // A run of 128 KiB takes four bytes; a row like the one above takes a bit.
+            // A run of 128 KiB takes four bytes. A row that equals the one above takes a bit.
             Compression::Zstd | Compression::Group4 => 1 << 15,
             _ => 4096,
         };
@@ -147,7 +147,7 @@ impl TiffInput {
         let mut bytes = match level.by_crate {
             Some(format) => {
                 match self.decode_by_crate(level, format, packed, (size, samples)).map_err(malformed)? {
-                    // Packed bits.
+                    // The bytes are packed bits.
                     Pixels::U8(bytes) if bits < 8 => bytes,
                     pixels => return Ok(pixels),
                 }
@@ -171,7 +171,8 @@ impl TiffInput {
         Ok(pixels)
     }
 
-    /// Values of kind `format` as the crate `tiff` decodes them, after what it cannot unpack.
+    /// Decodes values of kind `format` by the crate `tiff`, after the compressions that it does not support are
+    /// unpacked.
     fn decode_by_crate(
         &self,
         level: &Level,
@@ -192,9 +193,9 @@ impl TiffInput {
         Chunk { size, samples, bits, format, compression, predictor, big_endian }.decode(&data)
     }
 
-    /// A strip, perhaps the one read last.
+    /// Returns a strip, which may be the one read last.
     fn strip(&self, key: [usize; 3], level: &Level) -> Result<Arc<Pixels>> {
-        // The value is replaced whole, so a panic elsewhere cannot have left it half done.
+        // The value is replaced as a whole, so it is consistent even after a panic in another thread.
         let last = || self.last_strip.lock();
         if let Some((held, pixels)) = &*last()
             && *held == key
@@ -232,20 +233,20 @@ impl ImageInput for TiffInput {
         }
         let bytes = self.limits.check_read(self.source.path(), spec, spec.width, y1 - y0)?;
         if spec.is_tiled() {
-            // The result is allocated before the tiles are read: be sure that they can be there.
+            // The result is allocated before the tiles are read. The table is read first, to check that they exist.
             l.table(&self.source)?;
             return rows_from_tiles(spec, y0, y1, |tx, ty| self.read_chunk(l, tx, ty));
         }
         let row = spec.width as usize * spec.nchannels();
         let strip_rows = l.chunk.1;
-        // Whole strips are decoded at once, in the threads of the caller's pool; rows of a part of one go
-        // through the strip held.
+        // Whole strips are decoded at once, in the threads of the caller's pool. Rows of a part of a strip are read
+        // from the strip that is held.
         let (first, last) =
             (y0.div_ceil(strip_rows), if y1 == spec.height { l.chunks().1 } else { y1 / strip_rows });
         if last > first + 1 {
             l.table(&self.source)?;
             let mut out = Pixels::zeros(spec.pixel_type, bytes / spec.pixel_type.bytes());
-            // As many at once as keep the threads busy: this takes the memory of a few strips more than the result.
+            // The number at once is sufficient for all threads. The memory is that of the result and a few strips.
             let at_once = 4 * rayon::current_num_threads() as u32;
             for group in (first..last).step_by(at_once as usize) {
                 let strips: Vec<Pixels> = (group..last.min(group + at_once))
@@ -298,13 +299,13 @@ impl ImageInput for TiffInput {
         self.source.bytes_read()
     }
 
-    /// A strip, or a row of tiles.
+    /// Returns the bytes of a strip, or of a row of tiles.
     fn working_bytes(&self, image: usize, level: usize) -> u64 {
         self.level(image, level).map_or(0, |l| l.spec.decoding_bytes(l.chunk.1))
     }
 }
 
-/// The `needed` bytes of `size` pixels of `samples` values in `packed`. `Err` says what is wrong with the data.
+/// Returns the `needed` bytes of `size` pixels of `samples` values in `packed`. `Err` describes the error in the data.
 fn unpack(
     level: &Level,
     packed: Vec<u8>,

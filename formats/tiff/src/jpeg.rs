@@ -17,7 +17,7 @@ pub(crate) fn decode(
     samples: usize,
     ycc: bool,
 ) -> Result<(), String> {
-    // Tables are an image without pixels. Its end mark is removed, and so is the start mark of the data.
+    // The tables are an image without pixels. Its end mark is removed, and so is the start mark of the data.
     let stream = match tables {
         Some([front @ .., 0xff, 0xd9]) if data.starts_with(&[0xff, 0xd8]) => [front, &data[2..]].concat(),
         Some(_) => return Err("its tables or its beginning are no JPEG".to_owned()),

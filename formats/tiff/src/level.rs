@@ -1,4 +1,4 @@
-//! One directory understood: what its pixels are and how they are stored.
+//! One directory with the description of its pixels and their storage.
 
 use crate::codec::Compression;
 use crate::colors::Colors;
@@ -8,7 +8,7 @@ use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
 use std::sync::OnceLock;
 
-/// The offsets of the strips or tiles of a level, in order.
+/// The offsets and lengths in bytes of the strips or tiles of a level, in order.
 #[derive(Debug)]
 pub(crate) struct ChunkTable {
     pub(crate) offsets: Vec<u64>,
@@ -22,41 +22,41 @@ pub(crate) struct Level {
     pub(crate) compression: Compression,
     /// The predictor: 1, 2 or 3 (see [`crate::codec`]).
     pub(crate) predictor: u64,
-    /// Each channel in strips or tiles of its own.
+    /// True when each channel is stored in its own strips or tiles.
     pub(crate) separate: bool,
-    /// 0 is white.
+    /// True when 0 is white.
     pub(crate) invert: bool,
-    /// Channels as stored: 1 for a palette, 4 for inks that make a colour.
+    /// The number of stored channels. It is 1 for a palette, and 4 for inks.
     pub(crate) samples: usize,
-    /// Bits of one stored sample: 1, 2, 4, 8, 16, 32 or 64.
+    /// The number of bits of one stored sample: 1, 2, 4, 8, 16, 32 or 64.
     pub(crate) bits: u64,
-    /// Number of the kind of values, where the crate `tiff` decodes them ([`crate::strip_file`]).
+    /// The number of the kind of values, where the crate `tiff` decodes them ([`crate::strip_file`]).
     pub(crate) by_crate: Option<u64>,
-    /// The bits of every byte are stored the other way around.
+    /// True when the bits of every byte are stored in reverse order.
     pub(crate) reversed: bool,
-    /// Tables that all strips or tiles of JPEG data share.
+    /// The tables that all strips or tiles of JPEG data share.
     pub(crate) jpeg_tables: Option<Vec<u8>>,
-    /// JPEG data of luminance and colour differences.
+    /// True for JPEG data of luminance and colour differences.
     pub(crate) ycc: bool,
-    /// Colours of the indices that are stored, if they are.
+    /// The colours of the stored indices, for a palette.
     pub(crate) palette: Option<Vec<[u8; 3]>>,
-    /// What stored colours are that are neither grey nor red, green and blue.
+    /// The conversion of stored colours that are neither grey nor red, green and blue.
     pub(crate) colors: Option<Colors>,
-    /// Size of a tile, or of a strip (the last may have fewer rows).
+    /// The size of a tile, or of a strip (the last may have fewer rows), in pixels.
     pub(crate) chunk: (u32, u32),
-    /// The writer called it a smaller version of another image.
+    /// True when the file declares it as a smaller version of another image.
     pub(crate) reduced: bool,
     pub(crate) directory: Directory,
     pub(crate) table: OnceLock<ChunkTable>,
 }
 
-/// What the values of one channel are.
+/// The type of the values of one channel.
 #[derive(Clone, Copy)]
 struct Sample {
-    /// The type that they are given out in.
+    /// The pixel type after reading.
     pixel_type: PixelType,
     bits: u64,
-    /// 1 unsigned, 2 signed, 3 floats.
+    /// The number of the kind of values: 1 unsigned, 2 signed, 3 floats.
     format: u64,
 }
 
@@ -85,7 +85,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     };
     let ycc = photometric == 6 && compression == Compression::Jpeg;
     let colors = match compression {
-        // The picture says how its colours are stored, and its decoder knows.
+        // The strips and tiles are images that describe their colours themselves, and the decoder converts them.
         Compression::Jpeg if ycc => None,
         Compression::WebP => None,
         _ => Colors::of(source, &directory, photometric, (pixel_type, bits, samples))?,
@@ -95,7 +95,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
 
     let mut jpeg_tables = None;
     if compression == Compression::Jpeg {
-        // Tables are a kilobyte; what is far from it is none.
+        // Tables have about a kilobyte. Much longer data is not a table.
         jpeg_tables = directory.bytes(source, tags::JPEG_TABLES, 1 << 16)?;
     }
 
@@ -137,7 +137,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         samples: samples as usize,
         bits,
         by_crate: by_crate.then_some(sample.format),
-        // JPEG data is the same either way.
+        // The order of bits does not apply to JPEG data.
         reversed: compression != Compression::Jpeg && number(tags::FILL_ORDER, 1)? == 2,
         jpeg_tables,
         ycc,
@@ -150,7 +150,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     })
 }
 
-/// `Ok` when such values can be compressed, predicted and laid out so.
+/// Returns `Ok` when such values may have this compression, predictor and layout.
 fn check_combination(
     source: &FileSource,
     (compression, predictor): (Compression, u64),
@@ -191,7 +191,7 @@ fn check_combination(
     }
 }
 
-/// The type that values are given out in, and what is stored.
+/// Returns the type of values after reading, and the stored one.
 fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photometric: u64) -> Result<Sample> {
     let all = |tag| directory.numbers(source, tag, samples);
     let different =
@@ -203,7 +203,7 @@ fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photome
     }
     let mut kinds = all(tags::SAMPLE_FORMAT)?;
     if matches!(photometric, 8 | 9) {
-        // Some programs say that a* and b* are signed: whether they are, the kind of colours says.
+        // Some programs declare a* and b* as signed. The photometric kind determines whether they are.
         kinds.clear();
     }
     let kind = kinds.first().copied().unwrap_or(1);
@@ -211,7 +211,7 @@ fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photome
         return different("types");
     }
     let (format, name) = match kind {
-        // Undefined data is taken for unsigned, as by everybody else.
+        // Undefined data is read as unsigned, as other programs do.
         1 | 4 => (1, "unsigned integer"),
         2 => (2, "signed integer"),
         3 => (3, "float"),
@@ -230,21 +230,21 @@ fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photome
     Ok(Sample { pixel_type, bits, format })
 }
 
-/// The colours of a palette image, as bytes.
+/// Returns the colours of a palette image, as bytes.
 fn read_palette(source: &FileSource, directory: &Directory, bits: u64) -> Result<Vec<[u8; 3]>> {
     let n = 1usize << bits;
     let map = directory.numbers(source, tags::COLOR_MAP, 3 * n as u64)?;
     if map.len() < 3 * n {
         return Err(source.malformed(format!("colour map of {} values, {} needed", map.len(), 3 * n)));
     }
-    // Some old programs wrote 8-bit values where 16 bits are due.
+    // Some old programs wrote 8-bit values where 16 bits are required.
     let shift = if map.iter().any(|v| *v > 255) { 8 } else { 0 };
     let byte = |v: u64| (v >> shift) as u8;
     Ok((0..n).map(|i| [byte(map[i]), byte(map[n + i]), byte(map[2 * n + i])]).collect())
 }
 
-/// The names of the channels. One further channel beside grey or RGB counts as alpha, whether or not the file
-/// declares it. Of several, only the one that is declared as alpha.
+/// Returns the names of the channels. One further channel beside grey or RGB counts as alpha, whether or not the file
+/// declares it. Of several further channels, only the one that is declared as alpha counts.
 fn channel_names(
     source: &FileSource,
     directory: &Directory,
@@ -273,7 +273,7 @@ fn channel_names(
     Ok(names)
 }
 
-/// Windows and attributes.
+/// Reads windows and attributes into `spec`.
 fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) -> Result<()> {
     for (tag, name) in tags::STRINGS {
         if let Some(text) = directory.text(source, tag)? {
@@ -295,7 +295,7 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
             data: cot.into(),
         });
     }
-    // Kind 2 of a further channel: alpha that colours are not multiplied by.
+    // Kind 2 of a further channel is alpha by which colours are not multiplied.
     let kinds = directory.numbers(source, tags::EXTRA_SAMPLES, spec.nchannels() as u64)?;
     if spec.alpha_channel().is_some() && kinds.iter().find(|k| matches!(k, 1 | 2)) == Some(&2) {
         let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
@@ -327,14 +327,14 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
 }
 
 impl Level {
-    /// Strips or tiles across and down one plane.
+    /// Returns the number of strips or tiles across and down one plane.
     pub(crate) fn chunks(&self) -> (u32, u32) {
         (self.spec.width.div_ceil(self.chunk.0), self.spec.height.div_ceil(self.chunk.1))
     }
 
-    /// True when `next` is the MIP level that follows this one (`first` is level 0): the same kind of pixels, and
-    /// either half the size or, in a texture file, merely not larger (reference 9.2.1, 9.2.7: mosaics of small faces
-    /// are padded and do not halve).
+    /// True when `next` is the MIP level that follows this one (`first` is level 0). It has the same kind of pixels. It
+    /// has half the size or, in a texture file, is not larger (reference 9.2.1, 9.2.7), because mosaics of small faces
+    /// are padded.
     pub(crate) fn is_followed_by(&self, next: &Self, first: &Self) -> bool {
         let halves = |a: u32, b: u32| b == (a / 2).max(1) || b == a.div_ceil(2);
         let (a, b) = (&self.spec, &next.spec);
@@ -348,7 +348,7 @@ impl Level {
         alike && (texture || smaller && (a.is_tiled() || next.reduced))
     }
 
-    /// The offsets of the strips or tiles; read from the file at the first use.
+    /// Returns the offsets of the strips or tiles, which are read from the file at the first use.
     pub(crate) fn table(&self, source: &FileSource) -> Result<&ChunkTable> {
         if let Some(table) = self.table.get() {
             return Ok(table);
@@ -357,7 +357,7 @@ impl Level {
         let planes = if self.separate { self.samples as u64 } else { 1 };
         let needed = u64::from(across) * u64::from(down) * planes;
         let list = |tile_tag, strip_tag, what: &str| -> Result<Vec<u64>> {
-            // A few files call the table of their tiles that of strips.
+            // A few files use the tag of strips for the table of their tiles.
             let tag = match self.directory.entry(tile_tag) {
                 Some(_) if self.spec.is_tiled() => tile_tag,
                 _ => strip_tag,

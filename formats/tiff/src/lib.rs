@@ -1,33 +1,42 @@
 //! TIFF: the suite's own format for textures, shadow maps and rendered images.
 //!
-//! Read: 1, 2, 4, 8, 16 and 32-bit unsigned integers (fewer than 8 bits and palettes become 8-bit values), 16 and
-//! 32-bit floats, any number of channels; strips and tiles; one plane or one per channel; uncompressed, LZW, deflate,
-//! PackBits, Zstandard, JPEG, WebP and CCITT group 4, with all three predictors; both byte orders; both orders of bits;
-//! 32-bit and 64-bit offsets ("BigTIFF"). Signed integers and 64-bit values become floats of the same number, by the
-//! crate `tiff`, as group 4 does: one strip or tile at a time is given to it as a file of its own (module
-//! `strip_file`). CMYK, YCbCr and CIE L*a*b* become RGB (module `colors`). Written: what stands in the first sentence,
-//! in little-endian, uncompressed or with LZW, deflate or PackBits; 64-bit offsets only where needed.
+//! **Reading.** These are read:
+//! - 1, 2, 4, 8, 16 and 32-bit unsigned integers (values of fewer than 8 bits, and palettes, become 8-bit values), and
+//!   16 and 32-bit floats, with any number of channels
+//! - signed integers and 64-bit values, which become floats of the same number
+//! - strips and tiles, in one plane or one per channel
+//! - uncompressed data, and LZW, deflate, PackBits, Zstandard, JPEG, WebP and CCITT group 4, with all three predictors
+//! - both byte orders, both orders of bits, and 32-bit and 64-bit offsets ("BigTIFF")
+//! - CMYK, YCbCr and CIE L*a*b*, which become RGB (module `colors`)
 //!
-//! **Levels.** A file is a chain of directories. A directory that holds the same kind of pixels at half
-//! the size is a MIP level of the image before it, and so is any not larger one in a file with a texture
-//! format tag (reference 9.2.1). Others are further images.
+//! The crate `tiff` decodes signed integers, 64-bit values and group 4. One strip or tile at a time is passed to it as
+//! a file of its own (module `strip_file`).
+//!
+//! **Writing.** Unsigned integers of 8, 16 and 32 bits and floats are written in little-endian, in strips or tiles, in
+//! one plane or one per channel, uncompressed or with LZW, deflate or PackBits. Offsets have 64 bits only where needed.
+//!
+//! **Levels.** A file is a chain of directories. A directory that holds the same kind of pixels at half the size is a
+//! MIP level of the image before it, and so is any not larger one in a file with a texture format tag (reference
+//! 9.2.1). Others are further images.
 //!
 //! **Tags of textures** (reference 9.2) appear as the attributes `textureformat`, `wrapmodes`, `fovcot`,
-//! `worldtoscreen` and `worldtocamera` of [`ImageSpec`]; the size of the
-//! display window, or of a cube face, is in its `full_width` and `full_height`.
+//! `worldtoscreen` and `worldtocamera` of [`ImageSpec`]. The size of the display window, or of a cube face, is in its
+//! `full_width` and `full_height`.
 //!
-//! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and
-//! "packbits"; the default is "zip"; deflate takes an effort from 1 to 12, as "zip:9"), `rowsperstrip`
-//! (default 32), `planarconfig`, `ImageDescription`, `DocumentName`, `Artist`, `copyright` (or `owner`),
-//! `software`, `DateTime`, `Make`, `Model`, `HostComputer`, `XMP`, and `bigtiff` (int; 1 asks for 64-bit
-//! offsets). No date is written that was not given: the same picture gives the same bytes.
+//! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and "packbits"; the
+//! default is "zip"; deflate accepts an effort from 1 to 12, as "zip:9"), `rowsperstrip` (default 32), `planarconfig`,
+//! `ImageDescription`, `DocumentName`, `Artist`, `copyright` (or `owner`), `software`, `DateTime`, `Make`, `Model`,
+//! `HostComputer`, `XMP`, and `bigtiff` (int; 1 requests 64-bit offsets). A date is written only when it is given, so
+//! that the same image results in the same bytes.
 //!
-//! Invariants: one tile is read by one positioned read, from any thread, without touching the rest;
-//! nothing is allocated on the word of a header before it is checked against limits and file size.
+//! # Invariants
 //!
-//! Deliberately absent: CCITT run lengths and group 3, LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv, ITU L*a*b*,
-//! values of other sizes (10, 12, 24 bits), complex values, and names of channels (TIFF has no place for
-//! them: they come back as "R", "G", "B", "A", "channel4" ...).
+//! - One tile is read by one positioned read, from any thread, without reading the rest.
+//! - Memory is allocated by the numbers of a header only after they are checked against limits and file size.
+//!
+//! Deliberately absent are CCITT run lengths and group 3, LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv, ITU L*a*b*,
+//! values of other sizes (10, 12, 24 bits), complex values, and names of channels. TIFF cannot store names of channels,
+//! so they are read as "R", "G", "B", "A", "channel4" ...
 //!
 //! ```
 //! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
@@ -98,11 +107,11 @@ impl Format for TiffFormat {
     }
 }
 
-/// The format "shadow" (reference 7.4.2): a TIFF of floats in tiles, marked as a shadow map. The matrices are the
-/// attributes `worldtocamera` and `worldtoscreen` of the spec.
+/// The format "shadow" (reference 7.4.2), which is a TIFF of floats in tiles, marked as a shadow map. The matrices are
+/// the attributes `worldtocamera` and `worldtoscreen` of the spec.
 ///
-/// Specs are completed: tiles of 64 x 64 where the spec has none, and the texture format "Shadow" ("Volume Shadow"
-/// from 4 channels on) where the spec names none. Rows are accepted as well as tiles.
+/// Specs are completed. Tiles are 64 x 64 where the spec has none. The texture format is "Shadow" ("Volume Shadow" from
+/// 4 channels on) where the spec names none. Rows are accepted as well as tiles.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShadowFormat;
 
@@ -130,7 +139,7 @@ impl Format for ShadowFormat {
         &["sm", "shd", "shad"]
     }
 
-    /// Never: the files are TIFF files.
+    /// Always returns false, because the files are TIFF files.
     fn recognizes(&self, _head: &[u8]) -> bool {
         false
     }

@@ -1,4 +1,4 @@
-//! Writing: strips or tiles in the order of arrival, all directories at the end.
+//! Writes strips or tiles in the order of arrival, and all directories at the end.
 
 use crate::codec::{Compression, EFFORT, apply_floating, apply_horizontal};
 use crate::input::is_float;
@@ -10,27 +10,27 @@ use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// A TIFF file being written, little-endian; with 64-bit offsets if it may exceed 4 GiB.
+/// A TIFF file that is being written. It is little-endian, and has 64-bit offsets if it may exceed 4 GiB.
 #[derive(Debug)]
 pub struct TiffOutput {
     file: AtomicFile,
     /// The offset of the next byte.
     position: u64,
     big_tiff: bool,
-    /// Options of the first level, for later ones that do not have their own.
+    /// The options of the first level, for later levels without their own.
     first: Settings,
     finished: Vec<Vec<Field>>,
     current: Writing,
-    /// All planned levels; the current one is replaced by `None`.
+    /// All planned levels. The current one is replaced by `None`.
     planned: Vec<Option<Writing>>,
 }
 
-/// The level being written.
+/// The level that is being written.
 #[derive(Debug)]
 struct Writing {
     spec: ImageSpec,
     settings: Settings,
-    /// Position and length of every strip or tile, all of one plane after the other.
+    /// The offset and length in bytes of every strip or tile, plane after plane.
     chunks: Vec<Option<(u64, u64)>>,
     rows: Rows,
 }
@@ -70,7 +70,7 @@ impl Field {
         Self { tag, kind: 4, count: 1, bytes: value.to_le_bytes().to_vec() }
     }
 
-    /// Positions and lengths in the file: 64 bits only where the file has them.
+    /// Returns an entry of offsets and lengths in the file, with 64 bits only where the file has them.
     fn places(tag: u16, values: impl ExactSizeIterator<Item = u64>, big_tiff: bool) -> Self {
         let count = values.len() as u64;
         let bytes = if big_tiff {
@@ -93,7 +93,7 @@ impl Field {
         Self { tag, kind: 11, count: values.len() as u64, bytes }
     }
 
-    /// A whole number in the place of a fraction.
+    /// Returns an entry with an integer as a fraction.
     fn rational(tag: u16, value: u32) -> Self {
         Self { tag, kind: 5, count: 1, bytes: [value.to_le_bytes(), 1u32.to_le_bytes()].concat() }
     }
@@ -157,7 +157,7 @@ impl Writing {
 }
 
 impl TiffOutput {
-    /// Begins a file; nothing is visible under its name before `close`.
+    /// Begins a file. It is not visible under its name before `close`.
     ///
     /// # Errors
     /// Returns an error when the folder is missing or refuses the file, and for a description that TIFF cannot store.
@@ -181,7 +181,7 @@ impl TiffOutput {
         Ok(Self { file, position, big_tiff, first, finished: Vec::new(), current, planned: Vec::new() })
     }
 
-    /// Appends bytes, at an even position as the format demands; returns where they are.
+    /// Appends bytes at an even offset, as the format requires. Returns their offset.
     fn append(&mut self, bytes: &[u8]) -> Result<u64> {
         if self.position % 2 == 1 {
             self.file.write_all(&[0]).map_err(|e| self.file.io_error(e))?;
@@ -202,7 +202,7 @@ impl TiffOutput {
         Ok(at)
     }
 
-    /// Compresses and writes strips or tiles, each with all its channels: its number within a plane, and its
+    /// Compresses and writes strips or tiles with all their channels. Each is given by its index within a plane and its
     /// pixels in rows of `width`. They are compressed in the threads of the caller's pool and written in order.
     fn write_chunks(&mut self, width: usize, chunks: &[(usize, &Pixels)]) -> Result<()> {
         let n = self.current.spec.nchannels();
@@ -232,7 +232,7 @@ impl TiffOutput {
         Ok(())
     }
 
-    /// The number of a tile, if it is there and `pixels` is one.
+    /// Returns the index of a tile. It is an error when the tile does not exist or `pixels` does not have its size.
     fn tile_number(&self, tx: u32, ty: u32, pixels: &Pixels) -> Result<usize> {
         self.check_type(pixels)?;
         let spec = &self.current.spec;
@@ -256,7 +256,7 @@ impl TiffOutput {
         Err(self.current.misuse(&self.file, format!("pixels of type {got:?} for a file of {wanted:?}")))
     }
 
-    /// Closes the current level: all of it must be there.
+    /// Closes the current level, which must be complete.
     fn finish_level(&mut self) -> Result<()> {
         let missing = self.current.chunks.iter().filter(|c| c.is_none()).count();
         if missing > 0 {
@@ -270,7 +270,7 @@ impl TiffOutput {
         Ok(())
     }
 
-    /// The directory of the current level, sorted by tag.
+    /// Returns the directory of the current level, sorted by tag.
     fn fields(&self) -> Vec<Field> {
         let Writing { spec, settings, chunks, .. } = &self.current;
         let n = spec.nchannels();
@@ -298,7 +298,7 @@ impl TiffOutput {
             fields.push(Field::shorts(tags::PREDICTOR, &[predictor]));
         }
         if n > colors {
-            // Pixels of a renderer have the alpha multiplied in: kind 1.
+            // Pixels of a renderer are multiplied by alpha, which is kind 1.
             let straight = spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
             let alpha = if straight { 2 } else { 1 };
             let kind = |i| if spec.alpha_channel() == Some(i) { alpha } else { 0 };
@@ -317,7 +317,7 @@ impl TiffOutput {
             fields.push(places(tags::STRIP_OFFSETS, |c| c.0));
             fields.push(places(tags::STRIP_BYTE_COUNTS, |c| c.1));
         }
-        // The windows: relative to the upper left of the display window, which is all that TIFF has.
+        // The windows are relative to the upper left corner of the display window, because TIFF has no other origin.
         let (x, y) = (i64::from(spec.x) - i64::from(spec.full_x), i64::from(spec.y) - i64::from(spec.full_y));
         let (x, y) = (x.clamp(0, i64::from(u32::MAX)) as u32, y.clamp(0, i64::from(u32::MAX)) as u32);
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
@@ -351,12 +351,12 @@ impl TiffOutput {
         fields
     }
 
-    /// Writes a directory and the values that do not fit in it; returns where it is, and where in it
-    /// the position of the next one stands.
+    /// Writes a directory and the values that do not fit in it. Returns its offset, and the offset of its link to the
+    /// next one.
     fn write_directory(&mut self, fields: &[Field]) -> Result<(u64, u64)> {
         let inline = if self.big_tiff { 8 } else { 4 };
         let mut bytes = Vec::new();
-        /// Appends a number of as many bytes as the file's offsets have.
+        /// Appends a number of `width` bytes.
         fn number(bytes: &mut Vec<u8>, n: u64, width: usize) {
             bytes.extend_from_slice(&n.to_le_bytes()[..width]);
         }
@@ -379,7 +379,7 @@ impl TiffOutput {
     }
 }
 
-/// The bytes of a strip or tile: predicted, little-endian, compressed.
+/// Returns the bytes of a strip or tile: predicted, little-endian, compressed.
 fn pack(pixels: &Pixels, width: usize, step: usize, settings: &Settings) -> std::io::Result<Vec<u8>> {
     let compression = settings.compression;
     let size = pixels.pixel_type().bytes();
@@ -512,7 +512,7 @@ impl ImageOutput for TiffOutput {
         let Some(slot) = self.planned.get_mut(level) else {
             return Err(self.current.misuse(&self.file, format!("level {level} was not planned")));
         };
-        // The one place without a level is that of the current one.
+        // The only entry without a level is that of the current one.
         if let Some(next) = slot.take() {
             let old = std::mem::replace(&mut self.current, next);
             let empty = (0..self.planned.len()).find(|i| *i != level && self.planned[*i].is_none());
@@ -541,7 +541,7 @@ impl ImageOutput for TiffOutput {
             self.select_level(level)?;
             self.finish_level()?;
         }
-        // All directories stand together at the end, so that readers get them in one read.
+        // All directories are together at the end, so that readers get them in one read.
         let mut link = if self.big_tiff { 8 } else { 4 };
         let width = if self.big_tiff { 8 } else { 4 };
         let mut links = Vec::new();

@@ -1,8 +1,8 @@
-//! Kinds of values and of compression that the crate `tiff` decodes: one strip or tile is given to it as a file of its
+//! Decodes kinds of values and of compression by the crate `tiff`. One strip or tile is passed to it as a file of its
 //! own.
 //!
-//! So these kinds are read by position and from any thread as all others are, memory is bounded by the strip, and no
-//! channel is lost (of a whole picture the crate leaves further channels out).
+//! These kinds are therefore read by position and from any thread, as all others are. Memory is bounded by the strip.
+//! No channel is lost, whereas the crate omits further channels of a whole image.
 
 use crate::directory::Layout;
 use granita_image::{PixelType, Pixels, contained};
@@ -13,22 +13,22 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 /// One strip or tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunk {
-    /// Pixels across and down.
+    /// The number of pixels across and down.
     pub(crate) size: (usize, usize),
-    /// Values of one pixel.
+    /// The number of values of one pixel.
     pub(crate) samples: usize,
     pub(crate) bits: u64,
-    /// Number of the kind of values: 1 unsigned, 2 signed, 3 floats.
+    /// The number of the kind of values: 1 unsigned, 2 signed, 3 floats.
     pub(crate) format: u64,
-    /// Number of the compression.
+    /// The number of the compression.
     pub(crate) compression: u64,
     pub(crate) predictor: u64,
-    /// Byte order of the file.
+    /// True when the file is big-endian.
     pub(crate) big_endian: bool,
 }
 
-/// The type that signed, 64-bit and bilevel values are given out in: the smallest that holds 8 and 16-bit numbers
-/// exactly. Larger ones are rounded to 24 bits.
+/// Returns the type of signed and 64-bit values after reading. It is the smallest type that holds 8 and 16-bit numbers
+/// exactly. Larger numbers are rounded to 24 bits.
 pub(crate) fn type_for(format: u64, bits: u64) -> Option<PixelType> {
     match (format, bits) {
         (2, 8) => Some(PixelType::Half),
@@ -38,7 +38,7 @@ pub(crate) fn type_for(format: u64, bits: u64) -> Option<PixelType> {
 }
 
 impl Chunk {
-    /// The pixels in `data`. `Err` says what is wrong with it.
+    /// Returns the pixels in `data`. `Err` describes the error in the data.
     pub(crate) fn decode(self, data: &[u8]) -> Result<Pixels, String> {
         let file = self.file(data)?;
         let decoded = contained(|| {
@@ -55,20 +55,21 @@ impl Chunk {
             DecodingResult::I64(v) => floats(v, |n| n as f32),
             DecodingResult::U64(v) => floats(v, |n| n as f32),
             DecodingResult::F64(v) => floats(v, |n| n as f32),
-            // Of types that `type_for` does not list.
+            // The values are of a type that `type_for` does not list.
             _ => return Err(format!("values of kind {} with {} bits", self.format, self.bits)),
         };
         Ok(pixels)
     }
 
-    /// Bytes of its decoded values.
+    /// Returns the number of bytes of its decoded values.
     fn bytes(self) -> usize {
         (self.size.0 * self.samples * self.bits as usize).div_ceil(8) * self.size.1
     }
 
-    /// A file of one image in one strip. Its channels are called shades of grey: the crate gives out all of these.
+    /// Returns a file of one image in one strip. Its channels are declared as shades of grey, all of which the crate
+    /// returns.
     fn file(self, data: &[u8]) -> Result<Vec<u8>, String> {
-        /// Bytes before the data: header, number of entries, entries, end of the chain.
+        /// The number of bytes before the data: header, number of entries, entries, end of the chain.
         const FRONT: usize = 8 + 2 + 11 * 12 + 4;
         let layout = Layout { big_endian: self.big_endian, big_tiff: false };
         let (width, height) = self.size;
@@ -89,7 +90,7 @@ impl Chunk {
             (317, self.predictor as u32),
             (339, self.format as u32),
         ] {
-            // One number of 32 bits.
+            // The entry has one number of 32 bits.
             file.extend([layout.short(tag), layout.short(4)].concat());
             file.extend([layout.long(1), layout.long(value)].concat());
         }

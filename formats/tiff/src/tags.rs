@@ -49,7 +49,7 @@ pub(crate) const WORLD_TO_SCREEN: u16 = 33305;
 pub(crate) const WORLD_TO_CAMERA: u16 = 33306;
 pub(crate) const COPYRIGHT: u16 = 33432;
 
-/// Metadata strings: tag and name of the attribute.
+/// The metadata strings, as tag and name of the attribute.
 pub(crate) const STRINGS: [(u16, &str); 12] = [
     (DOCUMENT_NAME, "DocumentName"),
     (IMAGE_DESCRIPTION, "ImageDescription"),
@@ -65,6 +65,6 @@ pub(crate) const STRINGS: [(u16, &str); 12] = [
     (COPYRIGHT, "copyright"),
 ];
 
-/// Matrices: tag and name of the attribute.
+/// The matrices, as tag and name of the attribute.
 pub(crate) const MATRICES: [(u16, &str); 2] =
     [(WORLD_TO_SCREEN, "worldtoscreen"), (WORLD_TO_CAMERA, "worldtocamera")];

@@ -1,11 +1,11 @@
-//! Strips and tiles that are WebP pictures.
+//! Decodes strips and tiles that are WebP images.
 
 use granita_image::contained;
 use image_webp::WebPDecoder;
 use std::io::Cursor;
 
-/// Fills `out` with `size` pixels of `samples` values from `data`; a picture without alpha is opaque where four are
-/// due. `Err` says what is wrong with the data.
+/// Fills `out` with `size` pixels of `samples` values from `data`. An image without alpha becomes opaque where four
+/// values are needed. `Err` describes the error in the data.
 pub(crate) fn decode(
     data: &[u8],
     out: &mut [u8],
@@ -25,7 +25,7 @@ fn decode_picture(
     let mut decoder = WebPDecoder::new(Cursor::new(data)).map_err(fault)?;
     let (w, h) = decoder.dimensions();
     let n = if decoder.has_alpha() { 4 } else { 3 };
-    // The size is that of the data's own header, and memory is taken for it.
+    // The size is declared by the header of the data, and the decoder allocates memory for it.
     if (w as usize, h as usize) != (width, height) || n > samples || samples > 4 {
         return Err(format!(
             "a WebP picture of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are due"

@@ -1,4 +1,4 @@
-//! Damaged files: an error that names the file, never a panic, a hang or a huge allocation.
+//! Damaged files result in an error that names the file, and never in a panic, a hang or a huge allocation.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -36,7 +36,7 @@ fn limits() -> Limits {
     Limits { dimension: 4096, pixels: 1 << 22, bytes: 16 << 20, ..Limits::default() }
 }
 
-/// Reads all that can be read.
+/// Reads all images and levels that can be read.
 fn read(path: &Path, bytes: &[u8]) -> granita_image::Result<()> {
     std::fs::write(path, bytes).unwrap();
     let input = TiffFormat.open(path, &limits())?;
@@ -70,7 +70,7 @@ proptest! {
         directories_only in any::<bool>(),
         kind in 0usize..16,
     ) {
-        // Written once: samples do not depend on the case.
+        // The samples are written once, because they do not depend on the case.
         static SAMPLES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
         let samples = SAMPLES.get_or_init(|| {
             let dir = tempfile::tempdir().unwrap();
@@ -86,7 +86,7 @@ proptest! {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("damaged.tif");
         let mut bytes = samples[kind].clone();
-        // Both directories and their values are the last part of the file, of some 500 bytes each.
+        // The two directories and their values are the last part of the file, with about 500 bytes each.
         let first = if directories_only { bytes.len().saturating_sub(1000) } else { 0 };
         let range = bytes.len() - first;
         for (x, bit) in flips {
@@ -98,7 +98,7 @@ proptest! {
     }
 }
 
-/// A file made by hand: header, one directory at byte 8, then `data`.
+/// Returns a file of a header, one directory at byte 8, and then `data`.
 fn by_hand(big_endian: bool, entries: &[(u16, u16, u32, u32)], data: &[u8]) -> Vec<u8> {
     let short = |n: u16| if big_endian { n.to_be_bytes() } else { n.to_le_bytes() };
     let long = |n: u32| if big_endian { n.to_be_bytes() } else { n.to_le_bytes() };
@@ -109,7 +109,7 @@ fn by_hand(big_endian: bool, entries: &[(u16, u16, u32, u32)], data: &[u8]) -> V
         bytes.extend(short(*tag));
         bytes.extend(short(*kind));
         bytes.extend(long(*count));
-        // A single short stands in the first half of the field.
+        // A single short is in the first half of the field.
         match (kind, count) {
             (3, 1) => bytes.extend([short(*value as u16), [0, 0]].concat()),
             _ => bytes.extend(long(*value)),
@@ -120,7 +120,7 @@ fn by_hand(big_endian: bool, entries: &[(u16, u16, u32, u32)], data: &[u8]) -> V
     bytes
 }
 
-/// The offset of `data` of [`by_hand`].
+/// Returns the offset of `data` of [`by_hand`].
 fn data_at(entries: usize) -> u32 {
     8 + 2 + 12 * entries as u32 + 4
 }
@@ -135,7 +135,7 @@ fn kinds_of_files_that_we_do_not_write() {
         (input.spec(0, 0).unwrap().channels.len(), input.read_level(0, 0).unwrap())
     };
     for big_endian in [false, true] {
-        // One bit per pixel, 0 is white, no byte counts needed beyond one row of two bytes.
+        // There is one bit per pixel, 0 is white, and one row has two bytes.
         let entries = [
             (256, 3, 1, 10),
             (257, 3, 1, 1),
@@ -148,7 +148,7 @@ fn kinds_of_files_that_we_do_not_write() {
         assert_eq!(n, 1);
         assert_eq!(pixels, Pixels::U8(vec![0, 255, 0, 255, 255, 255, 255, 255, 255, 0]));
 
-        // 4-bit indices into a palette of 16.
+        // The values are 4-bit indices into a palette of 16.
         let entries = [
             (256, 3, 1, 3),
             (257, 3, 1, 1),
@@ -166,7 +166,7 @@ fn kinds_of_files_that_we_do_not_write() {
         assert_eq!(n, 3);
         assert_eq!(pixels, Pixels::U8(vec![1, 17, 33, 15, 31, 47, 2, 18, 34]));
 
-        // 16-bit grey.
+        // The values are 16-bit grey.
         let entries = [
             (256, 3, 1, 2),
             (257, 3, 1, 1),
@@ -227,10 +227,10 @@ fn what_a_header_claims_is_checked_before_memory_is_taken() {
     let base = |w, h| vec![(256, 4, 1, w), (257, 4, 1, h), (258, 3, 1, 8), (273, 4, 1, 8), (279, 4, 1, 16)];
     let error = open(&base(u32::MAX, 1)).unwrap_err();
     assert!(matches!(error, ImageError::Limit { .. }), "{error}");
-    // Within the limits, but 4 GiB out of 16 bytes.
+    // The size is within the limits, but would be 4 GiB out of 16 bytes.
     let error = open(&base(1 << 16, 1 << 16)).unwrap_err().to_string();
     assert!(error.contains("16 bytes cannot hold"), "{error}");
-    // A million a side, of every compression.
+    // The size is a million a side, with every compression.
     for compression in [1, 5, 7, 8, 32773, 50000] {
         let mut entries = base(1_000_000, 1_000_000);
         entries.push((259, 3, 1, compression));
@@ -241,7 +241,7 @@ fn what_a_header_claims_is_checked_before_memory_is_taken() {
     tiles.extend([(322, 4, 1, 16), (323, 4, 1, 16)]);
     let error = open(&tiles).unwrap_err().to_string();
     assert!(error.contains("1 positions of strips or tiles, 16777216 needed"), "{error}");
-    // A directory that is its own successor.
+    // The directory is its own successor.
     let mut loops = by_hand(false, &base(4, 4), &[0; 16]);
     let next = data_at(5) as usize - 4;
     loops[next] = 8;

@@ -11,7 +11,7 @@ use std::path::Path;
 const TYPES: [PixelType; 5] =
     [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float];
 
-/// Pixels of every bit pattern (no NaN: they do not compare), the same for the same seed.
+/// Returns pixels of every bit pattern, the same for the same seed. NaN is excluded, because it does not compare equal.
 fn noise(pixel_type: PixelType, n: usize, seed: u32) -> Pixels {
     let word = |i: usize| granita_base::hash::words(&[seed, (i / 3) as u32]);
     let finite = |bits: u32| if f32::from_bits(bits).is_nan() { 1.5 } else { f32::from_bits(bits) };
@@ -83,7 +83,7 @@ proptest! {
         prop_assert_eq!((got.width, got.height, got.tile_width, got.tile_height), (width, height, tile, tile));
         prop_assert_eq!((got.full_width, got.full_height, got.x, got.y), (width, height, 0, 0));
         prop_assert_eq!(input.read_level(0, 0).unwrap(), all[0].clone());
-        // Any range of rows.
+        // Any range of rows can be read.
         let (y0, y1) = (height / 3, height - height / 4);
         let rows = input.read_rows(0, 0, y0, y1).unwrap();
         let row = width as usize * channels;
@@ -261,7 +261,7 @@ fn shadow_maps() {
     assert!(ShadowFormat.create(&path, &CreateOptions::new(&spec, 1)).is_err());
 }
 
-/// Tags of the first directory: number and the text or the numbers that stand there.
+/// Returns the tags of the first directory, each with its number and the bytes of its text or numbers.
 fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
     let u16_at = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
     let u32_at = |at: usize| u32::from_le_bytes(*bytes[at..].first_chunk().unwrap()) as usize;
@@ -274,7 +274,7 @@ fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
                 1 | 2 => 1,
                 3 => 2,
                 4 | 11 => 4,
-                // Fractions.
+                // The values are fractions.
                 5 => 8,
                 other => panic!("type {other} of tag {}", u16_at(entry)),
             };
@@ -285,7 +285,7 @@ fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
         .collect()
 }
 
-/// The private tags of reference 9.2, read without our reader.
+/// The private tags of reference 9.2, which are read without the tested reader.
 #[test]
 fn tags_have_the_numbers_of_the_reference() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Kinds of TIFF files that are only read: the values are right, and damage is an error.
+//! Tests kinds of TIFF files that are only read. The values are correct, and damage is an error.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 mod hand;
@@ -12,7 +12,7 @@ fn corpus(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/tiff").join(name)
 }
 
-/// Channels and pixels of the first image.
+/// Returns the channels and pixels of the first image.
 fn read(path: &Path) -> granita_image::Result<(Vec<String>, Pixels)> {
     let limits = Limits { dimension: 4096, pixels: 1 << 22, bytes: 16 << 20, ..Limits::default() };
     let input = TiffFormat.open(path, &limits)?;
@@ -21,21 +21,21 @@ fn read(path: &Path) -> granita_image::Result<(Vec<String>, Pixels)> {
 }
 
 thread_local! {
-    /// The folder of a test: one for each file would take most of the time.
+    /// The folder of a test. A folder for each file would take most of the time.
     static FOLDER: tempfile::TempDir = tempfile::tempdir().unwrap();
 }
 
 fn read_bytes(bytes: &[u8]) -> granita_image::Result<(Vec<String>, Pixels)> {
     FOLDER.with(|folder| {
         let path = folder.path().join("a.tif");
-        // Some disks wait for a file that is written over.
+        // Some disks synchronise a file that is overwritten.
         let _ = std::fs::remove_file(&path);
         std::fs::write(&path, bytes).unwrap();
         read(&path)
     })
 }
 
-/// A file in every layout that its values allow.
+/// Returns a file in every layout that its values permit.
 fn layouts(file: &File, predictors: &[u64]) -> Vec<File> {
     let mut all = Vec::new();
     for big_endian in [false, true] {
@@ -52,7 +52,7 @@ fn layouts(file: &File, predictors: &[u64]) -> Vec<File> {
     all
 }
 
-/// Numbers whose bits are all different, the extreme ones among them.
+/// Returns numbers with different bits, including the extreme ones.
 fn numbers(n: usize, bits: usize) -> Vec<u64> {
     let top = u64::MAX >> (64 - bits);
     (0..n as u64)
@@ -114,7 +114,7 @@ fn doubles_are_rounded_to_floats() {
 
 #[test]
 fn colors_become_rgb_in_every_layout() {
-    // Stored values of one pixel with an alpha of 7, and what they are.
+    // The stored values of one pixel with an alpha of 7, and its colour.
     let lab8 = [138, 81, 70, 7];
     let lab16 = [0x8afd, 0x50ce, 0x45e4, 7];
     for (photometric, bits, stored, rgb) in [
@@ -128,13 +128,13 @@ fn colors_become_rgb_in_every_layout() {
         let values = stored.repeat(19 * 7);
         let mut file = File::new((19, 7), stored.len(), bits).with(262, &[photometric]).with(338, &[1]);
         if photometric == 8 {
-            // As libtiff's writers have it.
+            // The tag is written as by libtiff's writers.
             file = file.with(339, &[1, 2, 2, 1]);
         }
         for file in layouts(&file, &[1, 2]) {
             let (channels, pixels) = read_bytes(&file.of_numbers(&values)).unwrap();
             assert_eq!(channels, ["R", "G", "B", "A"]);
-            // Whole numbers of L*a*b* are a step from pure red.
+            // Integers of L*a*b* are a step from pure red.
             let near = if photometric == 5 { 1.0 } else { 0.01 * f32::from(u16::MAX >> (16 - bits)) };
             let top = f32::from(u16::MAX >> (16 - bits));
             for pixel in pixels.to_floats().chunks(4) {
@@ -147,7 +147,7 @@ fn colors_become_rgb_in_every_layout() {
     }
 }
 
-/// A file of luminance and colour differences that `block` pixels share.
+/// Returns a file of luminance and of colour differences that `block` pixels share.
 fn ycbcr(block: (u64, u64), compression: u64) -> Vec<u8> {
     let file = File::new((19, 7), 3, 8).with(262, &[6]).with(530, &[block.0, block.1]);
     let file = File { compression, tile: Some((16, 16)), ..file };
@@ -172,7 +172,7 @@ fn shared_color_differences_are_those_of_libtiff() {
             let bytes = ycbcr((h, v), compression);
             let (channels, pixels) = read_bytes(&bytes).unwrap();
             assert_eq!(channels, ["R", "G", "B"]);
-            // Pixel (1, 0), after the formulas of TIFF 6.0, section 21.
+            // The expected colour of pixel (1, 0) follows the formulas of TIFF 6.0, section 21.
             let block = 1 / h;
             let luma = 40 + block + if h > 1 { 1 } else { 0 };
             let (y, cb, cr) =
@@ -195,9 +195,9 @@ fn shared_color_differences_are_those_of_libtiff() {
             let theirs = read(&to).unwrap().1.to_floats();
             let ours = pixels.to_floats();
             for (i, (theirs, ours)) in theirs.chunks(4).zip(ours.chunks(3)).enumerate() {
-                // They calculate with integers.
+                // libtiff calculates with integers.
                 let far = (0..3).map(|c| (theirs[c] - ours[c]).abs()).fold(0.0, f32::max);
-                // libtiff 4.5 loses its place at the right border of tiles of 4 x 4 blocks.
+                // libtiff 4.5 reads wrong positions at the right border of tiles of 4 x 4 blocks.
                 let lost = (h, v) == (4, 4) && i % 19 >= 16;
                 assert!(far < 2.5 / 255.0 || lost, "{h} x {v}, pixel {i}: {theirs:?} {ours:?}");
             }
@@ -215,7 +215,7 @@ fn luminance_has_the_range_that_the_file_says() {
     assert_eq!(pixels, Pixels::U8(vec![0, 0, 0, 255, 255, 255]));
 }
 
-/// Files that libtiff's tools made (`fuzz/corpus/tiff`).
+/// The files were made by libtiff's tools (`fuzz/corpus/tiff`).
 #[test]
 fn fax_webp_and_reversed_bits() {
     let (channels, bilevel) = read(&corpus("bilevel.tif")).unwrap();
@@ -229,7 +229,7 @@ fn fax_webp_and_reversed_bits() {
     let tiles = read(&corpus("webp_tiles.tif")).unwrap().1.to_floats();
     let far: f32 = tiles.iter().zip(colors.1.to_floats()).map(|(a, b)| (a - b).abs()).sum();
     assert!(far / (tiles.len() as f32) < 0.04, "{}", far / tiles.len() as f32);
-    // Reversed bits of whole bytes: the picture was wrong without a word.
+    // The bits of whole bytes are reversed. Such files were once read wrongly without a message.
     let file = File::new((5, 3), 1, 16).with(266, &[2]);
     let values = numbers(15, 16);
     let turned: Vec<u64> = values
@@ -240,7 +240,7 @@ fn fax_webp_and_reversed_bits() {
     assert_eq!(read_bytes(&file.of_numbers(&turned)).unwrap().1, expected);
 }
 
-/// One small file of each kind.
+/// Returns one small file of each kind.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let corpus = |name| (name, std::fs::read(corpus(name)).unwrap());
     let small = |file: File| file.of_numbers(&numbers(19 * 7 * file.samples, file.bits));
@@ -278,15 +278,15 @@ fn files_that_end_early_are_errors() {
         read(&path).unwrap();
         let file = std::fs::File::options().write(true).open(&path).unwrap();
         for n in (0..bytes.len()).rev() {
-            // Shortened, not written again: some disks wait for each file that is.
+            // The file is shortened, not overwritten, because some disks synchronise each file that is.
             file.set_len(n as u64).unwrap();
-            // The last bytes say where the next directory is, or are the rest of a value.
+            // The last bytes are the offset of the next directory, or the rest of a value.
             assert!(read(&path).is_err() || n + 8 > bytes.len(), "{name}: {n} of {}", bytes.len());
         }
     }
 }
 
-/// Ends with a value or an error, whatever is changed.
+/// Checks that reading ends with a value or an error after any changes.
 fn survive_changes(per_kind: u32) {
     for (name, bytes) in samples() {
         for salt in 0..per_kind {
@@ -319,7 +319,7 @@ fn many_changed_files_are_survived() {
 #[test]
 fn what_a_picture_inside_claims_is_checked() {
     let bytes = std::fs::read(corpus("webp_lossless.tif")).unwrap();
-    // A picture without loss begins with its size: 14 bits each, after a mark.
+    // A lossless image begins with its width and height in 14 bits each, after a mark.
     let at = bytes.windows(4).position(|w| w == b"VP8L").unwrap() + 9;
     let mut large = bytes.clone();
     large[at..at + 4].copy_from_slice(&[0xff, 0xdf, 0xff, 0x07]);

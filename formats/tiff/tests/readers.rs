@@ -1,4 +1,4 @@
-//! Readers of other programs read our files, and ours read theirs.
+//! Readers of other programs read files of this crate, and this crate reads theirs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -84,7 +84,7 @@ fn we_read_the_tiff_crate() {
     }
 }
 
-/// Files that libtiff made from one image (`fuzz/corpus/tiff`), with the compressions that are only read.
+/// The files were made by libtiff from one image (`fuzz/corpus/tiff`), with the compressions that are only read.
 #[test]
 fn compressions_that_are_only_read() {
     let read = |name: &str| {
@@ -94,7 +94,7 @@ fn compressions_that_are_only_read() {
     };
     let (_, plain) = read("none.tif");
     assert_eq!(read("zstd.tif"), (Some("zstd".to_owned()), plain.clone()));
-    // Noise is what JPEG keeps worst: with chroma at half the size, and with RGB as it is.
+    // Noise has the largest errors in JPEG. The files have chroma at half the size, and RGB without conversion.
     for (name, most) in [("jpeg.tif", 0.25), ("jpeg_rgb.tif", 0.15)] {
         let (compression, pixels) = read(name);
         assert_eq!(compression.as_deref(), Some("jpeg"));

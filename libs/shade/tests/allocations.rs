@@ -1,4 +1,4 @@
-//! Grids are shaded without allocating once the first ones have been.
+//! Grids are shaded without allocation after the first ones.
 
 #![allow(unsafe_code, reason = "an allocator that counts")]
 
@@ -10,27 +10,27 @@ use std::cell::Cell;
 use std::sync::Arc;
 
 thread_local! {
-    /// Allocations of this thread: the test runner has threads of its own.
+    /// The number of allocations of this thread. The test runner has other threads.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-/// The system's allocator, counted.
+/// The system's allocator, which counts the allocations.
 struct Counting;
 
-// SAFETY: everything is passed on to the system's allocator as it came.
+// SAFETY: all calls are forwarded unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let _ = COUNT.try_with(|c| c.set(c.get() + 1));
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.dealloc(pointer, layout) }
     }
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         let _ = COUNT.try_with(|c| c.set(c.get() + 1));
-        // SAFETY: as the caller promises.
+        // SAFETY: the caller guarantees the same conditions.
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
@@ -135,7 +135,7 @@ fn no_allocation_per_grid() {
     }
 }
 
-/// A wavy patch, another one for each number, all of one size.
+/// Returns a wavy patch, which differs for each number and has one size.
 fn grid(number: u32) -> Grid {
     let mut grid = Grid::new(Topology::Rect { nu: 16, nv: 16 });
     for k in 0..256 {

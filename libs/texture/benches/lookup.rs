@@ -1,4 +1,4 @@
-//! Time of one lookup, of pictures and environments, with everything in the cache.
+//! Measures the time of one lookup in images and environments, with all tiles in the cache.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -48,7 +48,7 @@ fn lookups(c: &mut Criterion) {
             c.bench_function(&format!("texture {word} {what}"), |b| {
                 b.iter(|| {
                     i += 1;
-                    // As neighbouring points of a grid ask: close together.
+                    // The points are close together, as neighbouring points of a grid are.
                     let (s, t) = ((i % 4096) as f32 / 4096.0, (i / 4096 % 4096) as f32 / 4096.0);
                     let d = width / SIZE as f32;
                     let lookup = Lookup { s, t, dsdx: d * ratio, dtdy: d, ..Lookup::default() };

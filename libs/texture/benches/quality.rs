@@ -1,8 +1,8 @@
-//! How far filtered lookups are from brute force, on photographs: `cargo bench -p granita-texture --bench quality --
-//! [--dump FILE] [PICTURE ...]`.
+//! Measures the error of filtered lookups against brute force, on photographs: `cargo bench -p granita-texture --bench
+//! quality -- [--dump FILE] [IMAGE ...]`.
 //!
-//! The reference of a footprint is the mean of 4096 stratified samples of the bilinear picture under a Gaussian.
-//! `--dump` writes each lookup, our answer and the reference, for other programs.
+//! The reference of a footprint is the mean of 4096 stratified samples of the bilinear image under a Gaussian. `--dump`
+//! writes each lookup, our result and the reference, for other programs.
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 
 #[path = "../tests/brute/mod.rs"]

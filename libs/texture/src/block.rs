@@ -32,7 +32,8 @@ impl Block {
         let taps = taps(from, to, Filter::Box, Wrap::Clamp);
         let mut size = self.size;
         size[axis] = to;
-        // Values between neighbours along the axis, and blocks of all that is on it.
+        // `step` is the number of values between neighbours along the axis. `outer` is the number of blocks of `from *
+        // step` values each.
         let step: usize = self.channels * self.size[..axis].iter().product::<usize>();
         let outer: usize = self.size[axis + 1..].iter().product();
         let mut data = Vec::with_capacity(outer * to * step);

@@ -11,14 +11,14 @@ use granita_base::{BaseType, Param, ParamData, ParamType, Reporter, SearchPath, 
 use granita_image::FormatRegistry;
 use std::sync::Arc;
 
-/// The use of a texture, which decides about substitutes.
+/// The function that looks up a texture. It selects the substitute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Use {
-    /// `texture ()`.
+    /// The function `texture ()`.
     Texture,
-    /// `environment ()`.
+    /// The function `environment ()`.
     Environment,
-    /// `shadow ()`.
+    /// The function `shadow ()`.
     Shadow,
 }
 
@@ -87,9 +87,9 @@ impl TextureCache {
         self.file(id).kind
     }
 
-    /// Looks up the filtered value of a texture: channels `first_channel` and following into `out`. The last one is
-    /// the alpha of shaders. Channels that the file lacks become `fill`. At coordinates that are not finite the
-    /// others become 0.
+    /// Looks up the filtered value of a texture: channels `first_channel` and following into `out`. The last one is the
+    /// alpha of shaders. Channels that the file lacks become `fill`. At coordinates that are not finite the other
+    /// channels become 0.
     pub fn texture(&self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         self.reader().texture(id, lookup, out);
     }

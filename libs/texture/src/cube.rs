@@ -22,7 +22,7 @@ const fn face(forward: [f32; 3], up: [f32; 3], right: [f32; 3]) -> Face {
 /// The names of the faces, in the order of command lines and of [`CubeLayout::faces`].
 pub const FACE_NAMES: [&str; 6] = ["px", "nx", "py", "ny", "pz", "nz"];
 
-/// Faces px nx py ny pz nz of reference 9.3: left handed.
+/// The faces px nx py ny pz nz of reference 9.3, which are left handed.
 const LEFT_HANDED: [Face; 6] = [
     face([1., 0., 0.], [0., 1., 0.], [0., 0., -1.]),
     face([-1., 0., 0.], [0., 1., 0.], [0., 0., 1.]),
@@ -32,7 +32,7 @@ const LEFT_HANDED: [Face; 6] = [
     face([0., 0., -1.], [0., 1., 0.], [-1., 0., 0.]),
 ];
 
-/// The same faces as OpenEXR stores them (its documentation of `ENVMAP_CUBE`): right handed.
+/// The same faces as OpenEXR stores them (its documentation of `ENVMAP_CUBE`), which are right handed.
 const RIGHT_HANDED: [Face; 6] = [
     face([1., 0., 0.], [0., 1., 0.], [0., 0., 1.]),
     face([-1., 0., 0.], [0., 1., 0.], [0., 0., -1.]),
@@ -45,9 +45,9 @@ const RIGHT_HANDED: [Face; 6] = [
 /// The layout of six faces in one image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CubeLayout {
-    /// 3 x 2: px py pz over nx ny nz, left handed (reference 9.2.5).
+    /// The layout of 3 x 2 faces, px py pz over nx ny nz, left handed (reference 9.2.5).
     Mosaic,
-    /// 1 x 6: px nx py ny pz nz from the top, right handed (reference 9.2.8).
+    /// The layout of 1 x 6 faces, px nx py ny pz nz from the top, right handed (reference 9.2.8).
     Column,
 }
 
@@ -139,8 +139,8 @@ pub(crate) fn direction(layout: CubeLayout, face: usize, s: f32, t: f32) -> Vec3
     f.forward + f.right * (2.0 * s - 1.0) + f.up * (1.0 - 2.0 * t)
 }
 
-/// Returns the texel at (x, y) of a face of `n` x `n` texels. When x or y is one outside, it is the adjacent texel
-/// of the neighbouring face. Returns `None` for the corners, where only three faces meet and no such texel exists.
+/// Returns the texel at (x, y) of a face of `n` x `n` texels. When x or y is one outside, it is the adjacent texel of
+/// the neighbouring face. Returns `None` for the corners, where only three faces are adjacent and no such texel exists.
 pub(crate) fn texel_across(
     layout: CubeLayout,
     face: usize,
@@ -170,7 +170,7 @@ pub(crate) fn cube_level(layout: CubeLayout, spec: &ImageSpec, whole: (u32, u32)
     let (columns, rows) = layout.cells();
     let (step_x, step_y) = (whole.0 / columns, whole.1 / rows);
     let (face_width, face_height) = match layout {
-        // Faces may be padded to whole tiles; then the display window is the size of a face.
+        // Faces may be padded to whole tiles. The display window is then the size of a face.
         CubeLayout::Mosaic if (1..=step_x).contains(&spec.full_width) && spec.full_height <= step_y => {
             (spec.full_width, spec.full_height.max(1))
         }
@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    /// Every border texel and its neighbour across the edge name each other, and lie side by side.
+    /// Every border texel and its neighbour across the edge are neighbours of each other, and lie side by side.
     #[test]
     fn edges_are_mutual() {
         for layout in [CubeLayout::Mosaic, CubeLayout::Column] {

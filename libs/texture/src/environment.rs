@@ -59,7 +59,7 @@ fn environment(reader: &mut TextureReader<'_>, file: &TextureFile, q: &EnvLookup
     let usable = length.is_finite() && length > 0.0;
     let r = if usable { to_map(q.r, up) / length } else { Vec3::Z };
     let axis = if cube { Vec3::Y } else { Vec3::Z };
-    // "s" goes around the axis, "t" towards the poles; at a pole any two directions do.
+    // "s" goes around the axis, "t" towards the poles. At a pole any two orthogonal directions are used.
     let east = axis.cross(r).try_normalize().unwrap_or_else(|| r.any_orthonormal_vector());
     let north = r.cross(east);
     let mut spread = Spread::default();
@@ -131,7 +131,7 @@ fn texel_at(file: &TextureFile, cube: bool, r: Vec3, width: f64) -> f64 {
     if !cube {
         return most;
     }
-    // Texels shrink with the third power of this cosine in area.
+    // The area of texels shrinks with the third power of the cosine of this angle.
     let angle = f64::from(1.0 / cube::project(file.layout, r).stretch).clamp(-1.0, 1.0).acos();
     most * (angle - 1.5 * width).clamp(0.0, 1.0).cos().powf(1.5)
 }
@@ -161,7 +161,8 @@ fn smooth(
 /// at least one texel anywhere on the face. A quick probe reads only the nearer level.
 fn cube_probe(sampler: &mut Sampler<'_>, d: Vec3, width: f32, quick: bool) -> [f32; 4] {
     let p = cube::project(sampler.file.layout, d);
-    // On the face's plane lengths grow by stretch^2 outward and stretch across: their geometric mean.
+    // In the plane of the face, lengths grow by stretch^2 outward and by stretch across. The factor is their geometric
+    // mean.
     let texels = width * 0.5 * sampler.level(0).face_width as f32 * p.stretch * p.stretch.sqrt();
     let texels = texels.max(1.0);
     let lod = texels.log2();
@@ -184,9 +185,9 @@ fn latlong_probe(sampler: &mut Sampler<'_>, d: Vec3, (width, exact): (f32, f32),
     if share > 0.0 { mix(value, latlong_level(sampler, level + 1, s, t, span), share) } else { value }
 }
 
-/// Returns a round probe into one level. `span` is the part of a row that it covers. Near the poles that is more
-/// and more texels, and rows are averaged over it, up to [`MAX_ROW`] texels. Above the centre of the first row
-/// (below that of the last) the value is blended into one value at the pole itself.
+/// Returns a round probe into one level. `span` is the part of a row that it covers. Near the poles it covers more
+/// texels, and rows are averaged over it, up to [`MAX_ROW`] texels. Above the centre of the first row (below that of
+/// the last) the value is blended into one value at the pole itself.
 fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: f32) -> [f32; 4] {
     let (width, height) = (sampler.level(level).width, sampler.level(level).height);
     // One texel is covered by interpolation itself.
@@ -194,7 +195,7 @@ fn latlong_level(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, span: 
     let (y, fy) = cell(t.clamp(0.0, 1.0), height);
     let last = height as i32 - 1;
     if y < 0 {
-        // From the pole (fy = 0.5) to the middle of the first row (fy = 1).
+        // The blend goes from the pole (fy = 0.5) to the middle of the first row (fy = 1).
         let value = row(sampler, level, 0, s, reach);
         mix(pole(sampler, level, 0), value, (2.0 * fy - 1.0).clamp(0.0, 1.0))
     } else if y >= last {
@@ -216,7 +217,7 @@ fn row(sampler: &mut Sampler<'_>, level: usize, y: u32, s: f32, reach: f32) -> [
         let left = sampler.texel(level, column(x), y);
         return mix(left, sampler.texel(level, column(x + 1), y), fx);
     }
-    // The integral of the tent of height 1 around 0, from far left to v.
+    // The integral of the tent of height 1 around 0, from minus infinity to v.
     let tent = |v: f32| match v.clamp(-1.0, 1.0) {
         v if v < 0.0 => 0.5 * (v + 1.0) * (v + 1.0),
         v => 1.0 - 0.5 * (1.0 - v) * (1.0 - v),

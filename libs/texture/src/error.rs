@@ -43,7 +43,7 @@ pub enum TextureError {
         /// The largest permitted value.
         max: u64,
     },
-    /// The options contradict each other, or the number of inputs is wrong.
+    /// The options contradict each other, or the number of inputs is not accepted.
     #[error("{what}")]
     Misuse {
         /// A description of the error.

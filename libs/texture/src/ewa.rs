@@ -7,7 +7,7 @@ use crate::sampler::Sampler;
 use crate::simd::{Row, Sums};
 
 impl Sampler<'_> {
-    /// Mean of a level around (s, t), finite, under a Gaussian.
+    /// Returns the mean of a level around (s, t), which are finite, under a Gaussian.
     pub(crate) fn gaussian(
         &mut self,
         level: usize,
@@ -21,7 +21,8 @@ impl Sampler<'_> {
         let (cx, cy) = (wrap.0.reduce(s) * l.width as f32 - 0.5, wrap.1.reduce(t) * l.height as f32 - 0.5);
         let mut sums = Sums::new(g.xx, g.reach.0 > 3.5);
         let rows = (1 + floor(cy - g.reach.1), floor(cy + g.reach.1));
-        // Nearly always all of it is inside of one tile; rounding may place a row's end by a texel otherwise.
+        // Nearly always the whole footprint lies inside of one tile. Rounding may place the end of a row one texel
+        // farther, so the columns have a margin of one texel.
         let (left, right) = (floor(cx - g.reach.0), 1 + floor(cx + g.reach.0));
         let whole = left >= 0 && rows.0 >= 0 && right < width && rows.1 < height;
         if whole && self.add_rows(level, (left, right), rows, ((cx, cy), g), &mut sums) {
@@ -33,7 +34,7 @@ impl Sampler<'_> {
             let mut row = Row::new(g.exponents(dy), x as f32 - cx);
             let inside_y = wrap.1.index(y, height);
             while x < end {
-                // Nearly always the whole row is inside; a picture that repeats is taken copy by copy.
+                // Nearly always the whole row is inside. An image that repeats is read copy by copy.
                 let inside = if wrap.0 == Wrap::Periodic && !(0..width).contains(&x) {
                     x.rem_euclid(width)
                 } else {

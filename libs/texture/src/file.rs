@@ -27,9 +27,9 @@ pub(crate) enum Source {
         /// The time when it was last read from.
         stamp: AtomicU64,
     },
-    /// In memory, made from the whole file when first used, with one block per level.
+    /// The levels are in memory. They are made from the whole file when they are first used, with one block per level.
     Memory(Lack, OnceLock<Vec<Arc<Cell>>>),
-    /// Made on demand, without a file.
+    /// The tiles are made on demand, without a file.
     Made,
 }
 
@@ -106,7 +106,7 @@ impl TextureFile {
         let mut levels = Vec::new();
         for level in 0..input.levels(0) {
             let Some(s) = input.spec(0, level) else { break };
-            // Further images that are no smaller level of the first end the pyramid.
+            // The pyramid ends before the first image that is not a smaller level of the first image.
             let follows = levels.last().is_none_or(|l: &Level| s.width <= l.width && s.height <= l.height);
             let same = s.nchannels() == spec.nchannels() && s.is_tiled() == spec.is_tiled();
             if !follows || !same || s.width == 0 || s.height == 0 {
@@ -281,8 +281,8 @@ impl TextureFile {
         Ok(out)
     }
 
-    /// Returns the bytes of memory that [`TextureFile::make_levels`] takes: the levels as stored, the largest once
-    /// more, cubes also in floats and once more by faces, and the memory of reading.
+    /// Returns the bytes of memory that [`TextureFile::make_levels`] takes. They are the levels as stored, the largest
+    /// once more, the memory of reading, and for cubes also the levels in floats and once more by faces.
     fn bytes_to_make(&self, input: &dyn ImageInput) -> u64 {
         let texels = |l: &Level| u64::from(l.width) * u64::from(l.height);
         let largest = texels(&self.levels[0]);
@@ -295,7 +295,7 @@ impl TextureFile {
 
     /// Makes all levels of an image that is not a cube, as stored. Only some rows at a time are in floats.
     fn levels_of_rows(&self, input: &dyn ImageInput) -> granita_image::Result<Vec<Pixels>> {
-        /// Rows read at once.
+        /// The number of rows that are read at once.
         const ROWS: usize = 256;
         let first = self.levels[0];
         let values = |l: &Level| l.width as usize * l.height as usize * self.channels;
@@ -342,8 +342,8 @@ impl TextureFile {
         u64::from(level.tile_width) * u64::from(level.tile_height) * self.texel_bytes
     }
 
-    /// Returns the bytes of a tile of a level that count for the bound of the cache; 0 where levels are kept in any
-    /// case.
+    /// Returns the bytes of a tile of a level that count for the bound of the cache. It is 0 where levels are kept in
+    /// any case.
     pub(crate) fn counted_bytes(&self, level: usize) -> u64 {
         if matches!(self.source, Source::Memory(..)) { 0 } else { self.tile_bytes(level) }
     }

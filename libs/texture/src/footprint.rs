@@ -1,11 +1,11 @@
 //! The region that a lookup averages, and its probes in environments and in narrow footprints.
 //!
-//! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian with the value exp(-2) at the
-//! ellipse (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section 3.5), so its standard
-//! deviation is half the width along each axis. One trilinear probe into the MIP level whose texels are `b` wide
-//! has exactly that deviation across: a texel's box has the variance b^2/12, the tent between texels b^2/6,
-//! together (b/2)^2. Along the ellipse, probes with Gaussian weights of deviation sqrt(a^2 - b^2)/2 add the rest
-//! (compare McCormack and others, Feline, SIGGRAPH 1999).
+//! A footprint is an ellipse of full widths `a >= b`. Its filter is a Gaussian with the value exp(-2) at the ellipse
+//! (Heckbert, Fundamentals of Texture Mapping and Image Warping, 1989, section 3.5), so its standard deviation is half
+//! the width along each axis. One trilinear probe into the MIP level whose texels are `b` wide has exactly that
+//! deviation across. A texel's box has the variance b^2/12 and the tent between texels b^2/6, together (b/2)^2. Along
+//! the ellipse, probes with Gaussian weights of deviation sqrt(a^2 - b^2)/2 add the rest (compare McCormack and others,
+//! Feline, SIGGRAPH 1999).
 
 /// The largest ratio of `a` to `b` that is filtered unchanged. Beyond it the footprint is made wider.
 pub(crate) const MAX_ANISOTROPY: f64 = 16.0;
@@ -18,7 +18,7 @@ pub(crate) struct Spread {
     pub(crate) yy: f64,
 }
 
-/// Limits a number: NaN counts as 0, and nothing is larger than 1e12.
+/// Converts a number to one between -1e12 and 1e12. NaN becomes 0.
 fn finite(v: f32) -> f64 {
     if v.is_nan() { 0.0 } else { f64::from(v).clamp(-1e12, 1e12) }
 }
@@ -104,7 +104,7 @@ pub(crate) struct Probes {
     reach: f32,
     /// The full width of each, at least the requested minimum.
     pub(crate) width: f32,
-    /// The full width without that bound: 0 for an empty footprint.
+    /// The full width without that bound. It is 0 for an empty footprint.
     pub(crate) exact: f32,
 }
 
@@ -142,7 +142,7 @@ impl Mean {
     }
 }
 
-/// Returns `a` at 0 and `b` at 1; exactly `a` when both are equal.
+/// Returns `a` at 0 and `b` at 1. It is exactly `a` when both are equal.
 #[inline]
 pub(crate) fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     std::array::from_fn(|c| a[c] + (b[c] - a[c]) * f)

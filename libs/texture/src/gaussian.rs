@@ -1,4 +1,4 @@
-//! The weights of texels under an ellipse: a Gaussian that is cut off at [`CUT`] deviations.
+//! The weights of texels under an ellipse, which are a Gaussian that is cut off at [`CUT`] deviations.
 //!
 //! It is made wider to compensate for the variance that the cut removes, and narrower by the variance of a texel,
 //! so that the total filter has the spread of the footprint.
@@ -8,11 +8,11 @@ use crate::footprint::Spread;
 /// The end of the Gaussian, in standard deviations.
 pub(crate) const CUT: f32 = 3.0;
 
-/// The remaining part of its variance in each direction, after its value at the end is subtracted so that it ends
-/// at 0: `1 - (h^2 / 2) e / (1 - (1 + h) e)` with `h = CUT^2 / 2`, `e = exp (-h)`.
+/// The remaining part of the Gaussian's variance in each direction, after its value at the end is subtracted so that it
+/// ends at 0. It is `1 - (h^2 / 2) e / (1 - (1 + h) e)` with `h = CUT^2 / 2`, `e = exp (-h)`.
 pub(crate) const KEPT: f64 = 0.880_202;
 
-/// The variance of a texel.
+/// The variance of a texel, in squared texels.
 const TEXEL: f64 = 1.0 / 12.0;
 
 /// Returns the largest whole number that is not above `x`. The instruction for it does not exist on all machines,
@@ -37,7 +37,7 @@ pub(crate) struct Gaussian {
     pub(crate) xx: f32,
     xy: f32,
     yy: f32,
-    /// Half of its extent in x and y.
+    /// Half the extent in x and y, in texels.
     pub(crate) reach: (f32, f32),
     /// The shift of the centre of a row, per step in y.
     slant: f32,
@@ -52,7 +52,7 @@ impl Gaussian {
         let variance = |squared: f64, texel: f64| (0.25 * squared - texel) * (1.0 / KEPT);
         let (xx, xy, yy) = (variance(spread.xx, TEXEL), variance(spread.xy, 0.0), variance(spread.yy, TEXEL));
         let determinant = xx * yy - xy * xy;
-        // Of the exponent's matrix, and of one half and the base of the logarithm.
+        // The factor of all exponents, from the determinant of the variances, one half, and the logarithm to base 2.
         let scale = -0.5 * std::f64::consts::LOG2_E / determinant;
         let cut = f64::from(CUT * CUT);
         let per_yy = 1.0 / yy;

@@ -2,7 +2,7 @@
 
 use granita_image::ImageSpec;
 
-/// The kind of a texture file: its `textureformat` attribute (reference 9.2).
+/// The kind of a texture file, which is its `textureformat` attribute (reference 9.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TextureKind {
     /// An ordinary 2D texture, or a file that does not declare its kind.

@@ -1,27 +1,28 @@
 //! Textures: a tile cache with filtered lookups, and a maker of texture files (reference 9, 5.8.10).
 //!
-//! A renderer makes one [`TextureCache`] per frame, and any number of threads use it: images with
-//! [`TextureCache::texture`], environment maps with [`TextureCache::environment`], depth maps of lights with
-//! [`TextureCache::shadow`]. `maketx` calls [`make::make`], which converts images of any format to tiled,
-//! MIP-mapped files.
+//! A renderer makes one [`TextureCache`] per frame, and any number of threads use it. [`TextureCache::texture`] looks
+//! up images, [`TextureCache::environment`] environment maps, and [`TextureCache::shadow`] depth maps of lights.
+//! `maketx` calls [`make::make`], which converts images of any format to tiled, MIP-mapped files.
 //!
-//! Invariants:
-//! - A result depends on the file and the query only, to the bit. It does not depend on memory, open files, threads
-//!   or earlier queries.
+//! # Invariants
+//!
+//! - A result depends on the file and the query only, to the bit. It does not depend on memory, open files, threads or
+//!   earlier queries.
 //! - Only tiles that a lookup touches are read, and the memory of the cache stays within its bound.
-//! - A constant image is exactly constant everywhere. Without a footprint a texel's centre gives the texel. NaN at
-//!   any place has a defined result.
+//! - A constant image is exactly constant everywhere. Without a footprint a texel's centre gives the texel. NaN at any
+//!   place has a defined result.
 //! - Rows run downward, (0, 0) is the outer corner of the first texel, and texel centres are at half numbers.
 //!
 //! Each module describes its filters: `gaussian` (images: all texels under an ellipse of up to 64 : 1), `footprint`
 //! (ellipses and probes), `solid` (environment maps: all texels under an ellipse on the sphere), `environment`
-//! (footprints below a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth).
-//! Threads with many lookups use a [`TextureReader`].
+//! (footprints below a texel there), `shadow` (percentage-closer filtering), `volume` (opacity against depth). Threads
+//! with many lookups use a [`TextureReader`].
 //!
 //! Shadow maps that are rendered on demand (reference 10.1.5) are declared, and a [`TileMaker`] makes their tiles.
 //! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`).
 //!
-//! Deliberately absent: colour profiles, and names of geometry sets (the renderer resolves those before a lookup).
+//! Colour profiles are deliberately absent. So are names of geometry sets, which the renderer resolves before a lookup.
+//!
 //! ```
 //! use granita_base::{Environment, Reporter, SearchPath};
 //! use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};

@@ -4,27 +4,27 @@ use crate::Wrap;
 use granita_base::Vec3;
 use granita_image::ImageSpec;
 
-/// `texture ()` at one point (reference 5.8.10).
+/// The parameters of `texture ()` at one point (reference 5.8.10).
 ///
-/// Coordinates are fractions of the image: (0, 0) is the outer corner of its upper left texel, (1, 1) that of its
+/// Coordinates are fractions of the image. (0, 0) is the outer corner of its upper left texel, and (1, 1) that of its
 /// lower right one.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup {
-    /// Coordinate to the right.
+    /// The coordinate to the right.
     pub s: f32,
-    /// Coordinate downward.
+    /// The coordinate downward.
     pub t: f32,
-    /// Change of `s` from this point to the next in x.
+    /// The change of `s` from this point to the next one in x.
     pub dsdx: f32,
-    /// Change of `t` in x.
+    /// The change of `t` from this point to the next one in x.
     pub dtdx: f32,
-    /// Change of `s` in y.
+    /// The change of `s` from this point to the next one in y.
     pub dsdy: f32,
-    /// Change of `t` in y.
+    /// The change of `t` from this point to the next one in y.
     pub dtdy: f32,
-    /// Full width of additional blur, as a fraction of the image's width.
+    /// The full width of additional blur, as a fraction of the image's width.
     pub sblur: f32,
-    /// Full height of additional blur, as a fraction of the image's height.
+    /// The full height of additional blur, as a fraction of the image's height.
     pub tblur: f32,
     /// Scales the differentials of `s`.
     pub swidth: f32,
@@ -34,14 +34,15 @@ pub struct Lookup {
     pub swrap: Option<Wrap>,
     /// Replaces the file's wrap mode in t.
     pub twrap: Option<Wrap>,
-    /// First channel of the file to look up.
+    /// The first channel of the file to look up.
     pub first_channel: u32,
-    /// Value of channels that the file does not have.
+    /// The value of channels that the file does not have.
     pub fill: f32,
 }
 
 impl Default for Lookup {
-    /// At (0, 0), without footprint or blur, wrap modes of the file, from channel 0, fill 0.
+    /// Returns a lookup at (0, 0) without footprint or blur, with the wrap modes of the file, from channel 0, with
+    /// `fill` 0.
     fn default() -> Self {
         Self {
             s: 0.0,
@@ -62,22 +63,22 @@ impl Default for Lookup {
     }
 }
 
-/// `texture3d ()` at one point (reference 5.8.10).
+/// The parameters of `texture3d ()` at one point (reference 5.8.10).
 ///
-/// Coordinates are fractions: (0, 0, 0) is the outer corner of the first texel of the first slice, (1, 1, 1) that of
-/// the last texel of the last one.
+/// Coordinates are fractions of the volume. (0, 0, 0) is the outer corner of the first texel of the first slice, and
+/// (1, 1, 1) that of the last texel of the last one.
 #[derive(Clone, Copy, Debug)]
 pub struct Lookup3d {
     /// The position: to the right, downward, to the back.
     pub p: Vec3,
-    /// Change of `p` from this point to the next in x.
+    /// The change of `p` from this point to the next one in x.
     pub dpdx: Vec3,
-    /// Change of `p` in y.
+    /// The change of `p` from this point to the next one in y.
     pub dpdy: Vec3,
-    /// Full width of additional blur, as a fraction of the width.
+    /// The full width of additional blur, as a fraction of the width.
     pub sblur: f32,
-    /// Full width of additional blur, as a fraction of the height and the depth. The larger of the blurs in texels
-    /// applies in all directions.
+    /// The full width of additional blur, as a fraction of the height and the depth. In texels, the smallest blur of
+    /// the three directions is at least an eighth of the largest.
     pub tblur: f32,
     /// Scales the differentials to the right.
     pub swidth: f32,
@@ -87,14 +88,15 @@ pub struct Lookup3d {
     pub swrap: Option<Wrap>,
     /// Replaces the file's wrap mode downward and to the back.
     pub twrap: Option<Wrap>,
-    /// First channel of the file to look up.
+    /// The first channel of the file to look up.
     pub first_channel: u32,
-    /// Value of channels that the file does not have.
+    /// The value of channels that the file does not have.
     pub fill: f32,
 }
 
 impl Default for Lookup3d {
-    /// At the origin, without footprint or blur, wrap modes of the file, from channel 0, fill 0.
+    /// Returns a lookup at the origin without footprint or blur, with the wrap modes of the file, from channel 0, with
+    /// `fill` 0.
     fn default() -> Self {
         Self {
             p: Vec3::ZERO,
@@ -115,23 +117,24 @@ impl Default for Lookup3d {
 /// The axis of a latitude-longitude map that points to its upper edge (option "up").
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Up {
-    /// +y up, right handed, +z in the centre: the convention of OpenEXR files.
+    /// The axis +y. The map is right handed with +z in its centre, which is the convention of OpenEXR files.
     Y,
-    /// +z up, left handed, +x in the centre: the convention of all other files.
+    /// The axis +z. The map is left handed with +x in its centre, which is the convention of all other files.
     Z,
 }
 
 impl Up {
-    /// The attribute of a file with the orientation of its panorama: "y" or "z". In formats without arbitrary
-    /// attributes it is a word `latlongup=y` of the description.
+    /// The attribute of a file with the orientation of its latitude-longitude map, "y" or "z". Formats without
+    /// arbitrary attributes store it as a word `latlongup=y` of the description.
     pub(crate) const ATTRIBUTE: &str = "latlongup";
 
-    /// Returns the orientation of panoramas in files of a format.
+    /// Returns the orientation of latitude-longitude maps in files of a format.
     pub(crate) fn of_format(openexr: bool) -> Self {
         if openexr { Self::Y } else { Self::Z }
     }
 
-    /// Returns the orientation of the panorama of a file: its attribute, else that of its format.
+    /// Returns the orientation of the latitude-longitude map of a file. It is the file's attribute, or else that of its
+    /// format.
     pub(crate) fn of(spec: &ImageSpec, openexr: bool) -> Self {
         let own = spec.string(Self::ATTRIBUTE).and_then(Self::from_word);
         let described = || {
@@ -144,7 +147,7 @@ impl Up {
         own.or_else(described).unwrap_or(Self::of_format(openexr))
     }
 
-    /// "y" or "z".
+    /// Returns "y" or "z".
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Y => "y",
@@ -161,7 +164,8 @@ impl Up {
         }
     }
 
-    /// Returns the orientation for "y" or "z"; `None` for anything else, so that the map decides.
+    /// Returns the orientation for "y" or "z". Returns `None` for anything else, so that the orientation of the map
+    /// applies.
     pub fn from_word(word: &str) -> Option<Self> {
         match word {
             "y" => Some(Self::Y),
@@ -171,20 +175,20 @@ impl Up {
     }
 }
 
-/// `environment ()` in one direction (reference 5.8.10).
+/// The parameters of `environment ()` in one direction (reference 5.8.10).
 #[derive(Clone, Copy, Debug)]
 pub struct EnvLookup {
-    /// Direction, of any length, in the space of the map.
+    /// The direction, of any length, in the space of the map.
     pub r: Vec3,
-    /// Change of `r` to the next point in x.
+    /// The change of `r` from this point to the next one in x.
     pub drdx: Vec3,
-    /// Change of `r` in y.
+    /// The change of `r` from this point to the next one in y.
     pub drdy: Vec3,
-    /// Half angle of an additional cone in radians; replaces both blurs.
+    /// The half angle of an additional cone, in radians. It replaces both blurs.
     pub angle: Option<f32>,
-    /// Additional blur around the axis of the map: 1 is 90 degrees.
+    /// The additional blur around the axis of the map. 1 is 90 degrees.
     pub sblur: f32,
-    /// Additional blur towards the poles: 1 is 90 degrees.
+    /// The additional blur towards the poles. 1 is 90 degrees.
     pub tblur: f32,
     /// Scales the footprint around the axis of the map.
     pub swidth: f32,
@@ -196,14 +200,14 @@ pub struct EnvLookup {
     /// radians, instead of averaging under their ellipse. It is for sums of many lookups. A larger requested blur
     /// is looked up as usual.
     pub quick: bool,
-    /// First channel of the file to look up.
+    /// The first channel of the file to look up.
     pub first_channel: u32,
-    /// Value of channels that the file does not have.
+    /// The value of channels that the file does not have.
     pub fill: f32,
 }
 
 impl Default for EnvLookup {
-    /// Along +z, without footprint or blur.
+    /// Returns a lookup along +z without footprint or blur.
     fn default() -> Self {
         Self {
             r: Vec3::Z,
@@ -222,24 +226,25 @@ impl Default for EnvLookup {
     }
 }
 
-/// `shadow ()` at one point (reference 5.8.10).
+/// The parameters of `shadow ()` at one point (reference 5.8.10).
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowLookup {
-    /// Position in "common" space.
+    /// The position in "common" space.
     pub p: Vec3,
-    /// Change of `p` to the next point in x.
+    /// The change of `p` from this point to the next one in x.
     pub dpdx: Vec3,
-    /// Change of `p` in y.
+    /// The change of `p` from this point to the next one in y.
     pub dpdy: Vec3,
-    /// Full width of additional blur, as a fraction of the map's width (cube maps: of a face, around the y axis).
+    /// The full width of additional blur, as a fraction of the map's width. For cube maps it is a fraction of a face,
+    /// around the y axis.
     pub sblur: f32,
-    /// Full height of additional blur, as a fraction of the map's height (cube maps: towards the poles).
+    /// The full height of additional blur, as a fraction of the map's height. For cube maps it is towards the poles.
     pub tblur: f32,
     /// Scales the footprint in the map's width.
     pub swidth: f32,
     /// Scales the footprint in the map's height.
     pub twidth: f32,
-    /// The number of samples, limited to 16 to 4096.
+    /// The number of samples, which is clamped to 16 to 4096.
     pub samples: u32,
     /// The bias in "common" units that is added to the depths of the map. It is not negative. The caller replaces a
     /// negative one by the attribute "shadow:bias".
@@ -249,7 +254,7 @@ pub struct ShadowLookup {
 }
 
 impl Default for ShadowLookup {
-    /// At the origin, without footprint or blur, 16 samples, bias 0.01.
+    /// Returns a lookup at the origin without footprint or blur, with 16 samples and the bias 0.01.
     fn default() -> Self {
         Self {
             p: Vec3::ZERO,

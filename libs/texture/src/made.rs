@@ -6,9 +6,9 @@ use granita_base::Transform;
 /// A depth map without a file, for [`TextureCache::declare`](crate::TextureCache::declare).
 #[derive(Clone, Copy, Debug)]
 pub struct MadeShadow {
-    /// Width and height in pixels.
+    /// The width and height in pixels.
     pub resolution: [u32; 2],
-    /// Width and height of a tile in pixels.
+    /// The width and height of a tile in pixels.
     pub tile: u32,
     /// The transformation from "common" space to that of the light's camera, where z is the depth.
     pub world_to_camera: Transform,

@@ -1,11 +1,11 @@
-//! Opacity of volume shadow maps at a point.
+//! The opacity of volume shadow maps at a point.
 
 use crate::sampler::{Sampler, levels};
 use crate::volume::opacity;
 use crate::wrap::cell;
 use granita_base::Vec3;
 
-/// Opacity of the map at (s, t) in front of depth `z`, trilinear; 0 outside the map.
+/// Returns the opacity of the map at (s, t) in front of depth `z`, trilinearly interpolated. It is 0 outside the map.
 pub(crate) fn opacity_at(sampler: &mut Sampler<'_>, lod: f32, s: f32, t: f32, z: f32) -> f32 {
     if !(-1.0..=2.0).contains(&s) || !(-1.0..=2.0).contains(&t) {
         return 0.0;
@@ -27,7 +27,7 @@ fn opacity_in(sampler: &mut Sampler<'_>, level: usize, s: f32, t: f32, z: f32) -
     top * (1.0 - fy) + bottom * fy
 }
 
-/// As [`opacity_at`], in a direction from the centre of a cube, across its edges.
+/// Does the same as [`opacity_at`] in a direction from the centre of a cube, across its edges.
 pub(crate) fn opacity_around(sampler: &mut Sampler<'_>, lod: f32, direction: Vec3, z: f32) -> f32 {
     let (level, share) = levels(lod, sampler.last());
     let mut at = |level: usize| sampler.around(level, direction, |texel| opacity(texel, z));

@@ -1,8 +1,8 @@
-//! Bounds and behaviour of a cache.
+//! The bounds and the behaviour of a cache.
 
 use granita_base::Vec3;
 
-/// Bounds and behaviour of a [`TextureCache`](crate::TextureCache).
+/// The bounds and the behaviour of a [`TextureCache`](crate::TextureCache).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CacheOptions {
     /// The largest number of bytes of tiles held at once (attribute "limits:texturememory" times 1024).
@@ -16,13 +16,13 @@ pub struct CacheOptions {
     pub substitute_texture: Option<String>,
     /// Replaces every environment map (attribute "texture:substenv").
     pub substitute_environment: Option<String>,
-    /// The origin of "common" space in world space. The matrices of files are in world space, lookups and results
+    /// The origin of "common" space in world space. The matrices of files are in world space. Lookups and results are
     /// in "common" space.
     pub common_origin: Vec3,
 }
 
 impl Default for CacheOptions {
-    /// The defaults of the attributes: 20 MB, 1000 files, automipmap, no substitutes.
+    /// Returns the defaults of the attributes: 20 MB, 1000 files, automipmap, no substitutes.
     fn default() -> Self {
         Self {
             memory_bytes: 20480 * 1024,

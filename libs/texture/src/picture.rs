@@ -1,11 +1,11 @@
-//! Images in floats: resizing, halving, MIP pyramids. Used by texture making and automipmap.
+//! Images in floats, with resizing, halving and MIP pyramids. Texture making and automipmap use them.
 
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::{ImageInput, Pixels, Result};
 use rayon::prelude::*;
 
-/// An image of floats: rows from the top, channels interleaved.
+/// An image of floats, with rows from the top and channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Picture {
     pub(crate) width: usize,
@@ -19,14 +19,14 @@ pub(crate) fn level_count(width: usize, height: usize) -> usize {
     (width.max(height).max(1)).ilog2() as usize + 1
 }
 
-/// Returns the size of the next level in one direction: half, rounded down, at least 1 (reference 9.2.1).
+/// Returns the size of the next level in one direction, which is half, rounded down, and at least 1 (reference 9.2.1).
 pub(crate) fn half(n: usize) -> usize {
     (n / 2).max(1)
 }
 
-/// Source texels and weights of one destination texel.
+/// The source texels and weights of one destination texel.
 pub(crate) struct Taps {
-    /// Index and normalised weight, the heaviest first.
+    /// The indices and normalised weights, the heaviest first.
     taps: Vec<(usize, f32)>,
 }
 
@@ -72,13 +72,13 @@ pub(crate) fn taps(from: usize, to: usize, filter: Filter, wrap: Wrap) -> Vec<Ta
         .collect()
 }
 
-/// The same for the rows of a latitude-longitude map of all directions: the box, in which rows weigh as
-/// much as their part of the sphere. Row `i` of `n` lies between the polar angles `pi i / n` and
-/// `pi (i + 1) / n`, so that part is proportional to the difference of their cosines; the mean over the
-/// sphere is kept exactly, for any two sizes.
+/// Returns the same for the rows of a latitude-longitude map of all directions, with a box in which rows are weighted
+/// by their part of the sphere. Row `i` of `n` lies between the polar angles `pi i / n` and `pi (i + 1) / n`, so that
+/// part is proportional to the difference of their cosines. The mean over the sphere is kept exactly, for any two
+/// sizes.
 pub(crate) fn solid_taps(from: usize, to: usize) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
-    // 1 - cos t without cancellation near the pole.
+    // This is 1 - cos t without cancellation near the pole.
     let cap = |row: f64| 2.0 * (row / from as f64 * std::f64::consts::FRAC_PI_2).sin().powi(2);
     (0..to)
         .map(|o| {
@@ -97,34 +97,34 @@ fn centre_of(o: usize, scale: f64) -> f64 {
 }
 
 impl Taps {
-    /// The heaviest first: it is the base that the others are added to.
+    /// Moves the heaviest tap to the front. It is the base to which the others are added.
     fn sorted(mut taps: Vec<(usize, f32)>) -> Self {
         let heaviest = (0..taps.len()).rev().max_by(|&a, &b| taps[a].1.total_cmp(&taps[b].1));
         taps.swap(0, heaviest.unwrap_or(0));
         Self { taps }
     }
 
-    /// One texel as it is.
+    /// Returns the taps that copy one texel.
     pub(crate) fn one(i: usize) -> Self {
         Self { taps: vec![(i, 1.0)] }
     }
 
-    /// Indices and weights, the heaviest first.
+    /// Returns the indices and weights, the heaviest first.
     pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, f32)> {
         self.taps.iter().copied()
     }
 
-    /// The lowest index.
+    /// Returns the lowest index.
     pub(crate) fn first(&self) -> usize {
         self.taps.iter().map(|t| t.0).min().unwrap_or(0)
     }
 
-    /// The highest index.
+    /// Returns the highest index.
     pub(crate) fn last(&self) -> usize {
         self.taps.iter().map(|t| t.0).max().unwrap_or(0)
     }
 
-    /// As [`Taps::apply`], of values by their place among the taps.
+    /// Does the same as [`Taps::apply`] for the first `count` taps. `value` receives the position among the taps.
     #[inline]
     pub(crate) fn apply_to(&self, count: usize, value: impl Fn(usize) -> f32) -> f32 {
         let base = value(0);
@@ -166,8 +166,8 @@ impl Picture {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }
 
-    /// A level of a file, data window only; values that are not numbers become 0, infinite ones large.
-    /// Also the number of values that were not numbers.
+    /// Reads the data window of a level of a file. NaN becomes 0, and infinite values become large. Also returns the
+    /// number of NaNs.
     pub(crate) fn read(input: &dyn ImageInput, level: usize) -> Result<(Self, u64)> {
         let pixels = input.read_level(0, level)?;
         let (width, height, channels) =
@@ -180,17 +180,17 @@ impl Picture {
         Ok((Self { width, height, channels, data }, nans))
     }
 
-    /// Texel (x, y), all channels.
+    /// Returns all channels of texel (x, y).
     pub(crate) fn texel(&self, x: usize, y: usize) -> &[f32] {
         &self.data[(y * self.width + x) * self.channels..][..self.channels]
     }
 
-    /// Texel (x, y), to be written.
+    /// Returns all channels of texel (x, y) for writing.
     pub(crate) fn texel_mut(&mut self, x: usize, y: usize) -> &mut [f32] {
         &mut self.data[(y * self.width + x) * self.channels..][..self.channels]
     }
 
-    /// The rectangle of `width` x `height` texels at (x, y), which lies inside.
+    /// Returns the rectangle of `width` x `height` texels at (x, y), which lies inside.
     pub(crate) fn cropped(&self, x: usize, y: usize, width: usize, height: usize) -> Self {
         let n = self.channels;
         let mut data = Vec::with_capacity(width * height * n);
@@ -200,7 +200,7 @@ impl Picture {
         Self { width, height, channels: n, data }
     }
 
-    /// Copies `other`, of as many channels, to (x, y), inside.
+    /// Copies `other`, which has the same number of channels, to (x, y). It must fit.
     pub(crate) fn paste(&mut self, other: &Self, x: usize, y: usize) {
         let n = self.channels;
         for row in 0..other.height {
@@ -209,7 +209,7 @@ impl Picture {
         }
     }
 
-    /// Turned upside down and left to right.
+    /// Returns the image rotated by 180 degrees.
     pub(crate) fn turned(&self) -> Self {
         let mut out = Self::new(self.width, self.height, self.channels);
         for y in 0..self.height {
@@ -220,7 +220,7 @@ impl Picture {
         out
     }
 
-    /// The same picture in another size.
+    /// Returns the image in another size.
     pub(crate) fn resized(&self, width: usize, height: usize, filter: Filter, wrap: (Wrap, Wrap)) -> Self {
         let n = self.channels;
         let mut wide = Self::new(width, self.height, n);
@@ -251,7 +251,8 @@ impl Picture {
         out
     }
 
-    /// The same rows of a latitude-longitude map, fewer of them, each by its part of the sphere.
+    /// Returns the image with fewer rows. The rows of a latitude-longitude map are weighted by their part of the
+    /// sphere.
     pub(crate) fn rows_by_solid_angle(&self, height: usize) -> Self {
         if height == self.height {
             return self.clone();
@@ -267,12 +268,12 @@ impl Picture {
         out
     }
 
-    /// The next MIP level.
+    /// Returns the next MIP level.
     pub(crate) fn halved(&self, filter: Filter, wrap: (Wrap, Wrap)) -> Self {
         self.resized(half(self.width), half(self.height), filter, wrap)
     }
 
-    /// Itself and all smaller levels.
+    /// Returns the image and all smaller levels.
     pub(crate) fn pyramid(self, filter: Filter, wrap: (Wrap, Wrap)) -> Vec<Self> {
         let mut levels = vec![self];
         while let Some(last) = levels.last().filter(|p| p.width > 1 || p.height > 1) {
@@ -282,8 +283,8 @@ impl Picture {
         levels
     }
 
-    /// Value at a point by bilinear interpolation, clamped at the border; `x` and `y` in texels, texel
-    /// centres at half numbers.
+    /// Computes the value at a point by bilinear interpolation, clamped at the border. `x` and `y` are in texels, with
+    /// texel centres at half numbers.
     pub(crate) fn bilinear(&self, x: f32, y: f32, out: &mut [f32]) {
         let place = |v: f32, n: usize| {
             let v = (v - 0.5).clamp(0.0, (n - 1) as f32);

@@ -74,7 +74,7 @@ fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: 
     let filter = (wide > 0.0).then(|| smooth(file, &footprint));
     let narrow = (wide < 1.0).then(|| {
         let ellipse = footprint.spread.ellipse();
-        // One step along the long axis by one texel of level 0.
+        // `step` is one step along the long axis by one texel of level 0.
         let step = (ellipse.axis[0] / size[0] as f32, ellipse.axis[1] / size[1] as f32);
         (ellipse.probes(1.0), step)
     });
@@ -110,7 +110,7 @@ struct Footprint {
 fn smooth(file: &TextureFile, footprint: &Footprint) -> (usize, Gaussian) {
     let last = file.levels.len() - 1;
     let ratio = footprint.b * (1.0 / (WIDE * WIDE));
-    // The exponent of a number of at least 1, halved, is the whole part of half its logarithm.
+    // The exponent of a number of at least 1, halved, is the integer part of half its logarithm.
     let level = if ratio >= 1.0 { ((ratio.to_bits() >> 52) as usize - 1023) / 2 } else { 0 };
     let level = level.min(last);
     let (base, l) = (&file.levels[0], &file.levels[level]);
@@ -123,7 +123,7 @@ fn smooth(file: &TextureFile, footprint: &Footprint) -> (usize, Gaussian) {
         spread = ellipse.spread();
     }
     let spread = spread.scaled(x, y);
-    // Levels of very long pictures stop halving in one direction.
+    // Levels of very long images are no longer halved in one direction.
     let spread = if spread.squares().1 < 1.0 { spread.at_least(1.0) } else { spread };
     (level, Gaussian::new(spread))
 }

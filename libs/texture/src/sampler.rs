@@ -1,4 +1,4 @@
-//! Texels of one file during one lookup.
+//! Access to the texels of one file during one lookup.
 
 use crate::cube;
 use crate::file::TextureFile;
@@ -22,31 +22,31 @@ pub(crate) struct Sampler<'a> {
     held: &'a mut Held,
 }
 
-/// Where tiles come from.
+/// The sources of tiles.
 type Tiles<'a> = (&'a Shared, Option<&'a dyn TileMaker>);
 
-/// Places for tiles of one thread.
+/// The number of places for tiles of one thread.
 const PLACES: usize = 64;
 
-/// A tile that a thread has.
+/// A tile that a thread holds.
 #[derive(Debug)]
 struct HeldTile {
     key: TileKey,
     cell: Arc<Cell>,
-    /// What it counts of [`Held::bytes`].
+    /// The bytes that it adds to [`Held::bytes`].
     bytes: u64,
 }
 
-/// Tiles that one thread used lately: it asks the shared cache seldom. They belong to any files of one cache, and count
-/// to its bound.
+/// The tiles that one thread used lately, so that it seldom accesses the shared cache. They belong to any files of one
+/// cache, and count for its bound.
 #[derive(Debug)]
 pub(crate) struct Held {
     tiles: [Option<HeldTile>; PLACES],
-    /// Bytes of these, and most that there may be: a small part of the bound, so that threads keep each other little
-    /// room.
+    /// The bytes of these tiles, and the largest permitted number of them. It is a small part of the bound, so that
+    /// threads hardly reduce the memory of each other.
     bytes: u64,
     most: u64,
-    /// How often the cache was asked.
+    /// The number of requests to the shared cache.
     pub(crate) requests: u64,
 }
 
@@ -55,14 +55,14 @@ impl Held {
         Self { tiles: [const { None }; PLACES], bytes: 0, most: shared.bound() / 64, requests: 0 }
     }
 
-    /// Neighbouring tiles of a level have places of their own.
+    /// Returns the place of a tile. Neighbouring tiles of a level have different places.
     #[inline]
     fn place(key: &TileKey) -> usize {
         let mixed = key.level.wrapping_mul(29).wrapping_add(key.file.wrapping_mul(43));
         (key.tx.wrapping_add(mixed) & 7 | (key.ty.wrapping_add(mixed >> 3) & 7) << 3) as usize
     }
 
-    /// The tile of a key.
+    /// Returns the tile of a key.
     #[inline]
     fn tile(&mut self, key: TileKey, shared: Tiles<'_>, file: &TextureFile) -> &Tile {
         let at = Self::place(&key);
@@ -80,7 +80,7 @@ impl Held {
         if let Some(gone) = self.tiles[at].take() {
             self.bytes -= gone.bytes;
         }
-        // The tile itself counts: with the least of bounds a thread has one.
+        // The new tile itself counts. With the smallest bounds a thread holds one tile.
         let bytes = file.counted_bytes(key.level as usize);
         if bytes > 0 && self.bytes.saturating_add(bytes) > self.most {
             self.tiles = [const { None }; PLACES];
@@ -95,7 +95,7 @@ impl Held {
 }
 
 impl<'a> Sampler<'a> {
-    /// For channels `first .. first + channels`, at most four, all of them in the file.
+    /// Returns a sampler of the channels `first .. first + channels`, which are at most four and all in the file.
     pub(crate) fn new(
         shared: Tiles<'a>,
         held: &'a mut Held,
@@ -111,12 +111,12 @@ impl<'a> Sampler<'a> {
         &self.file.levels[level]
     }
 
-    /// Index of the last (smallest) level.
+    /// Returns the index of the last (smallest) level.
     pub(crate) fn last(&self) -> usize {
         self.file.levels.len() - 1
     }
 
-    /// Texel (x, y) of the whole picture of a level; inside.
+    /// Returns texel (x, y) of the whole image of a level, which must be inside.
     #[inline]
     pub(crate) fn texel(&mut self, level: usize, x: u32, y: u32) -> [f32; 4] {
         let (first, channels) = (self.first, self.channels);
@@ -124,13 +124,13 @@ impl<'a> Sampler<'a> {
         tile.texel(x, y, first, channels)
     }
 
-    /// Passes all channels of texel (x, y) of the whole picture of a level; inside.
+    /// Passes all channels of texel (x, y) of the whole image of a level to `f`. The texel must be inside.
     pub(crate) fn with_texel<T>(&mut self, level: usize, x: u32, y: u32, f: impl FnOnce(&[f32]) -> T) -> T {
         let (tile, x, y) = self.tile_of(level, x, y);
         tile.with_texel(x, y, f)
     }
 
-    /// The tile of a texel, and the texel's place in it.
+    /// Returns the tile of a texel, and the texel's position in it.
     #[inline]
     fn tile_of(&mut self, level: usize, x: u32, y: u32) -> (&Tile, usize, usize) {
         let l = &self.file.levels[level];
@@ -140,8 +140,8 @@ impl<'a> Sampler<'a> {
         (self.held.tile(key, self.shared, self.file), x, y)
     }
 
-    /// Texel (x, y) of a level, the one to its right, and the two below them, if they lie in one tile, as they nearly
-    /// always do; all are inside of the level.
+    /// Returns texel (x, y) of a level, the one to its right, and the two below them, which are all inside of the
+    /// level. Returns `None` in the rare case that they do not lie in one tile.
     #[inline]
     pub(crate) fn four(&mut self, level: usize, x: u32, y: u32) -> Option<[[f32; 4]; 4]> {
         let l = &self.file.levels[level];
@@ -152,7 +152,7 @@ impl<'a> Sampler<'a> {
             .then(|| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| tile.texel(x + dx, y + dy, first, n)))
     }
 
-    /// As [`Sampler::texel`], the numbers as they are stored.
+    /// Does the same as [`Sampler::texel`], but returns the numbers as they are stored.
     #[inline]
     pub(crate) fn raw_texel(&mut self, level: usize, x: u32, y: u32) -> [f32; 4] {
         let (first, channels) = (self.first, self.channels);
@@ -160,7 +160,8 @@ impl<'a> Sampler<'a> {
         tile.raw(x, y, first, channels)
     }
 
-    /// Adds texels from (x, y), inside, to the right, the next of a row: `most`, or as many as the tile has. How many.
+    /// Adds texels from (x, y) to the right, which are the next of a row and start inside. Adds `most`, or as many as
+    /// the tile has. Returns their number.
     #[inline]
     pub(crate) fn add_run(
         &mut self,
@@ -178,8 +179,7 @@ impl<'a> Sampler<'a> {
         count
     }
 
-    /// Adds texels from (x, y), inside, to the right with the weights of lanes `from .. to`; all lie inside of the
-    /// level.
+    /// Adds texels from (x, y) to the right with the weights of lanes `from .. to`. All lie inside of the level.
     #[inline]
     pub(crate) fn add_weighted(
         &mut self,
@@ -200,8 +200,8 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Adds all texels under a Gaussian of this centre, which covers nothing outside columns `x.0 ..= x.1` and rows
-    /// `y.0 ..= y.1`, all inside of the level, if these lie in one tile. Whether they do.
+    /// Adds all texels under a Gaussian with this centre, if they lie in one tile. It covers only the columns `x.0 ..=
+    /// x.1` and the rows `y.0 ..= y.1`, which are all inside of the level. Returns true when they were added.
     #[inline]
     pub(crate) fn add_rows(
         &mut self,
@@ -223,13 +223,14 @@ impl<'a> Sampler<'a> {
         self.held.tile(key, self.shared, self.file).add_rows(channels, (centre, corner, y), gaussian, sums)
     }
 
-    /// Texel (x, y) of a face of a level; inside.
+    /// Returns texel (x, y) of a face of a level, which must be inside.
     pub(crate) fn face_texel(&mut self, level: usize, face: usize, x: u32, y: u32) -> [f32; 4] {
         let (left, top) = self.file.face_origin(self.level(level), face);
         self.texel(level, left + x, top + y)
     }
 
-    /// What `of` says of the four texels of a cube around a direction (finite, not 0), bilinear, across edges.
+    /// Applies `of` to the four texels of a cube around a direction (finite, not 0), and interpolates the results
+    /// bilinearly, across edges.
     pub(crate) fn around(&mut self, level: usize, direction: Vec3, mut of: impl FnMut(&[f32]) -> f32) -> f32 {
         let layout = self.file.layout;
         let at = cube::project(layout, direction);
@@ -244,12 +245,12 @@ impl<'a> Sampler<'a> {
                 value
             })
         });
-        // The corner of the cube, where a fourth texel does not exist.
+        // At a corner of the cube the fourth texel does not exist.
         let [a, b, c, d] = corners.map(|c| [c.unwrap_or(known.0 / known.1.max(1.0)), 0.0, 0.0, 0.0]);
         mix(mix(a, b, fx), mix(c, d, fx), fy)[0]
     }
 
-    /// Bilinear value of a level at (s, t), finite, as a plain picture.
+    /// Returns the bilinear value of a level at (s, t), which are finite, as in a plain image.
     pub(crate) fn bilinear(&mut self, level: usize, s: f32, t: f32, wrap: (Wrap, Wrap)) -> [f32; 4] {
         let l = self.level(level);
         let (x, fx) = cell(wrap.0.reduce(s), l.width);
@@ -271,7 +272,7 @@ impl<'a> Sampler<'a> {
         mix(top, bottom, fy)
     }
 
-    /// Bilinear value of a level of a cube at (s, t) of a face, in [0, 1], across edges where needed.
+    /// Returns the bilinear value of a level of a cube at (s, t) of a face, in [0, 1], across edges where needed.
     pub(crate) fn cube_bilinear(&mut self, level: usize, face: usize, s: f32, t: f32) -> [f32; 4] {
         let n = self.level(level).face_width;
         let (x, fx) = cell(s, n);
@@ -281,7 +282,7 @@ impl<'a> Sampler<'a> {
             cube::texel_across(layout, face, x, y, n as i32)
                 .map(|(face, x, y)| self.face_texel(level, face, x as u32, y as u32))
         });
-        // Where three faces meet, the texel that does not exist is the mean of the three that do.
+        // Where three faces are adjacent, the missing texel is the mean of the three existing ones.
         let mut sum = [0.0; 4];
         for value in corners.iter().flatten() {
             for (s, v) in sum.iter_mut().zip(value) {

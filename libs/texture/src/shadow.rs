@@ -1,5 +1,5 @@
 //! Filtered lookups of `shadow ()`: percentage-closer filtering of depth maps (Reeves, Salesin and Cook, Rendering
-//! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of them, and volume shadow maps.
+//! Antialiased Shadows with Depth Maps, SIGGRAPH 1987), of cubes of depth maps, and of volume shadow maps.
 
 use crate::TextureId;
 use crate::file::TextureFile;
@@ -13,12 +13,12 @@ use granita_base::{Transform, Vec3, hash, sample};
 /// The smallest and largest number of samples of one lookup.
 const SAMPLES: (u32, u32) = (16, 4096);
 
-/// Returns sample positions: two stratified points in [-1/2, 1/2] squared each, one inside the footprint and one
+/// Returns the sample positions. Each is two stratified points in [-1/2, 1/2] squared, one inside the footprint and one
 /// inside the blur.
 fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use<> {
     let still = |v: Vec3| v == Vec3::ZERO;
     let sharp = still(q.dpdx) && still(q.dpdy) && q.sblur == 0.0 && q.tblur == 0.0;
-    // Without any extent all samples would be alike.
+    // Without any extent all samples would be equal.
     let count = if sharp { 1 } else { q.samples.clamp(SAMPLES.0, SAMPLES.1) };
     let blurred = q.sblur != 0.0 || q.tblur != 0.0;
     let seeds = [0, 1].map(|which| hash::words(&[q.seed, which]));
@@ -106,7 +106,7 @@ fn flat_shadow(
     sum / n as f32
 }
 
-/// Level of a volume map whose texels are about as far apart as the samples.
+/// Returns the level of detail of a volume map whose texels are about as far apart as the samples.
 fn volume_lod(
     file: &TextureFile,
     camera: &Transform,
@@ -122,7 +122,7 @@ fn volume_lod(
     lod_of(q, side(q.dpdx), side(q.dpdy), (w, h))
 }
 
-/// The same for a footprint of `dx` by `dy` texels in a map, or a face, of `w` by `h`.
+/// Returns the same for a footprint of `dx` by `dy` texels in a map, or a face, of `w` by `h` texels.
 fn lod_of(q: &ShadowLookup, dx: f32, dy: f32, (w, h): (f32, f32)) -> f32 {
     let width = (dx * dy).sqrt() + (q.sblur * w).abs().max((q.tblur * h).abs());
     let samples = q.samples.clamp(SAMPLES.0, SAMPLES.1) as f32;
@@ -161,7 +161,8 @@ fn cube_shadow(
     if !centre.is_finite() || centre == Vec3::ZERO {
         return 0.0;
     }
-    // Around the vertical axis and towards the poles, whichever face that is on: no edge shows.
+    // The directions around the vertical axis and towards the poles are the same on all faces, so that no edge is
+    // visible.
     let east = Vec3::Y.cross(centre).try_normalize().unwrap_or(Vec3::X);
     let north = centre.cross(east).normalize_or(Vec3::Z);
     let side = 2.0 * centre.length();
@@ -170,7 +171,7 @@ fn cube_shadow(
     let volume = file.kind.is_volume_shadow();
     let mut sampler = reader.sampler(file, 0, if volume { 0 } else { 1 });
     let lod = if volume {
-        // A face spans two units at the distance of one.
+        // A face spans two units at the distance 1.
         let texels = file.levels[0].face_width as f32;
         let wide = |d: Vec3| (d.dot(east) * q.swidth).hypot(d.dot(north) * q.twidth) * texels / side;
         lod_of(q, wide(dx), wide(dy), (texels, texels))
@@ -188,7 +189,7 @@ fn cube_shadow(
         if direction == Vec3::ZERO || !direction.is_finite() {
             continue;
         }
-        // Blur looks aside; how far away the point is stays, as in a map of one view.
+        // Blur changes the direction only. The depth of the point stays the same, as in a map of one view.
         let depth = place.abs().max_element();
         let z = depth - q.bias;
         sum += if volume {

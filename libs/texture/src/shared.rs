@@ -1,4 +1,4 @@
-//! What all lookups of a cache share: files, tiles, open handles, counters.
+//! The state that all lookups of a cache share: files, tiles, open handles, counters.
 
 use crate::file::{Handle, Source, TextureFile};
 use crate::files::Files;
@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering, fence};
 
-/// The inside of a [`crate::TextureCache`].
+/// The state of a [`crate::TextureCache`].
 #[derive(Debug)]
 pub(crate) struct Shared {
     registry: FormatRegistry,
@@ -26,31 +26,31 @@ pub(crate) struct Shared {
     tiles: TileCache,
     pub(crate) files: Files,
     open: Mutex<Open>,
-    /// Notified when a file was closed, when a file that stays open was opened, and when a read ends while a thread
-    /// waits.
+    /// The condition that is notified when a file was closed, when a file that stays open was opened, and when a read
+    /// ends while a thread waits.
     opened: Condvar,
     /// The number of threads that wait for `opened`.
     waiting: AtomicUsize,
-    /// Counts reads, to know which handle was used last.
+    /// The number of reads, which shows the handle that was used last.
     clock: AtomicU64,
-    /// Files that cannot be used and that no lookup has needed so far, with the reason.
+    /// The files that cannot be used and that no lookup has needed so far, with the reason.
     unusable: Mutex<BTreeMap<String, String>>,
-    /// The number of these.
+    /// The number of entries in `unusable`.
     untold: AtomicUsize,
 }
 
-/// Files that are open.
+/// The files that are open.
 #[derive(Debug, Default)]
 struct Open {
-    /// Indices of those with a handle.
+    /// The indices of the files with a handle.
     files: Vec<u32>,
-    /// How many are being opened, or read as a whole.
+    /// The number of files that are being opened, or read as a whole.
     more: usize,
-    /// The most files that may be open: the option, or fewer once the system refused one more.
+    /// The largest permitted number of open files. It is the option, or less after the system refused to open one more.
     most: usize,
 }
 
-/// Leave to have one more file open.
+/// The permission to have one more file open.
 struct Leave<'a>(&'a Shared);
 
 /// A file that is open for one reader.
@@ -74,10 +74,10 @@ impl Drop for Leave<'_> {
     }
 }
 
-/// A file that one thread reads tiles from. It is not closed meanwhile.
+/// A file from which one thread reads tiles. It is not closed meanwhile.
 struct Reading<'a> {
     shared: &'a Shared,
-    /// Empty only while it is dropped.
+    /// The input. It is `None` only while this is dropped.
     input: Option<Arc<dyn ImageInput>>,
 }
 
@@ -91,25 +91,25 @@ impl Reading<'_> {
 impl Drop for Reading<'_> {
     fn drop(&mut self) {
         self.input = None;
-        // Either the thread that waits sees that the input is idle, or this one sees that it waits.
+        // Either the waiting thread finds that the input is idle, or this one finds that a thread waits.
         fence(Ordering::SeqCst);
         if self.shared.waiting.load(Ordering::Relaxed) > 0 {
-            // With the lock: the thread has looked at all files and sleeps, or has not looked yet.
+            // Because of the lock, the other thread either has checked all files and sleeps, or has not checked yet.
             let _open = self.shared.open();
             self.shared.opened.notify_all();
         }
     }
 }
 
-/// Whether the system refused to open a file because too many are open.
+/// True when the system refused to open a file because too many are open.
 fn too_many_files(error: &ImageError) -> bool {
-    /// `ENFILE` and `EMFILE`, of the system and of the process, which have these numbers on all systems of the Unix
-    /// family; the number of the same error of Windows.
+    /// The error numbers `ENFILE` and `EMFILE`, for the system and for the process, which are the same on all Unix
+    /// systems, and the number of this error on Windows.
     const CODES: &[i32] = if cfg!(windows) { &[4] } else { &[23, 24] };
     matches!(error, ImageError::Io { source, .. } if source.raw_os_error().is_some_and(|code| CODES.contains(&code)))
 }
 
-/// The handle of a file that is read by tiles, and when it was used last.
+/// Returns the handle of a file that is read by tiles, and the time when it was used last.
 fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
     match &file.source {
         Source::Tiles { handle, stamp } => Some((handle, stamp)),
@@ -147,8 +147,8 @@ impl Shared {
         self.open.lock()
     }
 
-    /// Waits until one more file may be open; closes the one that was read from longest ago, of those that no thread
-    /// reads from now.
+    /// Waits until one more file may be open. Closes the file that was read from longest ago, among those that no
+    /// thread reads from now.
     fn leave(&self) -> Leave<'_> {
         let mut open = self.open();
         while open.files.len() + open.more >= open.most {
@@ -165,14 +165,15 @@ impl Shared {
     fn wait(&self, open: &mut MutexGuard<'_, Open>) {
         self.waiting.fetch_add(1, Ordering::Relaxed);
         fence(Ordering::SeqCst);
-        // Once more: a read that ended before this thread was counted notified no one.
+        // This is checked once more, because a read that ended before this thread was counted did not notify it.
         if !self.close_oldest(open) {
             self.opened.wait(open);
         }
         self.waiting.fetch_sub(1, Ordering::Relaxed);
     }
 
-    /// Closes the file that was read from longest ago, of those that no thread reads from; whether there was one.
+    /// Closes the file that was read from longest ago, among those that no thread reads from. Returns true when there
+    /// was one.
     fn close_oldest(&self, open: &mut Open) -> bool {
         let stamp_of =
             |i: u32| self.files.get(i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed));
@@ -188,7 +189,7 @@ impl Shared {
     }
 
     /// Runs `with_files`, which opens files. Where the system refuses one because too many are open, files of the cache
-    /// are closed and it runs again; from then on the cache keeps fewer open.
+    /// are closed and it runs again. From then on the cache keeps fewer files open.
     fn retried<T>(&self, with_files: impl Fn() -> granita_image::Result<T>) -> granita_image::Result<T> {
         loop {
             let result = with_files();
@@ -199,7 +200,7 @@ impl Shared {
             if open.files.is_empty() {
                 return result;
             }
-            // What is needed beside textures, as the files of images that are written, has handles left from now on.
+            // From now on other users, such as image files that are written, have some handles left.
             let spare = (open.files.len() / 8).max(2);
             open.most = open.most.min((open.files.len() + open.more).saturating_sub(spare)).max(1);
             while open.files.len() + open.more > open.most && !open.files.is_empty() {
@@ -210,7 +211,7 @@ impl Shared {
         }
     }
 
-    /// Closes a file unless somebody reads from it.
+    /// Closes a file unless a thread reads from it. Returns true when it is closed.
     fn close(&self, index: u32) -> bool {
         let Some((handle, _)) = self.files.get(index).and_then(handle) else { return true };
         let mut handle = handle.lock();
@@ -221,7 +222,7 @@ impl Shared {
         idle
     }
 
-    /// Index of the file of this name, whose texels are needed; one error when it cannot be used.
+    /// Returns the index of the file of this name, whose texels are needed. Reports one error when it cannot be used.
     pub(crate) fn find(&self, name: &str) -> Option<u32> {
         let index = self.look_for(name);
         if index.is_none()
@@ -234,7 +235,8 @@ impl Shared {
         index
     }
 
-    /// The same for a question about the file, which may be whether there is one: one warning.
+    /// Returns the index for a query about the file, for example whether it exists. Reports one warning when it cannot
+    /// be used.
     pub(crate) fn find_to_ask(&self, name: &str) -> Option<u32> {
         let index = self.look_for(name);
         if index.is_none()
@@ -258,13 +260,13 @@ impl Shared {
         if let (Some(_leave), Some(index)) = (leave, index)
             && self.files.get(index).and_then(handle).is_some()
         {
-            // Its handle was left open.
+            // The handle of the file was left open.
             self.open().files.push(index);
         }
         index
     }
 
-    /// Index of a map without a file; `None` when the name is taken.
+    /// Returns the index of a new map without a file; `None` when the name is taken.
     pub(crate) fn declare(&self, name: &str, map: &MadeShadow) -> Option<u32> {
         let mut new = false;
         let index = self.files.find(name, |index| {
@@ -282,7 +284,7 @@ impl Shared {
             self.untold.fetch_add(1, Ordering::Relaxed);
             None
         };
-        // One image of a file that holds several: `file#2`.
+        // The name may be one image of a file that holds several: `file#2`.
         let part = || {
             let (file, image) = granita_image::split_image_name(name)?;
             let found = self.search.find(file)?;
@@ -313,7 +315,7 @@ impl Shared {
         Some(file)
     }
 
-    /// The tile of this key, of `file`; made by `maker` where there is no file, and empty without one.
+    /// Returns the tile of this key, of `file`. Without a file `maker` makes it, and without a maker it is empty.
     pub(crate) fn tile(&self, file: &TextureFile, key: TileKey, maker: Option<&dyn TileMaker>) -> Arc<Cell> {
         match &file.source {
             Source::Memory(_, made) => {
@@ -331,7 +333,7 @@ impl Shared {
                     let depths = if depths.len() == size { depths } else { vec![EMPTY; size] };
                     Tile::new(Pixels::Float(depths), level.tile_width as usize, 1, file.layout_in_memory())
                 };
-                // What is empty for want of a maker must not be found by those who have one.
+                // A tile that is empty because there is no maker must not be cached for readers that have one.
                 let Some(maker) = maker else { return Arc::new(Cell::of(tile(Vec::new()))) };
                 let make = || tile(maker.tile(TextureId(file.index), key.tx, key.ty));
                 self.tiles.get(key, file.tile_bytes(0), &self.counters, make)
@@ -339,7 +341,7 @@ impl Shared {
         }
     }
 
-    /// Most bytes of tiles.
+    /// Returns the largest permitted number of bytes of tiles.
     pub(crate) fn bound(&self) -> u64 {
         self.tiles.max_bytes()
     }
@@ -373,7 +375,7 @@ impl Shared {
         levels
     }
 
-    /// A file opened once more, to be read as a whole.
+    /// Opens a file once more, to be read as a whole.
     pub(crate) fn open_whole(&self, file: &TextureFile) -> Result<Whole<'_>, String> {
         if let Source::Made = file.source {
             return Err("it is no file".to_owned());
@@ -413,7 +415,7 @@ impl Shared {
         }
     }
 
-    /// The open file, opened again if it was closed.
+    /// Returns the open file, which is opened again if it was closed.
     fn reading(&self, file: &TextureFile) -> granita_image::Result<Reading<'_>> {
         let reading = |input| Reading { shared: self, input: Some(input) };
         let Some((handle, stamp)) = handle(file) else {
@@ -429,7 +431,7 @@ impl Shared {
         let mut open = self.open();
         let mut handle = handle.lock();
         if let Some(input) = &*handle {
-            // Meanwhile another thread did.
+            // Another thread opened it meanwhile.
             return Ok(reading(input.clone()));
         }
         *handle = Some(input.clone());
@@ -443,7 +445,7 @@ impl Shared {
         self.reporter.once(&cause, Severity::Error, &Location::default(), text);
     }
 
-    /// A warning about a file, once per file and text.
+    /// Reports a warning about a file, once per file and text.
     pub(crate) fn warn_once(&self, file: &TextureFile, what: &str) {
         let text = format!("texture {} {what}", file.path.display());
         self.reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);

@@ -1,25 +1,25 @@
 // tidy: long: kernels that share one set of sums, and the tests that compare them
 //! Rows of texels under a Gaussian, eight at a time.
 //!
-//! How texels are cut into runs changes nothing, to the bit. `cargo run -p granita-benches --bin peers -- --lookups`
-//! measures what vectors bring.
+//! The result does not depend on how texels are split into runs, to the bit. The command `cargo run -p granita-benches
+//! --bin peers -- --lookups` measures the gain of vectors.
 
 use crate::gaussian::{Exponents, Gaussian};
 use granita_machine::simd::{Kernel, Portable, Simd, Vectors, WIDE, half};
 use half::f16;
 
-/// Texels that are taken at once.
+/// The number of texels that are processed at once.
 pub(crate) const LANES: usize = WIDE;
 
-/// What a weight loses, so that a Gaussian cut off at three deviations ends at 0: `exp (-9/2)`.
+/// The amount that is subtracted from a weight, so that a Gaussian cut off at three deviations ends at 0: `exp (-9/2)`.
 pub(crate) const FLOOR: f32 = 0.011_109;
 
 /// A stored value.
 pub(crate) trait Texel: Copy {
-    /// As a number, in units of its own.
+    /// Returns the value as a number, in its own units.
     fn raw(self) -> f32;
 
-    /// Eight of them.
+    /// Returns eight values as numbers.
     #[inline(always)]
     fn eight<S: Simd>(simd: S, values: &[Self; LANES]) -> S::F8 {
         simd.load8(&values.map(Self::raw))
@@ -70,7 +70,7 @@ impl Texel for f32 {
 }
 
 impl Texel for f16 {
-    /// Exact for finite numbers.
+    /// Returns the number, which is exact for finite values.
     #[inline(always)]
     fn raw(self) -> f32 {
         half(self.to_bits())
@@ -82,15 +82,15 @@ impl Texel for f16 {
     }
 }
 
-/// `2^x` within 1e-6 of itself, for `x` in [-120, 120]; other numbers are taken to these.
+/// Returns `2^x` with a relative error of 1e-6 for `x` in [-120, 120]. Other numbers are clamped to that range.
 #[inline(always)]
 fn exp2<S: Simd>(simd: S, x: S::F8) -> S::F8 {
-    // 1.5 * 2^23: adding it rounds to whole numbers, which stand in the lowest bits of the sum.
+    // Adding 1.5 * 2^23 rounds to integers, which are then in the lowest bits of the sum.
     let round = simd.splat8(12_582_912.0);
     let x = simd.min8(simd.max8(x, simd.splat8(-120.0)), simd.splat8(120.0));
     let rounded = simd.add8(x, round);
     let f = simd.sub8(x, simd.sub8(rounded, round));
-    // 2^f in [-0.5, 0.5], by least squares at Chebyshev's points.
+    // The polynomial approximates 2^f for f in [-0.5, 0.5], by least squares at Chebyshev's points.
     let mut p = simd.splat8(1.321_87e-3);
     for c in [9.671_7e-3, 5.550_893e-2, 0.240_222_38, 0.693_146_9, 1.0] {
         p = simd.add8(simd.mul8(p, f), simd.splat8(c));
@@ -98,56 +98,56 @@ fn exp2<S: Simd>(simd: S, x: S::F8) -> S::F8 {
     simd.mul8(p, simd.power8(rounded))
 }
 
-/// `2^x` of one number.
+/// Returns `2^x` of one number.
 #[inline]
 pub(crate) fn exp2_of(x: f32) -> f32 {
     exp2(Portable, [x; LANES])[0]
 }
 
-/// One row, from its first texel on. Texel `i` of it belongs to lane `i % 8`, wherever tiles begin.
+/// One row of texels, from its first one on. Texel `i` belongs to lane `i % 8`, independent of the tiles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
     exponents: Exponents,
-    /// Of the first texel.
+    /// The distance of the first texel from the centre, in texels.
     dx: f32,
-    /// Which of the eight at hand is next.
+    /// The lane of the next texel among the current eight.
     lane: usize,
     weight: [f32; LANES],
-    /// Factor to the weights of the next eight.
+    /// The factors to the weights of the next eight.
     step: [f32; LANES],
     state: State,
 }
 
-/// What is known of a row.
+/// The values of a row that have been computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
-    /// No weight.
+    /// No weight has been computed.
     New,
-    /// The weights of the eight at hand.
+    /// The weights of the current eight, which are the first.
     First,
-    /// The weights of the eight before, which are the first.
+    /// The weights of the eight before the current ones, which are the first.
     FirstDue,
-    /// Those of the eight at hand, and the factors to the next.
+    /// The weights of the current eight, and the factors to the next.
     Later,
-    /// Those of the eight before, and the factors.
+    /// The weights of the eight before the current ones, and the factors.
     LaterDue,
 }
 
 impl Row {
-    /// A row whose first texel is at `dx`.
+    /// Returns a row whose first texel is at the distance `dx` from the centre.
     #[inline]
     pub(crate) fn new(exponents: Exponents, dx: f32) -> Self {
         Self { exponents, dx, lane: 0, weight: [0.0; LANES], step: [0.0; LANES], state: State::New }
     }
 }
 
-/// Distances of eight texels from the centre, the first at `dx`.
+/// Returns the distances of eight texels from the centre. The first is at `dx`.
 #[inline(always)]
 fn distances<S: Simd>(simd: S, dx: f32) -> S::F8 {
     simd.add8(simd.splat8(dx), simd.load8(&[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]))
 }
 
-/// Weights of the first eight texels of a row.
+/// Returns the weights of the first eight texels of a row.
 #[inline(always)]
 fn first_weights<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     let dx = distances(simd, dx);
@@ -155,7 +155,7 @@ fn first_weights<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     exp2(simd, simd.add8(simd.mul8(sum, dx), simd.splat8(e.c)))
 }
 
-/// Factors from these to the next eight.
+/// Returns the factors from the weights of the first eight texels to those of the next.
 #[inline(always)]
 fn first_steps<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     const N: f32 = LANES as f32;
@@ -164,7 +164,7 @@ fn first_steps<S: Simd>(simd: S, e: Exponents, dx: f32) -> S::F8 {
     exp2(simd, simd.add8(simd.mul8(simd.splat8(e.a), both), simd.splat8(e.b * N)))
 }
 
-/// A row at work.
+/// The state of a row in vectors.
 struct Weights<S: Simd> {
     simd: S,
     exponents: Exponents,
@@ -183,7 +183,7 @@ impl<S: Simd> Weights<S> {
         Self { simd, exponents, dx, bend: simd.splat8(bend), weight, step, state }
     }
 
-    /// Makes the weights of the eight at hand.
+    /// Computes the weights of the current eight.
     #[inline(always)]
     fn prepare(&mut self) {
         let simd = self.simd;
@@ -204,13 +204,13 @@ impl<S: Simd> Weights<S> {
         }
     }
 
-    /// To the next eight.
+    /// Advances to the next eight.
     #[inline(always)]
     fn next(&mut self) {
         self.state = if self.state == State::First { State::FirstDue } else { State::LaterDue };
     }
 
-    /// Weights as they count.
+    /// Returns the weights as they are applied.
     #[inline(always)]
     fn lowered(&self) -> S::F8 {
         let simd = self.simd;
@@ -218,21 +218,22 @@ impl<S: Simd> Weights<S> {
     }
 }
 
-/// Weighted sums of up to four channels, by lane, taken relative to the first value: the mean of values that are all
-/// alike is that value, exactly.
+/// The weighted sums of up to four channels, by lane, relative to the first value. The mean of values that are all
+/// equal is exactly that value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sums {
     base: [f32; 4],
     above: [[f32; LANES]; 4],
     weight: [f32; LANES],
     begun: bool,
-    /// Factor from the steps of eight texels to those of the next: `2^(128 a)`.
+    /// The factor from the steps of eight texels to those of the next: `2^(128 a)`.
     bend: f32,
     vectors: Vectors,
 }
 
 impl Sums {
-    /// Nothing yet; `a` as in [`Exponents`]. Where no row is `long`er than eight texels, some of the work is not due.
+    /// Returns empty sums. `a` is that of [`Exponents`]. When `long` is false, no row is longer than eight texels, and
+    /// some work is omitted.
     pub(crate) fn new(a: f32, long: bool) -> Self {
         Self {
             base: [0.0; 4],
@@ -244,7 +245,7 @@ impl Sums {
         }
     }
 
-    /// Takes a value as the base when there is none.
+    /// Uses a value as the base when there is none.
     #[inline]
     pub(crate) fn begin(&mut self, value: impl FnOnce() -> [f32; 4]) {
         if !self.begun {
@@ -271,27 +272,28 @@ impl Sums {
         (row.weight, row.step, row.state) = (weights.weight, weights.step, weights.state);
     }
 
-    /// Adds the next `count` texels of a row, the first `N` of four channels: that of the current lane of channel c is
-    /// `values[at + c * plane]`. The sums have begun.
+    /// Adds the next `count` texels of a row, the first `N` of four channels. The value of channel c in the current
+    /// lane is `values[at + c * plane]`. The sums must have a base.
     #[inline]
     pub(crate) fn run<T: Texel, const N: usize>(&mut self, row: &mut Row, run: Run<'_, T>) {
         self.vectors.run(AddRun::<T, N> { sums: self, row, run });
     }
 
-    /// All rows of an ellipse that lies inside of one tile, a texel from its border at least; nothing was added before.
+    /// Adds all rows of an ellipse that lies inside of one tile, at least a texel from its border. The sums must be
+    /// empty.
     #[inline]
     pub(crate) fn rows<T: Texel, const N: usize>(&mut self, g: &Gaussian, rows: Rows<'_, T>) {
         self.vectors.run(AddRows::<T, N> { sums: self, g, rows });
     }
 
-    /// Weights of eight directions under a lobe.
+    /// Returns the weights of eight directions under a lobe.
     #[inline]
     pub(crate) fn weights(&self, dome: &Dome, line: &Line<'_>) -> [f32; LANES] {
         self.vectors.run(DomeWeights { dome, line })
     }
 
-    /// Adds texels side by side, those of lanes `from .. to` of eight with these weights: that of lane `from`, channel
-    /// c, is `values[at + c * plane]`, and `N` channels count. The sums have begun.
+    /// Adds adjacent texels, in the lanes `from .. to` of eight, with these weights. The value of channel c in lane
+    /// `from` is `values[at + c * plane]`, and `N` channels count. The sums must have a base.
     #[inline]
     pub(crate) fn weighted<T: Texel, const N: usize>(
         &mut self,
@@ -303,7 +305,7 @@ impl Sums {
         self.vectors.run(AddWeighted::<T, N> { sums: self, weights, from, texels });
     }
 
-    /// The mean; `None` where no weight was.
+    /// Returns the mean; `None` when the total weight is 0.
     pub(crate) fn mean(&self) -> Option<[f32; 4]> {
         let total = |v: &[f32; LANES]| ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]));
         let weight = total(&self.weight);
@@ -311,16 +313,17 @@ impl Sums {
     }
 }
 
-/// A Gaussian on the sphere: factors to the squares of Lambert's coordinates along its two axes, for the exponent of 2.
+/// A Gaussian on the sphere, as the factors to the squares of Lambert's coordinates along its two axes, for the
+/// exponent of 2.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Dome {
     pub(crate) scale: [f32; 2],
 }
 
-/// Eight directions on a line of a map of all directions, in the frame of a lobe: component q (0 along the lobe's
+/// Eight directions on a line of a map of all directions, in the frame of a lobe. Component q (0 along the lobe's
 /// centre, 1 and 2 along its axes) of direction k is `at[q] + x[k] across[0][q] + y[k] across[1][q]`. Their squared
-/// lengths are `squared + x[k]^2` if these are given, else 1; weights count `factor` times, by the solid angle of the
-/// texel.
+/// lengths are `squared + x[k]^2`, or 1 when `squared` is `None`. Weights are multiplied by `factor` and the solid
+/// angle of the texel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line<'a> {
     pub(crate) at: [f32; 3],
@@ -331,7 +334,7 @@ pub(crate) struct Line<'a> {
     pub(crate) factor: f32,
 }
 
-/// [`Sums::weights`].
+/// The kernel of [`Sums::weights`].
 struct DomeWeights<'a> {
     dome: &'a Dome,
     line: &'a Line<'a>,
@@ -366,7 +369,7 @@ impl Kernel for DomeWeights<'_> {
     }
 }
 
-/// [`Sums::weighted`].
+/// The kernel of [`Sums::weighted`].
 struct AddWeighted<'a, T, const N: usize> {
     sums: &'a mut Sums,
     weights: &'a [f32; LANES],
@@ -394,7 +397,7 @@ impl<T: Texel, const N: usize> Kernel for AddWeighted<'_, T, N> {
     }
 }
 
-/// Texels of a row that lie side by side, see [`Sums::run`].
+/// Adjacent texels of a row, for [`Sums::run`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run<'a, T> {
     pub(crate) values: &'a [T],
@@ -403,23 +406,24 @@ pub(crate) struct Run<'a, T> {
     pub(crate) count: usize,
 }
 
-/// Rows of one tile that lie under an ellipse as a whole, see [`Sums::rows`].
+/// The rows of one tile that lie under an ellipse as a whole, for [`Sums::rows`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rows<'a, T> {
     pub(crate) values: &'a [T],
-    /// Distance between the channels of a texel, and between rows.
+    /// The distance between the channels of a texel, and between rows, in values.
     pub(crate) plane: usize,
     pub(crate) stride: usize,
-    /// Channel `first` is the first.
+    /// The index of the first channel.
     pub(crate) first: usize,
-    /// Centre of the ellipse.
+    /// The centre of the ellipse, in texels of the image.
     pub(crate) centre: (f32, f32),
-    /// What (0, 0) of the tile is in the picture; of that, rows `y.0 ..= y.1` are looked at.
+    /// The position of texel (0, 0) of the tile in the image, and the rows `y.0 ..= y.1` of the image that are
+    /// processed.
     pub(crate) corner: (i32, i32),
     pub(crate) y: (i32, i32),
 }
 
-/// [`Sums::run`].
+/// The kernel of [`Sums::run`].
 struct AddRun<'a, T, const N: usize> {
     sums: &'a mut Sums,
     row: &'a mut Row,
@@ -441,7 +445,7 @@ impl<T: Texel, const N: usize> Kernel for AddRun<'_, T, N> {
     }
 }
 
-/// [`Sums::rows`].
+/// The kernel of [`Sums::rows`].
 struct AddRows<'a, T, const N: usize> {
     sums: &'a mut Sums,
     g: &'a Gaussian,
@@ -488,7 +492,7 @@ impl<T: Texel, const N: usize> Kernel for AddRows<'_, T, N> {
     }
 }
 
-/// Sums at work.
+/// The state of sums in vectors.
 struct Taken<S: Simd, const N: usize> {
     simd: S,
     base: [S::F8; N],
@@ -515,12 +519,12 @@ impl<S: Simd, const N: usize> Taken<S, N> {
         sums.weight = self.simd.store8(self.total);
     }
 
-    /// Adds a run that begins at `lane`; the lane of what follows.
+    /// Adds a run that begins at `lane`. Returns the lane of the next texel.
     #[inline(always)]
     fn chunks<T: Texel>(&mut self, weights: &mut Weights<S>, mut lane: usize, run: Run<'_, T>) -> usize {
         let simd = self.simd;
         let Run { values, at, plane, mut count } = run;
-        // Where lane 0 of the eight stands, of each channel; it may lie before the beginning.
+        // The index of the value in lane 0, for the first channel. It may be negative.
         let mut at = at as isize - lane as isize;
         while count > 0 {
             let (from, to) = (lane, (lane + count).min(LANES));
@@ -547,15 +551,15 @@ impl<S: Simd, const N: usize> Taken<S, N> {
     }
 }
 
-/// The eight values from `first` on; of lanes outside `from .. to` any.
+/// Returns the eight values from `first` on. Lanes outside `from .. to` may hold any value.
 #[inline(always)]
 fn eight<S: Simd, T: Texel>(simd: S, values: &[T], first: isize, from: usize, to: usize) -> S::F8 {
-    // A place before the beginning is as a number far behind the end.
+    // A negative index becomes a number far behind the end.
     let at = first as usize;
     match values.get(at..at.wrapping_add(LANES)).and_then(|v| v.first_chunk::<LANES>()) {
         Some(eight) => T::eight(simd, eight),
         None => {
-            // At the ends of a tile.
+            // This happens at the ends of a tile.
             let mut out = [0.0; LANES];
             for (i, out) in out.iter_mut().enumerate().take(to).skip(from) {
                 *out = values[(first + i as isize) as usize].raw();
@@ -635,7 +639,7 @@ mod tests {
             let dome = Dome { scale: [-10.0 * noise(i), -3.0] };
             let got = sums.weights(&dome, &line);
             assert_eq!(got.map(f32::to_bits), portable.weights(&dome, &line).map(f32::to_bits));
-            // By the formula: Lambert's coordinates of the direction.
+            // The expected value follows the formula, with Lambert's coordinates of the direction.
             let k = (i % 8) as usize;
             let q =
                 [0, 1, 2].map(|q| line.at[q] + line.x[k] * line.across[0][q] + line.y[k] * line.across[1][q]);
@@ -648,7 +652,7 @@ mod tests {
         }
     }
 
-    /// However a row is cut into runs, and whatever the machine has, the sums are the same to the bit.
+    /// The sums are the same to the bit for all splits into runs, and on all machines.
     #[test]
     fn runs_and_machines_change_nothing() {
         let values: Vec<f32> = (0..3 * 100).map(noise).collect();
@@ -672,7 +676,7 @@ mod tests {
             assert_eq!(sum(cuts, false), whole, "{cuts:?}");
             assert_eq!(sum(cuts, true), whole, "{cuts:?}");
         }
-        // One by one.
+        // The texels are added one by one.
         let mut sums = Sums::new(exponents.a, true);
         sums.begin(|| [0.5, 0.25, 0.125, 0.0]);
         let mut row = Row::new(exponents, -30.0);

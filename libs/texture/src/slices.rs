@@ -58,7 +58,7 @@ fn read(input: &dyn ImageInput, channels: usize) -> Result<Vec<Block>, String> {
 }
 
 impl Shared {
-    /// Returns the levels of a file's slices, read on first use; empty when they cannot be read.
+    /// Returns the levels of a file's slices, which are read on first use. They are empty when they cannot be read.
     fn slices<'f>(&self, file: &'f TextureFile) -> &'f [Block] {
         file.slices.get_or_init(|| {
             let read = self.open_whole(file).and_then(|input| read(&*input, file.channels));
@@ -94,7 +94,7 @@ fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, o
         Vec3::from_array(v.to_array().map(|v| if v.is_finite() { v.clamp(-1e6, 1e6) } else { 0.0 }))
     };
     let [x, y] = [q.dpdx, q.dpdy].map(|d| sane(d * width) * size);
-    // The ellipse that the two span, in the plane of both.
+    // The ellipse that the two vectors span, in the plane of both.
     let along = if x.length_squared() >= y.length_squared() { x } else { y };
     let first = along.normalize_or(Vec3::X);
     let second = (x + y - first * (x + y).dot(first)).normalize_or(Vec3::ZERO);
@@ -103,7 +103,8 @@ fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, o
         spread.add(d.dot(first), d.dot(second));
     }
     let mut ellipse = spread.ellipse();
-    // What all directions are blurred by is in the ellipse; the more that a direction is blurred by stands beside it.
+    // The ellipse contains the blur that is common to all directions. The additional blur of each direction is applied
+    // separately.
     let blur = (sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size).abs();
     let all = f64::from(blur.min_element().max(blur.max_element() / MAX_BLUR_RATIO));
     (ellipse.a, ellipse.b) = (ellipse.a.hypot(all), ellipse.b.hypot(all));

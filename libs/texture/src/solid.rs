@@ -1,10 +1,11 @@
-//! The weighted mean of all texels of a map of all directions under an ellipse on the sphere, each with the solid angle
-//! that it covers.
+//! The weighted mean of all texels of a map of all directions under an ellipse on the sphere. Each texel is weighted by
+//! its solid angle.
 //!
 //! Weights are a Gaussian in the coordinates of Lambert's azimuthal projection around the direction, which keeps areas
-//! and reaches over the whole sphere: of a round footprint that is the distribution of von Mises and Fisher. As for
-//! pictures (see `gaussian`), it ends at [`CUT`] deviations and is made narrower by the spread of a texel. It reaches
-//! over edges and corners of cubes, over the seam of a panorama and over its poles: texels are found by direction.
+//! and reaches over the whole sphere. For a round footprint that is the distribution of von Mises and Fisher. As for
+//! images (see `gaussian`), it ends at [`CUT`] deviations and is made narrower by the spread of a texel. Texels are
+//! found by direction, so that it reaches over edges and corners of cubes, and over the seam and the poles of a
+//! latitude-longitude map.
 
 use crate::cube::CubeLayout;
 use crate::footprint::Spread;
@@ -15,30 +16,30 @@ use granita_base::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::ops::RangeInclusive;
 
-/// Beyond this angle from the centre (radians) the outline of a footprint on a face is not solved for: all texels are
-/// looked at.
+/// The angle from the centre, in radians, beyond which the outline of a footprint on a face is not solved for. All
+/// texels are then checked.
 const NARROW_CONE: f64 = 1.2;
 
-/// Half the angle that a face covers along its diagonal.
+/// Half the angle that a face covers along its diagonal, in radians.
 const CORNER: f64 = 0.955_317;
 
 /// A Gaussian around a direction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lobe {
-    /// Unit vectors: the centre, and the axes of the ellipse.
+    /// The unit vectors of the centre and of the axes of the ellipse.
     centre: Vec3,
     axes: [Vec3; 2],
     dome: Dome,
-    /// The three of them.
+    /// The centre and the two axes in double precision.
     frame: [[f64; 3]; 3],
-    /// Angles from the centre at which it ends, along the axes.
+    /// The angles in radians from the centre at which it ends, along the axes.
     ends: [f64; 2],
-    /// The same along the axes of the sphere: squared full widths, east and north of the centre.
+    /// The squared full widths in radians along the directions east and north of the centre.
     spread: Spread,
 }
 
-/// From where to where `a x^2 + 2 b x + c` is not negative, when that is an interval; all of `whole` otherwise, `None`
-/// where it is nowhere so.
+/// Returns the interval on which `a x^2 + 2 b x + c` is not negative, when that is an interval. Returns `whole`
+/// otherwise, and `None` where it is negative everywhere.
 fn interval(a: f64, b: f64, c: f64, whole: (f64, f64)) -> Option<(f64, f64)> {
     if a >= 0.0 {
         return Some(whole);
@@ -53,15 +54,15 @@ fn interval(a: f64, b: f64, c: f64, whole: (f64, f64)) -> Option<(f64, f64)> {
     (from <= to).then_some((from, to))
 }
 
-/// Indices of the cells of `n` in [-1, 1] whose centres lie between these.
+/// Returns the indices of those of `n` cells in [-1, 1] whose centres lie between `from` and `to`.
 fn cells((from, to): (f64, f64), n: u32) -> RangeInclusive<i32> {
     let at = |v: f64| (v + 1.0) * 0.5 * f64::from(n) - 0.5;
     at(from).ceil().max(0.0) as i32..=at(to).floor().min(f64::from(n) - 1.0) as i32
 }
 
 impl Lobe {
-    /// Around `centre`, a unit vector, with this squared full widths along the unit vectors `east` and `north`, in
-    /// radians; texels cover `texel` radians along these.
+    /// Returns the lobe around `centre`, a unit vector, with these squared full widths along the unit vectors `east`
+    /// and `north`, in radians. Texels cover `texel` radians along these.
     pub(crate) fn new(centre: Vec3, (east, north): (Vec3, Vec3), spread: Spread, texel: (f64, f64)) -> Self {
         let own = |squared: f64, texel: f64| (squared - texel * texel / 3.0) / KEPT;
         let inner = Spread { xx: own(spread.xx, texel.0), xy: spread.xy / KEPT, yy: own(spread.yy, texel.1) };
@@ -83,7 +84,7 @@ impl Lobe {
         }
     }
 
-    /// Components of a vector along the centre and the axes.
+    /// Returns the components of a vector along the centre and the axes.
     #[inline]
     fn in_frame(&self, x: f64, y: f64, z: f64) -> [f32; 3] {
         let [a, b, c] = &self.frame;
@@ -114,13 +115,13 @@ impl Turn {
     }
 }
 
-/// Nearly all that is outside has no weight.
+/// True when any weight is not 0. Nearly all texels outside the footprint have no weight.
 fn any(weights: &[f32; LANES]) -> bool {
     weights.iter().any(|w| *w > 0.0)
 }
 
 impl Sampler<'_> {
-    /// Mean of a level of a cube; `None` when no texel's centre has weight.
+    /// Returns the mean of a level of a cube; `None` when no texel's centre has weight.
     pub(crate) fn cube_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let layout: CubeLayout = self.file.layout;
         let n = self.level(level).face_width;
@@ -132,7 +133,8 @@ impl Sampler<'_> {
                 continue;
             }
             // The footprint lies in the cone (d.r)^2 >= (d.e0 / tan end_0)^2 + (d.e1 / tan end_1)^2. On the face, where
-            // d = (1, x, y), that is a quadratic form; its largest extent gives the rows, each row its columns.
+            // d = (1, x, y), that is a quadratic form. Its largest extent gives the rows, and each row gives its
+            // columns.
             let narrow = lobe.ends[0] < NARROW_CONE;
             let mut m = [[0.0_f64; 3]; 3];
             if narrow {
@@ -196,8 +198,8 @@ impl Sampler<'_> {
         self.mean_of(&sums)
     }
 
-    /// Mean of a level of a panorama, in whose frame (x to the centre of the picture, y to the right of it, z to its
-    /// upper edge) the lobe is; `None` when no texel's centre has weight.
+    /// Returns the mean of a level of a latitude-longitude map; `None` when no texel's centre has weight. The lobe is
+    /// in the frame of the map (x to the centre of the image, y to the right of it, z to its upper edge).
     pub(crate) fn latlong_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let (width, height) = (self.level(level).width, self.level(level).height);
         let r = lobe.centre.as_dvec3();
@@ -210,7 +212,7 @@ impl Sampler<'_> {
         let row_of = |angle: f64| angle / per_row - 0.5;
         let (first, last) =
             (row_of(polar - end).ceil().max(0.0), row_of(polar + end).floor().min(f64::from(height) - 1.0));
-        // Columns to the right of one are its direction, turned.
+        // The directions of the columns to the right of a column are its direction, rotated.
         let (next_row, next_column) = (Turn::by(per_row), Turn::by(per_column));
         let (mut x, mut y, mut eight) = ([0.0; LANES], [0.0; LANES], Turn::by(0.0));
         for k in 0..LANES {
@@ -241,7 +243,7 @@ impl Sampler<'_> {
                 if !any(&weights) {
                     continue;
                 }
-                // Over the seam the row begins anew.
+                // At the seam the row continues at its start.
                 let (mut lane, lanes) = (0, LANES.min(count - k));
                 while lane < lanes {
                     let column = (begin as i64 + (k + lane) as i64).rem_euclid(i64::from(width)) as u32;
@@ -255,11 +257,11 @@ impl Sampler<'_> {
     }
 }
 
-/// What of the rows of a panorama a footprint may cover: the cap around all of it and, where that is less, the ellipse
-/// as it would lie on a plane, made wider by as much as rows are bent.
+/// The part of the rows of a latitude-longitude map that a footprint may cover. It is the cap around all of it or,
+/// where that is smaller, the ellipse as it would lie on a plane, widened by the curvature of the rows.
 struct Outline {
     cos_end: f64,
-    /// Squared half widths, east and north, made wider.
+    /// The widened squared half widths, east and north, in squared radians.
     xx: f64,
     xy: f64,
     yy: f64,
@@ -269,7 +271,7 @@ impl Outline {
     fn new(lobe: &Lobe, polar: f64) -> Self {
         let end = lobe.ends[0];
         let least = (polar - end).min(PI - polar - end).max(0.0).sin().max(1e-9);
-        // North of a place is off by this much from the difference of polar angles.
+        // The distance to the north differs by this much, in radians, from the difference of polar angles.
         let bent = polar.cos().abs() * end * end / (2.0 * least) + end * end * end;
         let half = 0.5 * f64::from(CUT) * 1.03;
         let s = lobe.spread;
@@ -280,8 +282,8 @@ impl Outline {
         Self { cos_end, xx: s.xx * squared + more, xy: s.xy * squared, yy: s.yy * squared + more }
     }
 
-    /// From where to where, in azimuth from the centre, of a row `north` of it, both with the sine and the cosine of
-    /// their polar angle; `None` for a row beyond the cap.
+    /// Returns the interval of azimuths from the centre, in radians, that a row `north` of it covers; `None` for a row
+    /// beyond the cap. The row and the centre are given by the sine and the cosine of their polar angle.
     fn columns(&self, north: f64, (sin, cos): (f64, f64), centre: (f64, f64)) -> Option<(f64, f64)> {
         let (rest, most) = (self.cos_end - cos * centre.1, sin * centre.0);
         if rest > most {

@@ -1,4 +1,4 @@
-//! One resampling of rows as they come: what makes a MIP level of the one before it.
+//! Resamples rows as they arrive, which makes a MIP level from the one before it.
 
 use crate::picture::{Taps, solid_taps, taps};
 use crate::{TextureKind, Wrap};
@@ -7,23 +7,23 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// How rows are measured when they are averaged.
+/// The weight of rows when they are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Measure {
-    /// By their height.
+    /// The weight is the height of a row.
     Plane,
-    /// By the solid angle of the rows of a latitude-longitude map.
+    /// The weight is the solid angle of a row of a latitude-longitude map.
     LatLong,
 }
 
 impl Measure {
-    /// For maps of a kind.
+    /// Returns the measure for maps of a kind.
     pub(crate) fn of(kind: TextureKind) -> Self {
         if kind == TextureKind::LatLongEnvironment { Self::LatLong } else { Self::Plane }
     }
 }
 
-/// What a stage turns into what.
+/// The input and the output of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Resample {
     pub(crate) from: (usize, usize),
@@ -34,34 +34,34 @@ pub(crate) struct Resample {
     pub(crate) measure: Measure,
 }
 
-/// Across a row.
+/// The filter across a row.
 enum Across {
     Same,
     Halved,
     Any(Vec<Taps>),
 }
 
-/// Takes rows from the top, gives rows from the top, and keeps only those that are still needed.
+/// Receives rows from the top, returns rows from the top, and keeps only those that are still needed.
 pub(crate) struct Stage {
     shape: Resample,
     across: Across,
     down: Vec<Taps>,
-    /// For every row that comes out: the last row that it needs, of those that are not kept apart.
+    /// The last input row that each output row needs, among those that are not in `apart`.
     last: Vec<usize>,
-    /// For every row that comes out: the first row that it or a later one needs, of those that are not kept apart.
+    /// The first input row that each output row or a later one needs, among those that are not in `apart`.
     first_needed: Vec<usize>,
-    /// Rows filtered across: from row `base` on.
+    /// The input rows that are kept, filtered across, from row `base` on.
     window: Vec<f32>,
     base: usize,
     next: usize,
-    /// Rows of the other end, which rows near an end need where the image repeats; filtered across. Only after
-    /// [`Stage::preload`].
+    /// Rows of the other end, which rows near an end need where the image repeats, filtered across. They exist only
+    /// after [`Stage::preload`].
     apart: BTreeMap<usize, Vec<f32>>,
-    /// Rows above this one are kept apart as they come.
+    /// Input rows above this one are also put into `apart` as they arrive.
     head: usize,
 }
 
-/// Means of neighbours in a row of pixels of `N` channels.
+/// Computes the means of neighbours in a row of pixels of `N` channels.
 fn halve<const N: usize>(from: &[f32], to: &mut [f32]) {
     for (to, from) in to.as_chunks_mut::<N>().0.iter_mut().zip(from.chunks_exact(2 * N)) {
         for c in 0..N {
@@ -70,7 +70,7 @@ fn halve<const N: usize>(from: &[f32], to: &mut [f32]) {
     }
 }
 
-/// `to` becomes the weighted sum of rows; exact where all are equal.
+/// Sets `to` to the weighted sum of rows, which is exact where all are equal.
 fn combine(rows: &[(&[f32], f32)], taps: &Taps, to: &mut [f32]) {
     match rows {
         [(a, _)] => to.copy_from_slice(a),
@@ -108,17 +108,18 @@ impl Stage {
         Self { shape, across, down, last, first_needed, window: Vec::new(), base: 0, next: 0, apart, head }
     }
 
-    /// Whether row `i` that comes in is at the other end than row `o` that comes out.
+    /// True when input row `i` is at the other end than output row `o`.
     fn is_far(&self, o: usize, i: usize) -> bool {
         let (from, to) = (self.shape.from.1, self.shape.to.1);
-        // Twice the distance of their centres, in rows that come in times `to`.
+        // This is twice the distance of their centres, in input rows times `to`.
         ((2 * i + 1) * to).abs_diff((2 * o + 1) * from) > from * to
     }
 
-    /// The rows at the end that the first rows to come out need, where the image repeats: until they come, all rows are
-    /// kept. `None` where there are no such rows, or where the image is so low that keeping all of it is as good.
+    /// Returns the input rows at the end that the first output rows need, where the image repeats. Without
+    /// [`Stage::preload`] all rows are kept until these arrive. Returns `None` where there are no such rows, or where
+    /// the image is so low that keeping all of it costs little.
     pub(crate) fn tail(&self) -> Option<Range<usize>> {
-        /// Lower images are kept as a whole.
+        /// The height in rows below which an image is kept as a whole.
         const LOW: usize = 64;
         let from = self.shape.from.1;
         if self.shape.wrap.1 != Wrap::Periodic || from < LOW {
@@ -130,7 +131,7 @@ impl Stage {
         (first > from / 2).then_some(first..from)
     }
 
-    /// Gives it the rows of [`Stage::tail`] before all others. They come again in their turn.
+    /// Adds the rows of [`Stage::tail`] before all others. They are added again in their order.
     pub(crate) fn preload(&mut self, first: usize, rows: &[f32]) {
         let to = self.shape.to.0 * self.shape.channels;
         let mut filtered = vec![0.0; rows.len() / (self.shape.from.0 * self.shape.channels) * to];
@@ -179,7 +180,7 @@ impl Stage {
         });
     }
 
-    /// Adds whole rows; gives the rows that can be made now.
+    /// Adds whole rows. Returns the rows that can be computed now.
     pub(crate) fn push(&mut self, rows: &[f32]) -> Vec<f32> {
         let n = self.shape.channels;
         let (from, to) = (self.shape.from.0 * n, self.shape.to.0 * n);
@@ -213,7 +214,7 @@ impl Stage {
     }
 }
 
-/// For each of `firsts` the least of it and those that follow.
+/// Replaces each number by the least of it and those that follow.
 fn needed_from(mut firsts: Vec<usize>) -> Vec<usize> {
     for i in (1..firsts.len()).rev() {
         firsts[i - 1] = firsts[i - 1].min(firsts[i]);
@@ -221,13 +222,13 @@ fn needed_from(mut firsts: Vec<usize>) -> Vec<usize> {
     firsts
 }
 
-/// What a [`Stage`] will hold, found by counting rows.
+/// The memory that a [`Stage`] will hold, found by counting rows.
 pub(crate) struct Forecast<'a> {
     stage: &'a Stage,
     base: usize,
     end: usize,
     next: usize,
-    /// The most rows at once, and bytes of them, those that come out included.
+    /// The largest number of rows held at once, and the largest number of bytes, including those of output rows.
     peak_rows: usize,
     peak_bytes: u64,
 }
@@ -237,22 +238,23 @@ impl<'a> Forecast<'a> {
         Self { stage, base: 0, end: 0, next: 0, peak_rows: 0, peak_bytes: 0 }
     }
 
-    /// Bytes held at most, where these grow with the height of the image; 0 where they do not.
+    /// Returns the largest number of bytes held when it grows with the height of the image, and otherwise 0.
     pub(crate) fn growing_bytes(&self) -> u64 {
-        /// So many rows come at once, and some more wait for those below.
+        /// The number of rows that may be held at any height, because rows arrive in portions and some wait for those
+        /// below.
         const FEW: usize = 512;
         let all = self.peak_rows >= self.stage.shape.from.1;
         if all && self.peak_rows > FEW { self.peak_bytes } else { 0 }
     }
 
-    /// As [`Stage::push`] of so many rows: how many come out.
+    /// Does the same as [`Stage::push`] of so many rows. Returns the number of output rows.
     pub(crate) fn push(&mut self, rows: usize) -> usize {
         let stage = self.stage;
         self.end += rows;
         let last = stage.last[self.next..].iter().take_while(|last| **last < self.end).count() + self.next;
         let out = last - self.next;
         let row = (stage.shape.to.0 * stage.shape.channels * size_of::<f32>()) as u64;
-        // Rows that come out are copied to be stored, and stored.
+        // Output rows are in memory as floats, as a copy for conversion, and as stored values.
         let held = (self.end - self.base + stage.head) as u64 + 3 * out as u64;
         self.peak_bytes = self.peak_bytes.max(held * row);
         self.peak_rows = self.peak_rows.max(self.end - self.base);
@@ -275,7 +277,7 @@ mod tests {
         p
     }
 
-    /// In whatever portions rows come, the result is that of the whole picture.
+    /// The result is that of the whole image for all portions of rows.
     #[test]
     fn portions_do_not_matter() {
         for (w, h, to) in
@@ -307,7 +309,7 @@ mod tests {
         }
     }
 
-    /// Where an image repeats, rows of its end given ahead make the same rows, to the bit, and only a few are held.
+    /// Where an image repeats, preloaded rows of its end result in the same rows, to the bit, and only a few are held.
     #[test]
     fn a_repeating_image_is_not_held() {
         for (from, to, filter) in [
@@ -341,7 +343,7 @@ mod tests {
         }
     }
 
-    /// What is foreseen is what is held.
+    /// The forecast equals what is held.
     #[test]
     fn forecasts_hold() {
         for wrap in [Wrap::Clamp, Wrap::Periodic] {
@@ -359,7 +361,7 @@ mod tests {
                 let (out, foreseen) = (stage.push(&[0.5; 40]), forecast.push(10));
                 assert_eq!((out.len() / 8, stage.base, stage.next), (foreseen, forecast.base, forecast.next));
             }
-            // All rows of 32 bytes where the first needs the last.
+            // All rows of 32 bytes are held where the first needs the last.
             assert_eq!(forecast.peak_bytes > 200 * 32, wrap == Wrap::Periodic, "{}", forecast.peak_bytes);
             assert_eq!(forecast.peak_rows == 200, wrap == Wrap::Periodic);
         }

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Counts since the cache was made.
+/// The counts since the cache was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CacheStatistics {
     /// The number of lookups of all kinds.
@@ -25,7 +25,7 @@ pub struct CacheStatistics {
     pub peak_files_open: u64,
     /// The number of files for which MIP levels or tiles were made in memory.
     pub automipmaps: u64,
-    /// The bytes of these, which do not count for the memory bound.
+    /// The bytes of these levels and tiles, which do not count for the memory bound.
     pub automipmap_bytes: u64,
     /// The number of names that could not be used.
     pub missing: u64,

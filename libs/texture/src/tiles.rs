@@ -18,9 +18,10 @@ const LARGEST: f32 = 1e30;
 /// The memory layout of the channels of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Layout {
-    /// Texel by texel, for access to single texels.
+    /// The values are stored texel by texel, for access to single texels.
     Texels,
-    /// Row by row, and in each row channel by channel, so that the values for filters are contiguous.
+    /// The values are stored row by row, and in each row channel by channel, so that the values for filters are
+    /// contiguous.
     Planes,
 }
 
@@ -30,13 +31,14 @@ pub(crate) struct Tile {
     pixels: Pixels,
     channels: usize,
     layout: Layout,
-    /// Values from a row to the next; 0 where one row stands for all.
+    /// The number of values from a row to the next. It is 0 where one row represents all.
     row: usize,
-    /// Values from a channel of a row to the next, of [`Layout::Planes`]; 0 where one channel stands for all.
+    /// The number of values from a channel of a row to the next, for [`Layout::Planes`]. It is 0 where one channel
+    /// represents all.
     plane: usize,
 }
 
-/// A stored number as what lookups give.
+/// Converts a stored number to the value of lookups.
 #[inline]
 pub(crate) fn from_raw(pixel_type: PixelType, raw: f32) -> f32 {
     match pixel_type {
@@ -46,7 +48,7 @@ pub(crate) fn from_raw(pixel_type: PixelType, raw: f32) -> f32 {
     }
 }
 
-/// Rows of texels, put channel by channel.
+/// Reorders rows of texels channel by channel.
 fn planes<T: Copy>(values: &mut Vec<T>, width: usize, channels: usize) {
     let mut out = Vec::with_capacity(values.len());
     for row in values.chunks(width * channels) {
@@ -58,8 +60,8 @@ fn planes<T: Copy>(values: &mut Vec<T>, width: usize, channels: usize) {
 }
 
 impl Tile {
-    /// Takes over a block of rows of `width` texels, which lie texel by texel. Texels that are not numbers become 0,
-    /// infinite ones finite.
+    /// Takes a block of rows of `width` texels, which are stored texel by texel. NaN becomes 0, and infinite values
+    /// become finite.
     pub(crate) fn new(mut pixels: Pixels, width: usize, channels: usize, layout: Layout) -> Self {
         match &mut pixels {
             Pixels::Float(v) => {
@@ -90,13 +92,13 @@ impl Tile {
         Self { pixels, channels, layout, row: width * channels, plane: width }
     }
 
-    /// A tile of black texels, of any size: it holds the values of one channel of one row, which stand for all.
+    /// Returns a tile of black texels, of any size. It holds the values of one channel of one row, which represent all.
     pub(crate) fn black(pixel_type: PixelType, width: usize, channels: usize) -> Self {
         let pixels = Pixels::zeros(pixel_type, width);
         Self { pixels, channels, layout: Layout::Planes, row: 0, plane: 0 }
     }
 
-    /// Where the value of a texel's channel is, and how far on that of the next channel.
+    /// Returns the index of the value of a texel's channel, and the distance to that of the next channel.
     #[inline]
     fn place(&self, x: usize, y: usize, channel: usize) -> (usize, usize) {
         match self.layout {
@@ -105,14 +107,15 @@ impl Tile {
         }
     }
 
-    /// Channels `first .. first + n` (n at most 4, all of them in the file) of the texel at (x, y).
+    /// Returns the channels `first .. first + n` of the texel at (x, y). `n` is at most 4, and all channels are in the
+    /// file.
     #[inline]
     pub(crate) fn texel(&self, x: usize, y: usize, first: usize, n: usize) -> [f32; 4] {
         let pixel_type = self.pixels.pixel_type();
         self.raw(x, y, first, n).map(|v| from_raw(pixel_type, v))
     }
 
-    /// As [`Tile::texel`], the numbers as they are stored.
+    /// Does the same as [`Tile::texel`], but returns the numbers as they are stored.
     #[inline]
     pub(crate) fn raw(&self, x: usize, y: usize, first: usize, n: usize) -> [f32; 4] {
         let (at, step) = self.place(x, y, first);
@@ -125,8 +128,8 @@ impl Tile {
         }
     }
 
-    /// Adds `count` texels from (x, y) to the right, the next of a row: channels `first .. first + n`, with the
-    /// values of [`Tile::raw`].
+    /// Adds `count` texels from (x, y) to the right, which are the next of a row. The channels are `first .. first +
+    /// n`, with the values of [`Tile::raw`].
     #[inline]
     pub(crate) fn add_run(
         &self,
@@ -182,8 +185,8 @@ impl Tile {
         }
     }
 
-    /// Adds the texels of rows that lie under a Gaussian; `(centre, corner, y)` as in [`Rows`]. Not if the tile lies
-    /// texel by texel; whether it did.
+    /// Adds the texels of rows that lie under a Gaussian. `(centre, corner, y)` are those of [`Rows`]. Returns false,
+    /// and adds nothing, when the tile is stored texel by texel.
     #[inline]
     pub(crate) fn add_rows(
         &self,
@@ -206,7 +209,7 @@ impl Tile {
         true
     }
 
-    /// Passes all channels of the texel at (x, y) of a tile that lies texel by texel.
+    /// Passes all channels of the texel at (x, y) to `f`. The tile is stored texel by texel.
     pub(crate) fn with_texel<T>(&self, x: usize, y: usize, f: impl FnOnce(&[f32]) -> T) -> T {
         let (at, step) = self.place(x, y, 0);
         match &self.pixels {
@@ -215,13 +218,13 @@ impl Tile {
         }
     }
 
-    /// Memory it takes.
+    /// Returns the bytes of memory that it takes.
     pub(crate) fn bytes(&self) -> u64 {
         (self.pixels.len() * self.pixels.pixel_type().bytes()) as u64
     }
 }
 
-/// `n` values from `at` on, `step` apart.
+/// Returns `n` values from `at` on, `step` apart.
 #[inline]
 fn every<T: Texel>(values: &[T], at: usize, step: usize, n: usize) -> [f32; 4] {
     let mut out = [0.0; 4];
@@ -231,7 +234,7 @@ fn every<T: Texel>(values: &[T], at: usize, step: usize, n: usize) -> [f32; 4] {
     out
 }
 
-/// See [`Tile::add_run`].
+/// Implements [`Tile::add_run`].
 #[inline]
 fn add<T: Texel>(
     values: &[T],
@@ -249,7 +252,7 @@ fn add<T: Texel>(
     }
 }
 
-/// See [`Tile::add_weighted`].
+/// Implements [`Tile::add_weighted`].
 #[inline]
 fn weighted<T: Texel>(
     values: &[T],
@@ -266,7 +269,7 @@ fn weighted<T: Texel>(
     }
 }
 
-/// See [`Tile::add_rows`].
+/// Implements [`Tile::add_rows`].
 #[inline]
 fn add_rows<T: Texel>(
     values: &[T],
@@ -284,7 +287,7 @@ fn add_rows<T: Texel>(
     }
 }
 
-/// Which tile.
+/// Identifies a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TileKey {
     pub(crate) file: u32,
@@ -299,7 +302,7 @@ impl TileKey {
     }
 }
 
-/// Memory of the bound that a tile uses until it is dropped.
+/// The memory of the bound that a tile uses until it is dropped.
 #[derive(Debug)]
 struct Room {
     bytes: u64,
@@ -321,12 +324,12 @@ pub(crate) struct Cell {
 }
 
 impl Cell {
-    /// A tile outside of the cache.
+    /// Returns a cell with a tile outside of the cache.
     pub(crate) fn of(tile: Tile) -> Self {
         Self { tile: OnceLock::from(tile), _room: None }
     }
 
-    /// Returns the tile, once it is available.
+    /// Returns the tile, which must be available.
     #[inline]
     pub(crate) fn tile(&self) -> &Tile {
         self.tile.get().expect("invariant: cells are handed out with their tile")
@@ -336,7 +339,7 @@ impl Cell {
 struct Slot {
     key: TileKey,
     cell: Arc<Cell>,
-    /// True when it was requested since the clock last passed.
+    /// True when it was requested since the clock algorithm last checked it.
     used: bool,
 }
 
@@ -381,7 +384,7 @@ impl Shard {
 
 const SHARDS: usize = 32;
 
-/// Tiles of all files.
+/// The tiles of all files.
 pub(crate) struct TileCache {
     shards: [Mutex<Shard>; SHARDS],
     max_bytes: u64,
@@ -429,7 +432,7 @@ impl TileCache {
                     return self.keep_small((home, key), bytes, counters, read());
                 };
                 let mut shard = self.shards[home].lock();
-                // Meanwhile another thread may have put it there.
+                // Another thread may have inserted it meanwhile.
                 shard.find(key).unwrap_or_else(|| {
                     let cell = Arc::new(Cell { tile: OnceLock::new(), _room: Some(room) });
                     shard.insert(key, cell.clone());
@@ -441,8 +444,8 @@ impl TileCache {
         cell
     }
 
-    /// Returns a tile that was read for one caller. It is kept when it takes less than the `bytes` that did not
-    /// fit: black texels in place of a large tile, which every lookup would otherwise try to read again.
+    /// Returns a tile that was read for one caller. It is kept when it takes less than the `bytes` that did not fit. It
+    /// then holds black texels in place of a large tile, which every lookup would otherwise try to read again.
     fn keep_small(
         &self,
         (home, key): (usize, TileKey),

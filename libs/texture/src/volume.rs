@@ -1,4 +1,4 @@
-//! Volume shadow maps: opacity against depth, per texel (reference 9.2.4).
+//! Volume shadow maps, which store opacity against depth per texel (reference 9.2.4).
 
 /// The depth of empty texels (reference 9.2.4).
 pub(crate) const EMPTY: f32 = 1e30;
@@ -17,7 +17,7 @@ pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
         return;
     }
     let steps = texel.len() - 3;
-    // z_0 is the last depth without opacity, the others are where the curve passes their share.
+    // z_0 is the last depth without opacity. The others are the depths at which the curve reaches their share.
     for i in 0..=steps {
         let wanted = alpha * i as f32 / steps as f32;
         let after = curve.partition_point(|c| if i == 0 { c.1 <= 0.0 } else { c.1 < wanted - 1e-7 });
@@ -28,7 +28,7 @@ pub(crate) fn store(opaque: f32, curve: &[(f32, f32)], texel: &mut [f32]) {
             _ => z1,
         };
     }
-    // Rounding must not make depths run backwards, and behind the opaque surface there is nothing.
+    // Rounding must not make depths decrease, and no depth lies behind the opaque surface.
     for i in 2..texel.len() {
         let least = if i == 2 { f32::NEG_INFINITY } else { texel[i - 1] };
         texel[i] = texel[i].min(opaque).max(least);
@@ -136,7 +136,7 @@ mod tests {
 
     #[test]
     fn opacity_of_a_texel() {
-        // Opaque at 10; transparent part 0.5 from 2 to 6, half of it at 3.
+        // The texel is opaque at 10. Its transparent part is 0.5 from 2 to 6, half of it at 3.
         let v = [10.0, 0.5, 2.0, 3.0, 6.0];
         for (z, a) in
             [(0.0, 0.0), (2.0, 0.0), (2.5, 0.125), (3.0, 0.25), (4.5, 0.375), (6.0, 0.5), (9.0, 0.5)]
@@ -153,13 +153,13 @@ mod tests {
     fn a_pixel_is_the_mean_of_its_samples() {
         let mut pixel = VolumePixel::default();
         let mut texel = [0.0; 6];
-        // Nothing at all, and nothing seen.
+        // The pixel has no samples, and then a sample without surfaces.
         pixel.finish(0.05, &mut texel);
         assert_eq!(texel, [EMPTY, 0.0, EMPTY, EMPTY, EMPTY, EMPTY]);
         pixel.sample([], f32::INFINITY);
         pixel.finish(0.05, &mut texel);
         assert_eq!(texel, [EMPTY, 0.0, EMPTY, EMPTY, EMPTY, EMPTY]);
-        // Hair in front of a slanted wall, over two of four samples.
+        // There is hair in front of a slanted wall, over two of four samples.
         for (hair, wall) in [(2.0_f32, 8.0), (3.0, 8.02), (8.04, 8.04), (8.06, 8.06)] {
             pixel.sample([], hair.min(wall));
         }
@@ -172,7 +172,8 @@ mod tests {
 
     #[test]
     fn thresholds_of_a_fog_are_where_its_opacity_says() {
-        // Layers of a fog of optical depth 2 from 1 to 5, each sample with its own offset: 1 - exp (-tau).
+        // The layers of a fog of optical depth 2 lie from 1 to 5, with a separate offset for each sample. At optical
+        // depth tau the opacity is `1 - exp (-tau)`.
         const N: usize = 400;
         let mut pixel = VolumePixel::default();
         for s in 0..16 {

@@ -3,10 +3,10 @@
 /// The behaviour of a texture outside its image, per direction (reference 9.1.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Wrap {
-    /// 0 in all channels, alpha included.
+    /// The result is 0 in all channels, alpha included.
     #[default]
     Black,
-    /// The nearest texel of the border.
+    /// The nearest texel of the border is used.
     Clamp,
     /// The image repeats.
     Periodic,
@@ -15,7 +15,7 @@ pub enum Wrap {
 }
 
 impl Wrap {
-    /// All of them.
+    /// All wrap modes.
     pub const ALL: [Self; 4] = [Self::Black, Self::Clamp, Self::Periodic, Self::Mirror];
 
     /// Returns the word in files, shaders and options.
@@ -45,7 +45,7 @@ impl Wrap {
         }
     }
 
-    /// Returns the texel at index `i` of a row of `n` (at least 1); `None` for black outside.
+    /// Returns the texel at index `i` of a row of `n` (at least 1); `None` where it is black outside.
     pub(crate) fn index(self, i: i32, n: i32) -> Option<i32> {
         if (0..n).contains(&i) {
             return Some(i);

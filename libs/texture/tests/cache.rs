@@ -1,4 +1,4 @@
-//! Answers do not depend on memory, files, threads or order.
+//! Results do not depend on memory, files, threads or order.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -55,7 +55,7 @@ fn memory_and_file_bounds_change_nothing() {
     for memory_bytes in [0, tile, 3 * tile + 5, 40 * tile] {
         for max_files in [1, 3] {
             let cache = folder.cache(CacheOptions { memory_bytes, max_files, ..CacheOptions::default() });
-            // Backwards: the order does not matter either.
+            // The lookups run backwards, because the order must not matter either.
             for i in (0..N / 10).rev() {
                 assert_eq!(answer(&cache, i), expected[i as usize], "{memory_bytes} {max_files} {i}");
             }
@@ -111,7 +111,7 @@ fn a_damaged_tile_is_black_and_said_once() {
     folder.make(&["d.tif"], "d.tx", &MakeOptions::default()).unwrap();
     let path = folder.path("d.tx");
     let mut bytes = std::fs::read(&path).unwrap();
-    // The tiles stand before the directories.
+    // The tiles are stored before the directories.
     let end = bytes.len() / 2;
     bytes[64..end].fill(0xff);
     std::fs::write(&path, bytes).unwrap();
@@ -141,8 +141,8 @@ fn information() {
     assert!(cache.info("no.tx", "type").is_none());
 }
 
-/// Files whose headers promise far more than there is: their texels are black, they cost next to nothing, and one
-/// message tells of each.
+/// Some files have headers that declare far more data than the file holds. Their texels are black, they need hardly any
+/// time or memory, and one message reports each.
 #[test]
 fn a_broken_file_of_any_size_is_black() {
     const SIDE: u16 = 65535;
@@ -160,7 +160,7 @@ fn a_broken_file_of_any_size_is_black() {
         ("c.png", {
             let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\xff\xff\0\0\xff\xff\x08\x02\0\0\0".to_vec();
             png.extend(png_sum(&png[12..]));
-            // Long enough that the promise could be kept; deflate knows no block that begins so.
+            // The data is long enough that the image could be complete. No block of deflate begins with these bytes.
             let data = [&b"IDAT\x78\x9c"[..], &[0xff; 600_000]].concat();
             png.extend((data.len() as u32 - 4).to_be_bytes());
             png.extend(&data);
@@ -187,7 +187,7 @@ fn a_broken_file_of_any_size_is_black() {
     }
 }
 
-/// The check sum of a chunk of PNG.
+/// Returns the check sum of a chunk of PNG.
 fn png_sum(bytes: &[u8]) -> [u8; 4] {
     let mut sum = u32::MAX;
     for byte in bytes {
@@ -199,7 +199,7 @@ fn png_sum(bytes: &[u8]) -> [u8; 4] {
     (!sum).to_be_bytes()
 }
 
-/// Levels made in memory are there anyway: a thread that looks at two of them keeps both.
+/// Levels made in memory are always kept, so a thread that reads two of them keeps both.
 #[test]
 fn levels_in_memory_do_not_push_each_other_out() {
     let folder = Folder::new();
@@ -218,7 +218,7 @@ fn levels_in_memory_do_not_push_each_other_out() {
     assert_eq!(cache.statistics().tile_requests, 2);
 }
 
-/// TIFF, of which the system opens a few files at once only.
+/// A TIFF format whose files can be opened only a few at once.
 struct Scarce {
     inner: Arc<dyn Format>,
     open: Arc<AtomicUsize>,
@@ -284,8 +284,8 @@ impl Format for Scarce {
     }
 }
 
-/// Where the system refuses to open more files than the option allows, others are closed: answers stay, and there is no
-/// message.
+/// Where the system refuses to open more files than the option permits, others are closed. Results stay the same, and
+/// there is no message.
 #[cfg(unix)]
 #[test]
 fn files_that_the_system_refuses_are_opened_later() {
@@ -298,7 +298,7 @@ fn files_that_the_system_refuses_are_opened_later() {
         folder.registry.register(Arc::new(Scarce { inner, open, most }));
         let many =
             folder.cache(CacheOptions { memory_bytes: 64 * 64 * 3 * 4 * 4, ..CacheOptions::default() });
-        // As many threads as there are files: a refusal while all are read from has to wait.
+        // There are as many threads as files. A thread whose request is refused while all files are in use has to wait.
         std::thread::scope(|scope| {
             for thread in 0..most.max(2) as u32 {
                 let (many, expected) = (&many, &expected);
@@ -314,7 +314,7 @@ fn files_that_the_system_refuses_are_opened_later() {
     }
 }
 
-/// A texture that a lookup needs and cannot have is an error, once; a question about it is none.
+/// A texture that a lookup needs and that does not exist is an error, once. A query about it is not an error.
 #[test]
 fn what_is_missing_is_an_error_and_what_is_asked_for_is_not() {
     let folder = Folder::new();

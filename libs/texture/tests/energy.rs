@@ -1,8 +1,7 @@
-//! Environment maps keep their light: in every level, in TIFF and OpenEXR files, as cubes and by latitude and
-//! longitude.
+//! Environment maps keep their light in every level, in TIFF and OpenEXR files, as cubes and by latitude and longitude.
 //!
-//! The quadrature: a texel counts with its solid angle, which for a latitude-longitude map is proportional to
-//! the sine of the polar angle at its centre.
+//! Each texel is weighted by its solid angle, which for a latitude-longitude map is proportional to the sine of the
+//! polar angle at its centre.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -18,10 +17,11 @@ fn options(mode: Mode, format: &str) -> MakeOptions {
     MakeOptions { mode, format: format.to_owned(), ..MakeOptions::default() }
 }
 
-/// A level of a map as directions, solid angles and first channels of its texels.
+/// The directions, solid angles and first channels of the texels of a level.
 type Sphere = Vec<(Vec3, f64, f64)>;
 
-/// Directions are those of the file's own convention; for energy that does not matter.
+/// Reads a level of a latitude-longitude map. Directions follow the file's own convention, which does not matter for
+/// energy.
 fn latlong_level(file: &dyn ImageInput, level: usize) -> Sphere {
     let s = file.spec(0, level).unwrap();
     let (w, h, n) = (s.width, s.height, s.nchannels());
@@ -39,7 +39,7 @@ fn latlong_level(file: &dyn ImageInput, level: usize) -> Sphere {
     all
 }
 
-/// Of a mosaic or of a column; `None` where the column is smaller than six faces.
+/// Reads a level of a mosaic or of a column; `None` where the column is smaller than six faces.
 fn cube_level(file: &dyn ImageInput, level: usize) -> Option<Sphere> {
     let s = file.spec(0, level).unwrap();
     let column = file.format_name() == "exr";
@@ -85,7 +85,7 @@ fn levels(folder: &Folder, name: &str, cube: bool) -> Vec<Sphere> {
         .collect()
 }
 
-/// Many dark places and a few bright ones, as skies have them.
+/// Returns a value of an image with many dark places and a few bright ones, as in skies.
 fn contrast(i: u32, c: u32) -> f32 {
     0.05 + 500.0 * random(i, c).powi(30)
 }
@@ -115,7 +115,8 @@ fn the_mean_over_the_sphere_is_the_same_in_every_level() {
     }
 }
 
-/// Sizes that are no powers of two, and halves: down to where one texel's rounding shows.
+/// Levels keep the mean for sizes that are not powers of two, and for pixels that are halves. Levels of halves are
+/// checked down to the size at which the rounding of one texel is significant.
 #[test]
 fn odd_sizes_and_halves_keep_it_too() {
     let folder = Folder::new();
@@ -138,7 +139,7 @@ fn odd_sizes_and_halves_keep_it_too() {
     }
 }
 
-/// A light of one texel on an edge between faces, at a corner, at a pole, on the seam.
+/// The light is one texel on an edge between faces, at a corner, at a pole, and on the seam.
 #[test]
 fn small_lights_stay_and_keep_their_light() {
     let folder = Folder::new();
@@ -149,7 +150,8 @@ fn small_lights_stay_and_keep_their_light() {
             let side =
                 if cube { (level.len() as f32 / 6.0).sqrt() } else { (level.len() as f32 / 2.0).sqrt() };
             assert!((mean(level) / energy - 1.0).abs() < 1e-4, "{name} {side}");
-            // A texel is the finest place there is. One of a quarter of the sphere has no direction left.
+            // The position is not more precise than a texel. A texel that covers a quarter of the sphere has no useful
+            // direction.
             if side >= 4.0 {
                 let off = centre(level).angle_between(place);
                 assert!(off < texels / side, "{name} {side}: {off}");
@@ -166,12 +168,12 @@ fn small_lights_stay_and_keep_their_light() {
             if format == "tiff" {
                 check("cube", true, 2.0);
             } else {
-                // The frames of the column are another's; the light must still be all there.
+                // The frames of the column are different. All light must still be there.
                 let all = levels(&folder, "cube", true);
                 assert!(all.iter().all(|l| (mean(l) / mean(&all[0]) - 1.0).abs() < 1e-4));
             }
         }
-        // At the upper pole, at the lower one, on the seam.
+        // The texels are at the upper pole, at the lower one, and on the seam.
         for (lx, ly) in [(17, 0), (200, 127), (255, 64), (0, 30)] {
             folder.picture("ll.tif", (256, 128), 1, |x, y, _| if (x, y) == (lx, ly) { 1e4 } else { 0.0 });
             folder.make(&["ll.tif"], "ll", &options(Mode::EnvLatLong, format)).unwrap();
@@ -180,13 +182,14 @@ fn small_lights_stay_and_keep_their_light() {
     }
 }
 
-/// One bright texel in the middle of each face: seen in the direction that the table of 9.3 gives, in cubes of
-/// faces, of either format, and in the maps converted from them.
+/// One bright texel in the middle of each face is seen in the direction of table 9.3. This holds for cubes of faces in
+/// either format, and for the maps converted from them.
 #[test]
 fn faces_look_where_the_table_says() {
     let folder = Folder::new();
     for (lit, [forward, up, right]) in FRAMES.iter().enumerate() {
-        // A little up and twice as much to the right of the middle: also shows a turned face.
+        // The texel is slightly above the middle and twice as much to its right, so that a rotated face is detected
+        // too.
         let (lx, ly) = (36, 30);
         for (i, name) in FACES.iter().enumerate() {
             let light = |x: u32, y: u32| if (i, x, y) == (lit, lx, ly) { 1.0 } else { 0.0 };
@@ -215,12 +218,13 @@ fn faces_look_where_the_table_says() {
     }
 }
 
-/// From a latitude-longitude map to a cube and back, through files: within 1 percent.
+/// The conversion of a latitude-longitude map to a cube and back, through files, keeps values within 1 percent.
 #[test]
 fn conversions_come_back() {
     let folder = Folder::new();
     let (w, h) = (256_u32, 128_u32);
-    // A panorama keeps the convention of the file that it came from, and a cube becomes a panorama of its own format's.
+    // A latitude-longitude map keeps the convention of its source file. A cube becomes a latitude-longitude map in the
+    // convention of its own format.
     for (format, panorama) in [("tiff", "ll.tif"), ("OpenEXR", "ll.exr")] {
         folder.picture(panorama, (w, h), 3, |x, y, c| {
             let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);

@@ -1,4 +1,4 @@
-//! `environment ()`: directions, seams, poles and edges.
+//! Tests of `environment ()`: directions, seams, poles and edges.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -23,20 +23,20 @@ fn toward(r: Vec3) -> EnvLookup {
     EnvLookup { r, ..EnvLookup::default() }
 }
 
-/// A direction, evenly spread over the sphere.
+/// Returns a direction, evenly distributed over the sphere.
 fn any_direction(i: u32) -> Vec3 {
     let (z, phi) = (random(i, 50) * 2.0 - 1.0, random(i, 51) * TAU);
     let around = (1.0 - z * z).sqrt();
     Vec3::new(around * phi.cos(), around * phi.sin(), z)
 }
 
-/// Something smooth to see in every direction, between 0 and 1.
+/// Returns a smooth colour for every direction, between 0 and 1.
 fn sky(d: Vec3, c: usize) -> f32 {
     let d = d.normalize();
     0.5 + 0.5 * [d.x, d.y, d.z][c]
 }
 
-/// A cube map of `f`, made of six views.
+/// Makes a cube map of `f` from six views.
 fn cube_of(folder: &Folder, n: u32, options: &MakeOptions, f: impl Fn(Vec3, usize) -> f32) {
     for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
         folder.picture(name, (n, n), 3, |x, y, c| {
@@ -47,7 +47,7 @@ fn cube_of(folder: &Folder, n: u32, options: &MakeOptions, f: impl Fn(Vec3, usiz
     folder.make(&FACES, "cube.env", options).unwrap();
 }
 
-/// A latitude-longitude map of `f`, +z up.
+/// Makes a latitude-longitude map of `f` with +z up.
 fn latlong_of(folder: &Folder, (w, h): (u32, u32), f: impl Fn(Vec3, usize) -> f32) {
     folder.picture("ll.tif", (w, h), 3, |x, y, c| {
         let (phi, theta) = (((x as f32 + 0.5) / w as f32 - 0.5) * TAU, (y as f32 + 0.5) / h as f32 * PI);
@@ -76,7 +76,7 @@ fn directions_are_found() {
     }
 }
 
-/// "width" multiplies the footprint, one way or both, and nothing else.
+/// "width" scales the footprint, in one direction or both, and nothing else.
 #[test]
 fn widths_scale_the_footprint() {
     let folder = Folder::new();
@@ -85,7 +85,7 @@ fn widths_scale_the_footprint() {
     for name in ["cube.env", "ll.env"] {
         let (cache, id) = folder.open(name);
         for d in [Vec3::new(0.3, 0.5, -0.2), Vec3::X, Vec3::new(-1.0, 0.9, 0.1)] {
-            // Around the axis of the map, and towards its poles.
+            // The vectors are around the axis of the map, and towards its poles.
             let axis = if name == "cube.env" { Vec3::Y } else { Vec3::Z };
             let east = axis.cross(d).normalize() * 0.2;
             let north = d.normalize().cross(east);
@@ -107,7 +107,7 @@ fn widths_scale_the_footprint() {
     }
 }
 
-/// Blurred over everything, both maps come near the mean of the sky; a wide cone at +x sees more of +x.
+/// With a blur over the whole sphere, both maps are near the mean of the sky. A wide cone at +x contains more of +x.
 #[test]
 fn blur_is_an_angle() {
     let folder = Folder::new();
@@ -122,7 +122,7 @@ fn blur_is_an_angle() {
             let quick = EnvLookup { quick: true, sblur: 0.5, tblur: 0.5, ..toward(d) };
             assert_eq!(look(&cache, id, &quick), by_blur(0.5), "a wide blur is not cut in quick lookups");
             for c in 0..3 {
-                // Averaging a plane wave over a cone brings it nearer to one half, never beyond.
+                // Averaging a plane wave over a cone moves it nearer to one half, never beyond.
                 let (sharp, soft) = (by_angle(0.0)[c] - 0.5, by_angle(0.5)[c] - 0.5);
                 assert!(soft.abs() <= sharp.abs() + 0.05, "{name} {d} {c}: {sharp} {soft}");
                 assert!(soft * sharp >= -0.01, "{name} {d} {c}: {sharp} {soft}");
@@ -152,7 +152,7 @@ fn constants_are_exact_in_all_directions() {
             if name == "ll.env" {
                 assert_eq!(v, [0.1, 0.8, 0.1 + 0.7 * 2.0], "{name} {lookup:?}");
             } else {
-                // The corner texel that does not exist is a mean of three: exact but for rounding.
+                // The missing texel at the corner is a mean of three, which is exact except for rounding.
                 for (c, v) in v.iter().enumerate() {
                     assert!((v - (0.1 + 0.7 * c as f32)).abs() < 1e-6, "{name} {lookup:?}");
                 }
@@ -161,7 +161,8 @@ fn constants_are_exact_in_all_directions() {
     }
 }
 
-/// Many quick lookups come to what exact ones come to, in cubes and panoramas, and each is near.
+/// The sum of many quick lookups is that of exact ones, in cubes and latitude-longitude maps, and each is near its
+/// exact one.
 #[test]
 fn quick_lookups_add_up() {
     let folder = Folder::new();
@@ -187,14 +188,14 @@ fn quick_lookups_add_up() {
     }
 }
 
-/// Largest change of any channel over a small step.
+/// Returns the largest change of any channel over a small step.
 fn jump(cache: &TextureCache, id: TextureId, a: Vec3, b: Vec3, width: f32) -> f32 {
     let footprint = |r: Vec3| EnvLookup { angle: Some(0.5 * width), ..toward(r) };
     let (a, b) = (look(cache, id, &footprint(a)), look(cache, id, &footprint(b)));
     (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max)
 }
 
-/// Noise has no meaning across edges; what is looked up must still be continuous there.
+/// The noise is not continuous across edges. The values that are looked up must still be continuous there.
 #[test]
 fn cube_edges_and_corners_are_continuous() {
     let folder = Folder::new();
@@ -206,7 +207,7 @@ fn cube_edges_and_corners_are_continuous() {
     let (cache, id) = folder.open("cube.env");
     let step = 1e-4;
     for i in 0..3000 {
-        // A point on an edge: two components alike in size, or all three at a corner.
+        // The point is on an edge, where two components have the same magnitude, or at a corner, where all three have.
         let third = if i % 10 == 0 { 1.0 } else { random(i, 1) * 2.0 - 1.0 };
         let sign = |k| if random(i, k) < 0.5 { -1.0 } else { 1.0 };
         let (a, b) = (sign(2), sign(3));
@@ -218,7 +219,7 @@ fn cube_edges_and_corners_are_continuous() {
         let aside = any_direction(i) * step;
         for width in [0.0, 0.05, 0.2, 1.0] {
             let j = jump(&cache, id, edge + aside, edge - aside, width);
-            // A texel is 2/16 wide and differs by at most 1: 100 steps would be needed for the whole way.
+            // A texel is 2/16 wide and differs by at most 1. The whole change would need 100 steps.
             assert!(j < 40.0 * step, "{edge} {width}: {j}");
         }
     }
@@ -243,15 +244,16 @@ fn latlong_seam_and_poles_are_continuous() {
                 let j = jump(&cache, id, seam + aside, seam - aside, width);
                 assert!(j < 100.0 * step, "seam {seam} {width}: {j}");
             }
-            // Around the pole everything is within a small circle: one value.
+            // Around the pole all texels are within a small circle, so that the value is the same.
             let j = jump(&cache, id, pole + aside, pole - aside, width);
             assert!(j < 100.0 * step, "pole {pole} {width}: {j}");
         }
     }
 }
 
-/// The mean of a map over the sphere under a Gaussian in Lambert's azimuthal projection around `r`, of half these
-/// widths (radians) of deviation along two perpendicular directions: all texels of `texels`, each with its solid angle.
+/// Returns the mean of a map over the sphere under a Gaussian in Lambert's azimuthal projection around `r`. Half of
+/// these widths (in radians) are its deviations along two perpendicular directions. All texels of `texels` count, each
+/// with its solid angle.
 fn brute(
     texels: &[(Vec3, f64, [f32; 3])],
     r: Vec3,
@@ -273,7 +275,7 @@ fn brute(
     sum.map(|s| s / all)
 }
 
-/// Something with edges to see in every direction.
+/// Returns a colour for every direction, with edges.
 fn town(d: Vec3, c: usize) -> f32 {
     let d = d.normalize();
     let q = |v: f32| ((v + 2.0) * 7.0) as u32;
@@ -282,7 +284,7 @@ fn town(d: Vec3, c: usize) -> f32 {
     0.6 * block + fence * (0.5 + 0.2 * c as f32)
 }
 
-/// Ellipses of all sizes, ratios and directions, over edges, corners, the seam and the poles.
+/// The footprints are ellipses of all sizes, ratios and directions, over edges, corners, the seam and the poles.
 #[test]
 fn footprints_are_filtered_as_by_brute_force() {
     let folder = Folder::new();
@@ -311,7 +313,7 @@ fn footprints_are_filtered_as_by_brute_force() {
         let (cache, id) = folder.open(name);
         let (mut squares, mut worst, n) = (0.0, 0.0_f64, 400);
         for i in 0..n {
-            // A quarter of them at corners of the cube and at poles of the panorama.
+            // A quarter of the footprints are at corners of the cube and at poles of the latitude-longitude map.
             let r = match i % 8 {
                 0 => (Vec3::new(1.0, if i % 16 == 0 { 1.0 } else { -1.0 }, -1.0) + any_direction(i) * 0.1)
                     .normalize(),
@@ -348,10 +350,10 @@ fn orientation_of_latlong_maps() {
     for i in 0..100 {
         let d = any_direction(i);
         assert_eq!(up(d, None), up(d, Some(Up::Z)));
-        // +y up, right handed, +z in the centre, +x to its left.
+        // The frame has +y up, is right handed, and has +z in the centre and +x to its left.
         assert_eq!(up(Vec3::new(-d.y, d.z, d.x), Some(Up::Y)), up(d, Some(Up::Z)));
     }
-    // The centre of the picture is +x, its upper edge +z; a quarter to the right of the centre is +y.
+    // The centre of the image is +x, and its upper edge is +z. A quarter of the width to the right of the centre is +y.
     let mut out = [0.0; 2];
     for (s, t, d) in
         [(0.5, 0.5, Vec3::X), (0.75, 0.5, Vec3::Y), (0.25, 0.5, Vec3::NEG_Y), (0.5, 0.0, Vec3::Z)]
@@ -362,15 +364,15 @@ fn orientation_of_latlong_maps() {
     }
 }
 
-/// A panorama means the directions of the convention of its own file, in whatever format its map is: +z up and left
-/// handed in TIFF, +y up and right handed in OpenEXR.
+/// A latitude-longitude map has the directions of the convention of its own file, in any format of the texture. They
+/// are +z up and left handed in TIFF, and +y up and right handed in OpenEXR.
 #[test]
 fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
     let folder = Folder::new();
     let paint = |x: u32, y: u32, c: usize| [x as f32 / 64.0, y as f32 / 32.0, 0.5][c];
     folder.picture("pano.tif", (64, 32), 3, paint);
     folder.picture("pano.exr", (64, 32), 3, paint);
-    // Streamed and as a whole.
+    // The texture is made as a stream, and as a whole.
     let plain = options(Mode::EnvLatLong);
     let whole = MakeOptions { filter: granita_base::Filter::Triangle, ..plain.clone() };
     let float = Some(granita_image::PixelType::Float);
@@ -380,7 +382,7 @@ fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
             let tiff = MakeOptions { format: "tiff".into(), ..options.clone() };
             folder.make(&[from], "a.env", &tiff).unwrap();
             folder.make(&[from], "b.exr", &exr).unwrap();
-            // And once more from what was made.
+            // The maps that were made are converted once more.
             folder.make(&["b.exr"], "c.env", &tiff).unwrap();
             folder.make(&["a.env"], "d.exr", &exr).unwrap();
             let maps = ["a.env", "b.exr", "c.env", "d.exr"].map(|name| folder.open(name));
@@ -400,13 +402,13 @@ fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
                     );
                 }
             }
-            // A cube of it as well.
+            // A cube is made of it as well.
             let cube = MakeOptions { mode: Mode::EnvCube, format: "tiff".into(), ..options.clone() };
             for map in ["a.env", "b.exr"] {
                 folder.make(&[map], "cube.env", &cube).unwrap();
                 let (cache, id) = folder.open("cube.env");
                 for i in 0..50 {
-                    // Off the seam, where colours jump.
+                    // Directions at the seam, where colours are discontinuous, are excluded.
                     let d = any_direction(i);
                     let (seen, own) = (look(&cache, id, &toward(d)), look(&maps[0].0, maps[0].1, &toward(d)));
                     let at_seam = own[0] < 0.1 || own[0] > 0.9;
@@ -458,19 +460,19 @@ fn faces_are_padded_to_tiles_and_levels_reach_one_texel() {
 #[test]
 fn vertical_cross_and_light_probe_show_the_same_sky() {
     let folder = Folder::new();
-    // A vertical cross: column, row of px nx py ny pz nz.
+    // The image is a vertical cross, with the column and row of px nx py ny pz nz.
     let cells = [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)];
     let n = 32;
     folder.picture("vc.tif", (3 * n, 4 * n), 3, |x, y, c| {
         let Some(face) = cells.iter().position(|cell| *cell == (x / n, y / n)) else { return 0.0 };
         let ndc = |v: u32| 2.0 * ((v % n) as f32 + 0.5) / n as f32 - 1.0;
         let [forward, up, right] = FRAMES[face];
-        // The lowest face hangs on the one above it: upside down.
+        // The lowest face is adjacent to the one above it, so that it is upside down.
         let turn = if face == 5 { -1.0 } else { 1.0 };
         sky(forward + (right * ndc(x) - up * ndc(y)) * turn, c)
     });
     folder.make(&["vc.tif"], "vc.env", &options(Mode::VertCross)).unwrap();
-    // An angular map of 200 pixels: the angle from +z grows evenly from the centre to the rim.
+    // The image is an angular map of 200 pixels. The angle from +z grows evenly from the centre to the rim.
     folder.picture("lp.tif", (200, 200), 3, |x, y, c| {
         let (u, v) = ((x as f32 + 0.5) / 100.0 - 1.0, 1.0 - (y as f32 + 0.5) / 100.0);
         let r = u.hypot(v);
@@ -509,7 +511,7 @@ fn inputs_that_do_not_fit_are_refused() {
     fails(&["none.tif"], Mode::EnvLatLong, "none.tif");
 }
 
-/// OpenEXR stores cubes as columns, right handed; the same direction gives the same colour.
+/// OpenEXR stores cubes as columns, right handed. The same direction gives the same colour.
 #[test]
 fn openexr_maps_follow_their_own_conventions() {
     let folder = Folder::new();
@@ -526,7 +528,7 @@ fn openexr_maps_follow_their_own_conventions() {
             assert!((v - sky(d, c)).abs() < 0.02, "{d} {c}: {v} {}", sky(d, c));
         }
     }
-    // A latitude-longitude map keeps its picture, and says that up is +z in it.
+    // A latitude-longitude map keeps its image, and declares that +z is up in it.
     latlong_of(&folder, (64, 32), sky);
     folder.make(&["ll.tif"], "ll.exr", &exr(Mode::EnvLatLong)).unwrap();
     let (cache, id) = folder.open("ll.exr");

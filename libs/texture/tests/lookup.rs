@@ -1,4 +1,4 @@
-//! `texture ()` against what it must be.
+//! Compares `texture ()` with known results.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -15,7 +15,7 @@ fn wrapped(swrap: Wrap, twrap: Wrap) -> MakeOptions {
     MakeOptions { swrap, twrap, ..options() }
 }
 
-/// Lookups of all sorts at hashed places.
+/// Returns lookups of all sorts at hashed positions.
 fn hashed_lookups(n: u32) -> Vec<Lookup> {
     (0..n)
         .map(|i| {
@@ -69,7 +69,7 @@ fn without_footprint_texels_are_exact() {
             assert_eq!(out, [f(x, y, 0), f(x, y, 1)]);
         }
     }
-    // Half way between two texels is their mean.
+    // Half way between two texels the value is their mean.
     let v = value(&cache, id, &at(11.0 / 64.0, 5.5 / 32.0));
     assert!((v - 0.5 * (f(10, 5, 0) + f(11, 5, 0))).abs() < 1e-6);
 }
@@ -116,14 +116,14 @@ fn a_checker_goes_grey_as_the_footprint_grows() {
     let widths = [2.0, 4.0, 8.0, 16.0, 32.0].map(|w| contrast(w / 256.0));
     assert!(widths.windows(2).all(|w| w[1] <= w[0] + 1e-6), "{widths:?}");
     assert!(widths[3] < 0.02 && widths[4] < 1e-6, "{widths:?}");
-    // A long, narrow footprint along the squares' diagonal sees one colour; across rows it sees both.
+    // A long, narrow footprint along the diagonal of the squares covers one colour. Across rows it covers both.
     let along = Lookup { dsdx: 64.0 / 256.0, dtdx: 64.0 / 256.0, ..at(4.0 / 256.0, 4.0 / 256.0) };
     assert!(value(&cache, id, &along) < 0.2, "{}", value(&cache, id, &along));
     let across = Lookup { dsdx: 64.0 / 256.0, ..at(4.0 / 256.0, 4.0 / 256.0) };
     assert!((value(&cache, id, &across) - 0.5).abs() < 0.1, "{}", value(&cache, id, &across));
 }
 
-/// Stripes are kept along, and averaged across: the footprint is not made round.
+/// Stripes are kept along their direction, and averaged across it. The footprint is not made round.
 #[test]
 fn footprints_are_anisotropic() {
     let folder = Folder::new();
@@ -153,7 +153,7 @@ fn wrap_modes() {
     assert_eq!(read(Some(Wrap::Black)), [0., 0., 0., 0., 0., 1., 2., 3., 4., 0., 0., 0., 0., 0.]);
     assert_eq!(read(Some(Wrap::Clamp)), [1., 1., 1., 1., 1., 1., 2., 3., 4., 4., 4., 4., 4., 4.]);
     assert_eq!(read(Some(Wrap::Periodic)), [4., 1., 2., 3., 4., 1., 2., 3., 4., 1., 2., 3., 4., 1.]);
-    // Far away as well.
+    // The modes also hold far away.
     assert_eq!(value(&cache, id, &Lookup { swrap: Some(Wrap::Clamp), ..at(1e30, 0.5) }), 4.0);
     assert_eq!(value(&cache, id, &Lookup { swrap: Some(Wrap::Black), ..at(-1e30, 0.5) }), 0.0);
 }
@@ -168,10 +168,10 @@ fn blur_and_width() {
     assert_eq!(blurred(0.40, 0.0, 0.0), 0.0);
     assert_eq!(blurred(0.40, 0.0, 0.02), 0.0, "blur in t leaves an edge in s alone");
     let soft = blurred(0.45, 0.25, 0.25);
-    // A Gaussian of deviation 0.125 has 34.5 % beyond 0.05.
+    // A Gaussian of deviation 0.125 has 34.5 % of its weight beyond 0.05.
     assert!((soft - 0.345).abs() < 0.06, "{soft}");
     assert!((blurred(0.5, 0.25, 0.25) - 0.5).abs() < 0.01);
-    // Width 0 switches the footprint off, width 2 doubles it.
+    // Width 0 switches the footprint off, and width 2 doubles it.
     let w = |width: f32, d: f32| {
         value(&cache, id, &Lookup { swidth: width, twidth: width, ..wide(0.45, 0.5, d) })
     };
@@ -236,7 +236,7 @@ fn automipmap_is_maketx_without_resizing() {
     }
     assert_eq!(auto.statistics().automipmaps, 1);
     assert!(folder.texts().iter().any(|t| t.contains("a.tif is not tiled")));
-    // Switched off, the file is refused.
+    // When automipmap is off, the file is refused.
     let strict = folder.cache(CacheOptions { automipmap: false, ..CacheOptions::default() });
     assert!(strict.find("a.tif").is_none() && strict.find("a.tx").is_some());
 }
@@ -252,7 +252,7 @@ fn missing_files_are_named_once() {
     let about: Vec<_> = folder.texts().into_iter().filter(|t| t.contains("nothing.tx")).collect();
     assert_eq!(about.len(), 1, "{about:?}");
     assert_eq!(cache.statistics().missing, 1);
-    // A substitute takes its place, for textures only.
+    // A substitute replaces it, for textures only.
     let cache = folder
         .cache(CacheOptions { substitute_texture: Some("s.tif".to_owned()), ..CacheOptions::default() });
     let id = cache.find_for("nothing.tx", Use::Texture).unwrap();

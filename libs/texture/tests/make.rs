@@ -1,4 +1,4 @@
-//! What `make` writes.
+//! Tests of the files that `make` writes.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -39,7 +39,7 @@ fn levels_tiles_and_attributes() {
     assert_eq!(s.string("textureformat"), Some("Plain Texture"));
     assert_eq!(s.string("wrapmodes"), Some("periodic,mirror"));
     assert_eq!(s.matrix("worldtocamera"), Some(m));
-    // Given matrices replace those of the input.
+    // Matrices of the options replace those of the input.
     let id = granita_base::Transform::IDENTITY.to_rows();
     folder.make(&["a.tif"], "b.tx", &MakeOptions { mcamera: Some(id), ..options() }).unwrap();
     let file = folder.registry.open(&folder.path("b.tx")).unwrap();
@@ -67,7 +67,7 @@ fn noresize_keeps_the_size_and_the_texels() {
     }
 }
 
-/// With the box filter every level of a power-of-two picture has the mean of the first.
+/// With the box filter every level of an image whose sizes are powers of two has the mean of the first.
 #[test]
 fn levels_keep_the_energy() {
     let folder = Folder::new();
@@ -107,7 +107,7 @@ fn gammas_are_each_others_inverse_and_levels_are_linear() {
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
     let level = |l| file.read_level(0, l).unwrap().to_floats();
     assert_eq!(level(0)[..8], [0.0, 0.0, 0.0, 0.5, 1.0, 1.0, 1.0, 0.5]);
-    // Half the light, written with gamma; alpha as it is.
+    // Half the light is written with gamma, and alpha is unchanged.
     let half = 0.5_f32.powf(1.0 / 2.2);
     let first = &level(1)[..4];
     assert!((first[0] - half).abs() < 1e-6 && first[3] == 0.5, "{first:?}");
@@ -130,12 +130,12 @@ fn update_mode_compares_time_stamps() {
     assert_eq!(folder.make(&["a.tif"], "a.tx", &o).unwrap(), Made::UpToDate);
     touch("a.tif", stamp + Duration::from_secs(10));
     assert!(matches!(folder.make(&["a.tif"], "a.tx", &o).unwrap(), Made::Written { .. }));
-    // Without update mode it is made in any case, and has the time of now.
+    // Without update mode the texture is made in any case, and has the current time.
     assert!(matches!(folder.make(&["a.tif"], "a.tx", &options()).unwrap(), Made::Written { .. }));
     assert!(time() > stamp + Duration::from_secs(1000));
 }
 
-/// TIFF that notes the time of each file as it appears.
+/// A TIFF format that records the time of each file as it appears.
 struct Watched(Arc<dyn Format>, Arc<Mutex<Vec<SystemTime>>>);
 
 struct WatchedOutput(Box<dyn ImageOutput>, PathBuf, Arc<Mutex<Vec<SystemTime>>>);
@@ -200,7 +200,7 @@ fn an_updated_file_appears_with_its_time() {
     folder.picture("a.tif", (8, 8), 1, |_, _, _| 0.5);
     let stamp = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
     std::fs::File::options().append(true).open(folder.path("a.tif")).unwrap().set_modified(stamp).unwrap();
-    // Row by row, and as a whole.
+    // The texture is made row by row, and as a whole.
     for filter in [Filter::Box, Filter::Gaussian] {
         let o = MakeOptions { update: true, format: "watched".to_owned(), filter, ..options() };
         folder.make(&["a.tif"], &format!("{filter:?}.tx"), &o).unwrap();
@@ -256,8 +256,8 @@ fn the_display_window_is_what_counts() {
     }
 }
 
-/// What `memory_bytes` allows holds for images that repeat as well: rows of their other end are read ahead, and the
-/// file is the same. Where all rows are needed nothing is made.
+/// The bound `memory_bytes` holds for images that repeat as well. Rows of their other end are read ahead, and the file
+/// is the same. Where all rows are needed, no texture is made.
 #[test]
 fn memory_is_bounded_for_images_that_repeat() {
     let folder = Folder::new();
@@ -273,7 +273,7 @@ fn memory_is_bounded_for_images_that_repeat() {
     folder.make(&["a.tif"], "a.tx", &repeats(24 << 20, Filter::Box)).unwrap();
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
     let level = file.read_level(0, 0).unwrap().to_floats();
-    // The first row is made of the last ones as well.
+    // The first row also depends on the last ones.
     let source = folder.registry.open(&folder.path("a.tif")).unwrap().read_level(0, 0).unwrap().to_floats();
     let column = |y: usize| source[y * 2000 * 3..][..2000 * 3].iter().map(|v| f64::from(*v)).sum::<f64>();
     let mean =
@@ -294,7 +294,7 @@ fn memory_is_bounded_for_images_that_repeat() {
     folder.make(&["a.tif"], "b.tx", &repeats(1 << 30, Filter::Gaussian)).unwrap();
 }
 
-/// A display window is not made of nothing.
+/// A display window far beyond the data is refused.
 #[test]
 fn display_windows_far_beyond_the_data_are_refused() {
     let folder = Folder::new();

@@ -24,7 +24,7 @@ fn notes(made: Made) -> Vec<String> {
     }
 }
 
-/// Levels of bytes are means of bytes, correctly rounded, however many levels lie between.
+/// Levels of bytes are means of bytes, correctly rounded, for any number of levels.
 #[test]
 fn levels_of_bytes_are_exact() {
     let folder = Folder::new();
@@ -73,7 +73,7 @@ fn types_are_stored_or_the_nearest_is_told() {
     let (t, told) = stored(MakeOptions { pixel_type: Some(PixelType::U8), ..exr() });
     assert_eq!((t, told.len()), (PixelType::Half, 1));
     assert!(told[0].contains("half, not uint8"), "{told:?}");
-    // Without the option it is what the reference says for the format.
+    // Without the option the type is that of the reference for the format.
     assert_eq!(stored(options()).0, PixelType::U8);
     assert_eq!(stored(exr()).0, PixelType::Half);
 }
@@ -98,7 +98,8 @@ fn colours_are_averaged_as_light() {
     assert_eq!(first(ColorSpace::Linear, ColorSpace::AcesCg), [128, 128, 128, 255]);
 }
 
-/// Colours that are not multiplied by alpha become so, as light; the file no longer says that they are not.
+/// Colours that are not multiplied by alpha are multiplied as linear light. The file no longer declares that they are
+/// not.
 #[test]
 fn straight_alpha_is_multiplied_in() {
     let folder = Folder::new();
@@ -138,7 +139,7 @@ fn broken_values_are_refused_or_mended() {
         // At the corner three texels remain: 6, 6 and 7.
         assert!((v[(7 * 8 + 7) * 2] - 19.0 / 3.0).abs() < 1e-5);
     }
-    // A picture of nothing else has nothing to be mended from.
+    // An image without any finite value becomes 0.
     folder.picture("b.tif", (4, 4), 1, |_, _, _| f32::NAN);
     folder.make(&["b.tif"], "b.tx", &fix).unwrap();
     let file = folder.registry.open(&folder.path("b.tx")).unwrap();
@@ -194,7 +195,7 @@ fn constant_pictures_take_one_tile() {
     }
 }
 
-/// What is streamed does not mind how little memory is allowed; what is not says what it needs.
+/// A streamed texture does not depend on the permitted memory. The error of any other one names the option.
 #[test]
 fn little_memory() {
     let folder = Folder::new();
@@ -216,7 +217,7 @@ fn little_memory() {
     assert!(error.contains("-memory") && !folder.path("v.tx").exists(), "{error}");
 }
 
-/// Streaming gives the pixels that the same work on the whole picture gives, for all filters, wraps and formats.
+/// Streaming results in the same pixels as the same operations on the whole image, for all filters, wraps and formats.
 #[test]
 fn wraps_reach_over_the_border() {
     let folder = Folder::new();
@@ -234,8 +235,7 @@ fn wraps_reach_over_the_border() {
     }
 }
 
-/// Every kind of map can be made in every format, whatever the size of the input: faces get a side that the format can
-/// tile.
+/// Every kind of map can be made in every format, for any size of the input. Faces get a side that the format can tile.
 #[test]
 fn every_mode_goes_with_every_format_and_size() {
     let folder = Folder::new();
@@ -281,7 +281,7 @@ fn every_mode_goes_with_every_format_and_size() {
                     let told = notes(made);
                     let (cache, id) = folder.open("map");
                     assert_eq!(cache.kind(id) == TextureKind::Plain, mode == Mode::Plain, "{what}");
-                    // What was changed against the user's word is said.
+                    // A note reports a size that differs from the option.
                     let faces = matches!(mode, Mode::LightProbe | Mode::VertCross) || (mode == Mode::EnvCube);
                     let rounded = faces && !resize && format == "OpenEXR";
                     assert_eq!(told.iter().any(|n| n.contains("power of two")), rounded, "{what}: {told:?}");

@@ -1,4 +1,4 @@
-//! Filtering against brute force.
+//! Compares filtering with brute force.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod brute;
@@ -14,7 +14,8 @@ fn repeating() -> MakeOptions {
     MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() }
 }
 
-/// A photograph of bricks, footprints of all directions and ratios up to 64 : 1: less than one code value of 255.
+/// The error is less than one code value of 255 on a photograph of bricks, with footprints of all directions and ratios
+/// up to 64 : 1.
 #[test]
 fn a_photograph_is_filtered_as_by_brute_force() {
     let folder = Folder::new();
@@ -37,7 +38,7 @@ fn a_photograph_is_filtered_as_by_brute_force() {
     assert!(rms < 0.6 && worst < 5.0, "{rms} {worst}");
 }
 
-/// A checker of single texels seen from farther and farther away, at all angles: grey, and no pattern in it.
+/// A checker of single texels, seen from farther and farther away, at all angles, is grey without any pattern.
 #[test]
 fn the_finest_checker_becomes_grey_without_moire() {
     let folder = Folder::new();
@@ -66,7 +67,7 @@ fn the_finest_checker_becomes_grey_without_moire() {
     }
 }
 
-/// What a reader keeps changes no answer, whatever it was asked before.
+/// The tiles that a reader holds do not change the result of any lookup.
 #[test]
 fn readers_answer_as_the_cache() {
     let folder = Folder::new();

@@ -1,4 +1,4 @@
-//! `shadow ()`: maps of known scenes.
+//! Tests of `shadow ()` with maps of known scenes.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -9,12 +9,12 @@ use granita_texture::make::{MakeOptions, Mode};
 use granita_texture::{ShadowLookup, TextureKind};
 use support::{FACES, FRAMES, Folder, matrix, random};
 
-/// A light at (0, 0, -5) that looks along +z with 90 degrees of view.
+/// Returns the camera of a light at (0, 0, -5) that looks along +z, with a field of view of 90 degrees.
 fn camera() -> Transform {
     Transform::translate(Vec3::new(0.0, 0.0, 5.0))
 }
 
-/// x/z, y/z, for a view of 90 degrees.
+/// Returns the transformation to (x/z, y/z), for a field of view of 90 degrees.
 fn screen() -> Transform {
     let perspective = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 1., 0., 0., -0.1, 0.];
     camera().then(&Transform::from_rows(&perspective))
@@ -37,7 +37,7 @@ fn point(x: f32, y: f32, z: f32) -> ShadowLookup {
     ShadowLookup { p: Vec3::new(x, y, z), ..ShadowLookup::default() }
 }
 
-/// The left half of the view is blocked at depth 5 (world z = 0).
+/// Makes a map in which the left half of the view is blocked at depth 5 (world z = 0).
 fn half_blocked(folder: &Folder) {
     depth_picture(folder, "z.tif", 128, true, |x, _| if x < 64 { 5.0 } else { 1e30 });
     folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
@@ -50,17 +50,17 @@ fn the_edge_is_where_it_is() {
     let (cache, id) = folder.open("z.sm");
     assert_eq!(cache.kind(id), TextureKind::Shadow);
     let s = |x: f32, z: f32| cache.shadow(id, &point(x, 0.0, z));
-    // On a plane at depth 10 a texel is 20/128 wide; the edge is at x = 0.
+    // On a plane at depth 10 a texel is 20/128 wide. The edge is at x = 0.
     let texel = 20.0 / 128.0;
     assert_eq!(s(-texel, 5.0), 1.0);
     assert_eq!(s(texel, 5.0), 0.0);
     assert!((s(0.0, 5.0) - 0.5).abs() < 1e-4);
     assert!((s(-0.25 * texel, 5.0) - 0.75).abs() < 1e-3);
-    // In front of the blocker there is light; so there is within the bias behind it.
+    // There is light in front of the blocker, and within the bias behind it.
     assert_eq!(s(-1.0, -1.0), 0.0);
     assert_eq!(s(-1.0, 0.005), 0.0);
     assert_eq!(s(-1.0, 0.02), 1.0);
-    // Behind the light, beside the map, and nowhere.
+    // The points are behind the light, beside the map, and not finite.
     assert_eq!(s(-1.0, -9.0), 0.0);
     assert_eq!(s(-100.0, 5.0), 0.0);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
@@ -94,13 +94,13 @@ fn penumbra_of_a_blur_is_linear_and_as_wide_as_it_says() {
     let (cache, id) = folder.open("z.sm");
     for samples in [16, 64, 256] {
         for i in 0..40 {
-            // From -0.15 to 0.15 of the map's width, which is 20 at this depth.
+            // The offsets are from -0.15 to 0.15 of the map's width, which is 20 at this depth.
             let offset = (i as f32 / 39.0 - 0.5) * 0.3;
             let q =
                 ShadowLookup { sblur: 0.2, tblur: 0.2, samples, seed: i, ..point(offset * 20.0, 0.0, 5.0) };
             let expected = (0.5 - offset / 0.2).clamp(0.0, 1.0);
             let got = cache.shadow(id, &q);
-            // Stratified in rows of the edge's direction: an error of about one stratum.
+            // The samples are stratified in rows of the edge's direction, so that the error is about one stratum.
             let tolerance = 1.0 / samples as f32 + 0.05;
             assert!((got - expected).abs() < tolerance, "{samples} {offset}: {got} {expected}");
             assert_eq!(got.to_bits(), cache.shadow(id, &q).to_bits());
@@ -142,7 +142,7 @@ fn matrices_are_needed_and_can_be_given() {
     let m = cache.info("z.sm", "viewingmatrix").unwrap();
     assert_eq!(m.data.to_floats().unwrap()[..], camera().to_rows());
     assert_eq!(cache.info("z.sm", "type").unwrap().data, "shadow".into());
-    // A texture is no shadow map: no shadow, one warning.
+    // A texture is not a shadow map. It gives no shadow and one warning.
     folder.picture("t.tif", (8, 8), 3, |_, _, _| 0.0);
     let id = cache.find("t.tif").unwrap();
     for _ in 0..2 {
@@ -151,7 +151,7 @@ fn matrices_are_needed_and_can_be_given() {
     assert_eq!(folder.texts().iter().filter(|t| t.contains("is not a shadow map")).count(), 1);
 }
 
-/// A light at (0, 0, -5) inside a cube of depth 4: every face is a wall, but for the missing ones.
+/// Makes a map of a light at (0, 0, -5) inside a cube of depth 4. Every face is a wall, except for the missing ones.
 fn shadow_cube(folder: &Folder, names: &[&str; 6]) {
     for name in FACES {
         depth_picture(folder, name, 50, true, |_, _| 4.0);
@@ -177,7 +177,7 @@ fn cubes_of_shadow_maps() {
             seed: i,
             ..ShadowLookup::default()
         };
-        // Blur across an edge may look at a depth a little larger than the point's.
+        // Blur across an edge may compare with a depth slightly larger than the point's.
         assert_eq!(cache.shadow(id, &at(3.7)), 0.0, "{d}");
         assert_eq!(cache.shadow(id, &at(4.3)), 1.0, "{d}");
     }
@@ -185,8 +185,8 @@ fn cubes_of_shadow_maps() {
     assert_eq!(cache.shadow(id, &ShadowLookup { p: light, ..ShadowLookup::default() }), 0.0);
 }
 
-/// Round things between a light and a ball around it: their shadows go over the edges and corners of the cube without a
-/// jump, sharp and blurred.
+/// The map has round objects between a light and a ball around it. Their shadows are continuous over the edges and
+/// corners of the cube, sharp and blurred.
 #[test]
 fn no_edge_of_a_cube_shows() {
     let folder = Folder::new();
@@ -237,8 +237,8 @@ fn no_edge_of_a_cube_shows() {
     assert!(partly > 500 && worst < 1e-3, "{worst}, {partly}");
 }
 
-/// A ball of fog around a light, half as opaque at its surface as possible, in a cube of volume maps: opacity grows
-/// evenly from radius 2 to 6, whatever the face, and no edge shows.
+/// The map is a ball of fog around a light, with opacity 0.5 at its surface, in a cube of volume maps. Opacity grows
+/// evenly from radius 2 to 6 on all faces, and no edge is visible.
 #[test]
 fn cubes_of_volume_maps() {
     let folder = Folder::new();
@@ -272,7 +272,7 @@ fn cubes_of_volume_maps() {
         let expected = 0.5 * ((radius - 2.0) / 4.0).clamp(0.0, 1.0);
         let got = look(d, radius, 0.0, i);
         assert!((got - expected).abs() < 0.01, "{d} at {radius}: {got}, {expected}");
-        // Blur looks aside at the same depth along the face's axis: towards the middle that is nearer.
+        // Blur changes the direction at the same depth along the face's axis. Points towards the middle are nearer.
         let got = look(d, radius, 0.05, i);
         assert!((got - expected).abs() < 0.03, "{d} at {radius}, blurred: {got}, {expected}");
     }
@@ -283,7 +283,7 @@ fn cubes_of_volume_maps() {
         let jump = look(edge + aside, 4.0, 0.0, i) - look(edge - aside, 4.0, 0.0, i);
         assert!(jump.abs() < 1e-3, "{edge}: {jump}");
     }
-    // A face without a file is clear; faces of one depth and of volumes do not mix.
+    // A face without a file is clear. Faces of one depth and of volumes cannot be combined.
     folder
         .make(&["-", FACES[1], FACES[2], FACES[3], FACES[4], FACES[5]], "x.vsm", &options(Mode::ShadCube))
         .unwrap();
@@ -326,7 +326,7 @@ fn volume_maps() {
     let mut spec = ImageSpec::new(64, 64, 5, PixelType::Float);
     spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
     spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
-    // Smoke of opacity 0.6 from depth 4 to 8, half of it by 5; a wall at 20.
+    // There is smoke of opacity 0.6 from depth 4 to 8, half of it up to 5, and a wall at 20.
     let texel = [20.0, 0.6, 4.0, 5.0, 8.0];
     folder.picture_of("v.tif", spec, |_, _, c| texel[c]);
     folder.make(&["v.tif"], "v.vsm", &options(Mode::VolShad)).unwrap();

@@ -1,4 +1,4 @@
-//! `texture3d ()`: files with several images.
+//! Tests of `texture3d ()` with files of several images.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod support;
@@ -7,10 +7,10 @@ use granita_base::Vec3;
 use granita_texture::{Lookup3d, TextureCache, TextureId, Wrap};
 use support::{Folder, random};
 
-/// An uncompressed TIFF of float images, one channel each, of any sizes.
+/// Writes an uncompressed TIFF of float images, one channel each, of any sizes.
 fn write(folder: &Folder, name: &str, images: &[(u32, u32)], f: impl Fn(u32, u32, u32) -> f32) {
     let mut bytes = vec![b'I', b'I', 42, 0, 0, 0, 0, 0];
-    // Where the place of the next directory stands.
+    // The position of the link to the next directory.
     let mut link = 4;
     for (z, &(width, height)) in images.iter().enumerate() {
         let data = bytes.len() as u32;
@@ -64,7 +64,7 @@ fn texels_are_where_they_are() {
         let place = at((x as f32 + 0.5) / 4.0, (y as f32 + 0.5) / 3.0, (z as f32 + 0.5) / 5.0);
         assert!((look(&cache, id, &place) - (x + 10 * y + 100 * z) as f32).abs() < 1e-3);
     }
-    // Half way between slices, and outside.
+    // The positions are half way between slices, and outside.
     assert!((look(&cache, id, &at(0.125, 0.5 / 3.0, 0.4)) - 150.0).abs() < 1e-3);
     assert!((look(&cache, id, &at(0.125, 0.5 / 3.0, 7.0)) - 400.0).abs() < 1e-3);
     let black = Lookup3d { twrap: Some(Wrap::Black), ..at(0.125, 0.5 / 3.0, 1.2) };
@@ -76,7 +76,7 @@ fn texels_are_where_they_are() {
     assert_eq!(look(&cache, id, &at(f32::NAN, 0.0, 0.0)), 0.0);
 }
 
-/// A ramp stays a ramp under any footprint that is inside; noise goes grey as footprints grow, in every direction.
+/// A ramp stays a ramp under any footprint that is inside. Noise becomes grey as footprints grow, in every direction.
 #[test]
 fn footprints_are_means() {
     let folder = Folder::new();
@@ -117,7 +117,7 @@ fn slices_that_do_not_fit_are_told() {
     assert_eq!(about.len(), 1, "{about:?}");
 }
 
-/// Bands of eight texels across x and across y: a blur along one direction leaves the other as it is.
+/// The volume has bands of eight texels across x and across y. A blur along one direction does not change the other.
 #[test]
 fn blurs_of_the_directions_are_apart() {
     let folder = Folder::new();

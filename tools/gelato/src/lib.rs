@@ -1,4 +1,4 @@
-//! The renderer: reads scene files and writes their images (reference 6.1).
+//! The renderer. It reads scene files and writes their images (reference 6.1).
 
 #![forbid(unsafe_code)]
 
@@ -135,7 +135,7 @@ struct Options {
     nofence: bool,
 }
 
-/// Options that workers do not get, each with the reason. They render the same image without them.
+/// The options that are not passed to workers, each with the reason. Workers render the same image without them.
 const NOT_FOR_WORKERS: [(&str, &str); 14] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
@@ -162,7 +162,7 @@ Exit status: 0 all went well; 1 something was rendered, with errors; 2 nothing c
 struct Answers(Arc<Mutex<()>>);
 
 impl Answers {
-    /// A frame of text for the other side to print.
+    /// Writes a frame of text, which the other side prints.
     fn print(&self, text: &str) {
         let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
         let text = &text.as_bytes()[..length as usize];
@@ -187,8 +187,8 @@ impl Write for Answers {
     }
 }
 
-/// Runs the tool; `words` begins with the name it was called by, `tools` names the tools that this very program runs
-/// as `--as NAME`.
+/// Runs the tool. `words` begins with the name by which it was called. `tools` holds the names of the tools that this
+/// program runs as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let (options, given): (Options, Vec<Given>) = parse_with_given(words);
     let quiet = options.silent || options.verbosity == Some(0);
@@ -201,7 +201,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         let answers = answers.clone();
         reporter_with("gelato", &bar, move |text| answers.print(text))
     } else if options.worker {
-        // Standard output is the coordinator's.
+        // Standard output carries the data for the coordinator. Messages go to standard error.
         reporter_with("gelato -worker", &bar, |text| {
             let _ = std::io::stderr().write_all(text.as_bytes());
         })
@@ -224,7 +224,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     if ending.is_late() { Status::WithErrors } else { status }
 }
 
-/// The channels of a run: messages and output.
+/// The channels for the messages and the output of a run.
 struct Voices {
     reporter: Reporter,
     bar: Bar,
@@ -273,19 +273,19 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
     render(options, session, &answers, &reporter)
 }
 
-/// What a run takes from where it was started.
+/// The environment variables of a run.
 struct Surroundings {
     variables: Environment,
-    /// Variables that programs get which the scene starts.
+    /// The variables that are also set for the programs which the scene starts.
     of_programs: Vec<(String, String)>,
 }
 
 impl Surroundings {
-    /// Changes the folder, sets variables and looks for what the options name. Everything that names a place is
-    /// resolved after the change of folder.
+    /// Changes the folder, sets the variables and checks the options that can be checked before rendering. All paths
+    /// are resolved after the change of folder.
     ///
     /// # Errors
-    /// What is wrong with an option.
+    /// Returns a message when an option is invalid.
     fn new(options: &Options) -> Result<Self, String> {
         if let Some(folder) = &options.cwd {
             std::env::set_current_dir(folder)
@@ -300,7 +300,7 @@ impl Surroundings {
             variables.set(name, value);
             of_programs.push((name.to_owned(), value.to_owned()));
         }
-        // Folders are looked for before hours of rendering, not after.
+        // A missing folder is reported before hours of rendering, not after.
         if let Some(folder) = options.statistics_json.as_deref().and_then(Path::parent)
             && !folder.as_os_str().is_empty()
             && !folder.is_dir()
@@ -314,7 +314,7 @@ impl Surroundings {
     }
 }
 
-/// The options of a session, from those of the command line.
+/// Returns the options of a session, from those of the command line.
 fn session_options(
     options: &Options,
     given: &[Given],
@@ -327,7 +327,7 @@ fn session_options(
     let screen = surroundings.variables.get("DISPLAY").map(str::to_owned);
     let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers);
     let viewer = match options.safe {
-        // Before the fence, and only when the user requests one.
+        // The viewer starts before the fence is set up, and only when the user requests one.
         true if options.is_shown() => {
             let found = find();
             Viewer(Some(Arc::new(move || found.clone())))
@@ -337,7 +337,7 @@ fn session_options(
     };
     SessionOptions {
         environment: surroundings.variables,
-        // Without a name it is not passed to workers, which is an error then.
+        // An unknown folder has an empty path. Starting a worker there is then an error.
         current_folder: std::env::current_dir().unwrap_or_default(),
         program_environment: surroundings.of_programs,
         programs_print_to_stderr: options.stream || options.worker || options.remote,
@@ -366,7 +366,7 @@ fn session_options(
     }
 }
 
-/// Has the kernel enforce "-safe".
+/// Makes the kernel enforce "-safe".
 fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
     match fence(session.files())? {
         Fence::Whole => reporter.info("-safe: the kernel enforces it as well"),
@@ -376,7 +376,7 @@ fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads the scene files and the stream, and renders what they ask for.
+/// Reads the scene files and the stream, and renders the frames that they request.
 fn render(options: &Options, mut session: Session, answers: &Answers, reporter: &Reporter) -> Status {
     let mut failed = false;
     for file in &options.files {
@@ -449,7 +449,7 @@ fn archive(file: &Path, variables: &Environment, answers: &Answers, reporter: &R
     }
 }
 
-/// Text that the other side prints.
+/// Sends text that the other side prints.
 struct Printed(Answers);
 
 impl Write for Printed {
@@ -464,14 +464,15 @@ impl Write for Printed {
 }
 
 impl Options {
-    /// True when the user requests a viewer. A screen alone does not: it selects where -iv and the scene show images.
+    /// True when the user requests a viewer. A screen alone is not a request. It selects where -iv and the scene show
+    /// images.
     fn is_shown(&self) -> bool {
         self.iv || matches!(self.display, Some(Display::Viewer(_)))
     }
 
-    /// The image that goes to a viewer, named after the scene.
+    /// Returns the image that is shown in a viewer, named after the scene.
     fn shown(&self) -> Option<ExtraOutput> {
-        // Settings stand in files before the scene.
+        // Files that only hold settings come before the scene.
         let file = self.files.last().map(|file| Path::new(file.trim()));
         let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
         self.is_shown().then(|| ExtraOutput {
@@ -481,8 +482,8 @@ impl Options {
         })
     }
 
-    /// The arguments with which another process renders the same; `None` when the scene does not come from files. All
-    /// options that were `given` are passed on except those of [`NOT_FOR_WORKERS`].
+    /// Returns the arguments with which another process renders the same image; `None` when the scene does not come
+    /// from files. All options that were `given` are passed on except those of [`NOT_FOR_WORKERS`].
     fn for_worker(&self, given: &[Given]) -> Option<Vec<String>> {
         if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
             return None;
@@ -490,7 +491,7 @@ impl Options {
         let mut words = vec!["-silent".to_owned()];
         let passed = given.iter().filter(|given| !NOT_FOR_WORKERS.iter().any(|(id, _)| *id == given.id));
         words.extend(passed.flat_map(|given| &given.words).map(|word| word.to_string_lossy().into_owned()));
-        // It shows nothing, but must make the same images.
+        // A worker shows nothing, but must make the same images.
         if self.shown().is_some() {
             words.push("-iv".to_owned());
         }
@@ -500,7 +501,7 @@ impl Options {
     }
 }
 
-/// A shading quality.
+/// Parses a shading quality.
 fn quality(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(p) if p >= 0.0 && p.is_finite() => Ok(p),
@@ -508,7 +509,7 @@ fn quality(word: &str) -> Result<f32, String> {
     }
 }
 
-/// The result of the run.
+/// Returns the result of the run.
 fn status(outcome: &Outcome, failed: bool) -> Status {
     if failed && !outcome.rendered {
         Status::Failed

@@ -1,7 +1,7 @@
 //! The command `gelato`, and under `--as NAME` any other tool of the suite.
 //!
-//! One binary contains all tools, so that a scene's `Command ("system maketx ...")` means the tool of the same build
-//! in any folder. The names are passed to the session, which starts this program again.
+//! One binary contains all tools, so that a scene's `Command ("system maketx ...")` runs the tool of the same build in
+//! any folder. The names are passed to the session, which starts this program again.
 
 #![forbid(unsafe_code)]
 
@@ -9,14 +9,15 @@ use granita_cli::Status;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-/// Grids are allocated and freed by the million, in sizes that repeat; `docs/performance.md` has the gain.
+/// The allocator. Grids are allocated and freed by the million, in sizes that repeat. `docs/performance.md` lists the
+/// gain.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
-/// An entry point; the words begin with the tool's name.
+/// An entry point. The words begin with the name of the tool.
 type Tool = fn(Vec<OsString>) -> Status;
 
-/// The tools that this binary carries.
+/// The tools that this binary contains.
 const TOOLS: [(&str, Tool); 5] = [
     ("gelato", |words| gelato::main(words, &TOOLS.map(|(name, _)| name))),
     ("maketx", maketx::main),
@@ -32,7 +33,7 @@ fn main() -> ExitCode {
     match TOOLS.iter().find(|(tool, _)| name.as_deref().is_some_and(|n| n == *tool)) {
         Some((_, tool)) => {
             if named {
-                // The tool gets its own name first, as if it had been called by it.
+                // The first word becomes the tool's own name, as if the tool had been called by it.
                 words.drain(..2);
             }
             tool(words).into()

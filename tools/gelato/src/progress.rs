@@ -6,7 +6,7 @@ use granita_render::Progress;
 use parking_lot::{Mutex, MutexGuard};
 use std::time::Instant;
 
-/// Lines are this many percent apart.
+/// The distance of progress lines, in percent.
 const STEP_PERCENT: u64 = 10;
 
 /// Shows a frame's progress with an estimate of the time that is left.
@@ -20,7 +20,7 @@ struct Shown {
     begin: Instant,
     total: u64,
     done: u64,
-    /// Percent of the last line.
+    /// The progress of the last line, in percent, rounded down to [`STEP_PERCENT`].
     told: u64,
 }
 
@@ -44,7 +44,7 @@ impl Progress for ShownProgress {
 
     fn done(&self, steps: u64) {
         let mut shown = self.shown();
-        // Threads do not arrive here in the order in which they counted.
+        // Threads do not arrive here in the order in which they counted their steps.
         shown.done = shown.done.max(steps);
         shown.bar.done(shown.done);
         let percent = (u128::from(shown.done) * 100 / u128::from(shown.total.max(1))) as u64;

@@ -1,4 +1,5 @@
-//! `--statistics-json`: what a run did, for machines. The schema is described in `docs/gelato.md`.
+//! The statistics of a run in a machine-readable form, for `--statistics-json`. The schema is described in
+//! `docs/gelato.md`.
 
 use granita_base::{AtomicFile, FileError, Reporter, Severity};
 use granita_session::{FrameRecord, Outcome};
@@ -6,10 +7,11 @@ use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Changed when the meaning of a field changes, or a field is removed; fields may be added without.
+/// The version of the schema. It changes when the meaning of a field changes or a field is removed. Fields may be added
+/// without a change.
 const SCHEMA: &str = "granita-statistics-1";
 
-/// The document.
+/// Returns the document.
 pub(crate) fn document(outcome: &Outcome, scenes: &[String], reporter: &Reporter, status: u8) -> Value {
     json!({
         "schema": SCHEMA,
@@ -27,7 +29,7 @@ pub(crate) fn document(outcome: &Outcome, scenes: &[String], reporter: &Reporter
     })
 }
 
-/// Writes the document so that the file appears whole or not at all.
+/// Writes the document. The file appears complete or not at all.
 pub(crate) fn write(path: &Path, document: &Value) -> Result<(), FileError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(format!("{document:#}\n").as_bytes()).map_err(|error| file.io_error(error))?;
@@ -60,7 +62,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
     paths.iter().map(|p| p.to_string_lossy().into_owned()).collect()
 }
 
-/// The largest memory of this process so far, in bytes; `None` where the system does not report it.
+/// Returns the peak memory of this process so far, in bytes; `None` where the system does not report it.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

@@ -1,4 +1,4 @@
-//! Workers get every option that affects the image.
+//! Tests that workers get every option that affects the image.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
@@ -13,7 +13,7 @@ fn parsed(words: &[String]) -> Result<(Options, Vec<Given>), clap::Error> {
     try_parse([&["gelato".to_owned()], words].concat().into_iter().map(OsString::from).collect())
 }
 
-/// A command line with this option and its required value: the first of [`VALUES`] that it accepts.
+/// Parses a command line with this option and its required value, the first of [`VALUES`] that it accepts.
 fn example(arg: &clap::Arg) -> (Options, Vec<Given>) {
     let name = match (arg.get_long(), arg.get_short()) {
         (Some(long), _) => format!("-{long}"),
@@ -47,7 +47,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
         let (options, given) = example(arg);
         let words = options.for_worker(&given).unwrap_or_else(|| panic!("{id}: the scene is a file"));
         let (worker, again) = parsed(&words).unwrap();
-        // The worker was given the very option, and would pass on the same.
+        // The worker got the same option, and would pass on the same words.
         let [first, second] = [&given, &again].map(|all| all.iter().find(|g| g.id == id).cloned());
         assert!(first.is_some() && first == second, "{id}: {words:?}");
         assert_eq!(worker.for_worker(&again).unwrap(), words);

@@ -8,25 +8,26 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
-/// The line that `iv` prints, before the address, when it is ready for images.
+/// The text before the address in the line that `iv` prints when it is ready for images.
 const LISTENS: &str = "iv: listening on ";
 
-/// Longest time until it prints that line.
+/// The longest time until `iv` prints that line.
 const STARTING: Duration = Duration::from_secs(20);
 
 /// The value of `-display`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Display {
-    /// A viewer that listens: `HOST[:PORT]`.
+    /// A viewer that listens at `HOST[:PORT]`.
     Viewer(String),
-    /// A screen of X, in the place of `$DISPLAY` (reference 6.1): `[HOST]:NUMBER[.SCREEN]`.
+    /// A screen of X that replaces `$DISPLAY` (reference 6.1), as `[HOST]:NUMBER[.SCREEN]`.
     Screen(String),
 }
 
 impl std::str::FromStr for Display {
     type Err = std::convert::Infallible;
 
-    /// A screen has a number below 100, or one with a point behind it; ports of viewers are larger.
+    /// Parses the value. A screen has a number below 100, or a number that contains a point. Ports of viewers are
+    /// larger.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let is_screen = screen(text).is_some_and(|(_, number)| {
             number.contains('.') || number.parse::<u32>().is_ok_and(|number| number < 100)
@@ -35,7 +36,7 @@ impl std::str::FromStr for Display {
     }
 }
 
-/// Host and number of a screen; the number may have a point in it.
+/// Returns the host and the number of a screen. The number may contain a point.
 fn screen(text: &str) -> Option<(&str, &str)> {
     let (host, number) = text.rsplit_once(':')?;
     let digits = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
@@ -43,7 +44,7 @@ fn screen(text: &str) -> Option<(&str, &str)> {
     (digits(first) && digits(second) && !host.contains(char::is_whitespace)).then_some((host, number))
 }
 
-/// The machine that a screen belongs to, and the screen as that machine calls it; `None` for one of this machine.
+/// Returns the machine of a screen and the screen's name on that machine; `None` for a screen of this machine.
 fn remote(text: &str) -> Option<(&str, String)> {
     let (host, number) = screen(text)?;
     let own = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
@@ -56,8 +57,8 @@ fn remote(text: &str) -> Option<(&str, String)> {
     (!is_here).then(|| (host, format!(":{number}")))
 }
 
-/// The destination of images: `given`, or an `iv` that is started for them. It uses a free port, so that the images
-/// of one user are not shown in the window of another.
+/// Returns the address to which images are sent: that of `given`, or of an `iv` that is started for them. The `iv` uses
+/// a free port, so that the images of one user are not shown in the window of another.
 ///
 /// `variable` is `$DISPLAY`. An `iv` for a screen of another machine runs there (reference 6.4), through `ssh`, which
 /// also carries the images. With `layers` it opens the images that outputs name as "foreground" and "background".
@@ -73,35 +74,35 @@ pub(crate) fn find(given: Option<&Display>, variable: Option<&str>, layers: bool
     }
 }
 
-/// The `iv` beside this program, or the one on the search path.
+/// Returns the `iv` beside this program, or else the one on the search path.
 fn program() -> PathBuf {
     let name = format!("iv{}", std::env::consts::EXE_SUFFIX);
     let beside = std::env::current_exe().ok().and_then(|own| Some(own.parent()?.join(&name)));
     beside.filter(|path| path.is_file()).unwrap_or_else(|| name.into())
 }
 
-/// The options of an `iv` that is started.
+/// Returns the options of an `iv` that is started.
 fn options(port: u16, layers: bool) -> Vec<String> {
     let mut words = vec!["-listen".to_owned(), port.to_string()];
     words.extend(layers.then(|| "-allowlayers".to_owned()));
     words
 }
 
-/// Starts an `iv` on this machine, which prints the address on which it listens.
+/// Starts an `iv` on this machine. Returns the address on which it listens.
 fn start(program: &Path, screen: Option<&str>, layers: bool) -> Result<String, String> {
     let failed = |what: String| format!("{} cannot be started as a viewer: {what}", program.display());
     let mut command = Command::new(program);
     command.args(options(0, layers));
     command.envs(screen.map(|screen| ("DISPLAY", screen)));
-    // Its later output goes to the terminal, because it outlives this program.
+    // Standard error of `iv` stays that of this program, because `iv` outlives it.
     listening(command).map_err(failed)
 }
 
-/// Starts an `iv` on another machine through the program `ssh`, and a tunnel to it.
+/// Starts an `iv` on another machine through the program `ssh`, with a tunnel to it. Returns the address of the tunnel.
 fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<String, String> {
     let failed =
         |what: String| format!("iv cannot be started on {host} for the screen {screen} there: {what}");
-    // A free port here, and a port that is most likely free there. The tunnel needs both.
+    // The tunnel needs a free port here and a port that is most likely free there.
     let here = std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr());
     let here = here.map_err(|error| failed(error.to_string()))?.port();
     let there = 20_000 + (std::process::id().wrapping_mul(2_654_435_761) >> 16) as u16 % 40_000;
@@ -109,24 +110,24 @@ fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<Str
     command.args(["-o", "BatchMode=yes", "-o", "ConnectTimeout=10", "-o", "ExitOnForwardFailure=yes"]);
     command.args(["-L", &format!("127.0.0.1:{here}:127.0.0.1:{there}"), "--", host]);
     command.arg(format!("env DISPLAY={screen} iv {}", options(there, layers).join(" ")));
-    // Why it cannot be reached is a part of the message.
+    // The reason why the machine cannot be reached becomes a part of the message.
     command.stderr(Stdio::piped());
     listening(command).map_err(failed)?;
     Ok(format!("127.0.0.1:{here}"))
 }
 
-/// Starts a viewer; returns the address that it prints. An error ends with the last line of its standard error, if
+/// Starts a viewer and returns the address that it prints. An error ends with the last line of its standard error, if
 /// that is a pipe.
 fn listening(mut command: Command) -> Result<String, String> {
     command.stdin(Stdio::null()).stdout(Stdio::piped());
-    // Ctrl-C ends the render. The image stays.
+    // Ctrl-C ends the render. The viewer is in a process group of its own and keeps the image.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|error| error.to_string())?;
     let Some(output) = child.stdout.take() else { return Err("it has no output".to_owned()) };
     let (said, hears) = channel();
     std::thread::spawn(move || {
-        // Its later output is not used, but the pipe must not fill up.
+        // The later output is not used, but the pipe must not fill up.
         for line in BufReader::new(output).lines().map_while(Result::ok) {
             if let Some(address) = line.strip_prefix(LISTENS) {
                 let _ = said.send(address.trim().to_owned());
@@ -146,12 +147,12 @@ fn listening(mut command: Command) -> Result<String, String> {
     });
     match hears.recv_timeout(STARTING) {
         Ok(address) => {
-            // Its end must be waited for, or it stays in the table of processes.
+            // The process must be waited for when it ends, or it stays in the table of processes.
             std::thread::spawn(move || child.wait());
             Ok(address)
         }
         Err(_) => {
-            // Its output ends a little before it does.
+            // The output of a process ends a little before the process does.
             std::thread::sleep(Duration::from_millis(100));
             let ended = match child.try_wait() {
                 Ok(Some(status)) => format!("it ended at once ({status})"),
@@ -234,7 +235,7 @@ mod tests {
     #[test]
     fn a_viewer_elsewhere_is_started_through_ssh() {
         let folder = tempfile::tempdir().unwrap();
-        // Says what it was called with, as the last line of an error.
+        // This script prints its arguments as the last line of an error.
         let echo = script(folder.path(), "echo \"$@\" >&2; exit 255");
         let error = start_there(&echo, "workstation", ":0", true).unwrap_err();
         assert!(
@@ -252,7 +253,7 @@ mod tests {
             words.split([':', ' ']).filter_map(|w| w.parse().ok()).filter(|port| *port != 0).collect();
         let [_, there, listens] = ports[..] else { panic!("{ports:?} {words}") };
         assert_eq!(there, listens);
-        // The address is that of this end of the tunnel, for any other end.
+        // The address is that of the local end of the tunnel, whatever the other end prints.
         let good = script(folder.path(), "echo iv: listening on 127.0.0.1:5");
         let address = start_there(&good, "workstation", ":0", false).unwrap();
         assert!(address.starts_with("127.0.0.1:") && address != "127.0.0.1:5", "{address}");

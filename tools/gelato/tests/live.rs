@@ -1,4 +1,4 @@
-//! `gelato -display` and pictures of the format "iv", against viewers of the test.
+//! Tests of `gelato -display` and of images of the format "iv", with viewers in the test.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
@@ -26,7 +26,7 @@ Sphere (1, -1, 1, 360)
 Render ()
 "#;
 
-/// Runs gelato; its exit status and what it said.
+/// Runs gelato. Returns its exit status and its messages.
 fn gelato(folder: &Path, words: &[&str]) -> (i32, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_gelato"))
         .current_dir(folder)
@@ -50,7 +50,7 @@ fn floats(path: &Path) -> Vec<f32> {
     formats.open(path).unwrap().read_level(0, 0).unwrap().to_floats()
 }
 
-/// Pictures as packets make them: name, width, channels, pixels.
+/// Images as packets make them: name, width, channels, pixels.
 type Pictures = Vec<(String, usize, Vec<String>, Vec<f32>)>;
 
 fn paint(pictures: &mut Pictures, packet: Packet) {
@@ -75,7 +75,7 @@ fn paint(pictures: &mut Pictures, packet: Packet) {
     }
 }
 
-/// A viewer that never answers: what pictures came.
+/// Starts a viewer that never answers. Returns its address, and a thread that returns the images it received.
 fn plain_viewer() -> (String, std::thread::JoinHandle<Pictures>) {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
@@ -120,7 +120,7 @@ fn all_data_are_pages_and_crops_are_what_they_hold() {
         assert_eq!((picture.1, picture.3.len()), (72, 72 * 32 * picture.2.len()));
         assert!(picture.3 == floats(&place.path().join(file)), "{file}");
     }
-    // "first" is the first; -data names others.
+    // "first" is the first output. `-data` selects others.
     for (data, channels) in [("first", "RGBA"), ("z", "Z"), ("normal N", "RGB")] {
         let (address, viewer) = plain_viewer();
         let ran = gelato(place.path(), &["-display", &address, "-data", data, "scene.pyg"]);
@@ -136,14 +136,14 @@ fn scenes_may_ask_for_a_viewer_themselves() {
 Camera ("main")"#;
     let place = place(&SCENE.replace("Camera (\"main\")", own));
     let (address, viewer) = plain_viewer();
-    // The viewer of the command line is that of the scene's output as well: they share a connection.
+    // The viewer of the command line is also that of the scene's output. Both share a connection.
     let ran = gelato(place.path(), &["-display", &address, "scene.pyg"]);
     assert_eq!(ran, (0, String::new()));
     let pictures = viewer.join().unwrap();
     assert_eq!((pictures.len(), &*pictures[0].0, &*pictures[1].0), (2, "live", "scene.pyg"));
     let twice = pictures[0].3.chunks(4).zip(pictures[1].3.chunks(4));
     assert!(twice.into_iter().all(|(a, b)| (0..3).all(|c| a[c] == 2.0 * b[c]) && a[3] == b[3]));
-    // A stranger's scene names no viewer.
+    // An untrusted scene may not name a viewer.
     let (named, viewer) = plain_viewer();
     let text = SCENE.replace(
         "Camera (\"main\")",
@@ -173,10 +173,12 @@ fn no_viewer_is_one_warning_and_no_error() {
     }
 }
 
-/// A render whose viewer hangs takes as long as the viewer is waited for at its end, and has its files before that.
+/// A render with a viewer that hangs lasts longer by the time for which the viewer is waited for at the end. Its files
+/// are complete before that.
 #[test]
 fn a_viewer_that_reads_nothing_costs_nothing_but_a_farewell() {
-    // So near that the sphere fills the picture: what is empty is sent as one pixel, and fits into the buffers between.
+    // The sphere is so near that it fills the image. Empty parts are sent as one pixel and would fit into the buffers
+    // between the processes.
     let scene = SCENE.replace("(96, 64)", "(1536, 1024)").replace("(16, 16)", "(64, 64)");
     let place = place(&scene.replace("(0, 0, 4)", "(0, 0, 1.2)"));
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -197,7 +199,7 @@ fn a_viewer_that_reads_nothing_costs_nothing_but_a_farewell() {
     assert!(std::fs::read(place.path().join("out.tif")).unwrap() == file);
 }
 
-/// A viewer of our own kind that asks for the end after the first pixels.
+/// A viewer of this suite that requests the end of the render after the first pixels.
 #[derive(Default)]
 struct Aborting {
     packets: Mutex<Vec<Packet>>,
@@ -223,7 +225,7 @@ impl Sink for Aborting {
 
 #[test]
 fn a_viewer_may_end_the_render() {
-    // Long enough for the word to come: a frame of many samples.
+    // The frame has so many samples that the request arrives before it ends.
     let scene = SCENE
         .replace("(96, 64)", "(800, 600)")
         .replace("Camera (\"main\")", "Attribute (\"int[2] spatialquality\", (16, 16))\nCamera (\"main\")");
@@ -248,7 +250,7 @@ fn a_viewer_may_end_the_render() {
     assert!(matches!(packets.last(), Some(Packet::Finished { complete: false, .. })));
 }
 
-/// Workers make the same images and show nothing; what they render is shown by who puts it together.
+/// Workers make the same images and show nothing. The coordinator shows what they render.
 #[test]
 fn what_others_render_is_shown_as_well() {
     let place = place(SCENE);
@@ -289,7 +291,7 @@ fn our_own_viewer_is_told_what_begins_and_what_is_done() {
     assert!(pictures[0].3 == floats(&place.path().join("out.tif")));
 }
 
-/// A viewer of our own kind that only looks.
+/// A viewer of this suite that only records packets.
 #[derive(Default)]
 struct Recording(Mutex<Vec<Packet>>);
 

@@ -1,4 +1,4 @@
-//! The options of the tool, one by one, on a scene that renders in no time.
+//! Tests of the options of the tool, one by one, on a scene that renders quickly.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
@@ -22,14 +22,14 @@ Render ()
 
 struct Place(TempDir);
 
-/// How a run ended and what it said.
+/// The exit status and the messages of a run.
 struct Ran {
     status: i32,
     said: String,
 }
 
 impl Place {
-    /// A folder with the scene in it.
+    /// Makes a folder with the scene in it.
     fn new() -> Self {
         let place = Self(tempfile::tempdir().unwrap());
         place.write("scene.pyg", SCENE);
@@ -56,7 +56,7 @@ impl Place {
         self.path().join(name).exists()
     }
 
-    /// Nothing that was only half written lies about.
+    /// True when no temporary files are left in the folder.
     fn is_clean(&self) -> bool {
         let names = std::fs::read_dir(self.path()).unwrap().map(|e| e.unwrap().file_name());
         names.into_iter().all(|n| !n.to_string_lossy().starts_with('.'))
@@ -108,7 +108,7 @@ fn statistics_for_people_and_for_machines() {
     assert_eq!(frame["shading"]["rays"], 0);
     assert!(place.is_clean());
 
-    // Also of a run that failed.
+    // The file is also written by a run that failed.
     let ran = place.run(&["-statistics-json", "failed.json", "nosuch.pyg"]);
     let json: Value = serde_json::from_str(&place.read("failed.json")).unwrap();
     assert_eq!((ran.status, &json["exit_status"], &json["frames"]), (2, &2.into(), &serde_json::json!([])));
@@ -147,7 +147,7 @@ Attribute ("float opactiy", 1)
     );
     assert!(place.is_clean());
 
-    // A file that cannot be written is told where messages went before.
+    // A file that cannot be written is reported where messages went before.
     place.write(
         "scene.pyg",
         &SCENE.replace("World", "Attribute (\"string error:filename\", \"no/such/log\")\nWorld"),
@@ -176,7 +176,7 @@ fn messages_by_verbosity_and_counted() {
     }
     let much = place.run(&["-verbosity", "2", "scene.pyg"]);
     assert!(much.said.contains("info: compiling plastic.gsl"), "{}", much.said);
-    // The option counts more than the scene.
+    // The option takes precedence over the scene.
     place.write("scene.pyg", &format!("Attribute (\"int verbosity\", 0)\n{twice}{SCENE}"));
     assert!(!place.run(&["scene.pyg"]).said.contains("opactiy"));
     assert!(place.run(&["-verbosity", "1", "scene.pyg"]).said.contains("opactiy"));
@@ -194,7 +194,7 @@ fn places_and_variables() {
     let ran = place.run(&["scene.pyg", "-cwd", "inside", "-env", "WHERE=.."]);
     assert_eq!((ran.status, ran.said.as_str()), (0, ""));
     assert!(place.has("inside/out.tif"));
-    // Programs that the scene runs and its scripts see the variable as well.
+    // The variable is also set for programs that the scene runs and for its scripts.
     place.write("run.pyg", "Command (\"system test \\\"$WHERE\\\" = here && touch seen\")\n");
     assert_eq!(place.run(&["-env", "WHERE=here", "run.pyg"]).status, 0);
     assert!(place.has("seen"));
@@ -338,7 +338,7 @@ fn progress_is_told_where_there_is_no_terminal() {
     let lines = ran.said.lines().filter(|l| l.contains("% rendered")).count();
     assert!((3..=10).contains(&lines), "{}", ran.said);
     assert!(ran.said.contains("gelato: info: rendered in "), "{}", ran.said);
-    // Nothing of it is there otherwise.
+    // No statistics are printed without the option.
     assert_eq!(place.run(&["small.pyg"]).said, "");
 }
 

@@ -1,4 +1,4 @@
-//! The shader compiler: `name.gsl` to `name.gso` (reference 8.2); with `-run` also what a shader computes.
+//! The shader compiler. It compiles `name.gsl` to `name.gso` (reference 8.2). With `-run` it also runs a shader.
 
 #![forbid(unsafe_code)]
 
@@ -96,7 +96,7 @@ struct Options {
     optimize: u8,
 }
 
-/// Runs the tool; `args` begins with the name it was called by.
+/// Runs the tool. `args` begins with the name by which it was called.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
     if let Err(error) = before_signals(|| ()) {
@@ -105,7 +105,7 @@ pub fn main(args: Vec<OsString>) -> Status {
     if options.run { run::run(&options) } else { compile_file(&options) }
 }
 
-/// Compiles and writes.
+/// Compiles the source and writes the compiled shader.
 fn compile_file(options: &Options) -> Status {
     let (source, file) = match read_source(&options.source) {
         Ok(found) => found,
@@ -172,7 +172,7 @@ fn compiled(source: &str, file: &str, options: &Options) -> Option<ValidModule> 
     }
 }
 
-/// Finds functions in C++.
+/// Returns the finder of functions in C++.
 fn plugins(options: &Options) -> Plugins {
     let reporter = Reporter::new(Box::new(|message| say(format!("gslc: {message}").trim_end())));
     reporter.set_verbosity(options.verbosity);
@@ -182,13 +182,14 @@ fn plugins(options: &Options) -> Plugins {
     plugins
 }
 
-/// The folders besides `-plugins`: the absolute folders of `-I`. Not the folder of the source, which may be
-/// untrusted.
+/// Returns the folders for functions in C++ besides `-plugins`, which are the absolute folders of `-I`. The folder of
+/// the source is not among them, because it may be untrusted.
 fn shadeop_path(options: &Options) -> SearchPath {
     SearchPath::parse(&options.include.join(":"), &SearchPath::default(), &Environment::empty())
 }
 
-/// Returns the text, and its name in messages. Bytes that are not UTF-8 (old comments) are replaced.
+/// Returns the text of a source and its name in messages. Bytes of a file that are not UTF-8 (in old comments) are
+/// replaced.
 fn read_source(name: &str) -> io::Result<(String, String)> {
     let (text, name) = match name {
         "-" => (text_of(io::stdin().lock())?, "<stdin>"),
@@ -203,7 +204,7 @@ fn text_of(mut file: impl Read) -> io::Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Reads an included file.
+/// Reads an included file. Returns `None` when there is no such file.
 fn load(path: &str) -> io::Result<Option<String>> {
     if Path::new(path).is_dir() {
         return Ok(None);
@@ -225,7 +226,7 @@ fn say(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
-/// Writes a file that appears whole or not at all.
+/// Writes a file. It appears complete or not at all.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
     let mut file = AtomicFile::create(path).map_err(|e| e.to_string())?;
     file.write_all(bytes).map_err(|e| format!("{}: {e}", path.display()))?;

@@ -1,4 +1,4 @@
-//! `gslc -run`: a shader over a flat grid, without a renderer.
+//! `gslc -run`: runs a shader over a flat grid, without a renderer.
 
 use crate::surroundings::Surroundings;
 use crate::{Options, read_source, say};
@@ -19,16 +19,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// The side of the grids that the image is shaded in: 256 points each.
+/// The side of the grids in which the image is shaded, in pixels. A grid has 256 points.
 const TILE: usize = 16;
 
-/// More threads than any machine has use for.
+/// The largest number of threads.
 const MAX_THREADS: usize = 1024;
 
-/// Shines from the viewer when no light is given.
+/// The source of a light that shines from the viewer when no light is given.
 const HEADLIGHT: &str = "light headlight () { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
 
-/// The image of a run: channels of every pixel together, the first row on top.
+/// The image of a run. The channels of a pixel are stored together, and the first row is on top.
 struct Picture {
     width: usize,
     height: usize,
@@ -121,7 +121,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
     Ok(if reporter.errors() > 0 { Status::WithErrors } else { Status::Done })
 }
 
-/// "512x512" or "512".
+/// Parses a size such as "512x512" or "512".
 fn size(text: &str) -> Result<(usize, usize), String> {
     let (w, h) = text.split_once(['x', 'X']).unwrap_or((text, text));
     let side = |s: &str| s.trim().parse().ok().filter(|n| (1..=1 << 16).contains(n));
@@ -131,7 +131,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
-/// "float Kd 0.5", "color c 1 0 0" or "string name wood": a declaration and its values.
+/// Parses a declaration and its values, such as "float Kd 0.5", "color c 1 0 0" or "string name wood".
 fn param(text: &str) -> Result<Param, String> {
     let mut words = text.split_whitespace();
     let (Some(ty), Some(name)) = (words.next(), words.next()) else {
@@ -139,7 +139,7 @@ fn param(text: &str) -> Result<Param, String> {
     };
     let (ty, name) = ParamType::parse(&format!("{ty} {name}")).map_err(|e| e.to_string())?;
     let data = if ty.base == BaseType::String {
-        // Blanks belong to a single string; lists are of words.
+        // A single string may contain blanks. The strings of a list are words.
         let all: Vec<&str> = words.collect();
         let list: Vec<Arc<str>> = match ty.array {
             None => vec![all.join(" ").trim_matches('"').into()],
@@ -153,7 +153,7 @@ fn param(text: &str) -> Result<Param, String> {
     Ok(Param { name: name.into(), ty, data })
 }
 
-/// A shader from source text, from a compiled file, or from the bundled ones.
+/// Loads a shader from source text, from a compiled file, or from the bundled ones.
 fn load(name: &str, options: &Options) -> Result<ValidModule, String> {
     let path = Path::new(name);
     if path.extension().is_some_and(|e| e == "gso") {
@@ -168,7 +168,7 @@ fn load(name: &str, options: &Options) -> Result<ValidModule, String> {
     crate::compiled(source, name, options).ok_or(format!("{name}: not compiled"))
 }
 
-/// The value that becomes the image: an output parameter or a global.
+/// Returns the name and the type of the value that becomes the image, which is an output parameter or a global.
 fn wanted(group: &Group, asked: Option<&str>) -> Result<(String, ValueType), String> {
     let globals = [
         ("C", ValueType::Color),
@@ -195,7 +195,8 @@ fn wanted(group: &Group, asked: Option<&str>) -> Result<(String, ValueType), Str
     }
 }
 
-/// Points at the centres of the pixels `x0.. x y0..` of a unit square in z = 0, seen along z.
+/// Returns a grid of `points` at the centres of pixels, beginning with pixel `from` of an image of this `size`. The
+/// image is a unit square in z = 0, seen along z.
 fn square(size: [usize; 2], from: [usize; 2], points: [usize; 2]) -> Grid {
     let [nu, nv] = points;
     let mut grid = Grid::new(Topology::Rect { nu, nv });
@@ -218,7 +219,7 @@ fn square(size: [usize; 2], from: [usize; 2], points: [usize; 2]) -> Grid {
     grid
 }
 
-/// The shader, and its surroundings.
+/// A shader and its surroundings.
 struct Job<'a> {
     group: &'a Group,
     lights: &'a [Group],
@@ -232,10 +233,10 @@ struct Job<'a> {
     repeat: u32,
 }
 
-/// Tiles that are done, in any order, before they are copied into the image in the order of the tiles.
+/// The tiles that are shaded. They arrive in any order and are copied into the image in the order of the tiles.
 struct Finished {
     picture: Picture,
-    /// The tile whose turn it is.
+    /// The index of the tile that is copied next.
     next: usize,
     waiting: BTreeMap<usize, (Option<Vec<f32>>, String)>,
     took: Duration,
@@ -246,14 +247,15 @@ impl Job<'_> {
         self.size[0].div_ceil(TILE)
     }
 
-    /// First pixel and size of a tile.
+    /// Returns the first pixel and the size of a tile.
     fn tile(&self, number: usize) -> ([usize; 2], [usize; 2]) {
         let from = [number % self.columns() * TILE, number / self.columns() * TILE];
         (from, [0, 1].map(|k| TILE.min(self.size[k] - from[k])))
     }
 
-    /// Shades the whole image with this number of threads; returns the duration of the shading, summed over them. A
-    /// tile is shaded by one thread and does not depend on the others, so the image does not depend on their number.
+    /// Shades the whole image with this number of threads. Returns the image and the duration of the shading, summed
+    /// over the threads. A tile is shaded by one thread and does not depend on the others, so the image does not depend
+    /// on their number.
     fn shade(&self, threads: usize) -> (Picture, Duration) {
         let channels = self.ty.components();
         let [width, height] = self.size;
@@ -298,7 +300,7 @@ impl Job<'_> {
         (finished.picture, finished.took)
     }
 
-    /// The requested value over a tile, component after component.
+    /// Returns the requested value over a tile, component after component, and the duration of the shading.
     fn shade_tile(
         &self,
         number: usize,
@@ -338,7 +340,7 @@ impl Job<'_> {
     }
 }
 
-/// The sum of `Cl` (or of `L`) over what a light sends to the square.
+/// Returns the sum of `Cl` (or of `L`) that a light sends to the points of the square.
 fn light_values(
     group: &Group,
     grid: &Grid,

@@ -1,5 +1,5 @@
-//! The surroundings of a shader that runs without a renderer: one space, units that scale by their definition, lights
-//! by name, texture files, and no rays.
+//! The surroundings of a shader that runs without a renderer. There is one space, units scale by their definition,
+//! lights are given by name, textures are files, and there are no rays.
 
 use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
 use granita_gsl::ir::ShaderKind;
@@ -13,19 +13,19 @@ use granita_shading::lookups;
 use granita_texture::TextureCache;
 use std::sync::Arc;
 
-/// The outside world of a run.
+/// The interface of a run to its lights, textures, plugins and messages.
 pub(crate) struct Surroundings<'a> {
-    /// Lights, in the order they were given.
+    /// The lights, in the order in which they were given.
     pub(crate) lights: &'a [Group],
-    /// Texture files.
+    /// The texture files.
     pub(crate) textures: &'a TextureCache,
-    /// Runs the lights.
+    /// The executor of the lights.
     pub(crate) executor: Executor,
     /// The grid that is being shaded.
     pub(crate) grid: Option<Grid>,
-    /// Finds functions in C++ along this path.
+    /// The finder of functions in C++, and its search path.
     pub(crate) plugins: &'a (Plugins, SearchPath),
-    /// Receives messages; text of `printf` goes to `printed`.
+    /// The receiver of messages. The text of `printf` goes to `printed`.
     pub(crate) reporter: &'a Reporter,
     /// The output of `printf`.
     pub(crate) printed: String,
@@ -38,7 +38,7 @@ impl Spaces for Surroundings<'_> {
     }
 
     fn unit_scale(&mut self, from: &str, to: &str) -> Option<f32> {
-        // Common space measures centimetres and seconds.
+        // The unit of length of common space is a centimetre. The unit of time is a second.
         let known = |name: &str| {
             let length = |metres: f64| Some((metres, true));
             let time = |seconds: f64| Some((seconds, false));

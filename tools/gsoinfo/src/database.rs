@@ -5,10 +5,10 @@ use granita_sdb::Packed;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// Records that are printed at once.
+/// The number of records that are printed at once.
 const CHUNK: usize = 4096;
 
-/// Sum and range of the values that a query would return.
+/// The sum and the range of the values that a query would return.
 struct Summary {
     components: usize,
     sum: [f64; 3],
@@ -36,7 +36,7 @@ fn row<T: ToString>(numbers: &[T]) -> String {
     numbers.iter().map(T::to_string).collect::<Vec<_>>().join(" ")
 }
 
-/// Prints it as text.
+/// Prints the database as text. With `verbose` the records follow.
 pub(crate) fn show(name: &str, records: &Packed, verbose: bool) {
     let schema = records.schema();
     let mut text = format!("database {name}\n  {}\n  records {}\n", schema.words(), records.len());
@@ -60,7 +60,7 @@ pub(crate) fn show(name: &str, records: &Packed, verbose: bool) {
     }
 }
 
-/// As JSON, without the records.
+/// Returns the description of the database as JSON, without the records.
 pub(crate) fn json(name: &str, records: &Packed) -> Value {
     let schema = records.schema();
     let s = Summary::new(records);

@@ -4,12 +4,12 @@ use granita_gsl::ir::{ConstValue, Metadatum, ValueType};
 use granita_gsl::{Arg, GsoArgs};
 use serde_json::{Map, Value, json};
 
-/// The object of one shader: `type`, `name`, `metadata` and `parameters` in the order of their declaration.
+/// Returns the object of one shader: `type`, `name`, `metadata` and `parameters` in the order of their declaration.
 ///
-/// A parameter has `name`, `type`, `output`, `default` (absent when it is computed), `space` (of triples and
-/// matrices: a name, or a list of names where the elements of an array are in different spaces), `metadata`; an array
-/// also `length` and `variable` (true when an instance may give another length). A triple or matrix is an array of
-/// numbers. A value that is not a finite number is a string.
+/// A parameter has `name`, `type`, `output`, `default` (absent when it is computed), `space` (of triples and matrices:
+/// a name, or a list of names where the elements of an array are in different spaces) and `metadata`. An array also has
+/// `length` and `variable` (true when an instance may have another length). A triple or matrix is an array of numbers.
+/// A value that is not a finite number is a string.
 pub(crate) fn describe(args: &GsoArgs) -> Value {
     json!({
         "type": args.shadertype(),
@@ -57,7 +57,7 @@ fn metadata(list: &[Metadatum]) -> Value {
     list.iter().map(one).collect::<Vec<_>>().into()
 }
 
-/// One value per element.
+/// Returns one value per element.
 fn elements(ty: ValueType, value: &ConstValue) -> Vec<Value> {
     match value {
         ConstValue::Strings(list) => list.iter().map(|s| json!(&**s)).collect(),
@@ -71,7 +71,7 @@ fn elements(ty: ValueType, value: &ConstValue) -> Vec<Value> {
     }
 }
 
-/// With as many digits as the float needs.
+/// Converts a number, with as many digits as the float needs.
 fn number(x: f32) -> Value {
     let text = x.to_string();
     match text.parse::<f64>() {

@@ -1,4 +1,4 @@
-//! Lists the parameters of shaders (reference 8.3), and what is in spatial databases, as text or as JSON.
+//! Lists the parameters of shaders (reference 8.3) and the content of spatial databases, as text or as JSON.
 
 #![forbid(unsafe_code)]
 
@@ -41,7 +41,7 @@ struct Options {
     json: bool,
 }
 
-/// Runs the tool; `args` begins with the name it was called by.
+/// Runs the tool. `args` begins with the name by which it was called.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
     let path = search_path(options.path.as_deref(), &environment());

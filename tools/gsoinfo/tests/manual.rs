@@ -1,4 +1,4 @@
-//! The manual page of the bundled shaders says what their sources say.
+//! Tests that the manual page of the bundled shaders agrees with their sources.
 //!
 //! `GRANITA_BLESS=shaders cargo test -p gsoinfo --test manual` writes the list again.
 
@@ -8,7 +8,7 @@ use std::path::Path;
 
 const HEADING: &str = "## Bundled shaders\n\n";
 
-/// The description among metadata.
+/// Returns the description among metadata.
 fn description(metadata: &[Metadatum]) -> Option<String> {
     metadata.iter().find(|m| &*m.name == "description").and_then(|m| match &m.value {
         ConstValue::Strings(list) => list.first().map(|s| s.to_string()),
@@ -16,7 +16,7 @@ fn description(metadata: &[Metadatum]) -> Option<String> {
     })
 }
 
-/// All bundled shaders with their parameters, in the form of the manual.
+/// Returns the list of all bundled shaders with their parameters, in the form of the manual.
 fn list() -> String {
     let mut out = String::from("Every shader with its parameters, their defaults and a line of help.\n");
     for name in granita_bundled::shader_names() {

@@ -1,4 +1,4 @@
-//! The options.
+//! The command line options.
 
 use clap::Parser;
 use granita_view::{Background, Channels, ColorMap, CompareOptions, Display, FalseColor};
@@ -187,7 +187,7 @@ fn background(text: &str) -> Result<Background, String> {
 }
 
 impl LookArgs {
-    /// The options as a display, for an image with channels of these names.
+    /// Returns the options as a display for an image with channels of these names.
     ///
     /// # Errors
     /// Returns an error when a number is invalid or there is no such channel.
@@ -241,7 +241,7 @@ impl LookArgs {
 }
 
 impl CompareArgs {
-    /// As options of the library; `exposure` in stops.
+    /// Returns the limits as options of the library. `exposure` is in stops.
     pub(crate) fn options(&self, exposure: f32) -> CompareOptions {
         CompareOptions {
             tolerance: self.fail.unwrap_or(0.0),

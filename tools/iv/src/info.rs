@@ -6,7 +6,7 @@ use granita_texture::TextureKind;
 use granita_view::{Page, Picture};
 use std::fmt::Write;
 
-/// A value as one word or line.
+/// Returns a value as one word or line.
 fn value(param: &Param) -> String {
     match &param.data {
         ParamData::Float(v) => v.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(" "),
@@ -21,7 +21,7 @@ fn value(param: &Param) -> String {
     }
 }
 
-/// Size, channels and storage of a level, on one line.
+/// Returns the size, channels and storage of a level, on one line.
 pub(crate) fn summary(spec: &ImageSpec) -> String {
     let names = match spec.nchannels() {
         0..=8 => spec.channels.join(" "),
@@ -69,7 +69,7 @@ fn page_text(page: &Page) -> String {
     text
 }
 
-/// Everything about a file but its pixels: a line for the file, a block for each image.
+/// Returns everything about a file except its pixels, with a line for the file and a block for each image.
 pub(crate) fn text(picture: &Picture) -> String {
     let n = picture.pages.len();
     let mut text = format!("{}: {}", picture.path.display(), picture.format);

@@ -1,7 +1,7 @@
-//! `iv`: the image viewer.
+//! `iv`, the image viewer.
 //!
-//! The code for images is in [`granita_view`]. Here options become values, values become text, and the window (with
-//! the feature `window`, as by default) shows the result on the screen.
+//! The code for images is in [`granita_view`]. Here options become values and values become text. The window (with the
+//! feature `window`, which is a default feature) shows the result on the screen.
 
 #![forbid(unsafe_code)]
 
@@ -22,7 +22,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 fn run(args: &Args, reporter: &Reporter) -> Status {
-    // A file may name others, as glTF does; those of strangers lead nowhere else.
+    // A file may name other files, as glTF does. Only files beneath the folders of the named files are read.
     let files = Files::reading(args.files.iter().map(PathBuf::as_path));
     let formats = granita_plugin::formats_with_plugins(
         Limits { files, ..Limits::default() },
@@ -49,7 +49,7 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
     }
 }
 
-/// The window, and what renderers send to it.
+/// Opens the window, which also shows the images that renderers send to it.
 #[cfg(feature = "window")]
 fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Reporter) -> Status {
     let live = granita_view::Live::default();
@@ -57,7 +57,8 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     let open: Option<Box<listen::OpenFile>> = args.net.allowopen.then(|| -> Box<listen::OpenFile> {
         Box::new(move |wanted| sender.send(wanted).map_err(|_| "the window is closed".to_owned()))
     });
-    // With files and without `-listen`, the port stays free for others. It listens as long as the window is open.
+    // With files and without `-listen`, the port stays free for other processes. The listener lives as long as the
+    // window.
     match listen::begin(&args.net, args.files.is_empty(), &live, reporter, open) {
         Ok(_listener) => window::run(args, &live, wanted, formats, reporter),
         Err(error) => {
@@ -67,7 +68,7 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     }
 }
 
-/// Runs the tool; `words` begins with the name it was called by.
+/// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);
     let reporter = console_reporter("iv", &Bar::new(false));

@@ -1,8 +1,8 @@
-//! Pictures that renderers send (`iv -listen`).
+//! Images that renderers send (`iv -listen`).
 //!
-//! The packets of clients become images of a [`Live`]. As in other viewers, an image belongs to its name and not to
-//! its sender: a script may create it through one connection and update it through another. Only clients that support
-//! the extension (several runs of `gelato`) get images of their own when they use one name at the same time.
+//! The packets of clients become images of a [`Live`]. As in other viewers, an image belongs to its name and not to its
+//! sender. A script may create it through one connection and update it through another. Only clients that support the
+//! extension (several runs of `gelato`) get images of their own when they use one name at the same time.
 
 pub(crate) mod files;
 
@@ -48,32 +48,32 @@ pub(crate) struct NetArgs {
     pub(crate) allowlayers: bool,
 }
 
-/// A file that a client names; only with `-allowopen`.
+/// A client's request about a file. It is granted only with `-allowopen`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
-    /// Open it.
+    /// Opens a file.
     Open {
-        /// Its path on this machine.
+        /// The path on this machine.
         path: String,
         /// The channels; empty for all.
         selector: String,
-        /// Show it.
+        /// True when the file is also shown.
         focus: bool,
     },
-    /// Read it again.
+    /// Reads a file again.
     Reload {
         /// The name of its image.
         name: String,
-        /// Show it.
+        /// True when the file is also shown.
         focus: bool,
     },
 }
 
-/// Executes a client's request about files; returns the reason of a refusal.
+/// Executes a client's request about a file. Returns the reason when it is refused.
 pub(crate) type OpenFile = dyn Fn(Wanted) -> Result<(), String> + Send + Sync;
 
-/// Listens as the options request: where `-listen` names a port, and with `by_default` also without it, on the
-/// default port if that is free. Without `open`, clients reach no files.
+/// Listens as the options request. With `by_default` it also listens without `-listen`, on the default port if that is
+/// free. Without `open`, clients cannot open files.
 ///
 /// # Errors
 /// Returns an error when `-listen` is not an address, or when the address is not available.
@@ -97,10 +97,10 @@ pub(crate) fn begin(
     }
 }
 
-/// The address to listen on: the value of `-listen`, or the default port of this machine.
+/// Returns the address to listen on, which is the value of `-listen` or the default port of this machine.
 ///
 /// # Errors
-/// Returns an error when it is not an address.
+/// Returns an error when `-listen` is not an address.
 fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     match &args.listen {
         Some(text) => listen_address(text),
@@ -108,8 +108,8 @@ fn address(args: &NetArgs) -> Result<SocketAddr, DisplayError> {
     }
 }
 
-/// Listens until the result is dropped, and prints the address. Without `open`, clients reach no files, but with
-/// `layers` those that an image has as its foreground and background.
+/// Listens until the result is dropped, and prints the address. Without `open`, clients cannot open files, but with
+/// `layers` they can open those that an image has as its foreground and background.
 ///
 /// # Errors
 /// Returns [`DisplayError::Io`], for example when another process listens there.
@@ -139,7 +139,7 @@ fn start(
             "{address} can be reached from other machines: anybody there may send pictures"
         ));
     }
-    // Whoever started this program waits for these words.
+    // The program that started this one waits for these words.
     let text = format!("iv: listening on {}\n", listener.address());
     reporter.say(Severity::Message, &Location::default(), text);
     Ok(listener)
@@ -159,14 +159,14 @@ struct Feeder {
 /// The images of each client.
 #[derive(Default)]
 struct Names {
-    /// By client and its own name: the name here.
+    /// Maps a client and its name of an image to the name in the [`Live`].
     of_client: BTreeMap<(u64, String), String>,
-    /// By the name here: who makes it.
+    /// Maps a name in the [`Live`] to the id of the client that makes the image.
     makers: BTreeMap<String, u64>,
 }
 
 impl Names {
-    /// The name here of what a client calls `name`.
+    /// Returns the name in the [`Live`] of the image that a client calls `name`.
     fn here(&self, client: u64, name: &str) -> String {
         self.of_client.get(&(client, name.to_owned())).cloned().unwrap_or_else(|| name.to_owned())
     }
@@ -230,7 +230,7 @@ impl Feeder {
         let place = |channel: &Channel| {
             let index = info.channels.iter().position(|n| *n == channel.name);
             let index = index.ok_or_else(|| format!("\"{name}\" has no channel \"{}\"", channel.name))?;
-            // Beyond what memory holds is beyond the values, too.
+            // A number that does not fit into memory is also larger than the number of values.
             let usize_of = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
             Ok((index, usize_of(channel.offset), usize_of(channel.stride)))
         };
@@ -273,7 +273,7 @@ impl Sink for Feeder {
             Packet::ReloadImage { name, focus } => self.file(Wanted::Reload { name, focus })?,
             Packet::Mark { name, rect } => self.live.mark(&here(&name), rect),
             Packet::Wish { name, mut wishes } => {
-                // Files of this machine are nothing to a client.
+                // Clients may not open files of this machine.
                 if !self.layers {
                     wishes.foreground.clear();
                     wishes.background.clear();
@@ -313,7 +313,7 @@ impl Sink for Feeder {
         names.makers.retain(|_, maker| *maker != client.id());
         drop(names);
         let note = match ending {
-            // Other programs send no end of an image.
+            // Other programs do not send the end of an image.
             Ending::Closed if !client.is_two_way() => None,
             Ending::Closed => Some("the sender went away before it was done".to_owned()),
             Ending::Broken(what) => Some(format!("the sender is lost: {what}")),

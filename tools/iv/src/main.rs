@@ -1,4 +1,4 @@
-//! The command `iv`; all of it is in this package's library.
+//! The command `iv`. Its code is in the library of this package.
 
 #![forbid(unsafe_code)]
 

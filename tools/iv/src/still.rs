@@ -25,7 +25,7 @@ impl Still<'_> {
         self.reporter.say(Severity::Message, &Location::default(), text);
     }
 
-    /// Runs the requested action; `None` when that is the window.
+    /// Runs the requested action. Returns `None` when the window is requested.
     pub(crate) fn run(&self) -> Option<Status> {
         let args = self.args;
         let files = expand(&args.files, self.formats);
@@ -59,7 +59,7 @@ impl Still<'_> {
         Picture::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
     }
 
-    /// The page and the layer that the options select, and their display.
+    /// Returns the page and the layer that the options select, and their display.
     fn chosen<'p>(&self, picture: &'p Picture) -> Result<(&'p Page, usize, Display), String> {
         let look = &self.args.look;
         let name = picture.path.display();
@@ -163,7 +163,7 @@ impl Still<'_> {
         Ok(alike)
     }
 
-    /// The values beyond the limits.
+    /// Returns a description of each value that is beyond its limit.
     fn beyond(&self, found: &Comparison) -> Vec<String> {
         let limits = &self.args.limits;
         let mut faults = Vec::new();
@@ -204,7 +204,7 @@ impl Still<'_> {
     }
 }
 
-/// The layer of a name or number; the first without one.
+/// Returns the index of the layer with a name or an index; the first layer without one.
 pub(crate) fn layer_of(page: &Page, name: Option<&str>) -> Result<usize, String> {
     let Some(name) = name else { return Ok(0) };
     let names: Vec<String> = page.layers.iter().map(|l| l.title(&page.spec().channels)).collect();
@@ -215,7 +215,7 @@ pub(crate) fn layer_of(page: &Page, name: Option<&str>) -> Result<usize, String>
         .ok_or_else(|| format!("there is no layer \"{name}\", only {}", names.join(", ")))
 }
 
-/// A number in about seven places, without needless ones.
+/// Formats a number with about seven significant digits, without trailing zeros.
 pub(crate) fn number(v: f64) -> String {
     if v == 0.0 || !v.is_finite() {
         return v.to_string();
@@ -227,7 +227,7 @@ pub(crate) fn number(v: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// Lines of columns of equal width; the first column is to the left, the others to the right.
+/// Formats rows as lines with columns of equal width. The first column is aligned to the left, the others to the right.
 pub(crate) fn table(rows: &[Vec<String>]) -> String {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let widths: Vec<usize> = (0..columns)
@@ -246,7 +246,7 @@ pub(crate) fn table(rows: &[Vec<String>]) -> String {
     text
 }
 
-/// Statistics of channels of these names, a row each, with headings for the columns.
+/// Formats the statistics of channels of these names, with a row for each channel and headings for the columns.
 pub(crate) fn statistics_table(names: &[String], found: &[Statistics]) -> String {
     let words = ["channel", "min", "max", "mean", "deviation", "negative", "NaN", "inf"];
     let mut rows = vec![words.map(str::to_owned).to_vec()];
@@ -282,7 +282,7 @@ fn stats_text(picture: &Picture) -> Result<String, String> {
     Ok(text)
 }
 
-/// The differences between two pages.
+/// Formats the differences between two pages.
 fn comparison_text(found: &Comparison) -> String {
     let words = ["channel", "mean", "bias", "rms", "max", "at", "beyond"];
     let mut rows = vec![words.map(str::to_owned).to_vec()];

@@ -1,5 +1,5 @@
-//! `gelato -iv` with a window that it starts itself, under Xvfb. Skipped with a notice where Xvfb or gelato is missing,
-//! or where no driver can draw. What is on the screen is read from the memory of the server.
+//! Tests of `gelato -iv` with the window that it starts, under Xvfb. The tests are skipped with a notice where Xvfb or
+//! gelato is missing, or where no driver can draw. The pixels on the screen are read from the memory of the server.
 
 #![cfg(all(feature = "window", target_os = "linux"))]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Large enough for the window of 1280 x 800 pixels that comes by itself.
+/// The size and depth of the screen. It has room for the default window of 1280 x 800 pixels.
 const SIZE: &str = "1280x800x24";
 
 /// A screen of its own, whose memory is a file in `folder`.
@@ -46,9 +46,9 @@ impl Screen {
         Some(Self { server, name: format!(":{}", line.trim()), folder })
     }
 
-    /// Red, green and blue of a pixel of the screen.
+    /// Returns red, green and blue of a pixel of the screen.
     fn at(&self, shot: &[u8], x: usize, y: usize) -> [u8; 3] {
-        // The format of xwd: words of the header, most significant byte first.
+        // The file has the format of xwd. The words of the header are big endian.
         let word = |i: usize| u32::from_be_bytes(*shot[4 * i..].first_chunk().unwrap()) as usize;
         let start = word(0) + 12 * word(19);
         let (bits, line) = (word(11), word(12));
@@ -61,7 +61,8 @@ impl Screen {
         std::fs::read(self.folder.path().join("Xvfb_screen0")).unwrap()
     }
 
-    /// What it says goes to a file: the viewer that it starts says something there, too, and goes on.
+    /// Starts gelato. Its messages go to a file, because the viewer that it starts also writes messages there and
+    /// outlives it.
     fn gelato(&self, folder: &Path, words: &[&str]) -> Child {
         let said = std::fs::File::create(folder.join("said.txt")).unwrap();
         Command::new(program())
@@ -79,12 +80,12 @@ impl Screen {
     }
 }
 
-/// The gelato beside the iv of this build.
+/// Returns the path of the gelato beside the iv of this build.
 fn program() -> PathBuf {
     Path::new(env!("CARGO_BIN_EXE_iv")).with_file_name("gelato")
 }
 
-/// The processes called iv that show something on this screen.
+/// Returns the ids of the processes called iv that use this screen.
 fn viewers(screen: &str) -> Vec<u32> {
     let shows = format!("DISPLAY={screen}");
     let processes =
@@ -102,7 +103,7 @@ fn kill(pid: u32) {
     let _ = Command::new("kill").args(["-9", &pid.to_string()]).status();
 }
 
-/// Waits for something; whether it came.
+/// Waits until a condition holds. Returns false when it does not hold in time.
 fn until(mut done: impl FnMut() -> bool) -> bool {
     let begin = Instant::now();
     while begin.elapsed() < Duration::from_secs(40) {
@@ -114,7 +115,7 @@ fn until(mut done: impl FnMut() -> bool) -> bool {
     false
 }
 
-/// A sphere; `samples` a side of each pixel.
+/// Makes a folder with a scene of a sphere. Each pixel has `samples` x `samples` samples.
 fn place(samples: u32) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let scene = format!(
@@ -145,7 +146,7 @@ fn file(folder: &Path) -> Vec<f32> {
     formats.open(&folder.join("out.tif")).unwrap().read_level(0, 0).unwrap().to_floats()
 }
 
-/// A screen, if there can be a window on it.
+/// Returns a screen, if a window can be shown on it.
 fn ready() -> Option<Screen> {
     if !program().is_file() {
         granita_needs::skip(&format!("gelato in {}", program().display()));
@@ -169,7 +170,8 @@ fn ready() -> Option<Screen> {
     Some(screen)
 }
 
-/// The place on the screen of the middle of a pixel of a picture of 96 x 64, shown at 12 for one in 1280 x 776.
+/// Returns the centre of a pixel of an image of 96 x 64, in pixels of the screen. The image is shown with a zoom of 12
+/// in 1280 x 776 pixels.
 fn on_screen(x: usize, y: usize) -> (usize, usize) {
     (64 + 12 * x + 6, 4 + 12 * y + 6)
 }
@@ -180,7 +182,7 @@ fn encoded(v: f32) -> u8 {
     (255.0 * v + 0.5) as u8
 }
 
-/// Whether the screen shows these pixels, at every eighth.
+/// True when the screen shows these pixels. Every eighth pixel is compared.
 fn shows(screen: &Screen, pixels: &[f32]) -> bool {
     let shot = screen.shot();
     (4..64).step_by(8).all(|y| {
@@ -225,7 +227,8 @@ fn render_with(screen: &Screen, parameter: &str, color: [u8; 4]) -> tempfile::Te
     folder
 }
 
-/// The viewer that gelato starts opens the image that an output names as its "background" (reference 7.4.3).
+/// Tests that the viewer which gelato starts opens the image that an output names as its "background" (reference
+/// 7.4.3).
 #[test]
 fn a_background_is_seen_behind_the_render() {
     let Some(screen) = ready() else { return };
@@ -245,7 +248,7 @@ fn a_background_is_seen_behind_the_render() {
     );
 }
 
-/// It opens the image that an output names as its "foreground" (reference 7.4.3).
+/// Tests that the viewer opens the image that an output names as its "foreground" (reference 7.4.3).
 #[test]
 fn a_foreground_is_seen_before_the_render() {
     let Some(screen) = ready() else { return };
@@ -291,7 +294,7 @@ fn a_render_that_is_killed_leaves_its_picture_with_a_note() {
     assert!(render.try_wait().unwrap().is_none(), "the render goes on");
     render.kill().unwrap();
     render.wait().unwrap();
-    // The note is light text at the top, where the picture is black.
+    // The note is light text at the top, where the image is black.
     let light = || {
         let shot = screen.shot();
         let spots = (4..34).flat_map(|y| (440..840).map(move |x| (x, y)));

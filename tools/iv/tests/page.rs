@@ -1,4 +1,4 @@
-//! The page of `iv -serve` in a browser without a screen, where one is installed.
+//! Tests of the page of `iv -serve` in a headless browser, where one is installed.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longest wait for a browser on a busy machine.
+/// The longest wait for a browser on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// Ends a program with the test.
+/// A process that ends with the test.
 struct Running(Child);
 
 impl Drop for Running {
@@ -32,7 +32,7 @@ fn browser() -> Option<PathBuf> {
     std::env::split_paths(&folders).flat_map(|f| names.map(|n| f.join(n))).find(|path| path.is_file())
 }
 
-/// A browser with one page, spoken to through its own port for that.
+/// A browser with one page, which is controlled through the debugging port of the browser.
 struct Page {
     web: tungstenite::WebSocket<TcpStream>,
     session: String,
@@ -87,7 +87,7 @@ impl Page {
         }
     }
 
-    /// What the page looks like, in levels of its screen: 600 x 400 pixels, three channels side by side.
+    /// Returns the pixels of the page as shown on the screen, of 600 x 400 pixels with three interleaved channels.
     fn screenshot(&mut self) -> Vec<f32> {
         let shot = self.call("Page.captureScreenshot", json!({"format": "png"}));
         let png = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
@@ -101,14 +101,14 @@ impl Page {
     }
 }
 
-/// Whether a pixel has about this colour of the screen, 0 to 255.
+/// True when a pixel has about this colour on the screen. Its components are 0 to 255.
 fn is_near(shot: &[f32], [x, y]: [usize; 2], color: [f32; 3]) -> bool {
     let pixel = &shot[(y * 600 + x) * 3..][..3];
     pixel.iter().zip(color).all(|(v, c)| (v * 255.0 - c).abs() <= 2.0)
 }
 
-/// The middle of the picture that the page shows: it is fitted into what the list (220 pixels) and the bars leave. None
-/// when nothing is seen there.
+/// Returns the centre of the image that the page shows; `None` when no image is visible. The image is fitted into the
+/// space that the list (220 pixels) and the bars leave.
 fn middle(shot: &[f32]) -> Option<[usize; 2]> {
     let inside = |x: usize, y: usize| !is_near(shot, [x, y], [17.0; 3]);
     let columns: Vec<usize> = (221..600).filter(|x| inside(*x, 200)).collect();
@@ -118,10 +118,10 @@ fn middle(shot: &[f32]) -> Option<[usize; 2]> {
     (middle[0] >= 261 && middle[0] < 560 && middle[1] >= 30 && middle[1] < 370).then_some(middle)
 }
 
-/// What is wrong with the picture of four colours.
+/// Returns what differs from the expected image of four colours.
 fn fault(shot: &[f32]) -> Option<String> {
     let Some([x, y]) = middle(shot) else { return Some("no picture".to_owned()) };
-    // Linear values, as sRGB shows them.
+    // These are linear values, as encoded for sRGB.
     let colors = [
         ([x - 40, y - 30], [255.0, 0.0, 0.0]),
         ([x + 40, y - 30], [0.0, 188.0, 0.0]),
@@ -133,7 +133,7 @@ fn fault(shot: &[f32]) -> Option<String> {
     Some(format!("{at:?}: {:?} instead of {color:?}", &shot[(at[1] * 600 + at[0]) * 3..][..3]))
 }
 
-/// Fills the ten pixels around the middle of a picture of 100 x 80 with cyan, by vector graphics.
+/// Fills the ten pixels around the centre of an image of 100 x 80 with cyan, by vector graphics.
 fn draw_square(display: &str, name: &str) {
     let mut commands =
         vec![Draw::FillColor([0.0, 1.0, 1.0, 1.0]), Draw::BeginPath, Draw::MoveTo([45.0, 35.0])];
@@ -145,7 +145,7 @@ fn draw_square(display: &str, name: &str) {
     TcpStream::connect(display).unwrap().write_all(&bytes).unwrap();
 }
 
-/// The viewer, where renderers find it, and the address of its page.
+/// Starts the viewer. Returns it, the address to which renderers connect, and the address of its page.
 fn serve() -> (Running, String, String) {
     let mut iv = Command::new(env!("CARGO_BIN_EXE_iv"));
     let iv = iv.args(["-serve", "0", "-listen", "0"]).stdout(Stdio::piped()).stdin(Stdio::null());
@@ -165,7 +165,7 @@ fn the_page_shows_what_a_renderer_sends() {
     };
     let folder = tempfile::tempdir().unwrap();
     let (_iv, display, url) = serve();
-    // Four colours in a picture of 100 x 80; the last one is brighter than the screen, and no number.
+    // The image of 100 x 80 pixels has four colours. The last one is brighter than the screen and contains a NaN.
     let mut spec = ImageSpec::new(100, 80, 4, PixelType::Float);
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let format = IvFormat::default();
@@ -182,7 +182,7 @@ fn the_page_shows_what_a_renderer_sends() {
     }
     picture.close().unwrap();
     draw_square(&display, "four colours");
-    // Once by the graphics card (or what stands for it), once without.
+    // The page draws once with WebGL, and once without.
     for hash in ["", "#plain"] {
         let place = folder.path().join(format!("profile{hash}"));
         std::fs::create_dir(&place).unwrap();
@@ -192,7 +192,7 @@ fn the_page_shows_what_a_renderer_sends() {
             assert!(begin.elapsed() < PATIENCE, "{hash} {fault}");
             std::thread::sleep(Duration::from_millis(50));
         }
-        // Twice as bright, half of the value is all there is; what the page's own hands do is seen.
+        // With one stop more, half of the value is full brightness. The change by the page's own controls is visible.
         let brighter = "document.getElementById('exposure').value = 1; tuned()";
         page.call("Runtime.evaluate", json!({"expression": brighter}));
         let shot = loop {
@@ -207,7 +207,7 @@ fn the_page_shows_what_a_renderer_sends() {
     }
 }
 
-/// How much of a row of the screen has one of these colours.
+/// Returns the fraction of a part of a row of the screen that has one of these colours.
 fn share(shot: &[f32], colors: &[[f32; 3]]) -> f32 {
     let found = (260..560).filter(|x| colors.iter().any(|color| is_near(shot, [*x, 200], *color))).count();
     found as f32 / 300.0
@@ -224,7 +224,7 @@ fn large_pictures_show_all_their_pixels() {
     const BLUE: [f32; 3] = [0.0, 0.0, 255.0];
     let folder = tempfile::tempdir().unwrap();
     let (_iv, display, url) = serve();
-    // Columns of red and blue: what is reduced is a mixture.
+    // The image has columns of red and blue. A reduced image has mixed colours.
     let mut spec = ImageSpec::new(8200, 120, 3, PixelType::Float);
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let columns: Vec<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120);
@@ -249,14 +249,14 @@ fn large_pictures_show_all_their_pixels() {
             std::thread::sleep(Duration::from_millis(50));
         };
         until(&mut page, "all", &|_, zoom| zoom.ends_with("reduced 3:1"));
-        // Eight pixels of the screen for each.
+        // Each pixel of the image covers eight pixels of the screen.
         let near = "scaleAt(200, view.clientHeight / 2, 8); 1";
         assert_eq!(evaluate(&mut page, near), 1);
         let full = |shot: &[f32], zoom: &str, colors: &[[f32; 3]]| {
             zoom == "800 %" && colors.iter().all(|c| share(shot, &[*c]) > 0.4) && share(shot, colors) > 0.99
         };
         until(&mut page, "columns", &|shot, zoom| full(shot, zoom, &[RED, BLUE]));
-        // A change is seen at once, and elsewhere what was not in sight before.
+        // A change is visible at once, also in a part that was not visible before.
         picture
             .write_rectangle(
                 &PixelRect::at(0, 0, 8200, 120),

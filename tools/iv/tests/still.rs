@@ -1,4 +1,4 @@
-//! `iv` without a window: what it prints, what it writes, how it ends.
+//! Tests of `iv` without a window: its output, the files that it writes and its exit status.
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
@@ -17,7 +17,7 @@ fn write(path: &Path, spec: &ImageSpec, values: &[f32]) {
     file.close().unwrap();
 }
 
-/// Status, standard output, standard error of a run in `folder`.
+/// Runs iv in `folder`. Returns the exit status, standard output and standard error.
 fn iv(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let program = env!("CARGO_BIN_EXE_iv");
     let Output { status, stdout, stderr } =
@@ -43,7 +43,7 @@ fn pictures() -> tempfile::TempDir {
     folder
 }
 
-/// A format that a shared library brings, from the folder where tools look without being told.
+/// Tests a format of a shared library in the folder where tools look for plugins by default.
 #[cfg(unix)]
 #[test]
 fn info_of_a_format_of_a_plugin() {
@@ -158,7 +158,7 @@ fn comparing_by_limits() {
 fn a_picture_that_is_cut_short_is_not_alike_to_black() {
     let folder = pictures();
     let spec = ImageSpec::new(64, 64, 3, PixelType::U8);
-    // What does not pack is cut in the middle.
+    // An image that cannot be compressed is cut in the middle.
     let noise: Vec<f32> =
         (0..64 * 64 * 3_u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as f32 / 255.0).collect();
     write(&folder.path().join("d.png"), &spec, &noise);

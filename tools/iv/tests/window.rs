@@ -1,5 +1,5 @@
-//! The window, under Xvfb with software rendering, driven by scripts. Skipped with a notice where Xvfb is not
-//! installed, or where no driver can draw.
+//! Tests of the window, under Xvfb with software rendering, controlled by scripts. The tests are skipped with a notice
+//! where Xvfb is not installed, or where no driver can draw.
 
 #![cfg(feature = "window")]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
@@ -12,7 +12,7 @@ fn formats() -> FormatRegistry {
     granita_plugin::bundled_formats(Limits::default())
 }
 
-/// A screen of its own, of 1024 x 768 pixels.
+/// A screen of 1024 x 768 pixels.
 struct Screen {
     server: Child,
     name: String,
@@ -30,7 +30,7 @@ impl Screen {
         if !granita_needs::has("Xvfb") {
             return None;
         }
-        // The server says on its standard output which number it took.
+        // The server prints the number of its display on standard output.
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
@@ -42,7 +42,7 @@ impl Screen {
         Some(Self { server, name: format!(":{}", line.trim()) })
     }
 
-    /// Runs a script in `folder`; `None` when there is no driver that can draw here.
+    /// Runs a script in `folder`. Returns `None` when no driver can draw here.
     fn run(&self, folder: &Path, files: &[&str], script: &str) -> Option<String> {
         std::fs::write(folder.join("script.txt"), script).unwrap();
         let out = Command::new(env!("CARGO_BIN_EXE_iv"))
@@ -78,7 +78,7 @@ fn write(path: PathBuf, spec: &ImageSpec, value: impl Fn(u32, u32, usize) -> f32
     file.close().unwrap();
 }
 
-/// A folder with pictures of 400 x 300 pixels.
+/// Makes a folder with images of 400 x 300 pixels.
 fn pictures() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let spec = ImageSpec::new(400, 300, 3, PixelType::U8);
@@ -94,7 +94,7 @@ fn pictures() -> tempfile::TempDir {
     folder
 }
 
-/// Red, green and blue of a pixel of a file that the window wrote.
+/// Returns red, green and blue of a pixel of a file that the window wrote.
 fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
     let input = formats().open(path).unwrap();
     let width = input.spec(0, 0).unwrap().width;
@@ -104,13 +104,13 @@ fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
     [v[at], v[at + 1], v[at + 2]]
 }
 
-/// A server that ends takes the window with it: one message, no trace of a panic, and the program ends.
+/// When the server of the screen ends, the program ends with one message and without a trace of a panic.
 #[test]
 fn a_screen_that_goes_away_is_one_message() {
     let Some(mut screen) = Screen::start() else { return };
     let folder = pictures();
     for renderer in ["vulkan", "gl"] {
-        // First whether anything can draw here at all.
+        // This run determines whether a driver can draw here.
         let place = folder.path();
         std::fs::write(place.join("script.txt"), "wait\nquit\n").unwrap();
         let start = |more: &[&str]| {
@@ -150,7 +150,8 @@ fn a_screen_that_goes_away_is_one_message() {
         };
         assert!(status.code().is_some_and(|code| code != 0), "{status}: {}", said());
         let said = said();
-        // One line, of ours or of Xlib, which ends programs by itself. Drivers warn of what the machine lacks.
+        // The message is one line of this program or of Xlib, which ends programs by itself. Drivers add warnings about
+        // missing features.
         let lines = said.lines().filter(|l| !l.trim().is_empty() && !l.contains("XDG_RUNTIME_DIR"));
         assert!(!said.contains("panicked") && lines.count() <= 2, "{said}");
         let ends = ["the connection to the screen is lost", "fatal IO error", "X connection to"];
@@ -225,13 +226,13 @@ quit
         return;
     }
     let at = |name: &str, x, y| pixel(&folder.path().join(name), x, y);
-    // The picture area is 800 x 576; the picture is in its middle at (200, 138).
+    // The image area has 800 x 576 pixels. The image lies in its centre and begins at (200, 138).
     assert_eq!(at("one.png", 200 + 100, 138 + 150), [64, 128, 128]);
     assert_eq!(at("one.png", 10, 10), [34, 34, 36], "beside the picture");
     assert_eq!(at("window.png", 200 + 100, 138 + 150), [64, 128, 128], "the screen shows what was drawn");
     assert_eq!((at("wipe.png", 399, 288)[2], at("wipe.png", 400, 288)[2]), (64, 128));
     assert_eq!(at("difference.png", 300, 200), [0, 0, 64]);
-    // What was under the pointer stays there.
+    // The pixel under the pointer stays there.
     assert_eq!(at("zoomed.png", 401, 289), [128, 128, 64]);
     assert_eq!(at("marks.png", 210, 148), [255, 0, 255]);
     let (near, far) = (at("depth.png", 400, 140)[0], at("depth.png", 400, 430)[0]);
@@ -273,7 +274,7 @@ fn what_cannot_be_shown_is_said_in_the_window() {
     screen.run(folder.path(), &["text.txt", "b.png", "none.exr"], script);
 }
 
-/// A packet of the protocol that tev established, written from its description: length, type, content.
+/// Returns a packet of the protocol of tev, written from its description. It consists of length, type and content.
 fn packet(kind: u8, content: &[u8]) -> Vec<u8> {
     let length = 5 + content.len() as u32;
     [&length.to_le_bytes()[..], &[kind], content].concat()
@@ -307,13 +308,13 @@ fn pictures_come_through_the_wire() {
         let names = [text("R"), text("G"), text("B")].concat();
         let create = [&[1][..], &text("render"), &ints(&[100, 80, 3]), &names].concat();
         wire.write_all(&packet(4, &create)).unwrap();
-        // One channel after the other, of a part of the picture.
+        // The channels of a part of the image are sent one after the other.
         let values: Vec<u8> =
             [1.0_f32, 0.5, 0.0].iter().flat_map(|v| v.to_le_bytes().repeat(20 * 10)).collect();
         let update =
             [&[0][..], &text("render"), &ints(&[3]), &names, &ints(&[30, 40, 20, 10]), &values].concat();
         wire.write_all(&packet(5, &update)).unwrap();
-        // A filled square, and a line: colour, path, what to do with it.
+        // The drawing consists of a filled square and a line. Each has a colour, a path and an operation.
         let floats = |v: &[f32]| v.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
         let point = |kind: u8, x: f32, y: f32| [&[kind][..], &floats(&[x, y])].concat();
         let corners =
@@ -340,7 +341,7 @@ fn pictures_come_through_the_wire() {
     let mut rest = String::new();
     words.read_line(&mut rest).unwrap();
     assert!(out.status.success(), "{rest}{error}");
-    // In the middle of an area of 800 x 576 pixels.
+    // The image lies in the centre of an area of 800 x 576 pixels.
     let at = |x: u32, y: u32| pixel(&folder.path().join("live.png"), 350 + x, 248 + y);
     assert_eq!((at(35, 45), at(10, 10)), ([255, 188, 0], [0, 0, 0]));
     let drawn = ([0, 255, 255], [255, 0, 255]);
@@ -373,7 +374,7 @@ fn differences_are_seen_as_the_eye_weighs_them() {
         return;
     }
     let at = |name: &str, x: u32, y: u32| pixel(&folder.path().join(name), x, y);
-    // What the colours of the map stand for, over all of the picture, is the number.
+    // The mean of the values that the colours of the map represent is the printed number.
     let map = granita_view::ColorMap::Magma;
     let value = |color: [u8; 3]| {
         let far = |t: &usize| {
@@ -388,7 +389,7 @@ fn differences_are_seen_as_the_eye_weighs_them() {
     let seen = sum / places.len() as f32;
     assert!(mean > 0.01 && (seen - mean).abs() < 0.01, "{seen} {mean}");
     assert_eq!(at("plain.png", 300, 200), [64, 53, 64], "the picture is back");
-    // The key of the colours, at the lower left.
+    // The key of the colours is at the lower left.
     assert!(at("key.png", 13, 538)[0] < 20 && at("key.png", 210, 538)[0] > 240);
 }
 

@@ -1,4 +1,4 @@
-//! The options.
+//! The command line options.
 
 use clap::Parser;
 use granita_base::Filter;
@@ -238,15 +238,15 @@ fn threads(text: &str) -> Result<usize, String> {
 }
 
 impl Args {
-    /// What is said: `-v` is `-verbosity 2`.
+    /// Returns the verbosity. `-v` means `-verbosity 2`.
     pub(crate) fn verbosity(&self) -> u8 {
         if self.verbose { self.verbosity.max(2) } else { self.verbosity }
     }
 
-    /// The options of the library, on a machine with so much memory.
+    /// Returns the options of the library, on a machine with so much memory.
     ///
     /// # Errors
-    /// What does not go together.
+    /// Returns an error when options do not go together.
     pub(crate) fn options(&self, installed_bytes: Option<u64>) -> Result<MakeOptions, String> {
         let color_convert = match self.colorconvert[..] {
             [] => None,

@@ -3,25 +3,26 @@
 use granita_texture::make::Mode;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
-/// One texture.
+/// The inputs and the output of one texture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Job {
     pub(crate) inputs: Vec<PathBuf>,
     pub(crate) output: PathBuf,
 }
 
-/// True when `-o` means a folder: an existing folder, or a name that ends like one.
+/// True when `-o` means a folder, which is an existing folder or a name that ends with a separator.
 pub(crate) fn is_folder(path: &Path) -> bool {
     let text = path.to_string_lossy();
     text.ends_with(['/', MAIN_SEPARATOR]) || path.is_dir()
 }
 
-/// With the name of a file, all inputs make one texture, as many as the mode needs. Without a name, or with that of a
-/// folder, each input makes a texture with its own name and the extension `tx`: beside the input, or in the folder.
+/// Returns the textures to make. With the name of a file, all inputs make one texture, as many as the mode needs.
+/// Without a name, or with that of a folder, each input makes a texture with its own name and the extension `tx`,
+/// beside the input or in the folder.
 ///
 /// # Errors
-/// Returns an error when a mode needs several inputs for one texture, when an output that is not named would be an
-/// input, or two outputs would have one name.
+/// Returns an error when a mode needs several inputs for one texture, when an output that is not named would replace
+/// its input, or when two outputs would have one name.
 pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> Result<Vec<Job>, String> {
     let folder = match output {
         Some(path) if !is_folder(path) => {

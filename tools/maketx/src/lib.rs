@@ -1,7 +1,7 @@
-//! `maketx`: turns pictures into textures, environment maps and shadow maps (reference 9.1).
+//! `maketx` turns images into textures, environment maps and shadow maps (reference 9.1).
 //!
-//! All the work is done by [`granita_texture::make`]; here options become values, several inputs become
-//! several textures, and results become messages.
+//! The textures are made by [`granita_texture::make`]. Here options become values, several inputs become several
+//! textures, and results become messages.
 
 #![forbid(unsafe_code)]
 
@@ -23,7 +23,8 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 impl Args {
-    /// What -safe lets the tool read: beneath the folders of the inputs, and of the search path.
+    /// Returns the files that -safe lets the tool read. They lie beneath the folders of the inputs and of the search
+    /// path.
     fn readable(&self) -> Files {
         let files = Files::reading(self.inputs.iter().map(Path::new));
         let path =
@@ -32,7 +33,7 @@ impl Args {
         files
     }
 
-    /// Inputs along the search path; `None`, after an error for each, when some are missing.
+    /// Finds the inputs along the search path. Returns `None`, after an error for each, when some are missing.
     fn find_inputs(&self, reporter: &Reporter) -> Option<Vec<PathBuf>> {
         let Some(text) = &self.path else { return Some(self.inputs.iter().map(PathBuf::from).collect()) };
         let path = SearchPath::parse(text, &SearchPath::default(), &environment());
@@ -51,7 +52,7 @@ impl Args {
     }
 }
 
-/// `-debugdso`: what there is to load.
+/// Prints the image formats, for `-debugdso`.
 fn say_formats(registry: &FormatRegistry, reporter: &Reporter) {
     for name in registry.names() {
         let Some(format) = registry.by_name(name) else { continue };
@@ -68,7 +69,7 @@ fn say_formats(registry: &FormatRegistry, reporter: &Reporter) {
     }
 }
 
-/// `-stats`: what one texture took.
+/// Prints the time and the memory that one texture took, for `-stats`.
 fn say_costs(job: &Job, costs: &Costs, wall: Duration, reporter: &Reporter) {
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |m| m.len());
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
@@ -98,7 +99,7 @@ fn say_costs(job: &Job, costs: &Costs, wall: Duration, reporter: &Reporter) {
     reporter.say(Severity::Message, &Location::default(), text);
 }
 
-/// Makes one texture.
+/// Makes one texture. Returns true when it succeeds.
 fn run_job(
     job: &Job,
     args: &Args,
@@ -140,16 +141,16 @@ fn run_job(
     }
 }
 
-/// The format that the extension of a texture names, if it names one that stores textures.
+/// Returns the format that the extension of a texture names, if it names one that stores textures.
 ///
 /// # Errors
-/// When it names one that does not, with what is written under that name.
+/// Returns a message when the extension names a format that does not store textures. A TIFF file is then written.
 fn format_of(output: &Path, registry: &FormatRegistry) -> Result<Option<String>, String> {
     let extension = output.extension().map(|e| e.to_string_lossy().into_owned());
-    // What textures are called says nothing.
+    // The extension `tx` does not name a format.
     let Some(name) = extension.filter(|e| !e.eq_ignore_ascii_case("tx")) else { return Ok(None) };
     let Some(format) = registry.by_name(&name) else { return Ok(None) };
-    // Shadow maps are TIFF files as well, which maketx makes with more in them.
+    // Shadow maps are TIFF files as well. maketx writes them with more information.
     if format.name() == "shadow" {
         return Ok(None);
     }
@@ -197,7 +198,7 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
         match format_of(&job.output, &registry) {
             Ok(Some(name)) => options.format = name,
             Ok(None) => {}
-            // It is refused below.
+            // An output that is an input is refused below.
             Err(_) if job.inputs.iter().any(|input| is_same_file(input, &job.output)) => {}
             Err(warning) => reporter.warning(warning),
         }
@@ -233,7 +234,7 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
     }
 }
 
-/// Runs the tool; `words` begins with the name it was called by.
+/// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);
     let verbosity = args.verbosity();

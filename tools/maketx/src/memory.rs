@@ -1,18 +1,18 @@
-//! The installed memory, and the memory that was used.
+//! The memory of the machine and of this process.
 
-/// A line of a file of the system, in bytes.
+/// Returns the value of a line of a system file, in bytes.
 fn line(file: &str, name: &str) -> Option<u64> {
     let text = std::fs::read_to_string(file).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The memory of the machine; `None` where the system does not report it.
+/// Returns the memory of the machine, in bytes; `None` where the system does not report it.
 pub(crate) fn installed_bytes() -> Option<u64> {
     line("/proc/meminfo", "MemTotal")
 }
 
-/// The largest memory of this process so far; `None` where the system does not report it.
+/// Returns the peak memory of this process so far, in bytes; `None` where the system does not report it.
 pub(crate) fn peak_bytes() -> Option<u64> {
     line("/proc/self/status", "VmHWM")
 }

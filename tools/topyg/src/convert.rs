@@ -10,19 +10,19 @@ use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The actions.
+/// The task of the tool.
 #[derive(Debug)]
 pub(crate) struct Job {
     pub(crate) inputs: Vec<String>,
-    /// Levels of `Input` to expand.
+    /// The number of levels of `Input` to expand.
     pub(crate) depth: u32,
-    /// The search path of generators: a list of folders.
+    /// The search path of generators, which is a list of folders.
     pub(crate) generators: String,
     pub(crate) writer: WriterOptions,
     pub(crate) session: SessionOptions,
 }
 
-/// Converts all inputs, one behind the other.
+/// Converts all inputs, one after the other.
 pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
     let mut echo = Echo {
         job,
@@ -64,11 +64,11 @@ fn is_broken_pipe(error: &InputError) -> bool {
     matches!(error, InputError::Stopped(Stop::Io(e)) if e.kind() == io::ErrorKind::BrokenPipe)
 }
 
-/// Writes calls, and tracks the attribute state for scripts that query it and for search paths.
+/// Writes calls. Tracks the attribute state for scripts that query it and for search paths.
 struct Echo<'a> {
     job: &'a Job,
     finder: Inputs,
-    /// The inputs being read, outermost first.
+    /// The identities of the inputs that are being read, outermost first.
     chain: Vec<Arc<str>>,
     reporter: &'a Reporter,
     writer: Writer<Output>,
@@ -85,7 +85,7 @@ impl Echo<'_> {
         result
     }
 
-    /// The reason why an input is not read, or not completely; `at` is the position of the call.
+    /// Reports the reason why an input is not read, or not completely. `at` is the position of the call.
     fn report(&self, error: InputError, at: &Location) {
         match error {
             InputError::Scene { what, at } => self.reporter.say(Severity::Error, &at, what),
@@ -93,7 +93,7 @@ impl Echo<'_> {
         }
     }
 
-    /// A file of that name, then what `Input` finds.
+    /// Finds a file of that name, or else an input as `Input` does.
     fn find(&self, command: &str) -> Result<Input, InputError> {
         let file = Path::new(command);
         if self.chain.is_empty() && file.is_file() {
@@ -104,7 +104,8 @@ impl Echo<'_> {
         self.finder.find(command, InputPaths { input: &path, generator: &self.job.generators })
     }
 
-    /// `Input` below the last level that is expanded; `Ok (false)` when it is to be echoed.
+    /// Expands an `Input` call, unless the last level is reached or the input cannot be found. Returns `Ok(false)` when
+    /// the call must be written instead.
     fn expand(&mut self, command: &str, bound: Option<[f32; 6]>, at: &Location) -> Result<bool, Stop> {
         // "limits:inputlevels" of an untrusted scene is ignored.
         let asked = if self.job.session.safe { 0 } else { self.writer.input_levels().max(0) as u32 };
@@ -126,7 +127,7 @@ impl Echo<'_> {
                 return Ok(false);
             }
         };
-        // An input with a bound leaves no traces in the attribute state.
+        // An input with a bound does not change the attribute state.
         let bound = bound.or(found.bound());
         if bound.is_some() {
             self.call(Call::PushAttributes, at)?;
@@ -137,7 +138,7 @@ impl Echo<'_> {
         match result {
             Ok(()) => {}
             Err(InputError::Stopped(stop)) => return Err(stop),
-            // As far as it could be read.
+            // The calls before the error have been written.
             Err(error) => self.report(error, at),
         }
         if bound.is_some() {
@@ -157,7 +158,7 @@ impl SceneSink for Echo<'_> {
                     return Ok(());
                 }
             }
-            // Nothing that these change can be asked for.
+            // These calls do not change what can be queried.
             Call::Shape { .. }
             | Call::Command { .. }
             | Call::Comment(_)
@@ -184,7 +185,7 @@ impl SceneSink for Echo<'_> {
     }
 }
 
-/// The renderer behind the followed state: there is none.
+/// The renderer of the tracked state. It does nothing.
 struct Nothing;
 
 impl FrameRenderer for Nothing {

@@ -1,4 +1,4 @@
-//! `topyg`: converts scenes, and everything else that `Input` accepts, to Pyg (reference 3.8).
+//! `topyg` converts scenes, and everything else that `Input` accepts, to Pyg (reference 3.8).
 
 #![forbid(unsafe_code)]
 
@@ -57,7 +57,7 @@ struct Args {
 const AFTER_HELP: &str = "\
 Without -safe, scenes run: scripts in Python, the programs of Input (\"pyg < program\"), and plugins along -p.";
 
-/// Runs the tool; `words` begins with the name it was called by.
+/// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = granita_cli::parse(words);
     let mut environment = granita_cli::environment();
@@ -120,8 +120,8 @@ pub fn main(words: Vec<OsString>) -> Status {
     status
 }
 
-/// Everything goes to standard error, because standard output may be the scene. Once the processes of the run were
-/// ended, the resulting messages are not shown.
+/// Returns a reporter that prints everything on standard error, because standard output may be the scene. After the
+/// processes of the run were ended, the resulting messages are not shown.
 fn stderr_reporter(supervisor: Supervisor) -> Reporter {
     Reporter::new(Box::new(move |message| {
         if supervisor.has_ended() {
@@ -136,7 +136,8 @@ fn stderr_reporter(supervisor: Supervisor) -> Reporter {
     }))
 }
 
-/// `-p`, then `GELATO_GENERATOR_PATH`, the current folder and `$GELATOHOME/lib`.
+/// Returns the search path of generators. It consists of `-p`, `GELATO_GENERATOR_PATH`, the current folder and
+/// `$GELATOHOME/lib`.
 fn generator_path(option: Option<&str>, environment: &Environment) -> String {
     let parts = [option, environment.get("GELATO_GENERATOR_PATH"), Some("."), Some("$GELATOHOME/lib")];
     parts.into_iter().flatten().collect::<Vec<_>>().join(":")

@@ -1,4 +1,4 @@
-//! The command `topyg`; all of it is in this package's library, so that `gelato` can carry it along.
+//! The command `topyg`. Its code is in the library of this package, so that `gelato` can contain it.
 
 #![forbid(unsafe_code)]
 

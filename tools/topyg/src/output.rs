@@ -1,4 +1,4 @@
-//! The destination of the text: standard output, or a file that appears complete or not at all.
+//! The destination of the text, which is standard output or a file that appears complete or not at all.
 
 use granita_base::{AtomicFile, FileError, Files};
 use std::io::{self, Write};
@@ -9,12 +9,13 @@ use std::path::Path;
 pub(crate) enum Output {
     /// Standard output.
     Standard(io::Stdout),
-    /// A file. Half a scene is worth nothing: dropped before [`Output::finish`], it leaves nothing.
+    /// A file. An output that is dropped before [`Output::finish`] leaves no file, because a part of a scene is
+    /// useless.
     File(AtomicFile),
 }
 
 impl Output {
-    /// Opens `path`, or standard output.
+    /// Opens `path`; standard output without one.
     pub(crate) fn open(path: Option<&Path>, files: &Files) -> Result<Self, FileError> {
         Ok(match path {
             Some(path) => Self::File(files.create(path)?),
@@ -22,7 +23,7 @@ impl Output {
         })
     }
 
-    /// The output is complete: gives the file its name.
+    /// Completes the output. A file gets its name now.
     pub(crate) fn finish(self) -> io::Result<()> {
         match self {
             Self::Standard(mut out) => out.flush(),

@@ -1,4 +1,4 @@
-//! The tool from outside.
+//! Tests that run the tool as a process.
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test, and says why")]
 
 use std::path::Path;
@@ -98,7 +98,7 @@ fn a_closed_pipe_is_success() {
     assert!(out.stderr.is_empty());
 }
 
-/// A generator is any program along the path; what follows its name goes to it.
+/// Writes a generator, which is any program along the path. The words after its name are passed to it.
 #[cfg(unix)]
 fn generator(folder: &Path, place: &str, radius: u32) {
     std::fs::create_dir_all(folder.join(place)).unwrap();
@@ -124,9 +124,9 @@ fn generators_are_found_along_the_option_and_the_variable() {
     assert_eq!(run(&["-p", "none:one", "grow 7"], None), sphere(1));
     assert_eq!(run(&["-p", "two:one", "grow 7"], None), sphere(2));
     assert_eq!(run(&["grow 7"], Some("one:two")), sphere(1));
-    // The option comes first.
+    // The option takes precedence.
     assert_eq!(run(&["-p", "two", "grow 7"], Some("one")), sphere(2));
-    // The same of an Input that is expanded.
+    // The same holds for an Input that is expanded.
     std::fs::write(dir.path().join("a.pyg"), "Input (\"grow 7\")\n").unwrap();
     assert_eq!(run(&["-r", "1", "-p", "one", "a.pyg"], None), sphere(1));
 }
@@ -139,8 +139,8 @@ fn with_v_it_tells_what_it_reads() {
     assert!(told(&["-v", "a.pyg"]).contains("2 calls"), "{}", told(&["-v", "a.pyg"]));
 }
 
-/// `PYG_ALWAYS_PYGLET`, `PYG_NEVER_PYGLET`, `PYG_NEVER_CHUNK`: whether Python is needed, and how much of a file it sees
-/// at once.
+/// Tests `PYG_ALWAYS_PYGLET`, `PYG_NEVER_PYGLET` and `PYG_NEVER_CHUNK`. They control whether Python is needed, and how
+/// much of a file it gets at once.
 #[cfg(unix)]
 #[test]
 fn variables_choose_who_reads() {
@@ -162,7 +162,7 @@ fn variables_choose_who_reads() {
             String::from_utf8(out.stderr).unwrap(),
         )
     };
-    // Where there is no Python, flat files are read all the same, unless Python is to read them.
+    // Without Python, flat files can be read, unless Python is required for them.
     let nowhere = dir.path().join("none");
     let path = ("PATH", nowhere.to_str().unwrap());
     assert_eq!(run("flat.pyg", &[path]).0, 0);
@@ -170,7 +170,7 @@ fn variables_choose_who_reads() {
     assert!(status == 2 && said.contains("python3"), "{said}");
     let (status, _, said) = run("script.pyg", &[path]);
     assert!(status == 2 && said.contains("python3"), "{said}");
-    // And where there is one, no script is read if all files are to be flat.
+    // With Python, scripts are not read when all files must be flat.
     let (status, _, said) = run("script.pyg", &[("PYG_ALWAYS_PYGLET", "1")]);
     assert!(status == 2 && said.contains("only flat scenes are to be read"), "{said}");
     if !granita_needs::has("python3") {
@@ -182,8 +182,8 @@ fn variables_choose_who_reads() {
     {
         assert_eq!(run("script.pyg", variables).1, scene, "{variables:?}");
     }
-    // In chunks, what stands before a mistake of syntax has been done when it is found; at once, nothing of the script
-    // has.
+    // In chunks, the calls before a syntax error are executed before it is found. With the whole script at once, none
+    // of its calls are executed.
     let calls = |variables: &[(&str, &str)]| {
         let out = dir.path().join("out.pyg");
         let _ = std::fs::remove_file(&out);

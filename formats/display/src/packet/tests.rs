@@ -1,9 +1,9 @@
-//! Packets byte by byte, and any packet written and read.
+//! Tests packets byte by byte, and any packet that is encoded and decoded.
 
 use super::*;
 use proptest::prelude::*;
 
-/// A packet made by hand: type and content.
+/// Returns a packet of this type and content.
 fn bytes(kind: u8, content: &[&[u8]]) -> Vec<u8> {
     let content = content.concat();
     let length = u32::try_from(content.len() + 5).unwrap();
@@ -76,7 +76,7 @@ fn every_form_of_every_packet() {
         decode(&bytes(3, &[b"\0pic\0G\0", &place, &floats(&[1.0, 2.0])])).unwrap(),
         update(vec![channel("G", 0, 1)], &[1.0, 2.0])
     );
-    // A stride of 0 repeats one value, as in tev's own reader: the packet has no more values than are looked at.
+    // A stride of 0 repeats one value, as in tev's own reader. The packet has only the values that are used.
     let same =
         bytes(6, &[b"\0pic\0", &ints(&[2]), b"G\0R\0", &place, &longs(&[1, 0, 0, 0]), &floats(&[1.0, 2.0])]);
     assert_eq!(decode(&same).unwrap(), update(vec![channel("G", 1, 0), channel("R", 0, 0)], &[1.0, 2.0]));
@@ -94,7 +94,7 @@ fn every_form_of_every_packet() {
     );
     let update = update(vec![channel("G", 1, 3), channel("R", 0, 3)], &[9.0; 5]);
     assert_eq!(decode(&third).unwrap(), update);
-    // The encoder writes the newest form, to the byte.
+    // The encoder writes the newest form, exact to the byte.
     for (packet, expected) in
         [(create, created), (update, third), (open("a:b", "c"), bytes(7, &[b"\x01a:b\0c\0"]))]
     {
@@ -190,7 +190,7 @@ fn what_the_protocol_cannot_say_is_not_written() {
         assert!(packet.encode(&mut out).is_err(), "{packet:?}");
         assert_eq!(out, [7]);
     }
-    // More values than are used are left out.
+    // Values that are not used are omitted.
     update(vec![channel("R", 0, 1)], rect, 9).encode(&mut out).unwrap();
     assert_eq!(decode(&out[1..]).unwrap(), update(vec![channel("R", 0, 1)], rect, 4));
 }

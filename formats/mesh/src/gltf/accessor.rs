@@ -1,15 +1,15 @@
-//! Numbers out of accessors: all component types, normalised, interleaved, sparse.
+//! Reads numbers from accessors of all component types. They may be normalised, interleaved and sparse.
 
 use super::buffers::Buffers;
 use super::document::{Accessor, Document, item};
 use std::ops::Range;
 
-/// Accessors without data mean zeros; more of them than this mean mischief.
+/// The largest number of zeros of an accessor without data. Real files have fewer of them.
 const MOST_ZEROS: u64 = 1 << 20;
-/// Data are read in pieces of about this size.
+/// The size of the pieces in which data are read, in bytes.
 const PIECE: u64 = 1 << 20;
 
-/// A component type (by its number in OpenGL).
+/// A component type. The file stores its number in OpenGL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Component {
     I8,
@@ -41,7 +41,7 @@ impl Component {
         }
     }
 
-    /// The value at the beginning of `bytes`, normalised as the format requires.
+    /// Returns the value at the beginning of `b`, normalised as the format requires.
     #[inline]
     fn value(self, b: &[u8], normalized: bool) -> f32 {
         let (value, one) = match self {
@@ -65,7 +65,7 @@ impl Component {
     }
 }
 
-/// Numbers per element of an accessor's type.
+/// Returns the number of numbers per element of an accessor's type.
 fn width(kind: &str) -> Result<usize, String> {
     Ok(match kind {
         "SCALAR" => 1,
@@ -82,17 +82,17 @@ fn width(kind: &str) -> Result<usize, String> {
     })
 }
 
-/// Elements on their way out of an accessor.
+/// Data that is read from an accessor.
 enum Data<'a> {
     /// The expected number of elements.
     Room(usize),
     /// All elements are zero.
     Zeros(usize),
-    /// The bytes of one.
+    /// The bytes of one element.
     Element(&'a [u8]),
 }
 
-/// Reads accessors.
+/// Reads the elements of accessors.
 pub(super) struct Reader<'a> {
     pub(super) document: &'a Document,
     pub(super) buffers: Buffers,
@@ -103,13 +103,13 @@ impl<'a> Reader<'a> {
         item(&self.document.accessors, index).ok_or_else(|| format!("there is no accessor {index}"))
     }
 
-    /// The number of elements of accessor `index`.
+    /// Returns the number of elements of accessor `index`.
     pub(super) fn count(&self, index: usize) -> Result<u64, String> {
         self.accessor(index).map(|a| a.count)
     }
 
-    /// Elements `range` of accessor `index`, which must have one of the `widths` of numbers per element; the numbers,
-    /// and how many make an element.
+    /// Returns the numbers of elements `range` of accessor `index`, and the number of numbers per element. It must be
+    /// one of `widths`.
     ///
     /// # Errors
     /// Returns a text with the index of the accessor.
@@ -154,7 +154,7 @@ impl<'a> Reader<'a> {
         Ok((out, n))
     }
 
-    /// The indices of accessor `index`.
+    /// Returns the indices in accessor `index`.
     ///
     /// # Errors
     /// Returns a text with the index of the accessor.
@@ -215,7 +215,7 @@ impl<'a> Reader<'a> {
         let end = last.and_then(|l| l.checked_add(accessor.byte_offset)?.checked_add(size as u64));
         let end = end.ok_or("sizes beyond all memory")?;
         self.check_view(view, end)?;
-        // The data must be there before room is made for them.
+        // The first piece of data is read before memory for all elements is reserved.
         let per_piece = (PIECE / stride).max(1);
         let mut at = range.start;
         while at < range.end {
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// Checks that `end` bytes lie in a view, and the view in its buffer.
+    /// Returns an error unless the first `end` bytes lie in a view, and the view in its buffer.
     fn check_view(&mut self, view: usize, end: u64) -> Result<(), String> {
         let Some(desc) = item(&self.document.buffer_views, view) else {
             return Err(format!("there is no buffer view {view}"));
@@ -263,7 +263,7 @@ impl<'a> Reader<'a> {
         self.buffers.read(self.document, desc.buffer, at, length)
     }
 
-    /// Passes the elements that replace others inside of `range`.
+    /// Passes the sparse elements inside of `range`, which replace others, to `replace`.
     fn sparse(
         &mut self,
         sparse: &super::document::Sparse,

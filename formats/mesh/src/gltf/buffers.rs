@@ -1,4 +1,4 @@
-//! The binary data of a glTF file: a chunk of the file itself, files beside it, or text inside of it.
+//! The binary data of a glTF file, which is a chunk of the file itself, files beside it, or text inside of it.
 
 use super::document::{Document, item};
 use crate::source::{Stream, open_file};
@@ -13,12 +13,12 @@ use std::path::PathBuf;
 /// Opens buffers when they are first read.
 pub(super) struct Buffers {
     stream: Box<dyn Stream>,
-    /// Offset and length of the binary chunk.
+    /// The offset and the length of the binary chunk, in bytes.
     chunk: Option<(u64, u64)>,
     folder: Option<PathBuf>,
-    /// Opens the files.
+    /// The opener of files.
     files: Files,
-    /// Hears of the files that are read.
+    /// The receiver of the names of files that are read.
     reporter: Reporter,
     open: BTreeMap<usize, Result<Data, String>>,
 }
@@ -69,7 +69,7 @@ impl Buffers {
                 read_at(&mut self.stream, begin.saturating_add(offset), length)
             }
             Data::File { file, .. } => read_at(file, offset, length),
-            // Within the length, so it fits.
+            // `end` is within the length, so both numbers fit.
             Data::Inline(bytes) => Ok(bytes[offset as usize..end as usize].to_vec()),
         }
         .map_err(|e: std::io::Error| format!("buffer {buffer}: {e}"))
@@ -110,7 +110,7 @@ fn open(
     }
 }
 
-/// The bytes of a `data:` URI; `None` for another one.
+/// Returns the bytes of a `data:` URI; `None` for any other URI.
 pub(super) fn data_of_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
     let (kind, text) = uri.strip_prefix("data:")?.split_once(',')?;
     if !kind.ends_with(";base64") {
@@ -120,7 +120,7 @@ pub(super) fn data_of_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
     Some(engine.decode(text).map_err(|e| format!("base64: {e}")))
 }
 
-/// The file that a relative URI means.
+/// Returns the path of the file that a relative URI names.
 ///
 /// # Errors
 /// Returns a text for other addresses and for sources without a folder.

@@ -1,4 +1,5 @@
-//! The JSON of a glTF file, as far as it is used. Each item is read for itself: one that is wrong costs only itself.
+//! The supported part of the JSON of a glTF file. Each item is read separately. An item with an error does not affect
+//! others.
 
 use crate::faults::Faults;
 use serde::Deserialize;
@@ -6,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
-/// Items by number; `None` where one could not be read.
+/// Items by their index; `None` where an item could not be read.
 pub(super) type Items<T> = Vec<Option<T>>;
 
 #[derive(Debug, Default)]
@@ -249,7 +250,7 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// Its light of `KHR_lights_punctual`.
+    /// Returns the index of its light of `KHR_lights_punctual`.
     pub(super) fn light(&self) -> Option<usize> {
         let light = self.extensions.get("KHR_lights_punctual")?.get("light")?.as_u64()?;
         usize::try_from(light).ok()
@@ -290,7 +291,7 @@ pub(super) struct Texture {
 }
 
 impl Document {
-    /// Reads the text; the error is the message of serde, with line and column.
+    /// Reads the JSON. The error is the message of serde, with line and column.
     pub(super) fn parse(json: &[u8], faults: &mut Faults<'_>) -> Result<Self, String> {
         let mut root = match serde_json::from_slice(json) {
             Ok(Value::Object(root)) => root,
@@ -336,7 +337,7 @@ impl Document {
     }
 }
 
-/// The item `index` of a list, if it is there and could be read.
+/// Returns item `index` of a list, if it exists and could be read.
 pub(super) fn item<T>(items: &Items<T>, index: usize) -> Option<&T> {
     items.get(index)?.as_ref()
 }

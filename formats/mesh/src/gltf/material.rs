@@ -1,4 +1,4 @@
-//! Materials, as attributes and the shader `gltfsurface`.
+//! Materials, which become attributes and the shader `gltfsurface`.
 
 use super::buffers::path_of_uri;
 use super::document::{Document, Items, Material, Sampler, TextureRef, TextureTransform, item};
@@ -9,20 +9,20 @@ use granita_scene::{Call, Stop, attr};
 use serde_json::Value;
 use std::path::PathBuf;
 
-/// The properties of a mesh that a material uses.
+/// The properties of a material that affect the parameters of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Look {
-    /// The set of texture coordinates, if a texture uses one.
+    /// The index of the set of texture coordinates, if a texture uses one.
     pub(super) texcoord: Option<u32>,
     /// The transformation of the texture coordinates.
     pub(super) transform: TextureTransform,
-    /// Scales the colours of vertices.
+    /// The factor of the colours and the alpha of vertices.
     pub(super) base: [f32; 4],
     /// True when alpha has an effect.
     pub(super) blends: bool,
 }
 
-/// The default without a material.
+/// The properties without a material.
 pub(super) const PLAIN: Look = Look {
     texcoord: Some(0),
     transform: TextureTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2], tex_coord: None },
@@ -39,16 +39,16 @@ struct Picture {
     sampler: Sampler,
 }
 
-/// Materials of a document, on their way to calls.
+/// The materials of a document.
 pub(super) struct Materials<'a> {
     pub(super) document: &'a Document,
     pub(super) folder: Option<PathBuf>,
-    /// The file itself, for the images in it.
+    /// The path of the file itself, for the images in it.
     pub(super) file: Option<PathBuf>,
 }
 
 impl Materials<'_> {
-    /// The properties of a mesh that material `index` uses.
+    /// Returns the properties of material `index` that affect the parameters of a mesh.
     pub(super) fn look(&self, index: Option<usize>) -> Look {
         let Some(material) = index.and_then(|i| item(&self.document.materials, i)) else { return PLAIN };
         let texture = first_texture(material);
@@ -61,7 +61,7 @@ impl Materials<'_> {
         }
     }
 
-    /// Makes material `index` that of what follows.
+    /// Makes material `index` the material of the following shapes.
     pub(super) fn emit(
         &self,
         index: usize,
@@ -167,7 +167,7 @@ impl Materials<'_> {
         }
     }
 
-    /// The image and the sampler of a texture.
+    /// Returns the image and the sampler of a texture.
     fn picture(&self, texture: &TextureRef, material: usize, faults: &mut Faults<'_>) -> Option<Picture> {
         let document = self.document;
         let source = item(&document.textures, texture.index);
@@ -194,7 +194,7 @@ impl Materials<'_> {
                     None
                 }
             },
-            // Inside of the file, in one of the formats for screens.
+            // The image is inside of the file. Its format is one for screens.
             _ => match &self.file {
                 Some(file) => {
                     let path = format!("{}#{number}", emit::texture_path(file));
@@ -217,7 +217,7 @@ fn copy(samplers: &Items<Sampler>, index: usize) -> Option<Sampler> {
     item(samplers, index).map(|s| Sampler { wrap_s: s.wrap_s, wrap_t: s.wrap_t })
 }
 
-/// The texture whose coordinates count.
+/// Returns the texture whose coordinates are used.
 fn first_texture(m: &Material) -> Option<&TextureRef> {
     let pbr = &m.pbr_metallic_roughness;
     let all = [&pbr.base_color_texture, &m.emissive_texture, &pbr.metallic_roughness_texture];
@@ -231,7 +231,7 @@ fn transform(texture: &TextureRef) -> TextureTransform {
 }
 
 impl TextureTransform {
-    /// Coordinates as the extension changes them: scaled, turned, moved.
+    /// Transforms texture coordinates as the extension requires. They are scaled, rotated and translated.
     pub(super) fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         if *self == PLAIN.transform {
             return [u, v];

@@ -1,7 +1,7 @@
-//! glTF 2: meshes, materials, lights and cameras of the nodes of a scene.
+//! glTF 2. The meshes, materials, lights and cameras of the nodes of a scene become calls.
 //!
-//! The JSON is held whole; binary data are read as they are needed, a primitive at a time. Shapes of a mesh that
-//! several nodes show are made once, and their data shared.
+//! The JSON is held in memory as a whole. Binary data is read as it is needed, one primitive at a time. The shapes of a
+//! mesh that several nodes use are made once, and their data is shared.
 
 mod accessor;
 mod buffers;
@@ -30,7 +30,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::rc::Rc;
 
-/// JSON beyond this is refused: it is held in memory several times over.
+/// The largest number of bytes of the JSON, which needs several times as much memory.
 const MOST_JSON: u64 = 1 << 31;
 
 /// The supported extensions among those that a file may require.
@@ -40,7 +40,7 @@ const EXTENSIONS: [&str; 9] = [
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
-    // Told of where they are used.
+    // These are reported where they are used.
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -48,11 +48,12 @@ const EXTENSIONS: [&str; 9] = [
     "KHR_xmp_json_ld",
 ];
 
-/// Reads `.gltf` files, and binary ones under any name.
+/// Reads `.gltf` files, and binary files with any name.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gltf;
 
-/// [`Gltf`] under the name of its binary files: a file's ending is the name of its generator (reference 2.9).
+/// The same as [`Gltf`], with the name of binary files. The extension of a file is the name of its generator (reference
+/// 2.9).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Glb;
 
@@ -155,7 +156,7 @@ impl Generator for Gltf {
     }
 }
 
-/// The JSON, and the offset of the binary chunk.
+/// Returns the JSON, and the offset and the length of the binary chunk.
 #[allow(clippy::type_complexity, reason = "said in the words above")]
 fn container(
     name: &str,
@@ -179,7 +180,7 @@ fn container(
     if !binary {
         let mut json = Vec::new();
         stream.take(length).read_to_end(&mut json).map_err(fail)?;
-        // A byte order mark is not JSON, but some programs write one.
+        // Some programs write a byte order mark, which is not JSON.
         if json.starts_with(b"\xef\xbb\xbf") {
             json.drain(..3);
         }
@@ -204,7 +205,7 @@ fn container(
         stream.read_exact(&mut header).map_err(fail)?;
         let length = u64::from(u32::from_le_bytes([header[0], header[1], header[2], header[3]]));
         next += 8;
-        // A file that ends early is read as far as it goes.
+        // A file that ends early is read up to its end.
         let length = length.min(size - next);
         if &header[4..] == b"BIN\0" {
             chunk = Some((next, length));
@@ -215,21 +216,21 @@ fn container(
     Ok((json, chunk))
 }
 
-/// The calls of a document.
+/// Makes the calls of a document.
 struct Run<'a> {
     document: &'a Document,
     emit: Emit<'a>,
     faults: Faults<'a>,
-    /// Name of the file without folder and ending.
+    /// The name of the file without folder and extension.
     stem: String,
     reader: Reader<'a>,
     materials: Materials<'a>,
-    /// Shapes of meshes, with their skins, that more nodes will show.
+    /// The shapes of meshes, by mesh and skin, that further nodes will use.
     shared: BTreeMap<(usize, Option<usize>), Rc<Vec<Built>>>,
 }
 
 impl Run<'_> {
-    /// Tells what will be missing.
+    /// Reports unsupported features of the file.
     fn check(&mut self) {
         for name in self.document.required.iter().filter(|n| !EXTENSIONS.contains(&n.as_str())) {
             self.faults.error("extension", 0, || {
@@ -304,7 +305,8 @@ impl Run<'_> {
                     continue;
                 }
             };
-            // Candela or lux make luminance on a matte surface after a division by pi, which shaders do not do.
+            // The intensity is in candela or lux. Their effect on a matte surface is divided by pi, which shaders do
+            // not do.
             let intensity = light.intensity / PI;
             let finite = intensity.is_finite() && light.color.iter().all(|x| x.is_finite());
             let (true, Some(matrix)) = (finite, placed.looking()) else {
@@ -351,7 +353,7 @@ impl Run<'_> {
         for placed in nodes {
             let Some(index) = placed.node.mesh else { continue };
             let key = (index, placed.node.skin);
-            // Nodes with weights of their own have shapes of their own.
+            // Nodes that have weights have shapes of their own.
             let own = !placed.node.weights.is_empty();
             let more = left.get_mut(&key).filter(|_| !own).map_or(0, |n| {
                 *n -= 1;
@@ -377,7 +379,7 @@ impl Run<'_> {
                 },
                 None => None,
             };
-            // The joints define the positions of the vertices, and the node does not.
+            // The joints define the positions of the vertices. The transformation of the node has no effect.
             let here = Placed { index: placed.index, node: placed.node, matrix: scene::IDENTITY };
             let place = if joints.is_some() { &here } else { placed };
             let Some(matrix) = place.rows() else {
@@ -427,7 +429,7 @@ impl Run<'_> {
             match source.build(&mut self.reader, &mut self.faults) {
                 Ok(built) => all.extend(built),
                 Err(why) => {
-                    // Each reason once.
+                    // Each reason is reported once.
                     self.faults
                         .error(format!("primitive {why}"), 0, || format!("{}: {why}: left out", source.what));
                 }
@@ -437,7 +439,7 @@ impl Run<'_> {
     }
 }
 
-/// The first of the names that is one, or `instead`; with a number behind it if it was given before.
+/// Returns the first name that is not empty, or `instead`. A number is appended when the name was used before.
 fn unique(given: &mut BTreeMap<String, u32>, names: &[&String], instead: &str) -> String {
     let name = names.iter().find(|n| !n.is_empty()).map_or(instead, |n| n.as_str());
     let mut number = given.get(name).copied().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! The images of a glTF file, also those inside of it, for textures and `maketx`.
+//! The images of a glTF file, including those inside of it, for textures and `maketx`.
 
 use super::buffers::{Buffers, data_of_uri, path_of_uri};
 use super::container;
@@ -15,10 +15,10 @@ use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Reads the images of `.gltf` and `.glb` files as images of one file, numbered as in the list `images` of the file:
-/// `model.glb#2` is the third. Each is opened, and read from the file, when it is first used.
+/// Reads the images of `.gltf` and `.glb` files as images of one file, with the indices of the list `images` in the
+/// file. `model.glb#2` is the third image. Each image is opened and read when it is first used.
 ///
-/// Images may lie in a buffer view, in a `data:` URI, or in a file beside.
+/// Images may be in a buffer view, in a `data:` URI, or in a file beside it.
 #[derive(Debug)]
 pub struct GltfPictures {
     /// The formats that images may have.
@@ -26,7 +26,7 @@ pub struct GltfPictures {
 }
 
 impl GltfPictures {
-    /// `formats` read the images themselves.
+    /// Returns the format. `formats` read the images themselves.
     pub fn new(formats: FormatRegistry) -> Self {
         Self { formats }
     }
@@ -53,7 +53,7 @@ impl Format for GltfPictures {
         let malformed = |what: String| ImageError::Malformed { path: path.to_owned(), format: "glTF", what };
         let failed = |error: GeneratorError| match error {
             GeneratorError::Io { source, .. } => ImageError::Io { path: path.to_owned(), source },
-            // The others begin with the name.
+            // The texts of other errors begin with the name.
             other => {
                 let text = other.to_string();
                 malformed(text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&text).to_owned())
@@ -62,7 +62,7 @@ impl Format for GltfPictures {
         let source = GeneratorSource::file(path).with_files(&limits.files);
         let Opened { name, mut stream, size } = open(&source).map_err(failed)?;
         let (json, chunk) = container(&name, &mut stream, size).map_err(failed)?;
-        // The generator reports the errors of the file as a scene.
+        // The generator reports the errors of the file when it reads the scene.
         let silent = Reporter::silent();
         let document = Document::parse(&json, &mut Faults::new(&silent, name)).map_err(malformed)?;
         let count = document.images.len();

@@ -1,4 +1,4 @@
-//! Primitives of meshes, as shapes with their parameters.
+//! The primitives of meshes, which become shapes with their parameters.
 
 use super::accessor::Reader;
 use super::document::Primitive;
@@ -9,7 +9,7 @@ use crate::emit::{floats, lines, points, positions};
 use crate::faults::Faults;
 use granita_base::{BaseType, Interp, Param, Params, ShapeDesc};
 
-/// A shape, and the material that it has.
+/// A shape and the index of its material.
 #[derive(Clone, Debug)]
 pub(super) struct Built {
     pub(super) shape: ShapeDesc,
@@ -17,19 +17,19 @@ pub(super) struct Built {
     pub(super) material: Option<usize>,
 }
 
-/// A primitive, and what messages call it.
+/// A primitive, and its description in messages (`what`).
 pub(super) struct Source<'a> {
     pub(super) primitive: &'a Primitive,
     pub(super) look: Look,
-    /// Matrices of the joints, for a mesh with a skin.
+    /// The matrices of the joints, for a mesh with a skin.
     pub(super) joints: Option<&'a [Matrix]>,
-    /// Weights of the morph targets at rest.
+    /// The weights of the morph targets at rest.
     pub(super) weights: &'a [f32],
     pub(super) what: String,
 }
 
 impl Source<'_> {
-    /// The shape; `None` when there is nothing to draw. Triangles with errors are left out.
+    /// Returns the shape; `None` when there is nothing to draw. Elements with errors are left out.
     ///
     /// # Errors
     /// Returns a text when the primitive cannot be read at all.
@@ -46,7 +46,7 @@ impl Source<'_> {
             Some(index) => Some(reader.indices(index)?),
             None => None,
         };
-        // Only the vertices between the first and the last one that is used are read: many primitives may share one
+        // Only the vertices between the first and the last used one are read, because many primitives may share one
         // array.
         if count > u64::from(u32::MAX) {
             return Err(format!("{count} vertices are more than indices can name"));
@@ -109,7 +109,7 @@ impl Source<'_> {
                 let columns = columns.into_iter().map(|(name, base, width, values)| {
                     floats(name, base, Interp::Vertex, pick(&values, width, &local))
                 });
-                // Normals would make ribbons of them.
+                // Normals would turn the lines into ribbons.
                 let params = params.0.into_iter().chain(columns.filter(|p| &*p.name != "N")).collect();
                 return Ok(Some(Built { shape, params, material: primitive.material }));
             }
@@ -144,7 +144,7 @@ impl Source<'_> {
     fn check_compression(&self, reader: &Reader<'_>, position: usize) -> Result<(), String> {
         let compressed = self.primitive.extensions.keys().find(|k| k.contains("compression"));
         let Some(name) = compressed else { return Ok(()) };
-        // Files may carry the plain data too.
+        // Files may also contain the uncompressed data.
         let plain = super::document::item(&reader.document.accessors, position)
             .is_some_and(|a| a.buffer_view.is_some());
         if plain {
@@ -161,7 +161,8 @@ impl Source<'_> {
         });
     }
 
-    /// Everything but positions: name, type, numbers per vertex, values of the used vertices.
+    /// Returns all parameters except positions, with their name, type, number of values per vertex, and values of the
+    /// used vertices.
     fn columns(
         &self,
         reader: &mut Reader<'_>,
@@ -228,7 +229,7 @@ fn column((name, base, _, values): Column) -> Param {
     floats(name, base, Interp::Vertex, values)
 }
 
-/// Items `which` of a list with `n` numbers each.
+/// Returns the items `which` of a list with `n` numbers per item.
 fn pick(values: &[f32], n: usize, which: &[u32]) -> Vec<f32> {
     which.iter().flat_map(|i| &values[*i as usize * n..(*i as usize + 1) * n]).copied().collect()
 }
@@ -236,19 +237,19 @@ fn pick(values: &[f32], n: usize, which: &[u32]) -> Vec<f32> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum ElementKind {
     Triangles,
-    /// The number of vertices of each.
+    /// Lines with this number of vertices each.
     Lines(usize),
     Points,
 }
 
-/// Vertices of elements of one size, one behind the other.
+/// The vertices of elements of one size, one element after the other.
 struct Elements {
     kind: ElementKind,
     verts: Vec<u32>,
 }
 
 impl Elements {
-    /// The vertices of elements that have only good ones, and whether there were others.
+    /// Returns the vertices of the elements in which all vertices are good, and true when other elements were left out.
     fn keep(&self, good: impl Fn(&u32) -> bool) -> (Vec<u32>, bool) {
         let n = match self.kind {
             ElementKind::Triangles => 3,
@@ -266,7 +267,8 @@ impl Elements {
     }
 }
 
-/// The elements that a mode of OpenGL makes of a sequence of vertices. Vertices left over at the end are ignored.
+/// Returns the elements that a mode of OpenGL makes of a sequence of vertices. Remaining vertices at the end are
+/// ignored.
 fn elements(mode: u32, mut v: Vec<u32>) -> Result<Elements, String> {
     let whole = |mut v: Vec<u32>, n: usize| {
         v.truncate(v.len() / n * n);
@@ -279,7 +281,7 @@ fn elements(mode: u32, mut v: Vec<u32>) -> Result<Elements, String> {
             if mode == 2 {
                 v.extend(v.first().copied());
             }
-            // One curve; with fewer than two vertices, none.
+            // The line is one curve. With fewer than two vertices there is none.
             if v.len() < 2 {
                 v.clear();
             }
@@ -302,8 +304,8 @@ fn elements(mode: u32, mut v: Vec<u32>) -> Result<Elements, String> {
     Ok(Elements { kind, verts })
 }
 
-/// The vertices that are used, counted from the beginning of the range, in the order of the file; and `verts` by their
-/// positions among them.
+/// Returns the used vertices, counted from the beginning of the range, in the order of the file. The second list is
+/// `verts` as indices into the first one.
 fn renumber(verts: &[u32], range: &std::ops::Range<u64>) -> (Vec<u32>, Vec<u32>) {
     let mut local = vec![u32::MAX; (range.end - range.start) as usize];
     for v in verts {

@@ -1,10 +1,10 @@
-//! The nodes of a scene, and where each of them is.
+//! The nodes of a scene and their transformations.
 
 use super::document::{Document, Node, item};
 use crate::faults::Faults;
 use granita_base::{Bound, Transform, Vec3};
 
-/// Row vectors, as everywhere in the suite; in double precision, for hierarchies may be deep.
+/// A matrix for row vectors, as everywhere in the suite. It has double precision because hierarchies may be deep.
 pub(super) type Matrix = [[f64; 4]; 4];
 
 pub(super) const IDENTITY: Matrix =
@@ -18,7 +18,7 @@ pub(super) struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// The matrix row by row; `None` when it is not finite.
+    /// Returns the matrix row by row; `None` when it is not finite.
     pub(super) fn rows(&self) -> Option<[f32; 16]> {
         let mut rows = [0.0; 16];
         for (to, from) in rows.iter_mut().zip(self.matrix.iter().flatten()) {
@@ -27,14 +27,14 @@ impl Placed<'_> {
         rows.iter().all(|x| x.is_finite()).then_some(rows)
     }
 
-    /// The same as [`Placed::rows`], turned to look along z and without scale: for cameras and lights, which look
-    /// along -z in glTF and along z here. "x" stays on the right.
+    /// Returns the matrix of a camera or a light, without scale. They look along -z in glTF and along z in the suite,
+    /// so z is reversed. "x" stays on the right. Returns `None` when the matrix is not finite.
     pub(super) fn looking(&self) -> Option<[f32; 16]> {
         let mut rows = self.matrix;
         for (i, row) in rows.iter_mut().enumerate().take(3) {
             let length = row[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
             let sign = if i == 2 { -1.0 } else { 1.0 };
-            // Adding zero makes of a negative zero a positive one.
+            // Adding zero turns a negative zero into a positive one.
             row[..3].iter_mut().for_each(|x| *x = *x * sign / length + 0.0);
         }
         let turned = Placed { index: self.index, node: self.node, matrix: rows };
@@ -42,7 +42,7 @@ impl Placed<'_> {
     }
 }
 
-/// The nodes of the scene that is to be shown, parents before children.
+/// Returns the nodes of the scene that is shown, parents before children.
 pub(super) fn nodes<'a>(document: &'a Document, faults: &mut Faults<'_>) -> Vec<Placed<'a>> {
     let roots = match document.scene.or((!document.scenes.is_empty()).then_some(0)) {
         Some(scene) => match item(&document.scenes, scene) {
@@ -73,7 +73,7 @@ pub(super) fn nodes<'a>(document: &'a Document, faults: &mut Faults<'_>) -> Vec<
     all
 }
 
-/// Nodes without a parent.
+/// Returns the indices of the nodes without a parent.
 fn roots(document: &Document) -> Vec<usize> {
     let mut child = vec![false; document.nodes.len()];
     for node in document.nodes.iter().flatten() {
@@ -86,10 +86,10 @@ fn roots(document: &Document) -> Vec<usize> {
     (0..child.len()).filter(|i| !child[*i]).collect()
 }
 
-/// Node space to its parent's.
+/// Returns the matrix from the space of a node to that of its parent.
 fn local(node: &Node) -> Matrix {
     if let Some(m) = node.matrix {
-        // Columns of column vectors are rows of row vectors.
+        // The columns of a matrix for column vectors are the rows of one for row vectors.
         return std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
     }
     let t = node.translation.unwrap_or([0.0; 3]);
@@ -112,13 +112,14 @@ fn local(node: &Node) -> Matrix {
     m
 }
 
-/// First `a`, then `b`.
+/// Returns the product of two matrices, which applies `a` first and then `b`.
 pub(super) fn times(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..4).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// The box around all meshes, from the ranges of their accessors. `None` when a range is missing, or when the file
-/// contains more than meshes of triangles, because lights must be made at once, and lines and points have widths.
+/// Returns the bounding box of all meshes, from the ranges of their accessors. Returns `None` when a range is missing,
+/// or when the file contains more than meshes of triangles, because lights must be made at once, and lines and points
+/// have widths.
 pub(super) fn bound(document: &Document, nodes: &[Placed<'_>]) -> Option<[f32; 6]> {
     let mut all = Bound::EMPTY;
     for placed in nodes {
@@ -141,7 +142,7 @@ pub(super) fn bound(document: &Document, nodes: &[Placed<'_>]) -> Option<[f32; 6
                 [x, y, z] => Some(Vec3::new(*x as f32, *y as f32, *z as f32)).filter(|p| p.is_finite()),
                 _ => None,
             };
-            // Normalised integers are declared as they are stored.
+            // The ranges of normalised integers are those of the stored values.
             if accessor.normalized {
                 return None;
             }
@@ -149,7 +150,7 @@ pub(super) fn bound(document: &Document, nodes: &[Placed<'_>]) -> Option<[f32; 6
             all = all.union(own.transformed(&matrix));
         }
     }
-    // Transformed in another order than the points themselves will be.
+    // The points themselves will be transformed in another order, with other rounding.
     let all = all.padded(all.size().max_element() * 1.0e-5);
     let (min, max) = (all.min, all.max);
     all.is_finite().then_some([min.x, max.x, min.y, max.y, min.z, max.z])

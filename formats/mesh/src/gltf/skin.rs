@@ -1,14 +1,14 @@
-//! Skins, at rest: where joints put the vertices of a mesh.
+//! Skins at rest, in which joints determine the positions of the vertices of a mesh.
 
 use super::accessor::Reader;
 use super::document::{Document, Primitive, item};
 use super::scene::{Matrix, times};
 use std::ops::Range;
 
-/// Sets of four joints per vertex beyond this are not looked for.
+/// The largest number of sets of four joints per vertex that is read.
 const MOST_SETS: usize = 4;
 
-/// The matrices from the space of the mesh, through each joint, to that of the file. `places` gives the
+/// Returns the matrices from the space of the mesh, through each joint, to that of the file. `places` holds the
 /// transformation of each node in the scene.
 ///
 /// # Errors
@@ -43,7 +43,8 @@ pub(super) fn joints(
     desc.joints.iter().enumerate().map(joint).collect()
 }
 
-/// The mean of its joints' matrices for each vertex of `range`; `None` where no joint has weight.
+/// Returns the weighted mean of the matrices of its joints for each vertex of `range`; `None` where no joint has a
+/// weight.
 ///
 /// # Errors
 /// Returns a text when joints or weights cannot be read.
@@ -62,7 +63,7 @@ pub(super) fn blend(
         let (weights, _) = reader.floats(weights, &[4], range.clone())?;
         for (i, (joint, weight)) in which.iter().zip(&weights).enumerate() {
             let weight = f64::from(*weight);
-            // Joint indices are whole and not negative, for any type.
+            // Joint indices are integers that are not negative, for any type.
             let Some(matrix) = joints.get(*joint as usize).filter(|_| weight > 0.0 && weight.is_finite())
             else {
                 continue;
@@ -79,7 +80,7 @@ pub(super) fn blend(
     Ok(sums.into_iter().map(mean).collect())
 }
 
-/// A position, moved.
+/// Transforms a position.
 pub(super) fn point(m: &Matrix, p: &mut [f32]) {
     let [x, y, z] = [f64::from(p[0]), f64::from(p[1]), f64::from(p[2])];
     for (j, to) in p.iter_mut().enumerate().take(3) {
@@ -87,7 +88,7 @@ pub(super) fn point(m: &Matrix, p: &mut [f32]) {
     }
 }
 
-/// A normal, turned: by the cofactors, which keep it at right angles to the surface.
+/// Transforms a normal by the cofactors of the matrix, which keep it perpendicular to the surface.
 pub(super) fn normal(m: &Matrix, n: &mut [f32]) {
     let v = [f64::from(n[0]), f64::from(n[1]), f64::from(n[2])];
     let cofactor = |i: usize, j: usize| {

@@ -1,4 +1,4 @@
-//! The glTF reader against small files made on the spot.
+//! Tests of the glTF reader with small files that are made here.
 
 use super::Gltf;
 use crate::trial::{Trial, bytes, flat, run, run_in, run_source};
@@ -29,7 +29,8 @@ fn glb(json: &Value, bin: &[u8]) -> Vec<u8> {
     all
 }
 
-/// A file with one mesh on one node: views by offset and length, the rest of the document made by hand.
+/// Returns a document with one mesh on one node. Views are given by offset and length, and the rest of the document as
+/// JSON.
 fn document(views: &[(usize, usize)], accessors: Value, primitives: Value, rest: Value) -> Value {
     let views: Vec<Value> =
         views.iter().map(|(o, l)| json!({"buffer": 0, "byteOffset": o, "byteLength": l})).collect();
@@ -47,7 +48,7 @@ fn floats3(view: usize, count: usize) -> Value {
     json!({"bufferView": view, "componentType": 5126, "count": count, "type": "VEC3"})
 }
 
-/// One triangle, with more in the document.
+/// Returns a file with one triangle, and with further items of the document.
 fn triangle(rest: Value) -> Vec<u8> {
     let primitives = json!([{"attributes": {"POSITION": 0}, "material": rest.get("materials").map(|_| 0)}]);
     glb(&document(&[(0, 36)], json!([floats3(0, 3)]), primitives, rest), &le(&TRIANGLE))
@@ -95,7 +96,7 @@ fn indices_of_all_types_and_unused_vertices() {
 
 #[test]
 fn interleaved_normalised_and_sparse() {
-    // Position as three signed bytes, colour as four unsigned ones, 8 bytes a vertex.
+    // A vertex has a position of three signed bytes and a colour of four unsigned ones, in 8 bytes.
     let mut bin = Vec::new();
     for (p, c) in
         [([0u8, 0, 0], [255, 0, 0, 255]), ([127, 0, 0], [0, 255, 0, 51]), ([0, 127, 0], [0, 0, 0, 0])]
@@ -196,13 +197,13 @@ fn materials() {
         \"string texturename\", \"DIR/pic ture.PNG\", \"string swrap\", \"clamp\", \"string twrap\", \"mirror\")\n";
     assert!(got.contains(want), "{got}");
     assert!(got.contains("\"vertex float s\", (0.5, 2.5, 0.5), \"vertex float t\", (0, 0, 1)"), "{got}");
-    // A file that has its own scene.
+    // The scene disables the materials of the file.
     let no = Param::declared("int user:materials", 0).unwrap();
     let got = run_in(&Gltf, &source, true, Some(no)).clean();
     assert!(!got.contains("Shader") && !got.contains("twosided"), "{got}");
 }
 
-/// A file with a camera and lights, as calls before or after `World`.
+/// Reads a file with a camera and lights before or after `World`.
 fn scenery(in_world: bool, attribute: Option<Param>) -> Trial {
     let nodes = json!([
         {"mesh": 0, "name": "n"},
@@ -274,7 +275,7 @@ fn bounds_where_the_file_says_them() {
     let want = [8.0, 10.0, 0.0, 1.0, 0.0, 0.0];
     assert!(b.iter().zip(want).all(|(b, w)| (b - w).abs() < 1e-4), "{b:?}");
     assert_eq!(Gltf.bound(&bytes(triangle(json!({})))), None);
-    // A light must be there before what it lights.
+    // A light must be made before the geometry that it lights.
     let lit = json!({"nodes": [{"mesh": 0}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}]});
     assert_eq!(Gltf.bound(&file(lit)), None);
     assert_eq!(Gltf.bound(&bytes("{}")), None);
@@ -440,7 +441,7 @@ fn morph_targets_stand_at_rest() {
         both.contains(half) && both.contains("\"vertex normal N\", (0.6, 0, 0.8, 0, 0, 1, 0, 0."),
         "{both}"
     );
-    // A node's weights come before the mesh's, and others of the mesh keep theirs.
+    // The weights of a node take precedence over those of the mesh. Other nodes of the mesh keep those of the mesh.
     let nodes = json!([{"mesh": 0, "name": "n"}, {"mesh": 0, "name": "n", "weights": [0, 0]}, {"mesh": 0, "name": "n"}]);
     let three = file(json!([0.5]), nodes);
     assert_eq!((three.matches(half).count(), three.matches(P).count()), (2, 1), "{three}");
@@ -448,7 +449,7 @@ fn morph_targets_stand_at_rest() {
 
 #[test]
 fn skins_at_rest() {
-    // Vertex 0 hangs on joint 0, vertex 1 on joint 1, vertex 2 on both; the node's own transformation does not count.
+    // Vertex 0 has joint 0, vertex 1 has joint 1, and vertex 2 has both. The transformation of the node has no effect.
     let mut bin = le(&TRIANGLE);
     bin.extend(le(&[0., 0., 1., 0., 0., 1., 0., 0., 1.]));
     bin.extend([0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0]);
@@ -473,7 +474,7 @@ fn skins_at_rest() {
          \"vertex normal N\", (0, 0, 1, 0, 0, 1, 0, 0, 1))\n"
     );
     assert!(got.contains(&want), "{got}");
-    // A joint that does not exist is reported, and the mesh keeps its modelled shape.
+    // A joint that does not exist is reported. The mesh keeps its modelled shape.
     let mut rest = rest;
     rest["skins"] = json!([{"joints": [1, 7]}]);
     let accessors = json!([floats3(0, 3), floats3(1, 3), bytes4(2, false), bytes4(3, true)]);

@@ -8,17 +8,17 @@ use granita_base::{BaseType, Interp, Params, ShapeDesc, Vec3};
 use granita_scene::Stop;
 use std::collections::{BTreeMap, HashMap};
 
-/// The data gathered for the next calls.
+/// The elements that are collected for the next calls.
 #[derive(Default)]
 pub(super) struct Group {
     nverts: Vec<i32>,
     corners: Vec<Corner>,
-    /// The line and the smoothing group of each face; 0 is no smoothing.
+    /// The line and the smoothing group of each face. Group 0 is no smoothing.
     faces: Vec<(u32, u32)>,
-    /// Vertices of lines with so many points.
+    /// Maps a number of points to the vertices of the lines with that number of points.
     lines: BTreeMap<usize, Vec<u32>>,
     points: Vec<u32>,
-    /// Line of the first element.
+    /// The line of the first element.
     line: u32,
 }
 
@@ -27,16 +27,16 @@ pub(super) struct Group {
 pub(super) struct Place<'a> {
     pub(super) table: &'a Table,
     pub(super) material: Option<&'a Material>,
-    /// Name for messages; may be empty.
+    /// The name for messages, which may be empty.
     pub(super) object: &'a str,
 }
 
-/// Room for the renumbering of vertices, kept from group to group.
+/// Memory for the renumbering of vertices, which is reused from group to group.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Number inside the mesh of each vertex of the file, [`NONE`] if it is not used.
+    /// The index in the mesh of each vertex of the file; [`NONE`] if it is not used.
     local: Vec<u32>,
-    /// Vertices of the mesh.
+    /// The vertices of the mesh.
     used: Vec<u32>,
 }
 
@@ -45,7 +45,7 @@ impl Group {
         self.nverts.is_empty() && self.lines.is_empty() && self.points.is_empty()
     }
 
-    /// Line of the first element.
+    /// Returns the line of the first element.
     pub(super) fn line(&self) -> u32 {
         self.line
     }
@@ -77,7 +77,7 @@ impl Group {
         self.points.extend(corners.iter().map(|c| c.v));
     }
 
-    /// Makes the calls, and is empty again.
+    /// Makes the calls, and removes all elements.
     pub(super) fn flush(
         &mut self,
         place: Place<'_>,
@@ -130,7 +130,7 @@ impl Group {
     }
 }
 
-/// Faces on their way to a mesh.
+/// The faces that become a mesh.
 struct MeshMaker<'a> {
     place: Place<'a>,
     nverts: Vec<i32>,
@@ -163,7 +163,8 @@ impl MeshMaker<'_> {
         Some((shape, params))
     }
 
-    /// Leaves out faces whose vertices do not exist, and references to other things that do not.
+    /// Leaves out faces with vertices that do not exist, and references to normals and texture coordinates that do not
+    /// exist.
     fn drop_faulty(&mut self, faults: &mut Faults<'_>) {
         let (normals, texcoords) = (self.place.table.normals.len(), self.place.table.texcoords.len());
         let (mut read, mut write, mut kept) = (0, 0, 0);
@@ -221,7 +222,7 @@ impl MeshMaker<'_> {
         self.faces.truncate(kept);
     }
 
-    /// Numbers the vertices that are used in the order of their first use.
+    /// Numbers the used vertices in the order of their first use. Returns the number of each corner's vertex.
     fn renumber(&self, scratch: &mut Scratch) -> Vec<i32> {
         scratch.local.resize(self.place.table.positions.len(), NONE);
         let mut verts = Vec::with_capacity(self.corners.len());
@@ -236,7 +237,7 @@ impl MeshMaker<'_> {
         verts
     }
 
-    /// For each vertex of the mesh the one item that all its corners share; `None` unless every vertex has one.
+    /// Returns for each vertex of the mesh the one item that all its corners share; `None` unless every vertex has one.
     fn per_vertex(&self, verts: &[i32], n: usize, item: impl Fn(&Corner) -> u32) -> Option<Vec<u32>> {
         let mut of = vec![NONE; n];
         for (c, v) in self.corners.iter().zip(verts) {
@@ -267,7 +268,8 @@ impl MeshMaker<'_> {
             params.0.push(floats("N", BaseType::Normal, Interp::Vertex, values));
             return;
         }
-        // Corners without a normal have that of their face, or of the faces of their smoothing group around them.
+        // A corner without a normal gets the normal of its face, or that of the faces of its smoothing group at the
+        // vertex.
         let flat = self.face_normals();
         let mut slots: HashMap<(i32, u32), Vec3> = HashMap::new();
         let mut start = 0;
@@ -298,7 +300,8 @@ impl MeshMaker<'_> {
         params.0.push(floats("N", BaseType::Normal, Interp::Linear, values));
     }
 
-    /// Normals of the faces, as long as twice their area (Newell's sum, which polygons that are not flat also have).
+    /// Returns the normals of the faces. Their length is twice the area (Newell's sum, which also exists for polygons
+    /// that are not flat).
     fn face_normals(&self) -> Vec<Vec3> {
         let mut start = 0;
         let normal = |n: &i32| {

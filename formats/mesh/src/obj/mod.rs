@@ -1,7 +1,7 @@
-//! Wavefront OBJ: polygons, lines and points, with materials of MTL libraries.
+//! Wavefront OBJ. Polygons, lines and points become calls, with the materials of MTL libraries.
 //!
-//! The tables of vertices, texture coordinates and normals are kept for the whole file, for any face may refer to them;
-//! faces are kept up to the next change of object, group or material, and leave as one mesh.
+//! The tables of vertices, texture coordinates and normals are kept for the whole file, because any face may refer to
+//! them. Faces are kept up to the next change of object, group or material, and become one mesh.
 
 mod group;
 mod mtl;
@@ -20,7 +20,8 @@ use std::path::Path;
 use std::sync::Arc;
 use table::{Corner, Table, Wrong};
 
-/// A mesh with so many corners leaves before its group ends: indices have 31 bits.
+/// The largest number of corners of a mesh. A mesh with more corners is emitted before its group ends, because indices
+/// have 31 bits.
 const MOST_CORNERS: usize = 1 << 28;
 
 /// Reads `.obj` files.
@@ -110,7 +111,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The name of the current object: `object`, `group` or `object/group`.
+    /// Returns the name of the current object, which is `object`, `group` or `object/group`.
     fn name(&self) -> String {
         match (self.object.is_empty(), self.groups.is_empty()) {
             (_, true) => self.object.clone(),
@@ -119,7 +120,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Passes on what was gathered.
+    /// Emits the collected elements.
     fn flush(&mut self) -> Result<(), GeneratorError> {
         if self.group.is_empty() {
             return Ok(());
@@ -144,7 +145,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The tables of the file.
+    /// Reads entries of the tables, and elements that refer to them.
     fn element(&mut self, keyword: &[u8], words: Words<'_>, line: u32) -> Result<(), GeneratorError> {
         let good = match keyword {
             b"v" => self.table.vertex(words),
@@ -165,7 +166,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Faces, lines and points.
+    /// Reads faces, lines and points.
     fn indexed(&mut self, keyword: &[u8], mut words: Words<'_>, line: u32) -> Result<(), GeneratorError> {
         let (what, least) = match keyword {
             b"f" => ("face", 3),
@@ -243,7 +244,7 @@ impl Reader<'_> {
             b"usemtl" if self.wants_materials => {
                 let name = words.rest();
                 let material = self.materials.get(name.as_bytes());
-                // Some exporters name it before every face.
+                // Some exporters write the material before every face.
                 if material != self.material.as_ref() {
                     let material = material.cloned();
                     self.flush()?;
@@ -267,7 +268,7 @@ impl Reader<'_> {
                 let word = String::from_utf8_lossy(keyword).into_owned();
                 self.faults.warning("call", line, || format!("\"{word}\" is not supported: ignored"));
             }
-            // Statements of free-form geometry, of other renderers, or without effect.
+            // These statements belong to free-form geometry or to other renderers, or have no effect.
             b"vp" | b"cstype" | b"deg" | b"bmat" | b"step" | b"parm" | b"trim" | b"hole" | b"scrv"
             | b"sp" | b"end" | b"con" | b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod"
             | b"shadow_obj" | b"trace_obj" | b"ctech" | b"stech" | b"maplib" | b"usemap" | b"bzp"
@@ -280,7 +281,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `mtllib`: one name with blanks in it, or several without.
+    /// Reads `mtllib`, which has one name that may contain blanks, or several names without blanks.
     fn library(&mut self, mut words: Words<'_>, line: u32) {
         let Some(folder) = self.folder else {
             let text = || "materials are looked for beside the file, and there is no file".to_owned();

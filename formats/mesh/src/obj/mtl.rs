@@ -1,4 +1,4 @@
-//! Material libraries of OBJ files.
+//! The material libraries of OBJ files.
 
 use crate::emit::{self, Emit, color, float, string};
 use crate::faults::Faults;
@@ -12,7 +12,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A material: those of its statements that the shader `mtlsurface` has a parameter for.
+/// The statements of a material for which the shader `mtlsurface` has a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Material {
     kd: [f32; 3],
@@ -39,11 +39,11 @@ impl Default for Material {
 }
 
 impl Material {
-    /// Makes it the material of what follows.
+    /// Makes it the material of the following shapes.
     pub(super) fn emit(&self, emit: &mut Emit<'_>, line: u32) -> Result<(), Stop> {
         emit.attribute(color("C", self.kd), line)?;
         emit.attribute(color("opacity", [self.opacity; 3]), line)?;
-        // `specular ()` raises the cosine to 8 / roughness, OBJ files to Ns.
+        // `specular ()` raises the cosine to the power 8 / roughness. OBJ files raise it to the power Ns.
         let mut params = vec![
             color("specularcolor", self.ks),
             float("roughness", 8.0 / self.ns.max(1.0)),
@@ -64,7 +64,8 @@ impl Material {
         emit.call(shader, line)
     }
 
-    /// `s` and `t` of texture coordinates: moved and scaled by the map, and measured from the upper edge.
+    /// Returns `s` and `t` of texture coordinates. They are scaled and translated by the map, and measured from the
+    /// upper edge.
     pub(super) fn st(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         match &self.map {
             Some(map) => [u * map.scale[0] + map.offset[0], 1.0 - (v * map.scale[1] + map.offset[1])],
@@ -73,7 +74,7 @@ impl Material {
     }
 }
 
-/// Reads a library into `materials`. Mistakes in it are reported with its own name and lines.
+/// Reads a library into `materials`. Its errors are reported with its own name and lines.
 pub(super) fn read(
     path: &Path,
     files: &Files,
@@ -115,14 +116,14 @@ fn statement(m: &mut Material, keyword: &[u8], words: Words<'_>, path: &Path) ->
         b"Ke" => m.ke = colour(words)?,
         b"Ns" => m.ns = number(words)?.clamp(1.0, 1.0e6),
         b"d" => {
-            // "d -halo factor" dims by the angle, for which no parameter exists.
+            // "d -halo factor" dims by the angle, for which there is no parameter.
             let mut after = words;
             let words = if after.word() == Some(b"-halo") { after } else { words };
             m.opacity = number(words)?.clamp(0.0, 1.0);
         }
         b"Tr" => m.opacity = (1.0 - number(words)?).clamp(0.0, 1.0),
         b"map_Kd" => m.map = Some(map(words, path)?),
-        // All others (ambient light, bump maps, illumination models ...) have no counterpart here.
+        // All others (ambient light, bump maps, illumination models ...) have no equivalent here.
         _ => {}
     }
     Ok(())
@@ -141,13 +142,13 @@ fn colour(words: Words<'_>) -> Result<[f32; 3], &'static str> {
     }
     let mut words = words;
     let red = words.float().filter(|x| x.is_finite()).ok_or("without a number")?;
-    // One number stands for three.
+    // One number replaces missing ones.
     let green = words.float().unwrap_or(red);
     let blue = words.float().unwrap_or(green);
     if green.is_finite() && blue.is_finite() { Ok([red, green, blue]) } else { Err("without three numbers") }
 }
 
-/// An image: options, then the name, which may contain blanks.
+/// Reads an image, which has options and then a name. The name may contain blanks.
 fn map(mut words: Words<'_>, library: &Path) -> Result<Map, &'static str> {
     let mut map = Map { path: PathBuf::new(), clamp: false, offset: [0.0; 2], scale: [1.0; 2] };
     loop {

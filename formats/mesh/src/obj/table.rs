@@ -1,11 +1,11 @@
-//! The numbered things that faces of an OBJ file refer to.
+//! The numbered items that the faces of an OBJ file refer to.
 
 use crate::text::Words;
 
-/// No index.
+/// Marks a missing index.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// A corner of a face: positions in the tables, [`NONE`] where nothing is given.
+/// A corner of a face, as indices into the tables; [`NONE`] where an index is not given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Corner {
     pub(super) v: u32,
@@ -13,11 +13,11 @@ pub(super) struct Corner {
     pub(super) n: u32,
 }
 
-/// Vertices, texture coordinates and normals of the whole file.
+/// The vertices, texture coordinates and normals of the whole file.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     pub(super) positions: Vec<[f32; 3]>,
-    /// Empty, or for the vertices up to the last one with a colour.
+    /// The colours of the vertices up to the last one that has a colour. Empty without colours.
     pub(super) colors: Vec<[f32; 3]>,
     pub(super) texcoords: Vec<[f32; 2]>,
     pub(super) normals: Vec<[f32; 3]>,
@@ -29,13 +29,13 @@ impl Table {
         self.positions.get(v as usize).is_some_and(|p| p.iter().all(|x| x.is_finite()))
     }
 
-    /// The colour of a vertex: white where none is given.
+    /// Returns the colour of a vertex, which is white where none is given.
     pub(super) fn color(&self, v: u32) -> [f32; 3] {
         self.colors.get(v as usize).copied().unwrap_or([1.0; 3])
     }
 
-    /// `v x y z`, with a weight (which only free-form geometry uses), a colour, or both. `false` when numbers are
-    /// missing or are none; the vertex counts nevertheless.
+    /// Reads `v x y z`, with a weight (which only free-form geometry uses), a colour, or both. Returns false when
+    /// numbers are missing or invalid. The vertex is numbered nevertheless.
     pub(super) fn vertex(&mut self, mut words: Words<'_>) -> bool {
         let mut all = [0.0; 7];
         let mut n = 0;
@@ -59,7 +59,7 @@ impl Table {
         good
     }
 
-    /// `vt u [v [w]]`.
+    /// Reads `vt u [v [w]]`. Returns false when numbers are missing or invalid.
     pub(super) fn texcoord(&mut self, mut words: Words<'_>) -> bool {
         let u = words.float();
         let v = words.float().unwrap_or(0.0);
@@ -67,14 +67,14 @@ impl Table {
         u.is_some_and(f32::is_finite) && v.is_finite()
     }
 
-    /// `vn x y z`.
+    /// Reads `vn x y z`. Returns false when numbers are missing or invalid.
     pub(super) fn normal(&mut self, mut words: Words<'_>) -> bool {
         let n = std::array::from_fn(|_| words.float().unwrap_or(f32::NAN));
         self.normals.push(n);
         n.iter().all(|x| x.is_finite())
     }
 
-    /// Reads `v`, `v/t`, `v//n` or `v/t/n`; `Err` is what is wrong.
+    /// Parses `v`, `v/t`, `v//n` or `v/t/n`.
     pub(super) fn corner(&self, word: &[u8]) -> Result<Corner, Wrong> {
         let (v, rest) = index(word)?;
         let v = resolve(v.ok_or(Wrong::Syntax)?, self.positions.len())?;
@@ -100,13 +100,13 @@ impl Table {
 /// The errors of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Wrong {
-    /// No reference at all.
+    /// The word is not a reference.
     Syntax,
-    /// A number that counts from neither end.
+    /// The number is beyond the ends of the table.
     Index(i64),
 }
 
-/// The integer that the word begins with, if any, and what follows it.
+/// Returns the integer that the word begins with, if any, and the rest of the word.
 fn index(word: &[u8]) -> Result<(Option<i64>, &[u8]), Wrong> {
     let (negative, digits) = match word {
         [b'-', rest @ ..] => (true, rest),
@@ -122,8 +122,8 @@ fn index(word: &[u8]) -> Result<(Option<i64>, &[u8]), Wrong> {
     Ok((Some(if negative { -value } else { value }), &digits[n..]))
 }
 
-/// Converts an index, from 1 on, or from -1 backwards, to a position in a table. Positions beyond the table may be
-/// defined later.
+/// Converts an index to a position in a table. Indices count from 1 on, or from -1 backwards. Positions beyond the
+/// table may be defined later.
 fn resolve(index: i64, count: usize) -> Result<u32, Wrong> {
     let position = if index > 0 { index - 1 } else { index.saturating_add(count as i64) };
     match u32::try_from(position) {

@@ -61,7 +61,8 @@ fn corners_that_disagree_make_them_linear() {
 
 #[test]
 fn smoothing_groups_share_normals() {
-    // A fold along an edge: smooth across it within a group, creased between two.
+    // The surface has a fold along an edge. Within a smoothing group it is smooth, and between two groups it has a
+    // crease.
     let fold = "v 0 0 0\nv 0 1 0\nv 1 0 1\nv -1 0 1\n";
     let got = flat(&pyg(&format!("{fold}s 1\nf 1 2 3\nf 2 1 4\n")));
     let sum = "\"linear normal N\", (0, 0, -1, 0, 0, -1, ";

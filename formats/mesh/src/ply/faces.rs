@@ -5,7 +5,7 @@ use super::values::{Fault, Values};
 use crate::emit::floats;
 use granita_base::{BaseType, Interp, Param};
 
-/// The properties of faces, by position; `None` where a property is missing.
+/// The indices of the properties of faces; `None` where a property is missing.
 #[derive(Debug, Default)]
 pub(super) struct FacePlan {
     indices: Option<usize>,
@@ -14,7 +14,7 @@ pub(super) struct FacePlan {
 }
 
 impl FacePlan {
-    /// `None` when the element has no lists of vertices.
+    /// Returns `None` when the element has no lists of vertices.
     pub(super) fn new(element: &Element) -> Option<Self> {
         let list = |names: &[&str]| {
             element.property(names).filter(|i| matches!(element.properties[*i].kind, Kind::List { .. }))
@@ -36,13 +36,13 @@ impl FacePlan {
 /// An error in one face. The others are not affected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wrong {
-    /// A line without enough numbers.
+    /// The line does not have enough numbers.
     Short,
-    /// Fewer than three corners.
+    /// The face has this number of corners, which is less than three.
     Few(usize),
-    /// A vertex that does not exist.
+    /// The face refers to this vertex, which does not exist.
     Vertex(f64),
-    /// A length that is none.
+    /// A list has this length, which is invalid.
     Length(f64),
 }
 
@@ -55,13 +55,14 @@ pub(super) struct Faces {
     texcoords: Vec<f32>,
     /// Three numbers for each face, or none at all.
     colors: Vec<f32>,
-    /// Line of the first.
+    /// The line of the first face.
     pub(super) line: u32,
     wedge: Vec<f32>,
 }
 
 impl Faces {
-    /// Takes the next face, of an element `face`; `vertices` is how many there are. `Ok (Err)` is a face left out.
+    /// Reads the next face, of an element `face`. `vertices` is the number of vertices. Returns `Ok (Err)` when the
+    /// face is left out.
     pub(super) fn read(
         &mut self,
         plan: &FacePlan,
@@ -87,7 +88,7 @@ impl Faces {
                     let length = match values.value(count) {
                         Ok(length) if length >= 0.0 && length.fract() == 0.0 => length as u64,
                         Ok(length) => {
-                            // Nothing behind it on this line, or in a binary file, can be placed.
+                            // The positions of the following values on this line, or in a binary file, are unknown.
                             self.verts.truncate(start);
                             return Ok(Err(Wrong::Length(length)));
                         }
@@ -155,7 +156,7 @@ impl Faces {
         Err(fault)
     }
 
-    /// Takes the next strips, of an element `tristrips`: -1 ends a strip.
+    /// Reads the next strips, of an element `tristrips`. -1 ends a strip.
     pub(super) fn read_strips(
         &mut self,
         plan: &FacePlan,
@@ -198,7 +199,7 @@ impl Faces {
                 }
                 let v = value as i32;
                 if let [Some(a), Some(b)] = last {
-                    // Repeated vertices join strips and are not triangles.
+                    // Repeated vertices join strips. They do not form triangles.
                     if a != b && b != v && a != v {
                         self.nverts.push(3);
                         self.verts.extend(if odd { [b, a, v] } else { [a, b, v] });
@@ -211,7 +212,7 @@ impl Faces {
         Ok(wrong.map_or(Ok(()), Err))
     }
 
-    /// Leaves out faces of which `good` is false for a vertex; returns their number.
+    /// Leaves out faces with a vertex for which `good` returns false. Returns their number.
     pub(super) fn retain(&mut self, good: impl Fn(i32) -> bool) -> usize {
         let (mut read, mut write, mut kept) = (0, 0, 0);
         let all = self.nverts.len();
@@ -237,7 +238,7 @@ impl Faces {
         all - kept
     }
 
-    /// Forgets what not all faces have: a file may have several elements of them.
+    /// Removes texture coordinates and colours unless all faces have them. A file may have several elements of faces.
     pub(super) fn check_columns(&mut self) {
         if self.texcoords.len() != 2 * self.verts.len() {
             self.texcoords.clear();
@@ -257,7 +258,7 @@ impl Faces {
         !self.colors.is_empty()
     }
 
-    /// Texture coordinates and colours.
+    /// Returns the texture coordinates and the colours.
     pub(super) fn params(&mut self) -> Vec<Param> {
         let mut all = Vec::new();
         if self.has_texcoords() {

@@ -1,8 +1,8 @@
-//! The header of a PLY file: which elements follow, and what each is made of.
+//! The header of a PLY file, which lists the elements and their properties.
 
 use crate::text::Words;
 
-/// The encoding of the values behind the header.
+/// The encoding of the values after the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -38,7 +38,7 @@ impl Scalar {
         })
     }
 
-    /// Bytes of a binary value.
+    /// Returns the number of bytes of a binary value.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -48,7 +48,7 @@ impl Scalar {
         }
     }
 
-    /// The value that stands for 1 in a colour of this type.
+    /// Returns the value that represents 1 in a colour of this type.
     pub(super) fn one(self) -> f32 {
         match self {
             Self::F32 | Self::F64 => 1.0,
@@ -72,7 +72,7 @@ pub(super) struct Property {
     pub(super) kind: Kind,
 }
 
-/// A kind of element, and how many of it follow.
+/// A kind of element, and the number of elements of this kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
@@ -81,10 +81,10 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// The fewest bytes of one such element.
+    /// Returns the least number of bytes of one such element.
     pub(super) fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |p: &Property| match (encoding, p.kind) {
-            // A digit and what separates it from the next.
+            // A digit and a separator.
             (Encoding::Ascii, _) => 2,
             (_, Kind::Scalar(ty)) => ty.size() as u64,
             (_, Kind::List { count, .. }) => count.size() as u64,
@@ -92,7 +92,7 @@ impl Element {
         self.properties.iter().map(of).sum()
     }
 
-    /// Position of the first property with one of these names.
+    /// Returns the index of the first property with one of these names.
     pub(super) fn property(&self, names: &[&str]) -> Option<usize> {
         names.iter().find_map(|name| self.properties.iter().position(|p| p.name == *name))
     }
@@ -113,14 +113,14 @@ pub(super) struct HeaderReader {
     lines: u32,
 }
 
-/// Lines and properties beyond this belong to no real file.
+/// The largest number of lines of a header. Real files have fewer.
 const MOST_LINES: u32 = 1 << 16;
 
 impl HeaderReader {
-    /// Takes the next line; the header when that was its end.
+    /// Reads the next line. Returns the header when the line is its end.
     ///
     /// # Errors
-    /// The error in the line.
+    /// Returns the error in the line.
     pub(super) fn line(&mut self, text: &[u8]) -> Result<Option<Header>, String> {
         self.lines += 1;
         if self.lines > MOST_LINES {

@@ -1,4 +1,4 @@
-//! Stanford PLY: one mesh, or particles when there are no faces.
+//! Stanford PLY. A file becomes one mesh, or particles when there are no faces.
 
 mod faces;
 mod header;
@@ -57,7 +57,7 @@ impl Generator for Ply {
                 reader.elements(&header, &mut Binary::<_, true>::new(ahead, stream))
             }
         };
-        // Elements read before an error are valid.
+        // The elements that were read before an error are valid.
         reader.emit(&mut Emit::new(sink, name.clone()))?;
         result.map_err(|error| io_error(&name, error))
     }
@@ -82,10 +82,10 @@ fn read_header(name: &str, lines: &mut Lines<Box<dyn Stream>>) -> Result<Header,
     }
 }
 
-/// Passes over a list.
+/// Skips a list.
 fn skip_list(values: &mut impl Values, count: Scalar, item: Scalar) -> Result<(), Fault> {
     let length = values.value(count)?;
-    // A length that is none leaves nothing to pass over.
+    // A list with an invalid length has no values to skip.
     let length = if length >= 0.0 { length as u64 } else { 0 };
     for _ in 0..length {
         values.value(item)?;
@@ -227,7 +227,7 @@ impl Reader<'_> {
         }
         self.faces.check_columns();
         let n = vertices.len();
-        // Also the vertices that the end of the file has cut off.
+        // This includes vertices that are missing because the file ends early.
         let p = &vertices.p;
         let good = |v: i32| (v as usize) < n && !p[3 * v as usize].is_nan();
         if vertices.faulty || (n as u64) < self.vertex_count {
@@ -244,7 +244,7 @@ impl Reader<'_> {
         vertices.bury_faulty();
         let mut params = Params(vec![positions(std::mem::take(&mut vertices.p))]);
         let (wedges, face_colors) = (self.faces.has_texcoords(), self.faces.has_colors());
-        // Colours of faces are meant for them, those of vertices may only be their mean.
+        // Colours of faces take precedence. The colours of vertices may only be their mean.
         params.0.extend(vertices.params(wedges).filter(|p| !(face_colors && &*p.name == "C")));
         params.0.extend(self.faces.params());
         let Faces { nverts, verts, line, .. } = self.faces;
@@ -257,7 +257,7 @@ fn is_faces(element: &Element) -> bool {
     matches!(element.name.as_str(), "face" | "tristrips")
 }
 
-/// Passes over an element of no interest.
+/// Skips an element that is not used.
 fn skip(element: &Element, values: &mut impl Values) -> Result<(), (u64, Fault)> {
     for i in 0..element.count {
         let mut one = || {

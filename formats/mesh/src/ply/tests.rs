@@ -135,7 +135,7 @@ fn files_that_end_early() {
     let trial = run(&Ply, square() + "3 0 1 2\n");
     assert!(trial.pyg.starts_with("Mesh (\"linear\", (3,)"), "{}", trial.pyg);
     assert_eq!(trial.messages, ["t:15: error: the file ends after 1 of 2 elements \"face\""]);
-    // A header that promises what no memory holds.
+    // The header declares more vertices than fit into memory.
     let text = square().replace("vertex 4", "vertex 1000000000000");
     let trial = run(&Ply, text);
     assert!(trial.pyg.is_empty());

@@ -1,17 +1,17 @@
-//! The values behind the header, element by element.
+//! The values after the header, element by element.
 
 use super::header::Scalar;
 use crate::text::{Lines, Words, read_some};
 use std::io::{self, Read};
 
-/// Why the values of an element cannot be had.
+/// The reason why the values of an element cannot be read.
 #[derive(Debug)]
 pub(super) enum Fault {
-    /// The file is over.
+    /// The file has ended.
     End,
-    /// The line of the element is over.
+    /// The line of the element has ended.
     Short,
-    /// The position of the next value is unknown; the error was reported already.
+    /// The position of the next value is unknown. The error was reported already.
     Lost,
     /// The file cannot be read.
     Io(io::Error),
@@ -23,17 +23,17 @@ impl From<io::Error> for Fault {
     }
 }
 
-/// Elements one behind the other.
+/// A sequence of elements.
 pub(super) trait Values {
-    /// Goes to the next element.
+    /// Moves to the next element.
     fn begin(&mut self) -> Result<(), Fault>;
-    /// The next value of the element.
+    /// Returns the next value of the element.
     fn value(&mut self, ty: Scalar) -> Result<f64, Fault>;
-    /// Line of the element, 0 where there are none.
+    /// Returns the line of the element; 0 where there are no lines.
     fn line(&self) -> u32;
 }
 
-/// Numbers in text: one element a line.
+/// Numbers in text, with one element per line.
 pub(super) struct Ascii<R> {
     lines: Lines<R>,
     line: std::ops::Range<usize>,
@@ -71,7 +71,7 @@ impl<R: Read> Values for Ascii<R> {
 
 const CHUNK: usize = 256 * 1024;
 
-/// Binary numbers.
+/// Binary numbers, which are big endian if `BIG`.
 pub(super) struct Binary<R, const BIG: bool> {
     stream: R,
     buf: Vec<u8>,
@@ -79,7 +79,7 @@ pub(super) struct Binary<R, const BIG: bool> {
 }
 
 impl<R: Read, const BIG: bool> Binary<R, BIG> {
-    /// `ahead` comes before the rest of `stream`.
+    /// Returns a reader of the bytes `ahead` and then of `stream`.
     pub(super) fn new(ahead: Vec<u8>, stream: R) -> Self {
         Self { stream, buf: ahead, pos: 0 }
     }

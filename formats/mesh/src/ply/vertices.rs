@@ -1,11 +1,11 @@
-//! The vertices of a PLY file, and what of them becomes which parameter.
+//! The vertices of a PLY file, and the parameters that their properties become.
 
 use super::header::{Element, Encoding, Kind};
 use super::values::{Fault, Values};
 use crate::emit::{float, floats};
 use granita_base::{BaseType, Interp, Param};
 
-/// The meaning of a property of a vertex; the position in the list is the slot of its value.
+/// The names of the supported properties of a vertex. The index in the list is the slot of the value.
 const SLOTS: [&[&str]; 14] = [
     &["x"],
     &["y"],
@@ -29,13 +29,13 @@ const ALPHA: usize = 11;
 const RADIUS: usize = 12;
 const WIDTH: usize = 13;
 
-/// The columns of the vertices, and their values as they are read.
+/// The columns of the vertices, with the values that were read.
 #[derive(Debug, Default)]
 pub(super) struct Vertices {
     /// The slot of each property, and the divisor of its value.
     plan: Vec<Option<(usize, f32)>>,
     has: [bool; 14],
-    /// `P`, three numbers each; NaN where a vertex is faulty.
+    /// `P`, with three numbers each. They are NaN where a vertex is faulty.
     pub(super) p: Vec<f32>,
     n: Vec<f32>,
     s: Vec<f32>,
@@ -43,12 +43,12 @@ pub(super) struct Vertices {
     c: Vec<f32>,
     opacity: Vec<f32>,
     width: Vec<f32>,
-    /// True when some are NaN.
+    /// True when some vertices are faulty.
     pub(super) faulty: bool,
 }
 
 impl Vertices {
-    /// The columns for an element of vertices; `None` when it has no positions.
+    /// Returns the columns for an element of vertices; `None` when it has no positions.
     pub(super) fn new(element: &Element, encoding: Encoding, bytes: u64) -> Option<Self> {
         let mut vertices = Self { plan: vec![None; element.properties.len()], ..Self::default() };
         for (slot, names) in SLOTS.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Vertices {
         if !vertices.all(0, 3) {
             return None;
         }
-        // No more memory than for the vertices that the file can hold, for any header.
+        // The reserved memory is limited to the vertices that the file can hold, for any header.
         let most = bytes / element.least_bytes(encoding).max(1);
         vertices.p.reserve(element.count.min(most) as usize * 3);
         Some(vertices)
@@ -134,7 +134,7 @@ impl Vertices {
         }
     }
 
-    /// Leaves only vertices out that are faulty; for particles.
+    /// Leaves out the faulty vertices, for particles.
     pub(super) fn drop_faulty(&mut self) {
         if !self.faulty {
             return;
@@ -158,23 +158,24 @@ impl Vertices {
         }
     }
 
-    /// Puts faulty vertices, which nothing refers to any more, at the origin.
+    /// Moves faulty vertices, to which no face refers any more, to the origin.
     pub(super) fn bury_faulty(&mut self) {
         if self.faulty {
             self.p.iter_mut().filter(|x| x.is_nan()).for_each(|x| *x = 0.0);
         }
     }
 
-    /// The width of each particle, or the width in pixels of all when the file gives none.
+    /// Returns the width of each particle; `None` when the file does not give it.
     pub(super) fn take_width(&mut self) -> Option<Param> {
         let width = std::mem::take(&mut self.width);
         (!width.is_empty()).then(|| floats("width", BaseType::Float, Interp::Vertex, width))
     }
 
-    /// Everything but positions and widths, and the texture coordinates unless `wedges` have better ones.
+    /// Returns all parameters except positions and widths. Texture coordinates are left out when the corners of faces
+    /// have their own (`wedges`).
     pub(super) fn params(self, wedges: bool) -> impl Iterator<Item = Param> {
         let (s, t) = if wedges { (Vec::new(), Vec::new()) } else { (self.s, self.t) };
-        // Opaque throughout is what is meant without.
+        // Without opacity, everything is opaque.
         let opacity = if self.opacity.iter().all(|x| *x == 1.0) { Vec::new() } else { self.opacity };
         let columns = [
             ("N", BaseType::Normal, self.n),
@@ -188,7 +189,7 @@ impl Vertices {
     }
 }
 
-/// One width for all, where none is given.
+/// Returns one width for all particles, in pixels, for a file that does not give it.
 pub(super) fn default_width() -> Param {
     float("rasterwidth", crate::emit::POINT_PIXELS)
 }

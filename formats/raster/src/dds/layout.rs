@@ -2,7 +2,7 @@
 
 use granita_image::{FileSource, ImageSpec, PixelType, Result};
 
-/// A block compression; every block holds 4 x 4 texels.
+/// A block compression. Every block holds 4 x 4 texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Block {
     Bc1,
@@ -15,7 +15,7 @@ pub(super) enum Block {
 }
 
 impl Block {
-    /// Bytes of one block.
+    /// Returns the number of bytes of one block.
     pub(super) fn bytes(self) -> usize {
         if matches!(self, Self::Bc1 | Self::Bc4 { .. }) { 8 } else { 16 }
     }
@@ -25,12 +25,12 @@ impl Block {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Storage {
     Blocks(Block),
-    /// Words of `bytes` bytes, in them the bits of the channels; 0 for one that is not stored.
+    /// Words of `bytes` bytes, which contain the bits of the channels. The mask of a channel that is not stored is 0.
     Masks {
         bytes: usize,
         masks: Vec<u32>,
     },
-    /// Values of one type, that many per pixel.
+    /// Values of one type, and their number per pixel.
     Plain(PixelType, usize),
 }
 
@@ -123,13 +123,13 @@ impl Storage {
             Self::Plain(_, n) => *n,
         };
         match self {
-            // Two values are the first two of a vector; luminance and alpha have masks.
+            // Two values are the first two of a vector. Luminance and alpha have masks.
             Self::Blocks(_) | Self::Plain(..) if n == 2 => vec!["R".to_owned(), "G".to_owned()],
             _ => ImageSpec::default_channels(n),
         }
     }
 
-    /// Value of the attribute `compression`.
+    /// Returns the value of the attribute `compression`.
     pub(super) fn word(&self) -> &'static str {
         match self {
             Self::Blocks(Block::Bc1) => "bc1",
@@ -143,7 +143,7 @@ impl Storage {
         }
     }
 
-    /// Bytes of one stored row (of blocks) of a level.
+    /// Returns the number of bytes of one stored row (of blocks) of a level.
     pub(super) fn row_bytes(&self, width: u32) -> u64 {
         let width = u64::from(width);
         match self {
@@ -153,7 +153,7 @@ impl Storage {
         }
     }
 
-    /// Stored rows (of blocks) of a level.
+    /// Returns the number of stored rows (of blocks) of a level.
     pub(super) fn stored_rows(&self, height: u32) -> u64 {
         u64::from(if matches!(self, Self::Blocks(_)) { height.div_ceil(4) } else { height })
     }
@@ -165,10 +165,10 @@ pub(super) struct Header {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) levels: u32,
-    /// Elements of an array times faces of a cube.
+    /// The number of elements of an array times the number of faces of a cube.
     pub(super) images: u32,
     pub(super) storage: Storage,
-    /// Colours are multiplied by alpha.
+    /// True when colours are multiplied by alpha.
     pub(super) premultiplied: bool,
     pub(super) data_at: u64,
 }
@@ -227,7 +227,7 @@ impl Header {
             };
             Storage::Masks { bytes: bits as usize / 8, masks }
         };
-        // A count of levels beyond 1 x 1 is a slip of the pen.
+        // A number of levels beyond 1 x 1 is treated as an error of the writer.
         let all = 32 - width.max(height).max(1).leading_zeros();
         Ok(Self { width, height, levels: count.clamp(1, all), images, storage, premultiplied, data_at })
     }

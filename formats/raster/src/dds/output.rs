@@ -1,4 +1,4 @@
-//! Writing DDS files: rows in the order of arrival.
+//! Writes DDS files, with rows in the order of arrival.
 
 use crate::whole::divide_by_alpha;
 use granita_image::{
@@ -7,7 +7,7 @@ use granita_image::{
 use std::io::Write;
 use std::path::Path;
 
-/// A DDS file being written: uncompressed, one image with its levels.
+/// A DDS file that is being written. It is uncompressed, and has one image with its levels.
 pub(super) struct DdsOutput {
     file: AtomicFile,
     spec: ImageSpec,
@@ -16,7 +16,7 @@ pub(super) struct DdsOutput {
     next_y: u32,
 }
 
-/// Number of the enumeration `DXGI_FORMAT` for pixels that the older header cannot describe.
+/// Returns the number of the enumeration `DXGI_FORMAT` for pixels that the older header cannot describe.
 fn dxgi(pixel_type: PixelType, n: usize) -> Option<u32> {
     Some(match (pixel_type, n) {
         (PixelType::U16, 1) => 56,
@@ -74,14 +74,14 @@ impl DdsOutput {
     }
 }
 
-/// The header, and the second one where the format needs it.
+/// Returns the header, and the second one where the format needs it.
 fn header(spec: &ImageSpec, levels: usize, number: Option<u32>) -> Vec<u8> {
     let n = spec.nchannels() as u32;
     let pitch = spec.width.saturating_mul(n).saturating_mul(spec.pixel_type.bytes() as u32);
     let mipmapped = levels > 1;
     let mut words = [0u32; 31];
     words[0] = 124;
-    // Sizes and format of the pixels are there, and bytes of a row; so are levels.
+    // The flags declare the sizes, the pixel format, the bytes of a row, and levels when they exist.
     words[1] = 0x100f | if mipmapped { 0x2_0000 } else { 0 };
     (words[2], words[3], words[4]) = (spec.height, spec.width, pitch);
     words[6] = if mipmapped { levels as u32 } else { 0 };
@@ -106,7 +106,7 @@ fn header(spec: &ImageSpec, levels: usize, number: Option<u32>) -> Vec<u8> {
     let mut bytes = b"DDS ".to_vec();
     bytes.extend(words.iter().flat_map(|w| w.to_le_bytes()));
     if let Some(number) = number {
-        // Alpha: 1 for colours that are not multiplied by it, 2 for those that are.
+        // The mode of alpha is 1 for colours that are not multiplied by it, and 2 for those that are.
         let straight = spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
         let alpha = if spec.alpha_channel().is_none() { 0 } else { 2 - u32::from(straight) };
         bytes.extend([number, 3, 0, 1, alpha].iter().flat_map(|w| w.to_le_bytes()));

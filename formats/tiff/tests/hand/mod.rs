@@ -1,8 +1,8 @@
-//! TIFF files of kinds that nothing here writes, put together by hand.
+//! TIFF files of kinds that the writer does not support, built byte by byte.
 
 use std::io::Write;
 
-/// Kinds of values in a directory.
+/// The kinds of values in a directory.
 pub(crate) const SHORT: u16 = 3;
 pub(crate) const RATIONAL: u16 = 5;
 
@@ -13,14 +13,14 @@ pub(crate) struct File {
     pub(crate) size: (usize, usize),
     pub(crate) samples: usize,
     pub(crate) bits: usize,
-    /// Tiles so large, else strips of three rows.
+    /// The size of tiles. `None` is strips of three rows.
     pub(crate) tile: Option<(usize, usize)>,
     pub(crate) separate: bool,
-    /// 1 none, 5 LZW, 8 deflate, 50000 Zstandard.
+    /// The number of the compression: 1 none, 5 LZW, 8 deflate, 50000 Zstandard.
     pub(crate) compression: u64,
-    /// 1 or 2 for integers, 1 or 3 for floats.
+    /// The number of the predictor: 1 or 2 for integers, 1 or 3 for floats.
     pub(crate) predictor: u64,
-    /// Further entries: tag, kind, values. A fraction is two values.
+    /// Further entries, as tag, kind and values. A fraction is two values.
     pub(crate) tags: Vec<(u16, u16, Vec<u64>)>,
 }
 
@@ -56,7 +56,7 @@ impl File {
         self.tile.unwrap_or((self.size.0, 3))
     }
 
-    /// One strip or tile: rows of numbers as the bits of whole bytes.
+    /// Returns one strip or tile from rows of numbers, which are the bits of whole bytes.
     fn pack(&self, rows: &[Vec<u64>], samples: usize) -> Vec<u8> {
         let bytes = self.bits / 8;
         let mut out = Vec::new();
@@ -81,7 +81,8 @@ impl File {
         out
     }
 
-    /// The file of these numbers, all channels of a pixel together; unsigned, or the bits of others.
+    /// Returns the file of these numbers, with all channels of a pixel together. They are unsigned, or the bits of
+    /// other types.
     pub(crate) fn of_numbers(&self, values: &[u64]) -> Vec<u8> {
         let (w, h) = self.chunk();
         let planes: Vec<Vec<usize>> = if self.separate {
@@ -126,7 +127,7 @@ impl File {
         }
     }
 
-    /// The file of these strips or tiles, which are compressed here.
+    /// Returns the file of these strips or tiles, after compressing them.
     pub(crate) fn of_chunks(&self, chunks: &[Vec<u8>]) -> Vec<u8> {
         let mut file = if self.big_endian { b"MM\0\x2a".to_vec() } else { b"II\x2a\0".to_vec() };
         file.extend([0; 4]);

@@ -1,11 +1,12 @@
-//! Grids shaded together: to the bit as each alone, whoever else is there.
+//! Grids that are shaded together have the same results, to the bit, as each alone.
 
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
 use granita_gsl::ir::ValueType;
 use granita_shade::{Grid, Primvar, PrimvarData, Topology, Uneven};
 
-/// A square of this many points, somewhere, with a variable for each point and one for all.
+/// Returns a square of this many points at a position that depends on `k`, with a variable for each point and one for
+/// all.
 fn grid(nu: usize, nv: usize, k: u32) -> Grid {
     let mut grid = square(nu, nv);
     let n = grid.len();
@@ -125,12 +126,12 @@ fn what_sees_a_grid_as_a_whole_says_so() {
     assert_eq!(is("spatialdbsave (\"a\", P, C);"), (false, true));
     let indirect = |options: &str| is(&format!("C = indirect (\"s\", P, N, {options}\"samples\", 4);"));
     assert_eq!(indirect(""), (false, false));
-    // Parameters that are empty name nothing.
+    // Parameters that are empty do not name a file.
     assert_eq!(indirect("\"filename\", file, \"filemode\", mode, "), (false, false));
     assert_eq!(indirect("\"filename\", \"\", "), (false, false));
     assert_eq!(indirect("\"filemode\", \"w\", "), (false, true));
     assert_eq!(indirect("\"filename\", concat (file, \"x\"), "), (false, true));
-    // What is given counts.
+    // Values that are given with the instance are used.
     let source = "surface t (string file = \"\") { C = indirect (\"s\", P, N, \"filename\", file); }";
     let given = |name: &str| {
         let value = granita_base::Param::declared("string file", name).unwrap();

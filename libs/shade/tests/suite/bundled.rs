@@ -1,4 +1,4 @@
-//! The bundled shaders run, on grids and on hits, and nothing in them is no number.
+//! The bundled shaders run on grids and on hits, and none of their results is NaN.
 
 use crate::fixture::*;
 use granita_base::{Params, Vec3};
@@ -6,7 +6,7 @@ use granita_gsl::ir::ShaderKind;
 use granita_shade::{Batch, Executor, Grid, IlluminateQuery, Lane3, Lanes3, Topology};
 use std::path::Path;
 
-/// Name and source of every bundled shader, in alphabetical order.
+/// Returns the name and source of every bundled shader, in alphabetical order.
 pub(crate) fn shaders() -> Vec<(String, String)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
     let mut list: Vec<_> = std::fs::read_dir(folder)
@@ -22,7 +22,7 @@ pub(crate) fn shaders() -> Vec<(String, String)> {
     list
 }
 
-/// A piece of a sphere, seen from outside.
+/// Returns a piece of a sphere, seen from outside.
 fn sphere(nu: usize, nv: usize) -> Grid {
     let mut grid = square(nu, nv);
     for k in 0..nu * nv {
@@ -85,7 +85,7 @@ fn every_shader_runs() {
     }
 }
 
-/// Not a benchmark: prints what a point costs, for people who look.
+/// Prints the time per point. This is not a benchmark.
 #[test]
 #[ignore = "prints times"]
 fn what_a_point_costs() {

@@ -1,8 +1,8 @@
-//! Masks: what runs in which lanes.
+//! Tests of masks, which select the lanes that run.
 
 use crate::fixture::*;
 
-/// u is 0, 0.5, 1 in both rows.
+/// In these tests u is 0, 0.5, 1 in both rows.
 #[test]
 fn conditions_nest() {
     assert_eq!(floats("if (u < 0.7) { if (u > 0.2) r = 1; else r = 2; } else r = 3;")[..3], [2.0, 1.0, 3.0]);
@@ -56,7 +56,7 @@ fn functions_return_per_lane() {
         f("if (x < 0.2) return 1; if (x < 0.7) return 2; return 3;", "f (u) * 10")[..3],
         [10.0, 20.0, 30.0]
     );
-    // Lanes return at different iterations, with values that were uniform when they did.
+    // Lanes return at different iterations, with values that were uniform at that time.
     assert_eq!(
         f("for (float k = 0; k < 9; ++k) { if (k >= x * 4) return k; } return -1;", "f (u) + f (1 - u) * 10")
             [..3],
@@ -103,8 +103,8 @@ fn components_and_elements_are_set_per_lane() {
 
 #[test]
 fn variables_are_not_shared_by_lanes_across_loops() {
-    // The variable is written once in the source, and read in the same block: lanes that have left keep
-    // nothing of it, and need nothing.
+    // The variable is written once in the source, and read in the same block. Lanes that have left the loop neither
+    // keep nor need its value.
     let body = "r = 0; for (float k = 0; k < 3; ++k) { float t = k * 10; if (k > u * 2) break; r = t; }";
     assert_eq!(floats(body)[..3], [0.0, 10.0, 20.0]);
 }
@@ -117,7 +117,7 @@ fn an_empty_grid_is_nothing() {
     assert!(out.is_empty());
 }
 
-/// What is long is flat: neither linking nor running it takes stack or more than a moment.
+/// Long chains are flat. Neither linking nor running them needs stack or much time.
 #[test]
 fn long_chains_choose_as_short_ones_do() {
     let n = 2000;
@@ -126,7 +126,7 @@ fn long_chains_choose_as_short_ones_do() {
     assert_eq!(floats(&format!("{} else r = -1;", arms.join(" else ")))[..3], [0.0, half, -1.0]);
     let choice: Vec<String> = (0..n).map(|k| format!("u * {n} <= {k} ? {k} : ")).collect();
     assert_eq!(floats(&format!("r = {}-1;", choice.concat()))[..3], [0.0, half, -1.0]);
-    // In a loop that arms leave and go on with, and in a function that they return from.
+    // The arms are in a loop that they leave or continue, and in a function from which they return.
     let arms: Vec<String> = (0..20).map(|k| format!("if (i + u * 4 == {k}) r += {k};")).collect();
     let body = format!(
         "r = 0; for (float i = 0; i < 9; ++i) {{ if (i == 2) continue; else if (i > 4 + u) break; else {} }}",
@@ -150,7 +150,7 @@ fn long_sums_are_the_sums_of_their_parts() {
     assert_eq!(floats(&format!("r = u{};", " + u".repeat(n)))[..3], [0.0, 2500.5, 5001.0]);
     assert_eq!(floats(&format!("r = 1{};", " && u < 0.7".repeat(n)))[..3], [1.0, 1.0, 0.0]);
     assert_eq!(floats(&format!("r = 0{};", " || u > 0.7".repeat(n)))[..3], [0.0, 0.0, 1.0]);
-    // Left to right: types, conversions and what is true of a triple along the way.
+    // The evaluation is from left to right, including types, conversions and the truth of a triple.
     assert_eq!(floats("color c = 2; r = u + 1 + c == c + 1 == 1 && c;")[..3], [1.0, 0.0, 0.0]);
     assert_eq!(floats("point p = 1; r = length (p - p + p - point (u));")[0], 3.0_f32.sqrt());
     assert_eq!(floats("r = 8 / 4 / 2 - 1 - 1 + 2 * 3 * u;")[..3], [-1.0, 2.0, 5.0]);
@@ -158,7 +158,7 @@ fn long_sums_are_the_sums_of_their_parts() {
 
 #[test]
 fn unused_code_is_found_at_once() {
-    // Each value is read by the next one alone, and nobody reads the last.
+    // Each value is read by the next one alone, and the last is not read.
     let n = 20_000;
     let body = format!("float a = u; {} r = 1;", "a = a * 2 + v; ".repeat(n));
     assert_eq!(floats(&body)[0], 1.0);

@@ -1,4 +1,4 @@
-//! Differences over grids, at borders, at hits and at poles; displacement.
+//! Tests of differences over grids, at borders, at hits and at poles, and of displacement.
 
 use crate::fixture::*;
 use granita_base::{Params, Vec3};
@@ -22,7 +22,7 @@ fn linear_functions_have_the_same_difference_everywhere() {
 
 #[test]
 fn quadratic_functions_have_no_seam_between_grids() {
-    // Two grids that share the column x = 1: the slope at it is the same from both sides.
+    // Two grids share the column x = 1. The slope at it is the same from both sides.
     let at = |x0: f32, k: usize| {
         let mut grid = square(5, 2);
         for i in 0..10 {
@@ -57,7 +57,7 @@ fn hits_take_their_neighbour_lanes() {
 
 #[test]
 fn inactive_neighbours_do_not_count() {
-    // Where it is not computed the function is not a number.
+    // Where the function is not computed it is NaN.
     let d = on(
         &mut square(5, 1),
         "r = 0; if (u < 0.6) { float f = sqrt (0.5 - u) * 0 + u * 4; r = deltau (f); }",
@@ -77,7 +77,7 @@ fn surface_normals_face_as_the_surface_does() {
 
 #[test]
 fn poles_have_normals() {
-    // A cone's tip: the first row of points is one point.
+    // The first row of points is one point, the tip of a cone.
     let mut grid = square(5, 4);
     for j in 0..4 {
         for i in 0..5 {
@@ -95,7 +95,7 @@ fn poles_have_normals() {
     // The tip's normals are those of the row below it.
     let z = on(&mut grid, "normal n = normalize (surfacenormal (P)); r = n[2];");
     assert!((z[1] - z[6]).abs() < 0.05, "{z:?} {n:?}");
-    // A grid that is a single point takes the geometric normal.
+    // A grid that is a single point uses the geometric normal.
     let mut point = square(2, 2);
     point.p = Lanes3::zeros(4);
     assert_eq!(on(&mut point, "normal n = normalize (surfacenormal (P)); r = n[2];"), [-1.0; 4]);
@@ -123,7 +123,7 @@ fn displacement_moves_along_the_normal() {
         let mut grid = square(4, 4);
         displaced(body, &mut grid);
         assert!(grid.p.xyz[2].iter().all(|p| (p - z).abs() < 1e-6), "{body} {:?}", grid.p.xyz[2]);
-        // Everything moved alike: normals stay as they were, to the bit.
+        // All points moved equally. Normals stay as they were, to the bit.
         assert_eq!(grid.n, Lanes3::splat(-Vec3::Z, 16), "{body}");
     }
 }
@@ -150,7 +150,7 @@ fn slopes_turn_normals() {
 
 #[test]
 fn interpolated_normals_stay_interpolated() {
-    // A facet with normals of the curved surface it stands for: no displacement, no change.
+    // The facet has normals of the curved surface that it represents. Without displacement they do not change.
     let mut grid = square(3, 3);
     for i in 0..9 {
         grid.n.set(i, Vec3::new(grid.u[i] - 0.5, 0.0, -1.0));

@@ -1,5 +1,4 @@
-//! A program gives the same with uniform inputs as with the same inputs in every lane, and in every
-//! executor.
+//! A program has the same results with uniform inputs as with the same inputs in every lane, and in every executor.
 
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
@@ -7,7 +6,7 @@ use granita_gsl::ir::ValueType;
 use granita_shade::{Executor, Primvar, PrimvarData};
 use proptest::prelude::*;
 
-/// Float expressions over a, b, c (inputs), x, y (variables) and u.
+/// Generates float expressions over a, b, c (inputs), x, y (variables) and u.
 fn expression() -> impl Strategy<Value = String> {
     let leaf = prop_oneof![
         Just("a".to_owned()),
@@ -48,7 +47,7 @@ fn expression() -> impl Strategy<Value = String> {
     })
 }
 
-/// Statements that change x and y.
+/// Generates statements that change x and y.
 pub(crate) fn statement() -> impl Strategy<Value = String> {
     let simple = prop_oneof![
         expression().prop_map(|e| format!("x = {e};")),
@@ -93,14 +92,14 @@ pub(crate) fn statement() -> impl Strategy<Value = String> {
     })
 }
 
-/// A function by reference, and the lights that loops see.
+/// A function with parameters by reference, and the lights over which loops run.
 pub(crate) const FUNCTION: &str = "float twist (float p, float q) { if (p > q) return p; q += 1; for (float k = 0; k < 2; ++k) if (k > p) return k; return q * 0.5; }";
 pub(crate) const LIGHTS: [&str; 2] = [
     "light k (string __category = \"key\") { emit (point (0.3, 0.5, -2)) { Cl = color (Ps[0], 0.5, 1) / dot (L, L); } }",
     "light s () { emit (vector (0, 0.25, 1), 0) { Cl = Ns[2]; } }",
 ];
 
-/// Results x and y over a 4 x 3 square, with inputs given as `varying` says.
+/// Returns the results x and y over a 4 x 3 square. `varying` selects the inputs that are primitive variables.
 fn run(body: &str, inputs: [f32; 3], varying: [bool; 3], executor: &mut Executor) -> Vec<u32> {
     let source = format!(
         "{FUNCTION} surface t (float a = 0, float b = 0, float c = 0, output float x = 1, output float y = 2) \
@@ -120,7 +119,7 @@ fn run(body: &str, inputs: [f32; 3], varying: [bool; 3], executor: &mut Executor
     let wanted = [("x", ValueType::Float), ("y", ValueType::Float)];
     let mut services = Double { grid: Some(grid.clone()), ..Double::with_lights(&LIGHTS) };
     let results = executor.run(&group, &mut grid, &mut services, &wanted);
-    // Which NaN it is does not matter.
+    // The payload of a NaN does not matter.
     let bits = |x: f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
     results.into_iter().flat_map(|r| r.expect("an output")).map(bits).collect()
 }
@@ -136,7 +135,7 @@ proptest! {
     ) {
         let body = body.join("\n");
         let uniform = run(&body, inputs, [false; 3], &mut Executor::new());
-        // A varying run in an executor with other memory.
+        // A run with varying inputs in an executor with other memory.
         let mut used = Executor::new();
         run("for (float k = 0; k < 3; ++k) { x = u * k; if (u > 0.5) y = 1 / k; }", [0.5; 3], [true; 3], &mut used);
         let some = [0, 1, 2].map(|k| mixture >> k & 1 == 1);

@@ -1,4 +1,4 @@
-//! A renderer for tests: spaces, units, lights and textures with known answers.
+//! A renderer for tests, with spaces, units, lights and textures whose results are known.
 
 use granita_base::{Param, ParamData, ParamType, Params, Severity, Transform, Vec3};
 use granita_gsl::ir::ValueType;
@@ -6,7 +6,7 @@ use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_shade::*;
 use std::sync::Arc;
 
-/// Services with known answers.
+/// Services whose results are known.
 #[derive(Default)]
 pub(crate) struct Double {
     pub(crate) said: Vec<(Severity, String)>,
@@ -16,22 +16,22 @@ pub(crate) struct Double {
     /// The grid that is being shaded, for lights.
     pub(crate) grid: Option<Grid>,
     pub(crate) shadow_queries: Vec<(Vec3, bool, Option<f32>)>,
-    /// Of each question to a light, whether only what comes from in front counts.
+    /// True, for each query of a light, when only light from in front counts.
     pub(crate) in_front: Vec<bool>,
     pub(crate) asked: usize,
-    /// How many names of textures were looked for and kept.
+    /// The number of texture names that were looked up and kept.
     pub(crate) found: usize,
-    /// Records of spatial databases: name, key, data.
+    /// The records of spatial databases: name, key, data.
     pub(crate) records: Vec<(String, Vec<f32>, Vec<f32>)>,
-    /// Options of the last database call, as text.
+    /// The options of the last database call, as text.
     pub(crate) options: String,
-    /// Of each query that may trace rays: its set or map, and the names of the messages that it brought.
+    /// The set or map, and the names of the messages, of each query that may trace rays.
     pub(crate) told: Vec<(String, Vec<String>)>,
-    /// The frame is to end.
+    /// True when the frame must end.
     pub(crate) is_stopped: bool,
 }
 
-/// All numbers of a key.
+/// Returns all numbers of a key.
 fn numbers(key: DatabaseKey<'_>, i: usize) -> Vec<f32> {
     match key {
         DatabaseKey::Surface { s, t } => vec![s.get(i), t.get(i)],
@@ -41,7 +41,7 @@ fn numbers(key: DatabaseKey<'_>, i: usize) -> Vec<f32> {
 }
 
 impl Double {
-    /// Notes the messages of a query.
+    /// Records the messages of a query.
     fn note(&mut self, name: &str, messages: &[Primvar]) {
         self.told.push((name.to_owned(), messages.iter().map(|m| m.name.to_string()).collect()));
     }
@@ -71,7 +71,7 @@ impl Double {
 impl Spaces for Double {
     fn to_common(&mut self, space: &str, layer: usize) -> Option<Transform> {
         Some(match space {
-            // Every layer's own: moved along x by its number plus ten.
+            // Each layer has its own space, which is moved along x by its number plus ten.
             "shader" => Transform::translate(Vec3::X * (10.0 + layer as f32)),
             "world" | "object" | "camera" | "screen" | "raster" | "NDC" => Transform::IDENTITY,
             "double" => Transform::scale(Vec3::splat(2.0)),
@@ -86,7 +86,7 @@ impl Spaces for Double {
         if [from, to].contains(&"s") {
             return matches!((from, to), ("s", "s" | "common") | ("common", "s")).then_some(1.0);
         }
-        // One common unit is half a centimetre.
+        // One "common" unit is half a centimetre.
         let mm = |unit: &str| {
             Some(match unit {
                 "mm" => 1.0,
@@ -276,7 +276,7 @@ impl Host for Double {
     }
 }
 
-/// Compiles; a mistake fails the test with its messages.
+/// Compiles a source. An error fails the test with its messages.
 pub(crate) fn module(source: &str) -> ValidModule {
     match compile(source, "test.gsl", &CompileOptions::default()) {
         Ok(compiled) => compiled.module,
@@ -291,7 +291,7 @@ pub(crate) fn link(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> Grou
     group
 }
 
-/// As [`link`], with what was reported.
+/// Does the same as [`link`], and returns the messages that were reported.
 pub(crate) fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> (Group, Vec<String>) {
     const NAMES: [&str; 4] = ["a", "b", "c", "d"];
     let sources: Vec<LayerSource<'_>> = layers
@@ -308,7 +308,7 @@ pub(crate) fn link_saying(layers: &[(&str, Params)], connections: &[[&str; 4]]) 
     (group, said)
 }
 
-/// A unit square in z = 0 that faces the viewer at z = -infinity, normals along -z.
+/// Returns a unit square in z = 0 that faces the viewer at z = -infinity, with normals along -z.
 pub(crate) fn square(nu: usize, nv: usize) -> Grid {
     let mut grid = Grid::new(Topology::Rect { nu, nv });
     for j in 0..nv {
@@ -330,7 +330,7 @@ pub(crate) fn square(nu: usize, nv: usize) -> Grid {
     grid
 }
 
-/// Runs a group and takes one output, component after component.
+/// Runs a group and returns one output, component after component.
 pub(crate) fn output(
     group: &Group,
     grid: &mut Grid,
@@ -343,19 +343,19 @@ pub(crate) fn output(
     results.pop().flatten().unwrap_or_else(|| panic!("no output {name}"))
 }
 
-/// Runs a body `r = ...;` over a 3 x 2 square and takes `output float r`.
+/// Runs a body `r = ...;` over a 3 x 2 square and returns `output float r`.
 pub(crate) fn floats(body: &str) -> Vec<f32> {
     floats_with(body, &mut Double::default())
 }
 
-/// As [`floats`], with services.
+/// Does the same as [`floats`] with these services.
 pub(crate) fn floats_with(body: &str, services: &mut Double) -> Vec<f32> {
     let source = format!("surface t (output float r = -1) {{ {body} }}");
     let group = link(&[(&source, Params::new())], &[]);
     output(&group, &mut square(3, 2), services, "r", ValueType::Float)
 }
 
-/// A float value for a parameter.
+/// Returns a float value for a parameter.
 pub(crate) fn param(name: &str, value: f32) -> Param {
     Param { name: name.into(), ty: ParamType::of(granita_base::BaseType::Float), data: value.into() }
 }

@@ -1,13 +1,13 @@
 // tidy: table
-//! Every function against a table, with uniform and with varying arguments.
+//! Tests every function against a table, with uniform and with varying arguments.
 
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
 use granita_gsl::ir::ValueType;
 use granita_shade::{Group, LayerSource, LinkOptions, Primvar, PrimvarData};
 
-/// Value of an expression in x, y and z: given with the instance, and per lane as primitive variables.
-/// Both must be the same to the bit.
+/// Returns the value of an expression in x, y and z. They are given with the instance, and per lane as primitive
+/// variables. Both results must be the same to the bit.
 fn evaluate(expression: &str, ty: ValueType, args: [f32; 3]) -> Vec<f32> {
     let word = ty.word();
     let source = format!(
@@ -31,7 +31,7 @@ fn evaluate(expression: &str, ty: ValueType, args: [f32; 3]) -> Vec<f32> {
     let bits =
         |list: &[f32]| list.iter().map(|x| if x.is_nan() { 1 } else { x.to_bits() }).collect::<Vec<_>>();
     assert_eq!(bits(&a), bits(&b), "{expression} {args:?}: {a:?} {b:?}");
-    // The code as it was compiled gives the same as what was folded.
+    // The unoptimised code has the same result as the folded code.
     let layer = LayerSource { module: module(&source), params: &Params::new(), name: None };
     let plain =
         Group::link_with(&[layer], &[], LinkOptions { optimize: false }, &mut |_, _| {}).expect("a group");
@@ -137,7 +137,7 @@ fn mathematics() {
 
 const M_E: f32 = std::f32::consts::E;
 
-/// To the bit, and as numbers that functions take.
+/// The constants are correct to the bit, and functions accept them.
 #[test]
 fn constants_have_their_values() {
     use std::f32::consts;
@@ -271,7 +271,7 @@ fn geometry() {
         &[
             ("transformn (\"stretched\", \"common\", normal (x, y, z))", [1.0, 1.0, 1.0], &[1.0, 0.25, 0.5]),
             ("normal (\"stretched\", x, y, z)", [0.0, 4.0, 0.0], &[0.0, 1.0, 0.0]),
-            // The matrix is flat: normals do not divide by it.
+            // The matrix is the identity, which does not change normals.
             ("transformn (matrix (1), normal (x, y, z))", [1.0, 2.0, 3.0], &[1.0, 2.0, 3.0]),
         ],
     );
@@ -324,7 +324,7 @@ fn matrices() {
     let mut t = identity;
     t[3] = 10.0;
     row("transpose (matrix (\"shader\", x))", [1.0, 0.0, 0.0], t);
-    // The new transformation applies before the old one.
+    // The new transformation is applied before the old one.
     let mut both = identity.map(|v| 2.0 * v);
     both[12..16].copy_from_slice(&[2.0, 4.0, 6.0, 1.0]);
     both[15] = 2.0;
@@ -423,7 +423,7 @@ fn units() {
             ("transformu (\"cm\", \"mm\", x)", [2.0, 0.0, 0.0], &[20.0]),
             ("transformu (\"mm\", x)", [2.0, 0.0, 0.0], &[10.0]),
             ("transformu (\"common\", \"m\", x)", [200.0, 0.0, 0.0], &[1.0]),
-            // One "double" unit is two common ones, which are a centimetre.
+            // One "double" unit is two "common" ones, which are a centimetre.
             ("transformu (\"double\", \"cm\", x)", [3.0, 0.0, 0.0], &[3.0]),
             ("transformu (\"cm\", \"double\", x)", [3.0, 0.0, 0.0], &[3.0]),
             ("transformu (\"double\", \"shader\", x)", [3.0, 0.0, 0.0], &[6.0]),
@@ -467,7 +467,7 @@ fn fresnel() {
         )
     };
     assert!(near(floats(&source("kr + kt"))[0], 1.0));
-    // Schlick's curve is within a percent here.
+    // Schlick's approximation is within a percent here.
     assert!((floats(&source("kr"))[0] - 0.043).abs() < 0.005);
     assert!(near(floats(&source("R[2]"))[0], -0.8));
     assert!(near(floats(&source("T[0]"))[5], 0.4));

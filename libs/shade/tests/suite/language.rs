@@ -1,4 +1,4 @@
-//! What the language's statements and functions of the source do (reference 5.5, 5.6), run.
+//! Tests of the language's statements and of functions of the source (reference 5.5, 5.6).
 
 use crate::fixture::*;
 use granita_base::Params;
@@ -8,7 +8,7 @@ fn first(body: &str) -> f32 {
     floats(body)[0]
 }
 
-/// With functions before the shader.
+/// Runs a body with functions before the shader.
 fn calling(functions: &str, body: &str) -> f32 {
     let source = format!("{functions} surface t (output float r = -1) {{ {body} }}");
     let group = link(&[(&source, Params::new())], &[]);
@@ -118,7 +118,7 @@ fn strings_keep_their_escapes() {
 
 #[test]
 fn arguments_are_other_names_of_the_variables() {
-    // Two names of one variable; elements and components; the argument's own variable hidden inside.
+    // The arguments are two names of one variable, elements and components, and arrays.
     assert_eq!(calling("void f (float a, float b) { a = 1; b += a; }", "float x = 5; f (x, x); r = x;"), 2.0);
     assert_eq!(
         calling(
@@ -134,14 +134,14 @@ fn arguments_are_other_names_of_the_variables() {
         ),
         15.0
     );
-    // What is no variable is a copy.
+    // An expression that is not a variable is copied.
     assert_eq!(
         calling("float f (float a) { a += 1; return a; }", "float x = 5; r = f (x + 0) * 10 + x;"),
         65.0
     );
-    // A float where a color is taken is converted, and not written.
+    // A float that is passed as a color is converted, and not written.
     assert_eq!(calling("float f (color c) { return c[0] + c[2]; }", "float x = 5; r = f (x);"), 10.0);
-    // An element stays that of the index that it was called with.
+    // An element remains that of the index at the time of the call.
     assert_eq!(
         calling(
             "void f (float x, float k) { k = 2; x = 7; }",
@@ -153,7 +153,7 @@ fn arguments_are_other_names_of_the_variables() {
 
 #[test]
 fn scopes_are_lexical() {
-    // `x` of the function's surroundings, not of its caller's.
+    // The function reads `x` of its surroundings, not that of its caller.
     assert_eq!(first("float x = 1; float see () { return x; } { float x = 2; r = see () * 10 + x; }"), 12.0);
     assert_eq!(
         first(
@@ -167,7 +167,7 @@ fn scopes_are_lexical() {
         ),
         12.0
     );
-    // A local hides a global for the functions below it, and not for those that came before.
+    // A local hides a global for the functions below it, but not for those above.
     assert_eq!(
         calling(
             "float see () { return u; }",
@@ -191,12 +191,12 @@ fn the_arguments_and_the_result_choose_a_function() {
         ("f (\"x\")", 4.0),
         ("f (P)", 6.0),
         ("f (I)", 7.0),
-        // A normal is as near to a point as to a vector: the first declared.
+        // A normal is as near to a point as to a vector. The first declaration is selected.
         ("f (N)", 6.0),
         ("f (color (1))", 3.0),
         ("f ((vector) C)", 7.0),
         ("f (P - P)", 7.0),
-        // What can be anything is a number.
+        // A call that may return any type returns a number.
         ("f (noise (P))", 1.0),
     ] {
         assert_eq!(calling(functions, &format!("r = {call};")), wanted, "{call}");
@@ -239,7 +239,7 @@ fn emit_starts_dark_and_outside_of_the_cone_nothing_runs() {
     let light = "light l () { emit (point (0, 0, -2), vector (0, 0, 1), 0.1) { Cl = 1; printf (\"lit\"); } }";
     let mut services = Double::with_lights(&[light]);
     assert_eq!(floats_with("r = 0; lights (P) r += 1;", &mut services), [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    // Said once for the point that is lit.
+    // The message is printed once, for the point that is lit.
     assert_eq!(services.printed(), ["lit"]);
 }
 
@@ -260,7 +260,7 @@ fn categories_are_read_from_left_to_right() {
         ("-red", 2.0),
         ("*", 3.0),
         ("-*", 1.0),
-        // (red | blue) & !red, and not red | (blue & !red).
+        // The expression is (red | blue) & !red, and not red | (blue & !red).
         ("red|blue&!red", 1.0),
         ("-*|red&blue", 1.0),
         ("green", 0.0),

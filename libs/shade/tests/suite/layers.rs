@@ -1,4 +1,4 @@
-//! Where parameters get their values, and how layers connect (reference 2.6, 5.3.2).
+//! Tests of the sources of parameters' values, and of the connections between layers (reference 2.6, 5.3.2).
 
 use crate::fixture::*;
 use granita_base::{BaseType, Param, ParamData, ParamType, Params, Vec3};
@@ -49,7 +49,7 @@ fn instance_values_convert_and_spatial_ones_leave_shader_space() {
         ),
     ]);
     let group = link(&[(source, given)], &[]);
-    // The point moved by 10, the vector did not; the matrix too ends in common space.
+    // The point was moved by 10, and the vector was not. The matrix also ends in "common" space.
     assert_eq!(run1(&group, "r", ValueType::Point), [4026.5, 4017.5, 4018.5]);
 }
 
@@ -92,7 +92,7 @@ fn primitive_variables_come_first() {
             BaseType::Color,
             PrimvarData::Floats { values: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0], varying: true },
         ),
-        // Another type: does not count.
+        // A variable of another type is ignored.
         primvar("f", BaseType::Color, PrimvarData::Floats { values: vec![50.0; 3], varying: false }),
         primvar("tex", BaseType::String, PrimvarData::Strings(vec!["a.tx".into()])),
     ];
@@ -135,7 +135,7 @@ fn arrays_of_primitives_set_the_length_of_parameters() {
             (vec![list(2, true)], [2.0, 3.0, 11.0]),
             (vec![list(4, true), tints.clone()], [4.0, 10.0, 13.0]),
             (vec![names.clone(), tints.clone()], [2.0, 3.0, 123.0]),
-            // Of another type: does not count.
+            // A variable of another type is ignored.
             (
                 vec![array(
                     "list",
@@ -154,7 +154,7 @@ fn arrays_of_primitives_set_the_length_of_parameters() {
             assert_eq!([r[1], r[3], r[5]], expected);
         }
     }
-    // Such a parameter feeds the next layer in its length; and it comes before a connection.
+    // Such a parameter has the length of its source in the next layer, and takes precedence over a connection.
     let taker = "surface b (float x[] = {0}, output float r = 0) { r = arraylength (x) * 10 + x[arraylength (x) - 1]; }";
     let giver = "surface a (output float list[] = {7, 8, 9}) { }";
     let group = link(&[(giver, Params::new()), (taker, Params::new())], &[["a", "list", "b", "x"]]);
@@ -308,7 +308,7 @@ fn strings_that_can_be_told() {
 
 #[test]
 fn layers_that_feed_the_next_twice_are_looked_at_once() {
-    // Whether a layer need not run depends on those that it feeds: 2 to the power of 60 ways lead to the last.
+    // Whether a layer can be omitted depends on those that it feeds. There are 2 to the power of 60 ways to the last.
     let source = "surface t (float a = 1, float b = 2, output float c = 0, output float d = 0) { c = a + b; d = a - b; }";
     let names: Vec<String> = (0..60).map(|k| format!("l{k}")).collect();
     let none = Params::new();
@@ -341,6 +341,6 @@ fn parameters_without_elements_take_those_of_the_instance() {
         output(&group, &mut square(2, 1), &mut Double::default(), "r", ValueType::Float)
     };
     assert_eq!(run(params(&[("float[3] list", floats_of(&[1.0, 2.0, 3.0]))])), [63.0, 63.0]);
-    // An array has an element at least.
+    // An array has at least one element.
     assert_eq!(run(Params::new()), [1.0, 1.0]);
 }

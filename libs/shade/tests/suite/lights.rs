@@ -1,4 +1,4 @@
-//! `lights`, `emit`, illumination functions and `trace` (reference 5.5.5, 5.8.11).
+//! Tests of `lights`, `emit`, illumination functions and `trace` (reference 5.5.5, 5.8.11).
 
 use crate::fixture::*;
 use granita_base::{Params, Vec3};
@@ -10,7 +10,7 @@ const SUN: &str =
 const BEHIND: &str = "light b () { emit (vector (0, 0, -1), 0) { Cl = 100; } }";
 const AMBIENT: &str = "light a (float intensity = 0.125) { Cl = intensity; }";
 
-/// `r` at the corner u = v = 0, which is the origin.
+/// Returns `r` at the corner u = v = 0, which is the origin.
 fn corner(lights: &[&str], body: &str) -> f32 {
     floats_with(body, &mut Double::with_lights(lights))[0]
 }
@@ -20,16 +20,16 @@ fn emission() {
     assert_eq!(corner(&[POINT], "r = 0; lights (P) { r += Cl[0]; }"), 1.0);
     assert_eq!(corner(&[POINT], "r = 0; lights (P) { r += L[2] * 10 + Pl[2]; }"), -22.0);
     assert_eq!(corner(&[SUN], "r = 0; lights (P) { r += L[2] * 10 + Cl[1]; }"), -9.5);
-    // In the cone, beside it, on its rim.
+    // The point is in the cone, beside it, and on its rim.
     let spot = |angle: &str| {
         format!("light s () {{ emit (point (1, 0, -1), vector (0, 0, 1), {angle}) {{ Cl = 1; }} }}")
     };
     assert_eq!(corner(&[&spot("0.5")], "r = 0; lights (P) { r += 1; }"), 0.0);
     assert_eq!(corner(&[&spot("0.8")], "r = 0; lights (P) { r += 1; }"), 1.0);
-    // Along the reflection: straight back.
+    // The reflection is straight back.
     let mirror = "light m () { emit () { Cl = 1; } }";
     assert_eq!(corner(&[mirror], "r = 0; lights (P) { r += L[2]; }"), -1.0);
-    // Every emission is a sample; emissions start black.
+    // Every emission is a sample. Emissions start black.
     let two = "light t () { emit (point (0, 0, -1)) { Cl = 1; } emit (point (0, 0, -1)) { if (Ps[0] < 0.1) Cl = 2; } }";
     assert_eq!(
         floats_with("r = 0; lights (P) { r += Cl[0]; }", &mut Double::with_lights(&[two]))[..2],
@@ -68,7 +68,7 @@ fn the_body_keeps_to_lanes_that_have_not_left() {
     let group = link(&[(source, Params::new())], &[]);
     let r = output(&group, &mut square(3, 1), &mut Double::with_lights(&two), "r", ValueType::Float);
     assert_eq!(r, [6.0, 6.0, 5.0]);
-    // A loop inside a loop gives the outer one its light back.
+    // A loop inside a loop restores the light of the outer one.
     let nested = "r = 0; lights (\"sun\", P) { lights (\"-*\", P) { r += 1; } r += Cl[1] * 100; }";
     assert_eq!(corner(&[SUN, POINT], nested), 51.0);
 }
@@ -82,11 +82,11 @@ fn diffuse_specular_ambient() {
     near(corner(&[SUN], "color c = ambient () + 1; r = c[2];"), 1.0);
     near(corner(&[], "color c = ambient () + diffuse (N) + specular (N, N, 0.1); r = c[2];"), 0.0);
     near(corner(&[SUN], "color c = specular (N, -I, 0.1); r = c[1];"), 0.5);
-    // H is 22.5 degrees off.
+    // H differs from the normal by 22.5 degrees.
     let body = "vector V = normalize (vector (0, 1, -1)); color c = specular (N, V, 0.5); r = c[0];";
     near(corner(&[SUN], body), (std::f32::consts::PI / 8.0).cos().powi(16));
     near(corner(&[], "color c = specularbrdf (-I, N, -I, 0.1); r = c[0];"), 1.0);
-    // Equal to what the reference's definition gives.
+    // The result is that of the reference's definition.
     let own = "color c = 0; lights (P, N, PI / 2) c += Cl * max (0, dot (normalize (L), N)); \
                color d = diffuse (N); r = c[0] - d[0];";
     near(corner(&[SUN, POINT, BEHIND], own), 0.0);
@@ -97,7 +97,7 @@ fn lights_may_keep_out_of_diffuse_and_specular() {
     let partly = "light p (output float __nondiffuse = 0.25, float __nonspecular = 1) { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
     assert_eq!(corner(&[partly], "color c = diffuse (N); r = c[0];"), 0.75);
     assert_eq!(corner(&[partly], "color c = specular (N, -I, 0.1); r = c[0];"), 0.0);
-    // Written in the body, per point.
+    // The value is written in the body, per point.
     let later = "light p (output float __nondiffuse = 0) { emit (vector (0, 0, 1), 0) { Cl = 1; } __nondiffuse = Ps[0]; }";
     let d = floats_with("color c = diffuse (N); r = c[0];", &mut Double::with_lights(&[later]));
     assert_eq!(d[..3], [1.0, 0.5, 0.0]);
@@ -174,13 +174,13 @@ fn rays() {
                 getmessage (\"trace\", \"hit\", h); getmessage (\"trace\", \"hitdist\", d); \
                 getmessage (\"trace\", \"Cl\", c); r += h * 100 + d + c[1]; }";
     assert_eq!(corner(&[], body), 207.5);
-    // Samples may differ from point to point.
+    // The number of samples may differ from point to point.
     let body = "r = 0; trace (\"set\", P, N, 0.5, 1 + u * 2, \"bias\", 0.1) r += 1;";
     assert_eq!(floats(body)[..3], [1.0, 2.0, 3.0]);
     assert_eq!(corner(&[], "r = 7; trace (\"set\", P, N, 0.5, 0) r += 1;"), 7.0);
     assert_eq!(corner(&[], "float x = 0; r = getmessage (\"trace\", \"hit\", x);"), 0.0);
     assert_eq!(corner(&[], "r = occlusion (\"set\", P, N, 0.5, \"samples\", 16);"), 0.0);
-    // Nobody hit anything; the mean open direction is the axis.
+    // No ray hit a surface. The mean open direction is the axis.
     assert_eq!(
         corner(&[], "vector o = 0; r = occlusion (\"set\", P, N, 0.5, o, \"samples\", 16) + o[2];"),
         -1.0

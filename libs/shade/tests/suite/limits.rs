@@ -1,15 +1,15 @@
-//! Shaders that would take all memory, or never end.
+//! Tests of shaders that would use all memory, or never end.
 
 use crate::fixture::*;
 use granita_base::Params;
 use granita_gsl::ir::ValueType;
 
-/// The value of `r` in the first lane, and what was said.
+/// Returns the value of `r` in the first lane, and the errors that were reported.
 fn limited(body: &str) -> (f32, Vec<String>) {
     let source = format!("surface t (output float r = 0) {{\n{body}\n}}");
     let group = link(&[(&source, Params::new())], &[]);
     let mut services = Double::default();
-    // Each mistake is said once, however many grids there are.
+    // Each error is reported once for any number of grids.
     for _ in 0..2 {
         output(&group, &mut square(3, 2), &mut services, "r", ValueType::Float);
     }
@@ -28,13 +28,13 @@ fn strings_end_somewhere() {
             assert_eq!(limited(&body), (1.0, vec![cut.to_owned()]), "{doubled} {start}");
         }
     }
-    // One call with many arguments.
+    // There is one call with many arguments.
     let body = format!(
         "string s = \"x\"; for (float k = 0; k < 16; ++k) s = concat (s, s);\n s = concat (s{});",
         ", s".repeat(20_000)
     );
     assert_eq!(limited(&body).1, [cut]);
-    // What fits is whole.
+    // A string that fits is complete.
     let body = "string s = \"12345678\"; for (float k = 0; k < 13; ++k) s = concat (s, s); \
                 r = match (\"^(12345678)*$\", s) + match (\"8$\", s);";
     assert_eq!(limited(body), (2.0, vec![]));
@@ -59,7 +59,7 @@ fn patterns_are_short() {
     let (_, said) = limited(body);
     assert_eq!(said.len(), 2, "{said:?}");
     assert!(said.iter().all(|text| text.contains("is longer than 4096")), "{said:?}");
-    // None takes time that grows faster than the text.
+    // The time does not grow faster than the text.
     let body = "string s = \"aaaaaaaa\"; for (float k = 0; k < 12; ++k) s = concat (s, s);
         r = match (\"(a*)*(a|aa)*(a|a?)+b\", s);";
     assert_eq!(limited(body), (0.0, vec![]));
@@ -71,14 +71,14 @@ fn loops_end() {
     let group = link(&[(source, Params::new())], &[]);
     let mut services = Double { is_stopped: true, ..Double::default() };
     let r = output(&group, &mut square(2, 1), &mut services, "r", ValueType::Float);
-    // Either loop asks now and then whether the frame is to end.
+    // Both loops regularly check whether the frame must end.
     assert!(r[0] > 1e3 && r[0] < 1e6, "{}", r[0]);
     assert_eq!(services.errors(), Vec::<&str>::new());
 }
 
 #[test]
 fn loops_that_do_not_end_end_the_shader() {
-    // Lanes that are not in the loop go on, those in it are done, also with the loops around it.
+    // Lanes outside the loop continue. Those in it end, also in the loops around it.
     let body = "r = 1; if (u < 0.2)
         while (1)
             while (u < 0.2) r += 1;

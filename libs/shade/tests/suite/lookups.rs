@@ -1,4 +1,4 @@
-//! Textures and environments: what reaches the services, and what comes back.
+//! Tests of textures and environments: the data that the services receive, and their results.
 
 use crate::fixture::*;
 use granita_base::Params;
@@ -59,7 +59,7 @@ fn options_that_no_call_has_are_reported_where_they_run() {
         floats_with(&format!("if (u > 5) {{ {call} }}"), &mut services);
         assert!(services.errors().is_empty());
     }
-    // Those of other lookups are passed over: the compiler has warned of them.
+    // Options of other lookups are ignored, because the compiler has warned about them.
     let mut services = Double::default();
     floats_with("r = texture (\"blur\", u, v, \"samples\", 4, \"up\", \"y\");", &mut services);
     assert!(services.errors().is_empty());
@@ -76,18 +76,18 @@ fn constant_names_have_a_place_for_what_is_found() {
         }
         (services.found, services.asked)
     };
-    // One call, three grids.
+    // There is one call and three grids.
     assert_eq!(kept("C = texture (\"st\", u, v);"), (1, 3));
     assert_eq!(kept("C = texture (map, u, v, \"blur\", 0.5);"), (1, 3));
     assert_eq!(kept("C = texture (map, u, v) + texture (other, u + 1, v);"), (2, 6));
-    // Made while it runs.
+    // The name is computed while the shader runs.
     assert_eq!(kept("C = texture (u > 0.5 ? map : \"d\", u, v);"), (0, 6));
 }
 
 #[test]
 fn lookups_touch_active_lanes_only() {
     assert_eq!(floats("r = 7; if (u > 0.2) r = texture (\"st\", u, v);")[..3], [7.0, 0.5, 1.0]);
-    // Texture names may differ from point to point: one call each.
+    // Texture names may differ from point to point. Each name is one call.
     let mut services = Double::default();
     let body =
         "string name = \"st\"; if (u > 0.2) name = \"none\"; r = texture (name, u + 4, v, \"fill\", 9);";

@@ -1,4 +1,4 @@
-//! Compiled shaders through the executor, against closed forms and against each other.
+//! Runs compiled shaders with the executor, and compares them with closed forms and with each other.
 
 mod batched;
 mod bundled;

@@ -1,4 +1,4 @@
-//! Messages, attributes, printing.
+//! Tests of messages, attributes and printing.
 
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
@@ -35,7 +35,7 @@ fn printing() {
         &mut services,
     );
     assert_eq!(services.printed(), ["once 3\n", "0.0", "1.0"]);
-    // The same in all points where it runs: once.
+    // The error is the same in all points where it runs, so it is reported once.
     assert_eq!(services.errors(), ["test.gsl:1: shader \"t\": bad 1"]);
     assert_eq!(services.files, [("log.txt".to_owned(), "1.000000 1.000000 1.000000".to_owned())]);
 }
@@ -116,7 +116,7 @@ fn messages_of_lights_and_primitives() {
         ty: ParamType::of(ty),
         data: PrimvarData::Floats { values: values.into(), varying: values.len().is_multiple_of(2) },
     };
-    // The first of the right type counts.
+    // The first variable of the right type is used.
     grid.parent = vec![
         floats_named("x", BaseType::Color, &[0.0, 0.0, 7.0, 8.0, 0.0, 0.0]),
         floats_named("x", BaseType::Float, &[3.0, 4.0]),
@@ -175,7 +175,7 @@ fn lights_ask_the_surface_and_the_primitive() {
 
 #[test]
 fn a_layer_that_is_asked_by_name_runs() {
-    // Nothing is connected to the first layer, and all it does is to compute a parameter.
+    // No layer is connected to the first one, which only computes a parameter.
     let layers = [
         ("surface a (output float o = 0) { o = 2 * u; }", Params::new()),
         (
@@ -186,7 +186,7 @@ fn a_layer_that_is_asked_by_name_runs() {
     let group = link(&layers, &[]);
     let r = output(&group, &mut square(3, 1), &mut Double::default(), "r", ValueType::Float);
     assert_eq!(r, [10.0, 11.0, 12.0]);
-    // A source that is not constant may be any.
+    // A source that is not constant may be any source.
     let source = "surface t (string from = \"\", output float r = 0) { float x = 0; getmessage (from, \"a\", x); r = x; }";
     let group = link(&[(source, Params::new())], &[]);
     assert!(group.asks_light() && group.asks_primitive() && group.queries_parent());

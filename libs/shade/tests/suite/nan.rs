@@ -1,4 +1,4 @@
-//! The search for NaN.
+//! Tests of the search for NaN.
 
 use crate::fixture::*;
 use granita_base::{Params, Severity};
@@ -24,16 +24,16 @@ fn nan_is_told_with_shader_line_and_values() {
     }
     let said: Vec<&str> = services.said.iter().map(|(_, t)| t.as_str()).collect();
     assert!(services.said.iter().all(|(s, _)| *s == Severity::Warning));
-    // Where it comes from, and not everything that it spoils afterwards.
+    // The warnings name the origin of a NaN, and not the values that depend on it.
     assert_eq!(
         said,
         [
             "test.gsl:4: shader \"t\": log of -1.5 gives NaN (in `y`), point 1",
-            // The same for all points, and known before the shader runs.
+            // The value is the same for all points, and known before the shader runs.
             "test.gsl:6: shader \"t\": sqrt of -4 gives NaN, point 0",
         ]
     );
-    // Off, nothing is said.
+    // When the search is off, there are no warnings.
     let mut services = Double::default();
     Executor::new().run(&link(&[(source, Params::new())], &[]), &mut square(3, 2), &mut services, &[]);
     assert_eq!(services.said.len(), 0);

@@ -1,4 +1,4 @@
-//! Optimised code gives what unoptimised code gives, to the bit.
+//! Optimised code has the same results as unoptimised code, to the bit.
 
 use crate::equivalence::{FUNCTION, LIGHTS, statement};
 use crate::fixture::*;
@@ -7,7 +7,7 @@ use granita_gsl::ir::ValueType;
 use granita_shade::{Executor, Grid, Group, LayerSource, LinkOptions, Primvar, PrimvarData};
 use proptest::prelude::*;
 
-/// A group both ways: as it is compiled, and optimised.
+/// Returns a group as it is compiled, and optimised.
 fn both(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> [Group; 2] {
     const NAMES: [&str; 3] = ["a", "b", "c"];
     [false, true].map(|optimize| {
@@ -30,11 +30,11 @@ fn both(layers: &[(&str, Params)], connections: &[[&str; 4]]) -> [Group; 2] {
     })
 }
 
-/// Results and colours over a grid, with what was printed.
+/// Returns results and colours over a grid, with the printed text.
 fn results(group: &Group, mut grid: Grid, wanted: &[(&str, ValueType)]) -> (Vec<Option<Vec<u32>>>, String) {
     let mut services = Double { grid: Some(grid.clone()), ..Double::with_lights(&LIGHTS) };
     let results = Executor::new().run(group, &mut grid, &mut services, wanted);
-    // Which NaN it is does not matter.
+    // The payload of a NaN does not matter.
     let bits = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
     let mut list: Vec<_> = results.iter().map(|r| r.as_ref().map(|r| r.iter().map(bits).collect())).collect();
     list.push(Some(grid.c.xyz.iter().flatten().map(bits).collect()));
@@ -90,7 +90,7 @@ fn what_is_known_is_folded_and_what_is_dead_is_gone() {
     let groups = both(&[(source, Params::new())], &[]);
     let [plain, better] = groups.each_ref().map(Group::operations);
     assert!(better + 5 <= plain, "{plain} operations became {better}");
-    // A known condition leaves nothing of what it guards.
+    // Code that depends on a known condition is removed.
     let given: Params =
         [Param { name: "mode".into(), ty: ParamType::of(BaseType::String), data: "y".into() }]
             .into_iter()
@@ -114,7 +114,7 @@ fn layers_that_nobody_takes_from_do_not_run() {
     let nothing: [(&str, ValueType); 0] = [];
     assert_eq!(results(&plain, square(3, 3), &nothing), results(&better, square(3, 3), &nothing));
     assert_eq!(better.idle_layers(&nothing), [0]);
-    // Asked for, it runs; so it does when connected.
+    // The layer runs when its output is requested, or connected.
     let wanted = [("o", ValueType::Float)];
     assert_eq!(better.idle_layers(&wanted), Vec::<usize>::new());
     assert_eq!(results(&plain, square(3, 3), &wanted), results(&better, square(3, 3), &wanted));

@@ -1,11 +1,11 @@
-//! Runs of plain operations, computed strip by strip, give what they give one by one.
+//! Runs of plain operations that are computed strip by strip have the same results as one by one.
 
 use crate::fixture::*;
 use granita_base::{BaseType, ParamType, Params};
 use granita_gsl::ir::ValueType;
 use granita_shade::{Executor, Grid, Group, LayerSource, LinkOptions, Primvar, PrimvarData};
 
-/// Every operation that can be part of a tape, of numbers that include none, infinite and tiny ones.
+/// Every operation that can be part of a tape, with numbers that include NaN, infinite and tiny ones.
 const BODY: &str = "
     float a = x * 1.5 - y, b = y / x, c = x * y + a, d = a - x * y, e = x * y - b, f = x * y * a;
     a = radians (b) + degrees (c); b += sin (d) * cos (e) + tan (f);
@@ -38,12 +38,12 @@ const WANTED: [(&str, ValueType); 5] = [
     ("rv", ValueType::Vector),
 ];
 
-/// Results to the bit; which NaN it is does not matter.
+/// Returns results to the bit. The payload of a NaN does not matter.
 fn results(group: &Group, mut grid: Grid) -> Vec<Vec<u32>> {
     let mut services = Double { grid: Some(grid.clone()), ..Double::default() };
     let mut executor = Executor::new();
     let mut found = Vec::new();
-    // The second time registers are dirty.
+    // In the second run the registers hold old values.
     for _ in 0..2 {
         found = executor.run(group, &mut grid, &mut services, &WANTED);
     }
@@ -53,7 +53,7 @@ fn results(group: &Group, mut grid: Grid) -> Vec<Vec<u32>> {
 
 #[test]
 fn strips_are_one_by_one() {
-    // Numbers of all kinds that move along the grid.
+    // The numbers are of all kinds and vary along the grid.
     let kinds = "float x = u * 3 - 1, y = v * second - first;
         if (u > 0.9) x = 0; if (v > 0.95) y = x / (u - u); if (u < 0.02) x = y * 1e-38; if (v < 0.03) y = 1e30 * x;";
     let arounds = [
@@ -75,7 +75,7 @@ fn strips_are_one_by_one() {
             let say = &mut |_, text: String| panic!("{text}");
             Group::link_with(&[layer], &[], LinkOptions { optimize }, say).expect("a group")
         });
-        // Fewer points than a strip, whole strips, and what is left of one.
+        // The sizes are less than a strip, whole strips, and strips with a remainder.
         for (nu, nv) in [(1, 1), (3, 2), (4, 4), (7, 9), (8, 8), (13, 17), (16, 16), (33, 31)] {
             let grid = square(nu, nv);
             assert_eq!(
@@ -83,7 +83,7 @@ fn strips_are_one_by_one() {
                 results(&better, grid.clone()),
                 "{nu} x {nv}: {around}"
             );
-            // What was known to be the same everywhere no longer is.
+            // A value that was known to be the same everywhere now varies.
             let mut grid = grid;
             grid.primvars.push(Primvar {
                 name: "first".into(),

@@ -1,30 +1,30 @@
-//! Colour: gamma and the common colour spaces, into linear light before MIP levels are made and out of it after.
+//! Gamma and the common colour spaces. Colours become linear light before MIP levels are made, and are encoded after.
 
-/// A colour space of `-colorconvert`. All have Rec. 709 primaries but ACEScg.
+/// A colour space of `-colorconvert`. All except ACEScg have Rec. 709 primaries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ColorSpace {
     /// Linear light.
     Linear,
-    /// IEC 61966-2-1.
+    /// The transfer function of IEC 61966-2-1.
     Srgb,
-    /// The transfer of ITU-R BT.709.
+    /// The transfer function of ITU-R BT.709.
     Rec709,
-    /// A power of 1.8.
+    /// The power 1.8.
     Gamma18,
-    /// A power of 2.2.
+    /// The power 2.2.
     Gamma22,
     /// Linear light in the primaries AP1 with the white of ACES (S-2014-004).
     AcesCg,
 }
 
-/// Linear Rec. 709 to ACEScg, with Bradford adaptation from D65.
+/// The matrix from linear Rec. 709 to ACEScg, with Bradford adaptation from D65.
 const TO_ACESCG: [[f32; 3]; 3] = [
     [0.613_097_4, 0.339_523_1, 0.047_379_5],
     [0.070_193_7, 0.916_353_9, 0.013_452_4],
     [0.020_615_6, 0.109_569_8, 0.869_814_6],
 ];
 
-/// Its inverse.
+/// The inverse of [`TO_ACESCG`].
 const FROM_ACESCG: [[f32; 3]; 3] = [
     [1.705_051, -0.621_792_1, -0.083_258_9],
     [-0.130_256_4, 1.140_804_7, -0.010_548_3],
@@ -32,11 +32,11 @@ const FROM_ACESCG: [[f32; 3]; 3] = [
 ];
 
 impl ColorSpace {
-    /// All of them.
+    /// All colour spaces.
     pub const ALL: [Self; 6] =
         [Self::Linear, Self::Srgb, Self::Rec709, Self::Gamma18, Self::Gamma22, Self::AcesCg];
 
-    /// The word on the command line.
+    /// Returns the name on the command line.
     pub fn word(self) -> &'static str {
         match self {
             Self::Linear => "linear",
@@ -48,7 +48,8 @@ impl ColorSpace {
         }
     }
 
-    /// By name, upper and lower case alike; the names that other tools have for the same are known too.
+    /// Returns the colour space of a name. Upper and lower case do not matter. The names of other tools for the same
+    /// spaces are accepted too.
     pub fn from_word(word: &str) -> Option<Self> {
         let word = word.to_ascii_lowercase();
         Some(match &*word {
@@ -61,7 +62,8 @@ impl ColorSpace {
         })
     }
 
-    /// Linear light of a stored value; odd around 0, so that negative values keep their meaning.
+    /// Returns the linear light of a stored value. The function is odd around 0, so that negative values keep their
+    /// sign.
     pub fn decode(self, v: f32) -> f32 {
         let a = v.abs();
         let linear = match self {
@@ -76,7 +78,7 @@ impl ColorSpace {
         linear.min(1e30).copysign(v)
     }
 
-    /// The stored value of linear light, the inverse of [`ColorSpace::decode`].
+    /// Returns the stored value of linear light, which is the inverse of [`ColorSpace::decode`].
     pub fn encode(self, v: f32) -> f32 {
         let a = v.abs();
         let stored = match self {
@@ -91,7 +93,8 @@ impl ColorSpace {
         stored.copysign(v)
     }
 
-    /// From the linear light of one space to that of another; `None` where they are the same.
+    /// Returns the matrix from the linear light of one space to that of another; `None` where their primaries are the
+    /// same.
     fn matrix(from: Self, to: Self) -> Option<&'static [[f32; 3]; 3]> {
         match (from == Self::AcesCg, to == Self::AcesCg) {
             (false, true) => Some(&TO_ACESCG),
@@ -101,25 +104,25 @@ impl ColorSpace {
     }
 }
 
-/// Raises to a power; negative values keep their sign.
+/// Raises the magnitude to a power, and keeps the sign.
 fn power(v: f32, g: f32) -> f32 {
     if g == 1.0 { v } else { v.abs().powf(g).min(1e30).copysign(v) }
 }
 
-/// What happens to the colours of the inputs, and to those of the texture.
+/// The conversion of the colours of the inputs, and of those of the texture.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conversion {
     pub(super) ingamma: f32,
     pub(super) outgamma: f32,
     pub(super) spaces: (ColorSpace, ColorSpace),
-    /// Alpha, which has no colour.
+    /// The index of the alpha channel, which is not converted.
     pub(super) alpha: Option<usize>,
-    /// Colours are still to be multiplied by it.
+    /// True when colours have to be multiplied by alpha.
     pub(super) multiply: bool,
 }
 
 impl Conversion {
-    /// Whether inputs stay as they are.
+    /// True when inputs stay as they are.
     pub(crate) fn keeps_inputs(&self) -> bool {
         let (from, to) = self.spaces;
         self.ingamma == 1.0
@@ -128,22 +131,22 @@ impl Conversion {
             && ColorSpace::matrix(from, to).is_none()
     }
 
-    /// Whether the texture holds what the MIP levels are computed in.
+    /// True when the texture stores the values in which MIP levels are computed.
     pub(crate) fn keeps_outputs(&self) -> bool {
         self.outgamma == 1.0 && matches!(self.spaces.1, ColorSpace::Linear | ColorSpace::AcesCg)
     }
 
-    /// Whether channel `c` is a colour: one of the first three, and not alpha.
+    /// True when channel `c` is a colour, which is one of the first three and not alpha.
     fn is_color(&self, c: usize) -> bool {
         c < 3 && self.alpha != Some(c)
     }
 
-    /// A value of an input as linear light, before matrices and alpha.
+    /// Returns a value of an input as linear light, before matrices and alpha.
     fn decode(&self, v: f32) -> f32 {
         self.spaces.0.decode(power(v, self.ingamma))
     }
 
-    /// Whole pixels of `n` channels of an input become linear light.
+    /// Converts whole pixels of `n` channels of an input to linear light.
     pub(crate) fn to_linear(self, values: &mut [f32], n: usize) {
         if self.keeps_inputs() {
             return;
@@ -154,7 +157,7 @@ impl Conversion {
         self.finish_linear(values, n);
     }
 
-    /// The same for 8-bit pixels, whose colours are looked up.
+    /// Does the same for 8-bit pixels, whose colours are looked up in a table.
     pub(crate) fn bytes_to_linear(self, bytes: &[u8], n: usize, out: &mut [f32]) {
         let plain: [f32; 256] = std::array::from_fn(|i| i as f32 / 255.0);
         let table = plain.map(|v| self.decode(v));
@@ -166,7 +169,7 @@ impl Conversion {
         self.finish_linear(out, n);
     }
 
-    /// Primaries and alpha.
+    /// Converts the primaries, and multiplies colours by alpha where needed.
     fn finish_linear(self, values: &mut [f32], n: usize) {
         if let Some(m) = ColorSpace::matrix(self.spaces.0, self.spaces.1).filter(|_| n >= 3) {
             for texel in values.chunks_exact_mut(n) {
@@ -188,7 +191,7 @@ impl Conversion {
         }
     }
 
-    /// Whole pixels of linear light become what the texture stores.
+    /// Converts whole pixels of linear light to the values that the texture stores.
     pub(crate) fn to_stored(self, values: &mut [f32], n: usize) {
         if !self.keeps_outputs() {
             self.each(values, n, |v| power(self.spaces.1.encode(v), 1.0 / self.outgamma));
@@ -249,7 +252,7 @@ mod tests {
         assert_eq!(v, [0.25, -0.25, 1.0, 0.5]);
         c.to_stored(&mut v, 4);
         assert_eq!(v, [0.5, -0.5, 1.0, 0.5]);
-        // Grey with alpha: the second channel is no colour.
+        // Grey with alpha has a second channel that is not a colour.
         let mut v = [0.5, 0.5];
         options.conversion(Some(1), true).to_linear(&mut v, 2);
         assert_eq!(v, [0.125, 0.5]);

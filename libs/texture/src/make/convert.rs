@@ -1,4 +1,4 @@
-//! From latitude-longitude maps to cubes and back.
+//! Conversion of latitude-longitude maps to cubes and back.
 
 use crate::cube::{self, CubeLayout, texel_across};
 use crate::environment::to_map;
@@ -8,13 +8,13 @@ use granita_base::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 
-/// Where a point lies between four texels: their columns and rows, and the shares of the second ones.
+/// Returns the column and row of the first of the four texels around a point, and the weights of the second ones.
 fn between(x: f32, y: f32) -> (i32, i32, f32, f32) {
     let (x, y) = (x - 0.5, y - 0.5);
     (x.floor() as i32, y.floor() as i32, x - x.floor(), y - y.floor())
 }
 
-/// Sum of four texels, exact where they are equal.
+/// Computes the weighted sum of four texels, which is exact where they are equal.
 fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
     for (c, out) in out.iter_mut().enumerate() {
         let [a, b, d, e] = corners.map(|t| t[c]);
@@ -23,7 +23,7 @@ fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
     }
 }
 
-/// A latitude-longitude map seen in a direction, bilinear, over seam and poles.
+/// Looks up a latitude-longitude map in a direction, bilinearly, over seam and poles.
 fn latlong_at(p: &Picture, up: Up, d: Vec3, out: &mut [f32]) {
     let d = to_map(d, up);
     let (w, h) = (p.width as i32, p.height as i32);
@@ -43,20 +43,20 @@ fn latlong_at(p: &Picture, up: Up, d: Vec3, out: &mut [f32]) {
     mix([texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)], fx, fy, out);
 }
 
-/// Six faces seen in a direction, bilinear, over edges.
+/// Looks up six faces in a direction, bilinearly, over edges.
 fn cube_at(faces: &[Picture; 6], d: Vec3, out: &mut [f32]) {
     let n = faces[0].width as i32;
     let p = cube::project(CubeLayout::Mosaic, d);
     let (x, y, fx, fy) = between(p.s * n as f32, p.t * n as f32);
     let texel = |x: i32, y: i32| match texel_across(CubeLayout::Mosaic, p.face, x, y, n) {
         Some((face, x, y)) => faces[face].texel(x as usize, y as usize),
-        // Behind a corner there is nothing: the corner itself stands there.
+        // Behind a corner there is no texel. The texel at the corner replaces it.
         None => faces[p.face].texel(x.clamp(0, n - 1) as usize, y.clamp(0, n - 1) as usize),
     };
     mix([texel(x, y), texel(x + 1, y), texel(x, y + 1), texel(x + 1, y + 1)], fx, fy, out);
 }
 
-/// A picture whose texels are means of `sub * sub` points; `at` is given column and row, with fractions.
+/// Returns an image whose texels are means of `sub * sub` points. `at` receives column and row, with fractions.
 fn supersampled(
     (width, height): (usize, usize),
     channels: usize,
@@ -78,14 +78,15 @@ fn supersampled(
     out
 }
 
-/// Points per texel and direction, so that no texel of the source is missed.
+/// Returns the number of points per texel and direction, from 2 to 16. Below that limit no texel of the source is
+/// missed.
 fn points(from: f32, to: f32) -> usize {
     ((from / to * 1.5).ceil() as usize).clamp(2, 16)
 }
 
-/// Six faces of `n` texels of a latitude-longitude map.
+/// Returns six faces of `n` texels a side from a latitude-longitude map.
 pub(crate) fn to_cube(p: &Picture, up: Up, n: usize) -> [Picture; 6] {
-    // Texels of a face are densest, in angle, at its corners; a quarter of the equator is a fair measure.
+    // Texels of a face are densest, in angle, at its corners. A quarter of the equator is a sufficient estimate.
     let sub = points(p.width as f32 / 4.0, n as f32);
     std::array::from_fn(|face| {
         supersampled((n, n), p.channels, sub, |x, y, out| {
@@ -95,7 +96,7 @@ pub(crate) fn to_cube(p: &Picture, up: Up, n: usize) -> [Picture; 6] {
     })
 }
 
-/// A latitude-longitude map of six faces.
+/// Returns a latitude-longitude map from six faces.
 pub(crate) fn to_latlong(faces: &[Picture; 6], up: Up, (w, h): (usize, usize)) -> Picture {
     let sub = points(faces[0].width as f32 * 4.0, w as f32);
     supersampled((w, h), faces[0].channels, sub, |x, y, out| {
@@ -113,7 +114,8 @@ pub(crate) fn to_latlong(faces: &[Picture; 6], up: Up, (w, h): (usize, usize)) -
 mod tests {
     use super::*;
 
-    /// There and back, a band-limited map comes back within 1 percent (root mean square, over its range).
+    /// A band-limited map that is converted to a cube and back is the same within 1 percent (root mean square, over its
+    /// range).
     #[test]
     fn there_and_back() {
         let (w, h) = (256, 128);
@@ -122,7 +124,7 @@ mod tests {
             for y in 0..h {
                 for x in 0..w {
                     let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);
-                    // Spherical harmonics up to order 8.
+                    // The map consists of spherical harmonics up to order 8.
                     p.texel_mut(x, y)[0] = 0.5
                         + 0.2 * theta.cos()
                         + 0.15 * theta.sin().powi(4) * (4.0 * phi).cos()

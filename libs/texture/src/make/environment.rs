@@ -1,4 +1,4 @@
-//! Environment maps from pictures of all sorts.
+//! Makes environment maps from images.
 
 use super::input::Input;
 use super::output::{Body, Texture};
@@ -17,8 +17,8 @@ fn malformed(input: &Input, what: String) -> TextureError {
     TextureError::Malformed { path: input.path.clone(), what }
 }
 
-/// Faces are of one size, square, with the same channels; that size. `places` are their indices in
-/// [`FACE_NAMES`].
+/// Checks that the faces are square, of one size and with the same channels. Returns their side in pixels. `places` are
+/// their indices in [`FACE_NAMES`].
 pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
     let first = &inputs[0];
     let first_name = FACE_NAMES[places[0]];
@@ -40,7 +40,8 @@ pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
     Ok(first.picture.width)
 }
 
-/// A square picture with `fov_deg`, as one with 90 degrees and `n` pixels: cut or extended by its border.
+/// Returns a square image with the field of view `fov_deg` as one with 90 degrees and `n` pixels a side. It is cropped,
+/// or extended by its border.
 fn refit(face: &Picture, fov_deg: f32, n: usize) -> Picture {
     let scale = 1.0 / (fov_deg.to_radians() * 0.5).tan();
     if (scale - 1.0).abs() < 1e-6 {
@@ -60,7 +61,7 @@ fn refit(face: &Picture, fov_deg: f32, n: usize) -> Picture {
     out
 }
 
-/// What all environments have in common.
+/// Returns a texture with the properties that all environments share.
 fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
     let notes = notes_of(&inputs);
     let pixel_type = inputs.iter().map(|i| i.pixel_type).max().unwrap_or(granita_image::PixelType::Float);
@@ -78,22 +79,22 @@ fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
     }
 }
 
-/// Makes cubes: the options, and what the format of the texture needs.
+/// Makes cubes according to the options and the format of the texture.
 #[derive(Clone, Copy)]
 pub(crate) struct Cubes<'a> {
     pub(crate) options: &'a MakeOptions,
-    /// The texture will be an OpenEXR file. All six faces are one picture there, of which each level is half of the one
-    /// before: only faces whose side is a power of two are halves of faces.
+    /// True when the texture will be an OpenEXR file. All six faces are one image there, and each level of that image
+    /// is half of the one before. Only faces whose side is a power of two are then halves of faces.
     pub(crate) exr: bool,
 }
 
 impl Cubes<'_> {
-    /// The side of the faces of a texture, for inputs with faces of `n` pixels.
+    /// Returns the side of the faces of a texture, for inputs with faces of `n` pixels.
     fn side(self, n: usize) -> usize {
         if self.options.resize || self.exr { power_of_two(n) } else { n }
     }
 
-    /// The texture of six faces; `n` is the side that they would have had as they are.
+    /// Returns the texture of six faces. `n` is the side in pixels that they would have without resizing.
     fn finish(self, inputs: Vec<Input>, faces: [Picture; 6], n: usize) -> Texture {
         let side = faces[0].width;
         let body = Body::Cube(cube_pyramid(faces, self.options.filter));
@@ -116,13 +117,13 @@ fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, up: Up, options: &Ma
     Texture { up: Some(up), ..texture(inputs, TextureKind::LatLongEnvironment, body) }
 }
 
-/// Whether a file says that it is a cube-face environment.
+/// True when a file declares that it is a cube-face environment.
 pub(crate) fn is_cube(spec: &granita_image::ImageSpec) -> bool {
     let says = |name: &str| spec.string(name).unwrap_or_default().to_ascii_lowercase();
     says("textureformat") == "cubeface environment" || says("envmap").starts_with("cube")
 }
 
-/// The six faces of a file that holds a cube.
+/// Returns the six faces of a file that holds a cube.
 fn faces_of(input: &Input) -> Result<[Picture; 6]> {
     let (p, spec) = (&input.picture, &input.spec);
     let layout = if input.exr { CubeLayout::Column } else { CubeLayout::Mosaic };
@@ -146,7 +147,7 @@ fn faces_of(input: &Input) -> Result<[Picture; 6]> {
     if !input.exr {
         return Ok(stored);
     }
-    // Right handed faces show the same directions from the other side.
+    // Right handed faces show the same directions mirrored.
     Ok(std::array::from_fn(|face| {
         let mut out = Picture::new(n, n, p.channels);
         let place = |i: usize| (i as f32 + 0.5) / n as f32;
@@ -162,7 +163,7 @@ fn faces_of(input: &Input) -> Result<[Picture; 6]> {
     }))
 }
 
-/// `-envcube` of one picture: a latitude-longitude map, or a cube.
+/// Makes the texture of `-envcube` from one image, which is a latitude-longitude map or a cube.
 pub(crate) fn cube_of_one(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     if is_cube(&input.spec) {
         let faces = faces_of(&input)?;
@@ -184,7 +185,8 @@ pub(crate) fn cube_of_one(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     Ok(cubes.finish(vec![input], faces, n))
 }
 
-/// `-envlatl` of six faces, or of one file that holds them; `exr`: the map will be an OpenEXR file.
+/// Makes the texture of `-envlatl` from six faces, or from one file that holds them. `exr` is true when the map will be
+/// an OpenEXR file.
 pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOptions) -> Result<Texture> {
     let faces = match &inputs[..] {
         [one] => faces_of(one)?,
@@ -199,26 +201,27 @@ pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOpti
     Ok(finish_latlong(inputs, picture, up, options))
 }
 
-/// `-envlatl` of one picture that is needed as a whole. Its pixels stay where they are.
+/// Makes the texture of `-envlatl` from one image that is needed as a whole. Its pixels stay where they are.
 pub(crate) fn latlong(mut input: Input, options: &MakeOptions) -> Texture {
     let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
     let up = Up::of(&input.spec, input.exr);
     finish_latlong(vec![input], picture, up, options)
 }
 
-/// One picture for each of six inputs.
+/// Returns one image for each of six inputs.
 fn six(inputs: &[Input], f: impl Fn(&Input) -> Picture) -> [Picture; 6] {
     std::array::from_fn(|i| f(&inputs[i]))
 }
 
-/// `-envcube`.
+/// Makes the texture of `-envcube`.
 pub(crate) fn cube(inputs: Vec<Input>, cubes: Cubes<'_>) -> Result<Texture> {
     let n = check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?;
     let faces = six(&inputs, |i| refit(&i.picture, cubes.options.fov_deg, cubes.side(n)));
     Ok(cubes.finish(inputs, faces, n))
 }
 
-/// `-vertcross`: three columns and four rows; the lowest face stands on its head.
+/// Makes the texture of `-vertcross`. The input has three columns and four rows of faces, and the lowest face is upside
+/// down.
 pub(crate) fn vertical_cross(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     let p = &input.picture;
     let n = p.width / 3;
@@ -234,33 +237,33 @@ pub(crate) fn vertical_cross(input: Input, cubes: Cubes<'_>) -> Result<Texture> 
     Ok(cubes.finish(vec![input], faces, n))
 }
 
-/// Where a direction (+z ahead, +x right, +y up) lies in an angular map, in [-1, 1] to the right and up:
-/// the distance from the centre is the angle from +z over pi (P. Debevec, Light Probe Image Gallery).
+/// Returns the position of a direction (+z ahead, +x right, +y up) in an angular map, in [-1, 1] to the right and up.
+/// The distance from the centre is the angle from +z over pi (P. Debevec, Light Probe Image Gallery).
 pub(crate) fn angular(d: Vec3) -> (f32, f32) {
     let across = d.x.hypot(d.y);
     if across == 0.0 {
-        // Straight ahead is the centre; straight behind is the whole rim, of which the right end will do.
+        // The direction ahead is the centre. The direction behind is the whole rim, which the right end represents.
         return if d.z >= 0.0 { (0.0, 0.0) } else { (1.0, 0.0) };
     }
     let r = across.atan2(d.z) / std::f32::consts::PI / across;
     (d.x * r, d.y * r)
 }
 
-/// `-lightprobe`: a square picture whose inscribed circle shows all directions.
+/// Makes the texture of `-lightprobe`. The input is a square image whose inscribed circle shows all directions.
 pub(crate) fn light_probe(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
     let p = &input.picture;
     if p.width != p.height {
         let what = format!("a light probe is square, this has {} x {} pixels", p.width, p.height);
         return Err(malformed(&input, what));
     }
-    // As many pixels per degree at the centre of a face as at the centre of the probe.
+    // The centre of a face has as many pixels per degree as the centre of the probe.
     let n = ((p.width as f32 / std::f32::consts::PI).round() as usize).max(1);
     let side = cubes.side(n);
     let faces = std::array::from_fn(|face| probe_face(p, face, side));
     Ok(cubes.finish(vec![input], faces, n))
 }
 
-/// One face, each texel the mean of 3 x 3 points.
+/// Returns one face, in which each texel is the mean of 3 x 3 points.
 fn probe_face(probe: &Picture, face: usize, n: usize) -> Picture {
     const SUB: usize = 3;
     let channels = probe.channels;
@@ -309,7 +312,7 @@ mod tests {
             *v = ((i % 64) as f32 + 0.5) / 64.0;
         }
         let wide = 2.0 * 2.0_f32.atan().to_degrees();
-        // Of a view twice as wide (in tangents) the middle half remains.
+        // The middle half remains of a view that is twice as wide (in tangents).
         let q = refit(&p, wide, 32);
         for x in 0..32 {
             assert!((q.data[x] - (0.25 + (x as f32 + 0.5) / 64.0)).abs() < 1e-4);

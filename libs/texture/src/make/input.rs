@@ -9,28 +9,28 @@ use granita_base::Params;
 use granita_image::{FormatRegistry, ImageSpec, PixelType};
 use std::path::{Path, PathBuf};
 
-/// One input, ready for work: the whole display window, linear.
+/// One input in its whole display window, with linear colours.
 pub(crate) struct Input {
     pub(crate) path: PathBuf,
     pub(crate) picture: Picture,
     pub(crate) pixel_type: PixelType,
     pub(crate) channels: Vec<String>,
     pub(crate) attributes: Params,
-    /// As it stood in the file.
+    /// The description in the file.
     pub(crate) spec: ImageSpec,
-    /// Its format keeps environments with +y up, right handed.
+    /// True when its format stores environments with +y up, right handed.
     pub(crate) exr: bool,
     pub(crate) conversion: Conversion,
     pub(crate) note: Option<String>,
 }
 
 impl Input {
-    /// Reads the first image of a file; its colours become linear.
+    /// Reads the first image of a file, and converts its colours to linear light.
     pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry) -> Result<Self> {
         Self::open(path, options, registry, true)
     }
 
-    /// The same without conversion: depths.
+    /// Reads the first image of a file without conversion, for depths.
     pub(crate) fn read_raw(path: &Path, options: &MakeOptions, registry: &FormatRegistry) -> Result<Self> {
         Self::open(path, options, registry, false)
     }
@@ -52,12 +52,12 @@ impl Input {
         })
     }
 
-    /// A matrix that the file carries.
+    /// Returns a matrix that the file contains.
     pub(crate) fn matrix(&self, name: &str) -> Option<[f32; 16]> {
         self.attributes.floats(name)?.get(..16)?.try_into().ok()
     }
 
-    /// Keeps one channel: the one named "z" or "Z", or the first.
+    /// Keeps one channel: the one named "z" or "Z", or else the first.
     pub(crate) fn only_depth(&mut self) {
         let n = self.picture.channels;
         let depth = self.channels.iter().position(|c| c.eq_ignore_ascii_case("z")).unwrap_or(0);

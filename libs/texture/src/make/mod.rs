@@ -35,9 +35,9 @@ pub type Progress<'a> = &'a (dyn Fn(u64, u64) + Sync);
 /// Makes the texture `output` from `inputs`. Their number is [`Mode::inputs`] or [`Mode::other_inputs`]. For
 /// [`Mode::ShadCube`] an input called "-" is an empty face.
 ///
-/// Plain textures, and latitude-longitude maps of one image with the box filter, are made while their rows are
-/// read, with some hundred rows in memory. For plain ones that repeat in t, with another filter than the box, all
-/// rows are kept until the last. Others are made in memory as a whole; see [`MakeOptions::memory_bytes`].
+/// Plain textures, and latitude-longitude maps of one image with the box filter, are made while their rows are read,
+/// with some hundred rows in memory. For plain ones that repeat in t, with another filter than the box, all rows are
+/// kept until the last. Others are made in memory as a whole (see [`MakeOptions::memory_bytes`]).
 ///
 /// The result does not depend on the number of threads. The file appears complete or not at all.
 ///
@@ -131,8 +131,8 @@ fn streamed<'a>(
     Ok(Some(stream::Stream { source, kind, wrap, options, registry, progress }))
 }
 
-/// Checks that a texture that is made as a whole fits into the permitted memory: the inputs in floats, and all
-/// levels of the texture, for a short time twice.
+/// Checks that a texture that is made as a whole fits into the permitted memory. The memory holds the inputs in floats,
+/// and all levels of the texture, for a short time twice.
 fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
     let exr = makes_exr(options, registry);
     let (mut bytes, mut working) = (0_u64, 0);
@@ -146,18 +146,19 @@ fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegi
             _ => n,
         };
         let texture = match options.mode {
-            // Six faces.
+            // The texture has six faces.
             Mode::EnvCube if files == 1 && environment::is_cube(&source.spec) => {
                 side(w / 3) * side(h / 2) * 6
             }
             Mode::EnvCube if files == 1 => side(w / 4) * side(w / 4) * 6,
             Mode::LightProbe => side(w / 3) * side(w / 3) * 6,
             Mode::VertCross => side(w / 3) * side(h / 4) * 6,
-            // A map four faces wide and two high, a part of it for each of the six.
+            // The map is four faces wide and two high. Each of the six inputs counts a sixth of it.
             Mode::EnvLatLong if files > 1 => side(4 * w) * side(2 * h) / 6,
             _ => side(w) * side(h),
         };
-        // Levels are a third more. A mosaic of them is made beside the faces, one level is stored beside that.
+        // All levels together have a third more texels than the first. A mosaic of them is made beside the faces, and
+        // one level is stored beside that.
         let texels = (w * h).saturating_add(texture.saturating_mul(if options.hash { 9 } else { 7 }) / 2);
         bytes = bytes.saturating_add(texels.saturating_mul(4 * source.channels as u64));
         working = source.working_bytes().max(working);
@@ -165,7 +166,7 @@ fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegi
     allow_memory(&inputs[0], bytes.saturating_add(working), options)
 }
 
-/// `Ok` when the options allow so many bytes of memory, and the system grants them.
+/// Returns `Ok` when the options permit so many bytes of memory, and the system grants them.
 fn allow_memory(path: &Path, bytes: u64, options: &MakeOptions) -> Result<()> {
     if bytes > options.memory_bytes {
         let mib = |b: u64| b.div_ceil(1 << 20);

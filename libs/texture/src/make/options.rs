@@ -38,7 +38,7 @@ impl Mode {
         }
     }
 
-    /// Returns the other accepted number of inputs, if there is one. The input is then converted.
+    /// Returns the other accepted number of inputs, or `None`. The input is then converted.
     pub fn other_inputs(self) -> Option<usize> {
         match self {
             Self::EnvCube => Some(1),
@@ -56,16 +56,16 @@ impl Mode {
 /// The treatment of values of the inputs that are not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum BrokenValues {
-    /// NaN becomes 0, and infinity the largest number of its type (at most 1e30). A note reports it.
+    /// NaN becomes 0, and infinity becomes the largest number of its type (at most 1e30). A note reports it.
     #[default]
     Replace,
-    /// Nothing is made. The error contains the position of the first one.
+    /// No texture is made. The error contains the position of the first of these values.
     Refuse,
-    /// They become the mean of the finite values among the eight pixels around, or 0. A note reports it.
+    /// The values become the mean of the finite values among the eight pixels around, or 0. A note reports it.
     Fix,
 }
 
-/// Options of [`make`](super::make).
+/// The options of [`make`](super::make).
 #[derive(Clone, Debug, PartialEq)]
 pub struct MakeOptions {
     /// The kind of texture.
@@ -74,29 +74,30 @@ pub struct MakeOptions {
     pub format: String,
     /// Rounds the resolution up to powers of two. Shadow maps of all kinds keep theirs in any case.
     pub resize: bool,
-    /// Does nothing when the output has the time stamp of the newest input; else gives it that stamp.
+    /// Does nothing when the output has the time stamp of the newest input. Otherwise makes the texture and gives it
+    /// that stamp.
     pub update: bool,
     /// Stores channels as separate planes ("separate") instead of interleaved.
     pub separate: bool,
-    /// Width and height of tiles in texels, at least 1.
+    /// The width and height of tiles in texels, at least 1.
     pub tile_size: (u32, u32),
-    /// Gamma of the inputs' first three channels.
+    /// The gamma of the inputs' first three channels.
     pub ingamma: f32,
-    /// Gamma of the output's first three channels.
+    /// The gamma of the output's first three channels.
     pub outgamma: f32,
     /// Replaces the world-to-camera matrix, row by row.
     pub mcamera: Option<[f32; 16]>,
     /// Replaces the world-to-screen matrix, row by row.
     pub mscreen: Option<[f32; 16]>,
-    /// Default wrap mode in s.
+    /// The default wrap mode in s.
     pub swrap: Wrap,
-    /// Default wrap mode in t.
+    /// The default wrap mode in t.
     pub twrap: Wrap,
-    /// Field of view of cube faces, in degrees, below 180.
+    /// The field of view of cube faces, in degrees, below 180.
     pub fov_deg: f32,
-    /// Depth range over which opaque depths count as one surface.
+    /// The depth range over which opaque depths count as one surface.
     pub opaque_width: f32,
-    /// Filter that makes each MIP level from the one before, over twice its natural width.
+    /// The filter that makes each MIP level from the one before, over twice its natural width.
     pub filter: Filter,
     /// The compression by the format's name for it; `None` for the format's default.
     pub compression: Option<String>,
@@ -110,10 +111,10 @@ pub struct MakeOptions {
     /// Writes a hash of the pixels (SHA-1) and their mean into the metadata: `oiio:SHA-1` and `oiio:AverageColor`,
     /// which other texture systems read.
     pub hash: bool,
-    /// Stores an image of one constant colour as one tile. For plain textures and latitude-longitude maps.
+    /// Stores an image of one constant colour as one tile. It applies to plain textures and latitude-longitude maps.
     pub constant_color: bool,
-    /// The largest number of bytes of memory of one texture that depend on the size of the image: rows of it, or
-    /// all of it where it is made or decoded as a whole. Nothing is made that needs more.
+    /// The largest number of bytes of memory of one texture that depend on the size of the image. They hold rows of it,
+    /// or all of it where it is made or decoded as a whole. A texture that needs more is not made.
     pub memory_bytes: u64,
 }
 

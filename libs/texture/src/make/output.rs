@@ -1,4 +1,4 @@
-//! Writing the levels of a texture.
+//! Writes the levels of a texture.
 
 use super::color::Conversion;
 use super::scan::Scan;
@@ -18,26 +18,26 @@ use std::sync::Arc;
 pub(crate) struct Texture {
     pub(crate) kind: TextureKind,
     pub(crate) body: Body,
-    /// How a panorama is meant; none for others.
+    /// The orientation of a latitude-longitude map; `None` for others.
     pub(crate) up: Option<Up>,
     pub(crate) channels: Vec<String>,
-    /// Storage of the inputs.
+    /// The pixel type of the inputs.
     pub(crate) pixel_type: PixelType,
     pub(crate) attributes: Params,
-    /// Of the colours, which are linear here.
+    /// The conversion of the colours, which are linear here.
     pub(crate) conversion: Option<Conversion>,
     pub(crate) notes: Vec<String>,
 }
 
-/// Levels, largest first.
+/// The levels of a texture, largest first.
 pub(crate) enum Body {
-    /// Of one picture.
+    /// The levels of one image.
     Flat(Vec<Picture>),
-    /// Of six faces px nx py ny pz nz, left handed; inner lists are levels.
+    /// The levels of six faces px nx py ny pz nz, left handed. Each entry holds the six faces of one level.
     Cube(Vec<[Picture; 6]>),
 }
 
-/// Attributes that describe how the input is stored, not what it shows.
+/// The attributes that describe how the input is stored, not what it shows.
 const STORAGE: [&str; 9] = [
     "compression",
     "planarconfig",
@@ -50,16 +50,16 @@ const STORAGE: [&str; 9] = [
     "unassociatedalpha",
 ];
 
-/// How a texture is stored: all that is the same for its levels.
+/// The storage of a texture, as far as all its levels share it.
 pub(crate) struct Plan {
-    /// OpenEXR: all levels have the same tiles, and cubes are columns.
+    /// True for OpenEXR, where all levels have the same tiles, and cubes are columns.
     exr: bool,
-    /// Of the largest level.
+    /// The size of the tiles of the largest level, in texels.
     pub(crate) tile: (u32, u32),
     pub(crate) pixel_type: PixelType,
     channels: Vec<String>,
     attributes: Params,
-    /// What the user should know.
+    /// Notes for the user.
     pub(crate) notes: Vec<String>,
     pub(crate) costs: Costs,
 }
@@ -67,17 +67,17 @@ pub(crate) struct Plan {
 /// One level as it is stored.
 struct Stored {
     picture: Picture,
-    /// Size of the display window; of a face for cubes.
+    /// The size of the display window. For cubes it is that of a face.
     full: (u32, u32),
     tile: (u32, u32),
 }
 
-/// A string attribute.
+/// Returns a string attribute.
 fn word(name: &str, value: &str) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::String), data: value.into() }
 }
 
-/// The format, if it can store textures.
+/// Returns the format, which must support textures.
 fn texture_format(registry: &FormatRegistry, name: &str) -> Result<Arc<dyn Format>> {
     let unsupported = |what: String| TextureError::Unsupported { what };
     let Some(format) = registry.by_name(name) else {
@@ -99,8 +99,9 @@ fn texture_format(registry: &FormatRegistry, name: &str) -> Result<Arc<dyn Forma
     Ok(format.clone())
 }
 
-/// The nearest storage that the format has. A type that was asked for by name is used wherever the format has
-/// it; else TIFF textures hold bytes, shorts and floats (reference 9.2.1), halves are OpenEXR's.
+/// Returns the nearest pixel type that the format supports. A type that was requested is used wherever the format
+/// supports it. Otherwise TIFF textures hold bytes, shorts and floats (reference 9.2.1), and OpenEXR textures halves
+/// and floats.
 fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<PixelType>) -> PixelType {
     let has = |feature| format.supports(feature);
     if asked == Some(PixelType::Half) && has("half") {
@@ -115,8 +116,8 @@ fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<
 }
 
 impl Plan {
-    /// For a texture of this kind of an input with these channels, this type and these attributes; `up`: how a panorama
-    /// is meant.
+    /// Makes the plan for a texture of this kind, from the description of the input. `up` is the orientation of a
+    /// latitude-longitude map.
     pub(crate) fn new(
         kind: TextureKind,
         up: Option<Up>,
@@ -171,19 +172,19 @@ impl Plan {
         let channels = input.channels.clone();
         let mut plan =
             Self { exr, tile: (w, h), pixel_type, channels, attributes, notes, costs: Costs::default() };
-        // Said only where it is not what the format means anyway.
+        // The orientation is stored only where it differs from the default of the format.
         plan.mark(Up::ATTRIBUTE, up.filter(|up| *up != Up::of_format(exr)).map(Up::word));
         Ok(plan)
     }
 
-    /// Sets a text of the metadata, or removes it: an attribute where the format has a place for any, else a word of
-    /// the description.
+    /// Sets a string of the metadata, or removes it. It is an attribute where the format supports arbitrary ones, and
+    /// otherwise a word of the description.
     fn mark(&mut self, name: &str, value: Option<&str>) {
         let description = "ImageDescription";
         let old = self.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(description));
         let old = old.and_then(|p| self.attributes.string(&p.name)).map(|s| s.to_string());
         let old = old.unwrap_or_default();
-        // What an earlier run wrote there is no longer true.
+        // A word that an earlier run wrote there is no longer valid.
         let is_stale = |word: &str| word.split_once('=').is_some_and(|(own, _)| own == name);
         let stale = old.split_whitespace().any(is_stale);
         self.attributes.0.retain(|p| !p.name.eq_ignore_ascii_case(name));
@@ -201,7 +202,7 @@ impl Plan {
         }
     }
 
-    /// One level: its size, that of its display window, and of its tiles.
+    /// Returns the description of one level from its size, that of its display window, and that of its tiles.
     pub(crate) fn spec(&self, size: (usize, usize), full: (u32, u32), tile: (u32, u32)) -> ImageSpec {
         let mut spec = ImageSpec::new(size.0 as u32, size.1 as u32, self.channels.len(), self.pixel_type)
             .tiled(tile.0, tile.1);
@@ -213,8 +214,8 @@ impl Plan {
         spec
     }
 
-    /// Puts hash and mean into the metadata, where other texture systems look for them: attributes where
-    /// the format has a place for any, else words in the description.
+    /// Puts hash and mean into the metadata, at the places where other texture systems find them. They are attributes
+    /// where the format supports arbitrary ones, and otherwise words of the description.
     pub(crate) fn describe_content(&mut self, scan: &Scan, options: &MakeOptions) {
         let Some((hash, mean)) = scan.content().filter(|_| options.hash) else { return };
         let mean = mean.iter().map(f32::to_string).collect::<Vec<_>>().join(",");
@@ -222,7 +223,8 @@ impl Plan {
         self.mark("oiio:AverageColor", Some(&mean));
     }
 
-    /// Tiles of a level whose picture, or face, is `width x height`: smaller levels may have smaller tiles.
+    /// Returns the size of the tiles of a level whose image, or face, has this width and height. Smaller levels may
+    /// have smaller tiles.
     pub(crate) fn tile(&self, width: usize, height: usize) -> (u32, u32) {
         if self.exr {
             return self.tile;
@@ -231,7 +233,7 @@ impl Plan {
         (fit(width, self.tile.0), fit(height, self.tile.1))
     }
 
-    /// The levels as they are stored: picture, display window, tiles.
+    /// Returns the levels as they are stored, with display window and tiles.
     fn levels(&self, body: Body, path: &Path) -> Result<Vec<Stored>> {
         let flat = |p: Picture| {
             let (full, tile) = ((p.width as u32, p.height as u32), self.tile(p.width, p.height));
@@ -251,7 +253,7 @@ impl Plan {
                 }
                 let mipmapped = levels.len() > 1;
                 let mut out: Vec<_> = levels.iter().map(|faces| flat(column(faces))).collect();
-                // A column is six times as high as wide: its own pyramid has more levels than its faces.
+                // A column is six times as high as wide. Its own pyramid has more levels than its faces.
                 while let Some(last) = out.last().map(|l| &l.picture).filter(|p| mipmapped && p.height > 1) {
                     let wrap = (crate::Wrap::Clamp, crate::Wrap::Clamp);
                     let next = last.resized(1, half(last.height), granita_base::Filter::Box, wrap);
@@ -271,7 +273,7 @@ impl Plan {
     }
 }
 
-/// The 3 x 2 mosaic, each face on a tile boundary (reference 9.2.7).
+/// Returns the 3 x 2 mosaic, in which each face begins on a tile boundary (reference 9.2.7).
 fn mosaic(faces: &[Picture; 6], tile: (u32, u32)) -> Picture {
     let first = &faces[0];
     let step_x = first.width.next_multiple_of(tile.0 as usize);
@@ -284,7 +286,7 @@ fn mosaic(faces: &[Picture; 6], tile: (u32, u32)) -> Picture {
     out
 }
 
-/// The column of OpenEXR: the same directions, faces seen right handed.
+/// Returns the column of OpenEXR, with the same directions in right handed faces.
 fn column(faces: &[Picture; 6]) -> Picture {
     let n = faces[0].width;
     let mut out = Picture::new(n, 6 * n, faces[0].channels);
@@ -334,7 +336,7 @@ pub(crate) fn write(
             pixels(level.picture.data, spec.nchannels(), plan.pixel_type, Units::Fractions, conversion);
         let row = spec.width as usize * spec.nchannels() * spec.tile_height as usize;
         let mut shelf = Shelf::new(spec);
-        // By rows of tiles: the tiles of a large level need not all be there beside it.
+        // The level is converted by rows of tiles, so that not all its tiles are in memory beside it.
         for at in (0..stored.len()).step_by(row) {
             let mut rows = Pixels::zeros(plan.pixel_type, row.min(stored.len() - at));
             let count = rows.len();

@@ -1,21 +1,21 @@
-//! What is in a picture: a hash of its pixels, their mean, whether they are all alike.
+//! The content of an image: a hash of its pixels, their mean, and whether all are equal.
 
 use granita_image::{PixelType, Pixels};
 use sha1::{Digest, Sha1};
 use std::fmt::Write;
 
-/// Level 0, looked at before it is written.
+/// The content of level 0, which is scanned before it is written.
 pub(crate) struct Scan {
     hash: Option<Sha1>,
     sums: Vec<f64>,
     pixels: u64,
     first: Option<Pixels>,
-    /// No pixel differs from the first.
+    /// True when no pixel differs from the first.
     pub(crate) constant: bool,
 }
 
 impl Scan {
-    /// Of a picture of this kind; with or without hash and mean.
+    /// Returns the scan of an image of this size and type, with or without hash and mean.
     pub(crate) fn new(size: (usize, usize), channels: usize, pixel_type: PixelType, hash: bool) -> Self {
         let hash = hash.then(|| {
             let mut sha1 = Sha1::new();
@@ -25,7 +25,7 @@ impl Scan {
         Self { hash, sums: vec![0.0; channels], pixels: 0, first: None, constant: true }
     }
 
-    /// Adds whole rows, from the top; whether more of them can change anything.
+    /// Adds whole rows, from the top. Returns true when further rows can change the result.
     pub(crate) fn push(&mut self, pixels: &Pixels) -> bool {
         let n = self.sums.len();
         if self.constant && pixels.len() >= n {
@@ -50,7 +50,7 @@ impl Scan {
         self.constant || self.hash.is_some()
     }
 
-    /// Hash in hexadecimal digits and mean of every channel; `None` unless asked for.
+    /// Returns the hash in hexadecimal digits and the mean of every channel; `None` unless they were requested.
     pub(crate) fn content(&self) -> Option<(String, Vec<f32>)> {
         let hash = self.hash.clone()?.finalize().iter().fold(String::new(), |mut text, byte| {
             // Writing to a string does not fail.
@@ -62,7 +62,7 @@ impl Scan {
     }
 }
 
-/// Whether all pixels are `first`.
+/// True when all pixels equal `first`.
 fn repeats(pixels: &Pixels, first: &Pixels, n: usize) -> bool {
     fn same<T: PartialEq>(all: &[T], first: &[T], n: usize) -> bool {
         all.chunks_exact(n).all(|p| p == first)

@@ -1,4 +1,4 @@
-//! Shadow maps from depth maps.
+//! Makes shadow maps from depth maps.
 
 use super::MakeOptions;
 use super::environment::check_faces;
@@ -12,7 +12,7 @@ use crate::{TextureKind, volume};
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::PixelType;
 
-/// Both matrices must come from the file or from the options.
+/// Checks that the file or the options provide both matrices.
 fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
     let needed =
         [("worldtocamera", options.mcamera, "-Mcamera"), ("worldtoscreen", options.mscreen, "-Mscreen")];
@@ -31,7 +31,7 @@ fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -
     Texture { kind, body, up: None, channels, pixel_type, attributes, conversion: None, notes }
 }
 
-/// `-shadow`.
+/// Makes the texture of `-shadow`.
 pub(crate) fn shadow(mut input: Input, options: &MakeOptions) -> Result<Texture> {
     check_matrices(&input, options)?;
     input.only_depth();
@@ -39,13 +39,13 @@ pub(crate) fn shadow(mut input: Input, options: &MakeOptions) -> Result<Texture>
     Ok(texture(TextureKind::Shadow, Body::Flat(vec![picture]), vec!["Z".to_owned()], input))
 }
 
-/// Whether a picture holds opacity against depth, as outputs of "volz" do: one depth has a name.
+/// True when an image holds opacity against depth, as outputs of "volz" do. A single depth has a channel named "z".
 fn is_volume(input: &Input) -> bool {
     input.picture.channels >= 4 && !input.channels.iter().any(|c| c.eq_ignore_ascii_case("z"))
 }
 
-/// `-shadcube`: px nx py ny pz nz; `None` stands for a face where nothing casts shadows. Of volume depth maps all must
-/// be.
+/// Makes the texture of `-shadcube` from the faces px nx py ny pz nz. `None` is a face without shadows. Either all
+/// faces are volume depth maps or none is.
 pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<Texture> {
     let mut known: Vec<Input> = Vec::new();
     let mut places = Vec::new();
@@ -77,7 +77,7 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
     for (face, input) in places.iter().zip(&mut known) {
         faces[*face] = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
     }
-    // The pz face gives the matrices. Without it the options must: those of another face look elsewhere.
+    // The pz face provides the matrices. Without it the options must, because the other faces have other directions.
     let pz = places.iter().position(|face| FACE_NAMES[*face] == "pz");
     if pz.is_none() && (options.mcamera.is_none() || options.mscreen.is_none()) {
         let what = "without a pz face, -Mcamera and -Mscreen must give the matrices".to_owned();
@@ -103,7 +103,7 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
     Ok(Texture { notes, ..volumes(TextureKind::CubeFaceVolumeShadow, Body::Cube(levels), main, options) })
 }
 
-/// A map of opacity against depth, which says how wide an opaque surface is.
+/// Returns a map of opacity against depth, which stores the width of an opaque surface.
 fn volumes(kind: TextureKind, body: Body, mut input: Input, options: &MakeOptions) -> Texture {
     let ty = ParamType::of(BaseType::Float);
     let data = ParamData::from(options.opaque_width);
@@ -112,7 +112,7 @@ fn volumes(kind: TextureKind, body: Body, mut input: Input, options: &MakeOption
     texture(kind, body, channels, input)
 }
 
-/// `-volshad`: channels z_opaque, alpha_trans, z_0 ... z_1 (reference 9.2.4).
+/// Makes the texture of `-volshad`, with the channels z_opaque, alpha_trans, z_0 ... z_1 (reference 9.2.4).
 pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture> {
     check_matrices(&input, options)?;
     let n = input.picture.channels;
@@ -129,7 +129,7 @@ pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture>
     Ok(volumes(TextureKind::VolumeShadow, Body::Flat(levels), input, options))
 }
 
-/// The next level of a volume map.
+/// Returns the next level of a volume map.
 fn halved(p: &Picture, opaque_width: f32) -> Picture {
     let mut out = Picture::new(half(p.width), half(p.height), p.channels);
     let range = |o: usize, from: usize, to: usize| o * from / to..((o + 1) * from).div_ceil(to).min(from);
@@ -146,15 +146,15 @@ fn halved(p: &Picture, opaque_width: f32) -> Picture {
     out
 }
 
-/// One texel for several: its opacity at each depth is the mean of theirs.
+/// Returns one texel for several. Its opacity at each depth is the mean of theirs.
 ///
-/// Opaque depths within `opaque_width` of the farthest are one surface, at their mean: there the mean becomes opaque.
-/// The nearer ones belong to the transparent part.
+/// Opaque depths within `opaque_width` of the farthest are one surface at their mean depth, where the texel becomes
+/// opaque. The nearer ones belong to the transparent part.
 pub(crate) fn combine(texels: &[&[f32]], opaque_width: f32) -> Vec<f32> {
     let count = texels.len() as f32;
     let opaque: Vec<f32> = texels.iter().map(|t| t[0]).collect();
     let (opaque, least) = volume::common_surface(&opaque, opaque_width);
-    // Of those that share the common surface only the transparent parts are averaged.
+    // Texels that share the common surface contribute only their transparent parts.
     let own = |t: &[f32], z: f32| {
         if t[0] >= least {
             volume::opacity(&[&[f32::INFINITY], &t[1..]].concat(), z)
@@ -163,7 +163,7 @@ pub(crate) fn combine(texels: &[&[f32]], opaque_width: f32) -> Vec<f32> {
         }
     };
     let mean = |z: f32| texels.iter().map(|t| own(t, z)).sum::<f32>() / count;
-    // Opacity bends only at these depths. A surface jumps just behind its depth.
+    // The slope of the opacity changes only at these depths. At a surface it jumps directly behind its depth.
     let mut depths: Vec<f32> = Vec::new();
     for t in texels {
         if t[1] > 0.0 {

@@ -1,4 +1,4 @@
-//! The rows of an input, as they come from its file and as they are computed with.
+//! The rows of an input, as its file stores them and as they are computed with.
 
 use super::color::Conversion;
 use super::options::{BrokenValues, MakeOptions};
@@ -13,23 +13,22 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Pixels that any display window may have, however little of it there is data for: 16384 x 16384.
+/// The number of pixels that any display window may have, even if little of it is covered by data: 16384 x 16384.
 const LARGEST_WINDOW: u64 = 1 << 28;
 
-/// Bytes of rows in floats that may wait for the last row of an image that repeats.
+/// The largest number of bytes of rows in floats that may be kept until the last row of an image that repeats.
 const KEPT: usize = 16 << 20;
 
-/// Values converted by one task.
+/// The number of values that one task converts.
 const CHUNK: usize = 1 << 16;
 
-/// The first image of a file, as its display window shows it: cut where it is larger, black where
-/// there is no data.
+/// The first image of a file in its display window. It is cropped where it is larger, and black where there is no data.
 pub(crate) struct Source {
     pub(crate) path: PathBuf,
     file: Box<dyn ImageInput>,
-    /// Of the file.
+    /// The description in the file.
     pub(crate) spec: ImageSpec,
-    /// Of the display window.
+    /// The size of the display window, in pixels.
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) channels: usize,
@@ -48,7 +47,7 @@ impl Source {
             return Err(malformed("there are no pixels in it"));
         }
         let shown = spec.full_width > 0 && spec.full_height > 0;
-        // A mosaic of faces says how large one face is where others say how large the whole is.
+        // The display window of a mosaic of faces is the size of one face, not of the whole.
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
         let (width, height) = if shown && !cube {
             (spec.full_width as usize, spec.full_height as usize)
@@ -56,7 +55,8 @@ impl Source {
             (spec.width as usize, spec.height as usize)
         };
         let limits = registry.limits();
-        // What a display window has around the data is not in the file, and would be made of nothing.
+        // The part of a display window around the data is not in the file. Its size is limited, because the file does
+        // not limit it.
         let most = limits.pixels.min(LARGEST_WINDOW.max(u64::from(spec.width) * u64::from(spec.height) * 64));
         for (what, asked, max) in [
             ("side of the display window", width.max(height) as u64, u64::from(limits.dimension)),
@@ -79,23 +79,23 @@ impl Source {
         })
     }
 
-    /// Bytes of memory that reading takes beside the rows.
+    /// Returns the bytes of memory that reading takes beside the rows.
     pub(crate) fn working_bytes(&self) -> u64 {
         self.file.working_bytes(0, 0)
     }
 
-    /// Name of the file's format.
+    /// Returns the name of the file's format.
     pub(crate) fn format_name(&self) -> &'static str {
         self.file.format_name()
     }
 
-    /// What its colours go through.
+    /// Returns the conversion of its colours.
     pub(crate) fn conversion(&self, options: &MakeOptions) -> Conversion {
         let straight = self.spec.attributes.int("unassociatedalpha").unwrap_or(0) != 0;
         options.conversion(self.spec.alpha_channel(), straight)
     }
 
-    /// What the user should know.
+    /// Returns notes for the user.
     pub(crate) fn notes(&self) -> Option<String> {
         let (nans, infinities) = (self.nans.load(Ordering::Relaxed), self.infinities.load(Ordering::Relaxed));
         let path = self.path.display();
@@ -109,7 +109,7 @@ impl Source {
         }
     }
 
-    /// Rows `y0..y1` of the display window as the file has them.
+    /// Returns the rows `y0..y1` of the display window as the file stores them.
     fn window(&self, y0: usize, y1: usize) -> Result<Pixels> {
         let spec = &self.spec;
         let same = (self.width, self.height) == (spec.width as usize, spec.height as usize);
@@ -138,10 +138,11 @@ impl Source {
         Ok(out)
     }
 
-    /// Rows `y0..y1` of the display window, all values finite.
+    /// Returns the rows `y0..y1` of the display window, with all values finite.
     ///
     /// # Errors
-    /// When the file cannot be read, or holds a value that is not finite and that is to be refused.
+    /// Returns an error when the file cannot be read, or when it holds a value that is not finite and the options
+    /// refuse it.
     pub(crate) fn rows(&self, y0: usize, y1: usize) -> Result<Pixels> {
         let (pixels, nans, infinities) = self.finite_rows(y0, y1)?;
         self.nans.fetch_add(nans, Ordering::Relaxed);
@@ -149,7 +150,7 @@ impl Source {
         Ok(pixels)
     }
 
-    /// The same, and how many values were not numbers, and infinite.
+    /// Does the same, and also returns the number of NaNs and the number of infinite values.
     fn finite_rows(&self, y0: usize, y1: usize) -> Result<(Pixels, u64, u64)> {
         let mut pixels = self.window(y0, y1)?;
         let (nans, infinities) = not_finite(&pixels);
@@ -179,8 +180,8 @@ impl Source {
         Ok((pixels, nans, infinities))
     }
 
-    /// Values that are not finite become the mean of the finite ones among the eight around them, or 0.
-    /// `around` has `above` more rows at its top than `pixels`.
+    /// Replaces values that are not finite by the mean of the finite ones among the eight around them, or 0. `around`
+    /// has `above` more rows at its top than `pixels`.
     fn mend(&self, pixels: &mut Pixels, above: usize, around: &[f32]) {
         let (w, n) = (self.width, self.channels);
         let height = around.len() / (w * n);
@@ -212,10 +213,10 @@ impl Source {
         }
     }
 
-    /// The whole display window in floats, integers as fractions of their range.
+    /// Returns the whole display window in floats, with integers as fractions of their range.
     pub(crate) fn picture(&self, conversion: Option<Conversion>) -> Result<Picture> {
         let mut data = Vec::with_capacity(self.width * self.height * self.channels);
-        // In portions: the stored values and the floats need not both be there whole.
+        // The rows are read in portions, so that the stored values and the floats are not in memory as a whole at once.
         for y in (0..self.height).step_by(256) {
             let rows = self.rows(y, (y + 256).min(self.height))?;
             data.extend(floats(&rows, self.channels, Units::Fractions, conversion));
@@ -224,7 +225,7 @@ impl Source {
     }
 }
 
-/// How many values are no numbers, and how many infinite.
+/// Returns the number of NaNs and the number of infinite values.
 fn not_finite(pixels: &Pixels) -> (u64, u64) {
     match pixels {
         Pixels::Half(v) => {
@@ -246,7 +247,7 @@ fn not_finite(pixels: &Pixels) -> (u64, u64) {
     }
 }
 
-/// NaN becomes 0, infinity a large number that filters survive.
+/// Replaces NaN by 0, and infinity by a large number that filters can process.
 fn replace(pixels: &mut Pixels) {
     match pixels {
         Pixels::Half(v) => v.iter_mut().for_each(|v| {
@@ -259,16 +260,16 @@ fn replace(pixels: &mut Pixels) {
     }
 }
 
-/// What 1 stands for in the floats of integer pixels.
+/// The value of integer pixels that becomes 1 in floats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Units {
-    /// The largest integer: values are fractions.
+    /// The largest integer becomes 1, so that values are fractions.
     Fractions,
-    /// 1: values are the integers. Means of up to 2^16 bytes are then exact.
+    /// The number 1 becomes 1, so that values are the integers. Means of up to 2^16 bytes are then exact.
     Stored,
 }
 
-/// Pixels of `n` channels as floats, linear when there is a conversion.
+/// Returns pixels of `n` channels as floats, which are linear when there is a conversion.
 pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option<Conversion>) -> Vec<f32> {
     let mut out = vec![0.0; pixels.len()];
     let chunk = (CHUNK / n).max(1) * n;
@@ -300,7 +301,7 @@ pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option
     out
 }
 
-/// The inverse of [`floats`], rounded to nearest and clamped; colours are encoded when there is a conversion.
+/// Does the inverse of [`floats`], rounded to nearest and clamped. Colours are encoded when there is a conversion.
 pub(crate) fn pixels(
     mut values: Vec<f32>,
     n: usize,
@@ -332,7 +333,7 @@ pub(crate) fn pixels(
         PixelType::Half => {
             let mut out = vec![f16::ZERO; len];
             out.par_chunks_mut(chunk).zip(values.par_chunks_mut(chunk)).for_each(|(out, values)| {
-                // Large values stay large: infinity would spread through every filter.
+                // Large values stay finite, because infinity would spread through every filter.
                 values.iter_mut().for_each(|v| *v = v.clamp(-65504.0, 65504.0));
                 out.convert_from_f32_slice(values);
             });
@@ -343,11 +344,11 @@ pub(crate) fn pixels(
     }
 }
 
-/// Rows on their way into level 0.
+/// Rows of level 0.
 pub(crate) struct Band {
-    /// As the texture stores them.
+    /// The rows as the texture stores them.
     pub(crate) stored: Pixels,
-    /// As the next level is made of them.
+    /// The rows as the next level is computed from them.
     pub(crate) floats: Vec<f32>,
 }
 
@@ -359,12 +360,12 @@ pub(crate) struct Reader<'a> {
     pixel_type: PixelType,
     pub(crate) units: Units,
     next: usize,
-    /// Rows that `resize` needs before all others.
+    /// The rows that `resize` needs before all others.
     tail: Option<Range<usize>>,
 }
 
 impl<'a> Reader<'a> {
-    /// `resize` is the stage that makes level 0 of the input, when they differ in size.
+    /// Returns a reader of `source`. `resize` is the stage that makes level 0 of the input, when they differ in size.
     pub(crate) fn new(
         source: &'a Source,
         conversion: Conversion,
@@ -376,7 +377,7 @@ impl<'a> Reader<'a> {
             && conversion.keeps_inputs()
             && conversion.keeps_outputs();
         let units = if same { Units::Stored } else { Units::Fractions };
-        // Where keeping all rows is cheap, none is read twice.
+        // Where the memory for all rows is small, no row is read twice.
         let bytes = resize.as_ref().map_or(0, |_| source.height * source.width * source.channels * 4);
         let tail = resize.as_ref().and_then(Stage::tail).filter(|_| bytes > KEPT);
         Self { source, conversion, resize, pixel_type, units, next: 0, tail }
@@ -392,13 +393,13 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// The stage that makes level 0, ready to be given rows.
+    /// Returns the stage that makes level 0, ready to receive rows.
     pub(crate) fn resize(&mut self) -> Result<Option<&Stage>> {
         self.read_tail()?;
         Ok(self.resize.as_ref())
     }
 
-    /// The rows that come of the next `rows` rows of the input; `None` behind the last.
+    /// Returns the rows of level 0 that result from the next `rows` rows of the input; `None` behind the last.
     pub(crate) fn next(&mut self, rows: usize) -> Result<Option<Band>> {
         let (from, to) = (self.next, (self.next + rows).min(self.source.height));
         if from == to {

@@ -1,12 +1,12 @@
-//! MIP levels of maps of all directions: texels weigh as much as their part of the sphere.
+//! MIP levels of maps of all directions, in which texels are weighted by their part of the sphere.
 //!
-//! The quadrature, everywhere: a texel counts with its exact solid angle. For a latitude-longitude map that is
-//! proportional to the sine of the polar angle at the texel's centre, whatever the size. For a cube it is the
-//! difference of `atan (u v / sqrt (u^2 + v^2 + 1))` at its corners on the plane at distance 1.
+//! Each texel is weighted by its exact solid angle. For a latitude-longitude map that is proportional to the sine of
+//! the polar angle at the texel's centre, for any size. For a cube it is the difference at its corners of this function
+//! on the plane at distance 1: `atan (u v / sqrt (u^2 + v^2 + 1))`.
 //!
-//! With the box filter a level is the mean of what it covers, so its mean over the sphere is that of the level
-//! before. Other filters reach over face edges, poles and the seam; what they lose or gain is then made up for by
-//! one factor for each channel of a level.
+//! With the box filter each texel of a level is the mean of what it covers, so the mean of the level over the sphere is
+//! that of the level before. Other filters reach over face edges, poles and the seam. One factor for each channel of a
+//! level then compensates for what they lose or gain.
 
 use crate::Wrap;
 use crate::cube::{self, CubeLayout};
@@ -14,17 +14,17 @@ use crate::picture::{Picture, half};
 use granita_base::Filter;
 use rayon::prelude::*;
 
-/// Solid angle of the part of a face's plane between its centre and (u, v), in units of half its size.
+/// Returns the solid angle of the part of a face's plane between its centre and (u, v), in units of half its size.
 fn corner(u: f64, v: f64) -> f64 {
     (u * v).atan2((u * u + v * v + 1.0).sqrt())
 }
 
-/// From a fraction of the face to its plane.
+/// Converts a fraction of the face to a coordinate of its plane.
 fn plane(fraction: f64) -> f64 {
     2.0 * fraction - 1.0
 }
 
-/// Parts of `from` texels that one of `to` texels covers: index, begin and end as fractions.
+/// Returns the parts of `from` texels that one of `to` texels covers: index, begin and end as fractions.
 fn cover(o: usize, from: usize, to: usize) -> Vec<(usize, f64, f64)> {
     let (begin, end) = ((o * from) as f64 / to as f64, ((o + 1) * from) as f64 / to as f64);
     (begin.floor() as usize..(end.ceil() as usize).min(from))
@@ -33,14 +33,14 @@ fn cover(o: usize, from: usize, to: usize) -> Vec<(usize, f64, f64)> {
         .collect()
 }
 
-/// Solid angles of the `n` texels of row `y` of a face.
+/// Returns the solid angles of the `n` texels of row `y` of a face, in steradians.
 fn row_angles(n: usize, y: usize) -> Vec<f64> {
     let edge = |i: usize| plane(i as f64 / n as f64);
     let strip: Vec<f64> = (0..=n).map(|x| corner(edge(x), edge(y + 1)) - corner(edge(x), edge(y))).collect();
     strip.windows(2).map(|s| s[1] - s[0]).collect()
 }
 
-/// The mean of every channel over the sphere.
+/// Returns the mean of every channel over the sphere.
 fn cube_mean(faces: &[Picture; 6]) -> Vec<f64> {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let rows: Vec<Vec<f64>> = (0..n)
@@ -58,7 +58,7 @@ fn cube_mean(faces: &[Picture; 6]) -> Vec<f64> {
             sums
         })
         .collect();
-    // In order of rows, so that threads do not matter.
+    // The rows are summed in order, so that the number of threads does not matter.
     let mut total = vec![0.0; channels];
     for row in rows {
         total.iter_mut().zip(row).for_each(|(t, r)| *t += r / (4.0 * std::f64::consts::PI));
@@ -66,7 +66,7 @@ fn cube_mean(faces: &[Picture; 6]) -> Vec<f64> {
     total
 }
 
-/// The same for a latitude-longitude map.
+/// Returns the mean of every channel of a latitude-longitude map over the sphere.
 fn latlong_mean(p: &Picture) -> Vec<f64> {
     let mut total = vec![0.0; p.channels];
     let weight = |y: usize| ((y as f64 + 0.5) / p.height as f64 * std::f64::consts::PI).sin();
@@ -80,7 +80,7 @@ fn latlong_mean(p: &Picture) -> Vec<f64> {
     total
 }
 
-/// The next level of six faces, by the box.
+/// Returns the next level of six faces with the box filter.
 fn cube_halved(faces: &[Picture; 6]) -> [Picture; 6] {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let m = half(n);
@@ -88,7 +88,7 @@ fn cube_halved(faces: &[Picture; 6]) -> [Picture; 6] {
     let row = |y: usize| {
         let down = cover(y, n, m);
         let mut out = vec![0.0_f32; 6 * m * channels];
-        // Corners along the edges of the covered rows, shared by neighbours and by all faces.
+        // The values of [`corner`] along the edges of the covered rows. Neighbours and all faces share them.
         let edges: Vec<[Vec<f64>; 2]> = (down.iter())
             .map(|(_, top, bottom)| {
                 [*top, *bottom]
@@ -140,7 +140,8 @@ fn cube_halved(faces: &[Picture; 6]) -> [Picture; 6] {
     })
 }
 
-/// Texels and weights of a filter for each of `to` texels, among `from` texels with `margin` more before them.
+/// Returns the texels and weights of a filter for each of `to` texels, among `from` texels with `margin` more before
+/// them.
 fn spread(from: usize, to: usize, filter: Filter, margin: usize) -> Vec<Vec<(usize, f64)>> {
     let scale = from as f64 / to as f64;
     let width = filter.natural_width();
@@ -157,12 +158,13 @@ fn spread(from: usize, to: usize, filter: Filter, margin: usize) -> Vec<Vec<(usi
         .collect()
 }
 
-/// How far a filter reaches beyond a texel of the next level, in texels of this one.
+/// Returns the extent of a filter beyond a texel of the next level, in texels of this one.
 fn reach(filter: Filter, from: usize, to: usize) -> usize {
     (f64::from(filter.natural_width()) * 0.5 * from as f64 / to as f64).ceil() as usize + 1
 }
 
-/// `padded` has `margin` texels around a picture of `from`; `measure` is the weight of a texel of it.
+/// Returns an image of size `to`. `padded` has `margin` texels around an image of size `from`. `measure` is the weight
+/// of a texel of `padded`.
 fn filtered(
     padded: &Picture,
     margin: usize,
@@ -197,12 +199,12 @@ fn filtered(
     out
 }
 
-/// Multiplies the channels of a level so that their means are what they should be.
+/// Multiplies the channels of a level so that their means become `wanted`.
 fn correct(level: &mut [Picture], mean: &[f64], wanted: &[f64]) {
     let factor: Vec<f32> = (mean.iter().zip(wanted))
         .map(|(m, w)| {
             let factor = w / m;
-            // A mean near 0 says nothing about the texels.
+            // When the mean is near 0, the quotient is not meaningful.
             if (0.5..2.0).contains(&factor) && (factor - 1.0).abs() > 1e-7 { factor as f32 } else { 1.0 }
         })
         .collect();
@@ -215,7 +217,7 @@ fn correct(level: &mut [Picture], mean: &[f64], wanted: &[f64]) {
     }
 }
 
-/// The next level of six faces, by another filter, over face edges.
+/// Returns the next level of six faces with a filter other than the box, over face edges.
 fn cube_filtered(faces: &[Picture; 6], filter: Filter) -> [Picture; 6] {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let m = half(n);
@@ -245,14 +247,14 @@ fn cube_filtered(faces: &[Picture; 6], filter: Filter) -> [Picture; 6] {
     })
 }
 
-/// The next level of a latitude-longitude map, by a filter other than the box, over seam and poles.
+/// Returns the next level of a latitude-longitude map with a filter other than the box, over seam and poles.
 fn latlong_filtered(p: &Picture, filter: Filter) -> Picture {
     let (w, h) = (p.width, p.height);
     let to = (half(w), half(h));
     let margin = reach(filter, w, to.0).max(reach(filter, h, to.1));
     let mut padded = Picture::new(w + 2 * margin, h + 2 * margin, p.channels);
     for y in 0..padded.height {
-        // Beyond a pole the rows come back on the other side of it.
+        // Beyond a pole the rows continue on its other side.
         let row = (y as i64 - margin as i64).rem_euclid(2 * h as i64) as usize;
         let (row, turn) = if row < h { (row, 0) } else { (2 * h - 1 - row, w / 2) };
         for x in 0..padded.width {
@@ -264,7 +266,7 @@ fn latlong_filtered(p: &Picture, filter: Filter) -> Picture {
     filtered(&padded, margin, (w, h), to, filter, |_, y| sine(y))
 }
 
-/// All levels of six faces.
+/// Returns all levels of six faces.
 pub(crate) fn cube_pyramid(faces: [Picture; 6], filter: Filter) -> Vec<[Picture; 6]> {
     let wanted = cube_mean(&faces);
     let mut levels = vec![faces];
@@ -282,7 +284,7 @@ pub(crate) fn cube_pyramid(faces: [Picture; 6], filter: Filter) -> Vec<[Picture;
     levels
 }
 
-/// All levels of a latitude-longitude map.
+/// Returns all levels of a latitude-longitude map.
 pub(crate) fn latlong_pyramid(first: Picture, filter: Filter) -> Vec<Picture> {
     let wanted = latlong_mean(&first);
     let mut levels = vec![first];
@@ -309,7 +311,7 @@ mod tests {
     fn noise(width: usize, height: usize, seed: u32) -> Picture {
         let mut p = Picture::new(width, height, 2);
         for (i, v) in p.data.iter_mut().enumerate() {
-            // Many dark texels and a few bright ones.
+            // There are many dark texels and a few bright ones.
             *v = granita_base::hash::unit(granita_base::hash::words(&[i as u32, seed])).powi(20) * 1000.0;
         }
         p
@@ -362,12 +364,12 @@ mod tests {
         }
     }
 
-    /// Of a bright texel the levels show, at the same place, the same light.
+    /// All levels show a bright texel at the same place, with the same total light.
     #[test]
     fn a_small_light_stays_in_place() {
         let n = 32;
         for filter in [Filter::Box, Filter::Gaussian, Filter::BSpline] {
-            // In the middle, at an edge, at a corner.
+            // The texels are in the middle of a face, at an edge and at a corner.
             for (face, x, y) in [(0, 16, 16), (2, 31, 9), (5, 0, 0)] {
                 let mut faces: [Picture; 6] = std::array::from_fn(|_| Picture::new(n, n, 1));
                 faces[face].texel_mut(x, y)[0] = 1e4;

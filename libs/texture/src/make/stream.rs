@@ -1,4 +1,4 @@
-//! Textures of one picture, made while its rows are read: the picture is never in memory as a whole.
+//! Makes textures of one image while its rows are read. The image is never in memory as a whole.
 
 use super::output::Plan;
 use super::scan::Scan;
@@ -15,7 +15,7 @@ use granita_image::{FormatRegistry, ImageSpec};
 use std::path::Path;
 use std::time::Instant;
 
-/// A flat texture of one picture.
+/// A flat texture of one image.
 pub(crate) struct Stream<'a> {
     pub(crate) source: Source,
     pub(crate) kind: TextureKind,
@@ -26,14 +26,14 @@ pub(crate) struct Stream<'a> {
 }
 
 impl Stream<'_> {
-    /// Size of level 0.
+    /// Returns the size of level 0.
     fn size(&self) -> (usize, usize) {
         let (w, h) = (self.source.width, self.source.height);
         if self.options.resize { (power_of_two(w), power_of_two(h)) } else { (w, h) }
     }
 
-    /// From row to row of the input; all that is done depends on the picture and the options alone, so that
-    /// the file does, too.
+    /// Returns the number of rows of the input that are processed at once. All steps depend on the image and the
+    /// options alone, so that the file does, too.
     fn rows_at_once(tile_height: u32) -> usize {
         if (16..=128).contains(&tile_height) { tile_height as usize } else { 64 }
     }
@@ -53,7 +53,7 @@ impl Stream<'_> {
         Reader::new(s, s.conversion(self.options), plan.pixel_type, resize)
     }
 
-    /// Makes it.
+    /// Makes the texture.
     pub(crate) fn make(self, path: &Path) -> Result<(Made, Costs)> {
         let up = (self.kind == TextureKind::LatLongEnvironment)
             .then(|| Up::of(&self.source.spec, is_openexr(self.source.format_name())));
@@ -100,7 +100,7 @@ impl Stream<'_> {
         Ok((made, Costs { scan, ..costs }))
     }
 
-    /// All levels of a picture whose pixels are all like the first.
+    /// Writes all levels of an image whose pixels are all equal to the first.
     fn constant(&self, plan: &Plan, specs: &[ImageSpec], mut writer: Writer<'_>) -> Result<Costs> {
         let n = self.source.channels;
         let mut reader = self.reader(plan, (self.source.width, self.source.height));
@@ -116,7 +116,7 @@ impl Stream<'_> {
         writer.finish()
     }
 
-    /// All levels, from row to row: while rows are filtered, compressed and written, the next are read.
+    /// Writes all levels in portions of rows. While rows are filtered, compressed and written, the next ones are read.
     fn levels(
         &self,
         plan: &Plan,
@@ -168,10 +168,10 @@ impl Stream<'_> {
         }
     }
 
-    /// Whether what grows with the height of the image is within the options: rows that stages hold until the last one
-    /// comes, and what reading takes.
+    /// Checks that the memory that grows with the height of the image is permitted by the options. It holds the rows
+    /// that stages keep until the last one arrives, and what reading takes.
     fn check_memory(&self, reader: &mut Reader<'_>, stages: &[Stage], rows: usize) -> Result<()> {
-        // Before anything is read, if only the rows that are read ahead.
+        // This is checked before anything is read, even the rows that are read ahead.
         super::allow_memory(&self.source.path, self.source.working_bytes(), self.options)?;
         let mut first = reader.resize()?.map(Forecast::new);
         let mut others: Vec<Forecast<'_>> = stages.iter().map(Forecast::new).collect();
@@ -188,11 +188,11 @@ impl Stream<'_> {
     }
 }
 
-/// The levels of a picture that comes row by row.
+/// The levels of an image whose rows arrive in portions.
 struct Pyramid {
-    /// From level to level.
+    /// The stages from each level to the next.
     stages: Vec<Stage>,
-    /// One per level.
+    /// The shelves, one per level.
     shelves: Vec<Shelf>,
     channels: usize,
     units: Units,

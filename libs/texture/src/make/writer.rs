@@ -1,4 +1,4 @@
-//! Tiles on their way into the file.
+//! Writes tiles into the file.
 
 use super::{Costs, MakeOptions, Progress};
 use crate::error::Result;
@@ -7,14 +7,14 @@ use rayon::prelude::*;
 use std::path::Path;
 use std::time::Instant;
 
-/// A tile and where it goes: column, row.
+/// A tile with its column and row.
 pub(crate) type Tile = (u32, u32, Pixels);
 
-/// The file being written, all its levels at once where the format allows that.
+/// A file that is being written, all its levels at once where the format permits that.
 pub(crate) struct Writer<'a> {
     output: Box<dyn ImageOutput>,
     specs: Vec<ImageSpec>,
-    /// Tiles of any level may be written at any time. Otherwise those of later levels wait.
+    /// True when tiles of any level may be written at any time. Otherwise those of later levels wait.
     any_order: bool,
     waiting: Vec<Vec<Tile>>,
     progress: Progress<'a>,
@@ -42,7 +42,7 @@ impl<'a> Writer<'a> {
         Ok(Self { output, specs, any_order, waiting, progress, done: 0, total, costs })
     }
 
-    /// Writes tiles of a level; compressed in the threads of the pool, stored in this order.
+    /// Writes tiles of a level. They are compressed in the threads of the pool, and stored in this order.
     pub(crate) fn write(&mut self, level: usize, mut tiles: Vec<Tile>) -> Result<()> {
         if tiles.is_empty() {
             return Ok(());
@@ -66,7 +66,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Completes the file and puts it under its name.
+    /// Completes the file under its final name.
     pub(crate) fn finish(mut self) -> Result<Costs> {
         if !self.any_order {
             for level in 1..self.specs.len() {
@@ -82,7 +82,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Rows of one level that do not fill a row of tiles yet.
+/// The rows of one level that do not fill a row of tiles yet.
 pub(crate) struct Shelf {
     spec: ImageSpec,
     rows: Pixels,
@@ -91,18 +91,17 @@ pub(crate) struct Shelf {
 }
 
 impl Shelf {
-    /// For a tiled level.
+    /// Returns an empty shelf for a tiled level.
     pub(crate) fn new(spec: &ImageSpec) -> Self {
         Self { spec: spec.clone(), rows: Pixels::zeros(spec.pixel_type, 0), filled: 0, ty: 0 }
     }
 
-    /// Storage of the level.
+    /// Returns the pixel type of the level.
     pub(crate) fn pixel_type(&self) -> granita_image::PixelType {
         self.spec.pixel_type
     }
 
-    /// Adds whole rows; gives the tiles that became complete, row by row. What a tile has outside the
-    /// picture is 0.
+    /// Adds whole rows. Returns the tiles that became complete, row by row. Texels of a tile outside the image are 0.
     pub(crate) fn push(&mut self, pixels: &Pixels) -> Vec<Tile> {
         let row = self.spec.width as usize * self.spec.nchannels();
         let count = pixels.len() / row;
@@ -134,7 +133,7 @@ impl Shelf {
         tiles
     }
 
-    /// Cuts `rows` rows from row `y` on into the next row of tiles.
+    /// Cuts `rows` rows, from row `y` on, into the next row of tiles.
     fn cut(&mut self, pixels: &Pixels, y: usize, rows: usize, tiles: &mut Vec<Tile>) {
         let (spec, ty) = (&self.spec, self.ty);
         let n = spec.tile_width as usize * spec.tile_height as usize * spec.nchannels();

@@ -12,13 +12,13 @@ pub struct Brute {
     texels: Vec<[f32; 3]>,
 }
 
-/// A hashed number of [0, 1).
+/// Returns a hashed number in [0, 1).
 fn unit(i: u32, k: u32) -> f32 {
     hash::unit(hash::words(&[i, k]))
 }
 
-/// Footprint number `i` of a picture of this size, and its ratio: widths from 1 texel to half of the picture, ratios
-/// from 1 to 64, in all directions.
+/// Returns footprint number `i` of an image of this size, and its ratio. Widths are from 1 texel to half of the image,
+/// and ratios from 1 to 64, in all directions.
 pub fn footprint(i: u32, size: (u32, u32)) -> (f32, Lookup) {
     let r = |k| unit(i, k);
     let most = size.0.min(size.1) as f32 * 0.5;
@@ -26,7 +26,7 @@ pub fn footprint(i: u32, size: (u32, u32)) -> (f32, Lookup) {
     let b = (most / ratio).powf(r(1));
     let (a, angle, turn) = (b * ratio, r(2) * std::f32::consts::TAU, r(3) * std::f32::consts::TAU);
     let (x, y) = ([a * angle.cos(), a * angle.sin()], [-b * angle.sin(), b * angle.cos()]);
-    // Any two conjugate diameters make the same ellipse.
+    // Any two conjugate diameters define the same ellipse.
     let dx = [0, 1].map(|c| x[c] * turn.cos() + y[c] * turn.sin());
     let dy = [0, 1].map(|c| y[c] * turn.cos() - x[c] * turn.sin());
     let (w, h) = (size.0 as f32, size.1 as f32);
@@ -66,7 +66,7 @@ impl Brute {
         self.channels
     }
 
-    /// The bilinear picture, which repeats, at a place in texels.
+    /// Returns the value of the bilinear image, which repeats, at a position in texels.
     fn bilinear(&self, x: f64, y: f64) -> [f32; 3] {
         let (x, y) = (x - 0.5, y - 0.5);
         let (fx, fy) = ((x - x.floor()) as f32, (y - y.floor()) as f32);
@@ -82,8 +82,8 @@ impl Brute {
         })
     }
 
-    /// Mean of the bilinear picture under the Gaussian of a footprint: of half its width of deviation along each axis
-    /// with a texel's own share (a width of one) taken off, by 4096 stratified samples.
+    /// Returns the mean of the bilinear image under the Gaussian of a footprint, by 4096 stratified samples. Its
+    /// deviation along each axis is half the width, after a texel's own share (a width of one) is subtracted.
     pub fn mean(&self, q: &Lookup) -> [f32; 3] {
         let (w, h) = (self.width as f64, self.height as f64);
         let (dx, dy) =
@@ -96,7 +96,7 @@ impl Brute {
         let (a, b) = (deviation(mean + root), deviation(mean - root));
         let (sin, cos) = angle.sin_cos();
         let mut sum = [0.0_f64; 3];
-        // A lattice of two irrational steps (Roberts, 2018: the plastic number's) has less noise than random places.
+        // A lattice of two irrational steps (Roberts, 2018: the plastic number's) has less noise than random positions.
         {
             for k in 0..4096_u32 {
                 let u = (0.5 + f64::from(k) * 0.754_877_666_246_693).fract();

@@ -1,4 +1,4 @@
-//! A folder with pictures and textures, for tests.
+//! A folder with images and textures, for tests.
 #![allow(dead_code, unreachable_pub, reason = "each test file uses its part")]
 
 use granita_base::report::Message;
@@ -10,10 +10,10 @@ use parking_lot::Mutex;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Names of pictures of the faces of a cube, in the order of reference 9.3.
+/// The names of images of the faces of a cube, in the order of reference 9.3.
 pub const FACES: [&str; 6] = ["px.tif", "nx.tif", "py.tif", "ny.tif", "pz.tif", "nz.tif"];
 
-/// Forward, up, right of each face (reference 9.3).
+/// The directions forward, up and right of each face (reference 9.3).
 pub const FRAMES: [[Vec3; 3]; 6] = [
     [Vec3::X, Vec3::Y, Vec3::NEG_Z],
     [Vec3::NEG_X, Vec3::Y, Vec3::Z],
@@ -60,7 +60,7 @@ impl Folder {
         out.close().unwrap();
     }
 
-    /// Makes a texture of pictures of this folder ("-" stays "-").
+    /// Makes a texture of images of this folder ("-" stays "-").
     pub fn make(&self, inputs: &[&str], output: &str, options: &MakeOptions) -> Result<Made, TextureError> {
         let inputs: Vec<PathBuf> =
             inputs.iter().map(|n| if *n == "-" { PathBuf::from("-") } else { self.path(n) }).collect();
@@ -73,7 +73,7 @@ impl Folder {
         TextureCache::new(self.registry.clone(), search, options, self.reporter.clone())
     }
 
-    /// A cache with default options and one texture in it.
+    /// Returns a cache with default options and one texture in it.
     pub fn open(&self, name: &str) -> (TextureCache, TextureId) {
         let cache = self.cache(CacheOptions::default());
         let id = cache.find(name).unwrap_or_else(|| panic!("{name}: {:?}", self.messages.lock()));
@@ -85,7 +85,7 @@ impl Folder {
     }
 }
 
-/// One channel of one lookup.
+/// Returns one channel of one lookup.
 pub fn value(cache: &TextureCache, id: TextureId, lookup: &Lookup) -> f32 {
     let mut out = [f32::NAN];
     cache.texture(id, lookup, &mut out);
@@ -96,7 +96,7 @@ pub fn at(s: f32, t: f32) -> Lookup {
     Lookup { s, t, ..Lookup::default() }
 }
 
-/// A lookup with a square footprint, as a fraction of the picture.
+/// Returns a lookup with a square footprint, as a fraction of the image.
 pub fn wide(s: f32, t: f32, width: f32) -> Lookup {
     Lookup { dsdx: width, dtdy: width, ..at(s, t) }
 }
@@ -113,7 +113,7 @@ pub fn matrix(name: &str, m: &[f32; 16]) -> Param {
     }
 }
 
-/// Exact bits, for comparing runs.
+/// Returns the exact bits, for the comparison of runs.
 pub fn bits(values: &[f32]) -> Vec<u32> {
     values.iter().map(|v| v.to_bits()).collect()
 }

@@ -6,7 +6,7 @@ use granita_image::{FormatRegistry, PixelRect};
 use granita_view::Live;
 use std::path::Path;
 
-/// Reads files that clients name.
+/// Returns a function that reads the files which clients name.
 pub(crate) fn opener(live: &Live, formats: &FormatRegistry, reporter: &Reporter) -> Box<OpenFile> {
     let (live, formats, reporter) = (live.clone(), formats.clone(), reporter.clone());
     Box::new(move |wanted| {
@@ -31,7 +31,7 @@ fn file_of(image: &str) -> &str {
     }
 }
 
-/// Shows the images of a file under its name; those after the first as `name#1` and so on.
+/// Shows the images of a file under the name of the file. Those after the first are called `name#1` and so on.
 pub(crate) fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result<(), String> {
     const ROWS: u32 = 64;
     // -allowopen allows clients to name any file.

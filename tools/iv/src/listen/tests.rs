@@ -1,4 +1,4 @@
-//! Clients written from the published description of the protocol, byte by byte.
+//! Tests with clients that are written byte by byte from the published description of the protocol.
 
 use super::*;
 use granita_image::{Draw, Request};
@@ -14,7 +14,7 @@ fn listening(live: &Live, open: Option<Box<OpenFile>>) -> (Listener, Arc<Mutex<V
     (start(([127, 0, 0, 1], 0).into(), live, &reporter, open, false).unwrap(), messages)
 }
 
-/// Waits for what another thread will do.
+/// Waits until another thread has done something.
 fn until(what: &str, mut done: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !done() {
@@ -23,7 +23,7 @@ fn until(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// A packet: its length with these four bytes, its type, its content.
+/// Returns a packet. It consists of its length including these four bytes, its type and its content.
 fn packet(kind: u8, content: &[&[u8]]) -> Vec<u8> {
     let content = content.concat();
     [&(content.len() as u32 + 5).to_le_bytes()[..], &[kind], &content].concat()
@@ -36,7 +36,7 @@ fn create(name: &str, width: i32, height: i32, channels: &[&str]) -> Vec<u8> {
     packet(4, &[b"\x01", name.as_bytes(), b"\0", &width, &height, &count, &names])
 }
 
-/// A tile of interleaved channels.
+/// Returns a packet with a tile of interleaved channels.
 fn tile(name: &str, channels: &[&str], [x, y, w, h]: [i32; 4], values: &[f32]) -> Vec<u8> {
     let n = channels.len();
     let names: Vec<u8> = channels.iter().flat_map(|c| [c.as_bytes(), b"\0"].concat()).collect();
@@ -54,7 +54,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     let (listener, messages) = listening(&live, None);
     assert_eq!(*messages.lock(), [format!("iv: listening on {}\n", listener.address())]);
     let mut client = TcpStream::connect(listener.address()).unwrap();
-    // An image in tiles of 128, as tev's own client for Python sends it; the last ones are smaller.
+    // The image is sent in tiles of 128 pixels, like tev's own client for Python does. The last ones are smaller.
     let (width, height, names) = (200, 150, ["R", "G", "B", "A"]);
     let value = |x: i32, y: i32, c: i32| ((y * width + x) * 4 + c) as f32 * 0.37 - 1.0;
     client.write_all(&create("pic", width, height, &names)).unwrap();
@@ -67,7 +67,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
             client.write_all(&tile("pic", &names, [x, y, w, h], &values)).unwrap();
         }
     }
-    // The end of it, by which all was seen.
+    // When this image has arrived, all packets before it were processed.
     client.write_all(&create("end", 1, 1, &["Y"])).unwrap();
     until("both are there", || live.names() == ["pic", "end"]);
     let (info, pixels) = live.snapshot("pic").unwrap();
@@ -78,7 +78,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     let expected: Vec<f32> =
         (0..height).flat_map(|y| (0..width).flat_map(move |x| (0..4).map(move |c| value(x, y, c)))).collect();
     assert!(pixels == expected);
-    // One channel after the other, as pbrt sends them; and planes.
+    // The channels are sent one after the other, as by pbrt, and as planes.
     let place: Vec<u8> = [1_i32, 2, 2, 1].iter().flat_map(|v| v.to_le_bytes()).collect();
     let two: Vec<u8> = [5.0_f32, 6.0].iter().flat_map(|v| v.to_le_bytes()).collect();
     client.write_all(&packet(3, &[b"\0pic\0G\0", &place, &two])).unwrap();
@@ -91,10 +91,10 @@ fn a_client_written_from_the_description_shows_its_pixels() {
     let rect = PixelRect::at(1, 2, 2, 1);
     let want = [value(1, 2, 0), 5.0, 3.0, 1.0, value(2, 2, 0), 6.0, 4.0, 2.0];
     until("the channels came", || live.read("pic", rect, &[0, 1, 2, 3]).unwrap() == want);
-    // Nothing was sent to these clients.
+    // Nothing was sent to these clients, because they do not support the extension.
     client.set_nonblocking(true).unwrap();
     assert!(client.read(&mut [0; 1]).is_err_and(|e| e.kind() == std::io::ErrorKind::WouldBlock));
-    // It ends as such programs do, and the image stays complete.
+    // The connection is closed without an end of the image, as such programs do. The image counts as complete.
     drop(client);
     until("the client is gone", || listener.clients() == 1);
     assert_eq!(live.info("pic").unwrap().note, None);
@@ -134,7 +134,7 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
         assert!(said.contains(text), "{text} is not in {said}");
     }
     assert_eq!(said.matches("files are not").count(), 1);
-    // A client that breaks off leaves its image, with a note.
+    // The image of a client that breaks off stays, with a note.
     client.write_all(&[200, 0, 0, 0, 6, 0]).unwrap();
     drop(client);
     until("there is a note", || live.info("a").unwrap().note.is_some());
@@ -162,7 +162,7 @@ fn files_are_opened_only_when_that_is_allowed() {
     assert_eq!(*wanted.lock(), expected);
 }
 
-/// Packets of the extension, made by hand as well.
+/// A client that sends packets of the extension, which are also made byte by byte.
 struct Ours(TcpStream);
 
 impl Ours {
@@ -187,7 +187,7 @@ impl Ours {
     }
 }
 
-/// A viewer that was started for a render opens the layers that it names, and no other files.
+/// A viewer that was started for a render opens the layers that an image names, and no other files.
 #[test]
 fn layers_are_opened_where_they_are_allowed() {
     for layers in [false, true] {
@@ -229,7 +229,7 @@ fn renders_of_one_name_are_pictures_of_their_own_and_take_requests() {
     assert_eq!(second.hear(15), packet(110, &[b"a\0", &ints(&[3, -1])]));
     assert_eq!(second.hear(23), packet(111, &[b"a\0", &ints(&[1, 2, 3, 4])]));
     assert_eq!(second.hear(7), packet(112, &[b"a\0"]));
-    // One is done, one is stopped, and one dies.
+    // One image is completed, one is stopped, and one sender disappears.
     let mut third = Ours::new(&listener);
     third.send(&create("b", 4, 4, &["R"]));
     second.send(&packet(103, &[b"a\0\x01"]));

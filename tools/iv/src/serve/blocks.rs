@@ -1,23 +1,24 @@
-//! The parts of an image that are sent to pages: rectangles and blocks.
+//! The parts of an image that are sent to pages, which are rectangles and blocks.
 
 use granita_image::PixelRect;
 use granita_view::LiveInfo;
 
-/// Most pixels across or down that a page is sent.
+/// The largest number of pixels across or down that is sent to a page.
 pub(super) const MOST_SIDE: u32 = 4096;
 
-/// Sides of the largest rectangle that is sent at once.
+/// The side of the largest rectangle that is sent at once, in pixels of the page.
 pub(super) const BLOCK: usize = 256;
 
-/// Rectangles that are sent one by one; of more, whole blocks that they touch.
+/// The largest number of rectangles that are sent one by one. With more rectangles, the blocks that they touch are sent
+/// as a whole.
 pub(super) const RECTS: usize = 64;
 
-/// The number of pixels across and down that become one pixel of a page.
+/// Returns the number of pixels across and down that become one pixel of a page.
 pub(super) fn reduction(info: &LiveInfo) -> u32 {
     info.width.max(info.height).div_ceil(MOST_SIDE)
 }
 
-/// The blocks of `side` pixels that some rectangles touch, each once, row by row.
+/// Returns the blocks of `side` pixels that some rectangles touch, each once, row by row.
 pub(super) fn blocks(rects: &[PixelRect], info: &LiveInfo, side: usize) -> Vec<PixelRect> {
     let across = (info.width as usize).div_ceil(side);
     let mut touched = vec![false; across * (info.height as usize).div_ceil(side)];
@@ -39,7 +40,8 @@ pub(super) fn blocks(rects: &[PixelRect], info: &LiveInfo, side: usize) -> Vec<P
     touched.iter().enumerate().filter(|(_, t)| **t).map(|(k, _)| at(k)).collect()
 }
 
-/// A rectangle in parts that are sent at once, extended to whole pixels of the reduced image.
+/// Returns the parts of a rectangle that are sent at once. The rectangle is extended to whole pixels of the reduced
+/// image.
 pub(super) fn parts(rect: &PixelRect, scale: u32, info: &LiveInfo) -> Vec<PixelRect> {
     let scale = scale as i32;
     let window = PixelRect::at(0, 0, info.width, info.height);

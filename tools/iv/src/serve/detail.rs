@@ -1,31 +1,34 @@
-//! Full detail of the visible part of an image that a page was sent reduced.
+//! Full detail of the visible part of an image that was sent to a page in reduced form.
 //!
-//! The page sends `{"detail": ID, "scale": s, "rect": [x, y, width, height]}`, in pixels of the image; the part
-//! outside of it is ignored. The page receives the blocks of 256 x 256 pixels, each the mean of `s x s` ones, that
-//! the rectangle touches, and their changes, until its next message. Then all unsent blocks are dropped. Blocks that
-//! both rectangles touch at the same scale are sent once. A scale that is not less than the image's, an empty
-//! rectangle and more than [`BLOCKS`] request nothing.
+//! The page sends `{"detail": ID, "scale": s, "rect": [x, y, width, height]}`, in pixels of the image. The part outside
+//! of the image is ignored. The page receives the blocks of 256 x 256 pixels that the rectangle touches, and their
+//! changes, until its next message. Each of these pixels is the mean of `s x s` pixels of the image. The next message
+//! drops all blocks that are not sent yet. Blocks that both rectangles touch at the same scale are sent once. A scale
+//! that is not less than the image's, an empty rectangle and one of more than [`BLOCKS`] blocks request nothing.
 
 use super::blocks::{BLOCK, MOST_SIDE, RECTS, blocks, parts, reduction};
 use granita_image::PixelRect;
 use granita_view::LiveInfo;
 use serde_json::Value;
 
-/// Most blocks of one answer: as many pixels as a page is sent of a whole image, at any position.
+/// The largest number of blocks of one answer. It is enough for as many pixels as are sent of a whole image, at any
+/// position.
 const BLOCKS: usize = (MOST_SIDE as usize / BLOCK + 1).pow(2);
 
-/// The state of the visible part for a page.
+/// The state of the visible part of a page.
 #[derive(Debug, PartialEq)]
 pub(super) struct Detail {
     scale: u32,
-    /// Whole blocks, except at the edges of the image.
+    /// The rectangle of the requested blocks, in pixels of the image. It consists of whole blocks except at the edges
+    /// of the image.
     range: PixelRect,
-    /// Those that the page has not got; none larger than a block.
+    /// The rectangles that must be sent to the page. None is larger than a block.
     pending: Vec<PixelRect>,
 }
 
 impl Detail {
-    /// The request of a page, after the request `before`; `None` when it is empty, or more than is allowed.
+    /// Returns the state after a request of the page that follows the state `before`; `None` when the request is empty
+    /// or more than is allowed.
     pub(super) fn asked(value: &Value, info: &LiveInfo, before: Option<Self>) -> Option<Self> {
         let scale = value["scale"].as_u64().and_then(|s| u32::try_from(s).ok())?;
         if scale == 0 || scale >= reduction(info) {
@@ -56,7 +59,7 @@ impl Detail {
         Some(Self { scale, range, pending })
     }
 
-    /// Sends what changed again.
+    /// Adds changed rectangles to those that must be sent.
     pub(super) fn change(&mut self, rects: &[PixelRect], info: &LiveInfo) {
         let seen = rects.iter().map(|rect| rect.intersection(&self.range)).filter(|rect| !rect.is_empty());
         self.pending.extend(seen.flat_map(|rect| parts(&rect, self.scale, info)));
@@ -65,12 +68,12 @@ impl Detail {
         }
     }
 
-    /// True when there is more to send at once.
+    /// True when more can be sent at once.
     pub(super) fn is_behind(&self) -> bool {
         !self.pending.is_empty()
     }
 
-    /// The pixels to send next, and their scale.
+    /// Returns the next rectangle to send, and its scale.
     pub(super) fn next(&mut self) -> Option<(PixelRect, u32)> {
         (!self.pending.is_empty()).then(|| (self.pending.remove(0), self.scale))
     }
@@ -109,7 +112,7 @@ mod tests {
         assert_eq!(detail.range, PixelRect::at(256, 0, 512, 40));
         assert_eq!(detail.next(), Some((PixelRect::at(256, 0, 256, 40), 1)));
         assert!(detail.is_behind());
-        // The second block was never sent, the first one is out of sight.
+        // The second block was never sent. The first one is no longer visible.
         let mut detail = asked(&info, 1, [600, -10, 400, 99], Some(detail)).unwrap();
         assert_eq!(detail.pending, [PixelRect::at(512, 0, 256, 40), PixelRect::at(768, 0, 256, 40)]);
         detail.pending.clear();
@@ -118,7 +121,7 @@ mod tests {
         assert_eq!(detail.pending, [PixelRect::at(760, 30, 20, 10)]);
         let detail = asked(&info, 1, [767, 0, 600, 9], Some(detail)).unwrap();
         assert_eq!(detail.pending.len(), 4);
-        // Means of four have blocks of their own.
+        // The means of four pixels have blocks of their own.
         let detail = asked(&info, 2, [8990, 39, 999, 999], Some(detail)).unwrap();
         assert_eq!(detail.pending, [PixelRect::at(8704, 0, 297, 40)]);
     }
@@ -151,9 +154,9 @@ mod tests {
         ] {
             assert_eq!(Detail::asked(&value, &large, None), None, "{value}");
         }
-        // There is no further detail in an image that a page has in full.
+        // An image that is sent in full has no further detail.
         assert_eq!(asked(&info(400, 400), 1, [0, 0, 9, 9], None), None);
-        // For any request, an answer is finite and lies in the image.
+        // For any request, the answer is finite and lies inside the image.
         let (extremes, mut before) =
             ([i64::MIN, -far, -1, 0, 1, 4096, far, i64::from(u32::MAX), i64::MAX], None);
         for k in 0..extremes.len().pow(4) {
@@ -165,7 +168,7 @@ mod tests {
             }
             before = detail;
         }
-        // Changes beyond number are blocks again.
+        // Too many changes become blocks again.
         let mut detail = asked(&large, 2, [0, 0, 600, 600], None).unwrap();
         let changes: Vec<_> = (0..500).map(|k| PixelRect::at(k, k, 3, 3)).collect();
         detail.change(&changes, &large);

@@ -4,33 +4,33 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-/// Most bytes of a request.
+/// The largest number of bytes of a request.
 const HEAD_BYTES: usize = 16 << 10;
-/// Most headers of a request.
+/// The largest number of headers of a request.
 const HEADERS: usize = 100;
-/// Longest time, in seconds, of a request.
+/// The longest time for reading a request, and for a write of an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A request without a body.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Request {
     pub(super) method: String,
-    /// Without the part from a question mark on.
+    /// The path without the part from a question mark on.
     pub(super) path: String,
-    /// Names in lower case.
+    /// Pairs of name and value. Names are in lower case.
     headers: Vec<(String, String)>,
 }
 
 impl Request {
-    /// A header by its name in lower case.
+    /// Returns the value of a header, given its name in lower case.
     pub(super) fn header(&self, name: &str) -> Option<&str> {
         self.headers.iter().find(|(n, _)| n == name).map(|(_, value)| value.as_str())
     }
 
-    /// A request and the number of its bytes; `Ok(None)` when they are its beginning.
+    /// Parses a request. Returns it and the number of its bytes; `Ok(None)` when the bytes are only its beginning.
     ///
     /// # Errors
-    /// Returns an error when it is not a request, or when it has content.
+    /// Returns an error when the bytes are not a request, or when the request has content.
     fn parse(bytes: &[u8]) -> Result<Option<(Self, usize)>, ()> {
         let mut headers = [httparse::EMPTY_HEADER; HEADERS];
         let mut request = httparse::Request::new(&mut headers);
@@ -44,7 +44,7 @@ impl Request {
             Ok((header.name.to_ascii_lowercase(), value.trim().to_owned()))
         };
         let headers = request.headers.iter().map(header).collect::<Result<Vec<_>, ()>>()?;
-        // Nothing is uploaded here: content would be taken for the words of the web socket.
+        // Requests have no content here. Content would be mistaken for messages of the web socket.
         let brings = |(name, value): &(String, String)| match &**name {
             "content-length" => value != "0",
             "transfer-encoding" => true,
@@ -59,7 +59,8 @@ impl Request {
         Ok(Some((Self { method: method.to_owned(), path, headers }, length)))
     }
 
-    /// Reads a request, and the bytes after it; `None` when it is not a request, or takes too long.
+    /// Reads a request and the bytes after it. Returns `None` when the bytes are not a request, or when it takes too
+    /// long.
     pub(super) fn read(socket: &mut TcpStream) -> Option<(Self, Vec<u8>)> {
         let begin = Instant::now();
         socket.set_read_timeout(Some(Duration::from_secs(1))).ok()?;
@@ -95,19 +96,19 @@ impl Request {
 pub(super) struct Hosts {
     /// The address on which the server listens.
     address: IpAddr,
-    /// Names besides, in lower case.
+    /// Further names of the server, in lower case.
     names: Vec<String>,
 }
 
 impl Hosts {
-    /// Those of a server that listens on `address`, and has also `names`.
+    /// Returns the hosts of a server that listens on `address` and also has `names`.
     pub(super) fn new(address: IpAddr, names: &[String]) -> Self {
         let bare = |name: &String| name.trim_end_matches('.').to_ascii_lowercase();
         Self { address, names: names.iter().map(bare).collect() }
     }
 
-    /// True when a browser may request `host`, the value of a header: a name or address with or without a port. The
-    /// port is not checked, because ssh brings others.
+    /// True when a browser may request `host`, the value of a header. It is a name or address with or without a port.
+    /// The port is not checked, because a tunnel of ssh may change it.
     pub(super) fn accept(&self, host: &str) -> bool {
         let name = match host.strip_prefix('[') {
             Some(rest) => rest.split_once(']').map_or("", |(name, _)| name),
@@ -135,7 +136,7 @@ pub(super) fn answer(socket: &mut TcpStream, status: &str, kind: &str, body: &[u
     socket.write_all(body)
 }
 
-/// Accepts the change to a web socket; `None` when the request is not for one.
+/// Accepts the change to a web socket. Returns `None` when the request is not one for a web socket.
 pub(super) fn upgrade(socket: &mut TcpStream, request: &Request) -> Option<()> {
     let key = request.header("sec-websocket-key")?;
     let wants = request.header("upgrade")?.eq_ignore_ascii_case("websocket")

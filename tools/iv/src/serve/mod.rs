@@ -1,7 +1,8 @@
 //! Live images in browsers (`iv -serve`), for machines without a screen.
 //!
 //! One port serves one page, which is self-contained, and its web socket. Both are found only under a random word in
-//! the address, which is printed. A page is read-only: its exposure, zoom and position are its own.
+//! the address, which is printed. A page cannot change anything here. Each page has its own exposure, zoom and
+//! position.
 
 mod blocks;
 mod detail;
@@ -23,18 +24,18 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, WebSocket};
 
-/// The page.
+/// The HTML text of the page.
 const PAGE: &str = include_str!("page.html");
-/// Browsers at once, each with a connection or two.
+/// The largest number of connections at once. A browser has one or two.
 const CONNECTIONS: usize = 64;
-/// The limit for one address.
+/// The largest number of connections of one address at once.
 const CONNECTIONS_OF_ADDRESS: usize = 48;
-/// Longest wait for a browser that reads nothing.
+/// The longest time for which a message waits for a browser that does not read.
 const STALL: Duration = Duration::from_secs(20);
 /// The interval at which messages of a browser are read while nothing changes.
 const TICK: Duration = Duration::from_millis(40);
 
-/// A server of pages; ends when it is dropped.
+/// A server of pages. It ends when it is dropped.
 pub(crate) struct Server {
     address: SocketAddr,
     url: String,
@@ -49,7 +50,7 @@ struct Shared {
 }
 
 impl Server {
-    /// Serves `live` at `address`, also to browsers that request it by one of `names`; port 0 means any free port.
+    /// Serves `live` at `address`, also to browsers that request it by one of `names`. Port 0 stands for any free port.
     ///
     /// # Errors
     /// Returns the error of the system.
@@ -68,7 +69,7 @@ impl Server {
         Ok(Self { address, url, shared })
     }
 
-    /// The address of the page.
+    /// Returns the address of the page.
     pub(crate) fn url(&self) -> &str {
         &self.url
     }
@@ -92,7 +93,7 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
         };
         let Ok(place) = shared.places.take(id, &socket, address) else { continue };
         let own = shared.clone();
-        // Without a thread, the connection ends and the browser tries again.
+        // When no thread can be started, the connection ends and the browser tries again.
         let _ =
             std::thread::Builder::new().name("page".to_owned()).spawn(move || converse(&own, &place, socket));
     }
@@ -118,7 +119,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
         ("GET", Some("/live")) => {
             match http::upgrade(&mut socket, &request) {
                 Some(()) => {
-                    // The request has the random word of the address, so it is trusted.
+                    // The request contains the random word of the address, so it is trusted.
                     place.heard();
                     show(shared, socket, more);
                 }
@@ -135,7 +136,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
     drop(result);
 }
 
-/// Keeps a page up to date until it is closed; `more` came with its request.
+/// Keeps a page up to date until it is closed. `more` holds the bytes that came with its request.
 fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     if socket.set_read_timeout(Some(Duration::from_millis(1))).is_err()
         || socket.set_write_timeout(Some(TICK)).is_err()
@@ -180,7 +181,7 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     let _ = web.flush();
 }
 
-/// Sends a message, as long as the browser keeps reading.
+/// Sends a message, as long as the browser keeps reading. Returns false when the connection is lost.
 fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
     let begin = Instant::now();
     let mut result = web.write(message);
@@ -198,19 +199,19 @@ fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
     }
 }
 
-/// True when the error is only a time limit.
+/// True when the error is only an expired time limit.
 fn is_later(error: &Error) -> bool {
     matches!(error, Error::Io(e)
         if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted))
 }
 
-/// The names that the user gave: by -servename, and before the port of -serve.
+/// Returns the names that the user gave with -servename and before the port of -serve.
 fn names(args: &NetArgs, serve: &str) -> Vec<String> {
     let named = serve.rsplit_once(':').map(|(host, _)| host.to_owned());
     args.servename.iter().cloned().chain(named).collect()
 }
 
-/// `-serve`: does not return before the process is ended, except when it cannot begin.
+/// Runs `-serve`. It returns only when it cannot begin.
 pub(crate) fn run(
     args: &NetArgs,
     paths: &[PathBuf],
@@ -238,7 +239,7 @@ pub(crate) fn run(
     }
     let open = args.allowopen.then(|| files::opener(&live, formats, reporter));
     let _listener = match listen::begin(args, true, &live, reporter, open) {
-        // Nothing could ever be seen.
+        // No image could ever be shown.
         Ok(None) if paths.is_empty() => return Status::Failed,
         Ok(listener) => listener,
         Err(error) => {

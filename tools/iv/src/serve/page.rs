@@ -1,17 +1,18 @@
-//! The messages to a page in a browser: text in JSON, pixels in binary.
+//! The messages between the server and a page in a browser. Text is JSON. Pixels are binary.
 //!
-//! From the page: `{"show": ID, "channels": [c ...]}` (at most four), `{"probe": [x, y]}`, and `{"detail": ID,
+//! The page sends `{"show": ID, "channels": [c ...]}` (at most four channels), `{"probe": [x, y]}`, and `{"detail": ID,
 //! "scale": s, "rect": [x, y, width, height]}` for its visible part, see [`detail`](super::detail).
 //!
-//! To the page, as text: `{"pictures": [{id, name, width, height, channels, note} ...], "shown": ID}` whenever the list
-//! changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before its first pixels,
-//! `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` (steps are those of a canvas: "moveTo"
-//! ...), `{"probe": [x, y], "values": ["v" ...]}`.
+//! The page receives text: `{"pictures": [{id, name, width, height, channels, note, live} ...], "shown": ID}` whenever
+//! the list changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
+//! pixels of an image, `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` with the steps of a
+//! canvas ("moveTo" ...), and `{"probe": [x, y], "values": ["v" ...]}`.
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
-//! channels, `u32` scale, then the values row by row, channels side by side. An image of more than
-//! [`MOST_SIDE`](super::blocks::MOST_SIDE) pixels a side is sent reduced: each of its pixels is the mean of `scale x
-//! scale` ones, and positions and sizes count those. Pixels of a smaller scale than the image's are detail.
+//! channels, `u32` scale, then the values row by row with interleaved channels. An image of more than
+//! [`MOST_SIDE`](super::blocks::MOST_SIDE) pixels a side is sent in reduced form. Each of its pixels is then the mean
+//! of `scale x scale` pixels, and positions and sizes are in the reduced pixels. Pixels of a smaller scale than the
+//! image's are detail.
 
 use super::blocks::{BLOCK, RECTS, blocks, parts, reduction};
 use super::detail::Detail;
@@ -21,24 +22,24 @@ use half::f16;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// Bytes of pixels after which the page's own words are heard again.
+/// The number of bytes of pixels after which messages of the page are read again.
 const ROUND_BYTES: usize = 4 << 20;
-/// Bytes before the values of a message of pixels.
+/// The number of bytes before the values of a message of pixels.
 const HEAD: usize = 32;
 
-/// The view of a page.
+/// The state of a page.
 pub(super) struct Page {
     live: Live,
-    /// The version of the list that it has.
+    /// The version of the [`Live`] at the last update; `None` before the first one.
     version: Option<u64>,
-    /// The image that it selected; 0 before.
+    /// The id of the selected image; 0 before one is selected.
     chosen: u64,
     channels: Vec<usize>,
-    /// The image of its pixels, and their generation.
+    /// The id and the generation of the image whose pixels were sent.
     known: Option<(u64, u64)>,
-    /// Pixels that it has not got.
+    /// The rectangles that must be sent.
     pending: Vec<PixelRect>,
-    /// Its visible part, where it was sent less than the full resolution.
+    /// The visible part, where the image was sent in less than the full resolution.
     detail: Option<Detail>,
     marks: Vec<PixelRect>,
     drawing: Arc<Vec<Draw>>,
@@ -68,7 +69,7 @@ impl Page {
         }
     }
 
-    /// Processes a message of the page; returns an answer, if there is one. Invalid messages are ignored.
+    /// Processes a message of the page. Returns the answer, if there is one. Invalid messages are ignored.
     pub(super) fn hear(&mut self, text: &str) -> Option<Message> {
         let value: Value = serde_json::from_str(text).ok()?;
         if let Some(id) = value["show"].as_u64() {
@@ -93,23 +94,23 @@ impl Page {
         Some(Message::Text(json!({"probe": [x, y], "values": values}).to_string()))
     }
 
-    /// The selected image, while it exists.
+    /// Returns the selected image, while it exists.
     fn chosen(&self) -> Option<LiveInfo> {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
         infos.into_iter().find(|info| info.id == self.chosen)
     }
 
-    /// True when there is more to send at once.
+    /// True when more can be sent at once.
     pub(super) fn is_behind(&self) -> bool {
         !self.pending.is_empty() || self.detail.as_ref().is_some_and(Detail::is_behind)
     }
 
-    /// The version that was looked at last.
+    /// Returns the version at the last update; 0 before the first one.
     pub(super) fn version(&self) -> u64 {
         self.version.unwrap_or(0)
     }
 
-    /// The pending messages for the page, up to a few megabytes.
+    /// Returns the pending messages for the page, up to a few megabytes.
     pub(super) fn news(&mut self) -> Vec<Message> {
         let version = self.live.version();
         let mut messages = Vec::new();
@@ -166,7 +167,7 @@ impl Page {
             self.drawing = info.drawing.clone();
         }
         let mut bytes = 0;
-        // The visible part comes first, but the rest also gets a turn in every round.
+        // The visible part comes first, but the rest also progresses in every round.
         while bytes < ROUND_BYTES / 2
             && let Some((part, scale)) = self.detail.as_mut().and_then(Detail::next)
         {
@@ -196,12 +197,13 @@ impl Page {
         json!({"pictures": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
     }
 
-    /// Some pixels, as the page requested them; none when the image was replaced meanwhile.
+    /// Returns a message with the channels of a rectangle that the page requested; `None` when the image was replaced
+    /// meanwhile.
     fn pixels(&self, info: &LiveInfo, rect: PixelRect, scale: u32) -> Option<Vec<u8>> {
         let values = self.live.read(&info.name, rect, &self.channels).ok()?;
         let n = self.channels.len();
         let values = if scale == 1 { values } else { reduced(&values, &rect, n, scale as usize) };
-        // Halves where they are enough for a screen, as for colours; depths and the like need their bits.
+        // Halves are enough for colours on a screen. Depths and other values are sent as floats.
         let colors = self.channels.iter().all(|c| matches!(&*info.channels[*c], "R" | "G" | "B" | "A" | "Y"));
         let halves = colors && values.iter().all(|v| !v.is_finite() || v.abs() <= 65504.0);
         let size = [rect.width(), rect.height()].map(|side| side.div_ceil(scale as usize) as u32);
@@ -218,7 +220,7 @@ impl Page {
     }
 }
 
-/// A step of a drawing as a canvas calls it. Numbers that are none become nothing.
+/// Returns a step of a drawing as a call of a canvas. Numbers that are not finite become null.
 fn step(step: &Draw) -> Value {
     match step {
         Draw::Save => json!(["save"]),
@@ -233,7 +235,7 @@ fn step(step: &Draw) -> Value {
     }
 }
 
-/// The channels that represent the image best: its colours, or the first one.
+/// Returns the channels that represent the image best, which are its colours or the first one.
 fn colors(names: &[String]) -> Vec<usize> {
     let find = |name: &str| names.iter().position(|n| n == name);
     match (find("R"), find("G"), find("B")) {
@@ -242,7 +244,7 @@ fn colors(names: &[String]) -> Vec<usize> {
     }
 }
 
-/// Means of `scale x scale` pixels; at the right and lower edge of those that there are.
+/// Returns the means of `scale x scale` pixels. At the right and lower edges, only the pixels that exist are averaged.
 fn reduced(values: &[f32], rect: &PixelRect, n: usize, scale: usize) -> Vec<f32> {
     let (width, height) = (rect.width(), rect.height());
     let mut out = Vec::with_capacity(width.div_ceil(scale) * height.div_ceil(scale) * n);
@@ -267,7 +269,7 @@ mod tests {
         list.iter().map(|n| (*n).to_owned()).collect()
     }
 
-    /// The content of the page after all updates: its size, and values by pixel.
+    /// Updates the size and the values of a page by its messages. Returns the number of messages with pixels.
     fn painted(page: &mut Page, painting: &mut (u32, u32, Vec<f32>)) -> usize {
         let mut count = 0;
         loop {
@@ -320,7 +322,7 @@ mod tests {
         assert_eq!(page.hear(&format!("{{\"show\": {id}, \"channels\": []}}")), None);
         assert_eq!(painted(&mut page, &mut painting), 6);
         assert!((painting.0, painting.1) == (700, 300) && painting.2.iter().all(|v| *v == 0.0));
-        // A tile comes alone.
+        // A changed tile is sent alone.
         let tile: Vec<f32> = (0..16 * 16 * 4).map(|v| v as f32 / 8.0).collect();
         live.update(
             "a",
@@ -333,7 +335,7 @@ mod tests {
         let all = live.read("a", PixelRect::at(0, 0, 700, 300), &[0, 1, 2, 3]).unwrap();
         assert!(painting.2 == all, "these numbers are halves");
         assert_eq!(painted(&mut page, &mut painting), 0);
-        // Hundreds of tiles come as blocks.
+        // Hundreds of changed tiles are sent as blocks.
         for k in 0..300 {
             live.update("a", &[(4, 0, 0)], PixelRect::at(k, k, 1, 1), &[1e7]).unwrap();
         }
@@ -343,7 +345,7 @@ mod tests {
         let drawing = r#"{"drawing":[["moveTo",1.0,null],["strokeStyle",[1.0,0.0,0.5,1.0]]]}"#;
         assert_eq!(page.news(), [Message::Text(drawing.to_owned())]);
         assert_eq!(page.news(), []);
-        // Depths are floats.
+        // Depths are sent as floats.
         page.hear(&format!("{{\"show\": {id}, \"channels\": [4, 99]}}"));
         assert_eq!(painted(&mut page, &mut painting), 6);
         assert!(painting.2 == live.read("a", PixelRect::at(0, 0, 700, 300), &[4]).unwrap());
@@ -398,7 +400,7 @@ mod tests {
         let id = live.info("a").unwrap().id;
         let ask =
             |scale: u32, rect: [i32; 4]| json!({"detail": id, "scale": scale, "rect": rect}).to_string();
-        // The heads of the pixels of a smaller scale, and their first value.
+        // Returns the heads of the messages with pixels of a smaller scale, and the first value of each.
         let details = |page: &mut Page| {
             let mut found = Vec::new();
             loop {
@@ -422,14 +424,14 @@ mod tests {
         page.hear(&format!("{{\"show\": {id}, \"channels\": [0]}}"));
         assert_eq!(page.hear(&ask(1, [8900, 0, 500, 40])), None);
         assert_eq!(details(&mut page), [([1, 8704, 0, 256, 40], 1088.0), ([1, 8960, 0, 41, 40], 1120.0)]);
-        // A change comes alone, and only where it is in sight.
+        // A change is sent alone, and only where it is visible.
         live.update("a", &[(0, 0, 0)], PixelRect::at(9000, 39, 1, 1), &[-2.0]).unwrap();
         live.update("a", &[(0, 0, 0)], PixelRect::at(0, 0, 90, 40), &[-3.0]).unwrap();
         assert_eq!(details(&mut page), [([1, 9000, 39, 1, 1], -2.0)]);
-        // Means of four pixels, counted in those.
+        // Positions and sizes of reduced detail are in the reduced pixels.
         page.hear(&ask(2, [513, 1, 3, 3]));
         assert_eq!(details(&mut page), [([2, 256, 0, 256, 20], 64.0625)]);
-        // Another picture, nothing, or other channels: no more of it.
+        // A request for another image, or for nothing, ends the detail.
         for other in
             [json!({"detail": id + 1, "scale": 1, "rect": [0, 0, 9, 9]}).to_string(), ask(0, [0, 0, 9, 9])]
         {

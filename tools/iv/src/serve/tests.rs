@@ -1,4 +1,4 @@
-//! The server over real sockets, with a client of web sockets in place of a browser.
+//! Tests of the server over real sockets, with a client of web sockets in place of a browser.
 
 use super::*;
 use granita_image::PixelRect;
@@ -8,7 +8,7 @@ fn serving(live: &Live) -> Server {
     Server::start(([127, 0, 0, 1], 0).into(), &[], live.clone()).unwrap()
 }
 
-/// Sends bytes; returns the answer until its end.
+/// Sends bytes. Returns the answer until the connection ends.
 fn ask(server: &Server, bytes: &str) -> String {
     let mut socket = TcpStream::connect(server.address).unwrap();
     socket.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
@@ -32,7 +32,7 @@ fn the_page_is_found_under_its_word_only() {
     let page = get(&server, &format!("/{token}/"), "");
     assert!(page.starts_with("HTTP/1.1 200 OK\r\n") && page.ends_with("</html>\n"), "{page}");
     assert!(page.contains("Content-Security-Policy: default-src 'none'"));
-    // It needs nothing from elsewhere.
+    // The page does not load anything from other servers.
     for foreign in ["http://", "https://", "src=", "@import", "url("] {
         assert!(!PAGE.contains(foreign), "{foreign}");
     }
@@ -58,13 +58,13 @@ fn the_page_is_found_under_its_word_only() {
         let answer = ask(&server, wrong);
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 400"), "{answer}");
     }
-    // A socket is for our own page.
+    // The socket accepts only the page of this server.
     let asks = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n";
     let path = format!("/{token}/live");
     for headers in ["", "Upgrade: websocket\r\n", &format!("{asks}Origin: http://evil.example\r\n")] {
         assert!(get(&server, &path, headers).starts_with("HTTP/1.1 403"), "{headers}");
     }
-    // A request by another name belongs to a page of another origin.
+    // A request with another host name belongs to a page of another origin.
     for host in ["evil.example", "evil.example:80", "10.9.8.7"] {
         for path in [format!("/{token}/"), path.clone()] {
             let answer = ask(&server, &format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n{asks}\r\n"));
@@ -73,7 +73,7 @@ fn the_page_is_found_under_its_word_only() {
     }
     let own = ask(&server, &format!("GET /{token}/ HTTP/1.1\r\nHost: localhost:1\r\n\r\n"));
     assert!(own.starts_with("HTTP/1.1 200"), "{own}");
-    // The server's end is the end of its connections.
+    // The connections end with the server.
     let address = server.address;
     drop(server);
     std::thread::sleep(Duration::from_millis(200));
@@ -96,7 +96,7 @@ fn half_requests_keep_no_browser_out() {
     assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());
     let address = server.address;
     drop(server);
-    // They end with the server, too.
+    // These connections also end with the server.
     let last = slow.last_mut().unwrap();
     last.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
     let late = |e: std::io::Error| is_later(&Error::Io(e));
@@ -104,7 +104,7 @@ fn half_requests_keep_no_browser_out() {
     is_closed(address);
 }
 
-/// Waits until nothing listens there.
+/// Waits until the address is free.
 fn is_closed(address: SocketAddr) {
     let begin = Instant::now();
     while TcpStream::connect(address).is_ok() {
@@ -143,7 +143,7 @@ fn a_browser_is_told_what_comes() {
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[]}");
     let pixels = web.read().unwrap().into_data();
     assert_eq!((pixels.len(), &pixels[32..34]), (32 + 64 * 6, &[0x00, 0x38][..]));
-    // Nonsense is borne; too much of it is not.
+    // Invalid messages are ignored. A message that is too large ends the connection.
     web.send(tungstenite::Message::text("{\"show\":")).unwrap();
     web.send(tungstenite::Message::binary(vec![0; 100])).unwrap();
     let detail = format!("{{\"detail\":{id},\"scale\":1,\"rect\":[0,0,9,9]}}");

@@ -1,4 +1,4 @@
-//! Between the desk and the screen: events in, a bitmap and some panels out.
+//! The application. It passes events to the model, and shows the image and the panels on the screen.
 
 use super::Outcome;
 use super::blit::Blit;
@@ -15,18 +15,18 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// A drag that is going on.
+/// A drag that has begun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Drag {
     Pan,
     Wipe,
-    /// From this point of the image area: the area that is measured.
+    /// Selects the area that is measured, from this point of the window.
     Probe(Pos2),
-    /// The area that a render is to do first.
+    /// Selects the area that is rendered first, from this point of the window.
     Priority(Pos2),
 }
 
-/// A name that the user is entering.
+/// A file name that the user is entering.
 #[derive(Clone, Debug)]
 pub(crate) struct Prompt {
     pub(crate) text: String,
@@ -35,20 +35,20 @@ pub(crate) struct Prompt {
 
 pub(super) type Shot = Arc<Mutex<Option<Arc<ColorImage>>>>;
 
-/// The application, as the window system sees it.
+/// The application that the window system runs.
 pub(crate) struct App {
     pub(crate) model: Model,
     texture: Option<TextureHandle>,
-    /// The processor's drawing of the image, and whether it has it.
+    /// Draws the image where the processor does the work of graphics hardware.
     blit: Option<Blit>,
     in_blit: bool,
-    /// The last frame had something everywhere, or the complete image, for the first time.
+    /// True when the last frame showed something everywhere, or the complete image, for the first time.
     just_shown: [bool; 2],
-    /// The place of the image, in points.
+    /// The rectangle of the image in the window, in points.
     pub(crate) area: egui::Rect,
     pub(crate) pointer: Option<Pos2>,
     drag: Option<(Drag, Pos2)>,
-    /// The point at which the button was pressed.
+    /// The point at which the button was pressed, and the modifiers.
     pressed: Option<(Pos2, Modifiers)>,
     last_click: Option<(Instant, Pos2)>,
     pub(crate) prompt: Option<Prompt>,
@@ -57,14 +57,16 @@ pub(crate) struct App {
     pub(super) outcome: Outcome,
     pub(super) shot: Shot,
     pub(super) shown_title: String,
-    /// The present entry, and since when; of the first one since the program began to make the window.
+    /// The index of the current entry and the time at which it became current. For the first entry, this is the time at
+    /// which the program began to make the window.
     since: (usize, Instant),
-    /// After how long there was something everywhere of it, and when it was complete.
+    /// The durations until something of the current entry was shown everywhere, and until it was complete.
     pub(super) first_picture: [Option<Duration>; 2],
 }
 
 impl App {
-    /// `started` is the time at which the program began to make the window; `blit` draws the image if it exists.
+    /// Returns the application. `started` is the time at which the program began to make the window. `blit` draws the
+    /// image if it exists.
     pub(crate) fn new(
         model: Model,
         steps: Option<Vec<Step>>,
@@ -105,7 +107,7 @@ impl App {
         }
     }
 
-    /// A point of the window in pixels of the image area.
+    /// Converts a point of the window to pixels of the image area.
     pub(crate) fn in_area(&self, pos: Pos2, ppp: f32) -> (f64, f64) {
         let at = (pos - self.area.min) * ppp;
         (f64::from(at.x), f64::from(at.y))
@@ -131,7 +133,7 @@ impl App {
         }
     }
 
-    /// Saves under the name that was given.
+    /// Saves the image under the name that the user entered.
     pub(crate) fn save(&mut self, prompt: &Prompt) {
         let path = PathBuf::from(prompt.text.trim());
         let model = &mut self.model;
@@ -188,7 +190,7 @@ impl App {
         }
     }
 
-    /// The place of a wipe's edge on the screen, and whether it is horizontal.
+    /// Returns the position of a wipe's edge in the window, in points, and true when the edge is horizontal.
     fn wipe_edge(&self) -> Option<(f32, bool)> {
         let Mix::Wipe { at, down } = self.model.mix else { return None };
         let place = if down {
@@ -249,7 +251,7 @@ impl App {
         }
     }
 
-    /// The pixels between two points of the window.
+    /// Returns the rectangle of image pixels between two points of the window.
     fn rect_between(&mut self, a: Pos2, b: Pos2, ppp: f32) -> Option<PixelRect> {
         let (a, b) = (self.in_area(a, ppp), self.in_area(b, ppp));
         let (p, q) = (self.model.nearest_pixel(a.0, a.1)?, self.model.nearest_pixel(b.0, b.1)?);
@@ -296,7 +298,7 @@ impl App {
         let side = |v: f32| (v * ppp).round().clamp(1.0, 16384.0) as u32;
         let most = ui.input(|i| i.max_texture_side) as u32;
         let (width, height) = (side(self.area.width()).min(most), side(self.area.height()).min(most));
-        // By now the frame before is on its way to the screen.
+        // By now the previous frame is on its way to the screen.
         for (just, time) in self.just_shown.iter_mut().zip(&mut self.first_picture) {
             if std::mem::take(just) {
                 *time = Some(self.since.1.elapsed());
@@ -340,6 +342,4 @@ impl App {
             None => self.texture = Some(ctx.load_texture("picture", image, TextureOptions::NEAREST)),
         }
     }
-
-    // The script.
 }

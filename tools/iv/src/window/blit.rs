@@ -1,12 +1,12 @@
-//! The image on the screen where the processor does the work of graphics hardware.
+//! Shows the image on the screen where the processor does the work of graphics hardware.
 //!
-//! Such drivers take long for every texture lookup. The drawing already has one pixel for each pixel of the window.
-//! Here it is a plain array of numbers, and the shader reads the one that it needs.
+//! Such drivers take long for every texture lookup. The canvas already has one pixel for each pixel of the window. Here
+//! it is a plain array of numbers, and the shader reads the number of its pixel.
 
 use eframe::egui_wgpu::{CallbackResources, CallbackTrait, RenderState};
 use granita_view::Canvas;
 
-/// `place` is the first column and row on the screen, and the size.
+/// The shader. `place` holds the first column and row on the screen, and the width and height of the image, in pixels.
 const SHADER: &str = "
 @group(0) @binding(0) var<uniform> place: vec4<i32>;
 @group(0) @binding(1) var<storage, read> pixels: array<u32>;
@@ -23,18 +23,18 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
 }
 ";
 
-/// What draws a canvas.
+/// Shows a canvas on the screen.
 pub(crate) struct Blit {
     device: wgpu::Device,
     queue: wgpu::Queue,
     pipeline: wgpu::RenderPipeline,
     place: wgpu::Buffer,
-    /// The pixels, and how they are bound.
+    /// The pixels, and their bind group.
     pixels: Option<(wgpu::Buffer, wgpu::BindGroup)>,
 }
 
 impl Blit {
-    /// `None` where a texture is the better way, or the only one.
+    /// Returns `None` where a texture is faster, or is the only way.
     pub(crate) fn new(state: &RenderState) -> Option<Self> {
         let device = &state.device;
         let by_processor = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
@@ -71,7 +71,8 @@ impl Blit {
         Some(Self { device: device.clone(), queue: state.queue.clone(), pipeline, place, pixels: None })
     }
 
-    /// Takes a canvas that is to be seen from this pixel of the window on; whether it can.
+    /// Uploads a canvas that is shown from the pixel `corner` of the window on. Returns false when it is empty or too
+    /// large for a buffer.
     pub(crate) fn take(&mut self, canvas: &Canvas, corner: [i32; 2]) -> bool {
         let bytes = canvas.bytes.len() as u64;
         let limits = self.device.limits();
@@ -100,7 +101,7 @@ impl Blit {
         true
     }
 
-    /// What draws the canvas that was taken last.
+    /// Returns a callback that shows the last uploaded canvas.
     pub(crate) fn callback(&self) -> Option<impl CallbackTrait + use<>> {
         let (_, bound) = self.pixels.as_ref()?;
         Some(Drawn { pipeline: self.pipeline.clone(), bound: bound.clone() })

@@ -1,4 +1,4 @@
-//! The list of images: files, and those that arrive. Files are opened when they are shown.
+//! The list of images, which are files and live images. Files are opened when they are shown.
 
 use granita_image::{FormatRegistry, Request};
 use granita_view::{
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Files that are open at once.
+/// The largest number of files that are open at once.
 const OPEN: usize = 24;
 
 /// The selected part of an image.
@@ -20,11 +20,11 @@ pub(crate) struct Choice {
     pub(crate) page: usize,
     pub(crate) layer: usize,
     pub(crate) level: usize,
-    /// `None`: what suits the page.
+    /// The arrangement; `None` for the one that suits the page.
     pub(crate) arrangement: Option<Arrangement>,
-    /// The values of the layer stretched from black to white.
+    /// True when the values of the layer are stretched from black to white.
     pub(crate) normalize: bool,
-    /// True when integers are encoded; `None`: as the page declares.
+    /// True when integers are encoded colours; `None` for what the page declares.
     pub(crate) encoded: Option<bool>,
 }
 
@@ -52,30 +52,30 @@ enum Opened {
     Not,
     File(Picture),
     Live(LivePage),
-    /// And the file that could not be opened, as it was then.
+    /// The error, and the stamp of the file at the time of the error.
     Failed(String, Stamp),
 }
 
 struct Entry {
-    /// Name of the file, or of the live image.
+    /// The path of the file, or the name of the live image.
     path: PathBuf,
     live: bool,
     opened: Opened,
     choice: Choice,
 }
 
-/// The list.
+/// The list of images.
 pub(crate) struct Entries {
     list: Vec<Entry>,
     pub(crate) current: usize,
-    /// Those that are open, the one used longest ago first.
+    /// The indices of open files, in the order in which they were opened.
     open: VecDeque<usize>,
     live: Live,
     live_version: u64,
-    /// The live image that was last requested to be shown, by its number.
+    /// The id of the live image that was last requested to be shown.
     live_shown: u64,
     changes: u64,
-    /// The list in groups, and how long it was then; it only grows.
+    /// The list in groups, and its length when they were made. The list only grows.
     groups: RefCell<(usize, Rc<Vec<Group>>)>,
 }
 
@@ -95,7 +95,7 @@ impl Entries {
         entries
     }
 
-    /// Adds files at the end.
+    /// Adds files at the end of the list.
     pub(crate) fn add(&mut self, files: Vec<PathBuf>) {
         self.list.extend(files.into_iter().map(|path| Entry {
             path,
@@ -109,12 +109,13 @@ impl Entries {
         self.list.len()
     }
 
-    /// Grows whenever what is drawn may be another thing for a reason besides the user and the loader.
+    /// Returns a number that grows when a live image is added to the list or the content of an entry changes, except by
+    /// tiles that the loader reads.
     pub(crate) fn changes(&self) -> u64 {
         self.changes
     }
 
-    /// Names, without folders.
+    /// Returns the name of an entry, without the folder.
     pub(crate) fn name(&self, entry: usize) -> String {
         let Some(e) = self.list.get(entry) else { return String::new() };
         if e.live {
@@ -123,7 +124,7 @@ impl Entries {
         e.path.file_name().map_or_else(|| e.path.display().to_string(), |n| n.to_string_lossy().into_owned())
     }
 
-    /// The file of this name.
+    /// Returns the index of the file with this path.
     pub(crate) fn find(&self, path: &Path) -> Option<usize> {
         self.list.iter().position(|e| !e.live && e.path == path)
     }
@@ -132,7 +133,7 @@ impl Entries {
         self.list.get(entry).is_some_and(|e| e.live)
     }
 
-    /// The list in groups: sequences, folders, and what is live.
+    /// Returns the list in groups, which are sequences, folders and the live images.
     pub(crate) fn groups(&self) -> Rc<Vec<Group>> {
         let mut held = self.groups.borrow_mut();
         if held.0 == self.list.len() {
@@ -150,7 +151,7 @@ impl Entries {
     /// Opens an entry that is not open.
     ///
     /// # Errors
-    /// The error, the first time.
+    /// Returns the error of the file, only the first time.
     pub(crate) fn open(
         &mut self,
         entry: usize,
@@ -189,14 +190,14 @@ impl Entries {
         Ok(())
     }
 
-    /// The user waits for an open entry, so a rough image of the unread part comes first.
+    /// Requests that a rough image of an open entry is read first, because the user waits for it.
     pub(crate) fn hurry(&self, entry: usize) {
         if let Some(picture) = self.picture(entry) {
             picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
         }
     }
 
-    /// The error of an entry that cannot be opened.
+    /// Returns the error of an entry that cannot be opened.
     pub(crate) fn error(&self, entry: usize) -> Option<&str> {
         match &self.list.get(entry)?.opened {
             Opened::Failed(text, _) => Some(text),
@@ -204,7 +205,7 @@ impl Entries {
         }
     }
 
-    /// Number of pages of an open entry, and the one that is chosen.
+    /// Returns the number of pages of an open entry, and the selected page.
     pub(crate) fn page(&self, entry: usize) -> Option<(usize, Arc<Page>)> {
         let e = self.list.get(entry)?;
         match &e.opened {
@@ -217,7 +218,7 @@ impl Entries {
         }
     }
 
-    /// The file that is open.
+    /// Returns the file of an entry, when it is open.
     pub(crate) fn picture(&self, entry: usize) -> Option<&Picture> {
         match &self.list.get(entry)?.opened {
             Opened::File(picture) => Some(picture),
@@ -225,7 +226,7 @@ impl Entries {
         }
     }
 
-    /// The state of a live image.
+    /// Returns the state of a live image.
     pub(crate) fn live_info(&self, entry: usize) -> Option<&LiveInfo> {
         match &self.list.get(entry)?.opened {
             Opened::Live(live) => Some(live.info()),
@@ -243,12 +244,12 @@ impl Entries {
         }
     }
 
-    /// True when an open entry supports looking around.
+    /// True when an open entry shows all directions around a point; `None` when the entry is not open.
     pub(crate) fn panorama(&self, entry: usize) -> Option<bool> {
         self.page(entry).map(|(_, page)| page.is_panorama())
     }
 
-    /// Takes the selected page of a file as a panorama, although it is not marked as one.
+    /// Treats the selected page of a file as a panorama, although it is not marked as one.
     pub(crate) fn as_panorama(&mut self, entry: usize, _store: &TileStore) {
         let Some(e) = self.list.get_mut(entry) else { return };
         let chosen = e.choice.page;
@@ -260,7 +261,7 @@ impl Entries {
         }
     }
 
-    /// Another entry is shown in the same way where it supports it.
+    /// Selects the same part in the entry `to` as in the entry `from`, unless a part of it is already selected.
     pub(crate) fn follow(&mut self, from: usize, to: usize) {
         let choice = self.choice(from);
         if let Some(e) = self.list.get_mut(to)
@@ -270,7 +271,7 @@ impl Entries {
         }
     }
 
-    /// The image to draw of an open entry, with the user's display.
+    /// Returns what is drawn of an open entry, with the user's display.
     pub(crate) fn seen(&self, entry: usize, display: &Display) -> Option<Seen> {
         let (_, mut page) = self.page(entry)?;
         let choice = self.choice(entry);
@@ -282,7 +283,7 @@ impl Entries {
         let arrangement: Arrangement = choice.arrangement.unwrap_or(page.arrangement());
         let sheet = page.sheet(arrangement, level);
         let mut display = *display;
-        // A channel that the page does not have.
+        // The page may not have the selected channel.
         if let granita_view::Channels::One(c) = display.channels
             && c >= page.spec().nchannels()
         {
@@ -291,7 +292,7 @@ impl Entries {
         Some(Seen { page, sheet, layer, display })
     }
 
-    /// Opens a file anew.
+    /// Opens a file again.
     pub(crate) fn reload(&mut self, entry: usize, formats: &FormatRegistry, store: &TileStore) {
         let Some(e) = self.list.get_mut(entry).filter(|e| !e.live) else { return };
         self.changes += 1;
@@ -304,7 +305,8 @@ impl Entries {
         }
     }
 
-    /// Opens a file again if it changed; returns true then.
+    /// Opens a file again if it changed or could not be opened before. Returns a message when an image that was shown
+    /// has changed.
     pub(crate) fn watch(
         &mut self,
         entry: usize,
@@ -318,8 +320,8 @@ impl Entries {
                 match Picture::open(&e.path, formats, store) {
                     Ok(new) => *picture = new,
                     Err(_) => {
-                        // The file is being written. The previous image stays, and the file is checked again when
-                        // more has come.
+                        // The file is being written. The previous image stays, and the file is opened again when it has
+                        // changed once more.
                         picture.stamp = now;
                         return None;
                     }
@@ -343,8 +345,8 @@ impl Entries {
         }
     }
 
-    /// Records the images that arrived; returns the entry to show now, if that is another one: one whose sender
-    /// requests it, or the first to come when there is no other.
+    /// Records the live images that arrived. Returns the entry to show now, if any. This is the image whose sender
+    /// requests it, or the first one when the list was empty.
     pub(crate) fn poll_live(&mut self) -> Option<usize> {
         let version = self.live.version();
         if version == self.live_version {
@@ -367,7 +369,7 @@ impl Entries {
             if let Opened::Live(page) = &mut self.list[entry].opened {
                 match page.refresh() {
                     Some(changed) => self.changes += u64::from(changed),
-                    // Another one of this name.
+                    // The image was removed, or replaced by another one of this name.
                     None => {
                         self.list[entry].opened = Opened::Not;
                         self.changes += 1;
@@ -386,7 +388,7 @@ impl Entries {
         (nothing && !self.list.is_empty()).then_some(0)
     }
 
-    /// Sends a message to the sender of a live image; returns true when it is connected.
+    /// Sends a message to the sender of a live image. Returns true when it is connected.
     pub(crate) fn request(&self, entry: usize, request: Request) -> bool {
         let name = self.list.get(entry).filter(|e| e.live).map(|e| e.path.to_string_lossy().into_owned());
         name.and_then(|name| self.live.requests(&name)).is_some_and(|sender| sender.send(request))

@@ -1,4 +1,4 @@
-//! The keys: one row of a table each. The window, its help and the manual all go by it.
+//! The keys, in a table with one row for each. The window, its help and the manual use this table.
 
 use eframe::egui::{Key, Modifiers};
 use granita_view::Channels;
@@ -50,13 +50,13 @@ pub(crate) enum Action {
     Quit,
 }
 
-/// One key.
+/// One or several keys with their action.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Row {
-    /// As written for people; several, separated by ", ".
+    /// The names of the keys, separated by ", ".
     pub(crate) keys: &'static str,
     pub(crate) action: Action,
-    /// The description, where it is not in the row before. Rows with an empty text share that.
+    /// The description. Rows with an empty text share the description of the row before.
     pub(crate) text: &'static str,
 }
 
@@ -166,7 +166,7 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
     ),
 ];
 
-/// A key with its modifiers, from `Ctrl+Shift+S`.
+/// Parses a key with its modifiers, such as `Ctrl+Shift+S`.
 pub(crate) fn parse(text: &str) -> Option<(Key, Modifiers)> {
     let mut modifiers = Modifiers::NONE;
     let mut rest = text;
@@ -191,9 +191,9 @@ pub(crate) fn parse(text: &str) -> Option<(Key, Modifiers)> {
     Key::from_name(rest).or_else(|| Key::from_name(name)).map(|key| (key, modifiers))
 }
 
-/// The action of a key.
+/// Returns the action of a key.
 pub(crate) fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
-    // Characters that may need Shift on one keyboard and not on another stand for themselves.
+    // Characters that need Shift on some keyboards only are matched without it.
     let itself = matches!(key, Key::Questionmark | Key::Plus | Key::Equals | Key::Minus);
     let rows = SECTIONS.iter().flat_map(|s| s.1);
     for row in rows {
@@ -211,7 +211,7 @@ pub(crate) fn action_of(key: Key, modifiers: Modifiers) -> Option<Action> {
     None
 }
 
-/// The written form of a key.
+/// Returns the names of keys as they are shown to the user.
 pub(crate) fn written(keys: &str) -> String {
     let mut text = keys.to_owned();
     for (name, sign) in [
@@ -226,7 +226,7 @@ pub(crate) fn written(keys: &str) -> String {
         ("Arrow", ""),
         (", ", " "),
     ] {
-        // The separator last: a comma is also a key.
+        // The separator ", " is replaced last, because a comma is also a key.
         text = text.replace(name, sign);
     }
     text

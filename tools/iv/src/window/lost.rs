@@ -1,8 +1,8 @@
 //! The end of a window whose screen is closed.
 //!
-//! The libraries that draw and that read events panic, each in its own place and thread, when the server of the
-//! screen does not answer any more. Such a panic is not an error of this program. It ends with one message and
-//! without a trace.
+//! The libraries that draw and that read events panic, each in its own place and thread, when the server of the screen
+//! no longer answers. Such a panic is not an error of this program. The program ends with one message and without a
+//! trace.
 
 use granita_base::Reporter;
 use granita_cli::{Status, leave};
@@ -12,7 +12,8 @@ use std::time::Duration;
 /// The longest time in which a screen must answer.
 const ANSWER: Duration = Duration::from_secs(2);
 
-/// From now on, a panic after which there is no screen ends the program with a message. Other panics are unchanged.
+/// Installs a hook that ends the program with one message when a panic occurs and there is no screen. Other panics are
+/// unchanged.
 pub(super) fn watch(reporter: &Reporter) {
     let (reporter, before) = (reporter.clone(), std::panic::take_hook());
     std::panic::set_hook(Box::new(move |info| {
@@ -20,12 +21,12 @@ pub(super) fn watch(reporter: &Reporter) {
             return before(info);
         }
         say(&reporter);
-        // Unwinding would go through the code of other languages, which cannot.
+        // Unwinding would go through code of other languages, which do not support it.
         leave(Status::Failed);
     }));
 }
 
-/// Says that the screen is gone.
+/// Reports that the connection to the screen is lost.
 pub(super) fn say(reporter: &Reporter) {
     reporter.error("the connection to the screen is lost (its server has ended)");
 }
@@ -44,7 +45,7 @@ pub(super) fn is_there() -> bool {
 fn answers(display: &str) -> bool {
     use x11rb::errors::ConnectError;
     let (display, (sender, receiver)) = (display.to_owned(), mpsc::channel());
-    // A connection that is refused for another reason was refused by a server.
+    // A connection that is refused for another reason than an I/O error was refused by a server.
     let connect =
         move || sender.send(!matches!(x11rb::connect(Some(&display)), Err(ConnectError::IoError(_))));
     std::thread::spawn(connect);
@@ -63,7 +64,7 @@ mod tests {
 
     #[test]
     fn servers_answer_or_do_not() {
-        // No server has such numbers.
+        // No server has such a number.
         assert!(!answers(":50001"));
         assert!(answers("nonsense") && answers(":x") && answers(":50001000"));
         let listener = (0..100).find_map(|n| {

@@ -1,7 +1,7 @@
 //! The window.
 //!
-//! [`model::Model`] holds what is shown and how, and draws it (the whole image is one bitmap of the size of the
-//! window, which needs no graphics hardware); [`app::App`] connects it to the screen.
+//! [`model::Model`] holds what is shown and how, and draws it. The whole image is one bitmap of the size of the window,
+//! which needs no graphics hardware. [`app::App`] connects the model to the screen.
 
 mod app;
 mod blit;
@@ -31,10 +31,10 @@ use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::Instant;
 
-/// The result of the window: that of its script.
+/// The exit status of the window, which is that of its script.
 type Outcome = Arc<Mutex<Status>>;
 
-/// The graphics libraries to try, in order, with what they are called.
+/// Returns the graphics libraries to try, in order, with their names.
 fn renderers(name: &str) -> &'static [(&'static str, wgpu::Backends)] {
     const VULKAN: (&str, wgpu::Backends) = ("vulkan", wgpu::Backends::PRIMARY);
     const GL: (&str, wgpu::Backends) = ("gl", wgpu::Backends::GL);
@@ -45,7 +45,7 @@ fn renderers(name: &str) -> &'static [(&'static str, wgpu::Backends)] {
     }
 }
 
-/// The result of a future that never waits.
+/// Returns the result of a future that never waits; `None` when it would wait.
 fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     let mut context = std::task::Context::from_waker(std::task::Waker::noop());
     match std::pin::pin!(future).poll(&mut context) {
@@ -54,8 +54,8 @@ fn ready<T>(future: impl Future<Output = T>) -> Option<T> {
     }
 }
 
-/// The device that is most likely the right one, without a window; `None` where there is none or only a window can
-/// find one.
+/// Returns the device that is most likely the right one, without a window; `None` where there is none or only a window
+/// can find one.
 fn early_device(setup: &WgpuSetup) -> Option<WgpuSetupExisting> {
     let WgpuSetup::CreateNew(new) = setup else { return None };
     if new.instance_descriptor.backends.contains(wgpu::Backends::GL) {
@@ -71,7 +71,7 @@ fn early_device(setup: &WgpuSetup) -> Option<WgpuSetupExisting> {
     Some(WgpuSetupExisting { instance, adapter, device, queue })
 }
 
-/// Size of the window.
+/// Returns the size of the window, in points.
 fn size(args: &Args) -> (f32, f32) {
     match args.window.window[..] {
         [w, h] => (w as f32, h as f32),
@@ -79,7 +79,7 @@ fn size(args: &Args) -> (f32, f32) {
     }
 }
 
-/// As the window would make it: with several passes, and windows of the system.
+/// Returns a context as the window would make it, with several passes and with viewports as windows of the system.
 fn context() -> egui::Context {
     let context = egui::Context::default();
     context.set_embed_viewports(false);
@@ -102,9 +102,8 @@ fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOption
     options
 }
 
-/// Opens the window and waits until it is closed. `live` are images that may arrive.
-///
-/// `wanted` are files that senders of images request to be opened.
+/// Opens the window and waits until it is closed. `live` holds the images that may arrive. `wanted` receives the
+/// requests of clients to open files.
 pub(crate) fn run(
     args: &Args,
     live: &Live,
@@ -131,7 +130,7 @@ pub(crate) fn run(
     let outcome: Outcome = Arc::new(Mutex::new(Status::Done));
     let mut faults = Vec::new();
     let renderers = renderers(&args.window.renderer);
-    // Drivers are slow to start. Meanwhile the first image is opened, and its reading begins.
+    // Drivers are slow to start. Meanwhile the first image is opened and its tiles are requested.
     let early = {
         let setup = native_options(args, renderers[0].1).wgpu_options.wgpu_setup;
         std::thread::spawn(move || early_device(&setup))
@@ -149,7 +148,7 @@ pub(crate) fn run(
         model.foresee(width as u32, (height - panels::STATUS).max(1.0) as u32);
         model
     });
-    // A device whose thread panicked is not usable either.
+    // When the thread of a device panicked, the device is not usable.
     let early = early.join().ok().flatten().map(WgpuSetup::Existing);
     let tries = early.map(|setup| (renderers[0], Some(setup)));
     lost::watch(reporter);
@@ -166,12 +165,12 @@ pub(crate) fn run(
         }
         match eframe::run_native_ext("iv", options, Some(ctx.clone()), creator) {
             Ok(()) => return *outcome.lock(),
-            // There was a window: the picture was given to it.
+            // There was a window, because the model was moved into it.
             Err(_) if model.is_none() && !lost::is_there() => {
                 lost::say(reporter);
                 return Status::Failed;
             }
-            // Without a screen none of them can draw.
+            // Without a screen no library can draw.
             Err(eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_)) => {
                 faults = vec!["no connection to a screen (is DISPLAY or WAYLAND_DISPLAY set?)".to_owned()];
                 break;

@@ -1,5 +1,5 @@
 // tidy: long: one type holds what the window shows, with a short method for each action of the user
-//! The state of the window: what is shown and how, independent of the window system.
+//! The state of the window. It holds what is shown and how, independent of the window system.
 
 use super::entries::{Choice, Entries, Seen};
 use super::keys::Action;
@@ -19,22 +19,22 @@ use std::time::{Duration, Instant};
 /// The interval at which files are checked for changes.
 const WATCH: Duration = Duration::from_millis(500);
 
-/// The actions for the shell around it.
+/// An action that the application executes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Command {
     FullScreen,
     Theme,
     Quit,
-    /// Ask for a name.
+    /// Opens a prompt for a file name.
     Save {
         pixels: bool,
     },
 }
 
-/// Number of the page, layer, display, places of patches, finest level.
+/// The number of the page, its layer, its display, the places of its patches and its finest level.
 type SideKey = (u64, usize, Display, Vec<[f64; 4]>, usize);
 
-/// All inputs of the image on the screen.
+/// All inputs of the drawn image.
 #[derive(Clone, Debug, PartialEq)]
 struct Key {
     view: View,
@@ -44,20 +44,20 @@ struct Key {
     changes: u64,
 }
 
-/// The desk.
+/// The state of the window.
 pub(crate) struct Model {
     pub(crate) formats: FormatRegistry,
     pub(crate) store: TileStore,
     pub(crate) loader: Loader,
     pub(crate) entries: Entries,
     pub(crate) tasks: Tasks,
-    /// Seen before the present one, or kept: what it is compared with.
+    /// The entry that was shown before the current one, or was kept for comparison.
     pub(crate) other: Option<usize>,
     keep_other: bool,
     pub(crate) display: Display,
     first_display: Display,
     pub(crate) view: View,
-    /// Goes on fitting when the window changes.
+    /// True when the image is fitted again after the size of the window changes.
     pub(crate) fitted: bool,
     pub(crate) mix: Mix,
     pub(crate) canvas: Canvas,
@@ -65,24 +65,24 @@ pub(crate) struct Model {
     pub(crate) list_open: bool,
     pub(crate) side_open: bool,
     pub(crate) help_open: bool,
-    /// In pixels of the level 0 of the page.
+    /// The measured area, in pixels of level 0 of the page.
     pub(crate) probe: Option<PixelRect>,
     pub(crate) message: Option<(String, Instant)>,
     watched: Instant,
-    /// Files that senders of images request to be opened.
+    /// The requests of clients to open files.
     pub(crate) wanted: Option<Arc<Mutex<Receiver<Wanted>>>>,
-    /// Requests of live images that were completed, by their number.
+    /// The requests about live images that were already applied, with the ids of the images.
     fulfilled: Vec<(u64, Wishes)>,
-    /// The actions for the shell that no key requested.
+    /// An action for the application that was not requested by a key.
     pub(crate) pending: Option<Command>,
     /// True when the whole visible part is loaded.
     pub(crate) complete: bool,
-    /// The way of the last step through the list: 1 or -1.
+    /// The direction of the last step through the list, which is 1 or -1.
     heading: isize,
 }
 
 impl Model {
-    /// `wake` has the window drawn again.
+    /// Returns the model. `wake` requests that the window is drawn again.
     pub(crate) fn new(
         formats: FormatRegistry,
         files: Vec<PathBuf>,
@@ -127,12 +127,12 @@ impl Model {
         }
     }
 
-    /// Tells the user something.
+    /// Shows a message to the user.
     pub(crate) fn say(&mut self, text: impl Into<String>) {
         self.message = Some((text.into(), Instant::now()));
     }
 
-    /// Opens an entry if it is not open, and returns the image to draw of it.
+    /// Opens an entry if it is not open. Returns what is drawn of it.
     pub(crate) fn seen(&mut self, entry: usize) -> Option<Seen> {
         if let Err(what) = self.entries.open(entry, &self.formats, &self.store) {
             self.say(what);
@@ -156,13 +156,13 @@ impl Model {
         Some(Seen { display, ..seen })
     }
 
-    /// The bounds of what is looked at, in pixels of level 0.
+    /// Returns the bounds of the current image, in pixels of level 0.
     fn bounds(&mut self) -> Option<[f64; 4]> {
         let current = self.entries.current;
         self.seen(current).map(|s| s.sheet.bounds)
     }
 
-    /// Makes another entry the present one.
+    /// Makes another entry the current one.
     pub(crate) fn show(&mut self, entry: usize) {
         let entry = entry.min(self.entries.len().saturating_sub(1));
         let before = self.entries.current;
@@ -178,7 +178,7 @@ impl Model {
         self.probe = None;
         let new = self.bounds();
         self.entries.hurry(entry);
-        // Pictures of one size are looked at in one place, so that they can be flipped.
+        // The view stays the same between images of one size, so that they can be compared by switching.
         if old.is_none() || new != old {
             self.fitted = true;
             self.fit();
@@ -188,7 +188,7 @@ impl Model {
         }
     }
 
-    /// Fits what is looked at into the window.
+    /// Fits the current image into the window.
     pub(crate) fn fit(&mut self) {
         let around = self.view.around.map(|_| Around::default());
         if let Some(bounds) = self.bounds() {
@@ -200,7 +200,7 @@ impl Model {
         (at as isize + by).rem_euclid(count.max(1) as isize) as usize
     }
 
-    /// Executes an action of a key or a menu; returns the actions for the shell.
+    /// Executes the action of a key or a menu. Returns an action for the application, if any.
     pub(crate) fn act(&mut self, action: Action) -> Option<Command> {
         let count = self.entries.len();
         let current = self.entries.current;
@@ -287,13 +287,13 @@ impl Model {
         None
     }
 
-    /// Moves the image by pixels of the screen.
+    /// Moves the image by a number of screen pixels.
     pub(crate) fn pan(&mut self, x: f64, y: f64) {
         self.fitted = false;
         self.view.pan(x, y);
     }
 
-    /// Changes which part of the file is looked at.
+    /// Selects another part of the file.
     fn choose(&mut self, action: Action) {
         let current = self.entries.current;
         let Some((pages, page)) = self.entries.page(current) else { return };
@@ -308,7 +308,7 @@ impl Model {
             }
             Action::Layer(by) => {
                 choice.layer = Self::step(choice.layer, by, layers);
-                // A channel by its number is one of another layer.
+                // Another layer has other channels, so the index of a channel is no longer valid.
                 if matches!(self.display.channels, Channels::One(_)) {
                     self.display.channels = Channels::Color;
                 }
@@ -440,12 +440,12 @@ impl Model {
         };
     }
 
-    /// Sends a message to the sender of the present image; returns true when it is connected.
+    /// Sends a message to the sender of the current image. Returns true when it is connected.
     pub(crate) fn request(&self, request: Request) -> bool {
         self.entries.request(self.entries.current, request)
     }
 
-    /// The pixel at a point of the screen: level, column and row.
+    /// Returns the pixel at a point of the screen, as level, column and row.
     pub(crate) fn pixel_under(&mut self, x: f64, y: f64) -> Option<(Seen, usize, u32, u32)> {
         let current = self.entries.current;
         let seen = self.seen(current)?;
@@ -453,7 +453,7 @@ impl Model {
         Some((seen, level, px, py))
     }
 
-    /// The pixel of level 0 at a point of the screen; beside the image, the nearest one.
+    /// Returns the pixel of level 0 at a point of the screen. Beside the image, this is the nearest one.
     pub(crate) fn nearest_pixel(&mut self, x: f64, y: f64) -> Option<(i32, i32)> {
         let current = self.entries.current;
         let seen = self.seen(current)?;
@@ -472,7 +472,7 @@ impl Model {
         if let Some(new) = self.entries.poll_live() {
             let before = self.entries.current;
             self.show(new);
-            // The first to come is there without anything before it.
+            // The first live image becomes current without a change of the index.
             if before == new {
                 self.fitted = true;
             }
@@ -513,7 +513,7 @@ impl Model {
         }
     }
 
-    /// Returns the entry of a file that a client may name. It is added when the list does not have it.
+    /// Returns the entry of a file that a client may name. The file is added when the list does not contain it.
     fn add_granted(&mut self, path: PathBuf) -> usize {
         self.formats.files().grant(&path);
         self.entries.find(&path).unwrap_or_else(|| {
@@ -558,7 +558,7 @@ impl Model {
         self.ask(width, height);
     }
 
-    /// The image for a window of this size; requests its tiles.
+    /// Returns what is drawn in a window of this size, and requests its tiles.
     fn ask(&mut self, width: u32, height: u32) -> Vec<Seen> {
         if (self.view.width, self.view.height) != (width, height) {
             self.view.resize(width, height);
@@ -569,7 +569,7 @@ impl Model {
         let current = self.entries.current;
         let first = self.seen(current);
         if self.fitted && self.view.around.is_none() {
-            // An image that did not exist before, or has another size now.
+            // The image may be new, or may have another size now.
             if let Some(s) = &first {
                 let fit = View::fit(width, height, s.sheet.bounds);
                 self.view = fit;
@@ -590,7 +590,7 @@ impl Model {
             .flat_map(|(s, n)| s.page.pyramid.in_sight(n.level, n.tiles.len() as u64))
             .collect();
         self.store.look_at(&in_sight);
-        // The next image is read when all of this one is loaded.
+        // The next image is read when the current one is completely loaded.
         let ahead = if self.complete && self.loader.arrivals() > 0 { self.ahead() } else { Vec::new() };
         let (ahead, ahead_wanted): (Vec<Seen>, Vec<Needs>) = ahead.into_iter().unzip();
         let all = sides.iter().zip(&wanted).chain(ahead.iter().zip(&ahead_wanted));
@@ -598,8 +598,8 @@ impl Model {
         sides
     }
 
-    /// The next image of the list and the previous one, with the parts that will be visible, as far as both fit into
-    /// the memory for images that are not shown.
+    /// Returns the next image of the list and the previous one, with the parts that will be visible, as far as both fit
+    /// into the memory for images that are not shown.
     fn ahead(&mut self) -> Vec<(Seen, Needs)> {
         let (current, count) = (self.entries.current, self.entries.len());
         let mut entries = [self.heading, -self.heading].map(|by| Self::step(current, by, count)).to_vec();
@@ -608,7 +608,7 @@ impl Model {
         let mut room = self.store.limits().others;
         let mut out = Vec::new();
         for entry in entries {
-            // Its error is reported when it is shown.
+            // The error is reported when the entry is shown.
             let _ = self.entries.open(entry, &self.formats, &self.store);
             let Some(seen) = self.entries.seen(entry, &self.display) else { continue };
             let same = self
@@ -626,7 +626,7 @@ impl Model {
         out
     }
 
-    /// Brings the canvas up to date for a window of this size; whether it changed.
+    /// Brings the canvas up to date for a window of this size. Returns true when it changed.
     pub(crate) fn frame(&mut self, width: u32, height: u32) -> bool {
         self.poll();
         let sides = self.ask(width, height);
@@ -661,7 +661,7 @@ impl Model {
         true
     }
 
-    /// The perceived difference of two images, as an image; `None` until it is computed.
+    /// Returns the perceived difference of two images, as an image; `None` until it is computed.
     fn flip_map(&mut self, a: &Seen, b: &Seen) -> Option<Seen> {
         let page = match self.tasks.flip_map(&self.loader, a, b, &self.store)? {
             Ok(page) => page,
@@ -676,7 +676,7 @@ impl Model {
         Some(Seen { page, sheet, layer: 0, display })
     }
 
-    /// Draws the vector graphics of the sender over a live image.
+    /// Draws the vector graphics that were sent for a live image over it.
     fn paint_drawing(&mut self) {
         if self.view.around.is_some() || self.mix != Mix::First {
             return;
@@ -687,7 +687,7 @@ impl Model {
         }
     }
 
-    /// Bytes of the tiles that the present image needs in this view.
+    /// Returns the number of bytes of the tiles that the current image needs in this view.
     pub(crate) fn visible_bytes(&mut self) -> u64 {
         let current = self.entries.current;
         let Some(seen) = self.seen(current) else { return 0 };
@@ -701,13 +701,13 @@ impl Model {
         self.loader.is_idle()
     }
 
-    /// The results that are computed in the background: statistics of the probe, the numbers of a comparison, the
+    /// Returns the results that are computed in the background: the statistics of the probe, the comparison and the
     /// histogram.
     pub(crate) fn answers(&mut self) -> Answers {
         let current = self.entries.current;
         let Some(seen) = self.seen(current) else { return Answers::default() };
         let second = match self.mix {
-            // What lies over something else is not to be like it.
+            // An image that lies over another one is not compared with it.
             Mix::First | Mix::Over => None,
             _ => self.other.and_then(|other| self.seen(other)),
         };

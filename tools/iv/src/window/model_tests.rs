@@ -1,4 +1,4 @@
-//! Tests of what is looked at, without a window.
+//! Tests of the model, without a window.
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
@@ -14,7 +14,7 @@ fn write(path: &Path, formats: &FormatRegistry, (width, height): (u32, u32)) {
     file.close().unwrap();
 }
 
-/// A model with files of these sizes, and memory in bytes for images that are not shown.
+/// Returns a model with files of these sizes. `others` is the memory for images that are not shown, in bytes.
 fn model(folder: &Path, sizes: &[(u32, u32)], others: u64) -> Model {
     let formats = granita_plugin::bundled_formats(Limits::default());
     let files = (0..sizes.len()).map(|i| folder.join(format!("{i}.png"))).collect::<Vec<_>>();
@@ -23,7 +23,7 @@ fn model(folder: &Path, sizes: &[(u32, u32)], others: u64) -> Model {
     Model::new(formats, files, Live::default(), Display::default(), store, || ())
 }
 
-/// Frames until nothing is to be done any more.
+/// Draws frames until all data is loaded.
 fn settle(model: &mut Model) {
     for _ in 0..4 {
         model.frame(200, 150);
@@ -46,7 +46,7 @@ fn the_next_picture_is_read_before_it_is_looked_at() {
         (Action::Next(-1), &[0, 1, 2, 3, 4]),
     ] {
         model.act(action);
-        // The first frame of it is complete.
+        // The first frame of the new image is complete.
         model.frame(200, 150);
         assert!(model.complete);
         settle(&mut model);
@@ -69,7 +69,7 @@ fn what_would_take_too_much_memory_is_not_read_ahead() {
     assert!(model.complete && model.store.bytes().1 > 1 << 20);
 }
 
-/// "zoom" and "fullscreen" of a sender (reference 7.4.3).
+/// Tests "zoom" and "fullscreen" of a sender (reference 7.4.3).
 #[test]
 fn wishes_of_senders_are_shown_once() {
     let live = Live::default();
@@ -81,7 +81,7 @@ fn wishes_of_senders_are_shown_once() {
     settle(&mut model);
     assert_eq!(model.view.zoom, 3.0);
     assert!(matches!(model.pending.take(), Some(Command::FullScreen)));
-    // What is done to the view afterwards stays.
+    // Later changes of the view by the user stay.
     model.act(Action::Zoom(1.0));
     settle(&mut model);
     assert!(model.view.zoom == 1.0 && model.pending.is_none());
@@ -90,8 +90,8 @@ fn wishes_of_senders_are_shown_once() {
     assert_eq!(model.view.zoom, 2.0);
 }
 
-/// The desk of an iv that was started without files, which shows an image of 8 x 8 pixels. Its left half is white and
-/// opaque.
+/// Returns the model of an `iv` that was started without files and shows an image of 8 x 8 pixels. The left half of the
+/// image is white and opaque.
 fn desk_of_a_render(wishes: Wishes) -> Model {
     let live = Live::default();
     live.create("render", 8, 8, &["R", "G", "B", "A"].map(str::to_owned)).unwrap();
@@ -104,7 +104,7 @@ fn desk_of_a_render(wishes: Wishes) -> Model {
     Model::new(formats, Vec::new(), live, Display::default(), store, || ())
 }
 
-/// Files that clients name are readable, although the user named none (reference 7.4.3).
+/// Files that clients name are readable, although the user did not name any (reference 7.4.3).
 #[test]
 fn files_of_senders_are_seen_below_and_above() {
     let folder = tempfile::tempdir().unwrap();

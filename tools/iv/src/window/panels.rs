@@ -1,4 +1,4 @@
-//! The panels around and over the image: status, list, numbers, keys.
+//! The panels around and over the image. They show the status, the list, the measured values and the keys.
 
 use super::app::App;
 use super::keys;
@@ -9,10 +9,10 @@ use egui::{Align2, Color32, FontId, Pos2, RichText, Stroke, StrokeKind};
 use granita_image::Pixels;
 use granita_view::{Arrangement, Channels, ColorMap, Histogram, Mix};
 
-/// Height of the status line.
+/// The height of the status line, in points.
 pub(crate) const STATUS: f32 = 24.0;
 
-/// A value as it is stored, and what it stands for.
+/// Returns a value as it is stored, and the value that it represents.
 fn value_text(pixels: &Pixels, c: usize) -> String {
     match pixels {
         Pixels::U8(v) => format!("{} ({:.4})", v[c], pixels.get(c)),
@@ -22,7 +22,7 @@ fn value_text(pixels: &Pixels, c: usize) -> String {
     }
 }
 
-/// The value under the pointer.
+/// Returns the values under the pointer, as text.
 fn readout(app: &mut App, ppp: f32) -> Option<String> {
     let pos = app.pointer.filter(|p| app.area.contains(*p))?;
     let (x, y) = app.in_area(pos, ppp);
@@ -33,7 +33,7 @@ fn readout(app: &mut App, ppp: f32) -> Option<String> {
     } else {
         format!("{px} {py} of level {level}")
     };
-    // Values come from memory: the pointer does not wait for files.
+    // Values are read from memory only, so that the pointer does not wait for files.
     let tile = granita_view::TILE;
     let held = seen.page.pyramid.held(level, px / tile, py / tile)?;
     let at = ((py % tile) * held.width + px % tile) as usize * held.channels;
@@ -51,7 +51,7 @@ fn readout(app: &mut App, ppp: f32) -> Option<String> {
     Some(format!("[{place}]  {}", values.join("  ")))
 }
 
-/// The status line.
+/// Returns the text of the status line.
 pub(crate) fn status(app: &mut App, ppp: f32) -> String {
     let pointer = readout(app, ppp);
     let model = &mut app.model;
@@ -124,7 +124,7 @@ pub(crate) fn status(app: &mut App, ppp: f32) -> String {
     parts.join("  \u{b7}  ")
 }
 
-/// The available numbers: of the probe, of the comparison.
+/// Returns lines with the available results for the probe and the comparison.
 pub(crate) fn numbers(model: &mut Model) -> Vec<String> {
     let answers = model.answers();
     let mut lines = Vec::new();
@@ -181,7 +181,7 @@ fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
         let color = if grey { Color32::from_gray(200) } else { color.gamma_multiply(0.7) };
         let width = rect.width() / bins.len() as f32;
         for (i, n) in bins.iter().enumerate().filter(|(_, n)| **n > 0) {
-            // Rare values are visible as well.
+            // The logarithm keeps rare values visible.
             let share = (f64::from(*n).ln_1p() / f64::from(most).ln_1p()) as f32;
             let x = rect.left() + (i as f32 + 0.5) * width;
             let line = [Pos2::new(x, rect.bottom()), Pos2::new(x, rect.bottom() - share * rect.height())];
@@ -196,14 +196,14 @@ fn histogram_plot(ui: &mut egui::Ui, histogram: &Histogram, grey: bool) {
     painter.text(rect.right_top(), Align2::RIGHT_TOP, high, font, text);
 }
 
-/// The colours of the map, from its lower to its upper end.
+/// Draws the colours of the map, from its lower to its upper end.
 fn scale(ui: &mut egui::Ui, map: ColorMap) {
     let size = egui::Vec2::new(ui.available_width().min(256.0), 12.0);
     let (rect, _) = ui.allocate_exact_size(size, egui::Sense::hover());
     gradient(ui.painter(), rect, map);
 }
 
-/// The colours of a scale from left to right.
+/// Draws the colours of a scale from left to right.
 fn gradient(painter: &egui::Painter, rect: egui::Rect, map: ColorMap) {
     for i in 0..64 {
         let [r, g, b] = map.at((i as f32 + 0.5) / 64.0);
@@ -216,7 +216,7 @@ fn gradient(painter: &egui::Painter, rect: egui::Rect, map: ColorMap) {
     }
 }
 
-/// The panels at the edges of the window.
+/// Shows the panels at the edges of the window.
 pub(crate) fn around(app: &mut App, ui: &mut egui::Ui) {
     let ppp = ui.ctx().pixels_per_point();
     let line = status(app, ppp);
@@ -233,7 +233,7 @@ pub(crate) fn around(app: &mut App, ui: &mut egui::Ui) {
 
 fn list(app: &mut App, ui: &mut egui::Ui) {
     let groups = app.model.entries.groups();
-    // Rows of equal height: of thousands, only those in sight are laid out.
+    // The rows have equal height. Of thousands of rows, only those in sight are laid out.
     let rows: Vec<Result<usize, &str>> = groups
         .iter()
         .flat_map(|g| {
@@ -287,7 +287,7 @@ fn side(app: &mut App, ui: &mut egui::Ui) {
     });
 }
 
-/// The drawing over the image.
+/// Draws over the image.
 pub(crate) fn over(app: &mut App, ui: &mut egui::Ui) {
     let ppp = ui.ctx().pixels_per_point();
     let painter = ui.painter_at(app.area);
@@ -303,7 +303,7 @@ pub(crate) fn over(app: &mut App, ui: &mut egui::Ui) {
             area.min + egui::Vec2::new(x as f32, y as f32) / ppp
         };
         let spec = seen.page.spec();
-        // Only what is as it is stored has a place for rectangles of its pixels.
+        // Rectangles of pixels are shown only when the pixels are arranged as they are stored.
         let origin = (f64::from(spec.x), f64::from(spec.y));
         let frame = |x0: f64, y0: f64, x1: f64, y1: f64, color: Color32| {
             let rect = egui::Rect::from_min_max(point(x0, y0), point(x1, y1));
@@ -348,7 +348,7 @@ pub(crate) fn over(app: &mut App, ui: &mut egui::Ui) {
     help_and_prompt(app, ui);
 }
 
-/// The key of the colours of a map of FLIP.
+/// Draws the key of the colours of a FLIP map.
 fn key_of_flip(painter: &egui::Painter, area: egui::Rect) {
     let place = egui::Rect::from_min_size(
         area.left_bottom() + egui::Vec2::new(12.0, -44.0),
@@ -364,7 +364,7 @@ fn key_of_flip(painter: &egui::Painter, area: egui::Rect) {
     text(place.center_top() - egui::Vec2::new(0.0, 3.0), Align2::CENTER_BOTTOM, "FLIP");
 }
 
-/// Lines of text in a corner.
+/// Draws lines of text at the edges and in the centre of the image area.
 fn boxes(app: &mut App, painter: &egui::Painter) {
     let write = |at: Pos2, anchor: Align2, text: &str| {
         let font = FontId::monospace(11.5);
@@ -407,8 +407,8 @@ fn help_and_prompt(app: &mut App, ui: &mut egui::Ui) {
             |ui| {
                 egui::Frame::popup(ui.style()).show(ui, |ui| {
                     let height = (app.area.height() - 60.0).max(80.0);
-                    // As high as the keys are, if the window is high enough. By itself it would scroll in half of the
-                    // window.
+                    // The area is as high as the keys are, if the window is high enough. By default it would scroll in
+                    // half of the window.
                     let scrolled =
                         egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height);
                     scrolled.show(ui, |ui| {
@@ -465,7 +465,7 @@ fn help_and_prompt(app: &mut App, ui: &mut egui::Ui) {
     }
 }
 
-/// Titles of sections, and keys with what they do.
+/// Returns the titles of sections, and the keys with their descriptions.
 fn help_rows() -> Vec<Result<(String, &'static str), &'static str>> {
     let mut rows = Vec::new();
     for (title, section) in keys::SECTIONS {

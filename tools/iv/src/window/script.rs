@@ -1,30 +1,30 @@
-//! Scripts: the actions of a user, line by line, for tests and images of the manual.
+//! Scripts for tests and for the images of the manual. A script holds the actions of a user, line by line.
 //!
 //! | line | meaning |
 //! |---|---|
-//! | `wait` | until everything in sight has been read and computed |
-//! | `frames N` | N frames |
-//! | `sleep S` | S seconds |
-//! | `key KEY` | a key as the table of keys has it, as `Shift+L` |
-//! | `move X Y` | the pointer, in pixels of the screen |
-//! | `click X Y [Shift+][Ctrl+]` | the primary button |
-//! | `drag X Y X Y [Shift+][Ctrl+]` | the primary button, in eight steps |
-//! | `scroll X Y N` | the wheel, N steps away from the user |
-//! | `type TEXT` | text, where text is asked for |
-//! | `file NAME` | a picture is added and shown |
-//! | `screenshot FILE` | all of the window |
-//! | `canvas FILE` | the picture alone |
-//! | `print` | what the status line says |
-//! | `bench N` | pans N frames; prints frames per second and memory |
-//! | `expect TEXT` | the status line, the side panel or the message has this in it, or the exit status is 1 |
-//! | `quit` | the end |
+//! | `wait` | waits until everything in sight is read and computed |
+//! | `frames N` | waits for N frames |
+//! | `sleep S` | waits for S seconds, at most 60 |
+//! | `key KEY` | presses a key of the table of keys, such as `Shift+L` |
+//! | `move X Y` | moves the pointer, in pixels of the screen |
+//! | `click X Y [Shift+][Ctrl+]` | clicks with the primary button |
+//! | `drag X Y X Y [Shift+][Ctrl+]` | drags with the primary button, in eight steps |
+//! | `scroll X Y N` | turns the wheel by N steps away from the user |
+//! | `type TEXT` | enters text at a prompt |
+//! | `file NAME` | adds an image file and shows it |
+//! | `screenshot FILE` | saves the whole window |
+//! | `canvas FILE` | saves the image alone |
+//! | `print` | prints the status line, the side panel, the message and the times until the image was shown |
+//! | `bench N` | pans N frames, and prints frames per second and memory |
+//! | `expect TEXT` | fails with exit status 1 unless the text of `print` contains this one |
+//! | `quit` | closes the window |
 
 use eframe::egui::Event;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// One line.
+/// One line of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Step {
     Wait,
@@ -48,7 +48,7 @@ pub(crate) enum Step {
 /// Reads a script.
 ///
 /// # Errors
-/// The error of a line, with the line.
+/// Returns the first line that is invalid, with its number, or the error of the file.
 pub(crate) fn read(path: &Path) -> Result<Vec<Step>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let steps = text.lines().enumerate().filter(|(_, line)| {
@@ -90,20 +90,20 @@ fn step(line: &str) -> Option<Step> {
     })
 }
 
-/// A script that runs.
+/// A script that is being executed.
 pub(super) struct Running {
     pub(super) steps: VecDeque<Step>,
-    /// Events, frame by frame.
+    /// The events of the next frames. The first list belongs to the next frame.
     pub(super) events: VecDeque<Vec<Event>>,
     pub(super) frames: u32,
     pub(super) until: Option<Instant>,
-    /// Frames in a row in which there was nothing to wait for.
+    /// The number of consecutive frames in which everything was loaded.
     pub(super) quiet: u32,
     pub(super) bench: Option<Bench>,
     pub(super) screenshot: Option<PathBuf>,
 }
 
-/// Frames that are being measured.
+/// A measurement of frames.
 pub(super) struct Bench {
     pub(super) left: u32,
     pub(super) frames: u32,

@@ -54,7 +54,7 @@ impl App {
         }
         let settled = self.model.is_settled();
         if let Some(script) = &self.script {
-            // When data has been read, the window is drawn again.
+            // While data is read, the window is drawn again when it arrives.
             match script.steps.front() == Some(&Step::Wait) && !settled {
                 true => ctx.request_repaint_after(Duration::from_millis(50)),
                 false => ctx.request_repaint(),
@@ -155,7 +155,7 @@ impl App {
         }
     }
 
-    /// The status line, the side panel and the message as text.
+    /// Returns the status line, the side panel, the message and the times as text.
     fn everything_said(&mut self, ppp: f32) -> String {
         let [first, complete] = self.first_picture.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
         let mut lines = vec![panels::status(self, ppp)];
@@ -177,7 +177,7 @@ impl App {
         }
     }
 
-    /// One frame of the bench: pans to the right and down, and back at the edges.
+    /// Processes one frame of the measurement. It pans to the right and down, and back at the edges.
     fn bench_frame(&mut self) {
         let complete = self.model.complete;
         let Some(script) = &mut self.script else { return };

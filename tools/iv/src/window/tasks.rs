@@ -1,4 +1,4 @@
-//! Work that takes longer than a frame: computed by the loader's threads, and shown when it is done.
+//! Work that takes longer than a frame. The loader's threads compute it, and it is shown when it is done.
 
 use super::entries::Seen;
 use granita_image::PixelRect;
@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// What one question is about.
+/// The key of a result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Question {
     Probe { page: u64, part: PixelRect },
@@ -27,7 +27,7 @@ enum Answer {
     Histogram(Box<Histogram>),
 }
 
-/// What is there of what was asked.
+/// The results that are available.
 #[derive(Clone, Default)]
 pub(crate) struct Answers {
     pub(crate) probe: Option<Result<Vec<Statistics>, String>>,
@@ -35,35 +35,35 @@ pub(crate) struct Answers {
     pub(crate) histogram: Option<Histogram>,
 }
 
-/// What is asked about a page.
+/// The requested results.
 pub(crate) struct Asked<'a> {
-    /// What it is compared with.
+    /// The image for the comparison.
     pub(crate) second: Option<&'a Seen>,
     /// The area that is measured.
     pub(crate) probe: Option<PixelRect>,
-    /// The tiles of which there is to be a histogram.
+    /// The tiles of the histogram.
     pub(crate) histogram: Option<&'a Needs>,
 }
 
-/// Least and largest value of a layer of a page, where there are any.
+/// The least and the largest value of a layer of a page; `None` when it has no values.
 type Ranges = BTreeMap<(u64, usize), Option<(f32, f32)>>;
 
-/// The questions that were asked; the last few answers are kept.
+/// The recent requests and their results.
 #[derive(Default)]
 pub(crate) struct Tasks {
     asked: Vec<Question>,
     answers: Arc<Mutex<Vec<(Question, Answer)>>>,
     ranges_asked: Vec<(u64, usize)>,
     ranges: Arc<Mutex<Ranges>>,
-    /// The histogram that was shown last, until there is a new one.
+    /// The last computed histogram. It is shown until there is a new one.
     last_histogram: Option<Histogram>,
 }
 
-/// Answers that are kept.
+/// The number of requests and of results that are kept.
 const KEPT: usize = 16;
 
 impl Tasks {
-    /// Least and largest value of a layer; `None` until it is known, or when there is none.
+    /// Returns the least and the largest value of a layer; `None` until they are computed, or when there are none.
     pub(crate) fn range(&mut self, loader: &Loader, page: &Arc<Page>, layer: usize) -> Option<(f32, f32)> {
         let key = (page.pyramid.number(), layer);
         if let Some(range) = self.ranges.lock().get(&key) {
@@ -109,7 +109,7 @@ impl Tasks {
         None
     }
 
-    /// What is known by now; asks for what is not.
+    /// Returns the available results, and requests the others.
     pub(crate) fn answers(&mut self, loader: &Loader, seen: &Seen, asked: &Asked<'_>) -> Answers {
         let number = seen.page.pyramid.number();
         let mut out = Answers::default();
@@ -140,7 +140,7 @@ impl Tasks {
         out
     }
 
-    /// How different two pictures look, as a page; `None` until it is computed.
+    /// Returns the perceived difference of two images, as a page; `None` until it is computed.
     pub(crate) fn flip_map(
         &mut self,
         loader: &Loader,
@@ -160,7 +160,7 @@ impl Tasks {
         }
     }
 
-    /// Of what is in sight.
+    /// Returns the histogram of the visible tiles; the last computed one until the new one is there.
     fn histogram(&mut self, loader: &Loader, seen: &Seen, needs: &Needs) -> Option<Histogram> {
         let page = seen.page.clone();
         let layer = page.layers.get(seen.layer)?;

@@ -1,4 +1,4 @@
-//! The window as the window system sees it.
+//! The functions of the window that the window system calls.
 
 use super::app::App;
 use super::panels;
@@ -10,7 +10,7 @@ use std::time::Duration;
 impl eframe::App for App {
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
         if let Some(script) = &mut self.script {
-            // Nobody else has a hand in it.
+            // Only the script controls the pointer and the keys.
             raw_input.events.retain(|e| {
                 !matches!(
                     e,
@@ -42,7 +42,7 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         let ppp = ctx.pixels_per_point();
         let events = ctx.input(|i| i.events.clone());
-        // Tab and the like are keys of the picture, not ways through the panels.
+        // Keys such as Tab control the image. They do not move the focus in the panels.
         if self.prompt.is_none() {
             ctx.memory_mut(|m| {
                 if let Some(id) = m.focused() {
@@ -72,7 +72,7 @@ impl eframe::App for App {
             ctx.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
             self.shown_title = title;
         }
-        // Files are looked at for changes.
+        // The next frame checks files for changes.
         ctx.request_repaint_after(Duration::from_millis(500));
         self.go_on(&ctx);
     }

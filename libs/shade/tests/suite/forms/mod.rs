@@ -1,9 +1,9 @@
-//! Every form of every function of the standard library against closed forms in double precision.
+//! Tests every form of every function of the standard library against closed forms in double precision.
 //!
-//! The compiler lists the forms ([`granita_gsl::overloads`]); a form without a reference here fails the test.
-//! Each expression runs over its domain and the domain's edges, for every type that it can return: all lanes
-//! at once, a few lanes of many, lane by lane, with uniform arguments that linking folds, and unoptimised.
-//! All are the same to the bit, and as near to the reference as `docs/shaders.md` promises.
+//! The compiler lists the forms ([`granita_gsl::overloads`]). A form without a reference here fails the test. Each
+//! expression runs over its domain and the domain's edges, for every type that it can return. It runs in all lanes at
+//! once, in a few lanes of many, lane by lane, with uniform arguments that linking folds, and unoptimised. All results
+//! are the same to the bit, and as near to the reference as `docs/shaders.md` promises.
 
 mod others;
 mod patterns;
@@ -16,55 +16,56 @@ use granita_gsl::ir::ValueType;
 use granita_shade::*;
 use std::collections::BTreeSet;
 
-/// Where the numbers of an argument come from.
+/// The range of the numbers of an argument.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Draw {
     /// All magnitudes of both signs, zeros, the smallest and largest, infinities, NaN.
     Any,
     /// Magnitudes from 1e-3 to 1e3 of both signs, and zero.
     Tame,
-    /// Between two numbers, both included.
+    /// Numbers between two numbers, both included.
     Within(f32, f32),
-    /// Whole numbers from -3 to 3.
+    /// Integers from -3 to 3.
     Whole,
     /// Vectors of length one.
     Direction,
-    /// A matrix without projection, or any.
+    /// Matrices without projection, or any.
     Affine,
     Projective,
 }
 
-/// An argument: its type (`None`: that of the result) and its numbers.
+/// An argument: its type (`None` is that of the result) and its numbers.
 pub(super) type Arg = (Option<ValueType>, Draw);
 
-/// How far a result may be from the reference.
+/// The largest permitted error of a result.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Bound {
-    /// In units in the last place of the result.
+    /// The bound is in units in the last place of the result.
     Ulp(f64),
-    /// In units in the last place of the scale that the reference gives: its largest term.
+    /// The bound is in units in the last place of the scale that the reference returns, which is its largest term.
     Terms(f64),
 }
 
-/// A component and its scale.
+/// The function that returns the components of the reference, each with its scale.
 pub(super) type Exact = Box<dyn Fn(&[Vec<f64>]) -> Vec<(f64, f64)>>;
 
-/// One expression in `a`, `b`, `c` ... with its reference. A body that sets `r` may stand for the
-/// expression; `{T}` is the word of the result's type.
+/// One expression in `a`, `b`, `c` ... with its reference. The expression may also be a body that sets `r`. `{T}` is
+/// the name of the result's type.
 pub(super) struct Numbers {
     pub(super) expression: String,
     pub(super) args: Vec<Arg>,
     pub(super) bound: Bound,
     pub(super) exact: Exact,
-    /// Where it is for some result types only.
+    /// The only result type that is tested, if not all are.
     pub(super) only: Option<ValueType>,
 }
 
-/// How a form is tested.
+/// The test of a form.
 pub(super) enum How {
     Numbers(Vec<Numbers>),
     Test(fn()),
-    /// By another file of this suite (its text), which calls it so.
+    /// The form is tested by another file of this suite. The first value is that file's text, and the second the call
+    /// in it.
     Elsewhere(&'static str, &'static str),
 }
 
@@ -74,12 +75,12 @@ pub(super) fn numbers(expression: &str, args: &[Arg], bound: Bound, exact: Exact
     Numbers { expression: expression.to_owned(), args: args.to_vec(), bound, exact, only: None }
 }
 
-/// A form with one expression.
+/// Returns a form with one expression.
 pub(super) fn row(form: &'static str, expression: &str, args: &[Arg], bound: Bound, exact: Exact) -> Row {
     (form, How::Numbers(vec![numbers(expression, args, bound, exact)]))
 }
 
-/// The same function of the numbers at each component's place.
+/// Applies the same function to the numbers of each component.
 pub(super) fn each(f: impl Fn(&[f64]) -> f64 + 'static) -> Exact {
     each_scaled(move |x| {
         let v = f(x);
@@ -96,7 +97,7 @@ pub(super) fn each_scaled(f: impl Fn(&[f64]) -> (f64, f64) + 'static) -> Exact {
     })
 }
 
-/// What the manual promises about a function, named as in its table.
+/// Returns the bound that the manual promises for a function, by its name in the manual's table.
 pub(super) fn documented(name: &str) -> Bound {
     const MANUAL: &str = include_str!("../../../../../docs/shaders.md");
     let line = MANUAL.lines().find(|l| {
@@ -113,7 +114,7 @@ fn hash(words: &[u32]) -> u32 {
     granita_base::hash::words(words)
 }
 
-/// All kinds of numbers.
+/// Returns all kinds of numbers.
 pub(super) fn any_numbers() -> Vec<f32> {
     let mut list = vec![f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, -0.0, f32::MAX, f32::MIN];
     list.extend([
@@ -161,7 +162,7 @@ pub(super) fn any_numbers() -> Vec<f32> {
     list
 }
 
-/// One argument of point `k`.
+/// Returns one argument of point `k`.
 fn draw(list: &[f32], from: Draw, size: usize, k: usize, arg: usize) -> Vec<f32> {
     let unit =
         |c: usize, salt: u32| f64::from(hash(&[k as u32, arg as u32, c as u32, salt])) / f64::from(u32::MAX);
@@ -173,7 +174,7 @@ fn draw(list: &[f32], from: Draw, size: usize, k: usize, arg: usize) -> Vec<f32>
             let size = 10.0_f64.powf(-3.0 + 6.0 * unit(c, 4)) as f32;
             if unit(c, 5) < 0.5 { -size } else { size }
         }
-        // The ends too.
+        // The ends of the range are included.
         Draw::Within(a, b) => match unit(c, 6) {
             t if t < 0.03 => a,
             t if t < 0.06 => b,
@@ -206,7 +207,7 @@ fn group(source: &str, params: &Params, optimize: bool) -> Group {
         .expect("a group")
 }
 
-/// Results per point.
+/// Returns the results for each point.
 fn values(
     group: &Group,
     points: &[Vec<Vec<f32>>],
@@ -229,7 +230,7 @@ fn values(
     outputs(group, &mut grid, result, executor)
 }
 
-/// `r` of every lane.
+/// Returns `r` of every lane.
 fn outputs(group: &Group, grid: &mut Grid, result: ValueType, executor: &mut Executor) -> Vec<Vec<f32>> {
     let out = executor.run(group, grid, &mut Double::default(), &[("r", result)]).pop();
     let (out, n) = (out.flatten().expect("an output"), grid.len());
@@ -244,20 +245,20 @@ fn bits(v: &[f32]) -> Vec<u32> {
     v.iter().map(|x| if x.is_nan() { u32::MAX } else { x.to_bits() }).collect()
 }
 
-/// The unit in the last place of a number.
+/// Returns the unit in the last place of a number.
 fn unit(x: f64) -> f64 {
     let x = (x.abs() as f32).min(f32::MAX);
     f64::from(f32::from_bits(x.to_bits() + 1)) - f64::from(x)
 }
 
-/// How wrong a result is, in the bound's units; infinite where it is of another kind.
+/// Returns the error of a result in the bound's units. It is infinite where the result is of another kind.
 fn error(got: f32, (wanted, scale): (f64, f64), bound: Bound) -> f64 {
     let nearest = wanted as f32;
     if got == nearest || got.is_nan() && nearest.is_nan() {
         return 0.0;
     }
     if let Bound::Terms(_) = bound {
-        // Beyond what floats hold, or where the reference does not decide.
+        // The result is beyond the range of floats, or the reference does not define it.
         if scale.is_nan() || scale > 1e37 || !nearest.is_finite() && !got.is_finite() {
             return 0.0;
         }
@@ -269,13 +270,13 @@ fn error(got: f32, (wanted, scale): (f64, f64), bound: Bound) -> f64 {
     (f64::from(got) - wanted).abs() / unit(by)
 }
 
-/// Checks an expression for one result type; the largest error.
+/// Checks an expression for one result type. Returns the largest error.
 fn check(n: &Numbers, result: ValueType) -> f64 {
     let expression = n.expression.replace("{T}", result.word());
     let body = if expression.contains(';') { expression.clone() } else { format!("r = {expression};") };
     let types: Vec<ValueType> = n.args.iter().map(|(ty, _)| ty.unwrap_or(result)).collect();
     let list = any_numbers();
-    // One number: the whole list in order.
+    // With one argument the points are the whole list in order.
     let all = types == [ValueType::Float] && n.args[0].1 == Draw::Any;
     let count = if all { list.len() } else { 400 };
     let points: Vec<Vec<Vec<f32>>> = (0..count)
@@ -313,7 +314,7 @@ fn check(n: &Numbers, result: ValueType) -> f64 {
         assert_eq!(bits(&alone[0]), bits(&got[k]), "{expression} alone at {:?}", points[k]);
     }
     for k in (0..count).step_by(count.div_ceil(10)) {
-        // Points and matrices of an instance are in "shader" space, which lies elsewhere.
+        // Points and matrices of an instance are in "shader" space, which differs from "common" space.
         let placed = |i: usize| matches!(types[i], ValueType::Point | ValueType::Matrix);
         let given: Params = (0..types.len())
             .filter(|i| !placed(*i))
@@ -358,7 +359,7 @@ fn check(n: &Numbers, result: ValueType) -> f64 {
     worst
 }
 
-/// Runs a test; what it panics with.
+/// Runs a test. Returns its panic message as the error.
 fn tried(test: impl FnOnce() -> f64) -> Result<f64, String> {
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(test)).map_err(|what| {
         let text = what.downcast_ref::<String>().map(String::as_str);
@@ -366,7 +367,7 @@ fn tried(test: impl FnOnce() -> f64) -> Result<f64, String> {
     })
 }
 
-/// Runs the rows of one file, all of them whatever fails; `cargo test forms -- --nocapture` prints the largest errors.
+/// Runs all rows of one file, even after failures. `cargo test forms -- --nocapture` prints the largest errors.
 #[allow(clippy::print_stdout, reason = "the errors that were found, for who asks")]
 fn check_rows(rows: Vec<Row>) {
     let mut report = String::new();
@@ -444,7 +445,7 @@ fn other_forms() {
     check_rows(others::rows());
 }
 
-/// Operators, comparisons, casts and constructors, which are no functions.
+/// Operators, comparisons, casts and constructors are not functions.
 #[test]
 fn operators_and_casts() {
     for n in scalars::operators() {

@@ -1,4 +1,4 @@
-//! Functions that look at the grid, at strings, or at what a renderer knows (reference 5.8.7 to 5.8.15).
+//! Functions of the grid, of strings, and of the renderer's data (reference 5.8.7 to 5.8.15).
 
 use super::*;
 use granita_base::Vec3;
@@ -8,7 +8,7 @@ const LIGHTS: &str = include_str!("../lights.rs");
 const LOOKUPS: &str = include_str!("../lookups.rs");
 const MESSAGES: &str = include_str!("../messages.rs");
 
-/// A grid on which u and v are 0.25 to 1.5 and -1 to 1.
+/// Returns a grid on which u is from 0.25 to 1.5 and v from -1 to 1.
 fn sheet() -> Grid {
     let mut grid = square(6, 5);
     for i in 0..30 {
@@ -19,7 +19,7 @@ fn sheet() -> Grid {
     grid
 }
 
-/// Every lane of an output over the sheet; triples one after the other.
+/// Returns every lane of an output over the sheet, with the components of triples one after the other.
 fn over_sheet(body: &str, ty: ValueType) -> Vec<Vec<f32>> {
     let source = format!("surface t (output {} r = 0) {{ {body} }}", ty.word());
     let run = |optimize: bool| {
@@ -43,7 +43,7 @@ fn expect(body: &str, ty: ValueType, wanted: impl Fn(f64, f64) -> Vec<f64>) {
     }
 }
 
-/// Quadratic functions have exact differences everywhere, borders included: those are slopes times the step.
+/// Quadratic functions have exact differences everywhere, borders included. They are slopes times the step.
 fn differences(function: &str) {
     let along_u = function == "deltau";
     let d = move |du: f64, dv: f64| if along_u { 0.25 * du } else { 0.5 * dv };
@@ -55,7 +55,7 @@ fn differences(function: &str) {
     expect(&format!("r = {function} (vector (u * u, u * v, v * v));"), ValueType::Vector, triple);
     expect(&format!("r = {function} (normal (u * u, u * v, v * v));"), ValueType::Vector, triple);
     expect(&format!("r = {function} (color (u * u, u * v, v * v));"), ValueType::Color, triple);
-    // What does not vary has none, however large.
+    // Constant values have zero differences, however large they are.
     expect(&format!("r = {function} (1 / 0) + {function} (3e38);"), ValueType::Float, |_, _| vec![0.0]);
 }
 
@@ -119,7 +119,7 @@ fn reductions(function: &str) {
         let body = format!("r = {function} ({} (u, v, 7));", ty.word());
         expect(&body, ty, |_, _| vec![u, v, 7.0]);
     }
-    // NaNs are passed over.
+    // NaNs are ignored.
     expect(&format!("r = {function} (sqrt (v) * 0 + u);"), ValueType::Float, |_, _| vec![u]);
     expect(&format!("r = 0; if (u > 0.3 && u < 1.3) r = {function} (u);"), ValueType::Float, |at, _| {
         let inside = at > 0.3 && at < 1.3;
@@ -133,7 +133,7 @@ fn reductions(function: &str) {
     });
 }
 
-/// Texts of an expression, with constants that fold and with values that vary.
+/// Checks the strings of expressions, with constants that fold and with values that vary.
 fn texts(table: &[(&str, &str)]) {
     for (expression, wanted) in table {
         for (zero, one) in [("0", "1"), ("(u - u)", "(1 + v - v)")] {
@@ -227,7 +227,7 @@ fn array_lengths() {
     );
 }
 
-/// Lobes and amounts of reflected light in double precision.
+/// Checks lobes and amounts of reflected light in double precision.
 fn lobes() {
     let unit = |a: f64, b: f64| [a.cos() * b.cos(), a.sin() * b.cos(), b.sin()];
     let word = |v: [f64; 3]| format!("vector ({}, {}, {})", v[0] as f32, v[1] as f32, v[2] as f32);
@@ -241,13 +241,14 @@ fn lobes() {
             let wanted = cos.powf(8.0 / roughness);
             let call = format!("specularbrdf ({}, {}, {}, {roughness})", word(l), word(n), word(v));
             let r = floats(&format!("color c = {call}; r = c[1];"))[0];
-            // `pow` is off by a few rounding errors for each unit of the exponent.
+            // The error of `pow` is a few rounding errors for each unit of the exponent.
             assert!((f64::from(r) - wanted).abs() < 2e-6 * (8.0 / roughness), "{call}: {r}, not {wanted}");
         }
     }
 }
 
-/// Spatial databases, as the double keeps them: what is saved under a key is found under it, in active lanes.
+/// Checks spatial databases as the test services store them. Data that is saved under a key is found under it, in
+/// active lanes.
 fn databases() {
     let run = |body: &str| {
         let mut services = Double::default();
@@ -255,7 +256,7 @@ fn databases() {
         assert!(services.errors().is_empty(), "{body}: {:?}", services.errors());
         (values, services)
     };
-    // Keys of every kind, data of every type; the variable is what was saved.
+    // There are keys of every kind and data of every type. The variable becomes the saved data.
     for key in ["u, v", "P", "P, N"] {
         for ty in ["float", "color", "point", "vector", "normal"] {
             let body = format!(
@@ -265,7 +266,7 @@ fn databases() {
             assert!(run(&body).0.iter().all(|r| *r == 1.0), "{body}");
         }
     }
-    // Only where lanes are active; elsewhere, and where nothing is found, the variable stays.
+    // Data is only saved where lanes are active. Elsewhere, and where no data is found, the variable does not change.
     let body = "float x = 5; if (u > 0.5) spatialdbsave (\"a\", u, v, u); \
                 r = spatialdbquery (\"a\", u, v, x); r = r * 100 + x + 1000 * spatialdbquery (\"b\", u, v, x);";
     let (values, services) = run(body);
@@ -274,7 +275,7 @@ fn databases() {
     for (r, u) in values.iter().zip(&us) {
         assert_eq!(*r, if *u > 0.5 { 100.0 + u } else { 5.0 });
     }
-    // The middle of each facet.
+    // The record is the middle of each facet.
     let (_, services) = run("spatialdbsave (\"a\", u, v, color (u, v, 1), \"interpolate\", 1);");
     let (nu, nv) = (distinct(&us), distinct(&run("r = v;").0));
     assert_eq!(services.records.len(), (nu - 1) * (nv - 1));
@@ -282,7 +283,7 @@ fn databases() {
         assert_eq!(data[..], [key[0], key[1], 1.0]);
         assert!(us.iter().all(|u| (u - key[0]).abs() > 1e-3), "{key:?} is in the middle");
     }
-    // Options.
+    // The options are passed to the services.
     let options = |call: &str| run(&format!("float size[2] = {{64, 32}}; float x = 0; {call}")).1.options;
     assert_eq!(options("spatialdbsave (\"a\", P, x);"), " None  2");
     let all =
@@ -294,7 +295,7 @@ fn databases() {
         options(&format!("x = spatialdbquery (\"a\", P, x, {all});")),
         "areadensity ro [2.0, 3.0, 4.0]"
     );
-    // Marble by default.
+    // The default is marble.
     for (options, wanted) in [
         ("", [2.19, 0.0041, 2.5]),
         (", \"scattering\", color (1, 2, 3), \"absorption\", color (4, 5, 6), \"eta\", 1.3", [1.0, 5.0, 2.3]),
@@ -309,7 +310,7 @@ fn databases() {
     }
 }
 
-/// How many different values there are.
+/// Returns the number of different values.
 fn distinct(values: &[f32]) -> usize {
     let mut bits: Vec<u32> = values.iter().map(|v| v.to_bits()).collect();
     bits.sort_unstable();

@@ -1,5 +1,5 @@
 // tidy: table
-//! Steps, noises, random numbers and splines (reference 5.8.6), antialiased steps (5.8.7).
+//! Steps, noises, random numbers and splines (reference 5.8.6), and antialiased steps (5.8.7).
 
 use super::*;
 use Bound::{Terms, Ulp};
@@ -9,14 +9,14 @@ use granita_base::hash::mix32;
 const F: Option<ValueType> = Some(ValueType::Float);
 const P: Option<ValueType> = Some(ValueType::Point);
 
-// Noise as its description says, corner by corner in double precision.
+// Noise by its description, corner by corner in double precision.
 
 fn chain(h: u32, i: i32) -> u32 {
     mix32(h ^ i as u32).wrapping_add(0x9e37_79b9)
 }
 
 fn cell(x: f64) -> (i32, f64) {
-    // What no lattice reaches lies on its last point, what is no number at 0.
+    // Numbers beyond the lattice are at its last point, and NaN is at 0.
     let i = x.floor() as i32;
     let t = x - x.floor();
     (i, if x.abs() < 2_147_483_648.0 { t } else { 0.0 })
@@ -38,7 +38,7 @@ fn gradient(h: u32, d: &[f64]) -> f64 {
     }
 }
 
-/// Signed noise at `x`; periods may be empty.
+/// Returns the signed noise at `x`. `periods` may be empty.
 fn signed(x: &[f64], periods: &[f64], component: usize) -> f64 {
     let n = x.len();
     let cells: Vec<(i32, f64)> = x.iter().map(|x| cell(*x)).collect();
@@ -70,7 +70,7 @@ fn cellular(x: &[f64], component: usize) -> f64 {
     (f64::from(mix32(h) >> 9) + 0.5) / 8_388_608.0
 }
 
-/// All forms of one noise; the result's components are lattices of their own.
+/// Adds all forms of one noise. Each component of the result has its own lattice.
 fn noises(list: &mut Vec<Row>, forms: [&'static str; 4], word: &str, unsigned: bool, cells: bool) {
     let shapes: [&[Arg]; 4] = [&[(F, Any)], &[(F, Any), (F, Any)], &[(P, Any)], &[(P, Any), (F, Any)]];
     let near: [&[Arg]; 4] = [
@@ -145,7 +145,7 @@ fn periodic(list: &mut Vec<Row>, forms: [&'static str; 4], word: &str, unsigned:
     }
 }
 
-/// Moving by a whole number of periods changes nothing, to the bit, where the sum is exact.
+/// A shift by a whole number of periods does not change the result, to the bit, where the sum is exact.
 #[test]
 fn periods_are_exact() {
     for (x, shift) in [(0.25, 3.0), (-2.75, -9.0), (7.5, 300.0)] {
@@ -169,7 +169,8 @@ fn periods_are_exact() {
 }
 
 fn random_is_a_hash() {
-    // Within (0, 1), evenly, different for different arguments, the same for the same, at every component.
+    // The numbers are within (0, 1), evenly distributed, different for different arguments, and the same for the same,
+    // in every component.
     for (argument, other) in [("u * 1000", "u * 1000 + 0.001"), ("P * 1000", "P * 1000 + 0.001")] {
         let source = format!(
             "surface t (output color r = 0, output float same = 0) {{ r = random ({argument}); \
@@ -182,7 +183,7 @@ fn random_is_a_hash() {
         assert!(same.iter().all(|s| *s == 1.0));
         assert!(r.iter().all(|x| (0.0..1.0).contains(x)));
         for component in r.chunks(5000) {
-            // u has 100 values only; P has 5000.
+            // u has only 100 values, and P has 5000.
             if argument.starts_with('P') {
                 let mut bins = [0_u32; 10];
                 component.iter().for_each(|x| bins[(x * 10.0) as usize] += 1);
@@ -191,7 +192,7 @@ fn random_is_a_hash() {
         }
         assert!(r[..5000].iter().zip(&r[5000..]).all(|(a, b)| a != b), "components differ");
     }
-    // A vector or normal is as good as a point; minus zero is zero.
+    // A vector or normal is equivalent to a point, and minus zero to zero.
     assert_eq!(floats("r = random (P) == random ((vector) P) && random (0) == random (-0.0);"), [1.0; 6]);
 }
 
@@ -205,7 +206,7 @@ fn random_without_arguments() {
     assert!(r.iter().all(|x| (0.0..1.0).contains(x)));
     let mean = r.iter().sum::<f32>() / r.len() as f32;
     assert!((mean - 0.5).abs() < 0.02, "{mean}");
-    // Every point, every component, every call draws anew.
+    // Each point, component and call has a different random number.
     let mut seen: Vec<u32> = r.iter().map(|x| x.to_bits()).collect();
     seen.sort_unstable();
     seen.dedup();
@@ -225,7 +226,7 @@ fn randomgrid() {
     assert_eq!(r, [1.0; 6]);
 }
 
-// Splines by what defines them.
+// Splines by their definitions.
 
 fn segment(basis: &str, k: [f64; 4], t: f64) -> f64 {
     let hermite = |p: f64, m: f64, q: f64, n: f64| {
@@ -238,7 +239,7 @@ fn segment(basis: &str, k: [f64; 4], t: f64) -> f64 {
         "hermite" => hermite(k[0], k[1], k[2], k[3]),
         "linear" => k[1] + t * (k[2] - k[1]),
         "bezier" => {
-            // De Casteljau.
+            // This is the algorithm of De Casteljau.
             let mut p = k.to_vec();
             while p.len() > 1 {
                 p = p.windows(2).map(|w| w[0] + t * (w[1] - w[0])).collect();
@@ -246,7 +247,7 @@ fn segment(basis: &str, k: [f64; 4], t: f64) -> f64 {
             p[0]
         }
         _ => {
-            // De Boor over whole knots.
+            // This is De Boor's basis for uniform knots.
             let s = 1.0 - t;
             let w = [
                 s.powi(3),
@@ -271,7 +272,7 @@ fn spline(basis: &str, x: f64, y: &[f64]) -> f64 {
     segment(basis, std::array::from_fn(|k| y[at * step + k]), s - at as f64)
 }
 
-/// Where a rising spline is `v`.
+/// Returns the parameter at which a rising spline is `v`.
 fn solved(basis: &str, v: f64, y: &[f64]) -> (f64, f64) {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
@@ -283,7 +284,7 @@ fn solved(basis: &str, v: f64, y: &[f64]) -> (f64, f64) {
     (low, 1.0 + size / slope.max(1e-6))
 }
 
-/// The knots of a spline, from the numbers of a point.
+/// The knots of a spline, computed from the numbers of a point.
 type Knots = Box<dyn Fn(&[f64]) -> Vec<f64>>;
 
 fn splines(list: &mut Vec<Row>) {
@@ -310,7 +311,7 @@ fn splines(list: &mut Vec<Row>) {
         }
         rows[1].push(numbers(&format!("spline (\"{basis}\", a, {knots})"), &args, bound, exact()));
         rows[3].push(numbers(&format!("{array} r = spline (\"{basis}\", a, k);"), &args, bound, exact()));
-        // Rising: each value adds to the last; a Hermite spline's slopes are those of its values.
+        // The splines rise. Each value adds to the last, and a Hermite spline's slopes are those of its values.
         let (rising, values): (String, Knots) = if basis == "hermite" {
             (
                 "0.1, 1, 1 + b, 1, 2 + b + c, 1".into(),
@@ -338,7 +339,7 @@ fn splines(list: &mut Vec<Row>) {
         n.only = Some(ValueType::Float);
         rows[1].push(n);
     }
-    // Solving takes arrays too.
+    // Solving also accepts arrays.
     let exact: Exact = Box::new(|x| vec![(((x[0][0] - 1.0) / 3.0).clamp(0.0, 1.0), 1.0)]);
     let body = "float k[6] = { 0, 1, 2, 3, 4, 5 }; r = spline (\"solvelinear\", a, k);";
     let mut n = numbers(body, &[(F, Within(-1.0, 6.0))], Terms(8.0), exact);
@@ -371,7 +372,8 @@ fn kernel(filter: &str, x: f64) -> f64 {
     }
 }
 
-/// By Simpson's rule, whole 1. Kernels are smooth but at 0 and at half their width: pieces end there.
+/// Integrates a kernel by Simpson's rule, normalised to 1. Kernels are smooth except at 0 and at half their width,
+/// where pieces end.
 fn integral(filter: &str, to: f64) -> f64 {
     let piece = |a: f64, b: f64| {
         let n = 200;
@@ -412,7 +414,7 @@ fn steps(list: &mut Vec<Row>) {
     list.push(("aastep (float, float, ...)", How::Test(filtered_steps)));
 }
 
-/// Without a width it is that of the argument over the grid.
+/// Tests steps without a width, whose width is that of the argument over the grid.
 fn filtered_steps() {
     for filter in ["box", "triangle", "gaussian", "catmull-rom"] {
         for width in [1.0, 3.0] {
@@ -422,7 +424,7 @@ fn filtered_steps() {
             let group = link(&[(&source, Params::new())], &[]);
             let mut grid = square(9, 5);
             let r = output(&group, &mut grid, &mut Double::default(), "r", ValueType::Float);
-            // Steps of 1/8 and 2/4.
+            // The steps are 1/8 and 2/4.
             let ds = (0.125_f64.powi(2) + 0.5_f64.powi(2)).sqrt() * width;
             for (k, got) in r.iter().enumerate() {
                 let s = f64::from(grid.u[k]) + 2.0 * f64::from(grid.v[k]);

@@ -11,7 +11,7 @@ fn truth(b: bool) -> f64 {
     f64::from(u8::from(b))
 }
 
-/// In single precision, as it is written: the formula is the definition.
+/// Returns a reference in single precision, for functions whose formula is the definition.
 fn single(f: impl Fn(&[f32]) -> f32 + 'static) -> Exact {
     each(move |x| f64::from(f(&x.iter().map(|x| *x as f32).collect::<Vec<_>>())))
 }
@@ -24,7 +24,7 @@ pub(super) fn rows() -> Vec<Row> {
         row(form, expression, &[(F, Any), (F, Any)], bound, each(move |x| f(x[0], x[1])))
     };
     let turns = |form: &'static str, expression: &str, f: fn(f64) -> f64| {
-        // Relative up to a quarter turn's half, absolute beyond: half a unit of 1 is 1.2e-7 / 2.
+        // The bound is relative up to an eighth of a turn, and absolute beyond. Half a unit of 1 is 1.2e-7 / 2.
         let exact = each_scaled(move |x| {
             let v = f(x[0]);
             (v, if x[0].abs() <= std::f64::consts::FRAC_PI_4 { v.abs() } else { 0.5 })
@@ -75,7 +75,7 @@ pub(super) fn rows() -> Vec<Row> {
             Ulp(0.0),
             single(|x| x[0] - x[1] * (x[0] / x[1]).floor()),
         ),
-        // A NaN in the first place stays, one in the second is passed over.
+        // A NaN in the first argument is kept, and one in the second is ignored.
         row(
             "min (type, type)",
             "min (a, b)",
@@ -137,7 +137,7 @@ fn smoothstep(e0: f64, e1: f64, x: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// What stands in expressions beside functions (reference 5.6), over all types.
+/// Returns operators and casts (reference 5.6) over all types.
 pub(super) fn operators() -> Vec<Numbers> {
     let own: Arg = (None, Any);
     let two = |expression: &str, f: fn(f64, f64) -> f64| {
@@ -167,12 +167,12 @@ pub(super) fn operators() -> Vec<Numbers> {
             each(|x| if x[2] > 0.0 { x[0] } else { x[1] }),
         ),
         numbers("({T}) a", &[(F, Any)], Ulp(0.0), Box::new(|_| Vec::new())),
-        // Equality is that of all components; NaN equals nothing. Draws of small whole numbers are equal often.
+        // Equality is that of all components, and NaN equals nothing. Small integers are often equal.
         equality("a == b", Any, true),
         equality("a == b", Draw::Whole, true),
         equality("a != b", Draw::Whole, false),
     ];
-    // The cast of a float fills all components.
+    // The cast of a float sets all components.
     list.retain(|n| n.expression != "({T}) a");
     for ty in [ValueType::Color, ValueType::Point, ValueType::Vector, ValueType::Normal] {
         for (other, word) in [
@@ -181,7 +181,7 @@ pub(super) fn operators() -> Vec<Numbers> {
             (ValueType::Vector, "vector"),
             (ValueType::Normal, "normal"),
         ] {
-            // There and back through another triple.
+            // The value is cast to another triple and back.
             let mut n =
                 numbers(&format!("({{T}}) (({word}) a)"), &[(Some(other), Any)], Ulp(0.0), each(|x| x[0]));
             n.only = Some(ty);
@@ -191,7 +191,7 @@ pub(super) fn operators() -> Vec<Numbers> {
         let mut n = numbers("({T}) a", &[(F, Any)], Ulp(0.0), fills);
         n.only = Some(ty);
         list.push(n);
-        // Components round down.
+        // Indices of components are rounded down.
         let mut n = numbers(
             "r = a; r[1.9] = b[2]; r[0] = a[1];",
             &[own, own],
@@ -218,7 +218,7 @@ pub(super) fn operators() -> Vec<Numbers> {
     ];
     for (expression, relation) in relations {
         for from in [Any, Within(-1.0, 1.0), Draw::Whole] {
-            // Parameters are read-only: increments work on copies.
+            // Parameters are read-only, so increments are applied to copies.
             let body = if expression.starts_with('r') {
                 format!("float x = a; {}", expression.replace("a++", "x++").replace("--a", "--x"))
             } else {
@@ -233,7 +233,7 @@ pub(super) fn operators() -> Vec<Numbers> {
     list
 }
 
-/// `==` or `!=` of the own type, as a number in all components.
+/// Returns `==` or `!=` of the type itself, as a number in all components.
 fn equality(expression: &str, from: Draw, equal: bool) -> Numbers {
     let exact: Exact = Box::new(move |x| {
         let same = x[0].iter().zip(&x[1]).all(|(a, b)| a == b);

@@ -39,7 +39,7 @@ fn cross(a: V3, b: V3) -> V3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A result whose terms are as large as it is.
+/// Returns a result whose terms are as large as itself.
 fn plain(v: V3) -> Vec<(f64, f64)> {
     v.iter().map(|x| (*x, x.abs())).collect()
 }
@@ -48,7 +48,7 @@ fn with_scale(v: V3, scale: V3) -> Vec<(f64, f64)> {
     v.into_iter().zip(scale).collect()
 }
 
-// Row vectors, matrices by rows.
+// Vectors are rows, and matrices are stored by rows.
 
 fn m4(x: &[f64]) -> M4 {
     std::array::from_fn(|i| std::array::from_fn(|j| x[4 * i + j]))
@@ -98,7 +98,7 @@ fn translation(t: V3) -> M4 {
     m
 }
 
-/// Counter-clockwise seen against the axis (Rodrigues).
+/// Returns the rotation, which is counter-clockwise when seen against the axis (Rodrigues).
 fn rotation(angle: f64, axis: V3) -> M4 {
     let l = length(axis);
     let [x, y, z] = axis.map(|v| v / l);
@@ -112,7 +112,7 @@ fn rotation(angle: f64, axis: V3) -> M4 {
     ]
 }
 
-/// The fixture's spaces, to "common".
+/// Returns the matrix from a space of the fixture to "common" space.
 fn space(name: &str) -> M4 {
     match name {
         "shader" => translation([10.0, 0.0, 0.0]),
@@ -130,7 +130,7 @@ enum Kind {
     Normal,
 }
 
-/// A triple through a matrix, with the sizes of the terms.
+/// Transforms a triple by a matrix. Returns the components with the sizes of their terms.
 fn apply(kind: Kind, m: M4, v: V3) -> Vec<(f64, f64)> {
     let sum = |m: &M4, w: f64, j: usize| (0..3).map(|i| v[i] * m[i][j]).sum::<f64>() + w * m[3][j];
     let sizes =
@@ -155,7 +155,7 @@ fn apply(kind: Kind, m: M4, v: V3) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Scales grown by how far the inverse of a matrix is from well conditioned.
+/// Scales the errors by the condition number of a matrix.
 fn conditioned(list: Vec<(f64, f64)>, m: &M4) -> Vec<(f64, f64)> {
     let condition = largest(m) * largest(&inverse(*m));
     let size = list.iter().fold(0.0, |a: f64, b| a.max(b.1));
@@ -222,7 +222,7 @@ fn transforms(list: &mut Vec<Row>) {
                     Box::new(move |x| {
                         let m = times(space(from), inverse(space(to)));
                         let scaled = |list: Vec<(f64, f64)>| {
-                            // What is moved away and back keeps the error of the distance.
+                            // A value that is moved away and back has the error of the distance.
                             list.into_iter().map(|(v, s)| (v, s + 20.0)).collect::<Vec<_>>()
                         };
                         let out = apply(kind, m, v3(&x[0]));
@@ -265,7 +265,7 @@ fn transforms(list: &mut Vec<Row>) {
     }
 }
 
-/// n1 / n2 = eta; the reflected part of unpolarised light from the two polarisations of Fresnel's equations.
+/// Returns the reflected part of unpolarised light, from the two polarisations of Fresnel's equations. n1 / n2 = eta.
 fn reflectance(cos_in: f64, eta: f64) -> f64 {
     let sin2 = eta * eta * (1.0 - cos_in * cos_in);
     if sin2 >= 1.0 {
@@ -277,12 +277,12 @@ fn reflectance(cos_in: f64, eta: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// The ray behind the surface by Snell's law: what is along the surface grows by eta.
+/// Returns the ray behind the surface by Snell's law. Its component along the surface is scaled by eta.
 fn refracted(i: V3, n: V3, eta: f64) -> Vec<(f64, f64)> {
     let cos = dot(i, n);
     let k = 1.0 - eta * eta * (1.0 - cos * cos);
     if k.abs() < 1e-5 * (1.0 + eta * eta) {
-        // Where total reflection sets in a bit decides.
+        // At the onset of total reflection the result depends on one bit.
         return vec![(0.0, f64::INFINITY); 3];
     }
     if k < 0.0 {
@@ -360,7 +360,7 @@ pub(super) fn rows() -> Vec<Row> {
         row(
             "faceforward (vector, vector, vector)",
             "faceforward (a, b, c)",
-            // Whole numbers have exact products: perpendicular is perpendicular.
+            // Integers have exact products, so that perpendicular vectors are exactly perpendicular.
             &[tame(V), (V, Draw::Whole), (V, Draw::Whole)],
             Ulp(0.0),
             Box::new(|x| {
@@ -397,7 +397,8 @@ pub(super) fn rows() -> Vec<Row> {
             Terms(4.0),
             Box::new(|x| {
                 let (i, n, eta) = (v3(&x[0]), v3(&x[1]), x[2][0]);
-                // Against I the normal's formula is Snell's; along it the formula goes on.
+                // Where I is against the normal, the formula is Snell's law. Where it is along the normal, the formula
+                // is extended.
                 let cos = dot(i, n);
                 let k = 1.0 - eta * eta * (1.0 - cos * cos);
                 if cos <= 0.0 || k < 1e-5 * (1.0 + eta * eta) {
@@ -431,7 +432,7 @@ pub(super) fn rows() -> Vec<Row> {
                     ("transformu (\"common\", \"common\", a)", 1.0),
                     ("transformu (\"double\", \"m\", a)", 0.01),
                     ("transformu (\"m\", \"double\", a)", 100.0),
-                    // As a cube of the same volume.
+                    // The unit is the edge of a cube of the same volume.
                     ("transformu (\"stretched\", \"double\", a)", 1.0),
                 ]
                 .map(|(e, factor)| numbers(e, &[(F, Draw::Any)], Ulp(4.0), each(move |x| x[0] * factor)))
@@ -460,7 +461,7 @@ pub(super) fn rows() -> Vec<Row> {
             &[tame(C)],
             Terms(2.0),
             Box::new(|x| {
-                // The row of Y of the matrix that the primaries and the white of Rec. 709 give.
+                // This is the row of Y of the matrix that follows from the primaries and the white of Rec. 709.
                 let y = rgb_to_xyz()[1];
                 vec![(dot(y, v3(&x[0])), dot(y, abs(v3(&x[0]))))]
             }),
@@ -511,7 +512,7 @@ pub(super) fn rows() -> Vec<Row> {
     list
 }
 
-/// A product, with the sizes of its terms.
+/// Returns a product, with the sizes of its terms.
 fn before(first: M4, m: M4) -> Vec<(f64, f64)> {
     let product = times(first, m);
     let positive = |m: M4| m.map(|r| r.map(f64::abs));
@@ -530,7 +531,7 @@ fn fresnel() -> Vec<Numbers> {
         let (i, n) = (v3(&x[0]), v3(&x[1]));
         if dot(i, n) > 0.0 { (i, n.map(|v| -v)) } else { (i, n) }
     };
-    // Steep where total reflection sets in.
+    // The error is large at the onset of total reflection.
     let steep = |cos: f64, eta: f64| {
         let k = 1.0 - eta * eta * (1.0 - cos * cos);
         if k.abs() < 1e-5 * (1.0 + eta * eta) { f64::INFINITY } else { (1.0 + eta * eta) / k.abs().sqrt() }
@@ -563,19 +564,19 @@ fn fresnel() -> Vec<Numbers> {
 
 // Colours.
 
-/// From the chromaticities of Rec. 709 and D65.
+/// Returns the matrix that follows from the chromaticities of Rec. 709 and D65.
 fn rgb_to_xyz() -> [V3; 3] {
     let xyz = |x: f64, y: f64| [x / y, 1.0, (1.0 - x - y) / y];
     let primaries = [xyz(0.64, 0.33), xyz(0.30, 0.60), xyz(0.15, 0.06)];
     let white = xyz(0.3127, 0.3290);
-    // Weights that make the three add up to white.
+    // The weights make the sum of the three primaries equal to white.
     let [r, g, b] = primaries;
     let d = dot(r, cross(g, b));
     let weights = [dot(white, cross(g, b)) / d, dot(white, cross(b, r)) / d, dot(white, cross(r, g)) / d];
     std::array::from_fn(|row| std::array::from_fn(|k| primaries[k][row] * weights[k]))
 }
 
-/// FCC 1953, to seven digits as it is published.
+/// The matrix of FCC 1953, to seven digits as it is published.
 const YIQ: [V3; 3] =
     [[0.299, 0.587, 0.114], [0.595_716, -0.274_453, -0.321_263], [0.211_456, -0.522_591, 0.311_135]];
 
@@ -590,7 +591,7 @@ fn inverse3(m: [V3; 3]) -> [V3; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i] / d))
 }
 
-/// Hue, 0 to 1, of the hexagon; its scale grows as the colour goes grey.
+/// Returns the hue of the hexagon, from 0 to 1. Its scale grows as the colour becomes grey.
 fn hue([r, g, b]: V3) -> (f64, f64) {
     let (max, min) = (r.max(g).max(b), r.min(g).min(b));
     let d = max - min;
@@ -623,7 +624,7 @@ fn to_space(space: &str, c: V3) -> Vec<(f64, f64)> {
     }
 }
 
-/// By chroma and the hexagon's sides.
+/// Converts a colour by chroma and the hexagon's sides.
 fn to_rgb(space: &str, c: V3) -> Vec<(f64, f64)> {
     let from_chroma = |h: f64, chroma: f64, m: f64| {
         let h6 = (h - h.floor()) * 6.0;
@@ -676,8 +677,7 @@ fn between_colors() -> Vec<Numbers> {
                 let values = [rgb[0].0, rgb[1].0, rgb[2].0];
                 let size = rgb.iter().fold(1.0, |a: f64, b| a.max(b.1));
                 let (max, min) = values.iter().fold((f64::MIN, f64::MAX), |(a, b), v| (a.max(*v), b.min(*v)));
-                // Hue and saturation of nearly grey or black colours, and of those beyond the cube, are
-                // decided by a bit.
+                // Hue and saturation of nearly grey or black colours, and of those beyond the cube, depend on one bit.
                 if to.starts_with("hs") && (max - min < 0.02 || !(0.02..=0.98).contains(&max) || min < 0.0) {
                     return vec![(0.0, f64::INFINITY); 3];
                 }
@@ -695,7 +695,7 @@ fn between_colors() -> Vec<Numbers> {
     list
 }
 
-/// Constructors with and without spaces (reference 5.2, 5.8.3 to 5.8.5).
+/// Returns the constructors with and without spaces (reference 5.2, 5.8.3 to 5.8.5).
 pub(super) fn constructors() -> Vec<Numbers> {
     let mut list = Vec::new();
     let mut add = |expression: String, args: &[Arg], bound: Bound, only: Option<ValueType>, exact: Exact| {
