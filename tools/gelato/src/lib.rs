@@ -26,11 +26,11 @@ use viewer::Display;
 
 /// Renders scenes.
 ///
-/// Several files count as one that contains them all. "-" reads standard input.
+/// Several files are read as one scene. "-" reads standard input.
 #[derive(Parser, Debug)]
 #[command(name = "gelato", after_help = AFTER_HELP)]
 struct Options {
-    /// Scene files or generators with their arguments ("pyg < program"), read in this order
+    /// Scene files, or generators with their arguments ("pyg < program"), in the order of reading
     #[arg(value_name = "FILE")]
     files: Vec<String>,
 
@@ -38,16 +38,16 @@ struct Options {
     #[arg(long)]
     statistics: bool,
 
-    /// Write what was done to this file as JSON
+    /// Write the statistics to this file as JSON
     #[arg(long, value_name = "FILE")]
     statistics_json: Option<PathBuf>,
 
-    /// Threads that render at once; by default what the scene says, or 1
+    /// Number of threads that render; by default that of the scene, or 1
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     threads: usize,
 
-    /// Machines that render this frame together, reached by ssh; "local" is this one. Several in one word or by several
-    /// -net
+    /// Machines that render the frame together, reached by ssh; "local" is this one. Several are separated by blanks,
+    /// or given by several -net
     #[arg(long, value_name = "SERVER")]
     net: Vec<String>,
 
@@ -55,7 +55,7 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or whatever speaks tev's protocol;
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or another program with tev's protocol;
     /// the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN],
     /// with a number below 100
     #[arg(long, value_name = "HOST[:PORT]")]
@@ -77,11 +77,11 @@ struct Options {
     #[arg(long, value_name = "N")]
     verbosity: Option<u8>,
 
-    /// Preview mode, if not 0: renders fast and coarse, with this shading quality
+    /// Preview mode, unless 0: renders fast and coarsely, with this shading quality
     #[arg(long, value_name = "P", default_value_t = 0.0, hide_default_value = true, value_parser = quality)]
     preview: f32,
 
-    /// gsl: the shaders of the scene; the others: plain shading without lights, for a quick look
+    /// gsl: the shaders of the scene; the others: simple shading without lights
     #[arg(long, value_name = "NAME", value_parser = ["gsl", "defaultsurface", "keyfillrim"])]
     shade: Option<String>,
 
@@ -93,7 +93,7 @@ struct Options {
     #[arg(short = 'o', value_name = "IMAGE")]
     output: Vec<String>,
 
-    /// What -o and -iv show: "rgba", "first", "all", "z", "normal N" ...
+    /// Data that -o and -iv show: "rgba", "first", "all", "z", "normal N" ...
     #[arg(long, value_name = "CHANNEL", default_value = "rgba")]
     data: String,
 
@@ -101,7 +101,8 @@ struct Options {
     #[arg(long, num_args = 4, value_names = ["XMIN", "XMAX", "YMIN", "YMAX"], allow_negative_numbers = true)]
     crop: Vec<f32>,
 
-    /// Take calls from the program that started this one: binary frames on standard input, answers on standard output
+    /// Receive calls from the program that started this one: binary frames on standard input, answers on standard
+    /// output
     #[arg(long, conflicts_with = "files")]
     stream: bool,
 
@@ -113,16 +114,16 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
     remote: bool,
 
-    /// End the whole run after so many seconds, with what was started, and exit with status 1
+    /// End the run after this number of seconds, with all programs that it started, and exit with status 1
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     timeout: Option<f64>,
 
-    /// A folder of plugins, or a library that comes before what is bundled; may be repeated
+    /// A folder of plugins, or a library, which is used before bundled ones; may be repeated
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
 
-    /// For scenes from strangers: run no scripts, plugins and programs, read beneath the scene's folder only, write
-    /// beneath one folder only
+    /// For untrusted scenes: run no scripts, plugins and programs, read below the scene's folder only, write below one
+    /// folder only
     #[arg(long)]
     safe: bool,
 
@@ -155,7 +156,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 14] = [
 
 const AFTER_HELP: &str = "\
 Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
-Exit status: 0 all went well; 1 something was rendered, with errors; 2 nothing could be rendered.";
+Exit status: 0 without errors; 1 an image was rendered, with errors; 2 nothing was rendered.";
 
 /// Standard output as a stream of frames, shared with everything that prints.
 #[derive(Clone, Default)]

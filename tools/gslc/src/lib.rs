@@ -20,8 +20,8 @@ use std::path::{Path, PathBuf};
 
 /// Compiles a shader.
 ///
-/// The compiled shader goes to SHADERNAME.gso in the current folder. With -run nothing is kept: the shader runs
-/// over a flat grid and what it computes becomes a picture.
+/// The compiled shader is written to SHADERNAME.gso in the current folder. With -run the shader runs over a flat grid
+/// instead, and its result is written as an image.
 #[derive(Parser, Debug)]
 #[command(name = "gslc")]
 struct Options {
@@ -29,32 +29,32 @@ struct Options {
     #[arg(value_name = "SOURCE")]
     source: String,
 
-    /// Look for included files in this folder too; may be given several times
+    /// A folder of included files; may be repeated
     #[arg(short = 'I', value_name = "PATH")]
     include: Vec<String>,
 
-    /// Define a macro; without a value it is 1
+    /// Define a macro; its default value is 1
     #[arg(short = 'D', value_name = "SYMBOL[=VALUE]")]
     define: Vec<String>,
 
-    /// Do not define a macro that would be defined
+    /// Do not define a predefined macro
     #[arg(short = 'U', value_name = "SYMBOL")]
     undefine: Vec<String>,
 
-    /// Name of the compiled shader, instead of SHADERNAME.gso; with -run of the picture ("null": none)
+    /// Name of the compiled shader instead of SHADERNAME.gso; with -run, of the image ("null": none)
     #[arg(short = 'o', value_name = "NAME")]
     output: Option<String>,
 
-    /// 0: errors only; 1: also warnings; 2: also what is done
+    /// 0: errors only; 1: also warnings; 2: also progress
     #[arg(long, value_name = "LEVEL", default_value_t = 1)]
     verbosity: u8,
 
-    /// A folder of libraries with functions in C++, or such a library; relative folders of -I have none. May be
-    /// repeated
+    /// A folder of libraries with functions in C++, or such a library; may be repeated. Relative folders of -I are not
+    /// searched
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
 
-    /// Tell about every library that is tried for functions in C++
+    /// Print every library that is tried for functions in C++
     #[arg(long)]
     debugdso: bool,
 
@@ -66,32 +66,32 @@ struct Options {
     #[arg(long)]
     run: bool,
 
-    /// With -run: points of the square, one a pixel
+    /// With -run: the number of points of the square, one per pixel
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "512x512")]
     grid: String,
 
-    /// With -run: a parameter, as "float Kd 0.5"; may be given several times
+    /// With -run: a parameter, as "float Kd 0.5"; may be repeated
     #[arg(long, value_name = "PARAMETER", allow_hyphen_values = true)]
     param: Vec<String>,
 
-    /// With -run: a light, by file or name, with its defaults; without any a white one shines from the viewer
+    /// With -run: a light, by file or name, with its defaults; by default a white light at the viewer
     #[arg(long, value_name = "SHADER")]
     light: Vec<String>,
 
-    /// With -run: what becomes the picture: an output parameter or a global; by default C, of displacements P,
-    /// of lights Cl
+    /// With -run: the data of the image: an output parameter or a global; by default C, for displacements P, for lights
+    /// Cl
     #[arg(long, value_name = "NAME")]
     data: Option<String>,
 
-    /// With -run: shade every grid so many times; verbosity 2 tells the time per point
+    /// With -run: the number of times that every grid is shaded; verbosity 2 prints the time per point
     #[arg(long, value_name = "TIMES", default_value_t = 1)]
     repeat: u32,
 
-    /// With -run: so many threads; 0: as many as the machine runs at once
+    /// With -run: the number of threads; 0: one per core
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
 
-    /// With -run: 0 runs the code as it is compiled, 1 optimises it with its parameters first
+    /// With -run: 0 runs the compiled code, 1 optimises it for its parameters first
     #[arg(short = 'O', value_name = "LEVEL", default_value_t = 1)]
     optimize: u8,
 }

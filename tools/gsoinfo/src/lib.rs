@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 
 /// Lists the parameters of shaders and their default values.
 ///
-/// A shader is a file, or a name to be looked for: compiled (NAME.gso) or as source text (NAME.gsl) on the search
-/// path, then among the shaders that come with the suite.
+/// A shader is a file or a name. A name is searched as NAME.gso and as source text NAME.gsl on the search path, then
+/// among the bundled shaders.
 ///
-/// Of a spatial database (FILE.sdb) it tells what its records are, how many, where they lie, and the sum and the range
-/// of their values; with -v also the records, one a line: position, normal, values.
+/// For a spatial database (FILE.sdb) it prints the kind, the number and the bounds of the records, and the sum and the
+/// range of their values; with -v also the records, one per line: position, normal, values.
 #[derive(Parser, Debug)]
 #[command(name = "gsoinfo")]
 struct Options {
@@ -32,11 +32,11 @@ struct Options {
     #[arg(short = 'v')]
     verbose: bool,
 
-    /// Folders to look in, separated by colons; by default ".:$GELATOHOME/shaders"
+    /// Search path: folders, separated by colons; by default ".:$GELATOHOME/shaders"
     #[arg(short = 'p', value_name = "PATH")]
     path: Option<String>,
 
-    /// Everything about all shaders as one JSON array, instead of text
+    /// Print all data of all shaders as one JSON array
     #[arg(long)]
     json: bool,
 }

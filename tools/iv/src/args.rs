@@ -4,42 +4,42 @@ use clap::Parser;
 use granita_view::{Background, Channels, ColorMap, CompareOptions, Display, FalseColor};
 use std::path::PathBuf;
 
-/// Shows pictures of every format of the suite, in a window or as text.
+/// Shows images of all formats of the suite, in a window or as text.
 ///
 /// FILE#2 is the third image of a file.
 #[derive(Parser, Debug)]
 #[command(name = "iv")]
 pub(crate) struct Args {
-    /// Pictures; of a folder all that are in it
+    /// Images, or folders of images
     #[arg(value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
 
-    /// A folder of image plugins, or a library that comes before what is bundled; may be repeated
+    /// A folder of image plugins, or a library, which is used before bundled ones; may be repeated
     #[arg(long, value_name = "PATH")]
     pub(crate) plugins: Vec<PathBuf>,
 
-    /// Tell about every library that is tried
+    /// Print every library that is tried
     #[arg(long)]
     pub(crate) debugdso: bool,
 
-    /// Say what is in the files
+    /// Print the contents of the files
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) info: bool,
 
-    /// Say what the values of each channel are: least, largest, mean, deviation, how many are no numbers
+    /// Print the statistics of each channel: minimum, maximum, mean, deviation, number of values that are not numbers
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) stats: bool,
 
-    /// Say how two files differ; exit status 0: not beyond the limits given (without any: not at all), 1: beyond, 2:
-    /// they cannot be compared
+    /// Print the difference of two files; exit status 0: within the given limits (without limits: equal), 1: beyond
+    /// them, 2: they cannot be compared
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) compare: bool,
 
-    /// Write a small picture, in the format of its extension; of several files, into the folder of that name
+    /// Write a small image, in the format of its extension; for several files, into the folder of that name
     #[arg(long, value_name = "FILE", help_heading = "Without a window", group = "still")]
     pub(crate) thumbnail: Option<PathBuf>,
 
-    /// Print the picture as characters
+    /// Print the image as characters
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) ascii: bool,
 
@@ -53,7 +53,7 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) width: Option<u32>,
 
-    /// -ascii in colours
+    /// Print -ascii in colours
     #[arg(long, help_heading = "Without a window")]
     pub(crate) color: bool,
 
@@ -73,11 +73,11 @@ pub(crate) struct Args {
 /// The limits within which two images are equal.
 #[derive(clap::Args, Debug)]
 pub(crate) struct CompareArgs {
-    /// Values may differ by this much
+    /// Largest difference of values
     #[arg(long, value_name = "D", help_heading = "Comparing", allow_negative_numbers = true)]
     pub(crate) fail: Option<f32>,
 
-    /// This share of the pixels may differ by more than -fail, in percent
+    /// Largest share of pixels that differ by more than -fail, in percent
     #[arg(long, value_name = "P", help_heading = "Comparing")]
     pub(crate) failpercent: Option<f64>,
 
@@ -85,15 +85,15 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "R", help_heading = "Comparing")]
     pub(crate) maxrms: Option<f64>,
 
-    /// Least ratio of signal to noise, in decibels
+    /// Least signal-to-noise ratio, in decibels
     #[arg(long, value_name = "DB", help_heading = "Comparing", allow_negative_numbers = true)]
     pub(crate) minpsnr: Option<f64>,
 
-    /// Largest mean of how different they look (FLIP), 0 to 1
+    /// Largest mean of the perceived difference (FLIP), 0 to 1
     #[arg(long, value_name = "F", help_heading = "Comparing")]
     pub(crate) maxflip: Option<f64>,
 
-    /// The signal that -minpsnr refers to
+    /// Peak signal of -minpsnr
     #[arg(long, default_value_t = 1.0, value_name = "V", help_heading = "Comparing")]
     pub(crate) peak: f32,
 }
@@ -101,7 +101,7 @@ pub(crate) struct CompareArgs {
 /// The conversion of values to colours.
 #[derive(clap::Args, Debug)]
 pub(crate) struct LookArgs {
-    /// Stops by which the picture is made brighter
+    /// Exposure in stops
     #[arg(
         long,
         default_value_t = 0.0,
@@ -111,35 +111,35 @@ pub(crate) struct LookArgs {
     )]
     pub(crate) exposure: f32,
 
-    /// Exposed values are raised to the power 1/G
+    /// Gamma; exposed values are raised to the power 1/G
     #[arg(long, default_value_t = 1.0, value_name = "G", help_heading = "Looks")]
     pub(crate) gamma: f32,
 
-    /// Show values in proportion, not encoded for an sRGB screen
+    /// Show linear values, not encoded for an sRGB screen
     #[arg(long, help_heading = "Looks")]
     pub(crate) linear: bool,
 
-    /// Which channels: color, r, g, b, a, luminance, or the name of one
+    /// Channels: color, r, g, b, a, luminance, or the name of a channel
     #[arg(long, default_value = "color", value_name = "NAME", help_heading = "Looks")]
     pub(crate) channel: String,
 
-    /// Which image of the file, counted from 0
+    /// Index of the image in the file, from 0
     #[arg(long, default_value_t = 0, value_name = "N", help_heading = "Looks")]
     pub(crate) page: usize,
 
-    /// Which layer: its name, or its number counted from 0
+    /// Layer: its name, or its index from 0
     #[arg(long, value_name = "NAME", help_heading = "Looks")]
     pub(crate) layer: Option<String>,
 
-    /// One value in colours: helix, spectrum, heat, signed, magma or grey
+    /// Show one channel in false colours: helix, spectrum, heat, signed, magma or grey
     #[arg(long, value_name = "MAP", value_parser = map, help_heading = "Looks")]
     pub(crate) falsecolor: Option<ColorMap>,
 
-    /// What the ends of -falsecolor stand for, or black and white
+    /// Values at the ends of -falsecolor, or of black and white
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], help_heading = "Looks", allow_negative_numbers = true)]
     pub(crate) range: Vec<f32>,
 
-    /// What is seen through a picture with alpha: none, black, grey, white or checker
+    /// Background of images with alpha: none, black, grey, white or checker
     #[arg(long, default_value = "none", value_name = "NAME", value_parser = background, help_heading = "Looks")]
     pub(crate) background: Background,
 }
@@ -156,11 +156,11 @@ pub(crate) struct WindowArgs {
           value_parser = clap::value_parser!(u32).range(64..=16384))]
     pub(crate) window: Vec<u32>,
 
-    /// Memory for tiles of pictures that are not on screen, in MiB
+    /// Memory for tiles of images that are not visible, in MiB
     #[arg(long, default_value_t = 256, value_name = "MB", help_heading = "Window")]
     pub(crate) memory: u64,
 
-    /// How the window is drawn: auto, vulkan, gl
+    /// Graphics interface of the window: auto, vulkan, gl
     #[arg(long, default_value = "auto", value_name = "NAME", help_heading = "Window",
           value_parser = ["auto", "vulkan", "gl"])]
     pub(crate) renderer: String,

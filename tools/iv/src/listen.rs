@@ -23,23 +23,23 @@ use std::time::{Duration, Instant};
 /// The source and the destination of images.
 #[derive(clap::Args, Debug, Default)]
 pub(crate) struct NetArgs {
-    /// Take pictures that renderers send to this port: gelato -display, pbrt, and whatever speaks the protocol of tev.
-    /// Of this machine only, unless ADDRESS says otherwise; * is every address. Without files, 14158
-    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
+    /// Receive images that renderers send to this port: gelato -display, pbrt, and other programs with the protocol of
+    /// tev. Without ADDRESS, from this machine only; * is every address. Without files, 14158
+    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live images")]
     pub(crate) listen: Option<String>,
 
-    /// Show the pictures that come, and the files, in browsers instead of a window: prints the address of a page. 0
-    /// takes any port
-    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live pictures")]
+    /// Show the received images and the files in browsers instead of a window. Prints the address of the page. 0 is any
+    /// port
+    #[arg(long, value_name = "[ADDRESS:]PORT", help_heading = "Live images")]
     pub(crate) serve: Option<String>,
 
-    /// A name by which browsers may ask for the page of -serve, besides the address it listens on, localhost and the
-    /// name in -serve; may be given several times
-    #[arg(long, value_name = "NAME", help_heading = "Live pictures")]
+    /// A further host name by which browsers may request the page of -serve, besides its address, localhost and the
+    /// name in -serve; may be repeated
+    #[arg(long, value_name = "NAME", help_heading = "Live images")]
     pub(crate) servename: Vec<String>,
 
-    /// Let those who send pictures open files of this machine
-    #[arg(long, help_heading = "Live pictures")]
+    /// Allow senders of images to open files of this machine
+    #[arg(long, help_heading = "Live images")]
     pub(crate) allowopen: bool,
 
     /// Open what pictures name as their foreground and background, but nothing else: for the program that started this

@@ -7,18 +7,18 @@ use granita_texture::Wrap;
 use granita_texture::make::{BrokenValues, ColorSpace, MakeOptions, Mode};
 use std::path::PathBuf;
 
-/// Turns pictures into tiled, MIP-mapped textures, environment maps and shadow maps.
+/// Converts images to tiled, MIP-mapped textures, environment maps and shadow maps.
 ///
-/// Without a mode option, one picture becomes a plain texture.
+/// Without a mode option, one image becomes a plain texture.
 #[derive(Parser, Debug)]
 #[command(name = "maketx")]
 pub(crate) struct Args {
-    /// Input files: one; six (px nx py ny pz nz) for -envcube and -shadcube. Or any number of which each
-    /// becomes a texture: then -o is a folder, or absent
+    /// Input files: one, or six (px nx py ny pz nz) for -envcube and -shadcube. Or any number, each of which becomes a
+    /// texture: -o is then a folder, or absent
     #[arg(required = true, value_name = "FILE")]
     pub(crate) inputs: Vec<String>,
 
-    /// The texture to write, or the folder to write textures to [default: the input's name with .tx]
+    /// The texture, or the folder of textures [default: the input's name with .tx]
     #[arg(short = 'o', value_name = "FILE", allow_hyphen_values = true)]
     pub(crate) output: Option<PathBuf>,
 
@@ -30,15 +30,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME")]
     pub(crate) format: Option<String>,
 
-    /// Keep the resolution of the input, do not round it up to powers of two
+    /// Keep the resolution of the input instead of rounding it up to powers of two
     #[arg(long)]
     noresize: bool,
 
-    /// Update: do nothing when the output has the time stamp of the newest input, else give it that stamp
+    /// Update: skip an output that has the time stamp of its newest input; others get that time stamp
     #[arg(short = 'u')]
     update: bool,
 
-    /// Folders to look for inputs in, separated by colons
+    /// Search path of the inputs: folders, separated by colons
     #[arg(short = 'p', value_name = "SEARCHPATH", allow_hyphen_values = true)]
     pub(crate) path: Option<String>,
 
@@ -50,11 +50,11 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 64, value_name = "T", value_parser = clap::value_parser!(u32).range(1..=8192))]
     tilesize: u32,
 
-    /// The inputs are gamma corrected: raised to the power 1/G
+    /// Gamma of the inputs, which were raised to the power 1/G
     #[arg(long, default_value_t = 1.0, value_name = "G")]
     ingamma: f32,
 
-    /// Gamma correct the texture: raise it to the power 1/G
+    /// Gamma of the texture, which is raised to the power 1/G
     #[arg(long, default_value_t = 1.0, value_name = "G")]
     outgamma: f32,
 
@@ -86,12 +86,12 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 0.05, value_name = "F")]
     opaquewidth: f32,
 
-    /// Filter that makes MIP levels: gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell
+    /// Filter of MIP levels: gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell
     /// or b-spline
     #[arg(long, value_parser = filter, default_value = "box", value_name = "NAME")]
     filter: Filter,
 
-    /// Compression, by the format's name for it
+    /// Compression, by its name in the format
     #[arg(long, value_name = "NAME")]
     compression: Option<String>,
 
@@ -99,7 +99,7 @@ pub(crate) struct Args {
     #[arg(short = 'd', value_name = "TYPE", value_parser = pixel_type)]
     pixel_type: Option<PixelType>,
 
-    /// Convert colours: from a space, to a space. Spaces are linear, srgb, rec709, g18, g22 and acescg
+    /// Convert colours from one space to another. Spaces are linear, srgb, rec709, g18, g22 and acescg
     #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = color_space)]
     colorconvert: Vec<ColorSpace>,
 
@@ -107,7 +107,7 @@ pub(crate) struct Args {
     #[arg(long, conflicts_with = "fixnan")]
     checknan: bool,
 
-    /// Replace values that are not finite numbers by the mean of those around them
+    /// Replace values that are not finite numbers by the mean of their neighbours
     #[arg(long)]
     fixnan: bool,
 
@@ -115,28 +115,28 @@ pub(crate) struct Args {
     #[arg(long)]
     hash: bool,
 
-    /// Store a picture whose pixels are all alike as one tile
+    /// Store an image of one colour as one tile
     #[arg(long = "constant-color-detect", visible_alias = "constant")]
     constant: bool,
 
-    /// Threads to work with [default: one per core]
+    /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
 
-    /// Memory that one texture may take, in MiB, where it grows with the picture [default: a quarter of
-    /// what is installed]
+    /// Memory limit of one texture in MiB, where its memory grows with the image [default: a quarter of the installed
+    /// memory]
     #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
     memory: Option<u64>,
 
-    /// Say what each texture took of time and memory
+    /// Print the time and the memory of each texture
     #[arg(long)]
     pub(crate) stats: bool,
 
-    /// A folder of image plugins, or a library that comes before what is bundled; may be repeated
+    /// A folder of image plugins, or a library, which is used before bundled ones; may be repeated
     #[arg(long, value_name = "PATH")]
     pub(crate) plugins: Vec<PathBuf>,
 
-    /// For pictures from strangers: load no plugins, read beneath the folders of the inputs only
+    /// For untrusted images: load no plugins, read below the folders of the inputs only
     #[arg(long)]
     pub(crate) safe: bool,
 
@@ -144,15 +144,15 @@ pub(crate) struct Args {
     #[arg(long, hide = true, requires = "safe")]
     pub(crate) nofence: bool,
 
-    /// Say which image formats are there and where they come from
+    /// Print the available image formats and their sources
     #[arg(long)]
     pub(crate) debugdso: bool,
 
-    /// 0: errors only, 1: also warnings, 2: also what was done
+    /// 0: errors only; 1: also warnings; 2: also progress
     #[arg(long, default_value_t = 1, value_name = "N")]
     verbosity: u8,
 
-    /// Say also what was done, as -verbosity 2
+    /// Print progress, as -verbosity 2
     #[arg(short = 'v')]
     verbose: bool,
 }
@@ -161,31 +161,31 @@ pub(crate) struct Args {
 #[derive(clap::Args, Debug)]
 #[group(multiple = false)]
 struct ModeArgs {
-    /// Cube-face environment map of six pictures, or of one latitude-longitude map
+    /// Cube-face environment map from six images, or from one latitude-longitude map
     #[arg(long)]
     envcube: bool,
 
-    /// Latitude-longitude environment map of one, of six faces, or of a cube-face environment
+    /// Latitude-longitude environment map from one, from six faces, or from a cube-face environment map
     #[arg(long)]
     envlatl: bool,
 
-    /// Cube-face environment map of a light probe (angular map)
+    /// Cube-face environment map from a light probe (angular map)
     #[arg(long)]
     lightprobe: bool,
 
-    /// Cube-face environment map of a vertical cross
+    /// Cube-face environment map from a vertical cross
     #[arg(long)]
     vertcross: bool,
 
-    /// Shadow map of a depth map
+    /// Shadow map from a depth map
     #[arg(long)]
     shadow: bool,
 
-    /// Cube-face shadow map of six depth maps; - is an empty one
+    /// Cube-face shadow map from six depth maps; - is an empty one
     #[arg(long)]
     shadcube: bool,
 
-    /// Volume shadow map of a volume depth map
+    /// Volume shadow map from a volume depth map
     #[arg(long)]
     volshad: bool,
 }

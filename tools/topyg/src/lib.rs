@@ -22,28 +22,28 @@ struct Args {
     /// Write to this file instead of the terminal
     #[arg(short = 'o', value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Where to look for generators: folders, separated by colons
+    /// Search path of generators: folders, separated by colons
     #[arg(short = 'p', value_name = "PATH")]
     path: Option<String>,
-    /// How many levels of Input to expand
+    /// The number of levels of Input to expand
     #[arg(short = 'r', value_name = "DEPTH", default_value_t = 0)]
     depth: u32,
-    /// Tell what is going on
+    /// Print progress
     #[arg(short = 'v')]
     verbose: bool,
     /// Write long arrays as binary data
     #[arg(long)]
     binary: bool,
-    /// Write parameters as calls of their own
+    /// Write parameters as separate calls
     #[arg(long)]
     separateparams: bool,
-    /// End the whole run after so many seconds, with what was started, and exit with status 1
+    /// End the run after this number of seconds, with all programs that it started, and exit with status 1
     #[arg(long, value_name = "SECONDS", value_parser = granita_cli::seconds)]
     timeout: Option<f64>,
-    /// A folder of plugins, or a library that comes before what is bundled; may be repeated
+    /// A folder of plugins, or a library, which is used before bundled ones; may be repeated
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
-    /// For scenes from strangers: run no scripts, programs and plugins, read beneath the scene's folder only
+    /// For untrusted scenes: run no scripts, programs and plugins, read below the scene's folder only
     #[arg(long)]
     safe: bool,
     /// Do not have the kernel enforce -safe as well

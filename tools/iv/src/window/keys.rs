@@ -145,7 +145,7 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
         ],
     ),
     (
-        "Live pictures",
+        "Live images",
         &[row(
             "Delete",
             Action::Abort,
