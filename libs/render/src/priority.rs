@@ -13,7 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 #[derive(Debug, Default)]
 pub struct Priority {
     wanted: Mutex<Wanted>,
-    /// Grows with every change.
+    /// A number that grows with every change.
     version: AtomicU64,
 }
 

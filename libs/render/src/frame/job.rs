@@ -623,7 +623,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 }
 
-/// The times after the first one between which the primitive variables of a primitive change linearly.
+/// Returns the times after the first one between which the primitive variables of a primitive change linearly.
 fn later_times(placement: &Placement, keys: &[ShapeKey<'_>]) -> Vec<f32> {
     let [first, .., last] = *placement.times() else { return Vec::new() };
     let inner = keys.iter().map(|key| key.time).filter(|t| (first..last).contains(t) && *t > first);

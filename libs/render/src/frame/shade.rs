@@ -434,7 +434,7 @@ impl Diced<'_> {
         let offsets = self.offsets(job, shaded);
         let at = |time: f32| {
             if time == grid.time {
-                // The points that were shaded.
+                // These points were shaded.
                 return self.lanes.clone().map(|lane| grid.p.get(lane)).collect();
             }
             let to_world = placement.to_world.at(time);

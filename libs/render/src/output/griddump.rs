@@ -229,7 +229,7 @@ struct Part {
     u: [usize; 2],
     /// The first and the last point along v.
     v: [usize; 2],
-    /// Which sides are boundary edges of the grid: at v = 0, u = 1, v = 1 and u = 0.
+    /// True for each side that is a boundary edge of the grid, in the order v = 0, u = 1, v = 1, u = 0.
     sides: [bool; 4],
 }
 
@@ -287,7 +287,7 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
             .as_slice()
             .into()
     };
-    // The first shading counts.
+    // The first shading is written.
     let shade = &grid.shades[0];
     let mut params =
         vec![param("vertex point P", triples(p)), param("vertex color C", triples(&shade.color))];
