@@ -471,8 +471,8 @@ impl<S: FrameShader> Frame<'_, S> {
         self.split(job).release(eye, bucket);
     }
 
-    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave out
-    /// parts beyond the pixels of `region`.
+    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave
+    /// out parts beyond the pixels of `region`.
     fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
         let placement = &job.placement;
         let world_to_camera = &eye.camera.world_to_camera;
@@ -503,9 +503,9 @@ impl<S: FrameShader> Frame<'_, S> {
         } else {
             boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
-        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When the
-        // surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with the
-        // pieces.
+        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When
+        // the surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with
+        // the pieces.
         let [width, height] = [region.width() as f32, region.height() as f32];
         let wide = piece
             .raster_width()

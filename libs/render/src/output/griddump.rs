@@ -1,8 +1,8 @@
 //! Writes shaded grids as a scene (reference 4.3.7, "griddump:filename").
 //!
 //! Every grid that a bucket requests becomes a linear `Patch` in "camera" space. It has the colour, the opacity and the
-//! variables that the images of the frame request at each of its points, and stands in a `Motion` block when it moves. A
-//! trimmed grid becomes several patches, which cover its remaining micropolygons.
+//! variables that the images of the frame request at each of its points, and stands in a `Motion` block when it moves.
+//! A trimmed grid becomes several patches, which cover its remaining micropolygons.
 //!
 //! Threads shade grids in any order. The text of each grid is appended to a nameless file. When the frame is complete,
 //! the texts are copied in the order of the scene. Memory holds their offsets only, the file has the same bytes for any
