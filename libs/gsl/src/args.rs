@@ -24,8 +24,8 @@ pub struct Arg {
 pub struct ArgDefault {
     /// The numbers or strings of all elements, one after the other.
     pub value: ConstValue,
-    /// The spaces of the numbers, one for each element: as written, else "rgb" or "common". Empty for floats and
-    /// strings.
+    /// The spaces of the numbers, one for each element. It is the one in the source, else "rgb" or "common". Empty for
+    /// floats and strings.
     pub spaces: Vec<Arc<str>>,
 }
 
@@ -42,7 +42,7 @@ impl GsoArgs {
     /// Reads the bytes of a `.gso` file without decoding its code. `file` names it in messages.
     ///
     /// # Errors
-    /// The errors are those of [`gso::read`].
+    /// Returns the errors of [`gso::read`].
     pub fn from_bytes(bytes: &[u8], file: &str) -> Result<Self, GslError> {
         Ok(Self::from_module(&gso::read_interface(bytes, file)?))
     }
@@ -111,14 +111,12 @@ impl GsoArgs {
     }
 }
 
-// The text of `gsoinfo` (reference 8.3, listing 15.1). Programs read it and split it at blanks, so its form is fixed:
-// words
-// are separated by single blanks, strings stand in double quotes, what has several numbers in brackets with blanks
-// inside of
-// them, and a blank follows the name of the shader, "nodefault" and strings, as the listing prints them.
+// The text of `gsoinfo` (reference 8.3, listing 15.1) has a fixed form, because programs read it and split it at
+// blanks. Words are separated by single blanks. Strings are in double quotes. Several numbers are in brackets with
+// blanks inside of them. As in the listing, a blank follows the name of the shader, "nodefault" and strings.
 
 impl GsoArgs {
-    /// Returns the interface as text: short, or with `verbose` also metadata and spaces.
+    /// Returns the interface as text. With `verbose`, it also contains metadata and spaces.
     pub fn describe(&self, verbose: bool) -> String {
         let mut out = String::new();
         if verbose {
@@ -173,7 +171,7 @@ fn metadatum(m: &Metadatum) -> String {
     line + "\n"
 }
 
-/// One text per element.
+/// Returns one text per element.
 fn elements(ty: ValueType, value: &ConstValue) -> Vec<String> {
     match value {
         ConstValue::Strings(v) => v.iter().map(|s| quote(s)).collect(),
@@ -203,7 +201,7 @@ fn quote(text: &str) -> String {
     out
 }
 
-/// Six significant digits, as C's `%g` prints them.
+/// Returns a number with six significant digits, as C's `%g` prints it.
 fn number(x: f32) -> String {
     if x.is_nan() {
         return "nan".to_owned();

@@ -41,7 +41,7 @@ pub(crate) struct Param {
 #[derive(Debug)]
 pub(crate) enum Length {
     Fixed(Expr),
-    /// `[]`.
+    /// The length `[]`.
     Open(Pos),
 }
 
@@ -104,7 +104,7 @@ pub(crate) enum StmtKind {
     Block(Vec<Stmt>),
     Variables(ValueType, Vec<Definition>),
     Function(Function),
-    /// Conditions with what they run, from `if` along `else if`, and the last `else`.
+    /// The conditions with their statements, from `if` through all `else if`, and the last `else`.
     If(Vec<(Expr, Stmt)>, Option<Box<Stmt>>),
     While(Expr, Box<Stmt>),
     DoWhile(Box<Stmt>, Expr),
@@ -172,24 +172,24 @@ impl Binary {
 pub(crate) enum ExprKind {
     Number(f32),
     Text(Arc<str>),
-    /// A variable with up to three subscripts: element, then component or row and column.
+    /// A variable with up to three subscripts, which are the element, then the component or the row and the column.
     Variable(Name, Vec<Expr>),
     Call(Name, Vec<Expr>),
     Construct(ValueType, Vec<Expr>),
     Cast(ValueType, Box<Expr>),
     Negate(Box<Expr>),
     Not(Box<Expr>),
-    /// An operand and what is done to it, from left to right.
+    /// An operand, and the operations on it from left to right.
     Chain(Box<Expr>, Vec<Link>),
-    /// Conditions with their values along `c ? a : d ? b : ...`, and the value where none holds.
+    /// The conditions with their values along `c ? a : d ? b : ...`, and the value where none holds.
     Select(Vec<(Expr, Expr)>, Box<Expr>),
-    /// `=`, or the operator of `+=` and so on; the left side is a `Variable`.
+    /// An assignment with `=`, or with the operator of `+=` and so on. The left side is a `Variable`.
     Assign(Option<Binary>, Box<Expr>, Box<Expr>),
-    /// `++` or `--` of a `Variable`.
+    /// The operator `++` or `--` on a `Variable`.
     Step {
         target: Box<Expr>,
         up: bool,
-        /// The value is the one before.
+        /// True when the value is the one before the step.
         postfix: bool,
     },
 }

@@ -38,7 +38,7 @@ impl TypeSet {
     }
 }
 
-/// float, color, point, vector, normal.
+/// The types float, color, point, vector and normal.
 pub(crate) const NUMBERS: TypeSet = TypeSet::of(&[F, C, P, V, N]);
 const NUMBERS_MATRIX: TypeSet = TypeSet::of(&[F, C, P, V, N, M]);
 const FLOAT_COLOR: TypeSet = TypeSet::of(&[F, C]);
@@ -47,13 +47,13 @@ const ANY_VALUE: TypeSet = TypeSet::of(&[F, C, P, V, N, M, S]);
 /// The types that an argument may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Arg {
-    /// This type, or what converts to it.
+    /// This type, or one that converts to it.
     Is(ValueType),
     /// The type that all `Same` arguments of the row share (and the result, if it is `Same`).
     Same(TypeSet),
-    /// One of these, as it is.
+    /// One of these types, without conversion.
     Any(TypeSet),
-    /// A value or an array of any type, as it is.
+    /// A value or an array of any type, without conversion.
     Data,
     /// An array of any type.
     Array,
@@ -73,7 +73,7 @@ pub(crate) enum Ret {
     Is(ValueType),
     /// The type of the `Same` arguments.
     Same,
-    /// What the context wants, if it is one of these; otherwise the first of them.
+    /// The type that the context expects, if it is one of these. Otherwise it is the first of them.
     Wanted(TypeSet),
 }
 
@@ -85,9 +85,9 @@ pub(crate) enum Rest {
     Values,
     /// More strings.
     Strings,
-    /// At least so many more `Same` arguments.
+    /// At least this number of further `Same` arguments.
     Same(usize),
-    /// Names with values.
+    /// Optional arguments, as names with values.
     Options(&'static [Choice]),
 }
 
@@ -130,7 +130,7 @@ const fn row(func: Func, ret: Ret, args: &'static [Arg]) -> Signature {
     }
 }
 
-/// Returns `ret`.
+/// Returns the row of an overload with a result of type `ret`.
 const fn f(func: Func, ret: ValueType, args: &'static [Arg]) -> Signature {
     row(func, Ret::Is(ret), args)
 }
@@ -182,7 +182,7 @@ const TEXTURE: &[Choice] = &[
     o("fill", F),
     out("alpha", F),
 ];
-/// "sample" and "direction" are not of the reference.
+/// The options of `environment`. "sample" and "direction" are not in the reference.
 const ENVIRONMENT: &[Choice] = &[
     o("angle", F),
     o("blur", F),
@@ -218,8 +218,8 @@ const SHADOW: &[Choice] = &[
     o("samples", F),
     o("bias", F),
 ];
-/// Of `occlusion`; "filename" is in the listings of 10.4 only, and "distribution", which `trace` has, says what
-/// portion is meant.
+/// The options of `occlusion`. "filename" is in the listings of 10.4 only. "distribution" is that of `trace` and
+/// determines which portion is computed.
 const OCCLUSION: &[Choice] = &[
     o("samples", F),
     o("adaptive", F),
@@ -233,9 +233,9 @@ const OCCLUSION: &[Choice] = &[
     o("filemode", S),
     o("distribution", S),
 ];
-/// Of `indirect`: all of `occlusion`'s but the last.
+/// The options of `indirect`, which are those of `occlusion` except the last one.
 const GATHER: &[Choice] = OCCLUSION.split_at(10).0;
-/// "model" is not of the reference.
+/// The options of `subsurface`. "model" is not in the reference.
 const SUBSURFACE: &[Choice] =
     &[o("scattering", C), o("absorption", C), o("eta", F), o("maxsolidangle", F), o("model", S)];
 const SAVE: &[Choice] = &[
@@ -364,7 +364,7 @@ pub(crate) const TABLE: &[Signature] = &[
     row(Func::CNoise, W, &[AF, AF]),
     row(Func::CNoise, W, &[AP]),
     row(Func::CNoise, W, &[AP, AF]),
-    // The reference's text says pnnoise, its contents pnoise; both are taken.
+    // The reference's text has pnnoise, and its contents have pnoise. Both are accepted.
     row(Func::PNoise, W, &[AF, AF]),
     row(Func::PNoise, W, &[AF, AF, AF, AF]),
     row(Func::PNoise, W, &[AP, AP]),
@@ -519,7 +519,7 @@ impl Signature {
 pub struct Overload {
     /// The function.
     pub func: Func,
-    /// The spelling in messages: `mix (type, type, float)`. No two overloads have the same.
+    /// The spelling in messages, such as `mix (type, type, float)`. It is unique.
     pub form: String,
     /// The possible result types in order of preference; empty when it returns nothing.
     pub results: Vec<ValueType>,
@@ -551,7 +551,7 @@ mod tests {
 
     #[test]
     fn every_function_has_a_row_and_every_row_a_function() {
-        // What a library declares has no row.
+        // Functions that a library declares have no row.
         for func in Func::ALL.iter().filter(|func| **func != Func::Shadeop) {
             assert!(TABLE.iter().any(|s| s.func == *func), "{} has no signature", func.word());
             assert_eq!(

@@ -1,6 +1,6 @@
 // tidy: long: statements are checked by one type, with a method for each kind
-//! The checker, which converts the syntax tree to the typed tree. This file has declarations and statements;
-//! expressions are in `check_expr`.
+//! The checker, which converts the syntax tree to the typed tree. This file has declarations and statements.
+//! Expressions are in `check_expr`.
 
 use crate::ast;
 use crate::builtins;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// The largest length of an array.
 pub(crate) const MAX_ARRAY: u32 = 65_536;
 
-/// Names of one scope. Variables and functions do not hide each other.
+/// The names of one scope. Variables and functions do not hide each other.
 #[derive(Default)]
 struct Scope {
     vars: BTreeMap<Arc<str>, VarId>,
@@ -23,7 +23,7 @@ struct Scope {
     funcs: BTreeMap<Arc<str>, Vec<FuncId>>,
 }
 
-/// What `break` and `continue` would leave.
+/// A construct that `break` and `continue` would leave.
 #[derive(Clone, Copy, PartialEq)]
 enum Around {
     Loop,
@@ -36,7 +36,7 @@ pub(crate) struct Checker<'a> {
     pub(crate) funcs: Vec<Func>,
     scopes: Vec<Scope>,
     around: Vec<Around>,
-    /// Functions whose bodies are being checked, innermost last.
+    /// The functions whose bodies are being checked, innermost last.
     inside: Vec<FuncId>,
 }
 
@@ -145,7 +145,7 @@ impl Checker<'_> {
         self.scopes.iter().rev().find_map(|s| s.vars.get(name)).copied()
     }
 
-    /// Declares a function of a library, outside of everything.
+    /// Declares a function of a library in the outermost scope.
     fn shadeop(&mut self, name: &Arc<str>, form: &ShadeopForm, pos: Pos) {
         let Some(declared) = shadeop::declared(name, form, pos, self.diags) else { return };
         let formals = declared.formals.iter().enumerate().map(|(i, (ty, output))| {
@@ -175,7 +175,7 @@ impl Checker<'_> {
         self.scopes[0].funcs.entry(name.clone()).or_default().push(id);
     }
 
-    /// Returns the functions of the source with a name: those of the innermost scope that has one.
+    /// Returns the functions of the source with a name. They are those of the innermost scope that has any.
     pub(crate) fn user_functions(&self, name: &str) -> &[FuncId] {
         self.scopes.iter().rev().find_map(|s| s.funcs.get(name)).map_or(&[], Vec::as_slice)
     }
@@ -228,7 +228,7 @@ impl Checker<'_> {
         Some(Param { var, output: param.output, init, metadata })
     }
 
-    /// Length of an array; the second value tells `[]`.
+    /// Returns the length of an array, and true for `[]`.
     fn length(&mut self, length: Option<&ast::Length>, may_be_open: bool) -> (Option<u32>, bool) {
         match length {
             None => (None, false),
@@ -265,7 +265,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Checks an initialiser; gives open arrays their length.
+    /// Checks an initialiser, and sets the length of open arrays.
     fn initializer(&mut self, init: ast::Init, ty: &mut SymbolType, name: &ast::Name) -> Init {
         match (init, ty.array) {
             (ast::Init::One(expr), None) => {
@@ -302,7 +302,7 @@ impl Checker<'_> {
                     let value = self.expr(expr, Some(ty.value));
                     values.push(self.coerce(value, ty.value));
                 }
-                // As in C, the rest is zero.
+                // The remaining elements are zero, as in C.
                 while !ty.open && values.len() < n as usize {
                     let kind = ExprKind::Const(zero(ty.value));
                     values.push(Expr { ty: SymbolType::of(ty.value), kind, pos });
@@ -357,13 +357,13 @@ impl Checker<'_> {
         }
     }
 
-    /// Whether another function of its scope has the same name, parameters and result.
+    /// True when another function of its scope has the same name, parameters and result.
     fn is_declared_again(&self, id: FuncId) -> bool {
         let types = |id: FuncId| {
             let f = &self.funcs[id.0];
             (f.ret, f.formals.iter().map(|v| self.vars[v.0].ty).collect::<Vec<_>>())
         };
-        // Its own scope of parameters is the innermost.
+        // The innermost scope is that of its own parameters.
         let scope = self.scopes.len().checked_sub(2).map(|k| &self.scopes[k]);
         let others = scope.and_then(|s| s.funcs.get(&self.funcs[id.0].name));
         others.is_some_and(|list| list.iter().any(|other| *other != id && types(*other) == types(id)))
@@ -379,7 +379,7 @@ impl Checker<'_> {
         out
     }
 
-    /// A statement in a scope of its own.
+    /// Checks a statement in a scope of its own.
     fn scoped(&mut self, statement: ast::Stmt) -> Vec<Stmt> {
         self.scopes.push(Scope::default());
         let mut out = Vec::new();
@@ -484,7 +484,7 @@ impl Checker<'_> {
         out.push(Stmt { kind, pos });
     }
 
-    /// An expression for what it does.
+    /// Checks an expression whose value is not used.
     fn effect(&mut self, expr: &ast::Expr) -> Expr {
         let checked = self.statement_expr(expr);
         let useless = match &checked.kind {
@@ -542,7 +542,7 @@ impl Checker<'_> {
         self.truth(value)
     }
 
-    /// Checks arguments against the wanted types; `None` after a mistake.
+    /// Checks arguments and converts them to these types.
     fn typed(&mut self, args: &[ast::Expr], types: &[ValueType]) -> Vec<Expr> {
         let mut out = Vec::new();
         for (arg, ty) in args.iter().zip(types) {
@@ -614,7 +614,8 @@ impl Checker<'_> {
         let level = self.level();
         let var = &mut self.vars[id.0];
         var.read = true;
-        // Within a loop or function that is younger than the variable, text order is not time order.
+        // Within a loop or function that begins after the declaration, the order of the text is not the order of
+        // execution.
         if var.kind == VarKind::Local && !var.written && !var.warned && var.level == level {
             var.warned = true;
             let what = format!("variable `{}` is used before it is given a value", var.name);
@@ -659,7 +660,7 @@ pub(crate) fn opcode(op: ast::Binary) -> OpCode {
         ast::Binary::Le => OpCode::Le,
         ast::Binary::Gt => OpCode::Gt,
         ast::Binary::Ge => OpCode::Ge,
-        // The two are lowered to conditions; these stand for their truth.
+        // These two are lowered to conditions. The opcode is that of their truth.
         ast::Binary::And | ast::Binary::Or => OpCode::Truth,
     }
 }

@@ -1,5 +1,5 @@
 // tidy: long: expressions are checked by one type, with a method for each kind
-//! The expressions of the checker: types, conversions, overloads, constants.
+//! Checks expressions, with their types, conversions, overloads and constants.
 //!
 //! The result type of some functions depends on their context (`noise`, `texture`, `random`). A check therefore has
 //! an expected type. Assignments, casts and arguments set it, and arithmetic passes it to both operands. Before an
@@ -18,16 +18,16 @@ use crate::source::Pos;
 /// A chosen overload and the type of its `Same` arguments.
 type Chosen = (&'static Signature, Option<ValueType>);
 
-/// Whose form of a function a call means.
+/// The choice of the function for a call.
 enum Choose {
-    /// One that the source declares, or none fits and the source declares some.
+    /// A function of the source. It is also chosen when no form fits and the source declares some.
     User,
-    /// One of the standard library.
+    /// A form of the standard library.
     Builtin(Chosen),
     Nothing,
 }
 
-/// The type of argument `i` of a form, where it has one of its own.
+/// Returns the type of argument `i` of a form, where the form defines it.
 fn fixed_type(row: &Signature, i: usize) -> Option<ValueType> {
     match argument(row, i)?.0 {
         Arg::Is(ty) => Some(ty),
@@ -35,16 +35,15 @@ fn fixed_type(row: &Signature, i: usize) -> Option<ValueType> {
     }
 }
 
-/// The forms of this function give back one of their arguments or what lies between: where the result is a factor,
-/// the
-/// arguments are.
+/// True when the forms of this function return one of their arguments or a value between them. Where the result is a
+/// factor, so are the arguments.
 fn passes_factor(name: &str) -> bool {
     let mut forms = builtins::named(name).peekable();
     forms.peek().is_some() && forms.all(|row| row.ret == Ret::Same)
 }
 
 impl Checker<'_> {
-    // What types are possible.
+    // Possible types.
 
     /// Returns the types that an expression can have, with `factor` as in [`Wish`].
     pub(crate) fn possible(&self, expr: &ast::Expr, factor: bool) -> Possible {
@@ -90,7 +89,8 @@ impl Checker<'_> {
         }
     }
 
-    /// What types the arguments of a call can have. Those of `max` and its kin are factors where the call is one.
+    /// Returns the types that the arguments of a call can have. Those of `max` and similar functions are factors where
+    /// the call is one.
     fn possible_arguments(&self, name: &str, args: &[ast::Expr], factor: bool) -> Vec<Possible> {
         let factor = factor && passes_factor(name);
         args.iter().map(|a| self.possible(a, factor)).collect()
@@ -109,7 +109,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Types that the `Same` arguments can have, when the context decides.
+    /// Returns the types that the `Same` arguments can have, when the context decides.
     fn same_possible(row: &Signature, args: &[Possible]) -> Option<TypeSet> {
         let mut found = None;
         for (i, possible) in args.iter().enumerate() {
@@ -125,8 +125,9 @@ impl Checker<'_> {
 
     // Overloads.
 
-    /// The form that fits best: the least conversions; of equals, one of the source before the first in the table.
-    /// A function of the source that is being declared gives way to a built-in form, so that it may wrap it.
+    /// Returns the form that fits best, which is the one with the least conversions. Of equal ones, a form of the
+    /// source comes before the first one in the table. A function of the source that is being declared gives way to a
+    /// built-in form, so that it may wrap it.
     fn choose(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Choose {
         let mut best: Option<(u32, Chosen)> = None;
         for row in builtins::named(name) {
@@ -139,7 +140,7 @@ impl Checker<'_> {
             return best.map_or(Choose::Nothing, |(_, chosen)| Choose::Builtin(chosen));
         }
         match (self.user_cost(name, args), best) {
-            // Of equals, the one that leaves more of what is open a float.
+            // Of equal costs, the form is chosen that changes fewer arguments from floats to other types.
             (Some((cost, complete)), Some((least, chosen)))
                 if !complete || cost > (least, bent(args, |i| fixed_type(chosen.0, i))) =>
             {
@@ -234,7 +235,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Reports operands that an operator does not take.
+    /// Reports operands that an operator does not accept.
     fn operands(&mut self, op: &str, operands: &[&Expr], pos: Pos, wanted: Option<ValueType>) -> Expr {
         if !operands.iter().any(|o| matches!(o.kind, ExprKind::Bad)) {
             let types: Vec<String> = operands.iter().map(|o| describe(o.ty)).collect();
@@ -243,7 +244,7 @@ impl Checker<'_> {
         self.bad(pos, wanted)
     }
 
-    /// The variable, element or component that an expression names.
+    /// Returns the variable, element or component that an expression names.
     fn place(&mut self, expr: &ast::Expr) -> Option<(Place, SymbolType)> {
         let ast::ExprKind::Variable(name, subscripts) = &expr.kind else { return None };
         let Some(var) = self.variable(&name.text) else {
@@ -328,7 +329,7 @@ impl Checker<'_> {
         self.bad(value.pos, Some(ty))
     }
 
-    /// Warns about `vector v = texture (...)`: only the form of one channel fits, which is hardly meant.
+    /// Warns about `vector v = texture (...)`. Only the form of one channel fits, which is rarely intended.
     fn one_channel(&mut self, value: &Expr, ty: ValueType) {
         if let ExprKind::Builtin { signature, .. } = &value.kind
             && matches!(signature.ret, Ret::Wanted(set) if set != NUMBERS)
@@ -374,8 +375,8 @@ impl Checker<'_> {
 
     // Operators.
 
-    /// Operators beside each other, however many: what is wanted goes from the last to the first, types go from the
-    /// first to the last.
+    /// Checks operators beside each other, of any number. Expected types are passed from the last to the first, and
+    /// types from the first to the last.
     fn chain(&mut self, first: &ast::Expr, links: &[ast::Link], wish: Wish) -> Expr {
         let mut left = self.possible(first, wish.factor);
         let mut sides = Vec::with_capacity(links.len());
@@ -384,7 +385,7 @@ impl Checker<'_> {
             sides.push((left, right));
             left = possible_link(link.operator, left, right);
         }
-        // What each operator should give, and its operands should be.
+        // These are the expected types of both operands and of the result of each operator.
         let mut wishes = vec![(wish, wish, wish); links.len()];
         let mut result = wish;
         for (k, (left, right)) in sides.iter().enumerate().rev() {
@@ -400,7 +401,7 @@ impl Checker<'_> {
         value
     }
 
-    /// One operator of a chain.
+    /// Checks one operator of a chain.
     fn link(&mut self, a: Expr, link: &ast::Link, b: Expr, wanted: Option<ValueType>) -> Expr {
         let (op, pos) = (link.operator, link.pos);
         let linked = |a: Expr, left, operator, right, ty| {
@@ -414,7 +415,7 @@ impl Checker<'_> {
             };
             Expr { ty: SymbolType::of(ty), kind, pos }
         };
-        // What is done to the left operand: a link of its own would nest chains.
+        // This is the operation on the left operand. A link of its own would nest chains.
         let within = matches!(a.kind, ExprKind::Chain(..));
         match op {
             Binary::And | Binary::Or => {
@@ -445,7 +446,8 @@ impl Checker<'_> {
         }
     }
 
-    /// `c ? a : d ? b : ...`: all values become what the first one and the rest have in common.
+    /// Checks `c ? a : d ? b : ...`. All values are converted to the type that the first one and the rest have in
+    /// common.
     fn select(
         &mut self,
         arms: &[(ast::Expr, ast::Expr)],
@@ -793,7 +795,7 @@ impl Checker<'_> {
     }
 }
 
-/// What types an operator's result can have.
+/// Returns the types that an operator's result can have.
 fn possible_link(op: Binary, a: Possible, b: Possible) -> Possible {
     if is_arithmetic(op) { possible_result(op, a, b) } else { Possible::Value(ValueType::Float) }
 }
@@ -802,7 +804,7 @@ fn is_arithmetic(op: Binary) -> bool {
     matches!(op, Binary::Mul | Binary::Div | Binary::Add | Binary::Sub)
 }
 
-/// What the operands of an operator should be.
+/// Returns the expected types of the operands of an operator.
 fn side_wishes(op: Binary, left: Possible, right: Possible, wish: Wish) -> (Wish, Wish) {
     let value = |p: Possible| match p {
         Possible::Value(ty) => Some(ty),

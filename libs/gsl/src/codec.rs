@@ -1,12 +1,12 @@
-// tidy: long: how each part is written and how it is read stand in one file, so that one cannot change alone
-//! Encodes modules as bytes: lengths and ids as variable-length numbers (7 bits a byte, low bits first), floats by
-//! their bits, enums by their index in the tables here, functions by name.
+// tidy: long: the encoder and the decoder of each part are in one file, so that they change together
+//! Encodes modules as bytes. Lengths and ids are variable-length numbers (7 bits per byte, low bits first). Floats are
+//! stored as their bits, enums as their index in the tables here, and functions by name.
 
 use crate::Func;
 use crate::ir::*;
 use std::sync::Arc;
 
-/// Blocks within blocks in a file; more than lowering makes.
+/// The largest depth of nested blocks in a file, which is more than lowering makes.
 const MAX_BLOCKS: usize = 600;
 
 const KINDS: [ShaderKind; 5] = [
@@ -28,7 +28,7 @@ const TYPES: [ValueType; 8] = [
     ValueType::String,
 ];
 
-/// Opcodes but calls; the order is part of the file format.
+/// All opcodes except calls. The order is part of the file format.
 const CODES: [OpCode; 21] = [
     OpCode::Assign,
     OpCode::Neg,
@@ -127,7 +127,7 @@ impl Encoder {
         self.number(id.0);
     }
 
-    /// 0, or the id and 1.
+    /// Writes 0 for `None`, else the id plus 1.
     fn maybe(&mut self, id: Option<SymbolId>) {
         self.number(id.map_or(0, |id| id.0 + 1));
     }
@@ -326,7 +326,7 @@ impl Encoder {
     }
 }
 
-/// The place of an item. One that were missing could not be read again, or as something else.
+/// Returns the index of an item. The tables contain all items, because a missing one could not be decoded.
 fn place_in<T: PartialEq>(table: &[T], item: &T) -> usize {
     table.iter().position(|t| t == item).expect("invariant: the tables of the format are complete")
 }
@@ -395,7 +395,7 @@ impl<'a> Decoder<'a> {
         Ok(self.number()?.checked_sub(1).map(SymbolId))
     }
 
-    /// A list; its items take a byte at least, so a length beyond the rest is refused before memory is taken.
+    /// Reads a list. An item has at least one byte, so a length beyond the rest is refused before memory is allocated.
     fn list<T>(&mut self, mut item: impl FnMut(&mut Self) -> Decoded<T>) -> Decoded<Vec<T>> {
         let n = self.number()? as usize;
         if n > self.rest.len() {
@@ -632,9 +632,8 @@ pub(crate) fn check_value(ty: &SymbolType, value: &ConstValue) -> Decoded<()> {
 mod tests {
     use super::*;
 
-    /// The operation after another one, in an order that has all of them: one that is added to the language and
-    /// missing here
-    /// does not compile.
+    /// Returns the operation after another one, in an order that contains all. An operation that is added to the
+    /// language and missing here does not compile.
     fn next(code: OpCode) -> Option<OpCode> {
         use OpCode as C;
         Some(match code {

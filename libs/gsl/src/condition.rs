@@ -3,10 +3,10 @@
 use crate::source::Pos;
 use crate::token::{Raw, RawKind};
 
-/// Parentheses and operators within each other.
+/// The largest depth of nested parentheses and operators.
 const MAX_DEPTH: usize = 100;
 
-/// A mistake and where it is, if it is at a token.
+/// An error, and its position if it is at a token.
 type Failure = (Option<Pos>, String);
 
 /// Returns the value of an expression whose macros have been replaced. Remaining names count as 0.
@@ -22,7 +22,7 @@ pub(crate) fn evaluate(tokens: &[Raw]) -> Result<i64, Failure> {
     }
 }
 
-/// Binary operators, loosest first.
+/// The binary operators, loosest first.
 const LEVELS: &[&[&str]] = &[
     &["||"],
     &["&&"],

@@ -1,14 +1,14 @@
-//! Errors in a source text, printed as compilers do: place, message, the line and a caret.
+//! Errors in a source text, printed as compilers do, with position, message, the line and a caret.
 
 use crate::source::{Pos, Sources};
 use granita_base::{Location, Severity};
 use std::fmt;
 
-/// So many errors end a compilation.
+/// The largest number of errors. More end a compilation.
 const MAX_ERRORS: usize = 25;
-/// More warnings are counted and not shown.
+/// The largest number of warnings that are shown. More are counted.
 const MAX_WARNINGS: usize = 200;
-/// Characters of a source line that are shown on either side of the caret.
+/// The number of characters of a source line that are shown on either side of the caret.
 const AROUND: usize = 90;
 
 /// One error or warning about a source text.
@@ -16,11 +16,11 @@ const AROUND: usize = 90;
 pub struct Diagnostic {
     /// [`Severity::Error`] or [`Severity::Warning`].
     pub severity: Severity,
-    /// File, line and column.
+    /// The file, the line and the column.
     pub at: Location,
     /// The message, in lower case, without a full stop.
     pub message: String,
-    /// The source line of the error; for very long lines the part around it.
+    /// The source line of the error. For a very long line, it is the part around the error.
     pub line: Option<String>,
     /// The column of the caret in `line`, counted from 1 in characters.
     pub caret: u32,
@@ -29,7 +29,7 @@ pub struct Diagnostic {
 }
 
 impl fmt::Display for Diagnostic {
-    /// `file:line:column: error: message`, then the source line, a caret under the place, and help.
+    /// Writes `file:line:column: error: message`, then the source line, a caret under the position, and the hint.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.at.is_known() {
             write!(f, "{}: ", self.at)?;
@@ -129,7 +129,7 @@ impl Diagnostics {
     }
 }
 
-/// The part of a line around a column (counted from 1), and the column in it.
+/// Returns the part of a line around a column (counted from 1), and the column in it.
 fn excerpt(line: &str, column: u32) -> (String, u32) {
     let count = line.chars().count();
     if count <= 2 * AROUND {

@@ -3,18 +3,18 @@
 /// The reason why a compiled shader cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum GslError {
-    /// The file is not what it should be.
+    /// The file is invalid.
     #[error("{at}: {what}")]
     Malformed {
-        /// What is wrong.
+        /// A description of the error.
         what: String,
         /// The file.
         at: String,
     },
-    /// The file is of a kind that this version does not know.
+    /// The file is of a kind that this version does not support.
     #[error("{at}: {what}")]
     Unsupported {
-        /// What is not known.
+        /// A description of the unsupported kind.
         what: String,
         /// The file.
         at: String,

@@ -61,7 +61,7 @@ pub(crate) fn fold(expr: Expr) -> Expr {
     }
 }
 
-/// `a op b`, component by component; `None` for what is not finite, which is the executor's to say.
+/// Returns `a op b`, component by component; `None` for a result that is not finite, which the executor reports.
 fn arithmetic(op: OpCode, a: &[f32], b: &[f32], ty: ValueType) -> Option<Vec<f32>> {
     let f = match op {
         OpCode::Add => |a, b| a + b,

@@ -3,7 +3,7 @@
 /// Declares [`Func`] with the spelling of every function.
 macro_rules! functions {
     ($($id:ident $word:literal,)*) => {
-        /// A function of the standard library; overloads share one.
+        /// A function of the standard library. Its overloads share one.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[allow(missing_docs, reason = "each is the function of its name, reference 5.8")]
         pub enum Func { $($id,)* }
@@ -53,6 +53,6 @@ functions! {
     GetTextureInfo "gettextureinfo",
     RayLevel "raylevel", IsShadowRay "isshadowray", IsIndirectRay "isindirectray",
     ArrayLength "arraylength",
-    // No word of the language: what its first operand, a constant, names.
+    // This is not a word of the language. The first operand, a constant, names the function.
     Shadeop "(shadeop)",
 }

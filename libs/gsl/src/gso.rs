@@ -1,12 +1,12 @@
 //! `.gso` files, each with one complete compiled shader.
 //!
-//! Layout, all numbers little endian: 8 bytes of magic (as PNG's, which detects a transfer as text), version,
-//! flags, length of the header, length of the body (32 bits each), and a 64-bit checksum of all that follows the
-//! magic except itself. Then follow the header (kind, name, metadata, parameters with defaults) and the body
-//! (symbols, code). The header is always plain. With flag 1 the body is combined with a key stream, which only
-//! prevents casual reading (reference 8.2.1, `-x`).
+//! All numbers are little-endian. A file begins with 8 bytes of magic (as in PNG, which detects a transfer as text),
+//! version, flags, length of the header, length of the body (32 bits each), and a 64-bit checksum of all that follows
+//! the magic except itself. Then follow the header (kind, name, metadata, parameters with defaults) and the body
+//! (symbols, code). The header is always plain. With flag 1 the body is combined with a key stream, which only prevents
+//! casual reading (reference 8.2.1, `-x`).
 //!
-//! The same module always has the same bytes. Reading returns a [`ValidModule`]: every symbol exists, and the
+//! The same module always has the same bytes. Reading returns a [`ValidModule`], in which every symbol exists and the
 //! operands of every operation have permitted types.
 
 use crate::codec::{Decoder, Encoder, FuncTable};
@@ -18,7 +18,7 @@ use granita_base::hash;
 const MAGIC: [u8; 8] = [0x89, b'G', b'S', b'O', b'\r', b'\n', 0x1a, b'\n'];
 const VERSION: u32 = 1;
 const FLAG_OBFUSCATED: u32 = 1;
-/// Magic, version, flags, two lengths, checksum.
+/// The length in bytes of magic, version, flags, two lengths and checksum.
 const FRONT: usize = 8 + 4 * 4 + 8;
 
 /// Returns a module as the bytes of a `.gso` file. With `encrypt` its code is not readable in the file.
@@ -63,7 +63,7 @@ pub fn read(bytes: &[u8], file: &str) -> Result<ValidModule, GslError> {
     ValidModule::check(module, file)
 }
 
-/// Reads only the header: the module without code and the kinds of symbols, for parameter queries.
+/// Reads only the header, for parameter queries. The module has no code, and its only symbols are the parameters.
 pub(crate) fn read_interface(bytes: &[u8], file: &str) -> Result<Module, GslError> {
     let parts = open(bytes, file)?;
     read_header(&parts).map_err(|what| GslError::Malformed { what, at: file.to_owned() })
@@ -137,7 +137,7 @@ fn checksum(front: &[u8], header: &[u8], body: &[u8]) -> u64 {
     hash::bytes64(&all)
 }
 
-/// Mixes bytes with a key stream made from the header; twice gives the bytes back.
+/// Mixes bytes with a key stream made from the header. Applying it twice restores the bytes.
 fn mix(bytes: &mut [u8], header: &[u8]) {
     let seed = hash::bytes64(header);
     let (low, high) = (seed as u32, (seed >> 32) as u32);

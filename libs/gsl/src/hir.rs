@@ -1,5 +1,5 @@
-//! The checked tree: names are resolved, overloads are chosen, and every expression is typed. Functions are not
-//! inlined yet.
+//! The checked tree. Names are resolved, overloads are chosen, and every expression is typed. Functions are not inlined
+//! yet.
 
 use crate::builtins::Signature;
 use crate::ir::{ConstValue, Global, OpCode, SymbolType, ValueType};
@@ -15,13 +15,13 @@ pub(crate) struct FuncId(pub(crate) usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum VarKind {
     Global(Global),
-    /// Of the shader.
+    /// A parameter of the shader.
     Param {
         index: usize,
         output: bool,
     },
     Local,
-    /// Of a function.
+    /// A parameter of a function.
     Formal {
         output: bool,
     },
@@ -68,9 +68,9 @@ pub(crate) struct Place {
 #[derive(Debug)]
 pub(crate) enum Component {
     All,
-    /// Of a triple.
+    /// A component of a triple.
     One(Box<Expr>),
-    /// Row and column of a matrix.
+    /// The row and the column of a matrix.
     Cell(Box<Expr>, Box<Expr>),
 }
 
@@ -90,8 +90,8 @@ pub(crate) struct Expr {
 /// An operator and its right operand.
 #[derive(Debug)]
 pub(crate) struct Link {
-    /// An operation on the left operand before the operator: a conversion to this type, or (`Truth`) a test whether
-    /// it is true.
+    /// An operation on the left operand before the operator. It is a conversion to this type, or (`Truth`) a test
+    /// whether it is true.
     pub(crate) left: Option<(OpCode, ValueType)>,
     pub(crate) operator: Operator,
     pub(crate) right: Expr,
@@ -112,17 +112,17 @@ pub(crate) enum ExprKind {
     Const(ConstValue),
     Read(Place),
     Unary(OpCode, Box<Expr>),
-    /// A value and what is done to it, from left to right: never empty.
+    /// A value, and the operations on it from left to right. There is at least one.
     Chain(Box<Expr>, Vec<Link>),
-    /// Conditions with their values, and the value where none holds.
+    /// The conditions with their values, and the value where none holds.
     Select(Vec<(Expr, Expr)>, Box<Expr>),
-    /// To the type of this expression.
+    /// A conversion to the type of this expression.
     Convert(Box<Expr>),
     Construct {
         space: Option<Box<Expr>>,
         parts: Vec<Expr>,
     },
-    /// Output arguments are `Read` expressions.
+    /// A call of a built-in function. Output arguments are `Read` expressions.
     Builtin {
         signature: &'static Signature,
         args: Vec<Expr>,
@@ -143,7 +143,7 @@ pub(crate) enum ExprKind {
         up: bool,
         postfix: bool,
     },
-    /// A mistake that has been reported.
+    /// An error that has been reported.
     Bad,
 }
 
@@ -157,7 +157,7 @@ pub(crate) struct Stmt {
 pub(crate) enum Init {
     None,
     One(Expr),
-    /// One for each element.
+    /// One value for each element.
     List(Vec<Expr>),
 }
 
@@ -173,7 +173,7 @@ pub(crate) enum StmtKind {
     Expr(Expr),
     Declare(VarId, Init),
     Block(Vec<Stmt>),
-    /// As [`crate::ast::StmtKind::If`].
+    /// A conditional statement, in the form of [`crate::ast::StmtKind::If`].
     If(Vec<Arm>, Vec<Stmt>),
     Loop {
         body_first: bool,
@@ -192,7 +192,7 @@ pub(crate) enum StmtKind {
         body: Vec<Stmt>,
     },
     Trace {
-        /// set, position, axis, angle, samples.
+        /// The set, position, axis, angle and number of samples.
         args: Vec<Expr>,
         options: Vec<(Expr, Expr)>,
         body: Vec<Stmt>,

@@ -1,18 +1,19 @@
 //! The intermediate representation, which the compiler makes, `.gso` files store and the executor runs.
 //!
 //! A [`Module`] is one shader. All functions have been inlined (recursion is not permitted, arguments are passed by
-//! reference), so its code is one tree of structured statements over typed **symbols**. There are no pointers and
-//! no jumps. The tree can be interpreted over masked lanes or printed as WGSL. Every symbol is either the same for
-//! all points (uniform) or not (varying). The executor tracks this at run time; it is not part of the IR.
+//! reference), so its code is one tree of structured statements over typed **symbols**. There are no pointers and no
+//! jumps. The tree can be interpreted over masked lanes or printed as WGSL. Every symbol is either the same for all
+//! points (uniform) or not (varying). The executor tracks this at run time. It is not part of the IR.
 //!
 //! Semantics:
-//! - A statement affects **active lanes** only. `If` and `Loop` narrow them. `Break`, `Continue`, [`Stmt::Leave`]
-//!   and `Exit` remove lanes from the innermost loop, the rest of its iteration, a named scope, the shader.
+//! - A statement affects **active lanes** only. `If` and `Loop` narrow them. `Break`, `Continue`, [`Stmt::Leave`] and
+//!   `Exit` remove lanes from the innermost loop, the rest of its iteration, a named scope and the shader,
+//!   respectively.
 //! - `&&`, `||` and `?:` have been lowered to `If`, so operands with side effects run only as in C.
-//! - Conversions happen in [`OpCode::Assign`] and on operands: a float is replicated to a triple, or fills the
-//!   diagonal of a matrix, and triples copy among each other.
-//! - The type of an operation is the type of its `dst` symbol. Operands convert to it, except where the opcode
-//!   defines otherwise.
+//! - Conversions happen in [`OpCode::Assign`] and on operands. A float is replicated to a triple, or fills the diagonal
+//!   of a matrix. Triples are copied to each other.
+//! - The type of an operation is the type of its `dst` symbol. Operands convert to it, except where the opcode defines
+//!   otherwise.
 
 use granita_base::{BaseType, Location};
 use std::sync::Arc;
@@ -25,7 +26,7 @@ pub enum ShaderKind {
     Displacement,
     Volume,
     Light,
-    /// `shader`: any usage, checked when it is attached.
+    /// A `shader` of any usage, which is checked when it is attached.
     Generic,
 }
 
@@ -111,7 +112,7 @@ impl ValueType {
 pub struct SymbolType {
     /// The type of one element.
     pub value: ValueType,
-    /// The array length; for a variable-length parameter, the number of its initialisers.
+    /// The array length. For a variable-length parameter, it is the number of its initialisers.
     pub array: Option<u32>,
     /// True when it is declared with `[]`, so that the instance may have another length.
     pub open: bool,
@@ -225,22 +226,22 @@ impl Global {
 pub enum SymbolKind {
     /// A predefined variable.
     Global(Global),
-    /// A shader parameter: index into [`Module::params`].
+    /// A shader parameter, by its index in [`Module::params`].
     Param(u32),
-    /// A variable of the source, or an inlined function's.
+    /// A variable of the source or of an inlined function.
     Local,
-    /// Made by the compiler; each is written before it is read.
+    /// A temporary of the compiler. It is written before it is read.
     Temp,
-    /// A constant; its values, element by element.
+    /// A constant, with its values element by element.
     Const(ConstValue),
 }
 
 /// A constant.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstValue {
-    /// Components of all elements.
+    /// The components of all elements.
     Floats(Arc<[f32]>),
-    /// Strings of all elements.
+    /// The strings of all elements.
     Strings(Arc<[Arc<str>]>),
 }
 
@@ -255,7 +256,7 @@ pub struct Symbol {
     pub kind: SymbolKind,
 }
 
-/// Statements in order.
+/// A list of statements, in order.
 pub type Block = Vec<Stmt>;
 
 /// Identifies a [`Stmt::Scope`].
@@ -267,82 +268,82 @@ pub struct ScopeId(pub u32);
 pub enum Stmt {
     /// One operation.
     Op(Op),
-    /// `cond` is a float: 0 is false.
+    /// A condition. It is false when `cond` is 0.
     If {
-        /// Float symbol.
+        /// A float symbol.
         cond: SymbolId,
-        /// Lanes where it is not 0.
+        /// The code for the lanes where it is not 0.
         then: Block,
-        /// The others.
+        /// The code for the other lanes.
         otherwise: Block,
     },
     /// A loop of any kind.
     Loop {
-        /// `do ... while`: the first iteration runs untested.
+        /// True for `do ... while`, whose first iteration runs without a test.
         body_first: bool,
-        /// Code that computes `cond`, before each test.
+        /// The code that computes `cond`, before each test.
         test: Block,
-        /// Float symbol; `None` loops until left.
+        /// A float symbol; `None` for a loop without a test.
         cond: Option<SymbolId>,
         /// The body.
         body: Block,
-        /// After the body and after `Continue`, before the next test.
+        /// The code after the body and after `Continue`, before the next test.
         step: Block,
     },
-    /// Code that [`Stmt::Leave`] can leave: an inlined function.
+    /// Code that [`Stmt::Leave`] can leave, such as an inlined function.
     Scope {
-        /// Its name.
+        /// Its id.
         id: ScopeId,
         /// Its code.
         body: Block,
     },
-    /// Active lanes skip the rest of the scope.
+    /// Makes active lanes skip the rest of the scope.
     Leave(ScopeId),
-    /// Out of the innermost loop (of `Loop` only).
+    /// Leaves the innermost loop (of `Loop` only).
     Break,
-    /// To the next iteration of the innermost loop.
+    /// Continues with the next iteration of the innermost loop.
     Continue,
-    /// `exit ()`, or `return` in the shader's own body.
+    /// Ends the shader. It is `exit ()`, or `return` in the shader's own body.
     Exit,
-    /// `lights`: the body runs once per light sample with `L`, `Cl`, `Pl`, `Nl` set.
+    /// A `lights` statement. The body runs once per light sample with `L`, `Cl`, `Pl`, `Nl` set.
     Lights {
-        /// String; `None` takes all non-ambient lights.
+        /// A string symbol; `None` takes all non-ambient lights.
         category: Option<SymbolId>,
-        /// Point.
+        /// A point symbol.
         position: SymbolId,
-        /// Vector and float (half angle, radians); both or none.
+        /// A vector symbol (axis) and a float symbol (half angle in radians).
         cone: Option<(SymbolId, SymbolId)>,
         /// The body.
         body: Block,
-        /// Where.
+        /// The position in the source.
         at: SourcePos,
     },
-    /// `emit`, in a light shader.
+    /// An `emit` statement, in a light shader.
     Emit {
-        /// Which form.
+        /// The form of the statement.
         form: EmitForm,
-        /// The body; sets `Cl`.
+        /// The body, which sets `Cl`.
         body: Block,
-        /// Where.
+        /// The position in the source.
         at: SourcePos,
     },
-    /// `trace`: the body runs once per ray.
+    /// A `trace` statement. The body runs once per ray.
     Trace {
-        /// String: geometry set.
+        /// A string symbol, the geometry set.
         set: SymbolId,
-        /// Point.
+        /// A point symbol.
         position: SymbolId,
-        /// Vector.
+        /// A vector symbol.
         axis: SymbolId,
-        /// Float, half angle in radians.
+        /// A float symbol, the half angle in radians.
         angle: SymbolId,
-        /// Float.
+        /// A float symbol, the number of samples.
         samples: SymbolId,
-        /// Name (string) and value, in pairs.
+        /// The names (strings) and the values, in pairs.
         options: Vec<(SymbolId, SymbolId)>,
         /// The body.
         body: Block,
-        /// Where.
+        /// The position in the source.
         at: SourcePos,
     },
 }
@@ -350,29 +351,29 @@ pub enum Stmt {
 /// The forms of `emit` (reference 5.5.5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EmitForm {
-    /// `emit (point from)`.
+    /// The form `emit (point from)`.
     Point(SymbolId),
-    /// `emit (point from, vector axis, float angle)`.
+    /// The form `emit (point from, vector axis, float angle)`.
     Cone {
-        /// Point.
+        /// A point symbol.
         from: SymbolId,
-        /// Vector.
+        /// A vector symbol.
         axis: SymbolId,
-        /// Float, half angle in radians.
+        /// A float symbol, the half angle in radians.
         angle: SymbolId,
     },
-    /// `emit (vector axis, float spreadangle)`.
+    /// The form `emit (vector axis, float spreadangle)`.
     Distant {
-        /// Vector; light travels along it.
+        /// A vector symbol. Light travels along it.
         axis: SymbolId,
-        /// Float, radians.
+        /// A float symbol, in radians.
         spread: SymbolId,
     },
-    /// `emit ()`: along the reflection direction.
+    /// The form `emit ()`, along the reflection direction.
     Reflection,
 }
 
-/// A place in the source.
+/// A position in the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SourcePos {
     /// An index into [`Module::files`].
@@ -390,84 +391,86 @@ pub struct Op {
     pub dst: Option<SymbolId>,
     /// The operands.
     pub args: Vec<SymbolId>,
-    /// The place in the source.
+    /// The position in the source.
     pub at: SourcePos,
 }
 
 /// The code of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum OpCode {
-    /// `dst = args[0]`, converted; whole arrays copy when their lengths agree.
+    /// Sets `dst = args[0]`, converted. Whole arrays are copied when their lengths agree.
     Assign,
-    /// `-args[0]`.
+    /// Computes `-args[0]`.
     Neg,
-    /// Component by component.
+    /// Adds component by component.
     Add,
-    /// Component by component.
+    /// Subtracts component by component.
     Sub,
-    /// Component by component; of matrices, the matrix product (row vectors: left applies first).
+    /// Multiplies component by component. For matrices, it is the matrix product (of row vectors, so the left one
+    /// applies first).
     Mul,
-    /// Component by component; of matrices, product with the inverse.
+    /// Divides component by component. For matrices, it is the product with the inverse.
     Div,
-    /// Float 1 when all components are equal, or strings are; operands of equal type after promotion.
+    /// Computes float 1 when all components, or the strings, are equal. The operands have equal types after promotion.
     Eq,
-    /// The opposite of `Eq`.
+    /// Computes the opposite of `Eq`.
     Ne,
-    /// Of floats; float result.
+    /// Compares floats. The result is a float.
     Lt,
-    /// Of floats; float result.
+    /// Compares floats. The result is a float.
     Le,
-    /// Of floats; float result.
+    /// Compares floats. The result is a float.
     Gt,
-    /// Of floats; float result.
+    /// Compares floats. The result is a float.
     Ge,
-    /// Float 1 when `args[0]` is zero in all components, or an empty string.
+    /// Computes float 1 when `args[0]` is zero in all components, or an empty string.
     Not,
-    /// Float 1 when `args[0]` is not zero in some component, or not an empty string.
+    /// Computes float 1 when `args[0]` is not zero in some component, or not an empty string.
     Truth,
-    /// `dst = args[0][floor (args[1])]` of an array. Outside: an error once, then the nearest element.
+    /// Sets `dst = args[0][floor (args[1])]` of an array. An index outside of the array is reported once, and takes the
+    /// nearest element.
     Index,
-    /// `dst[floor (args[0])] = args[1]` of an array.
+    /// Sets `dst[floor (args[0])] = args[1]` of an array.
     IndexSet,
-    /// Float: component `floor (args[1])` of triple `args[0]`.
+    /// Sets the float `dst` to component `floor (args[1])` of the triple `args[0]`.
     Component,
-    /// Component `floor (args[0])` of triple `dst` becomes `args[1]`.
+    /// Sets component `floor (args[0])` of the triple `dst` to `args[1]`.
     ComponentSet,
-    /// Float: `args[0][args[1]][args[2]]` of a matrix, row then column.
+    /// Sets the float `dst` to `args[0][args[1]][args[2]]` of a matrix, row then column.
     MatrixComponent,
-    /// `dst[args[0]][args[1]] = args[2]` of a matrix.
+    /// Sets `dst[args[0]][args[1]] = args[2]` of a matrix.
     MatrixComponentSet,
-    /// Triple from 1 or 3 floats, matrix from 1 or 16, by `dst`'s type; a string in front names the
-    /// space (or colour space) that they are in, and the result is in "common" (or "rgb").
+    /// Makes a triple from 1 or 3 floats, or a matrix from 1 or 16, by the type of `dst`. A string in front names the
+    /// space (or colour space) of the floats, and the result is in "common" (or "rgb").
     Construct,
-    /// A function of the standard library.
+    /// Calls a function of the standard library.
     Call(crate::Func),
 }
 
 /// A default that is available without running the shader.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DefaultValue {
-    /// Constant, in named spaces where these were given.
+    /// A constant, in named spaces where these were given.
     Known {
-        /// Spaces as written: `point ("shader", ...)`, `color ("hsv", ...)`. Empty: none was given; one: it holds for
-        /// all
-        /// elements; several: one for each element of an array, empty texts where none was given.
+        /// The spaces as written in `point ("shader", ...)` or `color ("hsv", ...)`. The list is empty when none was
+        /// given. One space holds for all elements. Several are one for each element of an array, with empty texts
+        /// where none was given.
         spaces: Vec<Arc<str>>,
-        /// All elements.
+        /// The values of all elements.
         value: ConstValue,
     },
-    /// Computed: printed as "Unknown default value".
+    /// The default is computed. It is printed as "Unknown default value".
     Unknown,
 }
 
 /// A metadatum (reference 5.4).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Metadatum {
-    /// Declared type.
+    /// The declared type.
     pub ty: ValueType,
-    /// Name.
+    /// The name.
     pub name: Arc<str>,
-    /// Constant value.
+    /// The constant value.
     pub value: ConstValue,
 }
 
@@ -483,7 +486,7 @@ pub struct ParamDecl {
     /// Computes the default into the symbol, when the parameter has no other value. Parameters are initialised in
     /// order, so it may read globals and earlier parameters.
     pub init: Block,
-    /// Metadata of the parameter.
+    /// The metadata of the parameter.
     pub metadata: Vec<Metadatum>,
 }
 
@@ -492,9 +495,9 @@ pub struct ParamDecl {
 pub struct Module {
     /// The kind of shader.
     pub kind: ShaderKind,
-    /// Name in the source.
+    /// The name in the source.
     pub name: Arc<str>,
-    /// Metadata of the shader.
+    /// The metadata of the shader.
     pub metadata: Vec<Metadatum>,
     /// The parameters in order of declaration.
     pub params: Vec<ParamDecl>,
@@ -502,11 +505,11 @@ pub struct Module {
     pub symbols: Vec<Symbol>,
     /// The body.
     pub body: Block,
-    /// Source files, for messages.
+    /// The source files, for messages.
     pub files: Vec<Arc<str>>,
-    /// Globals read anywhere (initialisers included).
+    /// The globals that are read anywhere, including initialisers.
     pub reads: Vec<Global>,
-    /// Globals written anywhere.
+    /// The globals that are written anywhere.
     pub writes: Vec<Global>,
     /// True when a function reads neighbouring points.
     pub needs_derivatives: bool,
@@ -523,7 +526,7 @@ impl Module {
         self.params.iter().find(|p| &*self.symbol(p.symbol).name == name)
     }
 
-    /// Returns a source position as a place for messages.
+    /// Returns a source position for messages.
     pub fn location(&self, at: SourcePos) -> Location {
         match self.files.get(at.file as usize) {
             Some(file) => Location::line(file, at.line),

@@ -1,14 +1,14 @@
-//! The shading language: from source text to checked IR to `.gso`, and the parameter query.
+//! The compiler of the shading language, from source text to checked IR and `.gso`, and the parameter query.
 //!
-//! [`compile`] has these stages: the preprocessor (on tokens and not on text, so that every token has its source
-//! position), the parser (`ast`), the checker (`hir`: names resolved, overloads chosen from the table of
-//! `builtins`), lowering ([`ir`]: functions inlined, structured statements over typed symbols), and validation
-//! ([`ValidModule`]: the type that linking takes). [`gso`] stores a module, and [`GsoArgs`] returns its parameters
-//! without the rest.
+//! [`compile`] has five stages. The preprocessor works on tokens and not on text, so that every token has its source
+//! position. The parser makes the syntax tree (`ast`). The checker resolves names and chooses overloads from the table
+//! of `builtins` (`hir`). Lowering inlines functions and makes structured statements over typed symbols ([`ir`]).
+//! Validation makes a [`ValidModule`], the type that linking takes. [`gso`] stores a module, and [`GsoArgs`] returns
+//! its parameters without the rest.
 //!
-//! This crate does not read files or the environment. Included files come from a loader of the caller. Every input
-//! is bounded: macros, nesting and the size of the result have limits, and exceeding one is an error with a
-//! position. Optimisation is deliberately absent except for constants, because the executor processes whole grids.
+//! This crate does not read files or the environment. Included files come from a loader of the caller. Every input is
+//! bounded. Macros, nesting and the size of the result have limits, and exceeding one is an error with a position.
+//! Optimisation is deliberately absent except for constants, because the executor processes whole grids.
 //!
 //! ```
 //! use granita_gsl::{CompileOptions, compile};
@@ -69,7 +69,7 @@ pub struct CompileOptions<'a> {
     pub include_paths: &'a [String],
     /// Macros with name and value. The default value is 1.
     pub defines: &'a [(String, Option<String>)],
-    /// Macros that are undefined (as `GELATO`, which is always defined before).
+    /// Macros that are undefined after all definitions. `GELATO` is always defined before.
     pub undefines: &'a [String],
     /// Reads included files. Without it `#include` is an error.
     pub loader: Option<Loader<'a>>,
@@ -98,7 +98,7 @@ pub struct Compiled {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// The forms of functions that are called and neither bundled nor words of the language.
+/// Returns the forms of functions that are called and are neither built in nor words of the language.
 fn called(
     tokens: &[token::Token],
     find: ShadeopFinder<'_>,
@@ -126,7 +126,7 @@ fn called(
 /// functions before it.
 ///
 /// # Errors
-/// Returns all errors and warnings, in the order of the source; at least one is an error.
+/// Returns all errors and warnings, in the order of the source. At least one is an error.
 pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result<Compiled, Vec<Diagnostic>> {
     let mut diags = diagnostic::Diagnostics::default();
     let tokens = preprocess::preprocess(source, file, options, &mut diags);
@@ -135,7 +135,7 @@ pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result
     }
     let Some(shader) = parse::parse(&tokens, &mut diags) else { return Err(diags.finish()) };
     if diags.has_errors() {
-        // What was passed over would be missed everywhere; the messages would only mislead.
+        // The parser skipped parts of the source. Their absence would only cause misleading messages.
         return Err(diags.finish());
     }
     let shadeops = options.shadeops.map(|find| called(&tokens, find)).unwrap_or_default();

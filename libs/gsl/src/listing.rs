@@ -1,13 +1,13 @@
-//! The IR as text, for people and for tests.
+//! Prints the IR as text, for people and for tests.
 
 use crate::ir::*;
 use std::fmt::Write;
 
 impl Module {
-    /// Returns the parameters' initialisers and the body, one statement a line, with indented blocks.
+    /// Returns the parameters' initialisers and the body, one statement per line, with indented blocks.
     ///
-    /// Variables are printed by their names (with the symbol's index when another has the same name), temporaries
-    /// as `%n`, unnamed locals as `$n`, constants as their values.
+    /// Variables are printed by their names (with the symbol's index when another has the same name), temporaries as
+    /// `%n`, unnamed locals as `$n`, and constants as their values.
     pub fn listing(&self) -> String {
         let mut lister = Lister { module: self, out: String::new(), indent: 0 };
         for param in &self.params {

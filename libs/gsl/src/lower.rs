@@ -18,16 +18,16 @@ use defaults::default_value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Statements of one module; functions that call functions twice each would grow without bound.
+/// The largest number of statements of one module. Functions that call functions twice each would grow without bound.
 const MAX_SIZE: usize = 400_000;
-/// Blocks within blocks, functions in place.
+/// The largest depth of nested blocks, with functions inlined.
 const MAX_BLOCKS: usize = 256;
-/// Conditions of one `if`, with its `else if`, that are nested in each other's `else`.
+/// The largest number of conditions of one `if`, with its `else if`, that are nested in each other's `else`.
 const MANY_ARMS: usize = 16;
-/// Recursion of this module's walk.
+/// The largest depth of recursion in this module.
 const MAX_DEPTH: usize = 800;
 
-/// Lowers a checked shader. Errors go to `diags`; the module is then not valid.
+/// Lowers a checked shader. Errors go to `diags`. The module is then not valid.
 pub(crate) fn lower(shader: &hir::Shader, diags: &mut Diagnostics) -> Module {
     let mut lowerer = Lowerer {
         diags,
@@ -59,7 +59,7 @@ enum ConstKey {
     Strings(Option<u32>, Vec<Arc<str>>),
 }
 
-/// Where `return` goes.
+/// The target of `return`.
 #[derive(Clone, Copy)]
 struct Return {
     /// `None` when the only return is the last statement.
@@ -87,11 +87,11 @@ struct Lowerer<'a> {
     shader: &'a hir::Shader,
     symbols: Vec<Symbol>,
     constants: BTreeMap<ConstKey, SymbolId>,
-    /// Symbol of each variable, as far as it has one.
+    /// The symbol of each variable that has one.
     bound: Vec<Option<SymbolId>>,
-    /// Temporaries (true) and nameless locals that are free again, by type.
+    /// The temporaries (true) and unnamed locals that are free again, by type.
     free: BTreeMap<(u8, bool), Vec<SymbolId>>,
-    /// Those in use, in the order they were taken.
+    /// The symbols in use, in the order in which they were taken.
     live: Vec<SymbolId>,
     out: Block,
     returns: Vec<Return>,
@@ -101,7 +101,7 @@ struct Lowerer<'a> {
     size: usize,
     blocks: usize,
     depth: usize,
-    /// A limit was passed; nothing more is made.
+    /// True after a limit was exceeded. No more code is made then.
     stopped: bool,
     reads: BTreeSet<Global>,
     writes: BTreeSet<Global>,
@@ -162,17 +162,17 @@ impl<'a> Lowerer<'a> {
         id
     }
 
-    /// A temporary: written once, in code that all its readers run.
+    /// Returns a temporary, which is written once, in code that all its readers run.
     fn temp(&mut self, ty: ValueType) -> SymbolId {
         self.take(ty, true)
     }
 
-    /// A nameless local: may be written in branches.
+    /// Returns an unnamed local, which may be written in branches.
     fn local(&mut self, ty: ValueType) -> SymbolId {
         self.take(ty, false)
     }
 
-    /// Frees what was taken since `live` had this length.
+    /// Frees the symbols that were taken since `live` had this length.
     fn release(&mut self, mark: usize) {
         for id in self.live.split_off(mark).into_iter().rev() {
             let symbol = &self.symbols[id.0 as usize];
@@ -181,7 +181,7 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Frees what was taken since `live` had this length, but `kept`.
+    /// Frees the symbols that were taken since `live` had this length, except `kept`.
     fn release_but(&mut self, mark: usize, kept: SymbolId) {
         let is_live = self.live[mark..].contains(&kept);
         self.live[mark..].sort_by_key(|id| *id != kept);
@@ -260,7 +260,7 @@ impl<'a> Lowerer<'a> {
         std::mem::replace(&mut self.out, before)
     }
 
-    /// As [`Lowerer::block`], within another; counts the nesting.
+    /// Makes a block as [`Lowerer::block`] does, within another one. Counts the nesting.
     fn inner(&mut self, pos: Pos, fill: impl FnOnce(&mut Self)) -> Block {
         self.blocks += 1;
         if self.blocks > MAX_BLOCKS {
@@ -341,8 +341,8 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// `if` with all of its `else if`: one within the other's `else` while they are few. Many are tried in turn in a
-    /// scope that the first whose condition holds leaves, so that they nest no deeper than one.
+    /// Lowers `if` with all of its `else if`. A few are nested in each other's `else`. Many are tested in turn, in a
+    /// scope that is left by the first one whose condition holds, so that they nest no deeper than one.
     fn arms(&mut self, arms: &'a [hir::Arm], otherwise: &'a [hir::Stmt], pos: Pos) {
         let Some((arm, rest)) = arms.split_first() else { return self.statements(otherwise) };
         if arms.len() <= MANY_ARMS {
@@ -371,7 +371,7 @@ impl<'a> Lowerer<'a> {
         });
     }
 
-    /// A new scope.
+    /// Emits a new scope.
     fn in_scope(&mut self, pos: Pos, fill: impl FnOnce(&mut Self, ScopeId)) {
         let id = self.scope_id();
         let body = self.inner(pos, |s| fill(s, id));
@@ -421,7 +421,7 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Sets a variable to its initial value; without one to zero, so that pictures depend on nothing else.
+    /// Sets a variable to its initial value, or else to zero, so that images depend on nothing else.
     fn initialize(&mut self, symbol: SymbolId, init: &'a Init, pos: Pos, clear: bool) {
         let ty = self.ty(symbol);
         match init {
@@ -432,7 +432,7 @@ impl<'a> Lowerer<'a> {
             }
             Init::None => {}
             Init::One(expr) => self.expr_to(expr, symbol, pos),
-            // The instance gives the elements, and their number.
+            // The instance determines the elements and their number.
             Init::List(list) if list.is_empty() => {}
             Init::List(list) => {
                 if let Some(value) = constant_list(list) {
@@ -452,7 +452,7 @@ impl<'a> Lowerer<'a> {
     }
 }
 
-/// A value for each of `n` elements.
+/// Returns a value for each of `n` elements.
 fn repeat(value: &ConstValue, n: usize) -> ConstValue {
     match value {
         ConstValue::Floats(v) => ConstValue::Floats(v.repeat(n).into()),
@@ -462,7 +462,7 @@ fn repeat(value: &ConstValue, n: usize) -> ConstValue {
     }
 }
 
-/// Constants, one after the other; `None` when one is none.
+/// Returns constants, one after the other; `None` when one is not a constant.
 fn constant_list(list: &[hir::Expr]) -> Option<ConstValue> {
     let strings = list.first().is_some_and(|e| e.ty.value == ValueType::String);
     let (mut floats, mut texts) = (Vec::new(), Vec::new());

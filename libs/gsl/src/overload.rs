@@ -9,9 +9,9 @@ use crate::ir::{SymbolType, ValueType};
 pub(crate) enum Possible {
     Value(ValueType),
     Array(ValueType),
-    /// What the context wants of these.
+    /// One of these types, as the context expects.
     Wanted(TypeSet),
-    /// It is wrong; a message will say so.
+    /// The expression is invalid, which is reported elsewhere.
     Bad,
 }
 
@@ -80,19 +80,19 @@ impl From<ValueType> for Wish {
 }
 
 impl Wish {
-    /// The same wish for another type.
+    /// Returns the same wish for another type.
     fn of(self, ty: ValueType) -> Self {
         Self { ty: Some(ty), cast: false, ..self }
     }
 
-    /// Cost of a value of type `found`; `None`: it does not fit.
+    /// Returns the cost of a value of type `found`; `None` when it does not fit.
     fn cost(self, found: ValueType) -> Option<u32> {
         let Some(ty) = self.ty else { return Some(0) };
         conversion(found, ty).or((self.cast && found.is_triple() && ty.is_triple()).then_some(2))
     }
 }
 
-/// The types that an expression can have; `None` for arrays, mistakes and what has no value.
+/// Returns the types that an expression can have; `None` for arrays, errors and expressions without a value.
 fn types(possible: Possible) -> Option<TypeSet> {
     match possible {
         Possible::Value(ValueType::Void) | Possible::Array(_) | Possible::Bad => None,
@@ -101,11 +101,11 @@ fn types(possible: Possible) -> Option<TypeSet> {
     }
 }
 
-/// Returns the expected types of the operands of an arithmetic operator: of all pairs of types that the operator
-/// accepts, the one whose result is nearest to the expected type.
+/// Returns the expected types of the operands of an arithmetic operator. Of all pairs of types that the operator
+/// accepts, it is the one whose result is nearest to the expected type.
 pub(crate) fn operand_wishes(op: Binary, left: Possible, right: Possible, wish: Wish) -> (Wish, Wish) {
     let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return (wish, wish) };
-    // How far the type of an operand that has a choice is from what it should be.
+    // The distance of the type of an operand that has a choice from its best type.
     let rank = |ty: ValueType, own: Possible, other: Possible| match own {
         Possible::Wanted(_) if wish.ty == Some(ty) => 0,
         Possible::Wanted(_)
@@ -139,7 +139,7 @@ pub(crate) fn possible_result(op: Binary, left: Possible, right: Possible) -> Po
     let (Some(lefts), Some(rights)) = (types(left), types(right)) else { return Possible::Bad };
     let pairs = lefts.iter().flat_map(|a| rights.iter().map(move |b| (a, b)));
     let results: Vec<ValueType> = pairs.filter_map(|(a, b)| arithmetic_type(op, a, b)).collect();
-    // What has a type of its own keeps it beside what has a choice.
+    // An operand with one type keeps it beside an operand that has a choice.
     if let (Possible::Value(ty), Possible::Wanted(_)) | (Possible::Wanted(_), Possible::Value(ty)) =
         (left, right)
         && ty != ValueType::Float
@@ -237,7 +237,7 @@ pub(crate) fn fit(
                 Possible::Bad => 0,
                 _ => return None,
             },
-            // What is no variable of the right type is reported when it is checked.
+            // An argument that is not a variable of the right type is reported when it is checked.
             Arg::Out(ty) => match *possible {
                 Possible::Value(found) => {
                     if found.components() != ty.components() || (found == ValueType::String) {
@@ -256,8 +256,8 @@ pub(crate) fn fit(
         };
     }
     let Some(set) = same else { return Some((cost, None)) };
-    // The type of the shared arguments: the one that converts least; where an argument can be what is
-    // wanted, what the context wants.
+    // The type of the shared arguments is the one that converts least. Where an argument has a choice, it is the type
+    // that the context expects.
     let open = shared.iter().any(|p| matches!(p, Possible::Wanted(_)));
     let mut best: Option<(u32, ValueType)> = None;
     for ty in set.iter() {
@@ -293,7 +293,7 @@ pub(crate) fn reach(possible: Possible, ty: ValueType) -> Option<u32> {
     }
 }
 
-/// Returns a type with its article, for messages: "an array `float[3]`".
+/// Returns a type with its article for messages, such as "an array `float[3]`".
 pub(crate) fn describe(ty: SymbolType) -> String {
     match ty.array {
         Some(_) => format!("an array `{}`", spell_type(ty)),

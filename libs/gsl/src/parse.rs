@@ -11,10 +11,10 @@ use crate::source::Pos;
 use crate::token::{Token, TokenKind};
 use std::sync::Arc;
 
-/// Statements within statements, and nodes above a leaf of an expression.
+/// The largest depth of nested statements, and of nodes above a leaf of an expression.
 const MAX_NESTING: u16 = 200;
 
-/// Words that may not name anything (reference 5.9, "Reserved Words").
+/// The words that may not be names (reference 5.9, "Reserved Words").
 const RESERVED: &[&str] = &[
     "bool",
     "case",
@@ -55,7 +55,7 @@ pub(crate) fn is_keyword(word: &str) -> bool {
     KEYWORDS.contains(&word) || RESERVED.contains(&word)
 }
 
-/// Words with a meaning (reference 5.9, "Keywords").
+/// The words with a meaning (reference 5.9, "Keywords").
 const KEYWORDS: &[&str] = &[
     "break", "color", "continue", "do", "else", "emit", "float", "for", "if", "lights", "matrix", "normal",
     "output", "point", "return", "string", "trace", "vector", "void", "while",
@@ -83,7 +83,7 @@ fn type_named(word: &str) -> Option<ValueType> {
     })
 }
 
-/// A mistake was reported.
+/// An error that was reported.
 struct Failed;
 type Parsed<T> = Result<T, Failed>;
 
@@ -101,7 +101,7 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    // The token here.
+    // The current token.
 
     fn peek(&self) -> &TokenKind {
         self.tokens.get(self.at).map_or(&TokenKind::End, |t| &t.kind)
@@ -150,7 +150,7 @@ impl Parser<'_> {
         found
     }
 
-    /// What stands here, for messages.
+    /// Returns the current token, for messages.
     fn found(&self) -> String {
         match self.peek() {
             TokenKind::Word(w) => format!("`{w}`"),
@@ -175,7 +175,7 @@ impl Parser<'_> {
         if self.eat(mark) { Ok(()) } else { self.expected(&format!("`{mark}`")) }
     }
 
-    /// A `;` that is missing is missed behind the token before it.
+    /// Expects a `;`. A missing one is reported at the token that follows.
     fn expect_end(&mut self) -> Parsed<()> {
         if self.eat(";") {
             return Ok(());
@@ -188,7 +188,7 @@ impl Parser<'_> {
         if self.depth > MAX_NESTING {
             let pos = self.pos();
             self.diags.error(pos, format!("the source is nested more than {MAX_NESTING} deep"));
-            // Nothing sensible can follow.
+            // Parsing ends, because further messages would mislead.
             self.at = self.tokens.len();
             return Err(Failed);
         }
@@ -229,7 +229,7 @@ impl Parser<'_> {
         Err(Failed)
     }
 
-    /// A type of values.
+    /// Parses a type that is not `void`.
     fn value_type(&mut self, of: &str) -> Parsed<ValueType> {
         let pos = self.pos();
         let ty = self.type_name()?;
@@ -240,8 +240,8 @@ impl Parser<'_> {
         Ok(ty)
     }
 
-    /// Goes on behind the next `;`, or behind the `}` that closes what is open here, or before the one that
-    /// closes what is around.
+    /// Continues after the next `;`, after the `}` that closes a block opened here, or before the `}` that closes the
+    /// block around.
     fn recover(&mut self) {
         let mut open = 0usize;
         loop {
@@ -355,7 +355,7 @@ impl Parser<'_> {
         Ok(Param { output, ty, name, array, init, metadata })
     }
 
-    /// `[[ type name = value, ... ]]`, if there is one.
+    /// Parses `[[ type name = value, ... ]]`, if there is one.
     fn metadata(&mut self) -> Parsed<Vec<Datum>> {
         let mut list = Vec::new();
         if !(self.is("[") && self.is_at(1, "[")) {
@@ -385,7 +385,7 @@ impl Parser<'_> {
         }
     }
 
-    /// `[n]` or `[]`, if there is one; `[[` is metadata.
+    /// Parses `[n]` or `[]`, if there is one. `[[` is metadata.
     fn length(&mut self) -> Parsed<Option<Length>> {
         if !self.is("[") || self.is_at(1, "[") {
             return Ok(None);
@@ -400,7 +400,7 @@ impl Parser<'_> {
         Ok(Some(Length::Fixed(length)))
     }
 
-    /// `= value` or `= { values }`, if there is one.
+    /// Parses `= value` or `= { values }`, if there is one.
     fn initializer(&mut self) -> Parsed<Option<Init>> {
         if !self.eat("=") {
             return Ok(None);
@@ -465,7 +465,7 @@ impl Parser<'_> {
 
     // Statements (5.9.4).
 
-    /// `{ statements }`; a mistake inside is reported and passed over.
+    /// Parses `{ statements }`. An error inside is reported and skipped.
     fn block(&mut self) -> Parsed<Vec<Stmt>> {
         let open = self.pos();
         self.expect("{")?;
@@ -579,7 +579,7 @@ impl Parser<'_> {
                 Err(Failed)
             }
             _ if matches!(self.peek_at(1), TokenKind::Word(_)) => {
-                // `colour x = 1;`: two names in a row are a misspelled type.
+                // In `colour x = 1;`, two names in a row are a misspelled type.
                 self.type_name()?;
                 Err(Failed)
             }
@@ -625,7 +625,7 @@ impl Parser<'_> {
         Ok(StmtKind::For(init, test, step, Box::new(self.statement()?)))
     }
 
-    /// Variables or a nested function.
+    /// Parses variables or a nested function.
     fn declaration(&mut self) -> Parsed<StmtKind> {
         let pos = self.pos();
         let ty = self.type_name()?;
@@ -711,7 +711,7 @@ impl Parser<'_> {
         self.node(ExprKind::Select(arms, Box::new(rest)), pos, below)
     }
 
-    /// Operators that bind at least as tightly as `least`; all of them group from the left.
+    /// Parses operators that bind at least as tightly as `least`. All of them group from the left.
     fn binary(&mut self, least: u8) -> Parsed<Expr> {
         let first = self.unary()?;
         let mut links: Vec<Link> = Vec::new();
@@ -875,7 +875,7 @@ impl Parser<'_> {
         }
     }
 
-    /// `( expressions )`.
+    /// Parses `( expressions )`.
     fn arguments(&mut self) -> Parsed<Vec<Expr>> {
         self.expect("(")?;
         let mut list = Vec::new();

@@ -1,5 +1,5 @@
-// tidy: long: directives and macros read one stream of tokens by turns
-//! The preprocessor: `#include`, macros, conditions, line markers (reference 5.1.5, 8.2.2).
+// tidy: long: directives and macros take turns in reading one stream of tokens
+//! The preprocessor, which processes `#include`, macros, conditions and line markers (reference 5.1.5, 8.2.2).
 //!
 //! It processes tokens and not text, so that every token has its source position. A token from a macro has the
 //! position where the macro was used. Expansion follows D. Prosser's algorithm with sets of hidden names (the one
@@ -13,23 +13,23 @@ use crate::token::{Raw, RawKind, Token, TokenKind, mark, number, scan, unescape}
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Files within files.
+/// The largest depth of included files.
 const MAX_INCLUDES: usize = 64;
-/// Macro calls within arguments of macro calls.
+/// The largest depth of macro calls within arguments of macro calls.
 const MAX_CALLS: usize = 100;
-/// Tokens handled in all; stops macros that grow without bound.
+/// The largest number of tokens that are processed in all. It stops macros that grow without bound.
 const MAX_TOKENS: usize = 1_000_000;
 
 #[derive(Clone, Debug)]
 struct Macro {
-    /// Names of the arguments; `None` when it is not function-like.
+    /// The names of the arguments; `None` when it is not function-like.
     params: Option<Vec<Arc<str>>>,
-    /// The last parameter takes all further arguments.
+    /// True when the last parameter takes all further arguments.
     variadic: bool,
     body: Vec<Raw>,
 }
 
-/// Converts a source file to tokens; the last is [`TokenKind::End`]. Errors go to `diags`.
+/// Converts a source file to tokens. The last one is [`TokenKind::End`]. Errors go to `diags`.
 pub(crate) fn preprocess(
     source: &str,
     file: &str,
@@ -52,12 +52,12 @@ struct Preprocessor<'a> {
     budget: usize,
 }
 
-/// One open `#if`.
+/// An open `#if`.
 struct Condition {
     pos: Pos,
-    /// This branch is compiled, and so is all around it.
+    /// True when this branch and all around it are compiled.
     active: bool,
-    /// A branch was compiled, or the whole stands in skipped text.
+    /// True when a branch was compiled, or when the whole is in skipped text.
     done: bool,
     seen_else: bool,
 }
@@ -78,7 +78,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// Handles one file; gives the place of its end. `from` is the directive that included it.
+    /// Processes a file. Returns the position of its end. `from` is the directive that included it.
     fn file(&mut self, text: &str, name: &str, depth: usize, from: Pos) -> Pos {
         let Some(index) = self.diags.sources.add(name, text) else {
             self.diags.error(from, "too many files are included");
@@ -118,7 +118,7 @@ impl Preprocessor<'_> {
         let Some((name, rest)) = line.split_first() else { return };
         let pos = name.pos;
         if name.kind == RawKind::Number {
-            // `# 12 "file"`, as preprocessors write it.
+            // This is `# 12 "file"`, as preprocessors write it.
             if active {
                 self.line_marker(name, rest);
             }
@@ -200,7 +200,7 @@ impl Preprocessor<'_> {
             };
             return self.macros.contains_key(&word.text) == (&*name.text == "ifdef");
         }
-        // `defined` looks at names before they are replaced.
+        // `defined` takes names before they are replaced.
         let mut plain = Vec::with_capacity(rest.len());
         let mut i = 0;
         while i < rest.len() {
@@ -276,8 +276,8 @@ impl Preprocessor<'_> {
         self.diags.error_help(directive.pos, format!("cannot find \"{name}\""), help);
     }
 
-    /// Where an included file may be, in order: beside the including file (`"..."` only), the current folder
-    /// (`"..."` only), the include paths, the current folder.
+    /// Returns the possible paths of an included file, in order. These are beside the including file (`"..."` only), in
+    /// the current folder (`"..."` only), in the include paths, and in the current folder.
     fn places(&self, name: &str, quoted: bool, pos: Pos) -> Vec<String> {
         if name.starts_with('/') {
             return vec![name.to_owned()];
@@ -399,7 +399,7 @@ impl Preprocessor<'_> {
                 },
             };
             hide.push(token.text.clone());
-            // Long sets of hidden names cost time as well.
+            // Long sets of hidden names have a cost, too.
             self.budget = self.budget.saturating_sub(hide.len()).max(1);
             let body = self.substitute(&found, &arguments, &token, &Arc::new(hide), depth);
             stack.extend(body.into_iter().rev());
@@ -407,7 +407,7 @@ impl Preprocessor<'_> {
         out
     }
 
-    /// Takes `( a, b )` off the stack; also gives the closing parenthesis.
+    /// Takes `( a, b )` off the stack. Also returns the closing parenthesis.
     fn arguments(
         &mut self,
         name: &Raw,
@@ -439,7 +439,7 @@ impl Preprocessor<'_> {
             if let Some(last) = arguments.last_mut() {
                 last.push(token);
             }
-            // Arguments within arguments are gone through once for each call around them.
+            // Arguments within arguments are processed once for each call around them.
             self.budget = self.budget.saturating_sub(1).max(1);
         };
         if params.is_empty() && arguments.len() == 1 && arguments[0].is_empty() {
@@ -458,7 +458,7 @@ impl Preprocessor<'_> {
         Some((arguments, close))
     }
 
-    /// The body of a macro with its arguments put in.
+    /// Returns the body of a macro with its arguments inserted.
     fn substitute(
         &mut self,
         found: &Macro,
@@ -499,7 +499,7 @@ impl Preprocessor<'_> {
             let pasted = body.get(i + 1).is_some_and(|t| t.is("##"));
             match argument(token) {
                 Some(tokens) if pasted && tokens.is_empty() => {
-                    // Nothing to paste to: `##` joins onto what stands before, so it is skipped with it.
+                    // An empty argument is not pasted. `##` is skipped with it, and the right side is taken unchanged.
                     let right = &body[i + 2];
                     out.extend(argument(right).cloned().unwrap_or_else(|| vec![here(right)]));
                     i += 3;
@@ -510,7 +510,7 @@ impl Preprocessor<'_> {
                     if depth >= MAX_CALLS {
                         self.diags
                             .error(call.pos, format!("macro calls are nested more than {MAX_CALLS} deep"));
-                        // Nothing sensible can follow.
+                        // Expansion ends, because further messages would mislead.
                         self.budget = 0;
                         return out;
                     }
@@ -545,17 +545,17 @@ impl Preprocessor<'_> {
     }
 }
 
-/// Index behind the last token of the line that `from` is in.
+/// Returns the index after the last token of the line that `from` is in.
 fn line_end(tokens: &[Raw], from: usize) -> usize {
     (from..tokens.len()).find(|&i| tokens[i].first).unwrap_or(tokens.len())
 }
 
-/// A string without its quotes.
+/// Returns a string without its quotes.
 fn inside(text: &str) -> &str {
     text.strip_prefix('"').and_then(|t| t.strip_suffix('"')).unwrap_or(text)
 }
 
-/// Tokens as text.
+/// Returns tokens as text.
 fn spell(tokens: &[Raw]) -> String {
     let mut out = String::new();
     for (i, token) in tokens.iter().enumerate() {
@@ -567,7 +567,7 @@ fn spell(tokens: &[Raw]) -> String {
     out
 }
 
-/// What `#` makes of an argument.
+/// Returns the string that `#` makes of an argument.
 fn stringify(tokens: &[Raw]) -> String {
     let mut out = String::from("\"");
     for (i, token) in tokens.iter().enumerate() {
@@ -586,7 +586,7 @@ fn stringify(tokens: &[Raw]) -> String {
     out
 }
 
-/// Turns raw tokens into the parser's.
+/// Converts raw tokens to those of the parser.
 fn finish(raw: Vec<Raw>, end: Pos, diags: &mut Diagnostics) -> Vec<Token> {
     let mut out: Vec<Token> = Vec::with_capacity(raw.len() + 1);
     for token in raw {
@@ -605,7 +605,7 @@ fn finish(raw: Vec<Raw>, end: Pos, diags: &mut Diagnostics) -> Vec<Token> {
                 if let Some(c) = unknown {
                     diags.warning(pos, format!("unknown escape `\\{c}` in a string is kept as it is"));
                 }
-                // Strings side by side are one, as in C.
+                // Strings side by side are one string, as in C.
                 if let Some(Token { kind: TokenKind::Text(before), .. }) = out.last_mut() {
                     *before = format!("{before}{text}").into();
                     continue;

@@ -10,7 +10,8 @@ use std::sync::Arc;
 pub struct ShadeopForm {
     /// The name of the library's file, without folder and extension.
     pub library: Arc<str>,
-    /// The declaration, as "color cube3 (color)": result, function in the library, arguments.
+    /// The declaration, such as "color cube3 (color)". It has the result, the function in the library, and the
+    /// arguments.
     pub declaration: String,
 }
 
@@ -48,11 +49,11 @@ impl<'a> ShadeopCall<'a> {
     }
 }
 
-/// A declaration that was read.
+/// A parsed declaration.
 pub(crate) struct Declared {
     pub(crate) ret: ValueType,
     pub(crate) formals: Vec<(SymbolType, bool)>,
-    /// See [`ShadeopCall`].
+    /// The text of the first operand, which [`ShadeopCall`] parses.
     pub(crate) text: Arc<str>,
 }
 

@@ -1,10 +1,10 @@
-//! Files of one compilation, and places in them.
+//! The files of one compilation, and positions in them.
 
 use crate::ir::SourcePos;
 use granita_base::Location;
 use std::sync::Arc;
 
-/// A place in a file as it was read; ordered by file, then line.
+/// A position in a file as it was read. Positions are ordered by file, line and column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Pos {
     /// The index into the files that were read.
@@ -15,7 +15,7 @@ pub(crate) struct Pos {
     pub(crate) column: u32,
 }
 
-/// A `#line` directive: the line after it claims another place.
+/// A `#line` directive, which sets the reported position of the line after it.
 #[derive(Debug)]
 struct Marker {
     after: u32,

@@ -24,7 +24,7 @@ pub(crate) enum RawKind {
     Number,
     Text,
     Mark,
-    /// Not a token of the language; what is wrong with it.
+    /// Text that is not a token of the language, with a description of the error.
     Bad(&'static str),
 }
 
@@ -34,7 +34,7 @@ impl Raw {
     }
 }
 
-/// Operators and punctuation, longest first.
+/// The operators and punctuation, longest first.
 const MARKS: &[&str] = &[
     "...", "==", "!=", "<=", ">=", "&&", "||", "++", "--", "+=", "-=", "*=", "/=", "##", "<<", ">>", "[",
     "]", "(", ")", "{", "}", ",", ";", "?", ":", "=", "<", ">", "+", "-", "*", "/", "!", "#", "%", "&", "|",
@@ -81,7 +81,7 @@ struct Scanner<'a> {
 }
 
 impl<'a> Scanner<'a> {
-    /// Goes `bytes` on and returns them.
+    /// Advances by `bytes` and returns them.
     fn take(&mut self, bytes: usize) -> &'a str {
         let (taken, rest) = self.rest.split_at(bytes);
         for c in taken.chars() {
@@ -145,7 +145,7 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// The next token; the rest is not empty and not blank.
+    /// Returns the next token. The rest must not be empty or blank.
     fn token(&mut self) -> (RawKind, &'a str) {
         let bytes = self.rest.as_bytes();
         let first = bytes[0];
@@ -184,7 +184,7 @@ impl<'a> Scanner<'a> {
             match bytes.get(n) {
                 None | Some(b'\n') => return (RawKind::Bad("a string that is never closed"), self.take(n)),
                 Some(b'"') => return (RawKind::Text, self.take(n + 1)),
-                // An escaped character is never the end; a multibyte one is skipped byte by byte.
+                // An escaped character is never the end. A multibyte one is skipped byte by byte.
                 Some(b'\\') if bytes.get(n + 1).is_some_and(|c| c.is_ascii() && *c != b'\n') => n += 2,
                 Some(_) => n += 1,
             }
@@ -201,12 +201,12 @@ pub(crate) struct Token {
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum TokenKind {
-    /// Name or keyword.
+    /// A name or a keyword.
     Word(Arc<str>),
     Number(f32),
-    /// A string, escapes replaced.
+    /// A string with its escapes replaced.
     Text(Arc<str>),
-    /// Operator or punctuation.
+    /// An operator or punctuation.
     Mark(&'static str),
     End,
 }

@@ -1,5 +1,5 @@
-//! Calls of functions that the source declares (reference 5.5.6): overloads by arguments and by the expected
-//! result, arguments by reference.
+//! Calls of functions that the source declares (reference 5.5.6). Overloads are chosen by the arguments and by the
+//! expected result. Arguments are passed by reference.
 
 use crate::ast;
 use crate::builtins::{self, TypeSet};
@@ -8,11 +8,11 @@ use crate::hir::*;
 use crate::ir::{SymbolType, ValueType};
 use crate::overload::{Possible, bent, conversion, describe, reach, spell_type};
 
-/// Cost of a result that does not convert to what is wanted: more than of any that does.
+/// The cost of a result that does not convert to the expected type. It is more than that of any that does.
 const NO_CONVERSION: u32 = 64;
 
 impl Checker<'_> {
-    /// Cost of calling a function with such arguments; `None`: it takes others.
+    /// Returns the cost of calling a function with such arguments; `None` when it does not accept them.
     fn user_fit(&self, id: FuncId, args: &[Possible]) -> Option<u32> {
         let formals = &self.funcs[id.0].formals;
         if formals.len() != args.len() {
@@ -36,7 +36,7 @@ impl Checker<'_> {
         Some(cost)
     }
 
-    /// The functions of a name whose arguments fit best, in the order of the source.
+    /// Returns the functions of a name whose arguments fit best, in the order of the source.
     fn best_fitting(&self, name: &str, args: &[Possible]) -> Vec<FuncId> {
         let list = self.user_functions(name);
         let costs: Vec<Option<u32>> = list.iter().map(|id| self.user_fit(*id, args)).collect();
@@ -44,9 +44,9 @@ impl Checker<'_> {
         list.iter().zip(&costs).filter(|(_, c)| **c == Some(*best)).map(|(id, _)| *id).collect()
     }
 
-    /// The least cost of calling a function of the source with such arguments (conversions, then arguments that could
-    /// be
-    /// floats and are not), and whether a function that fits best is declared as a whole; `None`: all take others.
+    /// Returns the least cost of calling a function of the source with such arguments, and true when a function that
+    /// fits best is declared completely. The cost is that of conversions, then the number of arguments that could be
+    /// floats and are not. Returns `None` when no function accepts the arguments.
     pub(crate) fn user_cost(&self, name: &str, args: &[Possible]) -> Option<((u32, u32), bool)> {
         let fitting = self.best_fitting(name, args);
         let cost = fitting.first().and_then(|id| self.user_fit(*id, args))?;
@@ -82,8 +82,8 @@ impl Checker<'_> {
         }
     }
 
-    /// The function that a call means: the least conversions of arguments; of equals, the least of the
-    /// result; of equals, the first.
+    /// Returns the function of a call. It is the one with the least conversions of arguments. Of equal ones, complete
+    /// functions come first, then the least conversion of the result, then the order of the source.
     fn choose_user(&self, name: &str, args: &[Possible], wanted: Option<ValueType>) -> Option<FuncId> {
         let cost = |id: &FuncId| {
             let result = match wanted {

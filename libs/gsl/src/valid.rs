@@ -6,9 +6,9 @@ use crate::validate::validate;
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// A module that passed the validator: every symbol exists, and every operation has permitted operands.
+/// A module that passed the validator. Every symbol exists, and every operation has permitted operands.
 ///
-/// This type is the proof. Its field is private, so that [`compile`](crate::compile()),
+/// The type guarantees this. Its field is private, so that [`compile`](crate::compile()),
 /// [`gso::read`](crate::gso::read) and [`ValidModule::check`] are the only ways to get one. Linking takes only this
 /// type and does not check it again. A copy shares the module.
 ///

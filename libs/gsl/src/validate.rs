@@ -38,9 +38,9 @@ pub(crate) fn validate(module: &Module) -> Checked {
 
 struct Checker<'a> {
     module: &'a Module,
-    /// Scopes around.
+    /// The scopes around the current statement.
     scopes: Vec<ScopeId>,
-    /// Whether the innermost construct that loops is a `Loop`.
+    /// The constructs around that repeat their body, with the innermost one last. True for a `Loop`.
     loops: Vec<bool>,
 }
 
@@ -52,7 +52,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A single value of a type with as many components.
+    /// Checks that a symbol is a single value with the components of a type.
     fn value(&self, id: SymbolId, ty: ValueType) -> Checked {
         if like(self.ty(id)?, ty) { Ok(()) } else { Err(format!("symbol {} is no `{}`", id.0, ty.word())) }
     }
@@ -167,7 +167,7 @@ impl Checker<'_> {
         if fits { Ok(()) } else { Err(format!("{:?} does not take its operands", op.code)) }
     }
 
-    /// Whether a call is one of this overload.
+    /// True when a call is one of this overload.
     fn call(&self, row: &Signature, op: &Op, dst: Option<SymbolType>, args: &[SymbolType]) -> bool {
         let written =
             |i: usize| !matches!(self.module.symbols[op.args[i].0 as usize].kind, SymbolKind::Const(_));
@@ -233,19 +233,19 @@ impl Checker<'_> {
     }
 }
 
-/// A single value with the components of `ty`; strings are like strings only.
+/// True for a single value with the components of `ty`. Strings match only strings.
 fn like(found: SymbolType, ty: ValueType) -> bool {
     found.array.is_none()
         && (found.value == ValueType::String) == (ty == ValueType::String)
         && found.value.components() == ty.components()
 }
 
-/// Whether `from` converts to `to`: same components, or one float.
+/// True when `from` converts to `to`, because it has the same components or is one float.
 fn converts(from: SymbolType, to: ValueType) -> bool {
     like(from, to) || (like(from, ValueType::Float) && to != ValueType::String)
 }
 
-/// Operands of everything but calls.
+/// True when the operands of an operation that is not a call are permitted.
 fn plain(code: OpCode, dst: SymbolType, args: &[SymbolType]) -> bool {
     use ValueType::{Float, Matrix, String};
     let number = |t: SymbolType| t.array.is_none() && t.value != String;

@@ -1,4 +1,4 @@
-//! The bundled shaders compile without a word, and survive the way through a file.
+//! Tests that the bundled shaders compile without messages and survive encoding and decoding.
 
 use granita_gsl::{CompileOptions, GsoArgs, compile, gso};
 

@@ -1,10 +1,10 @@
-//! What is said about mistakes, word by word.
+//! Tests the messages about errors, word by word.
 
 mod common;
 use common::{said, said_with};
 use granita_gsl::{CompileOptions, compile};
 
-/// Bodies of a surface shader (behind line 1) and all that is said about them.
+/// The bodies of a surface shader (after line 1), and all messages about them.
 const BODIES: &[(&str, &str)] = &[
     // Lexical.
     ("C = 1 @ 2;", "2:7: error: an unexpected character: `@`"),
@@ -169,7 +169,7 @@ const BODIES: &[(&str, &str)] = &[
         "2:32: error: parameter `k` is read-only [declare it `output float k` to change it]",
     ),
     ("return 1;", "2:8: error: a shader returns no value"),
-    // What a surface shader may do.
+    // The permissions of a surface shader.
     ("k = 2;", "2:1: error: parameter `k` is read-only [declare it `output float k` to change it]"),
     ("P = 0;", "2:1: error: a surface shader cannot change `P`"),
     ("C = Cl;", "2:5: error: `Cl` can be read in a `lights` loop only"),
@@ -196,7 +196,7 @@ fn bodies() {
     let mut wrong = String::new();
     for (body, expected) in BODIES {
         let found = said(&format!("surface t (float k = 1) {{\n{body}}}"));
-        // What ends in a colon and a blank (or a line number) is a beginning.
+        // An expectation that ends in a colon and a blank (or a line number) is the beginning of the messages.
         let fits = found == *expected || (!expected.is_empty() && found.starts_with(expected));
         if !fits {
             wrong += &format!("{body}\n  found    {found}\n  expected {expected}\n");
@@ -249,7 +249,7 @@ fn files() {
         ),
         ("volume t () { N = 1; }", "1:15: error: a volume shader cannot change `N`"),
         ("shader t () { u = 1; }", "1:15: error: a generic shader cannot change `u`"),
-        // In a function it is the call that makes it wrong, and it is said once.
+        // The call makes the function invalid, and the error is reported once.
         (
             "void f () { P = 1; } surface t () { f (); f (); }",
             "1:13: error: a surface shader cannot change `P`",

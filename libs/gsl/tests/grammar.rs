@@ -1,9 +1,10 @@
-//! Every construct of the grammar (reference 5.9) compiles, and a few are followed into the IR.
+//! Tests that every construct of the grammar (reference 5.9) compiles. A few are also compared as IR.
 
 mod common;
 use common::module;
 
-/// Bodies of surface shaders; `f`, `g` floats, `c` a color, `p` a point, `w` a vector, `m` a matrix, `s` a string.
+/// The bodies of surface shaders. `f` and `g` are floats, `c` is a color, `p` a point, `w` a vector, `m` a matrix and
+/// `s` a string.
 const STATEMENTS: &[&str] = &[
     ";",
     "{ }",
@@ -170,20 +171,20 @@ fn listings() {
         ),
         ("do f += 1; while (f < 3);", "loop, body first while %1; test; %1 = Lt f, 3; body; f = Add f, 1"),
         ("while (1) break;", "loop; body; break"),
-        // A function with one return at its end leaves no scope; others do.
+        // A function with one return at its end needs no scope. Others do.
         ("float t (float x) { return 2 * x; } f = t (g);", "$1 = Mul 2, g; f = Assign $1"),
         (
             "float t (float x) { if (x > 1) return 1; return x; } f = t (g);",
             "scope 0; %1 = Gt g, 1; if %1; $2 = Assign 1; leave 0; $2 = Assign g; leave 0; f = Assign $2",
         ),
-        // By reference: the function works on the variable itself, or on a copy that goes back.
+        // Arguments are passed by reference. The function changes the variable itself, or a copy that is stored back.
         ("void inc (float x) { x += 1; } inc (f);", "f = Add f, 1"),
         (
             "void inc (float x) { x += 1; } inc (c[1]);",
             "%1 = Component c, 1; $2 = Assign %1; $2 = Add $2, 1; c = ComponentSet 1, $2",
         ),
         ("void inc (float x) { x += 1; } inc (f + 1);", "%1 = Add f, 1; $2 = Assign %1; $2 = Add $2, 1"),
-        // A result goes straight where it is assigned, unless the function also reads it.
+        // A result is stored directly where it is assigned, unless the function also reads it.
         ("c = color (c[2], 0, 0);", "%1 = Component c, 2; c = Construct %1, 0, 0"),
         ("c = mix (c, 1, f);", "%1 = mix c, (1), f; c = Assign %1"),
         ("return; f = 1;", "exit; f = Assign 1"),
@@ -197,7 +198,7 @@ fn listings() {
     }
 }
 
-/// Temporaries and nameless locals by order of appearance.
+/// Renumbers temporaries and unnamed locals by order of appearance.
 fn renumbered(text: &str) -> String {
     let mut known: Vec<String> = Vec::new();
     let mut out = String::new();

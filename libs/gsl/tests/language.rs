@@ -1,10 +1,10 @@
-//! The rules of the language (reference 5.1 to 5.7, 5.9), one after the other, that the other tests do not follow.
+//! Tests the rules of the language (reference 5.1 to 5.7, 5.9) that the other tests do not cover, one after the other.
 
 mod common;
 use common::{module, said};
 use granita_gsl::ir::{Global, ShaderKind};
 
-/// What is said about a body of a surface shader with a parameter `k`.
+/// Returns the messages about a body of a surface shader with a parameter `k`.
 fn about(body: &str) -> String {
     said(&format!("surface t (float k = 1) {{ {body} }}"))
 }
@@ -15,7 +15,7 @@ fn functions_come_before_their_calls() {
         said("float f () { return g (); } float g () { return 1; } surface t () { C = f (); }"),
         "1:21: error: unknown function `g`"
     );
-    // So there is no way around: a function that calls its caller is not known yet.
+    // A function that calls its caller is therefore not known yet.
     assert!(
         about("float f () { float g () { return f (); } return g (); } C = f ();").contains("calls itself")
     );
@@ -51,7 +51,7 @@ fn keywords_and_reserved_words_are_no_names() {
             }
         }
     }
-    // Not in the list: names like any other.
+    // These words are not in the list, and are names like any other.
     for word in ["surface", "displacement", "light", "volume", "shader", "exit", "noise"] {
         module(&format!("surface t () {{ float {word} = 1; C = {word}; }}"));
     }
@@ -69,7 +69,7 @@ fn arrays_have_one_dimension_and_functions_return_none() {
     ] {
         assert!(about(body).contains("error"), "{body}");
     }
-    // Arrays of all types, of constant length, set as a whole or by element.
+    // Arrays of all types have a constant length, and are set as a whole or by element.
     for ty in ["float", "color", "point", "vector", "normal", "matrix"] {
         module(&format!(
             "surface t () {{ {ty} a[3] = {{ 1, 2 }}, b[3]; b = a; b[1] = a[2]; if (b[1] == a[0]) C = 1; }}"
@@ -91,7 +91,7 @@ fn scopes_end_where_they_are_written() {
         assert!(found.contains("unknown"), "{body}: {found}");
     }
     module("surface t () { float x = 1; { float x = 2; { float x = 3; C = x; } C += x; } C += x; }");
-    // A parameter hides a global, a local a parameter.
+    // A parameter hides a global, and a local hides a parameter.
     module("surface t (float u = 3) { float v = u; { float u = 4; v += u; } C = v; }");
 }
 
@@ -136,9 +136,9 @@ fn casts() {
     assert!(about("float y = (float) \"1\";").contains("cannot cast"));
 }
 
-/// Table 5.4: R where a kind may read, W where it may write; r within `lights` only.
+/// Table 5.4, with R where a kind may read, W where it may write, and r where it may read within `lights` only.
 const ACCESS: &[(Global, [&str; 4])] = &[
-    // surface, displacement, volume, light
+    // The columns are surface, displacement, volume and light.
     (Global::P, ["R", "RW", "R", "R"]),
     (Global::I, ["R", "", "R", "R"]),
     (Global::N, ["RW", "RW", "R", "R"]),
@@ -214,7 +214,7 @@ fn defaults_and_metadata() {
             float list[2] = { a, b }, color c = color (\"hsv\", a, 1, 1)) { C = a + b + p[0] + list[1] + c; }",
     );
     assert!(said("surface t (float a = b, float b = 1) { C = a + b; }").contains("unknown variable `b`"));
-    // Metadata are constants, of any type, with any name.
+    // Metadata are constants of any type with any name.
     module(
         "surface t [[ string help = \"x\", float v = 1.5, color c = color (1, 2, 3), point p = 0, matrix m = 1 ]] \
             (float a[2] = { 1, 2 } [[ string Uitype = \"slider\" ]]) { C = a[0]; }",
@@ -227,7 +227,7 @@ fn defaults_and_metadata() {
 
 #[test]
 fn functions_of_one_name() {
-    // By number, type and shape of arguments, and by the wanted result.
+    // The function is chosen by the number, type and shape of arguments, and by the expected result.
     let functions = "float f (float x) { return 1; } float f (float x, float y) { return 2; } \
                      float f (color x) { return 3; } float f (string x) { return 4; } float f (float x[]) { return 5; } \
                      float g () { return 6; } color g () { return color (7, 8, 9); } point g () { return 10; }";
@@ -252,7 +252,7 @@ fn functions_of_one_name() {
         let found = said(&format!("{source} surface t () {{ C = 1; }}"));
         assert!(found.contains(expected) && found.is_empty() == expected.is_empty(), "{source}: {found}");
     }
-    // An overload may call another; itself it may not.
+    // An overload may call another one, but not itself.
     module(
         "float f (float x) { return x; } float f (color c) { return f (c[0]); } surface t () { C = f (C); }",
     );
@@ -262,10 +262,10 @@ fn functions_of_one_name() {
         )
         .contains("calls itself")
     );
-    // Those of an inner scope hide those outside, as variables do.
+    // Functions of an inner scope hide those outside, as variables do.
     assert!(said("float f (float x) { return x; } surface t () { float f (string s) { return s == \"a\"; } C = f (1); }")
         .contains("cannot convert a `float` to `string`"));
-    // One of a built-in function's name is a further form of it.
+    // A function with a built-in function's name is a further form of it.
     module("float noise (string x) { return x == \"a\"; } surface t () { C = noise (\"b\"); }");
 }
 

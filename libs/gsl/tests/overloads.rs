@@ -1,11 +1,12 @@
-//! Which form of a function a call means: built-in forms and those of the source, by arguments and by the wanted type.
+//! Tests which form of a function is called, among built-in forms and those of the source, by arguments and by the
+//! expected type.
 
 mod common;
 use common::{module, said};
 use granita_gsl::Func;
 use granita_gsl::ir::{Module, OpCode, Stmt};
 
-/// The types of the results of all calls of a built-in function, in the order of the code.
+/// Returns the types of the results of all calls of a built-in function, in the order of the code.
 fn results(module: &Module, func: Func) -> Vec<&'static str> {
     fn walk(module: &Module, block: &[Stmt], func: Func, out: &mut Vec<&'static str>) {
         for stmt in block {
@@ -27,7 +28,7 @@ fn results(module: &Module, func: Func) -> Vec<&'static str> {
     out
 }
 
-/// The results of a function in the body of a displacement shader, where all globals may be written but `c`.
+/// Returns the results of a function in the body of a displacement shader with parameters of several types.
 fn of_body(body: &str, func: Func) -> Vec<&'static str> {
     let source = format!(
         "displacement t (string name = \"a.tx\", float Km = 1, float x = 2, output color c = 1, output vector w = 0, \
@@ -38,7 +39,7 @@ fn of_body(body: &str, func: Func) -> Vec<&'static str> {
 
 #[test]
 fn functions_of_the_source_are_further_forms_of_built_in_ones() {
-    // A library of a translator: three numbers by the form for two, five arguments by the form for seven.
+    // The library defines `max` of three numbers by that of two, and `fresnel` of five arguments by that of seven.
     let library = "float max (float x, float y, float z) { return max (x, max (y, z)); }
         void fresnel (vector I, normal N, float eta, output float Kr, output float Kt) \
         { vector R, T; fresnel (I, N, eta, Kr, Kt, R, T); }
@@ -52,16 +53,17 @@ fn functions_of_the_source_are_further_forms_of_built_in_ones() {
     assert_eq!(results(&m, Func::Max), ["float", "float", "color"]);
     assert_eq!((results(&m, Func::Fresnel).len(), results(&m, Func::Mix)), (1, vec!["color"]));
     assert_eq!(results(&m, Func::Noise), ["color"]);
-    // With the very arguments of a built-in form, that of the source is meant; within it, the built-in one.
+    // With the exact arguments of a built-in form, the form of the source is called. Within it, the built-in form is
+    // called.
     let m = module("float sqrt (float x) { return sqrt (abs (x)) + 1; } surface t () { C = sqrt (u); }");
     assert_eq!((results(&m, Func::Abs).len(), results(&m, Func::Sqrt).len()), (1, 1));
     let m = module("float sqrt (float x) { return 2 * x; } surface t () { C = sqrt (u); }");
     assert!(results(&m, Func::Sqrt).is_empty());
-    // What may be a float is one: the form of the source does not bend it.
+    // An argument that may be a float is one. The form of the source does not change it.
     let m =
         module("float abs (vector v) { return length (v); } surface t () { C = abs (noise (P)) + abs (N); }");
     assert_eq!((results(&m, Func::Noise), results(&m, Func::Abs).len()), (vec!["float"], 1));
-    // Both kinds are told where none fits.
+    // Both kinds of forms are listed when none fits.
     let found = said("float sqrt (string s) { return s == \"\"; } surface t () { C = sqrt (P); }");
     assert_eq!(
         found,
@@ -73,7 +75,7 @@ fn functions_of_the_source_are_further_forms_of_built_in_ones() {
 
 #[test]
 fn forms_that_make_an_expression_invalid_are_left_out() {
-    // A color times a vector is nothing: the texture is a float.
+    // A color times a vector is invalid, so the texture is a float.
     for body in [
         "P -= Km * texture (name, u, v) * normalize (N);",
         "P += texture (name, u, v) * N;",
@@ -87,7 +89,7 @@ fn forms_that_make_an_expression_invalid_are_left_out() {
     }
     assert_eq!(of_body("P += texture (name, u, v) * noise (P) * N;", Func::Texture), ["float"]);
     assert_eq!(of_body("f = max (0.1, texture (name, u, v)) * dot (N, N);", Func::Texture), ["float"]);
-    // Where nothing else fits, the one number goes to all components, which is hardly meant.
+    // Where nothing else fits, the one number is used for all components, which is rarely intended.
     let warned = said("displacement t () { vector w = texture (\"a\", u, v); P += w; }");
     assert_eq!(
         warned,
@@ -138,7 +140,7 @@ fn factors_are_floats_and_textures_are_colors() {
          shine += Kr * environment (env, reflect (I, N)); C = shine; }",
     );
     assert_eq!(results(&m, Func::Environment), ["color"]);
-    // Two functions that leave it open.
+    // Both functions leave the type open.
     let body = "c *= texture (name, u, v) * noise (P);";
     assert_eq!((of_body(body, Func::Texture), of_body(body, Func::Noise)), (vec!["color"], vec!["float"]));
 }

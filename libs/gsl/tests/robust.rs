@@ -1,11 +1,11 @@
-//! Whatever comes in, an answer comes out: no panic, no hang, no overflow of the stack.
+//! Tests that every input has a result, without a panic, an endless loop or a stack overflow.
 
 mod common;
 use common::said;
 use granita_gsl::{CompileOptions, GsoArgs, ValidModule, compile, gso};
 use proptest::prelude::*;
 
-/// Says `expected` about a source that is nested deeply.
+/// Checks that the messages about a deeply nested source contain `expected`.
 fn refused(source: &str, expected: &str) {
     let found = said(source);
     assert!(found.contains(expected), "{}", found.chars().take(300).collect::<String>());
@@ -40,7 +40,7 @@ fn deep_nesting_is_an_error() {
 
 #[test]
 fn as_deep_as_may_be() {
-    // All that the parser lets through must pass through the later stages as well.
+    // Everything that the parser accepts must pass through the later stages as well.
     let ok = |source: &str| {
         let compiled = compile(source, "t.gsl", &CompileOptions::default());
         let module = compiled.unwrap_or_else(|l| panic!("{}", l[0])).module;
@@ -57,7 +57,7 @@ fn as_deep_as_may_be() {
 
 #[test]
 fn long_is_not_deep() {
-    // What stands beside each other is no nesting, however much of it there is.
+    // A sequence is not nesting, whatever its length is.
     let n = 10_000;
     let ok = |source: &str| {
         let compiled = compile(source, "t.gsl", &CompileOptions::default());
@@ -65,7 +65,7 @@ fn long_is_not_deep() {
         assert_eq!(gso::read(&gso::write(&module, true), "t").unwrap(), module);
         module.symbols.len()
     };
-    // Sums are made in a few temporaries.
+    // Sums need only a few temporaries.
     let few = 100;
     for term in [" + u", " - u * v", " * 2 / u", " + C[1]", " + (u + 1)", " + noise (P)"] {
         let symbols = ok(&format!("surface t () {{ C = u{}; }}", term.repeat(n)));
@@ -93,7 +93,7 @@ fn long_is_not_deep() {
 
 #[test]
 fn nested_choices_take_no_time() {
-    // Each level asked twice what its value could be.
+    // Exponential time results if each level determines the possible types of the next one twice.
     let n = 60;
     let source = format!("surface t () {{ C = {}noise (P){}; }}", "u ? ".repeat(n), " : 1".repeat(n));
     compile(&source, "t.gsl", &CompileOptions::default()).unwrap();
@@ -113,7 +113,7 @@ fn messages_are_short() {
 
 #[test]
 fn growth_is_bounded() {
-    // Each function calls the one before twice.
+    // Each function calls the previous one twice.
     let mut source = String::from("float f0 (float x) { return x + 1; }\n");
     for i in 1..60 {
         source += &format!("float f{i} (float x) {{ return f{0} (x) + f{0} (x); }}\n", i - 1);
@@ -122,7 +122,7 @@ fn growth_is_bounded() {
         &format!("{source}surface t () {{ C = f59 (u); }}"),
         "operations when functions are put in place",
     );
-    // Blocks within blocks by way of functions.
+    // The blocks are nested through functions.
     let mut source = String::from("void f0 () { C = 1; }\n");
     for i in 1..300 {
         source += &format!("void f{i} () {{ if (u) f{} (); }}\n", i - 1);
@@ -133,7 +133,7 @@ fn growth_is_bounded() {
         source += &format!("float f{i} (float x) {{ return f{} (x); }}\n", i - 1);
     }
     refused(&format!("{source}surface t () {{ C = f1999 (u); }}"), "nested more than");
-    // Macros that double.
+    // The macros double.
     let mut source = String::from("#define m0 1 +\n");
     for i in 1..60 {
         source += &format!("#define m{i} m{0} m{0}\n", i - 1);
@@ -190,7 +190,7 @@ fn encrypted_files_hide_names_of_variables_and_show_parameters() {
     assert!(!has(&mixed, "hidden") && has(&mixed, "visible"));
 }
 
-/// Pieces that sources are made of.
+/// The pieces of generated sources.
 const PIECES: &[&str] = &[
     "surface",
     "t",
@@ -352,7 +352,7 @@ fn changed_modules_are_checked_again() {
     let mut changed = (*module).clone();
     changed.symbols.truncate(1);
     assert!(ValidModule::check(changed, "t").is_err());
-    // A constant has a value.
+    // A constant must have a value.
     let mut changed = (*module).clone();
     let ty = SymbolType { value: ValueType::Float, array: Some(0), open: true };
     let kind = SymbolKind::Const(ConstValue::Floats(Vec::new().into()));

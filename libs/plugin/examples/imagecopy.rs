@@ -1,17 +1,17 @@
-//! Copies a picture into another format, rows by rows: `cargo run --example imagecopy IN OUT FORMAT`.
+//! Copies an image into another format, row by row. Run it as `cargo run --example imagecopy IN OUT FORMAT`.
 #![allow(clippy::print_stderr, reason = "an example")]
 
 use granita_image::{CreateOptions, ImageError, Limits};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Copies the largest level of the first image, its attributes with it.
+/// Copies the largest level of the first image, with its attributes.
 fn copy(from: &Path, to: &Path, format: &str) -> Result<(), ImageError> {
     let formats = granita_plugin::bundled_formats(Limits::default());
     let input = formats.open(from)?;
     let Some(spec) = input.spec(0, 0) else { return Ok(()) };
     let mut spec = spec.clone();
-    // Rows go into rows; how the other file was packed is its own affair.
+    // The output is stored in rows, with the default compression of its format.
     (spec.tile_width, spec.tile_height) = (0, 0);
     spec.attributes.0.retain(|p| &*p.name != "compression");
     if let Some(known) = formats.by_name(format) {

@@ -1,4 +1,4 @@
-//! Prints what the bundled formats see in files: `cargo run --example imageinfo FILE...`.
+//! Prints the content of image files as the bundled formats read it. Run it as `cargo run --example imageinfo FILE...`.
 #![allow(clippy::print_stdout, reason = "an example")]
 
 fn main() {

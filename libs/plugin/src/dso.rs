@@ -34,7 +34,7 @@ impl Dso {
             return Ok(dso);
         }
         let library = open(&path).map_err(|e| {
-            // The system begins with the path, which messages name anyway.
+            // The text of the system begins with the path, which messages contain in any case.
             let text = std::error::Error::source(&e).map_or_else(|| e.to_string(), ToString::to_string);
             text.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&text).to_owned()
         })?;
@@ -46,14 +46,14 @@ impl Dso {
         Ok(dso)
     }
 
-    /// Returns the extensions of its files, found once.
+    /// Returns the extensions of its files. `find` is called at most once.
     pub(crate) fn extensions(&'static self, find: impl FnOnce() -> Vec<String>) -> &'static [&'static str] {
         self.extensions.get_or_init(|| find().into_iter().map(|e| &*e.leak()).collect())
     }
 
     /// Returns the address of a symbol.
     pub(crate) fn symbol(&self, name: &str) -> Option<*mut c_void> {
-        // SAFETY: only the address is taken, as a pointer; whoever uses it says of what type it is.
+        // SAFETY: only the address is taken, as a pointer. The caller states its type.
         let symbol = unsafe { self.library.get::<*mut c_void>(name.as_bytes()) }.ok()?;
         // SAFETY: the symbol is not used as a value of this type, only its address.
         let address = unsafe { symbol.try_as_raw_ptr() }?;
@@ -62,18 +62,18 @@ impl Dso {
 
     /// Returns the value of an `int`.
     pub(crate) fn int(&self, name: &str) -> Option<c_int> {
-        // SAFETY: symbols of the names that are asked for are ints by the interface, and live as long as the library.
+        // SAFETY: the requested symbols are ints by the interface, and live as long as the library.
         self.symbol(name).map(|address| unsafe { *address.cast::<c_int>() })
     }
 
     /// Returns the strings of an array of `char *` that ends with NULL.
     pub(crate) fn strings(&self, name: &str) -> Option<Vec<String>> {
-        // SAFETY: symbols of the names that are asked for are such arrays by the interface.
+        // SAFETY: the requested symbols are such arrays by the interface.
         self.symbol(name).map(|address| unsafe { strings(address.cast()) })
     }
 }
 
-/// So many strings are taken from an array whose end is missing.
+/// The largest number of strings that are read from an array whose end is missing.
 const MAX_STRINGS: usize = 1000;
 
 /// Returns the strings of an array that ends with NULL.
@@ -86,7 +86,7 @@ pub(crate) unsafe fn strings(array: *const *const c_char) -> Vec<String> {
         return list;
     }
     while list.len() < MAX_STRINGS {
-        // SAFETY: no NULL came before, so the array goes on.
+        // SAFETY: no NULL came before, so the array continues.
         let text = unsafe { *array.add(list.len()) };
         if text.is_null() {
             break;
@@ -100,7 +100,7 @@ pub(crate) unsafe fn strings(array: *const *const c_char) -> Vec<String> {
 #[cfg(unix)]
 fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
     use libloading::os::unix::{Library, RTLD_LOCAL, RTLD_NOW};
-    // SAFETY: the library's initialisers run: whoever puts a plugin on a search path wants that.
+    // SAFETY: the library's initialisers run. Placing a plugin on a search path permits that.
     unsafe { Library::open(Some(path), RTLD_NOW | RTLD_LOCAL) }.map(Into::into)
 }
 

@@ -1,4 +1,4 @@
-//! The `ErrorManager` of C++: a [`Reporter`] behind the table of `gelato_c.h`.
+//! The `ErrorManager` of C++, which is a [`Reporter`] behind the table of `gelato_c.h`.
 
 use crate::ffi::{self, ABI, Errors, ErrorsCalls, Text};
 use granita_base::report::{Message, VERBOSITY_INFO};
@@ -15,14 +15,14 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 pub struct ErrorManager {
     head: Errors,
     reporter: Reporter,
-    /// The `ErrorHandler`; null: standard error.
+    /// The `ErrorHandler`; null for standard error.
     handler: Arc<AtomicPtr<c_void>>,
-    /// Whether the reporter was made for the handler.
+    /// True when the reporter was made for the handler.
     own: bool,
 }
 
 thread_local! {
-    /// Whether this thread is in a handler: what it says there goes to standard error, for the handler is busy.
+    /// True while this thread is in a handler. Its messages then go to standard error, because the handler is busy.
     static HANDLING: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -82,9 +82,9 @@ impl ErrorManager {
 /// The owner of the messages of an interface.
 #[derive(Clone, Debug)]
 pub enum Messages {
-    /// A manager that the program made, and ends after its renderers; and where its messages go.
+    /// A manager that the program made and ends after its renderers, and the receiver of its messages.
     Program(*mut Errors, Reporter),
-    /// One that lives as long as somebody needs it.
+    /// A manager that lives as long as it is needed.
     Own(Arc<ErrorManager>),
 }
 
@@ -111,7 +111,7 @@ impl Messages {
     }
 }
 
-/// Gives a message to a handler, or to standard error with the word for its severity.
+/// Passes a message to a handler, or to standard error after the word for its severity.
 fn hand(handler: *mut c_void, message: &Message) {
     let plain = Message { severity: Severity::Message, ..message.clone() };
     let mut text = String::new();
@@ -127,14 +127,14 @@ fn hand(handler: *mut c_void, message: &Message) {
             Severity::Error => "ERROR: ",
             Severity::Severe => "SEVERE ERROR: ",
         };
-        // There is nobody else to tell.
+        // An error here cannot be reported.
         let _ = writeln!(std::io::stderr(), "{prefix}{text}");
         return;
     }
     let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
     let mut why = Text::new();
     HANDLING.set(true);
-    // SAFETY: the handler is the program's own ErrorHandler, which outlives its manager; the shim catches exceptions.
+    // SAFETY: the handler is the program's own ErrorHandler, which outlives its manager. The shim catches exceptions.
     let status =
         unsafe { ffi::gelato_shim_handle(handler, message.severity.code(), text.as_ptr(), why.room()) };
     HANDLING.set(false);
@@ -144,7 +144,7 @@ fn hand(handler: *mut c_void, message: &Message) {
     }
 }
 
-/// Runs `f` with the manager; nothing for null, and nothing goes through when it panics.
+/// Runs `f` with the manager. Returns `nothing` for null, and after a panic, which does not cross the boundary.
 fn with<T>(errors: *const Errors, nothing: T, f: impl FnOnce(&ErrorManager) -> T) -> T {
     // SAFETY: the table is called with the manager that it belongs to.
     let Some(manager) = (unsafe { ErrorManager::from_errors(errors) }) else { return nothing };
@@ -153,7 +153,7 @@ fn with<T>(errors: *const Errors, nothing: T, f: impl FnOnce(&ErrorManager) -> T
 
 extern "C" fn say(errors: *mut Errors, code: c_int, text: *const c_char) {
     with(errors, (), |manager| {
-        // SAFETY: a string by the interface.
+        // SAFETY: the text is a string by the interface.
         let text = unsafe { ffi::text(text) }.unwrap_or_default();
         if HANDLING.get() {
             let _ = writeln!(std::io::stderr(), "{text}");
@@ -191,7 +191,7 @@ extern "C" fn set_handler(errors: *mut Errors, handler: *mut c_void) {
 extern "C" fn summary(errors: *mut Errors) -> *mut c_char {
     with(errors, std::ptr::null_mut(), |manager| {
         let text = manager.reporter.summary().unwrap_or_default();
-        // SAFETY: room for the text and its end is asked for, and filled exactly.
+        // SAFETY: the memory has room for the text and its end, and is filled exactly.
         unsafe {
             let room = malloc(text.len() + 1).cast::<u8>();
             if !room.is_null() {
@@ -204,7 +204,7 @@ extern "C" fn summary(errors: *mut Errors) -> *mut c_char {
 }
 
 unsafe extern "C" {
-    /// The caller of `Summary` gives the text to C's own `free`.
+    /// Allocates memory. The caller of `Summary` frees it with C's own `free`.
     fn malloc(size: usize) -> *mut c_void;
 }
 

@@ -2,10 +2,10 @@
 
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
-/// `GELATO_C_ABI`.
+/// The value of `GELATO_C_ABI`.
 pub(crate) const ABI: c_int = 2;
 
-/// `gelato_message`.
+/// The structure `gelato_message`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub(crate) struct Message {
@@ -13,7 +13,7 @@ pub(crate) struct Message {
     pub(crate) size: usize,
 }
 
-/// `gelato_errors_calls`.
+/// The structure `gelato_errors_calls`.
 #[repr(C)]
 pub(crate) struct ErrorsCalls {
     pub(crate) abi: c_int,
@@ -27,13 +27,13 @@ pub(crate) struct ErrorsCalls {
     pub(crate) release: extern "C" fn(*mut Errors),
 }
 
-/// `gelato_errors`: the beginning of [`crate::ErrorManager`].
+/// The structure `gelato_errors`, which is the beginning of [`crate::ErrorManager`].
 #[repr(C)]
 pub struct Errors {
     pub(crate) calls: *const ErrorsCalls,
 }
 
-/// `gelato_knots`.
+/// The structure `gelato_knots`.
 #[repr(C)]
 pub(crate) struct Knots {
     pub(crate) n: c_int,
@@ -43,7 +43,7 @@ pub(crate) struct Knots {
     pub(crate) max: f32,
 }
 
-/// `gelato_calls`.
+/// The structure `gelato_calls`.
 #[repr(C)]
 pub(crate) struct Calls {
     pub(crate) abi: c_int,
@@ -75,7 +75,7 @@ pub(crate) struct Calls {
     pub(crate) destroy: Option<extern "C" fn(*mut c_void)>,
 }
 
-/// `gelato_generator`.
+/// The structure `gelato_generator`.
 #[repr(C)]
 pub(crate) struct GeneratorTable {
     pub(crate) abi: c_int,
@@ -85,7 +85,7 @@ pub(crate) struct GeneratorTable {
         Option<unsafe extern "C" fn(*const Calls, *mut c_void, *const c_char, *mut c_char, usize) -> c_int>,
 }
 
-/// `gelato_image_spec`.
+/// The structure `gelato_image_spec`.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub(crate) struct Spec {
@@ -106,7 +106,7 @@ pub(crate) struct Spec {
     pub(crate) channelnames: *const *const c_char,
 }
 
-/// `gelato_image_parameter`.
+/// The structure `gelato_image_parameter`.
 #[repr(C)]
 pub(crate) struct ImageParameter {
     pub(crate) name: *const c_char,
@@ -115,19 +115,19 @@ pub(crate) struct ImageParameter {
     pub(crate) value: *const c_void,
 }
 
-/// Bits of `gelato_image_feature`.
+/// The bit of `gelato_image_feature` for tiles.
 pub(crate) const TILES: c_int = 1;
-/// See [`TILES`].
+/// The bit of `gelato_image_feature` for several images in one file.
 pub(crate) const MULTIIMAGE: c_int = 4;
-/// See [`TILES`].
+/// The bit of `gelato_image_feature` for rectangles.
 pub(crate) const RECTANGLES: c_int = 64;
 
-/// `gelato_status`.
+/// The `gelato_status` of success.
 pub(crate) const OK: c_int = 0;
-/// See [`OK`].
+/// The `gelato_status` of an exception.
 pub(crate) const THREW: c_int = 2;
 
-/// `gelato_image_output_calls`.
+/// The structure `gelato_image_output_calls`.
 #[repr(C)]
 pub(crate) struct OutputCalls {
     pub(crate) abi: c_int,
@@ -172,7 +172,7 @@ pub(crate) struct OutputCalls {
     pub(crate) destroy: unsafe extern "C" fn(*mut c_void),
 }
 
-/// `gelato_image_input_calls`.
+/// The structure `gelato_image_input_calls`.
 #[repr(C)]
 pub(crate) struct InputCalls {
     pub(crate) abi: c_int,
@@ -204,7 +204,7 @@ pub(crate) struct InputCalls {
     pub(crate) destroy: unsafe extern "C" fn(*mut c_void),
 }
 
-// The shim, `cpp/shim.cpp`.
+// These functions are defined in the shim, `cpp/shim.cpp`.
 unsafe extern "C" {
     pub(crate) fn gelato_shim_output() -> *const OutputCalls;
     pub(crate) fn gelato_shim_input() -> *const InputCalls;
@@ -269,6 +269,6 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<std::borrow::Cow<'a
     if text.is_null() {
         return None;
     }
-    // SAFETY: not NULL, and by the contract above it ends with 0.
+    // SAFETY: it is not NULL, and by the contract above it ends with 0.
     Some(unsafe { std::ffi::CStr::from_ptr(text) }.to_string_lossy())
 }

@@ -1,4 +1,4 @@
-//! Generators from plugins (reference 12): `NAME.generator.so`, and those of a program.
+//! Generators from plugins in `NAME.generator.so` (reference 12), and those of a program.
 
 use crate::dso::{Dso, strings};
 use crate::ffi::{self, ABI, GeneratorTable, Text};
@@ -10,18 +10,18 @@ use std::ffi::c_void;
 use std::io::Write;
 use std::sync::Arc;
 
-/// `GelatoAPI::API_VERSION`.
+/// The value of `GelatoAPI::API_VERSION`.
 const VERSION: i32 = 2;
 
-/// What makes a plugin's calls.
+/// The source of a plugin's calls.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    /// `NAME_generator_create`.
+    /// The function `NAME_generator_create`.
     Cpp(*mut c_void),
     Table(&'static GeneratorTable),
 }
 
-// SAFETY: addresses of functions and of a table that never changes.
+// SAFETY: these are addresses of functions and of a table that never changes.
 unsafe impl Send for Kind {}
 // SAFETY: as above.
 unsafe impl Sync for Kind {}
@@ -56,7 +56,7 @@ impl PluginGenerator {
             (_, Some(ABI)) => {
                 let name = format!("{stem}_generator_c");
                 let address = dso.symbol(&name).ok_or_else(|| format!("it has no symbol {name}"))?;
-                // SAFETY: a function of this form, by the interface whose version the plugin shows.
+                // SAFETY: the symbol is a function of this form, by the interface whose version the plugin declares.
                 let get: extern "C" fn() -> *const GeneratorTable = unsafe { std::mem::transmute(address) };
                 // SAFETY: tables of the interface are static, or NULL.
                 let table = unsafe { get().as_ref() }.filter(|t| t.abi == ABI && t.run.is_some());
@@ -73,7 +73,7 @@ impl PluginGenerator {
         let extensions = dso.extensions(|| {
             let mut list = vec![stem.to_ascii_lowercase()];
             if let Kind::Table(table) = kind {
-                // SAFETY: an array that ends with NULL, by the interface.
+                // SAFETY: it is an array that ends with NULL, by the interface.
                 list.extend(unsafe { strings(table.extensions) });
             }
             list
@@ -82,11 +82,11 @@ impl PluginGenerator {
         Ok(Self { name: &dso.stem, title, extensions, kind })
     }
 
-    /// The C++ object for a command.
+    /// Returns the C++ object for a command.
     fn object(&self, factory: *mut c_void, params: &str) -> Result<GeneratorObject, String> {
         let command = c_string(&format!("{} {params}", self.name));
         let mut why = Text::new();
-        // SAFETY: the plugin's factory, of the form that its version promises.
+        // SAFETY: it is the plugin's factory, of the form that its version declares.
         let made = unsafe { ffi::gelato_shim_generator_create(factory, command.as_ptr(), why.room()) };
         if made.is_null() {
             return Err(match why.get() {
@@ -98,11 +98,11 @@ impl PluginGenerator {
     }
 }
 
-/// What a generator gets as its parameter: the file, or one that holds the bytes and lives as long as this.
+/// The parameter of a generator. It is the name of a file, or of one that holds the bytes and lives as long as this.
 enum Params {
     Text(String),
     File(tempfile::TempPath),
-    /// A file without a name, and the name by which this process and its children find it: nothing is left when the
+    /// A file without a name, and the path by which this process and its children find it. No file is left when the
     /// process is killed.
     #[cfg(target_os = "linux")]
     Unnamed(#[expect(dead_code, reason = "the file lives as long as it is open")] std::fs::File, String),
@@ -120,7 +120,7 @@ impl Params {
                     let mut file = tempfile::tempfile_in(&folder)?;
                     file.write_all(bytes)?;
                     let name = format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd());
-                    // Where that folder is not there, the file needs a name.
+                    // Where that folder does not exist, the file needs a name.
                     if std::fs::File::open(&name).is_ok() {
                         return Ok(Self::Unnamed(file, name));
                     }
@@ -171,7 +171,7 @@ impl Generator for PluginGenerator {
     }
 
     fn makes_frames(&self) -> bool {
-        // It may.
+        // A plugin may make frames.
         true
     }
 
@@ -184,7 +184,7 @@ impl Generator for PluginGenerator {
             Kind::Cpp(factory) => self.object(factory, &params).ok()?.bound().ok()?,
             Kind::Table(table) => {
                 let (params, mut bound) = (c_string(&params), [0.0f32; 6]);
-                // SAFETY: the plugin's own function, a string, and room for six floats.
+                // SAFETY: it is the plugin's own function, called with a string and room for six floats.
                 let known = unsafe { table.bound?(params.as_ptr(), bound.as_mut_ptr()) };
                 (known != 0).then_some(bound)
             }

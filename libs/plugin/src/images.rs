@@ -1,4 +1,4 @@
-//! Image formats from plugins (reference 13): `FORMAT.imageio.so`, and images in the memory of a program.
+//! Image formats from plugins in `FORMAT.imageio.so` (reference 13), and images in the memory of a program.
 
 mod bundled;
 mod input;
@@ -10,10 +10,10 @@ use granita_image::{CreateOptions, Format, ImageError, ImageInput, ImageOutput, 
 use std::ffi::c_void;
 use std::path::Path;
 
-/// `IMAGEIO_VERSION`.
+/// The value of `IMAGEIO_VERSION`.
 const VERSION: i32 = 3;
 
-/// A table of functions, and what makes its objects.
+/// A table of functions, and the factory of its objects.
 struct Made<T: 'static> {
     calls: &'static T,
     /// The plugin's own function; null for tables of C.
@@ -38,7 +38,7 @@ unsafe impl<T> Send for Made<T> {}
 // SAFETY: as above.
 unsafe impl<T> Sync for Made<T> {}
 
-/// Where writers come from.
+/// The source of writers.
 #[derive(Clone, Copy, Debug)]
 enum Writer {
     None,
@@ -47,11 +47,11 @@ enum Writer {
     Program(usize),
 }
 
-/// One plugin's format.
+/// The format of a plugin.
 #[derive(Debug)]
 pub(crate) struct PluginFormat {
     name: &'static str,
-    /// As messages call it.
+    /// The name in messages.
     title: String,
     extensions: &'static [&'static str],
     reads: Vec<String>,
@@ -120,7 +120,7 @@ impl PluginFormat {
         }
     }
 
-    /// True when it lists the extension among those that it writes, or reads.
+    /// True when it lists the extension among those that it writes, or among those that it reads.
     pub(crate) fn lists(&self, extension: &str, writes: bool) -> bool {
         let list = if writes { &self.writes } else { &self.reads };
         list.iter().any(|e| e.eq_ignore_ascii_case(extension))
@@ -131,7 +131,7 @@ impl PluginFormat {
         self.reader.is_some()
     }
 
-    /// Whether there is a function for them; C++ always has one.
+    /// True when there is a function for rectangles. C++ always has one.
     fn takes_rectangles(&self) -> bool {
         match self.writer {
             Writer::None => false,
@@ -145,7 +145,7 @@ impl PluginFormat {
     }
 }
 
-/// The tables of a C++ plugin.
+/// Returns the tables of a C++ plugin.
 fn cpp(dso: &Dso) -> (Option<Made<InputCalls>>, Writer) {
     let stem = &dso.stem;
     let reader = dso.symbol(&format!("{stem}_input_imageio_create")).map(|factory| {
@@ -160,11 +160,11 @@ fn cpp(dso: &Dso) -> (Option<Made<InputCalls>>, Writer) {
     (reader, writer)
 }
 
-/// The tables of a plugin in C.
+/// Returns the tables of a plugin in C.
 fn tables(dso: &Dso) -> std::result::Result<(Option<Made<InputCalls>>, Writer), String> {
     let table = |name: String| {
         let address = dso.symbol(&name)?;
-        // SAFETY: a function of this form, by the interface whose version the plugin shows.
+        // SAFETY: the symbol is a function of this form, by the interface whose version the plugin declares.
         let get: extern "C" fn() -> *const c_void = unsafe { std::mem::transmute(address) };
         Some(get()).filter(|table| !table.is_null())
     };
@@ -190,20 +190,20 @@ struct Object<T: 'static> {
     destroy: Option<unsafe extern "C" fn(*mut c_void)>,
 }
 
-// SAFETY: readers stand behind a lock and writers have one owner: one thread at a time calls them, which is what the
-// interface promises to plugins.
+// SAFETY: readers are behind a lock and writers have one owner. One thread at a time calls them, as the interface
+// guarantees to plugins.
 unsafe impl<T> Send for Object<T> {}
 
 impl<T> Drop for Object<T> {
     fn drop(&mut self) {
         if let Some(destroy) = self.destroy {
-            // SAFETY: the object came from this table's `create` and ends here; the shim catches exceptions.
+            // SAFETY: the object came from this table's `create` and ends here. The shim catches exceptions.
             unsafe { destroy(self.this) }
         }
     }
 }
 
-/// The text of a call that went wrong.
+/// Returns the text of a call that failed.
 fn failure(call: &str, status: i32, text: &Text) -> String {
     match (status, text.get()) {
         (ffi::THREW, Some(text)) => format!("{call} threw an exception: {text}"),
@@ -223,7 +223,7 @@ impl Format for PluginFormat {
     }
 
     fn recognizes(&self, _: &[u8]) -> bool {
-        // Only its `open` knows.
+        // Only its `open` recognizes files.
         false
     }
 
@@ -238,7 +238,7 @@ impl Format for PluginFormat {
             "tiles" => asks(ffi::TILES),
             "rectangles" => self.takes_rectangles() && asks(ffi::RECTANGLES),
             "levels" => asks(ffi::MULTIIMAGE),
-            // It gets floats, and stores them as it can.
+            // It receives floats, and stores them in its own type.
             "half" | "float" | "u16" | "channels" | "alpha" => true,
             _ => false,
         }

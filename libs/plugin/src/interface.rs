@@ -24,41 +24,39 @@ use values::{Pending, Source};
 
 /// The operations that an interface needs from its program.
 pub trait InterfaceHost {
-    /// Keeps a generator with a bound for later: the command by which `Input` finds it. `Err` gives it back, to be
-    /// run
-    /// at once.
+    /// Keeps a generator with a bound for later. Returns the command by which `Input` finds it.
     ///
     /// # Errors
-    /// The generator, where none are kept.
+    /// Returns the generator when it is not kept, so that it is run at once.
     fn keep(&mut self, generator: GeneratorObject) -> Result<Arc<str>, GeneratorObject> {
         Err(generator)
     }
 
-    /// An output's format is the address of an `ImageOutput`, which the program vouches for.
+    /// Permits an output whose format is the address of an `ImageOutput` of the program.
     fn grant(&mut self, format: &str) {
         let _ = format;
     }
 
-    /// The answer to a question that the graphics state has none for.
+    /// Returns an attribute that the graphics state does not have.
     fn attribute(&self, declaration: &str) -> Option<Param> {
         let _ = declaration;
         None
     }
 
-    /// Whether calls are written down and not carried out: the program's own generators are run as far as
-    /// "limits:inputlevels" of the sink says (reference 4.3.12).
+    /// True when calls are written to a file and not executed. The program's own generators are then run to the depth
+    /// of "limits:inputlevels" of the sink (reference 4.3.12).
     fn archives(&self) -> bool {
         false
     }
 
-    /// A command that the host runs itself.
+    /// Runs a command of the host. Returns false when the host does not have the command.
     fn command(&mut self, name: &str) -> bool {
         let _ = name;
         false
     }
 }
 
-/// A host without any of that.
+/// A host with the default operations.
 impl InterfaceHost for () {}
 
 /// The host of a program whose calls are written to a file.
@@ -71,14 +69,14 @@ impl InterfaceHost for Archiving {
     }
 }
 
-/// A declaration that was read.
+/// A parsed declaration.
 #[derive(Clone)]
 struct Declared {
     ty: ParamType,
     name: Arc<str>,
 }
 
-/// So many declarations are remembered, and as many names; a program that makes up more begins anew.
+/// The largest number of declarations, and of names, that are remembered. When a program uses more, all are forgotten.
 const REMEMBERED: usize = 4096;
 
 /// Receives the calls of one program or generator, and passes them on to a sink.
@@ -89,14 +87,14 @@ pub struct Interface<'a> {
     errors: Messages,
     at: Location,
     pending: Vec<Pending>,
-    /// Declarations that were read, by their text.
+    /// The parsed declarations, by their text.
     declarations: FxHashMap<Box<CStr>, Declared>,
-    /// Names whose types were given apart.
+    /// The names whose types were passed separately.
     names: FxHashMap<Box<CStr>, Arc<str>>,
-    /// Strings that `GetAttribute` gave out.
+    /// The strings that `GetAttribute` returned.
     answers: HashMap<Box<str>, CString>,
     stopped: bool,
-    /// Generators of the program that this one runs within.
+    /// The number of generators of the program that this one runs within.
     level: i32,
 }
 
@@ -139,7 +137,7 @@ impl<'a> Interface<'a> {
         self.reporter.say(Severity::Error, &self.at, text);
     }
 
-    /// Passes a call on.
+    /// Passes a call to the sink.
     fn call(&mut self, call: Call) {
         if self.stopped {
             return;
@@ -154,12 +152,12 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// The pending parameters, for a call that is no primitive.
+    /// Returns the pending parameters, for a call that is not a primitive.
     fn params(&mut self, call: &str) -> Params {
         let pending = std::mem::take(&mut self.pending);
         let mut params = Params::new();
         for p in pending {
-            // Cameras and outputs know what their parameters are.
+            // The parameters of cameras and outputs have known types.
             let ty = match p.ty.base {
                 BaseType::Unknown => values::known_type(&p.name).unwrap_or(p.ty),
                 _ => p.ty,
@@ -169,7 +167,7 @@ impl<'a> Interface<'a> {
         params
     }
 
-    /// The pending parameters of a primitive.
+    /// Returns the pending parameters of a primitive.
     fn shape_params(&mut self, shape: &ShapeDesc) -> Params {
         let pending = std::mem::take(&mut self.pending);
         let mut params = Params::new();
@@ -178,7 +176,7 @@ impl<'a> Interface<'a> {
                 BaseType::Unknown => granita_scene::predeclared(&p.name).unwrap_or(p.ty),
                 _ => p.ty,
             };
-            // Positions are always one for each vertex, whatever was declared.
+            // Positions have one value for each vertex, whatever was declared.
             let interp = if matches!(&*p.name, "P" | "Pw") { Interp::Vertex } else { ty.interp };
             self.add(&mut params, &p, ty, shape.items(interp), shape.call_name());
         }
@@ -197,7 +195,7 @@ impl<'a> Interface<'a> {
         self.call(Call::Shape { shape: Box::new(shape), params });
     }
 
-    /// Type and name of a declaration; a mistake is reported.
+    /// Returns the type and the name of a declaration. An error is reported.
     fn declaration(&mut self, text: &CStr) -> Option<Declared> {
         if let Some(declared) = self.declarations.get(text) {
             return Some(declared.clone());
@@ -218,7 +216,7 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// A name whose type is given apart.
+    /// Returns a name whose type is passed separately.
     fn name(&mut self, text: &CStr) -> Arc<str> {
         if let Some(name) = self.names.get(text) {
             return name.clone();
@@ -231,7 +229,7 @@ impl<'a> Interface<'a> {
         name
     }
 
-    /// `Parameter` and `Attribute`.
+    /// Executes `Parameter` and `Attribute`.
     fn value(&mut self, attribute: bool, name: &CStr, bits: u32, source: Source) {
         let Declared { ty, name } = if bits == 0 {
             let Some(declared) = self.declaration(name) else { return };
@@ -250,7 +248,7 @@ impl<'a> Interface<'a> {
             return;
         }
         let read = match (ty.base, &source) {
-            // Single values are what they are.
+            // Single values have the type of their data.
             (BaseType::Unknown, Source::Int(_) | Source::Float(_) | Source::Text(_)) => ty,
             (BaseType::Unknown, _) => values::known_type(&name).unwrap_or(ty),
             _ => ty,
@@ -261,7 +259,7 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// Calls of words.
+    /// Executes a call that has only words.
     fn words(&mut self, call: c_int, words: [Option<Arc<str>>; 4]) {
         let [a, b, c, d] = words;
         let text = |word: Option<Arc<str>>| word.unwrap_or_else(|| "".into());
@@ -318,7 +316,7 @@ impl<'a> Interface<'a> {
         self.call(call);
     }
 
-    /// Calls of numbers.
+    /// Executes a call that has numbers.
     fn numbers(&mut self, call: c_int, v: &[f32], word: Option<String>) {
         let matrix = |v: &[f32]| -> Option<Box<Matrix>> { v.try_into().ok().map(Box::new) };
         let made = match (call, v) {
@@ -343,7 +341,7 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// A basis by name; a mistake is reported and the pending parameters are dropped.
+    /// Returns a basis by name. An error is reported, and the pending parameters are dropped.
     fn basis(&mut self, call: &str, word: Option<String>) -> Option<CurveBasis> {
         let word = word.unwrap_or_default();
         let basis = CurveBasis::from_word(&word);
@@ -353,7 +351,8 @@ impl<'a> Interface<'a> {
         basis
     }
 
-    /// The bases along u and v, by one name or two; an error is reported and the pending parameters are dropped.
+    /// Returns the bases along u and v, by one name or two. An error is reported, and the pending parameters are
+    /// dropped.
     fn bases(&mut self, call: &str, words: Option<String>) -> Option<(CurveBasis, CurveBasis)> {
         let words = words.unwrap_or_default();
         match CurveBasis::pair_from_words(&words) {
@@ -365,13 +364,13 @@ impl<'a> Interface<'a> {
         }
     }
 
-    /// A primitive that cannot be: its parameters are nobody's.
+    /// Reports a primitive that cannot be made, and drops its parameters.
     fn refuse(&mut self, what: String) {
         self.pending.clear();
         self.complain(what);
     }
 
-    /// A count of things.
+    /// Returns a count. A negative one is reported, and the pending parameters are dropped.
     fn count(&mut self, call: &str, n: c_int) -> Option<usize> {
         let count = usize::try_from(n).ok();
         if count.is_none() {
@@ -400,12 +399,12 @@ impl<'a> Interface<'a> {
         self.shape(ShapeDesc::NurbsCurves { ncurves, span });
     }
 
-    /// The value of an attribute.
+    /// Returns the value of an attribute.
     fn attribute(&self, declaration: &str) -> Option<Param> {
         self.sink.attribute(declaration).or_else(|| self.host.attribute(declaration))
     }
 
-    /// A string that stays as long as the interface does.
+    /// Returns a string that is valid as long as the interface exists.
     fn keep_answer(&mut self, text: &str) -> *const std::ffi::c_char {
         if !self.answers.contains_key(text) {
             let kept = CString::new(text.replace('\0', " ")).unwrap_or_default();
@@ -414,7 +413,7 @@ impl<'a> Interface<'a> {
         self.answers.get(text).map_or(std::ptr::null(), |kept| kept.as_ptr())
     }
 
-    /// The data of an attribute as strings or numbers.
+    /// Returns the strings of an attribute, of which numbers have none.
     fn strings_of(data: &ParamData) -> &[Arc<str>] {
         match data {
             ParamData::String(list) => list,

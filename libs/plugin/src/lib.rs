@@ -7,14 +7,15 @@
 //! assert!(formats.by_name("tiff").is_some());
 //! ```
 //!
-//! [`Plugins`] finds shared libraries on search paths (reference 12 to 14): `FORMAT.imageio.so`,
+//! [`Plugins`] finds shared libraries on search paths (reference 12 to 14), such as `FORMAT.imageio.so` and
 //! `NAME.generator.so`. They are written in C++ with the headers in `bindings/cpp/include`, or in any language with
-//! `gelato_c.h`, the C interface below those. Only `cpp/shim.cpp` connects the C++ classes to its tables.
-//! [`Interface`] is the other direction: scene calls that programs and generators make.
+//! `gelato_c.h`, the C interface below those. Only `cpp/shim.cpp` connects the C++ classes to its tables. [`Interface`]
+//! receives the scene calls that programs and generators make.
 //!
-//! Invariants: No C++ exception and no panic crosses the language boundary. A plugin of another version is refused
-//! and never called. An error of a plugin is one message with its name. Loaded libraries are never unloaded.
-//! called; what a plugin does wrong is one message with its name. What is loaded stays loaded.
+//! # Invariants
+//!
+//! No C++ exception and no panic crosses the language boundary. A plugin of another version is refused and never
+//! called. An error of a plugin is one message with its name. Loaded libraries are never unloaded.
 
 #![allow(unsafe_code, reason = "plugins are called through pointers; every block says why it is sound")]
 
@@ -40,8 +41,8 @@ use granita_image::{FormatRegistry, Limits};
 use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
 
-/// Returns all bundled formats: "tiff", "shadow", "exr" ("OpenEXR") and those of `granita-raster`; "gltf" for the
-/// images in such files; "iv", which writes to a viewer.
+/// Returns all bundled formats. They are "tiff", "shadow", "exr" ("OpenEXR"), those of `granita-raster`, "gltf" for the
+/// images in such files, and "iv", which writes to a viewer.
 ///
 /// `limits` bound the input of their readers.
 pub fn bundled_formats(limits: Limits) -> FormatRegistry {
@@ -53,7 +54,7 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
         registry.register(format);
     }
     registry.register_name(Arc::new(granita_raster::DevilFormat));
-    // Its pictures are in the formats above.
+    // Its images are in the formats above.
     registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
     registry.register(Arc::new(granita_display::IvFormat::default()));
     registry
@@ -93,7 +94,7 @@ pub(crate) fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "a panic".to_owned())
 }
 
-/// The examples in the manual of `granita-image`, which does not know a format itself.
+/// The examples in the manual of `granita-image`, which does not contain any format.
 #[cfg(doctest)]
 #[doc = include_str!("../../image/README.md")]
 struct ReadmeOfImage;

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Plugins that a file may hold, and the names of such files.
+/// The kind of plugin in a file, which determines the name of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Image,
@@ -30,7 +30,7 @@ impl Kind {
     }
 }
 
-/// Returns the extensions of shared libraries: ".so" everywhere, and the system's own extension.
+/// Returns the extensions of shared libraries, which are "so" everywhere and the system's own extension.
 pub(crate) fn endings() -> Vec<&'static str> {
     let own = std::env::consts::DLL_EXTENSION;
     if own == "so" { vec!["so"] } else { vec![own, "so"] }
@@ -111,8 +111,8 @@ impl Plugins {
         self.0.granted.lock().clear();
     }
 
-    /// Returns the generator `name` with precedence over bundled ones: one that a program passed, or whose library
-    /// the user named.
+    /// Returns the generator `name` if it has precedence over bundled ones. A program passed it, or the user named its
+    /// library.
     pub fn preferred_generator(&self, name: &str) -> Option<Arc<dyn Generator>> {
         if let Some(kept) = self.0.kept.lock().get(name) {
             return Some(kept.clone());
@@ -162,7 +162,7 @@ impl Plugins {
         name
     }
 
-    /// The library of a plugin of this name that the user named.
+    /// Returns the library of a plugin of this name that the user named.
     fn named(&self, kind: Kind, name: &str) -> Option<PathBuf> {
         let ends = endings();
         let is_it = |file: &str| ends.iter().any(|end| file == format!("{name}{}.{end}", kind.suffix()));
@@ -171,7 +171,7 @@ impl Plugins {
         Some(file)
     }
 
-    /// The library of a plugin of this name.
+    /// Returns the library of a plugin of this name.
     fn find(&self, kind: Kind, name: &str, path: &SearchPath) -> Option<PathBuf> {
         if self.0.rules.none || name.is_empty() || name.contains(['/', '\\', '\0']) {
             return None;
@@ -236,7 +236,7 @@ impl Plugins {
         self.0.image_path.read().clone()
     }
 
-    /// All image plugins, by folder and name.
+    /// Returns all image plugins, by folder and name.
     fn images(&self) -> Vec<Arc<PluginFormat>> {
         let mut files = Vec::new();
         if !self.0.rules.none {
@@ -269,7 +269,7 @@ impl Plugins {
     }
 }
 
-/// The address in a format as "0x7f00".
+/// Returns the address in a format such as "0x7f00".
 fn address(format: &str) -> Option<usize> {
     usize::from_str_radix(format.strip_prefix("0x")?.trim_start_matches("0x"), 16).ok().filter(|a| *a != 0)
 }

@@ -16,13 +16,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// `SHADEOP_VERSION` and `SHADEOP_PROTOCOL`.
+/// The value of `SHADEOP_VERSION` and `SHADEOP_PROTOCOL`.
 const VERSION: c_int = 1;
 
-/// Functions that do not say that they may run at once do not: a library is there once per process.
+/// Locked while a function runs that does not declare that it may run in several threads at once. A library exists once
+/// per process.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// `gelato_argument`.
+/// The structure `gelato_argument`.
 #[repr(C)]
 struct Argument {
     data: *mut c_void,
@@ -32,7 +33,7 @@ struct Argument {
     item_bytes: c_int,
 }
 
-/// `gelato_execution_calls`.
+/// The structure `gelato_execution_calls`.
 #[repr(C)]
 struct ExecutionCalls {
     abi: c_int,
@@ -67,7 +68,7 @@ static CALLS: ExecutionCalls = ExecutionCalls {
     getsymbol,
 };
 
-/// `gelato_execution`, and its data.
+/// The structure `gelato_execution`, with the state of this library.
 #[repr(C)]
 pub(crate) struct Execution {
     calls: *const ExecutionCalls,
@@ -78,7 +79,7 @@ pub(crate) struct Execution {
     raylevel: c_int,
     isshadowray: c_int,
     isindirectray: c_int,
-    // What the plugin does not see.
+    // The plugin does not see this field.
     state: *mut c_void,
 }
 
@@ -86,7 +87,7 @@ pub(crate) struct Execution {
 struct State<'s> {
     context: &'s mut dyn ShadeopContext,
     arguments: Vec<Argument>,
-    /// Pointers of arguments that are strings, by argument.
+    /// The pointers to the strings of each argument of strings.
     pointers: BTreeMap<usize, Vec<*const c_char>>,
     texts: BTreeMap<Arc<str>, CString>,
     alone: Option<MutexGuard<'static, ()>>,
@@ -105,17 +106,17 @@ unsafe extern "C" {
 /// A function of a library.
 struct PluginShadeop {
     function: *mut c_void,
-    /// Whether it may run in several threads at once.
+    /// True when it may run in several threads at once.
     safe: bool,
     title: String,
 }
 
-// SAFETY: the address of a function.
+// SAFETY: it is the address of a function.
 unsafe impl Send for PluginShadeop {}
-// SAFETY: as above; who may not run at once is locked.
+// SAFETY: as above. Functions that must not run at once are locked.
 unsafe impl Sync for PluginShadeop {}
 
-/// `PT_VOID`: what no parameter has, but what functions give.
+/// The value of `PT_VOID`, which no parameter has but results may have.
 const VOID: u32 = 1;
 
 fn alone() -> MutexGuard<'static, ()> {
@@ -123,7 +124,7 @@ fn alone() -> MutexGuard<'static, ()> {
 }
 
 impl State<'_> {
-    /// A string that stays as long as the run.
+    /// Returns a string that is valid as long as the run.
     fn text(&mut self, text: &Arc<str>) -> *const c_char {
         if !self.texts.contains_key(text) {
             let kept = CString::new(text.replace('\0', " ")).unwrap_or_default();
@@ -132,7 +133,7 @@ impl State<'_> {
         self.texts.get(text).map_or(std::ptr::null(), |kept| kept.as_ptr())
     }
 
-    /// Describes argument `k` anew, whose data moved.
+    /// Describes argument `k`, at the start or after its data moved.
     fn describe(&mut self, k: usize) {
         let arg = &mut self.context.args()[k];
         let (width, varying) = (arg.width(), arg.varying);
@@ -167,7 +168,7 @@ impl State<'_> {
         }
     }
 
-    /// Takes strings that the function stored back.
+    /// Copies back the strings that the function stored.
     fn take_back(&mut self) {
         for (k, list) in std::mem::take(&mut self.pointers) {
             let arg = &mut self.context.args()[k];
@@ -179,7 +180,7 @@ impl State<'_> {
             for (to, &pointer) in texts.iter_mut().zip(&list) {
                 let text = match &last {
                     Some((known, text)) if *known == pointer => text.clone(),
-                    // SAFETY: what was there, or what tokenize gave; both are strings.
+                    // SAFETY: the pointer is an original one, or one that `tokenize` returned. Both are strings.
                     _ => unsafe { ffi::text(pointer) }.map_or_else(|| "".into(), |t| Arc::from(&*t)),
                 };
                 last = Some((pointer, text.clone()));
@@ -218,7 +219,8 @@ impl Shadeop for PluginShadeop {
         };
         let handles: Vec<c_int> = (0..nargs).map(|k| k as c_int).collect();
         let mut why = Text::new();
-        // SAFETY: a function of the form that its table promises; everything that it gets lives until it is done.
+        // SAFETY: the function has the form that its table declares, and all that is passed to it lives until it is
+        // done.
         let status = unsafe {
             gelato_shim_shadeop(
                 self.function,
@@ -238,10 +240,10 @@ impl Shadeop for PluginShadeop {
     }
 }
 
-/// Runs `f` with the state of a run; `nothing` when it panics.
+/// Runs `f` with the state of a run. Returns `nothing` when it panics.
 fn with<T>(execution: *mut Execution, nothing: T, f: impl FnOnce(&mut State<'_>) -> T) -> T {
-    // SAFETY: the table is called by the function that runs, with its execution, whose state lives meanwhile and is
-    // nobody else's: `run` waits for the function.
+    // SAFETY: the table is called by the function that runs, with its execution. The state lives meanwhile, and no
+    // other code uses it, because `run` waits for the function.
     unsafe {
         let Some(execution) = execution.as_mut() else { return nothing };
         let Some(state) = execution.state.cast::<State<'_>>().as_mut() else { return nothing };
@@ -263,7 +265,7 @@ extern "C" fn forcevarying(execution: *mut Execution, argument: c_int) -> c_int 
 
 extern "C" fn tokenize(execution: *mut Execution, text: *const c_char) -> *const c_char {
     with(execution, c"".as_ptr(), |state| {
-        // SAFETY: a string, or NULL.
+        // SAFETY: the text is a string, or NULL.
         let text = unsafe { ffi::text(text) }.unwrap_or_default();
         let text: Arc<str> = Arc::from(&*text);
         state.text(&text)
@@ -272,13 +274,13 @@ extern "C" fn tokenize(execution: *mut Execution, text: *const c_char) -> *const
 
 extern "C" fn error(execution: *mut Execution, text: *const c_char) {
     with(execution, (), |state| {
-        // SAFETY: a string, or NULL.
+        // SAFETY: the text is a string, or NULL.
         let text = unsafe { ffi::text(text) }.unwrap_or_default();
         state.context.complain(&text);
     });
 }
 
-/// Most channels and options of one lookup.
+/// The largest number of channels, and of options, of one lookup.
 const MOST: usize = 64;
 
 extern "C" fn lookup(
@@ -294,7 +296,7 @@ extern "C" fn lookup(
     data: *const *const c_void,
 ) {
     with(execution, (), |state| {
-        // SAFETY: a string, or NULL.
+        // SAFETY: the name is a string, or NULL.
         let name = unsafe { ffi::text(name) }.unwrap_or_default().into_owned();
         let channels = usize::try_from(nchannels).unwrap_or(0).min(MOST);
         if channels == 0 || result.is_null() {
@@ -303,17 +305,18 @@ extern "C" fn lookup(
         let mut texts: Vec<(String, Option<String>, f32)> = Vec::new();
         let count = usize::try_from(nparams).unwrap_or(0).min(MOST);
         for k in 0..if names.is_null() || data.is_null() { 0 } else { count } {
-            // SAFETY: by the interface the lists are as long as `nparams` says; data is a float or a string, by name.
+            // SAFETY: by the interface the lists have `nparams` entries. The data is a float or a string, depending on
+            // the name.
             let (option, value) = unsafe { (ffi::text(*names.add(k)).unwrap_or_default(), *data.add(k)) };
             if value.is_null() {
                 continue;
             }
             if is_text_option(&option) {
-                // SAFETY: a `char *` lies there, or is the string itself; the language's names take a string.
+                // SAFETY: the data of such an option is a `char *`.
                 let text = unsafe { ffi::text(*value.cast::<*const c_char>()) };
                 texts.push((option.into_owned(), Some(text.unwrap_or_default().into_owned()), 0.0));
             } else {
-                // SAFETY: a float lies there.
+                // SAFETY: the data of such an option is a float.
                 texts.push((option.into_owned(), None, unsafe { *value.cast::<f32>() }));
             }
         }
@@ -328,7 +331,7 @@ extern "C" fn lookup(
             })
             .collect();
         let mut out = vec![0.0f32; channels];
-        // Others may have their turn: a ray may meet a shader that calls such a function.
+        // The lock is released during the lookup, because a ray may hit an object whose shader calls such a function.
         let held = state.alone.take().is_some();
         // SAFETY: the headers pass six floats for textures and nine for the others.
         let number = |k: usize| unsafe { *at.add(k) };
@@ -353,7 +356,7 @@ extern "C" fn lookup(
     });
 }
 
-/// Stores the value of a parameter where a variable of a type is; whether they fit.
+/// Stores the value of a parameter in a variable of a type. Returns 1 when it fits, else 0.
 fn answer(state: &mut State<'_>, param: Option<Param>, bits: c_uint, result: *mut c_void) -> c_int {
     let Some(param) = param.filter(|_| !result.is_null()) else { return 0 };
     let Ok(ty) = ParamType::from_bits(bits) else { return 0 };
@@ -361,7 +364,7 @@ fn answer(state: &mut State<'_>, param: Option<Param>, bits: c_uint, result: *mu
     if param.data.len() != n {
         return 0;
     }
-    // SAFETY: by the interface there is room for a value of the type that is asked for.
+    // SAFETY: by the interface there is room for a value of the requested type.
     unsafe {
         match (&param.data, ty.base) {
             (ParamData::String(v), BaseType::String) => {
@@ -389,7 +392,7 @@ extern "C" fn gettextureinfo(
     result: *mut c_void,
 ) -> c_int {
     with(execution, 0, |state| {
-        // SAFETY: strings, or NULL.
+        // SAFETY: the texture and the name are strings, or NULL.
         let (texture, name) = unsafe { (ffi::text(texture), ffi::text(name)) };
         let (Some(texture), Some(name)) = (texture, name) else { return 0 };
         let param = state.context.texture_info(&texture, &name);
@@ -404,7 +407,7 @@ extern "C" fn getattribute(
     result: *mut c_void,
 ) -> c_int {
     with(execution, 0, |state| {
-        // SAFETY: a string, or NULL.
+        // SAFETY: the name is a string, or NULL.
         let Some(name) = (unsafe { ffi::text(name) }) else { return 0 };
         let param = state.context.attribute(&name);
         answer(state, param, bits, result)
@@ -413,7 +416,7 @@ extern "C" fn getattribute(
 
 extern "C" fn getsymbol(execution: *mut Execution, name: *const c_char) -> c_int {
     with(execution, -1, |state| {
-        // SAFETY: a string, or NULL.
+        // SAFETY: the name is a string, or NULL.
         let Some(name) = (unsafe { ffi::text(name) }) else { return -1 };
         match state.context.symbol(&name) {
             Some(k) => {
@@ -425,7 +428,7 @@ extern "C" fn getsymbol(execution: *mut Execution, name: *const c_char) -> c_int
     })
 }
 
-/// Computes the noise of the language for `noise.h`: `gelato_noise_function`.
+/// Computes the noise of the language for `noise.h`, as a `gelato_noise_function`.
 ///
 /// # Safety
 /// `x` (and `period`, for periodic kinds) have `indim` floats, and `out` has space for `outdim`.
@@ -449,7 +452,7 @@ pub unsafe extern "C" fn noise(
         2 => NoiseForm::Cell,
         _ => return,
     };
-    // SAFETY: by the contract they are as long.
+    // SAFETY: the arrays have these lengths by the contract.
     let (x, period, out) = unsafe {
         (
             std::slice::from_raw_parts(x, indim),
@@ -460,7 +463,7 @@ pub unsafe extern "C" fn noise(
     let _ = catch_unwind(AssertUnwindSafe(|| noise_at(form, x, period, out)));
 }
 
-/// A library, if it may hold shadeops: its version fits, and it knows the noise.
+/// Returns a library that may contain shadeops. Checks its version and passes it the noise function.
 fn library(dso: &'static Dso) -> Result<&'static Dso, String> {
     for name in ["shadeop_version", "shadeop_protocol"] {
         if let Some(other) = dso.int(name).filter(|v| *v != VERSION) {
@@ -477,8 +480,8 @@ fn library(dso: &'static Dso) -> Result<&'static Dso, String> {
 }
 
 impl Plugins {
-    /// Libraries in the folders of a path that may hold shadeops: the one called `name` first, then the others by
-    /// name.
+    /// Returns the libraries in the folders of a path that may contain shadeops. The one called `name` comes first,
+    /// then the others by name.
     fn libraries(&self, name: &str, path: &SearchPath) -> Vec<PathBuf> {
         let mut list = Vec::new();
         if self.rules().none {
@@ -562,7 +565,7 @@ impl Plugins {
             let Some(function) = dso.symbol(call.function) else {
                 return Err(format!("{} has no symbol {}", file.display(), call.function));
             };
-            // One underscore, as the reference's example; or two, as its text.
+            // The symbol has one underscore as in the reference's example, or two as in its text.
             let safe = ["_threadsafe", "__threadsafe"]
                 .iter()
                 .any(|end| dso.int(&format!("{}{end}", call.name)).is_some_and(|v| v != 0));

@@ -1,4 +1,4 @@
-//! Pictures inside of glTF files, through the registry.
+//! Tests images inside of glTF files through the registry.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_image::{FormatRegistry, Limits, PixelType};
@@ -41,7 +41,7 @@ fn pictures_are_images_by_number() {
     assert_eq!((all.images(), all.spec(1, 0).unwrap().width), (2, 64));
     assert!(error(&registry, &name("2")).contains("there is no image 2, the file has 2"));
     assert!(error(&registry, &name("x")).contains("No such file") || cfg!(windows));
-    // A file that has such a name is meant.
+    // A file with exactly this name has precedence.
     std::fs::write(name("1"), b"P6 1 1 255\n\x01\x02\x03").unwrap();
     assert_eq!(registry.open(&name("1")).unwrap().spec(0, 0).unwrap().width, 1);
 }

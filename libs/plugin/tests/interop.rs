@@ -1,5 +1,5 @@
-//! Other people's programs read what we write, and we what they write: OpenImageIO's Python module, libtiff's
-//! and OpenEXR's tools, where they are installed.
+//! Tests that other programs read the files of this suite, and the reverse. They are OpenImageIO's Python module and
+//! the tools of libtiff and OpenEXR, where these are installed.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::Param;
@@ -9,12 +9,12 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// What a program printed; `None`, with a notice, when it is not installed.
+/// Returns the output of a program; `None`, with a notice, when it is not installed.
 fn run(program: &str, args: &[&std::ffi::OsStr]) -> Option<Output> {
     granita_needs::has(program).then(|| Command::new(program).args(args).output().unwrap())
 }
 
-/// Runs the script beside this file; `None`, with a notice, without Python or its OpenImageIO.
+/// Runs the script beside this file. Returns `None`, with a notice, without Python or its OpenImageIO.
 fn script(verb: &str, path: &Path) -> Option<String> {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/interop.py");
     let probe = run("python3", &["-c".as_ref(), "import OpenImageIO, numpy".as_ref()])?;
@@ -32,7 +32,7 @@ fn floats(path: &Path, values: &[f32]) {
     std::fs::write(path, values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
 }
 
-/// Smooth in some squares and rough in others.
+/// Returns pixels that are smooth in some squares and rough in others.
 fn picture(spec: &ImageSpec, seed: u32) -> Pixels {
     let (w, n) = (spec.width as usize, spec.nchannels());
     let value = |i: usize| {
@@ -47,7 +47,8 @@ fn picture(spec: &ImageSpec, seed: u32) -> Pixels {
     Pixels::from_floats(spec.pixel_type, &values)
 }
 
-/// Writes levels with a format, and beside each the floats that it should be read as; a line for the list.
+/// Writes levels with a format, and beside each level the floats that are expected. Adds a line for each level to the
+/// list.
 fn write(folder: &Path, name: &str, format: &str, levels: &[ImageSpec], tolerance: f32, list: &mut String) {
     let path = folder.join(name);
     let registry = bundled_formats(Limits::default());
@@ -108,7 +109,7 @@ fn write_tiffs(folder: &Path, list: &mut String) {
 fn write_exrs(folder: &Path, list: &mut String) {
     for pixel_type in FLOATS {
         for compression in ["none", "rle", "zip", "zips", "piz", "pxr24", "b44", "b44a", "dwaa", "dwab"] {
-            // What is lossy: 24 bits of a float, blocks of halves, coefficients.
+            // These compressions are lossy. They keep 24 bits of a float, blocks of halves, or coefficients.
             let tolerance = match (compression.as_bytes()[0], pixel_type) {
                 (b'd', _) => 0.1,
                 (b'b', PixelType::Half) => 0.15,
@@ -156,7 +157,8 @@ fn write_others(folder: &Path, list: &mut String) {
     }
 }
 
-/// DDS files of blocks of any bits, which nobody here writes: expected is what we decode.
+/// Writes DDS files with blocks of random bits. The suite does not write such files, so the expected pixels are those
+/// that it decodes.
 fn blocks(folder: &Path, list: &mut String) {
     for (name, dxgi, block) in
         [("bc1", 71, 8), ("bc2", 74, 16), ("bc3", 77, 16), ("bc4", 80, 8), ("bc5", 83, 16), ("bc7", 98, 16)]
@@ -172,7 +174,7 @@ fn blocks(folder: &Path, list: &mut String) {
         std::fs::write(&path, bytes).unwrap();
         let input = bundled_formats(Limits::default()).open(&path).unwrap();
         let n = input.spec(0, 0).unwrap().nchannels();
-        // Decoders round what lies between two end points one way or the other; BC7 leaves no choice.
+        // Decoders round values between two end points differently, except for BC7.
         let tolerance = if name == "bc7" { 1e-6 } else { 1.01 / 255.0 };
         let raw = folder.join(format!("{name}.f32"));
         floats(&raw, &input.read_level(0, 0).unwrap().to_floats());
@@ -238,13 +240,13 @@ fn we_read_openimageio() {
     assert!(count > 150, "{count} pictures compared");
 }
 
-/// Counts a picture that is as it should be.
+/// Counts an image that passed.
 fn continue_with(count: &mut usize) -> String {
     *count += 1;
     String::new()
 }
 
-/// JPEG and Zstandard, in strips and tiles, as libtiff's copying tool makes them of a picture of ours.
+/// The suite reads strips and tiles that libtiff's copying tool compressed from one of its images.
 #[test]
 fn we_read_what_libtiff_compresses() {
     let dir = tempfile::tempdir().unwrap();
@@ -287,7 +289,7 @@ fn the_tools_of_libtiff_and_openexr_read_ours() {
     for path in list.lines().filter_map(|l| l.split('\t').next()) {
         let path: &Path = path.as_ref();
         let tool = if path.extension().is_some_and(|e| e == "exr") { "exrheader" } else { "tiffinfo" };
-        // With all data where the tool can read it.
+        // `tiffinfo` also reads all data.
         let args: &[&std::ffi::OsStr] =
             if tool == "tiffinfo" { &["-D".as_ref(), path.as_ref()] } else { &[path.as_ref()] };
         let Some(output) = run(tool, args) else { return };

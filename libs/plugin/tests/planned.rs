@@ -1,11 +1,11 @@
-//! Tiles of all levels in any order give the same picture as levels one after the other, in every format that textures
-//! are written in.
+//! Tests that tiles of all levels in any order give the same image as levels one after the other, in every format for
+//! textures.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use granita_plugin::bundled_formats;
 
-/// Formats with tiles and levels.
+/// The formats with tiles and levels.
 const FORMATS: [&str; 2] = ["tiff", "OpenEXR"];
 
 fn tile(level: usize, tx: u32, ty: u32) -> Pixels {
@@ -35,7 +35,7 @@ fn in_any_order(format: &str) {
         let (across, down) = spec.tiles();
         all.extend((0..across * down).map(|i| (level, i % across, i / across)));
     }
-    // Neither in order of levels nor of places.
+    // The order is neither that of levels nor that of positions.
     all.sort_by_key(|(level, tx, ty)| (tx + ty * 7 + 3 * *level as u32) % 5);
     for &(level, tx, ty) in &all {
         out.select_level(level).unwrap();

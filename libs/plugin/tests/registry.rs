@@ -1,4 +1,4 @@
-//! The bundled formats together: names, opening by content, what rendered outputs become.
+//! Tests the bundled formats together, for names, opening by content, and the files of rendered outputs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use granita_base::{Param, Params};
@@ -51,7 +51,7 @@ fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
         };
         assert_eq!(pixel_type, expected, "{}", format.name());
         let spec = ImageSpec::new(20, 10, 3, pixel_type);
-        // Targa has no mark to be known by; the others are found under a wrong name.
+        // Targa has no signature. The other formats are recognized under a wrong extension.
         let name = if format.name() == "tga" { "a.tga" } else { "picture.dat" };
         let path = dir.path().join(name);
         let mut out = all.create(&path, format.name(), &CreateOptions::new(&spec, 1)).unwrap();
@@ -145,7 +145,7 @@ fn metadata_comes_back() {
         ("iff", PixelType::U8, &["Artist", "DateTime"]),
     ] {
         let mut spec = ImageSpec::new(4, 3, 3, pixel_type);
-        // One text for both names of one thing in OpenEXR.
+        // OpenEXR has one attribute for two of these names, so both have the same text.
         let text = |name: &str| format!("{} of J\u{f6}rg", if name == "owner" { "copyright" } else { name });
         for name in names {
             let param = Param::declared(&format!("string {name}"), text(name).as_str()).unwrap();
@@ -207,7 +207,7 @@ fn files_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// OpenEXR stores halves unless floats are asked for; IFF knows no quantization but its own (reference 7.4.4, 7.4.6).
+/// OpenEXR stores halves unless floats are requested. IFF supports only its own quantization (reference 7.4.4, 7.4.6).
 #[test]
 fn formats_have_their_own_ideas_of_numbers() {
     use granita_image::{PixelType, Quantize};

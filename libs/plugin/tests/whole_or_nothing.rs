@@ -1,4 +1,4 @@
-//! A full disk, a device that takes nothing and a killed program leave no half picture under the final name.
+//! Tests that a full disk, a device without space and a killed program leave no incomplete image under the final name.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
@@ -13,7 +13,7 @@ fn writers() -> Vec<Arc<dyn Format>> {
     registry.formats().iter().filter(|f| f.supports("write") && !f.supports("rectangles")).cloned().collect()
 }
 
-/// Noise: nothing compresses it.
+/// Writes noise, which does not compress.
 fn noise(path: &Path, side: u32) {
     let spec = ImageSpec::new(side, side, 3, PixelType::Float);
     let word = |i: u32| granita_base::hash::words(&[i]) as f32 / u32::MAX as f32;
@@ -24,7 +24,7 @@ fn noise(path: &Path, side: u32) {
     out.close().unwrap();
 }
 
-/// The example program, which is built with the tests.
+/// Returns the example program, which is built with the tests.
 fn imagecopy() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     test.parent().unwrap().parent().unwrap().join("examples").join("imagecopy")
@@ -39,7 +39,7 @@ fn a_full_disk() {
         let folder = dir.path().join(format.name());
         std::fs::create_dir(&folder).unwrap();
         let output = folder.join("out.pic");
-        // The system refuses files of more than four blocks of 1024 (or 512) bytes.
+        // The system permits files of up to four blocks of 1024 (or 512) bytes.
         let run = Command::new("sh")
             .args(["-c", "trap '' XFSZ; ulimit -f 4; exec \"$0\" \"$@\""])
             .arg(imagecopy())
@@ -51,7 +51,7 @@ fn a_full_disk() {
         assert_eq!(run.status.code(), Some(1), "{}: {text}", format.name());
         assert!(text.contains("out.pic") && text.contains("large"), "{}: {text}", format.name());
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "{}", format.name());
-        // The same without the limit is written.
+        // Without the limit the same file is written.
         let run = Command::new(imagecopy()).args([&input, &output]).arg(format.name()).status().unwrap();
         assert!(run.success() && output.is_file(), "{}", format.name());
     }
@@ -89,14 +89,14 @@ fn a_killed_program() {
             .stdout(Stdio::null())
             .spawn()
             .unwrap();
-        // As soon as there is something beside the old file, it is being written.
+        // The file is being written as soon as there is another file beside the old one.
         while std::fs::read_dir(&folder).unwrap().count() < 2 && run.try_wait().unwrap().is_none() {
             std::thread::yield_now();
         }
         run.kill().unwrap();
         run.wait().unwrap();
         let now = std::fs::read(&output).unwrap();
-        // Either untouched or, had it been quicker, complete.
+        // The old file is unchanged, or the new one is complete.
         if now != old {
             let registry = bundled_formats(Limits::default());
             registry.open(&output).unwrap().read_level(0, 0).unwrap();

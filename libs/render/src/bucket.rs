@@ -73,7 +73,8 @@ impl Buckets {
         Self { order: cells.iter().map(rect).collect(), xs, ys, position }
     }
 
-    /// Returns the turn of bucket `index` in a spiral around a pixel, which may be outside of the image.
+    /// Returns the ring of bucket `index` in a spiral around a pixel, and its position in the ring. The pixel may be
+    /// outside of the image.
     pub(crate) fn turn_around(&self, index: usize, [x, y]: [i32; 2]) -> (usize, usize) {
         let cell = |cuts: &[i32], at: i32| {
             cuts.partition_point(|c| *c <= at).saturating_sub(1).min(cuts.len().saturating_sub(2))
@@ -108,7 +109,7 @@ fn spiral_key(i: usize, j: usize, nx: usize, ny: usize) -> (usize, usize) {
     turn(i as isize - (nx as isize - 1) / 2, j as isize - (ny as isize - 1) / 2)
 }
 
-/// Returns the same for columns and rows from the centre.
+/// Returns the ring of the bucket `dx` columns and `dy` rows from the centre, and its position in the ring.
 fn turn(dx: isize, dy: isize) -> (usize, usize) {
     let ring = dx.abs().max(dy.abs());
     let along = if dy == -ring {

@@ -92,7 +92,7 @@ fn may_see(view: &CameraView, margin: i32, input: &DeferredInput, displacement_w
 /// Finds whether shaders may trace rays.
 struct RaySeeker<'a> {
     library: &'a dyn ShaderLibrary,
-    /// By shader, the operands that name sets.
+    /// For each shader: the operands that name geometry sets; `None` when it cannot be loaded.
     known: BTreeMap<Arc<str>, Option<Sets>>,
 }
 

@@ -24,7 +24,7 @@ impl DynamicMaps {
     /// Declares the dynamic outputs of a scene. Renders nothing.
     ///
     /// # Errors
-    /// The errors are those of [`OutputSet::new`].
+    /// Returns the errors of [`OutputSet::new`].
     pub(crate) fn new(
         scene: &Scene,
         views: &[CameraView],

@@ -43,8 +43,8 @@ pub(crate) use granita_scene::Holdout;
 pub(crate) struct ObjectTraits {
     /// True when the object is opaque whatever its shaders compute.
     pub(crate) opaque: bool,
-    /// True when it counts as opaque where only depths are shown: it is opaque, or "ray:opaqueshadows" is set
-    /// (reference 10.1.1).
+    /// True when it counts as opaque where only depths are shown. That is when it is opaque, or when
+    /// "ray:opaqueshadows" is set (reference 10.1.1).
     pub(crate) opaque_in_depth: bool,
     /// "holdout".
     pub(crate) holdout: Holdout,
@@ -74,7 +74,7 @@ pub(crate) trait FrameShader: Sync {
 
     /// Returns the state of a primitive's object.
     fn object(&self, primitive: &Primitive) -> Arc<Self::Object>;
-    /// Returns its properties.
+    /// Returns the properties of an object.
     fn traits(&self, object: &Self::Object) -> ObjectTraits;
     /// Returns the state of a new thread.
     fn thread(&self) -> Self::Thread<'_>;

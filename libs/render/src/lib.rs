@@ -1,4 +1,4 @@
-//! Renders frames: buckets, splitting, dicing, displacement, shading, hiding, filtering, and writing of images.
+//! Renders frames, from buckets, splitting and dicing to shading, hiding, filtering and the writing of images.
 //!
 //! [`Renderer::render`] takes a finished [`granita_scene::Scene`] and writes the images that its `Output` calls
 //! request. Everything from outside of the scene (formats, shaders, search paths, messages) is passed in as a
@@ -13,8 +13,8 @@
 //! # Invariants
 //!
 //! - Pixels are the same to the bit for any number of threads, bucket order, bucket size and crop. Splitting and dicing
-//!   depend on the primitive and the camera only, samples are hashed from the absolute pixel, the sample and the
-//!   dimension, and every sum has a fixed order.
+//!   depend on the primitive and the camera only. Samples are hashed from the absolute pixel, the sample and the
+//!   dimension. Every sum has a fixed order.
 //! - A grid is shaded at most once while it is needed, and only when a bucket that is rendered may see it.
 //! - A panic while a bucket is rendered is reported with the bucket, and the other buckets are rendered.
 //!

@@ -30,7 +30,7 @@ const MOST_PIXELS: f64 = 131_072.0;
 /// The largest distance in world units by which points may move when their coordinates are made smaller.
 const MOST_ERROR: f64 = 1.0 / 16384.0;
 
-/// Returns the origin of "common" space in world space for frames with this first camera: the world origin unless
+/// Returns the origin of "common" space in world space for frames with this first camera. It is the world origin unless
 /// the camera is far from it.
 pub(crate) fn common_origin(camera: &CameraView) -> Vec3 {
     let time = camera.shading_time();
@@ -90,8 +90,8 @@ pub(crate) fn moved(scene: &Arc<Scene>, origin: Vec3, library: &dyn ShaderLibrar
 struct Mover {
     /// The origin of "common" space in world space.
     origin: DVec3,
-    /// The moved attributes by the address of the original, which the scene keeps alive, and the bits of the offset
-    /// of their points.
+    /// The moved attributes. The key is the address of the original, which the scene keeps alive, and the bits of the
+    /// offset of its points.
     attributes: HashMap<(usize, [u32; 3]), Arc<AttributeSet>>,
     groups: HashMap<usize, Arc<ShaderGroup>>,
     shaders: HashMap<usize, Arc<ShaderInstance>>,
@@ -123,7 +123,7 @@ impl Mover {
         Arc::new(Primitive { keys, attributes, ..Primitive::clone(primitive) })
     }
 
-    /// Returns the offset to subtract from the points of objects with large coordinates in their own space:
+    /// Returns the offset to subtract from the points of objects with large coordinates in their own space. It is
     /// approximately the origin of "common" space there.
     fn off(&self, set: &AttributeSet) -> Option<Vec3> {
         let to_world = set.to_world.first().as_dmat4();
@@ -291,7 +291,7 @@ mod tests {
         let of = |x: f32, y: f32, z: f32| common_origin(&camera(Vec3::new(x, y, z), Params::new()));
         assert_eq!(of(3e4, -3e4, 3e4), Vec3::ZERO);
         assert_eq!(of(1e7, -33.0, 31.0), Vec3::new(1e7, -64.0, 0.0));
-        // A light that looks from far away at what is near the origin.
+        // A light looks from far away at geometry near the origin.
         let parallel = Params(vec![param("string projection", "orthographic")]);
         assert_eq!(common_origin(&camera(Vec3::Z * -1e6, parallel.clone())), Vec3::ZERO);
         assert_eq!(common_origin(&camera(Vec3::new(1e6, 0.0, -1e6), parallel)), Vec3::X * 1e6);
@@ -310,7 +310,7 @@ mod tests {
         let shape = ShapeDesc::Points { n: 1 };
         f.add(shape.clone(), points(1e7), at(0.0));
         f.add(shape.clone(), points(0.5), at(1e7));
-        // It is far away, wherever its numbers begin.
+        // It is far away, whatever the origin of its numbers is.
         f.add(shape, points(0.5), at(0.0));
         let (scene, _, environment) = crate::tests::finish(&f);
         let near = moved(&scene, Vec3::X * 1e7, &*environment.shaders);

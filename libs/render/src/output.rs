@@ -1,4 +1,4 @@
-//! The images of a frame: their content ([`plan`]), collection of buckets ([`canvas`]), and grids as scenes
+//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), and grids as scenes
 //! ([`griddump`]).
 
 pub(crate) mod canvas;

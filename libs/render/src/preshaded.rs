@@ -4,10 +4,10 @@
 use granita_base::Params;
 use granita_dicing::Leaf;
 
-/// `"int grid:primitive"`: grids of one primitive have the same number.
+/// The name of `"int grid:primitive"`. Grids of one primitive have the same number.
 pub(crate) const PRIMITIVE: &str = "grid:primitive";
-/// `"float[4] grid:rim"`: the widths in raster pixels by which the sides at v = 0, u = 1, v = 1 and u = 0 are
-/// widened to close the hairline gap to their neighbours. The width is 0 for a side inside of a trimmed grid.
+/// The name of `"float[4] grid:rim"`, the widths in raster pixels by which the sides at v = 0, u = 1, v = 1 and u = 0
+/// are widened to close the hairline gap to their neighbours. The width is 0 for a side inside of a trimmed grid.
 pub(crate) const RIM: &str = "grid:rim";
 
 /// The largest number of points of a grid that is taken whole. Larger ones are split.
@@ -19,7 +19,7 @@ pub(crate) struct GridTraits {
     pub(crate) primitive: Option<u32>,
     /// The widening of its boundary edges in raster pixels.
     pub(crate) rim_px: Option<f32>,
-    /// Which of its sides are boundary edges: at v = 0, u = 1, v = 1 and u = 0.
+    /// True for each side that is a boundary edge, in the order v = 0, u = 1, v = 1, u = 0.
     pub(crate) sides: [bool; 4],
 }
 

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[derive(Debug, Default)]
 pub struct Priority {
     wanted: Mutex<Wanted>,
-    /// Grows with every change.
+    /// A number that grows with every change.
     version: AtomicU64,
 }
 

@@ -33,7 +33,7 @@ pub struct FrameReport {
     pub complete: bool,
     /// The statistics of each camera that has images, by its name.
     pub statistics: Vec<(Arc<str>, Statistics)>,
-    /// The statistics of shading, for all of them together.
+    /// The statistics of shading, for all cameras together.
     pub shading: ShadingStatistics,
 }
 
@@ -45,12 +45,11 @@ impl Renderer {
 
     /// Renders the images of `camera`, or of all cameras that have any.
     ///
-    /// An error in one image or one bucket is reported and does not affect the others; see
-    /// [`FrameReport::complete`].
+    /// An error in one image or one bucket is reported and does not affect the others. See [`FrameReport::complete`].
     ///
     /// # Errors
-    /// [`RenderError::Misuse`] when there is no camera (of that name), [`RenderError::Limit`] for images that are too
-    /// large, [`RenderError::Stopped`].
+    /// Returns [`RenderError::Misuse`] when there is no camera (of that name), [`RenderError::Limit`] for images that
+    /// are too large, and [`RenderError::Stopped`] when the frame was stopped.
     pub fn render(&self, scene: &Arc<Scene>, camera: Option<&str>) -> Result<FrameReport, RenderError> {
         let mut frame = FrameInProgress::begin(self, scene, camera)?;
         let views = frame.views.clone();
@@ -60,7 +59,8 @@ impl Renderer {
         Ok(frame.finish())
     }
 
-    /// Returns the names of images that cannot be written, each reported. `files` are those of images before them.
+    /// Returns the file names of images that cannot be written, and reports each. `files` holds the files of earlier
+    /// images.
     fn refused(&self, eyes: &[CameraView], outputs: &[OutputSet], files: &mut WrittenFiles) -> Vec<PathBuf> {
         let Self { environment } = self;
         let mut refused = Vec::new();
@@ -127,21 +127,21 @@ impl Renderer {
     }
 }
 
-/// A call of [`Renderer::render`]: what its cameras have in common, and what came of them so far.
+/// The state of a call of [`Renderer::render`]. It holds the data that the cameras share and the results so far.
 struct FrameInProgress<'r> {
     renderer: &'r Renderer,
     scene: Arc<Scene>,
     views: Vec<CameraView>,
-    /// The camera that dices and shades: the first one, whichever is rendered (reference 7.7).
+    /// The view for dicing and shading. It is that of the first camera, whichever camera is rendered (reference 7.7).
     shading_view: CameraView,
     threads: usize,
     /// True when the buckets are rendered for a coordinator, which writes the images.
     is_worker: bool,
-    /// Files of images so far.
+    /// The files of the images so far.
     files: WrittenFiles,
-    /// Viewers of images that are complete.
+    /// The viewers of images that are complete.
     viewers: Vec<ImageWriter>,
-    /// Made for the first camera that is rendered; all cameras share what shading builds.
+    /// The context of shading, which is made for the first camera that is rendered. All cameras share what it builds.
     shading: Option<ShadingContext>,
     report: FrameReport,
 }
@@ -215,7 +215,7 @@ impl<'r> FrameInProgress<'r> {
         if refused.len() == eyes.len() * outputs[0].images.len() {
             return Ok(());
         }
-        // Of several cameras the first one that is rendered.
+        // Of several cameras, the first one that is rendered writes the dump.
         let is_first = self.report.statistics.is_empty();
         let dump = if is_first { self.renderer.dump(&self.scene, &self.views[0]) } else { None };
         self.begin_shading()?;
@@ -247,7 +247,7 @@ impl<'r> FrameInProgress<'r> {
         Ok(())
     }
 
-    /// Makes what shading shares, unless it is there.
+    /// Makes the context of shading, unless it exists.
     fn begin_shading(&mut self) -> Result<(), RenderError> {
         if self.shading.is_some() {
             return Ok(());
@@ -262,7 +262,7 @@ impl<'r> FrameInProgress<'r> {
         Ok(())
     }
 
-    /// Writes the images of a camera but for those that are refused; viewers are kept until the end.
+    /// Writes the images of a camera, except the refused ones. Viewers are kept until the end of the frame.
     fn write(&mut self, eyes: &[CameraView], outputs: &mut [OutputSet], refused: &[PathBuf]) {
         let environment = &self.renderer.environment;
         for k in 0..outputs[0].images.len() {
@@ -291,7 +291,7 @@ impl<'r> FrameInProgress<'r> {
         }
     }
 
-    /// Writes what is neither image nor dump, and closes the viewers.
+    /// Writes the texts of shaders and the spatial databases, and closes the viewers.
     fn finish(self) -> FrameReport {
         let Self { renderer: Renderer { environment }, shading, viewers, mut report, .. } = self;
         let reporter = &environment.reporter;
@@ -309,7 +309,7 @@ impl<'r> FrameInProgress<'r> {
                 report.complete = false;
             }
         }
-        // Files first: a slow viewer may take its time.
+        // The files are written before this, because a viewer may close slowly.
         for viewer in viewers {
             if let Err(error) = viewer.close() {
                 let text = format!("an image is not shown whole: {error}");
@@ -373,7 +373,7 @@ impl FrameShader for ShadingContext {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade(object, grid, wanted);
-        // Images show world space positions of surfaces. Only the shader knows the space of other points.
+        // Images show world space positions of surfaces. The space of other points is defined by the shader alone.
         let origin = self.camera.common_origin;
         let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
         let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));

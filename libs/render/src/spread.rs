@@ -9,8 +9,8 @@ use parking_lot::{Condvar, Mutex, MutexGuard};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The pixels of a bucket: for each image (those of an eye one after the other) its interleaved channels, row by
-/// row.
+/// The pixels of a bucket. Each image has a list of interleaved channels, row by row. The images of an eye follow one
+/// another.
 pub type BucketPixels = Vec<Vec<f32>>;
 
 /// The processes that render the buckets of frames.
@@ -30,7 +30,7 @@ pub trait Buckets {
     /// Returns the index of a bucket to render. With `wait`, waits until there is one or the frame is done. Without
     /// it, returns `None` when none is available at once.
     fn take(&self, wait: bool) -> Option<usize>;
-    /// True when the frame needs no more buckets: all are done, or it is being stopped.
+    /// True when the frame needs no more buckets, because all are done or because it is being stopped.
     fn is_over(&self) -> bool;
     /// Stores the pixels of a bucket that was taken, or the reason why the worker has none.
     ///

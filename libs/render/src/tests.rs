@@ -1,5 +1,5 @@
 // tidy: tests
-//! Frames whose shaders trace rays, and images that are shown while they are made.
+//! Tests frames whose shaders trace rays, and images that are shown while they are rendered.
 
 use crate::{CameraView, RenderEnvironment, ShadingStatistics, Silent};
 use granita_base::{Environment, Params, SearchPath, Transform, Vec3};
@@ -22,7 +22,7 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
     }
 }";
 
-/// The finished scene of a fixture, its camera, and what a frame is given.
+/// Returns the finished scene of a fixture, its camera, and the inputs of a frame.
 pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnvironment) {
     let environment = RenderEnvironment {
         registry: FormatRegistry::default(),
@@ -45,12 +45,13 @@ pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnviro
     (scene, camera, environment)
 }
 
-/// The "rgb" pixels of a whole frame.
+/// Returns the "rgb" pixels of a whole frame.
 fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
     picture_within(fixture, threads, bucket, u64::MAX).0
 }
 
-/// As [`picture`], with so many bytes of tessellations for rays; and what came of these.
+/// Returns the "rgb" pixels of a whole frame with at most `limit` bytes of tessellations for rays, and the statistics
+/// of shading.
 fn picture_within(
     fixture: &Fixture,
     threads: usize,
@@ -109,7 +110,7 @@ fn a_picture_with_rays_does_not_show_threads_or_buckets() {
     for (threads, bucket) in [(3, 32), (2, 7), (1, 64)] {
         assert!(picture(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
     }
-    // Nor whether the balls share a tree.
+    // The pixels also do not depend on whether the balls share a tree.
     let (pixels, counts) = picture_within(&f, 2, 16, 1_000_000);
     assert!(pixels == reference && counts.ray_tessellations > 0, "{counts:?}");
 }

@@ -50,7 +50,7 @@ pub(crate) struct CommandContext {
     pub(crate) reporter: Reporter,
     /// Ends the frame.
     pub(crate) stop: Arc<AtomicBool>,
-    /// The priority of buckets of the frame that is being rendered; reset when one begins.
+    /// The priority of buckets of the frame that is being rendered. It is reset when a frame begins.
     pub(crate) priority: Arc<Priority>,
 }
 
@@ -121,13 +121,13 @@ impl Running<'_> {
         self.context.reporter.say(severity, self.at, text);
     }
 
-    /// Runs the first form: a line for the shell.
+    /// Runs the first form, a line for the shell.
     fn shell(&self, line: &str) {
         let mut command = shell(line, self.options);
         self.start(&mut command, line, true);
     }
 
-    /// Runs the second form: a program with arguments. Waits for it unless "wait" is 0.
+    /// Runs the second form, a program with arguments. Waits for it unless "wait" is 0.
     fn program(&self) {
         let words = ["command", "argv"].iter().find_map(|name| match &self.params.get(name)?.data {
             ParamData::String(words) if !words.is_empty() => Some(words.clone()),
@@ -216,7 +216,7 @@ fn shell_functions(options: &SessionOptions) -> String {
     own.names.iter().map(|name| format!("{name}() {{ {program} --as {name} \"$@\"; }}\n")).collect()
 }
 
-/// Returns a program by name: one of the suite's own tools, or one of `PATH`.
+/// Returns the command for a program by name. It is one of the suite's own tools, or a program of `PATH`.
 fn program(name: &str, options: &SessionOptions) -> Command {
     match &options.own_tools {
         Some(own) if own.names.iter().any(|n| n == name) => {

@@ -1,4 +1,4 @@
-//! Resolves the names of `Input` (reference 2.9): scene files, generators, programs, strings.
+//! Resolves the names of `Input` (reference 2.9) to scene files, generators, programs and strings.
 
 use crate::{SessionOptions, commands};
 use granita_base::process::Process;
@@ -116,7 +116,8 @@ impl Inputs {
         Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
     }
 
-    /// Returns the generator called `name`: one that the user named, a bundled one, or an installed one.
+    /// Returns the generator called `name`. Generators that the user named come first, then bundled ones, then
+    /// installed ones.
     fn generator(&self, name: &str, paths: InputPaths<'_>) -> Option<Arc<dyn Generator>> {
         self.plugins
             .preferred_generator(name)
@@ -212,7 +213,7 @@ impl Inputs {
         }
     }
 
-    /// Returns the options of a scene that is read from a stream.
+    /// Returns the options for reading a scene as Pyg.
     pub(crate) fn pyg_options(&self) -> PygOptions {
         let set = |name: &str| self.options.environment.get(name).is_some();
         PygOptions {
@@ -525,7 +526,7 @@ mod tests {
         assert_eq!(read("frontplane.pyg").is_ok(), granita_bundled::input("frontplane.pyg").is_some());
         let failed = read("pyg < echo 'World ()'; exit 3").unwrap_err().to_string();
         assert!(failed.contains("failed: exit status: 3"), "{failed}");
-        // What is no library is told, and not used.
+        // A generator that is not a library is reported and not used.
         assert!(matches!(read("waves 3 4"), Err(InputError::Missing { .. })));
         let kind = read("some.thing").unwrap_err().to_string();
         assert!(kind.contains("no generator reads files of type \"thing\" (known are pyg"), "{kind}");

@@ -16,7 +16,7 @@
 //!
 //! The default paths name `$GELATOHOME`, so that an installation's own files have precedence over the bundled ones.
 //!
-//! Deliberately absent so far: scene writing.
+//! This crate does not write scenes.
 //!
 //! ```no_run
 //! use granita_base::Reporter;

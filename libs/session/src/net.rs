@@ -1,4 +1,4 @@
-//! Renders one frame with several processes (reference 6.6.3): the protocol between a coordinator and its workers.
+//! The protocol between a coordinator and its workers, which render one frame with several processes (reference 6.6.3).
 //!
 //! A worker is this program with `-worker`, started by the coordinator, on this machine or through `ssh`, for the
 //! same scene files. It reads them as the coordinator does, but runs no commands and writes no images. Both count
@@ -10,10 +10,10 @@
 //! - `frame N`: the frames before this one are over.
 //! - `bucket F I`: render bucket I of frame F. Frames are counted from 0.
 //!
-//! The worker first sends a line with [`GREETING`] and its number of threads. Its answers are binary,
-//! little-endian: the bucket, the frame and the number of its images, and for each image the number of its values
-//! and the values; or the bucket, the frame, [`NO_IMAGES`], the length of a text and the text. All counts have 32
-//! bits.
+//! The worker first sends a line with [`GREETING`] and its number of threads. Its answers are binary and little-endian.
+//! An answer with pixels consists of the bucket, the frame, the number of its images, and for each image the number of
+//! its values and the values. An answer without pixels consists of the bucket, the frame, [`NO_IMAGES`], the length of
+//! a text and the text. All counts have 32 bits.
 //!
 //! As long as a worker has buckets to render, a separate thread sends [`ALIVE`] twice a second. This distinguishes
 //! a slow worker from a stopped one. When nothing arrives for the seconds of "net:timeout", the worker is ended,
@@ -37,7 +37,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
-/// The first line of a worker of this version: the version of the suite, and that of this protocol.
+/// The first line of a worker, which contains the version of the suite and of this protocol.
 const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/2");
 
 /// Sent in place of a bucket to show that the worker is running.

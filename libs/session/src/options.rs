@@ -8,13 +8,14 @@ use std::sync::Arc;
 /// An image in addition to the scene's own (`-o`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExtraOutput {
-    /// The file name, whose extension selects the format unless `format` does. For the format "iv", the name of the
-    /// image.
+    /// The file name, whose extension selects the format unless `format` does. For the format "iv", it is the name of
+    /// the image.
     pub name: String,
     /// The image format; `None` for the one of the extension.
     pub format: Option<String>,
-    /// The data: "rgba", "first" for that of the scene's first output, "all" for that of each of them (written as
-    /// `name-1.ext` and so on; for the format "iv" as images of their own names), or any data of `Output`.
+    /// The data of the image. "first" takes that of the scene's first output. "all" makes an image for each output,
+    /// written as `name-1.ext` and so on, or for the format "iv" as images of their own names. Any other value, such as
+    /// "rgba", is data of `Output`.
     pub data: String,
 }
 
@@ -23,14 +24,14 @@ pub struct ExtraOutput {
 pub struct OwnTools {
     /// Runs any of them as `program --as NAME ARGUMENT ...`.
     pub program: PathBuf,
-    /// The names that mean this program, whatever `PATH` has under them.
+    /// The names that run this program, even when `PATH` contains other programs of these names.
     pub names: Vec<String>,
 }
 
 /// Finds a viewer for images of the format "iv". Returns its address, or the reason why there is none.
 pub type FindViewer = dyn Fn() -> Result<String, String> + Send + Sync;
 
-/// The viewer of images of the format "iv" that do not name one. Called when the first one is made.
+/// The viewer of images of the format "iv" that do not name one. It is called when the first such image is made.
 #[derive(Clone, Default)]
 pub struct Viewer(pub Option<Arc<FindViewer>>);
 
@@ -54,16 +55,16 @@ pub struct SessionOptions {
     pub programs_print_to_stderr: bool,
     /// The suite's own tools, which take precedence when a scene runs a program by name.
     pub own_tools: Option<OwnTools>,
-    /// The number of threads to render with. 0 takes that of the scene ("limits:threads").
+    /// The number of threads to render with. 0 takes "limits:threads" of the scene.
     pub threads: usize,
     /// The number of files that the process may have open at once; `None` when there is no limit. Textures use only
     /// a part of them.
     pub open_files: Option<usize>,
-    /// Sets the verbosity; `None` takes that of the scene.
+    /// The verbosity; `None` takes that of the scene.
     pub verbosity: Option<u8>,
-    /// The smallest "statistics:level".
+    /// The lower limit of "statistics:level".
     pub statistics: i32,
-    /// Replaces the crop window of every camera.
+    /// Replaces the crop window of every camera with xmin, xmax, ymin, ymax, as fractions of the image.
     pub crop: Option<[f32; 4]>,
     /// The preview mode of every camera, which replaces "shadingquality" when not 0.
     pub preview: f32,
@@ -79,19 +80,20 @@ pub struct SessionOptions {
     /// folders of the scene files, of `$GELATOHOME` and of the user's search paths, and written only beneath one
     /// folder (see [`granita_base::Confinement`]).
     pub safe: bool,
-    /// Plugins that the user named: libraries, and folders of them (`-plugins`).
+    /// Plugins that the user named (`-plugins`), which are libraries or folders of libraries.
     pub plugins: Vec<PathBuf>,
     /// True when generators and shader functions that a scene names may also come from relative folders of search
     /// paths.
     pub plugins_from_current_folder: bool,
-    /// The folder for files that a scene writes under `safe`; by default one beside the scene, `a.out` for `a.pyg`.
+    /// The folder for files that a scene writes under `safe`. The default is a folder beside the scene, such as `a.out`
+    /// for `a.pyg`.
     pub safe_output: Option<PathBuf>,
     /// Tracks the work of the session and the processes that it started.
     pub supervisor: Supervisor,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
-    /// Machines that share the work on each frame ("net:workers"), "local" for this one; empty leaves it to the
-    /// scene.
+    /// Machines that share the work on each frame ("net:workers"), "local" for this one. An empty list takes those of
+    /// the scene.
     pub net_workers: Vec<String>,
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.

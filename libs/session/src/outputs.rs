@@ -31,7 +31,7 @@ pub(crate) fn amended(
             camera.params.set(Param { name: "shadertype".into(), ty, data: name.as_str().into() });
         }
     }
-    // Shading uses the first camera, so that one decides (reference 7.7).
+    // Shading uses the first camera, so its "shadertype" is used (reference 7.7).
     if let Some(surface) = proxy(&scene) {
         shade_plainly(&mut scene, surface);
     }
@@ -116,7 +116,7 @@ pub(crate) fn without_viewers(scene: &Arc<Scene>, reporter: &Reporter) -> Arc<Sc
     Arc::new(scene)
 }
 
-/// Returns whether any image goes to a viewer, and whether one of these does not name its viewer.
+/// Returns true when any image goes to a viewer, and true when one of these does not name its viewer.
 pub(crate) fn shows(scene: &Scene, safe: bool) -> (bool, bool) {
     let mut shown = scene.outputs.iter().filter(|output| &*output.format == "iv").peekable();
     let any = shown.peek().is_some();

@@ -16,7 +16,7 @@ pub(crate) const PULSE: Duration = Duration::from_millis(500);
 /// The shortest patience in seconds, which is a few signs of life.
 pub(crate) const LEAST_PATIENCE: f32 = 2.0;
 
-/// The longest silence before a timeout; clones share it.
+/// The longest silence before a timeout. Clones share it.
 #[derive(Clone, Debug)]
 pub(crate) struct Patience(Arc<AtomicU32>);
 

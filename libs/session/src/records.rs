@@ -1,4 +1,4 @@
-//! The records of a session about its frames: statistics, lists of files, error logs.
+//! The records of a session about its frames, which are statistics, lists of files and error logs.
 
 use granita_base::report::Sink;
 use granita_base::{FileError, Files, Reporter};
@@ -77,7 +77,7 @@ pub(crate) fn write_whole(path: &Path, text: &str, files: &Files, reporter: &Rep
     }
 }
 
-/// Writes "debug:filesread" (reference 4.3.7): one name a line, in the format of `tar -T`.
+/// Writes "debug:filesread" (reference 4.3.7) with one name per line, in the format of `tar -T`.
 pub(crate) fn write_files_read(path: &Path, files: &Files, reporter: &Reporter) {
     let mut text = String::new();
     for file in reporter.files_read() {

@@ -1,14 +1,13 @@
-//! A renderer in another process (reference 2.3, "remote"): both sides of the connection.
+//! Connects a program with a renderer in another process (reference 2.3, "remote"). This module has both sides.
 //!
-//! The program's side is [`Remote`], a receiver of calls. The renderer's side is a [`Session`] in
-//! [`Session::obey`]. Calls are sent as flat Pyg, in pieces. Kinds of frames (see [`granita_pyg::frames`]) from the
-//! program:
+//! The program's side is [`Remote`], a receiver of calls. The renderer's side is a [`Session`] in [`Session::obey`].
+//! Calls are sent as flat Pyg, in pieces. The program sends these kinds of frames (see [`granita_pyg::frames`]):
 //! - `T` contains calls, `A` queries an attribute (answered by `G`), `W` waits (answered by `W`).
 //! - `X` ends the frame that is being rendered. `P` (a pixel or a rectangle) sets the priority of its buckets. `Z`
 //!   ends the connection. A connection that ends without it means that the program has crashed, so its frame is not
 //!   needed.
 //!
-//! From the renderer:
+//! The renderer sends these kinds:
 //! - `H` is the first frame and contains the version.
 //! - `B` is a sign of life, sent from a separate thread twice a second. A renderer that is silent for too long is
 //!   ended.
@@ -28,7 +27,7 @@ use granita_base::report::Message;
 use granita_base::{Location, Severity};
 use granita_pyg::frames::{Frame, put_text};
 
-/// The first text of a renderer of this version.
+/// The first text of a renderer, which contains the version of the suite and of this protocol.
 const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/3");
 
 /// Returns the payload of `M`.

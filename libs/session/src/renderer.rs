@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-/// The records of a session about its frames; clones share them.
+/// The records of a session about its frames. Clones share them.
 #[derive(Clone, Default)]
 pub(crate) struct Finished(pub(crate) Arc<Record>);
 
@@ -40,7 +40,7 @@ impl Record {
     }
 }
 
-/// The steps done and to do of the running frame, for "render:progress".
+/// Tracks the number of steps of the running frame and the number of those done, for "render:progress".
 struct Tracked {
     inner: Arc<dyn Progress>,
     total: AtomicU64,
@@ -273,9 +273,9 @@ fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
 }
 
 impl FrameRenderer for SessionRenderer {
-    /// Renders the images of the camera that `Render` names; those of all cameras where none is named, or the named
-    /// one has none. Exporters name their main camera also in shadow passes, in which only the lights' cameras have
-    /// images.
+    /// Renders the images of the camera that `Render` names. When none is named, or the named one has no images, the
+    /// images of all cameras are rendered. Exporters name their main camera also in shadow passes, in which only the
+    /// lights' cameras have images.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
         let supervisor = self.options.supervisor.clone();

@@ -8,16 +8,16 @@ use granita_scene::{State, attr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Extensions of files that scenes write besides those of image formats: textures, shadow maps, databases and logs.
+/// Extensions of the textures, shadow maps, databases and logs that scenes write besides images.
 const ENDINGS: [&str; 9] = ["tx", "tex", "env", "shd", "sm", "vsm", "sdb", "log", "txt"];
 
 /// Search paths whose folders the user may have set in startup files.
 const PATHS: [Key<scope::Global, Arc<str>>; 5] =
     [attr::PATH_INPUT, attr::PATH_TEXTURE, attr::PATH_SHADER, attr::PATH_GENERATOR, attr::PATH_IMAGEIO];
 
-/// Returns the rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`.
-/// They write beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them with a derived
-/// name: `a.out` for `a.pyg`. Files of the command line may be written anywhere.
+/// Returns the rules for the scene files of `options`. Scenes are read beneath their folders and `$GELATOHOME`. They
+/// write beneath [`SessionOptions::safe_output`], or beneath a folder beside the last of them with a derived name, such
+/// as `a.out` for `a.pyg`. Files of the command line may be written anywhere.
 pub(crate) fn files(options: &SessionOptions) -> Files {
     let scenes: Vec<PathBuf> =
         options.scene_files.iter().map(PathBuf::from).filter(|path| path.is_file()).collect();

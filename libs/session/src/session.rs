@@ -1,4 +1,4 @@
-//! The session.
+//! A session, which reads scenes and renders their frames.
 
 use crate::net::WorkerCoordinator;
 use crate::renderer::{Finished, SessionRenderer};
@@ -165,9 +165,9 @@ impl Session {
         }
     }
 
-    /// Reads the scene `name`: "-" is standard input, passed by [`Session::read_stream`]; otherwise a file, or the
-    /// input that `Input` finds under that name. Scenes read one after the other count as one that contains them
-    /// all (reference 6.1), so definitions of their scripts stay.
+    /// Reads the scene `name`, which is a file, or the input that `Input` finds under that name. Standard input is read
+    /// by [`Session::read_stream`]. Scenes read one after the other count as one that contains them all (reference
+    /// 6.1), so definitions of their scripts stay.
     ///
     /// Errors inside of the scene are reported and not returned.
     ///
@@ -188,7 +188,7 @@ impl Session {
     /// Reads a scene from a stream, as standard input. `name` identifies it in messages.
     ///
     /// # Errors
-    /// The errors are those of [`Session::read_file`].
+    /// Returns the errors of [`Session::read_file`].
     pub fn read_stream(&mut self, name: &str, stream: Box<dyn Read + Send>) -> Result<(), SessionError> {
         let options = PygOptions { scripts: Some(self.scripts.clone()), ..self.inputs.pyg_options() };
         let source = PygSource::Stream { name: name.into(), stream };
@@ -201,7 +201,7 @@ impl Session {
     /// `granita_pyg::serve`).
     ///
     /// # Errors
-    /// The errors are those of [`Session::read_file`].
+    /// Returns the errors of [`Session::read_file`].
     pub fn serve(&mut self, input: &mut dyn Read, output: &mut dyn Write) -> Result<(), SessionError> {
         granita_pyg::serve(input, output, &mut self.state, &self.reporter).map_err(|error| match error {
             PygError::Stopped(stop) => stopped(stop),
@@ -212,7 +212,7 @@ impl Session {
     /// Reads an input, as the scene call `Input` without a bound does.
     ///
     /// # Errors
-    /// The errors are those of [`Session::read_file`].
+    /// Returns the errors of [`Session::read_file`].
     pub fn input(&mut self, command: &str) -> Result<(), SessionError> {
         let (input, generator) = (self.path(attr::PATH_INPUT), self.path(attr::PATH_GENERATOR));
         let found = self.inputs.find(command, InputPaths { input: &input, generator: &generator });
@@ -237,7 +237,7 @@ impl Session {
         &self.state
     }
 
-    /// Ends the session after the last call: reports blocks left open and returns the result.
+    /// Ends the session after the last call. Reports blocks left open and returns the result.
     pub fn finish(mut self) -> Outcome {
         self.state.end();
         if let Some(name) = self.objects.filter(|_| !self.state.has_rendered()) {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// A C++ function, or the reason why it is not available.
 type FoundShadeop = Result<Arc<dyn Shadeop>, String>;
 
-/// The shaders of one frame: compiled ones on the path, sources on the path, then the bundled ones.
+/// The shaders of one frame. Compiled ones on the path come first, then sources on the path, then the bundled ones.
 pub(crate) struct Shaders {
     path: SearchPath,
     plugins: Plugins,

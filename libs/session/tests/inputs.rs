@@ -1,4 +1,4 @@
-//! Inputs that are put off: the same pixels, and nothing read without need.
+//! Tests that deferred inputs give the same pixels, and that none is read without need.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
@@ -7,7 +7,8 @@ use granita_scene::SceneSink;
 use granita_session::{Outcome, Session, SessionOptions};
 use std::path::Path;
 
-/// Renders `world` (what stands between `World` and `Render`) in `folder`; the image's bytes, messages and outcome.
+/// Renders `world`, the calls between `World` and `Render`, in `folder`. Returns the bytes of the image, the messages
+/// and the outcome.
 fn render(folder: &Path, before: &str, world: &str) -> (Vec<u8>, Vec<String>, Outcome) {
     let image = folder.join("image.tif");
     let _ = std::fs::remove_file(&image);
@@ -28,7 +29,7 @@ fn render(folder: &Path, before: &str, world: &str) -> (Vec<u8>, Vec<String>, Ou
     (std::fs::read(&image).unwrap_or_default(), said, outcome)
 }
 
-/// The numbers of inputs with a bound, and of those never read.
+/// Returns the number of inputs with a bound, and the number of those that were never read.
 fn counts(said: &[String]) -> (usize, usize) {
     let number = |what: &str| {
         let text = said.iter().flat_map(|s| s.lines()).find(|l| l.trim_start().starts_with(what));
@@ -39,7 +40,7 @@ fn counts(said: &[String]) -> (usize, usize) {
 
 const LIGHT: &str = "Light (\"key\", \"pointlight\", \"float intensity\", 12, \"point from\", (2, 3, -4))\n";
 
-/// Content with everything that could leave traces, and noise that depends on the seed of a primitive.
+/// Content with all kinds of calls that change the graphics state, and noise that depends on the seed of a primitive.
 const FILE: &str = r#"
 Attribute ("color C", (1, 0.5, 0.25))
 Light ("inner", "pointlight", "float intensity", 4, "point from", (-2, 1, -2))
@@ -77,7 +78,7 @@ fn inline_at_once_and_put_off_are_the_same_to_the_bit() {
     let inline = image(FILE, (0, 0));
     assert!(image("Input (\"ball.pyg\")", (0, 0)) == inline);
     assert!(image("Input (\"ball.pyg\", (-2, 2, -2, 2, -2, 2))", (1, 0)) == inline);
-    // One that is never read, in front of it all, changes nothing.
+    // An input that is never read, in front of all others, changes nothing.
     let unseen = "Input (\"absent of scene.pyg\", (50, 51, 0, 1, 0, 1))\n";
     file("absent of scene.pyg", "Sphere (1, -1, 1, 360)\nSphere (1, -1, 1, 360)\nno pyg at all");
     let both = image(&format!("{unseen}Input (\"ball.pyg\", (-2, 2, -2, 2, -2, 2))"), (2, 1));
@@ -99,19 +100,19 @@ fn what_nobody_sees_is_not_read_unless_rays_may_meet_it() {
     assert_eq!(read("", 0.0), (1, 0));
     assert_eq!(read("", 50.0), (1, 1));
     assert_eq!(read("Translate (0, 0, -20)", 0.0), (1, 1), "behind the camera");
-    // It moves through the picture while the shutter is open.
+    // It moves through the image while the shutter is open.
     let shutter = "Attribute (\"float[2] shutter\", (0, 1))\nAttribute (\"int temporalquality\", 4)";
     let moving = "Motion (0, 1)\nTranslate (0, 0, 0)\nTranslate (-100, 0, 0)";
     assert_eq!(counts(&render(folder.path(), shutter, &world(moving, 50.0)).1), (1, 0));
     // A displacement brings it into view.
     let displaced = "Attribute (\"float displace:maxradius\", 60)";
     assert_eq!(read(displaced, 50.0), (1, 0));
-    // Shaders that name a set, and a map.
+    // Shaders that name a set may trace rays. Those that name a map do not.
     let set = "Light (\"ray\", \"pointlight\", \"string shadowname\", \"NAME\")";
     assert_eq!(read(&set.replace("NAME", "shadows"), 50.0), (1, 0));
     assert_eq!(read(&set.replace("NAME", "nosuch.sm"), 50.0), (1, 1));
     assert_eq!(read("Shader (\"surface\", \"ambocclude\", \"string occlusionname\", \"x\")", 50.0), (1, 0));
-    // A bound that is none is told, and the file read at once.
+    // An invalid bound is reported, and the file is read at once.
     let odd = "Input (\"far.pyg\", (1, -1, -1, 1, -1, 1))";
     let (_, said, _) = render(folder.path(), "", odd);
     assert!(said.iter().any(|s| s.contains("the bound (1, -1, -1, 1, -1, 1) holds nothing")), "{said:?}");
@@ -159,11 +160,11 @@ fn a_file_that_reads_itself_is_found_out() {
     let told: Vec<&String> = said.iter().filter(|s| s.contains("would read itself")).collect();
     assert_eq!(told.len(), 1, "{said:?}");
     assert!(told[0].ends_with("Input \"a.pyg\" would read itself: a.pyg -> b.pyg -> a.pyg"), "{told:?}");
-    // Put off: each level is read at Render.
+    // Each level of a deferred input is read at Render.
     file("c.pyg", "Sphere (0.1, -0.1, 0.1, 360)\nInput (\"c.pyg\", (-1, 1, -1, 1, -1, 1))\n");
     let (_, said, _) = render(folder.path(), "", "Input (\"c.pyg\", (-1, 1, -1, 1, -1, 1))");
     assert!(said.iter().any(|s| s.contains("would read itself: c.pyg -> c.pyg")), "{said:?}");
-    // The scene itself.
+    // The scene reads itself.
     let scene = folder.path().join("scene.pyg");
     std::fs::write(&scene, format!("Input (\"{}\")\n", scene.display())).unwrap();
     let (reporter, kept) = Reporter::collecting();

@@ -1,4 +1,4 @@
-//! Scenes from text to files.
+//! Tests scenes from their text to the written files.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
@@ -33,7 +33,7 @@ fn run(scene: &str, options: SessionOptions) -> (Outcome, Vec<String>) {
     (outcome, said)
 }
 
-/// Width, height, and the channels of the middle pixel.
+/// Returns the width and the height in pixels, and the channels of the middle pixel.
 fn middle(path: &Path) -> (u32, u32, Vec<f32>) {
     let image = granita_plugin::bundled_formats(Limits::default()).open(path).unwrap();
     let spec = image.spec(0, 0).unwrap().clone();
@@ -79,7 +79,7 @@ fn a_named_camera_is_rendered_alone_if_it_has_images() {
     for (named, wanted) in [
         ("\"b\"", vec![b.clone()]),
         ("\"a\"", vec![a.clone()]),
-        // Exporters name their main camera in passes in which it has no image, or none that is a file.
+        // Exporters name their main camera in passes in which it has no image, or no image that is a file.
         ("\"bare\"", vec![a.clone(), b.clone()]),
         ("\"lamp\"", vec![a.clone(), b.clone()]),
         ("", vec![a, b]),
@@ -217,7 +217,7 @@ Render ()
 fn shading_systems_bypass_the_scenes_shaders() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());
-    // Neither the surface nor the light exists, and nobody asks for them.
+    // Neither the surface nor the light exists, and neither is requested.
     let text = text
         .replace("\"constant\"", "\"nosuchshader\"")
         .replace("World ()", "World ()\nLight (\"a\", \"nosuchlight\")");
@@ -231,7 +231,7 @@ fn shading_systems_bypass_the_scenes_shaders() {
             rgba[0] > 0.05 && rgba[3] == 1.0 && (rgba[2] / rgba[0] - 4.0).abs() < 0.9,
             "{name}: {rgba:?}"
         );
-        // The same by attribute, and by parameter of the camera that shades.
+        // An attribute in the scene has the same effect.
         let by_attribute = format!("Attribute (\"string shadertype\", \"{name}\")\n{text}");
         run(&by_attribute, options());
         assert_eq!(middle(&image).2, rgba);
@@ -268,7 +268,7 @@ Command ("never reached")
     assert!(said[0].contains("unknown command \"mkdirr\"; did you mean \"mkdir\"?"), "{said:?}");
 }
 
-/// The files of a command line count as one that contains them all; each `Input` is a scene of its own (reference 6.1).
+/// The files of a command line count as one that contains them all. Each `Input` is a scene of its own (reference 6.1).
 #[test]
 fn files_share_the_variables_of_their_scripts() {
     if !granita_needs::has("python3") {
@@ -314,7 +314,7 @@ fn temporary_files_lie_where_the_environment_says() {
     for safe in [false, true] {
         assert_eq!(place(Some(folder.path()), safe), (folder.path().to_owned(), 0));
     }
-    // A folder that is not there is told, and is not made.
+    // A folder that does not exist is reported, and is not made.
     let missing = folder.path().join("missing");
     assert_eq!(place(Some(&missing), false), (system, 1));
     assert!(!missing.exists());

@@ -4,11 +4,11 @@ use granita_image::FormatRegistry;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-/// Most files that are taken of folders.
+/// The largest number of files that are taken from one folder.
 const MOST: usize = 1 << 20;
 
-/// Returns the files that `names` stand for: files unchanged, and of folders (not of those in them) the files with
-/// an extension of a known format, in order. A missing file stays in the list, and opening it reports the error.
+/// Returns the files that `names` stand for. Files are unchanged. A folder is replaced by the files directly in it that
+/// have an extension of a known format, in order. A missing file stays in the list, and opening it reports the error.
 pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
     let mut out = Vec::new();
     for name in names {
@@ -31,7 +31,7 @@ pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
             .take(MOST)
             .collect();
         found.sort_by(|a, b| in_order(&a.to_string_lossy(), &b.to_string_lossy()));
-        // They may be links that lead elsewhere: whoever names the folder means them.
+        // They may be links that lead elsewhere. Naming the folder permits them.
         found.iter().for_each(|file| formats.files().grant(file));
         out.extend(found);
     }
@@ -76,17 +76,17 @@ pub struct Group {
     pub count: usize,
 }
 
-/// The name with its last number replaced: frames of one sequence have it in common.
+/// Returns the name with its last number replaced by "#". Frames of one sequence have the same result.
 fn pattern(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_str()?;
     let end = name.rfind(|c: char| c.is_ascii_digit())? + 1;
     let start = name[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + 1);
-    // A number alone in an extension ("a.jp2") is none of a frame.
+    // A number in an extension ("a.jp2") is not that of a frame.
     let extension = name.rfind('.').unwrap_or(name.len());
     (start < extension).then(|| format!("{}#{}", &name[..start], &name[end..]))
 }
 
-/// Groups a list: three or more frames of a sequence, else the files of one folder.
+/// Groups a list into runs of three or more frames of a sequence, and otherwise into the files of one folder.
 pub fn groups(list: &[PathBuf]) -> Vec<Group> {
     let folder = |path: &Path| path.parent().map(|p| p.display().to_string()).unwrap_or_default();
     let key = |i: usize| (folder(&list[i]), pattern(&list[i]));

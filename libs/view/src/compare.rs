@@ -9,7 +9,7 @@ use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::make::ColorSpace;
 use std::sync::Arc;
 
-/// Largest number of pixels that are compared by how they look.
+/// The largest number of pixels of images whose perceived difference is computed.
 const FLIP_PIXELS: u64 = 1 << 26;
 
 /// The options of a comparison.
@@ -44,7 +44,7 @@ impl Default for CompareOptions {
 pub struct ChannelDifference {
     /// Its name.
     pub name: String,
-    /// The number of compared values: those where both are finite.
+    /// The number of compared values, which are finite in both images.
     pub count: u64,
     /// The mean of the magnitudes.
     pub mean: f64,
@@ -82,7 +82,7 @@ pub struct Comparison {
     pub max: f32,
     /// The mean and largest perceived difference (FLIP), from 0 to 1.
     pub flip: Option<(f64, f32)>,
-    /// True when one of them was decoded: it is encoded for a screen, and the other is linear.
+    /// True when one of them was decoded, because it is encoded for a screen and the other is linear.
     pub decoded: bool,
 }
 
@@ -126,7 +126,8 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
         }
     }
     single.extend(sb.channels.iter().filter(|n| !sa.channels.contains(n)).cloned());
-    // Grey and colours, or names that only one of the formats can hold: by number then.
+    // Without a common name, images with the same number of channels are paired by index. Not every format can store
+    // all names.
     if pairs.is_empty() && sa.nchannels() == sb.nchannels() {
         pairs = (0..sa.nchannels()).map(|c| (c, c)).collect();
         single.clear();
@@ -156,7 +157,7 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
     };
     let mut sums = vec![Sums::default(); pairs.len()];
     let mut pixels_beyond = 0;
-    // Tile by tile and in order, so that the sums are always the same.
+    // The tiles are compared in order, so that the sums are always the same.
     for (ty, tx) in
         (0..size.1.div_ceil(TILE)).flat_map(|ty| (0..size.0.div_ceil(TILE)).map(move |tx| (ty, tx)))
     {
@@ -195,7 +196,8 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
 }
 
 impl Sums {
-    /// Adds a pair of values; whether they are not alike.
+    /// Adds a pair of values. Returns true when they differ by more than the tolerance, or when one is not finite and
+    /// the other is different.
     fn add(&mut self, u: f32, v: f32, at: (u32, u32), tolerance: f32) -> bool {
         if !u.is_finite() || !v.is_finite() {
             let alike = u == v || u.is_nan() && v.is_nan();
@@ -233,7 +235,8 @@ impl Sums {
     }
 }
 
-/// How different the first layers look, pixel by pixel; `None` when they are no colours.
+/// Returns the perceived difference of the first layers for each pixel; `None` when one of them does not contain
+/// colours.
 fn flip_map(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<Vec<f32>>> {
     let color = |page: &Page| page.layers[0].meaning == crate::Meaning::Color;
     if !color(a) || !color(b) {
@@ -243,7 +246,7 @@ fn flip_map(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<Vec<f
     Ok(Some(flip::flip(&one, &two, a.spec().width as usize, options.pixels_per_degree)))
 }
 
-/// Mean and largest of how different the first layers look.
+/// Returns the mean and the largest perceived difference of the first layers.
 fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, f32)>> {
     Ok(flip_map(a, b, options)?.map(|map| {
         let mean = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
@@ -287,7 +290,7 @@ pub fn flip_page(a: &Page, b: &Page, options: &CompareOptions, store: &TileStore
     Ok(Page::from_source("FLIP", spec, source, store))
 }
 
-/// Values of one channel that are in memory.
+/// An image of one channel in memory.
 struct Map {
     width: u32,
     height: u32,
@@ -326,7 +329,7 @@ impl Source for Map {
     }
 }
 
-/// The colours of the first layer in proportion to light, exposed, within 0 to 1; what is not a number is 0.
+/// Returns the colours of the first layer in linear light, exposed and clamped to 0 to 1. NaN becomes 0.
 fn linear_colors(page: &Page, exposure: f32) -> Result<Vec<[f32; 3]>> {
     let (width, height) = (page.spec().width, page.spec().height);
     let mut out = vec![[0.0; 3]; width as usize * height as usize];

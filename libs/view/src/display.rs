@@ -1,4 +1,4 @@
-//! Converts values to screen colours: exposure, gamma, choice of channels, false colour, marks.
+//! Converts values to screen colours by exposure, gamma, choice of channels, false colours and marks.
 
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
@@ -16,24 +16,24 @@ pub enum Channels {
     /// Red, green and blue as a colour.
     #[default]
     Color,
-    /// The first of the three, in grey.
+    /// The first channel of the colour, in grey.
     Red,
-    /// The second.
+    /// The second channel of the colour, in grey.
     Green,
-    /// The third.
+    /// The third channel of the colour, in grey.
     Blue,
     /// Alpha, in grey.
     Alpha,
-    /// Rec. 709 luminance of the three, in grey.
+    /// The Rec. 709 luminance of the colour, in grey.
     Luminance,
-    /// A channel of the picture by its number, in grey.
+    /// A channel of the image by its index, in grey.
     One(usize),
 }
 
 /// The background of an image with alpha.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {
-    /// Alpha is not looked at.
+    /// No background. Alpha is ignored.
     #[default]
     Ignored,
     /// Black.
@@ -49,16 +49,16 @@ pub enum Background {
 /// The marks over pixels with special values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marks {
-    /// Nothing.
+    /// No marks.
     Off,
-    /// NaN (magenta) and infinite values (yellow, negative ones green).
+    /// Marks NaN (magenta), infinity (yellow) and negative infinity (green).
     #[default]
     Broken,
-    /// Also negative values (blue).
+    /// Also marks negative values (blue).
     Negative,
 }
 
-/// Shows one value in false colours.
+/// The false colours of one value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FalseColor {
     /// The colours.
@@ -82,7 +82,7 @@ pub struct Display {
     pub srgb: bool,
     /// The visible channels.
     pub channels: Channels,
-    /// Shows one value in false colours, instead of the colours themselves.
+    /// The false colours of one value, which replace the colours themselves.
     pub false_color: Option<FalseColor>,
     /// The values of black and white, instead of 0 and 1, without encoding. The first may be the larger.
     pub range: Option<(f32, f32)>,
@@ -128,17 +128,17 @@ impl Display {
     }
 }
 
-/// Bits of a float that are dropped to find its cell.
+/// The number of low bits of a float that are dropped to find its cell.
 const SHIFT: u32 = 12;
-/// Smallest and largest value with a cell of its own: 2^-24 and 2^24.
+/// The smallest and the largest value with a cell of its own, 2^-24 and 2^24.
 const LEAST: f32 = 1.0 / 16_777_216.0;
 const MOST: f32 = 16_777_216.0;
 
-/// A function of positive floats as a table: 2048 cells for each factor of two.
+/// A table of a function of positive floats, with 2048 cells for each factor of two.
 #[derive(Clone, Debug)]
 struct Table<T>(Vec<T>);
 
-/// Bits of the value that the cell before the first begins at: everything below is like 0.
+/// The bits of the value at which the cell before the first one begins. Smaller values count as 0.
 const BELOW: u32 = LEAST.to_bits() - (1 << SHIFT);
 
 impl<T: Copy> Table<T> {
@@ -151,7 +151,8 @@ impl<T: Copy> Table<T> {
         Self(cells)
     }
 
-    /// Values below all cells, negative ones and NaN are like 0, those above like infinity.
+    /// Returns the value of the function. Values below all cells, negative values and NaN count as 0. Values above all
+    /// cells count as infinity.
     #[inline]
     fn get(&self, v: f32) -> T {
         if v >= MOST {
@@ -163,26 +164,26 @@ impl<T: Copy> Table<T> {
         }
     }
 
-    /// The same for a value that is neither negative nor NaN.
+    /// Returns the same for a value that is neither negative nor NaN.
     #[inline]
     fn get_positive(&self, v: f32) -> T {
         self.0[((v.to_bits().clamp(BELOW, MOST.to_bits()) - BELOW) >> SHIFT) as usize]
     }
 }
 
-/// Everything that bytes on the screen depend on: bits of the exposure and of gamma, whether the screen is encoded,
-/// whether values are.
+/// The parameters of a table: the bits of the exposure and of gamma, true when the screen is encoded, and true when the
+/// stored values are.
 type TableKey = (u32, u32, bool, bool);
 
-/// The tables made last. Consecutive frames use the same.
+/// The tables that were made last. Consecutive frames use the same ones.
 #[derive(Clone, Debug, Default)]
 pub struct Tables(Vec<(TableKey, Arc<Table<u8>>)>);
 
 impl Tables {
-    /// Tables that are kept.
+    /// The number of tables that are kept.
     const KEPT: usize = 4;
 
-    /// The one for `key`, made if it is not there.
+    /// Returns the table for `key`. Makes it when it does not exist.
     fn get(&mut self, key: TableKey, make: impl FnOnce() -> Table<u8>) -> Arc<Table<u8>> {
         if let Some((_, table)) = self.0.iter().find(|(k, _)| *k == key) {
             return table.clone();
@@ -198,17 +199,17 @@ impl Tables {
 #[derive(Clone, Debug)]
 pub struct Prepared {
     display: Display,
-    /// From a stored value to the byte on the screen.
+    /// Maps a stored value to the byte on the screen.
     shown: Arc<Table<u8>>,
-    /// Colours go through the table and nothing else, but where alpha is looked at.
+    /// True when colours are converted by the table alone, except where alpha is used.
     plain: bool,
-    /// Whether stored values are encoded.
+    /// True when stored values are encoded.
     encoded: bool,
-    /// Alpha is not yet in the colours.
+    /// True when colours are not yet multiplied by alpha.
     unassociated: bool,
-    /// Distances: infinite ones are nothing special.
+    /// True for depths, whose infinite values are not marked.
     depth: bool,
-    /// Numbers of things: each has a colour of its own.
+    /// True for numbers of objects, each of which has a colour of its own.
     number: bool,
     gain: f32,
 }
@@ -218,7 +219,7 @@ const INFINITE: [u8; 4] = [255, 255, 0, 255];
 const MINUS_INFINITE: [u8; 4] = [0, 255, 0, 255];
 const NEGATIVE: [u8; 4] = [0, 96, 255, 255];
 
-/// A number from 0 to 1 as a byte.
+/// Converts a number from 0 to 1 to a byte.
 fn byte(v: f32) -> u8 {
     (v * 255.0 + 0.5) as u8
 }
@@ -251,14 +252,14 @@ impl Prepared {
         ready
     }
 
-    /// Computes a row of the screen from pixels as for [`Prepared::show`], where `covered` is true.
+    /// Computes a row of the screen as [`Prepared::show`] does, where `covered` is true.
     pub(crate) fn show_row(&self, pixels: &[[f32; 4]], covered: &[bool], y: u32, out: &mut [u8]) {
         const INFINITY: u32 = f32::INFINITY.to_bits();
         let ignored = self.display.background == Background::Ignored;
         let pixels = pixels.iter().zip(covered);
         for ((x, out), (pixel, covered)) in (0..).zip(out.as_chunks_mut::<4>().0).zip(pixels) {
             let [r, g, b, a] = *pixel;
-            // Neither negative, nor infinite, nor NaN: nothing of that is marked.
+            // The colours are neither negative, infinite nor NaN, so they have no marks.
             let usual = r.to_bits().max(g.to_bits()).max(b.to_bits()) < INFINITY;
             *out = if !covered {
                 BESIDE
@@ -271,13 +272,12 @@ impl Prepared {
         }
     }
 
-    /// A stored value in proportion to light, exposed.
+    /// Returns a stored value in linear light, exposed.
     fn exposed(&self, v: f32) -> f32 {
-        // Nothing happens to what is shown as it is stored.
         if self.encoded { ColorSpace::Srgb.decode(v) * self.gain } else { v * self.gain }
     }
 
-    /// The byte for an exposed value.
+    /// Returns the screen byte of an exposed value.
     fn screen(&self, v: f32) -> u8 {
         let v = if self.display.gamma == 1.0 { v } else { v.max(0.0).powf(1.0 / self.display.gamma) };
         let v = v.clamp(0.0, 1.0);
@@ -289,7 +289,7 @@ impl Prepared {
         if self.encoded { ColorSpace::Srgb.decode(v) } else { v }
     }
 
-    /// The mark of a pixel, if it gets one.
+    /// Returns the mark of a pixel, if it has one.
     fn mark(&self, values: &[f32]) -> Option<[u8; 4]> {
         if self.display.marks == Marks::Off {
             return None;
@@ -297,7 +297,7 @@ impl Prepared {
         let mut sum = 0.0;
         let mut negative = false;
         for v in values {
-            // 0 for what is finite.
+            // The product is 0 for finite values.
             sum += v * 0.0;
             negative |= *v < 0.0;
         }
@@ -318,14 +318,14 @@ impl Prepared {
         (negative && self.display.marks == Marks::Negative && !self.depth).then_some(NEGATIVE)
     }
 
-    /// Where a value is in the range that is shown, 0 to 1.
+    /// Returns the position of a value in the visible range, from 0 to 1.
     fn in_range(v: f32, (low, high): (f32, f32)) -> f32 {
         let t = (v - low) / (high - low);
         if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) }
     }
 
-    /// Returns the screen colour of a pixel. `pixel` is red, green, blue and alpha as stored; (x, y) is its
-    /// position on the screen.
+    /// Returns the screen colour of a pixel. `pixel` is red, green, blue and alpha as stored. (x, y) is its position on
+    /// the screen.
     #[inline]
     pub fn show(&self, pixel: [f32; 4], x: u32, y: u32) -> [u8; 4] {
         let [r, g, b, a] = pixel;
@@ -341,7 +341,7 @@ impl Prepared {
         }
         if let Some(range) = self.display.range {
             let [r, g, b] = [r, g, b].map(|v| {
-                // What is as far as depths go is nothing.
+                // A depth as large as this means that there is no surface.
                 if self.depth && v >= 1e29 { 0 } else { byte(Self::in_range(v, range)) }
             });
             return [r, g, b, 255];
@@ -352,7 +352,7 @@ impl Prepared {
         self.show_over([r, g, b], a, x, y)
     }
 
-    /// One value for the three, in grey or in colours.
+    /// Returns the screen colour of a single value or of the luminance, in grey or in false colours.
     fn show_one(&self, [r, g, b]: [f32; 3]) -> [u8; 4] {
         let v = if r == g && g == b { self.linear(r) } else { luminance([r, g, b].map(|v| self.linear(v))) };
         let Some(f) = self.display.false_color else {

@@ -9,7 +9,7 @@ use crate::{Result, ViewError};
 use granita_base::parallel_map;
 use rayon::prelude::*;
 
-/// A page and how it is shown.
+/// A page with its layout and its display.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     /// The page.
@@ -25,30 +25,31 @@ pub struct Shown<'a> {
 /// The combination of two pages.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Mix {
-    /// The first only.
+    /// The first page only.
     #[default]
     First,
-    /// The second only.
+    /// The second page only.
     Second,
-    /// The first up to this share of the screen, then the second; `down` from above rather than from the left.
+    /// The first page up to an edge on the screen, then the second page.
     Wipe {
-        /// 0 to 1.
+        /// The position of the edge, from 0 (left or upper side) to 1.
         at: f32,
-        /// Whether the edge lies across.
+        /// True for a horizontal edge, false for a vertical one.
         down: bool,
     },
-    /// The magnitude of the difference, this many times.
+    /// The magnitude of the difference, multiplied by a factor.
     Difference {
-        /// Factor.
+        /// The factor.
         gain: f32,
     },
     /// The first over the second, by the alpha of the first.
     Over,
-    /// A map of how different they look, which is drawn as the first (see [`crate::flip_page`]).
+    /// A map of the perceived difference, which is drawn as the first page (see [`crate::flip_page`]).
     Flip,
 }
 
-/// An image for a screen: rows from the top, 4 bytes a pixel, red, green, blue and alpha, which is 255.
+/// An image for a screen. It has rows from the top with 4 bytes per pixel, which are red, green, blue and alpha. Alpha
+/// is 255.
 #[derive(Clone, Debug, Default)]
 pub struct Canvas {
     /// The width in pixels.
@@ -61,11 +62,11 @@ pub struct Canvas {
     pub complete: bool,
     /// True when all of it is covered, if only by coarser tiles.
     pub covered: bool,
-    /// What was computed for drawing on it, of use when it is drawn again.
+    /// The tables that were computed for drawing. They are reused when it is drawn again.
     tables: Tables,
 }
 
-/// Two are equal when they look the same.
+/// Two canvases are equal when they look the same. Their tables are not compared.
 impl PartialEq for Canvas {
     fn eq(&self, other: &Self) -> bool {
         let seen = |c: &Self| (c.width, c.height, c.complete, c.covered);
@@ -76,7 +77,7 @@ impl PartialEq for Canvas {
 impl Eq for Canvas {}
 
 impl Canvas {
-    /// Returns a complete canvas; `bytes` are `4 * width * height`.
+    /// Returns a complete canvas with these `4 * width * height` bytes.
     pub fn new(width: u32, height: u32, bytes: Vec<u8>) -> Self {
         Self { width, height, bytes, complete: true, covered: true, tables: Tables::default() }
     }
@@ -95,7 +96,7 @@ impl Canvas {
     }
 }
 
-/// Rows of the screen that one thread draws at a time.
+/// The number of screen rows that one thread draws at a time.
 const ROWS: usize = 16;
 
 impl Shown<'_> {
@@ -120,8 +121,8 @@ impl Shown<'_> {
     }
 }
 
-/// Reads tiles with several threads of its own. These wait for each other where a file is decoded as a whole, and
-/// must not be threads that the decoding itself uses.
+/// Reads tiles with several threads of its own. These wait for each other where a file is decoded as a whole. They must
+/// not be threads that the decoding itself uses.
 pub(crate) fn load_tiles(page: &Page, needs: &Needs) -> Result<()> {
     let missing: Vec<(u32, u32)> =
         needs.tiles.iter().copied().filter(|t| !page.pyramid.has(needs.level, t.0, t.1)).collect();
@@ -139,7 +140,7 @@ pub(crate) fn load_tiles(page: &Page, needs: &Needs) -> Result<()> {
     }
 }
 
-/// One page while it is drawn.
+/// A page while it is drawn.
 struct Side<'a> {
     shown: Shown<'a>,
     grid: Grid<'a>,
@@ -147,7 +148,7 @@ struct Side<'a> {
     ready: Prepared,
 }
 
-/// A row of the screen, and where there is something on it.
+/// A row of the screen, and the parts of it that an image covers.
 #[derive(Default)]
 struct Row {
     pixels: Vec<[f32; 4]>,
@@ -180,7 +181,7 @@ impl<'a> Side<'a> {
         }
         let level = self.grid.level;
         let scale = self.shown.page.pyramid.levels()[level].scale;
-        // Pixels are squares where they are as large as those of the screen, or where no finer ones are wanted.
+        // Pixels of the finest level are drawn as squares where they are at least as large as those of the screen.
         let squares = level == self.shown.sheet.level && scale.0.min(scale.1) * view.zoom > 0.999;
         for patch in &self.shown.sheet.patches {
             let (_, sy) = view.to_sheet(0.0, f64::from(y) + 0.5);
@@ -188,7 +189,7 @@ impl<'a> Side<'a> {
             if sy < top || sy >= top + h {
                 continue;
             }
-            // The columns whose middle is on the patch.
+            // These are the columns whose middle is on the patch.
             let column = |x: f64| (view.to_screen(x, 0.0).0 - 0.5).ceil().clamp(0.0, width as f64) as usize;
             let (first, last) = (column(left), column(left + w));
             if first >= last {
@@ -204,7 +205,7 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// The pixel under each.
+    /// Draws the image pixel under each screen pixel.
     fn squares(&self, place: &Place, row: &mut Row) {
         let ((x0, x1), (y0, y1)) = place.source;
         let v = (place.v.floor() as i64).clamp(y0, y1) as u32;
@@ -218,7 +219,7 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// Between the four nearest ones.
+    /// Interpolates between the four nearest pixels.
     fn between(&self, place: &Place, row: &mut Row) {
         let ((x0, x1), (y0, y1)) = place.source;
         let (v, fv) = cell(place.v);
@@ -265,39 +266,39 @@ impl<'a> Side<'a> {
     }
 }
 
-/// A run of the screen on one patch.
+/// A run of screen pixels on one patch.
 struct Place {
     first: usize,
     last: usize,
-    /// Coordinates in the level of the first pixel, and what is added for the next.
+    /// The coordinates of the first pixel in the level, and the step in `u0` to the next pixel.
     u0: f64,
     v: f64,
     step: f64,
-    /// First and last column and row of the level that belong to the patch.
+    /// The first and the last column and row of the level that belong to the patch.
     source: ((i64, i64), (i64, i64)),
 }
 
-/// First and last pixel of a span.
+/// Returns the first and the last pixel of a span.
 fn bounds(from: f64, size: f64) -> (i64, i64) {
     let first = from.floor() as i64;
     (first, ((from + size).ceil() as i64 - 1).max(first))
 }
 
-/// The pixel whose centre is at or before a coordinate, and how far that is on to the next one.
+/// Returns the pixel whose centre is at or before a coordinate, and the fraction of the way to the next one.
 fn cell(v: f64) -> (i64, f32) {
     let v = v - 0.5;
     let below = floor(v);
     (below, (v - below as f64) as f32)
 }
 
-/// The largest whole number that is not above `v`, as far as numbers of pixels go.
+/// Returns the largest integer that is not above `v`, for coordinates of pixels.
 #[inline]
 fn floor(v: f64) -> i64 {
     let near = v as i64;
     near.saturating_sub(i64::from(near as f64 > v))
 }
 
-/// `f` of the way; at the ends exactly what is there, whatever the other is.
+/// Interpolates by the fraction `f`. The result is exactly `a` at 0 and for equal values.
 fn mix(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
     if f < 1e-4 || a == b {
         return a;
@@ -318,7 +319,7 @@ pub fn draw(first: Shown<'_>, second: Option<Shown<'_>>, how: Mix, view: &View) 
 /// Draws as [`draw`] does, into a canvas that was drawn before.
 ///
 /// # Errors
-/// The errors are those of [`draw`].
+/// Returns the errors of [`draw`].
 pub fn draw_into(
     first: Shown<'_>,
     second: Option<Shown<'_>>,
@@ -375,7 +376,7 @@ pub fn draw_into(
     Ok(())
 }
 
-/// One pixel of two pictures.
+/// Returns one screen pixel of two images.
 #[expect(clippy::too_many_arguments, reason = "the innermost step of one loop")]
 fn blend(
     how: Mix,
@@ -398,7 +399,7 @@ fn blend(
         }
         Mix::Difference { .. } if !covered_a || !covered_b => BESIDE,
         Mix::Difference { gain } => {
-            // Stored values where they are of one kind, else what they stand for.
+            // Stored values are compared where both images are encoded alike, else linear values.
             let alike = a.is_encoded() == b.is_encoded();
             let value = |side: &Prepared, v: f32| if alike { v } else { side.linear(v) };
             let d = [0, 1, 2].map(|c| (value(a, p[c]) - value(b, q[c])).abs() * gain);

@@ -1,23 +1,24 @@
-//! Drawings over an image: the vector graphics that senders of live images may add.
+//! Draws the vector graphics that senders of live images may add over an image.
 
 use crate::View;
 use crate::draw::Canvas;
 use granita_image::Draw;
 
-/// Width of lines, in pixels of the screen.
+/// The width of lines in screen pixels.
 const LINE: f32 = 2.0;
-/// Lines of samples in a row of pixels.
+/// The number of sample lines in a row of pixels.
 const LINES: usize = 4;
-/// Points, and edges times lines of samples, that one drawing may cost: a drawing that asks for more ends there.
+/// The largest cost of one drawing, in points and in edges times sample lines. A drawing that costs more ends there.
 const MOST_STEPS: u64 = 1 << 23;
 
 type Point = [f32; 2];
 
-/// An edge of what is to be filled, downward, in lines of samples; `turn` is 1 if it was downward before.
+/// An edge of a filled area, directed downward, in sample lines. `turn` is 1 when it was directed downward before, else
+/// -1.
 struct Edge {
     top: f32,
     bottom: f32,
-    /// Where it crosses the line 0, and what is added from line to line.
+    /// The x coordinate in pixels at sample line 0, and the step from line to line.
     at: f32,
     slope: f32,
     turn: i32,
@@ -31,7 +32,7 @@ struct Edge {
 pub fn paint(canvas: &mut Canvas, view: &View, origin: (f64, f64), steps: &[Draw]) {
     let point = |[x, y]: Point| -> Option<Point> {
         let (x, y) = view.to_screen(origin.0 + f64::from(x), origin.1 + f64::from(y));
-        // Far outside it does not matter where.
+        // The exact position does not matter far outside of the screen.
         (x.is_finite() && y.is_finite()).then(|| [x.clamp(-1e6, 1e6) as f32, y.clamp(-1e6, 1e6) as f32])
     };
     let mut colors = [[1.0; 4]; 2];
@@ -74,7 +75,7 @@ pub fn paint(canvas: &mut Canvas, view: &View, origin: (f64, f64), steps: &[Draw
     }
 }
 
-/// The edges of a closed polygon.
+/// Appends the edges of a closed polygon.
 fn outline(points: &[Point], edges: &mut Vec<Edge>) {
     for (i, a) in points.iter().enumerate() {
         let b = &points[(i + 1) % points.len()];
@@ -87,7 +88,8 @@ fn outline(points: &[Point], edges: &mut Vec<Edge>) {
     }
 }
 
-/// A line as a rectangle, always turning the same way, with a square at each end so that corners are whole.
+/// Appends a line as a rectangle. All rectangles turn the same way. Each end is extended by a square so that corners
+/// are whole.
 fn line(a: Point, b: Point, edges: &mut Vec<Edge>) {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let length = dx.hypot(dy);
@@ -104,7 +106,7 @@ fn line(a: Point, b: Point, edges: &mut Vec<Edge>) {
     );
 }
 
-/// Fills what edges enclose.
+/// Fills the area that edges enclose.
 fn fill(canvas: &mut Canvas, mut edges: Vec<Edge>, color: [f32; 4], budget: &mut u64) {
     let lines = canvas.height as usize * LINES;
     edges.retain(|e| e.bottom > 0.5 && e.top < lines as f32 - 0.5);
@@ -163,7 +165,7 @@ fn fill(canvas: &mut Canvas, mut edges: Vec<Edge>, color: [f32; 4], budget: &mut
     }
 }
 
-/// Adds a line of samples from `from` to `to` to what is covered of each pixel.
+/// Adds a sample line from `from` to `to` to the coverage of each pixel.
 fn span(cover: &mut [f32], from: f32, to: f32) {
     const SHARE: f32 = 1.0 / LINES as f32;
     if from >= to {
@@ -199,7 +201,7 @@ mod tests {
     fn what_is_enclosed_is_filled() {
         let (mut canvas, view) = black(40);
         let mut steps = vec![Draw::FillColor([1.0, 0.0, 0.5, 1.0])];
-        // A concave one, whose notch reaches from above to the middle.
+        // The polygon is concave. Its notch reaches from above to the middle.
         steps.extend(path(&[[5.0, 5.0], [20.0, 20.0], [35.0, 5.0], [35.0, 35.0], [5.0, 35.0]]));
         steps.push(Draw::Fill);
         paint(&mut canvas, &view, (0.0, 0.0), &steps);
@@ -218,14 +220,14 @@ mod tests {
         steps.extend([Draw::Stroke, Draw::Restore]);
         steps.extend(path(&[[10.0, 20.0], [20.0, 20.0]]));
         steps.push(Draw::Stroke);
-        // What follows is nothing, and breaks nothing.
+        // These steps draw nothing and change nothing else.
         steps.extend([Draw::LineTo([f32::NAN, 3.0]), Draw::MoveTo([f32::INFINITY, 0.0]), Draw::Stroke]);
         steps.extend([Draw::BeginPath, Draw::Fill, Draw::Restore, Draw::LineTo([1.0, 1.0]), Draw::Fill]);
         paint(&mut canvas, &view, (0.0, 0.0), &steps);
         let red = [255, 0, 0];
         assert_eq!([canvas.at(20, 9), canvas.at(20, 10), canvas.at(30, 9), canvas.at(29, 25)], [red; 4]);
         assert_eq!((canvas.at(20, 8), canvas.at(20, 11)), ([0; 3], [0; 3]));
-        // Drawn twice.
+        // This pixel is drawn twice.
         assert_eq!(canvas.at(15, 20), [0, 192, 0]);
     }
 
@@ -233,7 +235,7 @@ mod tests {
     fn a_drawing_costs_no_more_than_it_may() {
         let white = |canvas: &Canvas| canvas.at(60, 60) == [255; 3];
         let square = path(&[[55.0, 55.0], [63.0, 55.0], [63.0, 63.0], [55.0, 63.0]]);
-        // Long edges, all across the screen, that end where the square is not.
+        // The long edges cross the whole screen beside the square.
         let zigzag: Vec<Point> =
             (0..2000).map(|i| [(i % 30) as f32, if i % 2 == 0 { -1e9 } else { 1e9 }]).collect();
         let (lines, edges) = (64 * LINES as u64, zigzag.len() as u64);
@@ -247,7 +249,7 @@ mod tests {
             paint(&mut canvas, &view, (0.0, 0.0), &steps);
             assert_eq!(white(&canvas), expected, "after {times} times {edges} edges");
         }
-        // Points cost something wherever they are, and what is dear all at once is not begun.
+        // Points have a cost wherever they are. A step that exceeds the rest of the budget is not begun.
         for y in [1e9, 63.0] {
             let (mut canvas, view) = black(64);
             let mut steps = path(&vec![[3.0, y]; 1 << 16]);

@@ -5,23 +5,23 @@ use granita_image::ImageError;
 /// The reason why an image cannot be shown, measured or compared.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// A file that cannot be read or written.
+    /// A file cannot be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// More than there may be.
+    /// A value exceeds its limit.
     #[error("{what} {asked} exceeds the limit of {max}")]
     Limit {
-        /// What is too large.
+        /// The limited quantity.
         what: &'static str,
-        /// How large.
+        /// The requested value.
         asked: u64,
-        /// How large it may be.
+        /// The largest permitted value.
         max: u64,
     },
-    /// The caller asked for something that does not exist or does not fit.
+    /// The caller requested something that does not exist or does not fit.
     #[error("{what}")]
     Misuse {
-        /// What was asked, and of what.
+        /// A description of the error.
         what: String,
     },
 }

@@ -8,24 +8,24 @@
 
 use rayon::prelude::*;
 
-/// Screen pixels per degree of sight: a screen of 0.7 m and 3840 pixels, seen from 0.7 m.
+/// The number of screen pixels per degree of sight, for a screen of 0.7 m and 3840 pixels that is seen from 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = 67.020_64;
 
-/// Sensitivity to contrast: a1, b1, a2, b2 of the two Gaussians for lightness, red-green and blue-yellow.
+/// The contrast sensitivity, as a1, b1, a2, b2 of the two Gaussians for lightness, red-green and blue-yellow.
 const SENSITIVITY: [[f32; 4]; 3] =
     [[1.0, 0.0047, 0.0, 1e-5], [1.0, 0.0053, 0.0, 1e-5], [34.1, 0.04, 13.5, 0.025]];
 
-/// Exponent of colour differences.
+/// The exponent of colour differences.
 const QC: f32 = 0.7;
-/// Share of the largest colour difference up to which differences are spread to [`PT`].
+/// The fraction of the largest colour difference up to which differences are mapped to 0 to [`PT`].
 const PC: f32 = 0.4;
 const PT: f32 = 0.95;
-/// Exponent of feature differences.
+/// The exponent of feature differences.
 const QF: f32 = 0.5;
-/// Width of what counts as an edge or a point, in degrees.
+/// The width of edges and points, in degrees.
 const WIDTH: f32 = 0.082;
 
-/// Linear Rec. 709 to XYZ with D65, as fractions of one another.
+/// The matrix from linear Rec. 709 to XYZ with D65.
 const TO_XYZ: [[f64; 3]; 3] = [
     [10_135_552.0 / 24_577_794.0, 8_788_810.0 / 24_577_794.0, 4_435_075.0 / 24_577_794.0],
     [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
@@ -38,12 +38,12 @@ fn xyz(rgb: [f32; 3]) -> [f32; 3] {
     TO_XYZ.map(|row| (0..3).map(|i| row[i] * f64::from(rgb[i])).sum::<f64>() as f32)
 }
 
-/// XYZ of white.
+/// Returns white in XYZ.
 fn white() -> [f32; 3] {
     xyz([1.0; 3])
 }
 
-/// The inverse of [`TO_XYZ`].
+/// Returns the inverse of [`TO_XYZ`].
 fn from_xyz() -> [[f64; 3]; 3] {
     let m = TO_XYZ;
     let det = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
@@ -64,14 +64,14 @@ fn opponent(rgb: [f32; 3]) -> [f32; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// Opponent colours back to linear ones.
+/// Converts opponent colours to linear ones.
 fn from_opponent(o: [f32; 3], inverse: &[[f64; 3]; 3], w: [f32; 3]) -> [f32; 3] {
     let y = (o[0] + 16.0) / 116.0;
     let v = [(o[1] / 500.0 + y) * w[0], y * w[1], (y - o[2] / 200.0) * w[2]];
     std::array::from_fn(|i| (0..3).map(|j| inverse[i][j] * f64::from(v[j])).sum::<f64>() as f32)
 }
 
-/// CIELAB, with the colourfulness that it has at its lightness (the Hunt effect).
+/// Returns CIELAB, with the colourfulness scaled by the lightness (the Hunt effect).
 fn hunt_lab(rgb: [f32; 3], w: [f32; 3]) -> [f32; 3] {
     let v = xyz(rgb);
     let f = |t: f32| {
@@ -87,7 +87,8 @@ fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// Rows, then columns, each with its own weights around the middle; beyond the edge is what is at it.
+/// Filters rows, then columns, each with its own weights around the middle. Pixels beyond the edge equal those at the
+/// edge.
 fn filter(plane: &[f32], width: usize, across: &[f32], down: &[f32]) -> Vec<f32> {
     let height = plane.len() / width;
     let reach = across.len() / 2;
@@ -108,7 +109,7 @@ fn filter(plane: &[f32], width: usize, across: &[f32], down: &[f32]) -> Vec<f32>
     out
 }
 
-/// What the eye still sees of a plane of opponent colours.
+/// Returns a plane of opponent colours, filtered by the contrast sensitivity of the eye.
 fn seen(plane: &[f32], width: usize, [a1, b1, a2, b2]: [f32; 4], ppd: f32) -> Vec<f32> {
     use std::f32::consts::PI;
     let widest = SENSITIVITY.iter().flat_map(|s| [s[1], s[3]]).fold(0.0, f32::max);
@@ -130,7 +131,7 @@ fn seen(plane: &[f32], width: usize, [a1, b1, a2, b2]: [f32; 4], ppd: f32) -> Ve
     out
 }
 
-/// Strength of edges and of points in a plane of lightness from 0 to 1.
+/// Returns the strength of edges and of points in a plane of lightness from 0 to 1.
 fn features(plane: &[f32], width: usize, ppd: f32) -> [Vec<f32>; 2] {
     let sd = 0.5 * WIDTH * ppd;
     let reach = (3.0 * sd).ceil() as i32;
@@ -138,7 +139,7 @@ fn features(plane: &[f32], width: usize, ppd: f32) -> [Vec<f32>; 2] {
     let g: Vec<f32> = place().map(|x| (-x * x / (2.0 * sd * sd)).exp()).collect();
     let smooth: f32 = g.iter().sum();
     let smooth: Vec<f32> = g.iter().map(|v| v / smooth).collect();
-    // What is positive and what is negative each amount to one.
+    // The magnitudes of the positive weights and those of the negative weights each have the sum 1.
     let even = |list: Vec<f32>| -> Vec<f32> {
         let up: f32 = list.iter().filter(|v| **v > 0.0).sum();
         let down: f32 = list.iter().filter(|v| **v < 0.0).sum();

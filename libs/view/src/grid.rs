@@ -25,7 +25,7 @@ pub(crate) fn level_for(pyramid: &Pyramid, sheet: &Sheet, zoom: f64) -> usize {
     (sheet.level..levels.len()).min_by(|a, b| badness(*a).total_cmp(&badness(*b))).unwrap_or(sheet.level)
 }
 
-/// Columns or rows of pixels `from..to` of `size` that lie in a span, as tiles.
+/// Returns the tiles with the columns or rows of pixels `from..to` of `size`.
 fn tiles_of(from: f64, to: f64, size: u32) -> Range<u32> {
     let first = from.floor().clamp(0.0, f64::from(size)) as u32 / TILE;
     let last = (to.ceil().clamp(0.0, f64::from(size)) as u32).div_ceil(TILE);
@@ -51,7 +51,7 @@ pub fn needs(page: &Page, sheet: &Sheet, view: &View) -> Needs {
             continue;
         }
         let ((u0, v0), (u1, v1)) = (patch.source_at(a, c, level), patch.source_at(b, d, level));
-        // One pixel more on each side, to interpolate between.
+        // One more pixel on each side is needed for interpolation.
         let across = tiles_of(u0.min(u1) - 1.0, u0.max(u1) + 1.0, l.width);
         let down = tiles_of(v0.min(v1) - 1.0, v0.max(v1) + 1.0, l.height);
         let (cu, cv) = patch.source_at((a + b) / 2.0, (c + d) / 2.0, level);
@@ -75,8 +75,8 @@ fn needs_around(page: &Page, sheet: &Sheet, view: &View, around: &Around) -> Nee
     for y in (0..view.height + 8).step_by(8) {
         for x in (0..view.width + 8).step_by(8) {
             let (u, v) = eye.at(f64::from(x), f64::from(y));
-            // The steps between are smaller than a tile; what lies between two of them is in one of both or beside
-            // it.
+            // The steps are smaller than a tile. Pixels between two points are therefore in the tile of one of them or
+            // beside it.
             for (i, j) in [(-12.0, -12.0), (12.0, -12.0), (-12.0, 12.0), (12.0, 12.0)] {
                 let tile = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as u32 / TILE;
                 seen.insert((tile(u + i, l.width), tile(v + j, l.height)));
@@ -107,7 +107,7 @@ pub(crate) struct Eye<'a> {
     forward: Vec3,
     right: Vec3,
     up: Vec3,
-    /// Pixels of the screen for a unit beside the direction of view.
+    /// The focal length in screen pixels.
     focal: f64,
     middle: (f64, f64),
     /// The approximate number of screen pixels per pixel of the panorama.
@@ -118,14 +118,14 @@ impl<'a> Eye<'a> {
     pub(crate) fn new(page: &'a Page, sheet: &Sheet, view: &View, around: &Around) -> Self {
         let focal = f64::from(view.height) / 2.0 / (around.fov_deg.to_radians() / 2.0).tan();
         let rects = page.face_rects();
-        // Pixels of level 0 for one radian in the middle.
+        // The number of pixels of level 0 per radian in the middle.
         let density = match page.layout {
             Some(_) => rects[0][0][2] / 2.0,
             None => rects[0][0][3] / std::f64::consts::PI,
         };
         let zoom = focal / density.max(1e-3);
         let level = level_for(&page.pyramid, sheet, zoom);
-        // Cubes have y up, the others z; "ahead" is the middle of the picture.
+        // Cubes have y up, the others z. "ahead" is the middle of the image.
         let (ahead, side, top) = match page.layout {
             Some(granita_texture::CubeLayout::Mosaic) => (Vec3::Z, Vec3::X, Vec3::Y),
             Some(granita_texture::CubeLayout::Column) => (Vec3::Z, Vec3::NEG_X, Vec3::Y),
@@ -164,27 +164,27 @@ impl<'a> Eye<'a> {
             }
         };
         let [left, top, w, h] = self.rects[face][self.level];
-        // Inside of the face, so that nothing comes from its neighbours in the file.
+        // The position stays inside of the face, so that no value comes from its neighbours in the file.
         let inside = |v: f64, size: f64| (v * size).clamp(0.0, (size - 1e-3).max(0.0));
         (left + inside(s, w), top + inside(t, h))
     }
 }
 
-/// What is there of a tile.
+/// The form in which a tile is available.
 #[derive(Clone, Debug)]
 enum Cell {
     Here(Arc<Tile>),
-    /// A coarser one, from this level.
+    /// A coarser tile, and its level.
     Coarser(Arc<Tile>, usize),
     Nothing,
 }
 
-/// Tiles of one level in a rectangle.
+/// The tiles of one level in a rectangle.
 #[derive(Debug)]
 pub(crate) struct Grid<'a> {
     pyramid: &'a Pyramid,
     pub(crate) level: usize,
-    /// First column and row, number of columns and rows.
+    /// The first column and row, and the number of columns and rows.
     corner: (u32, u32),
     size: (u32, u32),
     cells: Vec<Cell>,
@@ -229,7 +229,8 @@ impl<'a> Grid<'a> {
         Self { pyramid, level, corner: (x.start, y.start), size, cells, pick, complete, covered }
     }
 
-    /// The finest coarser tile in memory that covers the middle of one that is not, be it a rough one.
+    /// Returns the finest coarser tile in memory that covers the middle of a missing one. It may be one of the rough
+    /// image.
     fn coarser(pyramid: &Pyramid, level: usize, tx: u32, ty: u32) -> Cell {
         let levels = pyramid.levels();
         let fine = &levels[level];
@@ -256,7 +257,7 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// The value of pixel (x, y) of this level in a coarser tile.
+    /// Returns the value of pixel (x, y) of this level in a coarser tile.
     fn of_coarser(&self, tile: &Tile, level: usize, x: u32, y: u32) -> [f32; 4] {
         let (fine, coarse) = (self.pyramid.levels()[self.level], self.pyramid.levels()[level]);
         let place = |v: u32, fine: f64, coarse: f64, size: u32| {
@@ -287,7 +288,7 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// Returns pixels `x0..x1` of row `y`; black where no tile is in memory.
+    /// Sets `out` to pixels `x0..x1` of row `y`, which are black where no tile is in memory.
     pub(crate) fn row(&self, y: u32, x0: u32, x1: u32, scratch: &mut Scratch, out: &mut Vec<[f32; 4]>) {
         out.clear();
         let mut x = x0;

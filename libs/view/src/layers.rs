@@ -7,22 +7,22 @@ use granita_texture::TextureKind;
 /// The meaning of the values of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meaning {
-    /// Colours, or anything else that is looked at as one.
+    /// Colours, or other values that are shown as colours.
     Color,
-    /// Distances from a camera: shown within the range that they have, near ones bright.
+    /// Distances from a camera. They are shown within their range, near ones bright.
     Depth,
-    /// Numbers of things.
+    /// Numbers of objects.
     Number,
 }
 
 /// Channels that belong together, because their names have a common prefix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// The common prefix of the names, "" for plain ones; for depths the name of the channel.
+    /// The common prefix of the names, "" for plain ones. For depths it is the name of the channel.
     pub name: String,
     /// Its channels, by their index in the image.
     pub channels: Vec<usize>,
-    /// The channels of red, green and blue; a single channel is used three times.
+    /// The channels of red, green and blue. A single channel is used three times.
     pub color: [Pick; 3],
     /// Its alpha channel.
     pub alpha: Option<usize>,
@@ -30,7 +30,7 @@ pub struct Layer {
     pub meaning: Meaning,
 }
 
-/// The last part of a channel's name.
+/// Returns the last part of a channel's name.
 fn last_part(name: &str) -> &str {
     name.rsplit_once('.').map_or(name, |(_, last)| last)
 }
@@ -88,7 +88,7 @@ impl Layer {
                 None => groups.push((group.to_owned(), vec![c])),
             }
         }
-        // A dotted group may have an undotted namesake only by accident of naming; plain channels lead.
+        // Plain channels come first, then groups in the order of their first channels.
         groups.sort_by_key(|(name, list)| (!name.is_empty(), list[0]));
         let mut layers: Vec<Self> =
             groups.into_iter().map(|(name, list)| Self::new(&name, list, names, spec.pixel_type)).collect();
@@ -98,8 +98,8 @@ impl Layer {
         layers
     }
 
-    /// Channel 0 is the opaque depth, channel 1 the opacity before it, then come depths at which shares of it are
-    /// reached (reference 9.2.4).
+    /// Returns the layers of a volume shadow map. Channel 0 is the opaque depth and channel 1 the opacity before it.
+    /// The others are the depths at which fractions of that opacity are reached (reference 9.2.4).
     fn of_volume_shadow(names: &[String]) -> Vec<Self> {
         let steps = names.len() - 3;
         let one = |c: usize, name: String, meaning| Self {
@@ -131,7 +131,7 @@ impl Layer {
             .collect()
     }
 
-    /// Returns a name for people: the plain layer is named by its channels.
+    /// Returns a readable name. The plain layer is named by its channels.
     pub fn title(&self, names: &[String]) -> String {
         if !self.name.is_empty() {
             return self.name.clone();

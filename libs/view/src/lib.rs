@@ -1,16 +1,17 @@
-//! The viewer's model: the content of an image, its display, its values, and the difference of two.
+//! The viewer's model, which covers the content of an image, its display, its values, and the difference of two.
 //!
 //! This crate has no windows, sockets or formats. Files are opened through the registry of the caller, and a
 //! display is an array of bytes that the caller shows on a screen or in a terminal, or writes to a file.
 //!
-//! A [`Picture`] is an open file: pages with layers of channels. Each page has a [`Pyramid`] of levels, those of
-//! the file and computed ones. They are divided into tiles, which are read on request and kept in a [`TileStore`]
-//! of bounded size. A [`Sheet`] is the layout of a page (as stored, as a cross, one face), a [`View`] is the part
-//! of it on screen, a [`Display`] converts values to colours, and [`draw`] makes the bytes.
+//! A [`Picture`] is an open file. It has pages with layers of channels. Each page has a [`Pyramid`] of levels, which
+//! are those of the file and computed ones. They are divided into tiles, which are read on request and kept in a
+//! [`TileStore`] of bounded size. A [`Sheet`] is the layout of a page (as stored, as a cross, one face), a [`View`] is
+//! the part of it on screen, a [`Display`] converts values to colours, and [`draw`] makes the bytes.
 //!
-//! Invariants:
+//! # Invariants
+//!
 //! - The drawing of complete tiles depends on files, view and display only, to the bit, for any number of threads.
-//! - Statistics and read-outs use unchanged values; NaN stays NaN.
+//! - Statistics and read-outs use unchanged values. NaN stays NaN.
 //! - The readable part of a damaged or unfinished file is shown.
 
 #![forbid(unsafe_code)]

@@ -1,8 +1,8 @@
 //! Images that arrive while they are rendered.
 //!
-//! Receivers of pixels (a listener to renderers, a test) create images and update them. Viewers (a window, a page
-//! in a browser) query the changes and read them. Any thread may do either. Coordinates are those of the data
-//! window: (0, 0) is its upper left pixel.
+//! Receivers of pixels (a listener to renderers, a test) create images and update them. Viewers (a window, a page in a
+//! browser) query the changes and read them. Any thread may do either. Coordinates are those of the data window, whose
+//! upper left pixel is (0, 0).
 
 use crate::{Result, ViewError};
 use granita_image::{Draw, PixelRect, Request, Wishes};
@@ -28,7 +28,7 @@ pub struct LiveLimits {
 }
 
 impl Default for LiveLimits {
-    /// 64 Ki pixels a side, 8 GiB in all, 256 channels, 256 pictures, 1 KiB for a name.
+    /// Returns limits of 64 Ki pixels per side, 8 GiB in all, 256 channels, 256 images, and 1 KiB per name.
     fn default() -> Self {
         Self { dimension: 1 << 16, bytes: 8 << 30, channels: 256, pictures: 256, name_bytes: 1024 }
     }
@@ -71,7 +71,7 @@ pub struct LiveInfo {
     pub channels: Vec<String>,
     /// Increases with every change of pixels, marks, note or display settings.
     pub generation: u64,
-    /// The tiles in progress.
+    /// The rectangles in progress.
     pub marks: Vec<PixelRect>,
     /// The end state of the sender; `None` as long as it may send more.
     pub note: Option<String>,
@@ -83,17 +83,17 @@ pub struct LiveInfo {
     pub takes_requests: bool,
 }
 
-/// Changes that are remembered one by one; older ones count as the whole picture.
+/// The number of changes that are stored one by one. Older ones count as changes of the whole image.
 const CHANGES: usize = 4096;
-/// Steps of a drawing that are kept.
+/// The largest number of steps of a drawing.
 const STEPS: usize = 1 << 16;
-/// Marks that are kept; more are no help to anybody.
+/// The largest number of marks that are kept.
 const MARKS: usize = 1024;
 
 struct State {
     pixels: Vec<f32>,
     generation: u64,
-    /// Pixels that changed, with the generation that each change led to.
+    /// The pixels that changed, and the generation after each change.
     changes: VecDeque<(u64, PixelRect)>,
     marks: Vec<PixelRect>,
     note: Option<String>,
@@ -124,7 +124,7 @@ impl Picture {
         f(&self.state.read())
     }
 
-    /// Changes something besides pixels, or in `changed` pixels.
+    /// Changes the state. `changed` is the rectangle of the pixels that change, if any.
     fn write<T>(&self, changed: Option<PixelRect>, f: impl FnOnce(&mut State) -> T) -> T {
         let mut state = self.state.write();
         let result = f(&mut state);
@@ -141,12 +141,12 @@ impl Picture {
     }
 }
 
-/// Told of every change; see [`Live::watch`].
+/// A function that is called after every change (see [`Live::watch`]).
 type Watcher = Arc<dyn Fn() + Send + Sync>;
 
 struct Shared {
     limits: LiveLimits,
-    /// In order of creation.
+    /// The images in order of creation.
     pictures: RwLock<Vec<Arc<Picture>>>,
     next_id: AtomicU64,
     shown: Mutex<u64>,
@@ -155,7 +155,7 @@ struct Shared {
     watchers: Mutex<Vec<Watcher>>,
 }
 
-/// The images that arrive; clones share them.
+/// The images that arrive. Clones share them.
 #[derive(Clone)]
 pub struct Live(Arc<Shared>);
 
@@ -223,7 +223,7 @@ impl Live {
         within("pictures", count + 1, limits.pictures as u64)?;
         within("bytes of all pictures", used.saturating_add(bytes), limits.bytes.min(isize::MAX as u64))?;
         let state = State {
-            // Untouched pages of zeros cost nothing.
+            // Untouched pages of zeros take no memory.
             pixels: vec![0.0; usize::try_from(values).unwrap_or(0)],
             generation: 1,
             changes: VecDeque::new(),
@@ -281,7 +281,7 @@ impl Live {
                 )));
             }
         }
-        // Pixels that lie as they are kept come as whole rows.
+        // Pixels in the layout of the image are copied as whole rows.
         let as_kept = channels.len() == n
             && channels
                 .iter()
@@ -435,7 +435,7 @@ impl Live {
         }))
     }
 
-    /// Returns the values of some channels (by their index) in some pixels: row by row, channels interleaved.
+    /// Returns the values of some channels (by their index) in some pixels, row by row with interleaved channels.
     ///
     /// # Errors
     /// Returns [`ViewError::Misuse`] when there is no such image or channel, or when `rect` is not inside of it.

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 struct Job {
     pyramid: Arc<Pyramid>,
     level: usize,
-    /// Column and row; `None`: the rough picture is to be made.
+    /// The column and the row; `None` to make the rough image.
     tile: Option<(u32, u32)>,
 }
 
@@ -24,15 +24,16 @@ type Task = Box<dyn FnOnce() + Send>;
 struct State {
     jobs: VecDeque<Job>,
     tasks: VecDeque<Task>,
-    /// Threads at work.
+    /// The number of threads at work.
     busy: usize,
-    /// What could not be read: number in the store, level, column, row. Not tried again.
+    /// The tiles that could not be read, by the id of the page in the store, level, column and row. They are not tried
+    /// again.
     failed: BTreeSet<(u64, usize, u32, u32)>,
     stop: bool,
     woken: Option<Instant>,
 }
 
-/// How long a tile waits to be shown while others come.
+/// The longest time for which a tile waits to be shown while others arrive.
 const SOON: Duration = Duration::from_millis(40);
 
 struct Shared {
@@ -45,7 +46,7 @@ struct Shared {
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // Changes under it are single steps.
+        // Each change under the lock is a single step, so the state is consistent after a panic.
         self.state.lock()
     }
 }
@@ -63,8 +64,8 @@ impl std::fmt::Debug for Loader {
 }
 
 impl Loader {
-    /// Starts the threads. `wake` is called when tiles and tasks are done, from a thread of the loader: after the
-    /// last one, and a few times a second while there are more.
+    /// Starts the threads. `wake` is called from a thread of the loader, after the last tile or task, and at intervals
+    /// of at least 40 ms while there are more.
     pub fn new(threads: usize, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared {
             state: Mutex::default(),
@@ -95,7 +96,7 @@ impl Loader {
             match jobs.len() > first {
                 true if pyramid.wants_sketch() => jobs.push_front(job(None)),
                 true => {}
-                // It is there already.
+                // No tile is missing.
                 false => pyramid.no_sketch(),
             }
         }
@@ -139,13 +140,13 @@ impl Drop for Loader {
         drop(state);
         self.shared.wanted.notify_all();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has said so already.
+            // The panic of a thread was reported already.
             let _ = thread.join();
         }
     }
 }
 
-/// One of the two.
+/// The next work of a thread.
 enum Next {
     Tile(Job),
     Task(Task),
@@ -178,7 +179,7 @@ fn work(shared: &Shared) {
                 read.err().map(|_| (job.pyramid.number(), job.level, tx, ty))
             }
             Next::Task(task) => {
-                // What a task was to tell is missing then; the others go on.
+                // The result of a task that panics is missing. The other tasks continue.
                 let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(task));
                 None
             }

@@ -3,27 +3,25 @@
 /// A scale of colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ColorMap {
-    /// Turns through the colours while it grows lighter throughout, so that it can be read without colours as well:
-    /// the "cubehelix" of D. A. Green, A colour scheme for the display of astronomical intensity data, Bulletin of
-    /// the
+    /// Turns through the colours while it grows lighter throughout, so that it can also be read without colours. It is
+    /// the "cubehelix" of D. A. Green, A colour scheme for the display of astronomical intensity data, Bulletin of the
     /// Astronomical Society of India 39 (2011), with start 0.5, -1.5 rotations, hue 1.2 and gamma 1.
     #[default]
     Helix,
-    /// Blue, cyan, green, yellow, red: neighbouring values are easily told apart.
+    /// Blue, cyan, green, yellow, red. Neighbouring values are easily distinguished.
     Spectrum,
     /// Black, red, yellow, white.
     Heat,
-    /// Blue below the middle, red above, white at it: for what may have either sign.
+    /// Blue below the middle, white at it and red above it, for values of either sign.
     Signed,
-    /// Black, purple, orange, light yellow, in even steps of lightness: the "magma" of S. van der Walt and N. Smith,
-    /// in
-    /// which maps of FLIP are shown.
+    /// Black, purple, orange, light yellow, in even steps of lightness. It is the "magma" of S. van der Walt and N.
+    /// Smith, in which maps of FLIP are shown.
     Magma,
     /// Black to white.
     Grey,
 }
 
-/// Colours of [`ColorMap::Magma`] at every eighth of the way.
+/// The colours of [`ColorMap::Magma`] at every eighth of its range.
 const MAGMA: [[u8; 3]; 9] = [
     [0, 0, 4],
     [28, 16, 68],
@@ -53,7 +51,7 @@ impl ColorMap {
         }
     }
 
-    /// Returns the map of a name.
+    /// Returns the map with this name.
     pub fn from_word(word: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|m| m.word().eq_ignore_ascii_case(word))
     }
@@ -70,7 +68,7 @@ impl ColorMap {
                 [one(-0.148_61, 1.782_77), one(-0.292_27, -0.906_49), one(1.972_94, 0.0)]
             }
             Self::Spectrum => {
-                // Triangles around the places of the pure colours.
+                // The channels are triangles around the positions of the pure colours.
                 let near = |place: f32| ramp(1.5 - (4.0 * (t - place)).abs());
                 [near(0.75), near(0.5), near(0.25)]
             }

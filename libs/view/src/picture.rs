@@ -1,4 +1,4 @@
-//! An open file: pages, layers, levels, faces.
+//! An open file with its pages, layers, levels and faces.
 
 use crate::layers::{Layer, Meaning};
 use crate::pyramid::Pyramid;
@@ -37,9 +37,9 @@ impl Stamp {
 /// One image of a file, with all its levels.
 #[derive(Clone, Debug)]
 pub struct Page {
-    /// Name in the file; "" when it has none.
+    /// The name in the file; "" when it has none.
     pub name: String,
-    /// Description of each stored level.
+    /// The description of each stored level.
     pub specs: Vec<ImageSpec>,
     /// The kind of texture.
     pub kind: TextureKind,
@@ -124,7 +124,7 @@ impl Page {
         Sheet::new(arrangement, level, &self.specs, self.layout, &self.pyramid)
     }
 
-    /// Returns its default arrangement: a cross if it has faces.
+    /// Returns its default arrangement, which is a cross if it has faces.
     pub fn arrangement(&self) -> Arrangement {
         if self.layout.is_some() { Arrangement::Cross } else { Arrangement::Stored }
     }
@@ -134,7 +134,7 @@ impl Page {
         self.layout.is_some() || self.kind == TextureKind::LatLongEnvironment
     }
 
-    /// Returns the position of each face in every level; for a latitude-longitude panorama, of all of it.
+    /// Returns the position of each face in every level. A latitude-longitude panorama counts as one face.
     pub(crate) fn face_rects(&self) -> Vec<Vec<[f64; 4]>> {
         match self.layout {
             Some(layout) => (0..6).map(|f| face_rects(layout, f, &self.specs, &self.pyramid)).collect(),
@@ -154,12 +154,12 @@ impl Page {
 }
 
 impl Picture {
-    /// Opens a file of any format; `file#2` is its third image. No pixels are read.
+    /// Opens a file of any format. `file#2` is its third image. No pixels are read.
     ///
     /// # Errors
     /// Returns an error when it cannot be opened or has no pixels.
     pub fn open(path: &Path, formats: &FormatRegistry, store: &TileStore) -> Result<Self> {
-        // Before it is opened: a change while that happens is seen afterwards.
+        // The stamp is taken before the file is opened, so that a change in between is detected afterwards.
         let stamp = Stamp::of(path);
         let input: Arc<dyn ImageInput> = Arc::from(formats.open(path)?);
         let pages: Vec<Arc<Page>> =
@@ -171,7 +171,7 @@ impl Picture {
         Ok(Self { path: path.to_owned(), format: input.format_name(), pages, stamp })
     }
 
-    /// True when the file has changed since.
+    /// True when the file has changed since it was opened.
     pub fn has_changed(&self) -> bool {
         let now = Stamp::of(&self.path);
         now.is_there() && now != self.stamp

@@ -1,4 +1,4 @@
-//! The levels of a page: those of its source, and smaller ones that are computed here tile by tile.
+//! The levels of a page, which are those of its source and smaller ones that are computed tile by tile.
 
 use crate::Result;
 use crate::source::{Access, Source};
@@ -9,7 +9,7 @@ use parking_lot::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// Levels are made down to this many pixels a side.
+/// Levels are computed until no side is longer than this number of pixels.
 const SMALLEST: u32 = 16;
 
 /// One level of a page.
@@ -37,19 +37,19 @@ pub struct Pyramid {
     source: Arc<dyn Source>,
     store: TileStore,
     page: u64,
-    /// Where all but the first of the made levels are kept, of a picture that is too large to be kept itself.
+    /// The id in the store of all computed levels but the first, for an image that is too large to be kept.
     upper: Option<u64>,
     levels: Vec<Level>,
     reduce: Vec<Reduce>,
-    /// One reads at a time, where a read gives much more than one tile.
+    /// Locked by the one thread that reads, where a read gives much more than one tile.
     reading: Mutex<()>,
-    /// A rough picture is to be made before anything is read.
+    /// True when a rough image is made before any tile is read.
     sketch_first: AtomicBool,
-    /// The rough picture, with its level.
+    /// The rough image, with its level.
     sketch: OnceLock<Option<(usize, Vec<SketchTile>)>>,
 }
 
-/// Column, row and pixels.
+/// The column, the row and the pixels of a tile of the rough image.
 type SketchTile = ((u32, u32), Arc<Tile>);
 
 impl Drop for Pyramid {
@@ -128,7 +128,7 @@ impl Pyramid {
         let tiles = if self.source.access() == Access::Bands { tiles.max(4 * across) } else { tiles };
         let bytes = tiles * u64::from(TILE * TILE) * self.pixel_bytes();
         let upper = self.upper.map(|page| (page, 0));
-        // While smaller levels are made the finer ones come and go; four of them are always wanted.
+        // While smaller levels are computed, finer tiles are made and dropped. Four of them are always needed.
         let made = self.levels.get(level).is_some_and(|l| !l.stored);
         let made = if made { 4 * u64::from(TILE * TILE) * self.pixel_bytes() } else { 0 };
         [Some((self.page, bytes + made)), upper].into_iter().flatten().collect()
@@ -139,7 +139,7 @@ impl Pyramid {
         let all = self.levels.first().map_or(0, |l| u64::from(l.width) * u64::from(l.height));
         let pixels = match self.source.access() {
             Access::Tiles => tiles * u64::from(TILE * TILE),
-            // Half as much again for smaller levels.
+            // Smaller levels are estimated as half of the image.
             Access::Whole => all + all / 2,
             Access::Bands => u64::MAX / 1024,
         };
@@ -156,7 +156,7 @@ impl Pyramid {
         TileKey { page, level: level as u32, tx, ty }
     }
 
-    /// Goes through a picture that is read in bands, once, and makes all levels but the first that has to be made.
+    /// Reads an image that is stored in bands once, and makes all computed levels but the first.
     fn make_upper(&self) {
         let base = self.stored_levels() - 1;
         let mut pending: Vec<Vec<Arc<Tile>>> = vec![Vec::new(); self.levels.len()];
@@ -177,7 +177,7 @@ impl Pyramid {
         }
     }
 
-    /// One row of tiles of a level is complete: with the one above it, it makes one of the next level.
+    /// Adds a complete row of tiles of a level. With the row above it, it makes a row of the next level.
     fn push_row(&self, level: usize, ty: u32, row: Vec<Arc<Tile>>, pending: &mut [Vec<Arc<Tile>>]) {
         if level > self.stored_levels() {
             let keyed = row.iter().zip(0..).map(|(tile, tx)| (self.key(level, tx, ty), tile.clone()));
@@ -240,7 +240,7 @@ impl Pyramid {
             let (across, down) = self.levels[level - 1].tiles();
             if x < across && y < down { self.tile(level - 1, x, y).map(Some) } else { Ok(None) }
         };
-        // Where one of four cannot be read, the other three are still worth showing.
+        // When one of the four cannot be read, the other three are still shown.
         let tiles = [finer(0, 0), finer(1, 0), finer(0, 1), finer(1, 1)];
         let mut error = None;
         let (mut found, mut missing) = (false, false);
@@ -293,13 +293,13 @@ impl Pyramid {
         self.make_sketch_alone();
     }
 
-    /// The same, while nothing else is read.
+    /// Makes the rough image while nothing else is read.
     fn make_sketch_alone(&self) {
         if !self.sketch_first.swap(false, Ordering::AcqRel) {
             return;
         }
         self.sketch.get_or_init(|| {
-            // Of other things there are no means.
+            // The rough image consists of means, so all channels must be reduced to means.
             let sketch = self.source.sketch().filter(|_| self.reduce.iter().all(|r| *r == Reduce::Mean))?;
             let level = self.stored_levels() - 1 + sketch.halvings as usize;
             let tiles = sketch.tiles.into_iter().map(|(at, tile)| (at, Arc::new(tile)));
@@ -321,7 +321,7 @@ impl Pyramid {
         if one.is_some() {
             self.make_sketch_alone();
         }
-        // Another thread may have brought it meanwhile.
+        // Another thread may have read it meanwhile.
         if one.is_some()
             && let Some(tile) = self.held(level, tx, ty)
         {

@@ -1,4 +1,4 @@
-//! The layout of the pixels of a page: as stored, six faces as a cross, or one face.
+//! The layout of the pixels of a page, which is as stored, six faces as a cross, or one face.
 
 use crate::pyramid::Pyramid;
 use granita_image::ImageSpec;
@@ -10,16 +10,16 @@ pub enum Arrangement {
     /// All of it, as it is stored.
     #[default]
     Stored,
-    /// The faces of a cube, unfolded: py above, ny below the row of the four others.
+    /// The unfolded faces of a cube, with py above and ny below the row of the four others.
     Cross,
-    /// One face of a cube: px nx py ny pz nz.
+    /// One face of a cube, by its index in the order px, nx, py, ny, pz, nz.
     Face(usize),
 }
 
 /// A rectangle of the page, and its position on the sheet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// Left, top, width and height in the coordinates of the sheet: pixels of level 0.
+    /// Left, top, width and height in the coordinates of the sheet, which are pixels of level 0.
     pub place: [f64; 4],
     /// Left, top, width and height in pixels of each level.
     pub source: Vec<[f64; 4]>,
@@ -38,10 +38,10 @@ pub struct Sheet {
     pub level: usize,
 }
 
-/// Column and row of each face in a cross of 4 x 3, and whether it is turned.
+/// Returns the column and the row of each face in a cross of 4 x 3, and true when it is rotated by 180 degrees.
 fn cross(layout: CubeLayout) -> [(f64, f64, bool); 6] {
     match layout {
-        // nx pz px nz: left handed, each the next one's left neighbour.
+        // The layout is left-handed, with the row nx, pz, px, nz.
         CubeLayout::Mosaic => [
             (2., 1., false),
             (0., 1., false),
@@ -50,7 +50,7 @@ fn cross(layout: CubeLayout) -> [(f64, f64, bool); 6] {
             (1., 1., false),
             (3., 1., false),
         ],
-        // Right handed, the order is the other one; py and ny stand on their heads.
+        // The layout is right-handed, so the order of the row is reversed, and py and ny are upside down.
         CubeLayout::Column => [
             (0., 1., false),
             (2., 1., false),
@@ -63,8 +63,8 @@ fn cross(layout: CubeLayout) -> [(f64, f64, bool); 6] {
 }
 
 impl Sheet {
-    /// Lays out a page whose stored levels are `specs`. `layout` is that of its faces, if it has any. An
-    /// arrangement that the page does not support is as stored.
+    /// Lays out a page whose stored levels are `specs`. `layout` is that of its faces, if it has any. An arrangement
+    /// that the page does not support counts as [`Arrangement::Stored`].
     pub(crate) fn new(
         arrangement: Arrangement,
         level: usize,
@@ -116,7 +116,7 @@ impl Sheet {
 }
 
 impl Patch {
-    /// True when the sheet contains a point.
+    /// True when the patch contains a point of the sheet.
     pub fn contains(&self, x: f64, y: f64) -> bool {
         let [left, top, w, h] = self.place;
         x >= left && x < left + w && y >= top && y < top + h
@@ -150,7 +150,7 @@ pub(crate) fn face_rects(
                 let (x, y) = (cell.0 * step_x, cell.1 * step_y);
                 [f64::from(x), f64::from(y), f64::from(size), f64::from(size)]
             }
-            // Made of the level before, or too small for six faces: a part of it.
+            // The level is computed from the one before, or too small for six faces. The face is the same part of it.
             (None, Some(before)) => {
                 let finer = &pyramid.levels()[level - 1];
                 let (sx, sy) = (finer.scale.0 / l.scale.0, finer.scale.1 / l.scale.1);

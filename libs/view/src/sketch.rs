@@ -4,25 +4,26 @@ use crate::tile::{Tile, cut};
 use granita_image::{ImageInput, ImageSpec, Pixels};
 use rayon::prelude::*;
 
-/// One in so many of the blocks of rows is read.
+/// One of this number of blocks of rows is read.
 const EVERY: u32 = 8;
 
-/// More rows than this in one block, and the rough picture costs too much for what it shows.
+/// The largest number of rows in one block. With more, the rough image would cost too much.
 const MOST_TOGETHER: u32 = 64;
 
-/// Smaller pictures are read at once.
+/// The smallest number of pixels of an image for which a rough image is made. Smaller ones are read at once.
 const LEAST_PIXELS: u64 = 1 << 21;
 
 /// A rough image.
 #[derive(Debug)]
 pub struct Sketch {
-    /// The number of times that the page is halved to its size.
+    /// The number of halvings from the page to the rough image.
     pub halvings: u32,
     /// All of its tiles, by column and row.
     pub tiles: Vec<((u32, u32), Tile)>,
 }
 
-/// Some rows of a picture as one: where their middle is, and means of spans of columns.
+/// A block of rows of an image, reduced to one. It has the position of the middle of the block in pixels, and means
+/// over spans of columns.
 struct Line {
     middle: f32,
     values: Vec<f32>,
@@ -70,7 +71,7 @@ pub(crate) fn of_rows(
     Some(Sketch { halvings, tiles: cut((width, height), n, 0, &pixels, true) })
 }
 
-/// Means over spans of `scale` columns, and over a few of the rows.
+/// Returns means over spans of `scale` columns and over a few of the rows.
 fn means(pixels: &Pixels, width: usize, n: usize, scale: usize) -> Vec<f32> {
     const ROWS: usize = 4;
     let rows = pixels.len() / (width * n);

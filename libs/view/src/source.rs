@@ -1,4 +1,4 @@
-//! The sources of tiles: a file, or another source of pixels.
+//! The sources of tiles, which are files and other sources of pixels.
 
 use crate::sketch::{self, Sketch};
 use crate::tile::{TILE, Tile, cut, tile_size};
@@ -7,52 +7,52 @@ use granita_image::{BlockCopy, ImageError, ImageInput, ImageSpec, PixelType, Pix
 use parking_lot::Mutex;
 use std::sync::Arc;
 
-/// A level stored in rows is read as a whole up to this many bytes, else in bands.
+/// The largest size in bytes of a level that is stored in rows and read as a whole. A larger one is read in bands.
 const WHOLE_BYTES: u64 = 512 << 20;
 
-/// Rows that are read at once of a file in blocks that are packed by themselves: a few of its blocks.
+/// The number of rows that are read at once from a file whose blocks are packed separately.
 const GROUP: u32 = 4 * TILE;
 
 /// The access to parts of a source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Any tile by itself.
+    /// Any tile is read by itself.
     Tiles,
-    /// Much or all of it at once; it is kept as a whole.
+    /// Much or all of a level is read at once, and is kept as a whole.
     Whole,
-    /// Bands of rows.
+    /// Bands of rows are read.
     Bands,
 }
 
 /// Pixels in levels, read tile by tile from any thread.
 pub trait Source: Send + Sync {
-    /// Number of levels, at least 1.
+    /// Returns the number of levels, at least 1.
     fn levels(&self) -> usize;
 
-    /// Width and height of a level that exists.
+    /// Returns the width and height in pixels of a level that exists.
     fn size(&self, level: usize) -> (u32, u32);
 
-    /// Values per pixel.
+    /// Returns the number of values per pixel.
     fn channels(&self) -> usize;
 
-    /// Type of all values.
+    /// Returns the type of all values.
     fn pixel_type(&self) -> PixelType;
 
-    /// How its pieces are had.
+    /// Returns the access to its parts.
     fn access(&self) -> Access;
 
-    /// Tile `(tx, ty)` of a level, and any others that came along with it.
+    /// Returns tile `(tx, ty)` of a level, and any other tiles that were read with it.
     ///
     /// # Errors
-    /// When nothing of it can be read. What can be read only in part comes as far as it goes.
+    /// Returns an error when no part of it can be read. A tile that can be read in part is returned with this part.
     fn read(&self, level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>>;
 
-    /// What could not be read so far, if anything.
+    /// Returns a reading error so far, if there was any.
     fn fault(&self) -> Option<String> {
         None
     }
 
-    /// A rough picture of it that costs a small part of reading all, if there is one.
+    /// Returns a rough image that costs a small part of reading all, if there is one.
     fn sketch(&self) -> Option<Sketch> {
         None
     }
@@ -68,14 +68,15 @@ pub(crate) struct FilePage {
     fault: Mutex<Option<String>>,
 }
 
-/// What can be said of the rows of a file.
+/// The properties of the rows of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Rows {
-    /// Whether any of them are found by their place, without those above.
+    /// True when any row can be found by its position, without those above.
     by_position: bool,
-    /// How many are read at once, where all are kept: while the next are read, smaller levels are made of these.
+    /// The number of rows that are read at once where all are kept. While the next ones are read, smaller levels are
+    /// made of these.
     at_once: u32,
-    /// How many are packed together.
+    /// The number of rows that are packed together.
     together: Option<u32>,
 }
 
@@ -99,7 +100,7 @@ impl FilePage {
         for level in 1..input.levels(image) {
             let spec = input.spec(image, level)?;
             let (first, last) = (&levels[0], &levels[levels.len() - 1]);
-            // What is no smaller level of the same picture ends the pyramid.
+            // A level that is not a smaller one of the same image ends the pyramid.
             let follows = spec.width <= last.width && spec.height <= last.height;
             if !follows || spec.nchannels() != first.nchannels() || spec.pixel_type != first.pixel_type {
                 break;
@@ -127,7 +128,7 @@ impl FilePage {
         fault.get_or_insert_with(|| error.to_string());
     }
 
-    /// Rows `y0..y1`; those that cannot be read are 0. Also whether all could be.
+    /// Returns rows `y0..y1`, and true when all could be read. Rows that cannot be read are 0.
     fn read_rows(&self, level: usize, y0: u32, y1: u32) -> Result<(Pixels, bool)> {
         let first = match self.input.read_rows(self.image, level, y0, y1) {
             Ok(pixels) => return Ok((pixels, true)),
@@ -150,7 +151,7 @@ impl FilePage {
             Err(_) => false,
         };
         if self.rows.by_position {
-            // Anything may be missing: files are written from several threads, or were damaged.
+            // Any row may be missing, because files are written from several threads or were damaged.
             for a in (y0..y1).step_by(16) {
                 let b = (a + 16).min(y1);
                 if take(a, b) {
@@ -160,7 +161,7 @@ impl FilePage {
                 }
             }
         } else {
-            // The file ends early: everything up to some row is there.
+            // The file ends early. All rows up to some row are there.
             let (mut good, mut bad) = (y0, y1);
             while good + 1 < bad {
                 let middle = good + (bad - good) / 2;
@@ -174,15 +175,15 @@ impl FilePage {
         if found { Ok((out, false)) } else { Err(first.into()) }
     }
 
-    /// All tiles that the file's own tiles under tile (tx, ty) cover completely.
+    /// Returns tile (tx, ty) and all others that the file's own tiles under it cover completely.
     fn read_tiles(&self, level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
         let spec = &self.levels[level];
         let (n, tw, th) = (spec.nchannels(), spec.tile_width, spec.tile_height);
         let (width, height) = tile_size((spec.width, spec.height), tx, ty);
-        // In tiles of the file, from the first to after the last.
+        // The tiles of the file, from the first to after the last.
         let (cx0, cx1) = (tx * TILE / tw, (tx * TILE + width).div_ceil(tw));
         let (cy0, cy1) = (ty * TILE / th, (ty * TILE + height).div_ceil(th));
-        // In tiles of ours: those inside of the file's, and the one that was asked for.
+        // The tiles of this crate that are inside of those of the file, and the requested one.
         let inside = |first: u32, last: u32, file: u32, side: u32, asked: u32| {
             let first = (first * file).div_ceil(TILE).min(asked);
             let end = last.saturating_mul(file);
@@ -279,7 +280,7 @@ impl Source for FilePage {
     }
 
     fn sketch(&self) -> Option<Sketch> {
-        // Where the file has smaller levels these are quick enough.
+        // The smaller levels of a file are read fast enough.
         let together = self.rows.together.filter(|_| self.levels.len() == 1)?;
         sketch::of_rows(&*self.input, self.image, &self.levels[0], together)
     }

@@ -24,7 +24,7 @@ pub struct Statistics {
     pub max: f32,
     /// The mean of the finite values.
     pub mean: f64,
-    /// The sum of the squares of what they differ from the mean.
+    /// The sum of the squared differences from the mean.
     squares: f64,
 }
 
@@ -93,7 +93,7 @@ impl Statistics {
     }
 }
 
-/// A part of a tile's channel.
+/// Returns the statistics of each channel in a part of a tile.
 fn of_tile(tile: &Tile, part: PixelRect) -> Vec<Statistics> {
     let n = tile.channels;
     let (x0, x1) = (part.x0 as usize, part.x1 as usize);

@@ -1,4 +1,4 @@
-//! Pictures that stay: thumbnails, saved views, text.
+//! Still images, which are thumbnails, saved views and text.
 
 use crate::display::Display;
 use crate::draw::{Canvas, Mix, Shown, draw};
@@ -9,10 +9,11 @@ use crate::{Result, ViewError};
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, PixelType, Pixels};
 use std::path::Path;
 
-/// All of a page, no more than `longest` pixels in either direction, and no less than all of it if it is smaller.
+/// Returns an image of a whole page with no more than `longest` pixels in either direction. A smaller page is not
+/// enlarged.
 ///
 /// # Errors
-/// When it cannot be read, or `longest` is too large.
+/// Returns an error when the page cannot be read, or when `longest` is too large.
 pub fn thumbnail(page: &Page, layer: usize, display: &Display, longest: u32) -> Result<Canvas> {
     let sheet = page.sheet(page.arrangement(), 0);
     let [left, top, right, bottom] = sheet.bounds;
@@ -30,33 +31,33 @@ pub fn thumbnail(page: &Page, layer: usize, display: &Display, longest: u32) -> 
     draw(shown, None, Mix::First, &view)
 }
 
-/// The display that suits a layer when nobody has chosen one: depths within their range, near ones bright.
+/// Returns the default display for a layer. Depths are shown within their range, near ones bright.
 ///
 /// # Errors
-/// When depths cannot be read.
+/// Returns an error when depths cannot be read.
 pub fn suited(page: &Page, layer: usize, display: &Display) -> Result<Display> {
     let mut display = *display;
     if page.is_depth(layer) && display.range.is_none() {
         let channel = page.layers[layer].channels[0];
         if let Some((near, far)) = depth_range(page, channel)? {
             let far = if far > near { far } else { near + 1.0 };
-            // The farthest is still told from nothing.
+            // The farthest depth still differs from empty pixels.
             display.range = Some((far + 0.15 * (far - near), near));
         }
     }
     Ok(display)
 }
 
-/// Writes what is on the screen, in the format of the file's extension.
+/// Writes a canvas in the format of the file's extension.
 ///
 /// # Errors
-/// When the format is not known or cannot write, or the system refuses.
+/// Returns an error when the format is unknown or cannot be written, or when a system call fails.
 pub fn save_canvas(canvas: &Canvas, path: &Path, formats: &FormatRegistry) -> Result<()> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("png");
     let mut spec = ImageSpec::new(canvas.width, canvas.height, 3, PixelType::U8);
     let rgb: Vec<u8> = canvas.bytes.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let pixels = match formats.by_name(extension).map(|f| f.output_type(PixelType::U8)) {
-        // What is no format is told by `create`.
+        // An unknown format is reported by `create`.
         None | Some(PixelType::U8) => Pixels::U8(rgb),
         Some(other) => {
             spec.pixel_type = other;
@@ -71,13 +72,13 @@ pub fn save_canvas(canvas: &Canvas, path: &Path, formats: &FormatRegistry) -> Re
     Ok(())
 }
 
-/// Writes the values of a level as they are, all channels or those of a layer, in the format of the file's extension.
+/// Writes the values of level 0, of all channels or those of a layer, in the format of the file's extension.
 ///
-/// A format that cannot hold the type of the values gets the one that is next to it: 16 bits for floats if it has them,
-/// else 8, with colours encoded for a screen as they are everywhere in the suite.
+/// When the format does not support the type of the values, a similar type is written. Floats become integers of 16
+/// bits if the format supports them, else of 8 bits, with colours encoded for a screen.
 ///
 /// # Errors
-/// When the format cannot hold so many channels, or as [`save_canvas`].
+/// Returns an error when the format cannot hold so many channels, or the errors of [`save_canvas`].
 pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &FormatRegistry) -> Result<()> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("exr");
     let source = page.spec();
@@ -111,7 +112,7 @@ pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &For
         channels: channels.iter().map(|c| source.channels[*c].clone()).collect(),
         ..source.clone()
     };
-    // Said again by the format where it is so.
+    // The format writes these attributes again where they apply.
     let compression = |name: &str| name == "compression" || name == "channelOrder";
     spec.attributes = source.attributes.iter().filter(|p| !compression(&p.name)).cloned().collect();
     let integers = |t: PixelType| matches!(t, PixelType::U8 | PixelType::U16);
@@ -149,21 +150,21 @@ pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &For
     Ok(())
 }
 
-/// Characters from dark to bright.
+/// The characters from dark to bright.
 const RAMP: &[u8] = b" .:-=+*#%@";
 
-/// A picture in characters, `columns` wide, each twice as high as it is wide; in `colors` of 24 bits, two pixels to a
-/// character, for terminals that have them.
+/// Returns an image as text with `columns` characters per line, each twice as high as it is wide. With `colors`, a
+/// character shows two pixels in colours of 24 bits, for terminals that support them.
 ///
 /// # Errors
-/// As [`thumbnail`].
+/// Returns the errors of [`thumbnail`].
 pub fn ascii(page: &Page, layer: usize, display: &Display, columns: u32, colors: bool) -> Result<String> {
     let sheet = page.sheet(page.arrangement(), 0);
     let [left, top, right, bottom] = sheet.bounds;
     let columns = columns.clamp(1, 4096);
     let zoom = f64::from(columns) / (right - left).max(1.0);
     let rows = ((bottom - top) * zoom / 2.0).round().clamp(1.0, 4096.0) as u32;
-    // Two rows of pixels for one of characters.
+    // Two rows of pixels make one row of characters.
     let view = View {
         width: columns,
         height: 2 * rows,

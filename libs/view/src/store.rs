@@ -12,9 +12,9 @@ pub struct TileKey {
     pub page: u64,
     /// The level, 0 being the largest.
     pub level: u32,
-    /// Column.
+    /// The column.
     pub tx: u32,
-    /// Row.
+    /// The row.
     pub ty: u32,
 }
 
@@ -23,8 +23,8 @@ pub struct TileKey {
 pub struct StoreLimits {
     /// The bytes of the tiles of pages that are not visible.
     pub others: u64,
-    /// The bytes that each page that is stored in tiles and can be read again tile by tile may use beyond 1.5 times
-    /// its visible bytes.
+    /// The bytes that a visible page may use beyond its visible bytes, unless it is kept whole. The number counts as at
+    /// least a third and at most half of the visible bytes.
     pub spare: u64,
 }
 
@@ -43,9 +43,9 @@ struct Held {
 #[derive(Debug, Default)]
 struct PageUse {
     bytes: u64,
-    /// What the last frames looked at.
+    /// The bytes of the tiles that the last frames showed.
     visible: u64,
-    /// Kept whole: reading a piece of it again is as dear as reading all.
+    /// True when the page is kept whole, because reading a part of it again costs as much as reading all.
     keep: bool,
     shown: bool,
 }
@@ -53,7 +53,7 @@ struct PageUse {
 #[derive(Debug, Default)]
 struct Inner {
     tiles: HashMap<TileKey, Held>,
-    /// By time of last use: what goes first.
+    /// The tiles by the time of their last use. The first one is dropped first.
     order: BTreeMap<u64, TileKey>,
     pages: BTreeMap<u64, PageUse>,
     bytes: u64,
@@ -62,7 +62,7 @@ struct Inner {
     most: u64,
 }
 
-/// Tiles of all open pages. Cheap to clone: all clones are one store.
+/// The tiles of all open pages. Clones are cheap and share one store.
 #[derive(Clone, Debug)]
 pub struct TileStore {
     limits: StoreLimits,
@@ -82,7 +82,7 @@ impl TileStore {
     }
 
     fn lock(&self) -> MutexGuard<'_, Inner> {
-        // Nothing that can panic happens while it is held.
+        // Nothing panics while the lock is held.
         self.inner.lock()
     }
 
@@ -162,7 +162,7 @@ impl Inner {
     fn add(&mut self, key: TileKey, tile: Arc<Tile>) {
         self.clock += 1;
         let (bytes, used) = (tile.bytes(), self.clock);
-        // A page that was dropped meanwhile takes nothing any more.
+        // Tiles of a page that was dropped meanwhile are not stored.
         let Some(page) = self.pages.get_mut(&key.page) else { return };
         page.bytes += bytes;
         self.bytes += bytes;
@@ -189,7 +189,7 @@ impl Inner {
         list.into_iter().for_each(|key| self.remove(key));
     }
 
-    /// Brings every page that is looked at, and all others together, down to what they may take.
+    /// Drops tiles until every visible page, and all others together, are within their bounds.
     fn shrink(&mut self, limits: &StoreLimits) {
         let shown: Vec<(u64, u64)> = (self.pages.iter())
             .filter(|(_, p)| p.shown && !p.keep)

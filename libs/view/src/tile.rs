@@ -2,10 +2,10 @@
 
 use granita_image::{BlockCopy, PixelType, Pixels};
 
-/// Width and height of a tile in pixels; tiles at the right and lower edges are cut.
+/// The width and height of a tile in pixels. Tiles at the right and lower edges are cut.
 pub const TILE: u32 = 128;
 
-/// Pixels of a block in their stored type, row by row, channels interleaved.
+/// The pixels of a block in their stored type, row by row with interleaved channels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tile {
     /// The number of pixels per row.
@@ -16,25 +16,25 @@ pub struct Tile {
     pub channels: usize,
     /// `width * height * channels` values.
     pub pixels: Pixels,
-    /// True when all of it could be read. Other pixels are 0.
+    /// True when all of it could be read. Pixels that could not be read are 0.
     pub whole: bool,
 }
 
-/// The value of a texel of a level, from those of the finer level that it covers.
+/// The reduction of the texels of a finer level to one texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reduce {
-    /// Their mean; what is not a number stays visible.
+    /// The mean. NaN stays visible.
     Mean,
-    /// The least: depths, of which those where nothing is are huge.
+    /// The least value, for depths, which are huge where nothing is.
     Least,
-    /// The first: numbers of objects, of which there is no mean.
+    /// The first value, for numbers of objects, which have no mean.
     First,
 }
 
 /// The source of the values of a shown channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pick {
-    /// This channel of the picture.
+    /// This channel of the image.
     Channel(usize),
     /// This value everywhere.
     Value(f32),
@@ -52,7 +52,7 @@ impl Tile {
         (self.pixels.len() * self.pixels.pixel_type().bytes()) as u64
     }
 
-    /// Appends the pixels `x0..x1` of row `y`, four picked values each; `scratch` is room to work in.
+    /// Appends the pixels `x0..x1` of row `y`, with four picked values each. `scratch` is working memory.
     pub(crate) fn append_row(
         &self,
         (x0, x1, y): (u32, u32, u32),
@@ -100,7 +100,7 @@ impl Tile {
                 let tile = finer[(2 * y / TILE * 2) as usize + side];
                 let Some(tile) = tile.filter(|t| row < t.height && t.channels == n) else { continue };
                 let upper = tile.row(row, &mut upper);
-                // At the lower edge there may be one row only.
+                // At the lower edge there may be only one row.
                 let lower = if row + 1 < tile.height { Some(tile.row(row + 1, &mut lower)) } else { None };
                 let whole = (tile.width / 2) as usize;
                 let (pairs, rest) = out.split_at_mut((whole * n).min(out.len()));
@@ -118,14 +118,15 @@ impl Tile {
         Self { width, height, channels: n, pixels, whole }
     }
 
-    /// All values of a row as floats, as [`Pixels::to_floats`] has them; `room` is where they are made, if they are.
+    /// Returns all values of a row as floats, as [`Pixels::to_floats`] does. `room` is the memory for converted values.
     fn row<'a>(&'a self, y: u32, room: &'a mut Vec<f32>) -> &'a [f32] {
         let line = self.width as usize * self.channels;
         self.pixels.floats_of(y as usize * line..(y as usize + 1) * line, room)
     }
 }
 
-/// Means of two by two pixels of `n` channels; of `N` when that is not 0, which the compiler then knows.
+/// Computes the means of two by two pixels of `n` channels. An `N` other than 0 is the same number, known to the
+/// compiler.
 fn means_of<const N: usize>(upper: &[f32], lower: &[f32], n: usize, out: &mut [f32]) {
     let n = if N == 0 { n } else { N };
     let pairs = upper.chunks_exact(2 * n).zip(lower.chunks_exact(2 * n));
@@ -136,7 +137,7 @@ fn means_of<const N: usize>(upper: &[f32], lower: &[f32], n: usize, out: &mut [f
     }
 }
 
-/// One value for each two by two, as far as they are there: of columns `from..width` of one or two rows.
+/// Computes one value for each two by two pixels, as far as these exist, of columns `from..width` of one or two rows.
 fn some_of(
     (upper, lower): (&[f32], Option<&[f32]>),
     (from, width): (u32, u32),
@@ -161,7 +162,8 @@ fn some_of(
     }
 }
 
-/// Cuts rows from `y0` on, a multiple of the size of a tile, of a level of this size into tiles of `n` channels.
+/// Cuts rows of a level of this size into tiles of `n` channels. The rows begin at `y0`, a multiple of the size of a
+/// tile.
 pub(crate) fn cut(
     size: (u32, u32),
     n: usize,

@@ -32,7 +32,7 @@ impl Default for Around {
     }
 }
 
-/// Least and largest zoom.
+/// The least and the largest zoom.
 const ZOOM: (f64, f64) = (1.0 / 1024.0, 512.0);
 
 impl View {
@@ -50,7 +50,7 @@ impl View {
             around: None,
         };
         if view.zoom > 1.0 {
-            // Whole numbers keep pixels alike in size.
+            // A whole number gives all pixels the same size.
             view.zoom = view.zoom.floor();
         }
         view

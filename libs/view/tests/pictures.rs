@@ -1,4 +1,4 @@
-//! Files of real formats, from opening to what is on the screen.
+//! Tests files of real formats, from opening to the screen.
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
@@ -14,7 +14,7 @@ fn formats() -> FormatRegistry {
     granita_plugin::bundled_formats(Limits::default())
 }
 
-/// A picture of floats: `value(x, y, channel)`.
+/// Writes an image of the values `value(x, y, channel)`.
 fn write(path: &Path, format: &str, spec: &ImageSpec, value: impl Fn(u32, u32, usize) -> f32) {
     let n = spec.nchannels();
     let at = |i: usize| {
@@ -27,7 +27,7 @@ fn write(path: &Path, format: &str, spec: &ImageSpec, value: impl Fn(u32, u32, u
     file.close().unwrap();
 }
 
-/// All of the first page at one screen pixel for each of its own.
+/// Draws all of the first page, with one screen pixel for each of its pixels.
 fn look(picture: &Picture, display: &Display) -> granita_view::Canvas {
     let page = &picture.pages[0];
     let sheet = page.sheet(page.arrangement(), 0);
@@ -156,7 +156,7 @@ fn values_that_are_no_numbers_are_seen_at_any_zoom() {
 
 fn textures(folder: &Path, mode: Mode, format: &str) -> PathBuf {
     let (source, out) = (folder.join("ll.exr"), folder.join(format!("{mode:?}.{format}")));
-    // Every direction has its own colour: where it lies in the panorama of +y up.
+    // Every direction has its own colour.
     let spec = ImageSpec::new(256, 128, 3, PixelType::Float);
     write(&source, "exr", &spec, |x, y, c| {
         let (s, t) = ((x as f32 + 0.5) / 256.0, (y as f32 + 0.5) / 128.0);
@@ -181,7 +181,7 @@ fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
             let size = page.layout.unwrap().face_size(page.spec()).unwrap().0;
             let canvas = look(&picture, &display);
             assert_eq!((canvas.width, canvas.height), (4 * size, 3 * size));
-            // Across each edge of the cross colours go on.
+            // Colours continue across each edge of the cross.
             let close = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 8);
             for i in 0..size {
                 for column in 1..4 {
@@ -211,7 +211,7 @@ fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
         };
         ahead.push([middle(0.0, 0.0), middle(0.0, 89.9), middle(180.0, 0.0)]);
     }
-    // Ahead is the middle of the panorama and of the cross alike; up is up.
+    // The directions ahead, up and back show the same in the panorama and in the cross.
     for seen in &ahead[1..] {
         for (a, b) in seen.iter().zip(&ahead[2]) {
             assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) <= 6), "{ahead:?}");
@@ -249,7 +249,7 @@ fn shadow_maps_are_scaled_to_what_is_in_them() {
     assert_eq!((canvas.at(0, 20)[0], canvas.at(0, 0)[0]), (255, 0));
     let far = canvas.at(63, 20)[0];
     assert!((20..60).contains(&far), "the farthest is dark, not black: {far}");
-    // A made level keeps what is nearest.
+    // A computed level keeps the nearest depths.
     let small = thumbnail(&picture.pages[0], 0, &display, 8).unwrap();
     assert!(small.at(0, 4)[0] > 235, "{:?}", small.at(0, 4));
 }
@@ -316,7 +316,7 @@ fn saved_pictures_come_back() {
 
 #[test]
 fn large_pictures_in_rows_are_read_in_bands() {
-    // Only the size makes it large; what is in it packs well.
+    // The image is large only in size. Its content packs well.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
     let (width, height) = (16384_u32, 8448_u32);
@@ -376,13 +376,13 @@ fn a_rough_picture_comes_first() {
     assert!(rough.covered && !rough.complete);
     for (i, (a, b)) in rough.bytes.iter().zip(&whole.bytes).enumerate() {
         let y = i / 4 / 512;
-        // Above the first row that was read, and below the last, there is what is in it.
+        // Rows above the first row that was read, and below the last one, equal that row.
         let far = if (18..257).contains(&y) { 4 } else { 20 };
         assert!(a.abs_diff(*b) <= far, "{} {y}: {a} instead of {b}", i / 4 % 512);
     }
     assert!(look(&picture, true) == whole, "nothing of it is left");
 
-    // Where something cannot be read there is none: what is missing is not made up.
+    // When a part cannot be read, there is no rough image, because missing parts are not invented.
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let cut = open(&path);

@@ -1,4 +1,4 @@
-//! Files that are not complete: cut short, damaged, still being written, gone.
+//! Tests files that are not complete, because they are cut short, damaged, still being written, or deleted.
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
@@ -18,7 +18,7 @@ fn white(path: &Path, format: &str, tiled: bool) {
     if tiled {
         spec = spec.tiled(32, 32);
     }
-    // Noise does not pack, so that a part of the file is a part of the picture.
+    // Noise does not compress, so that a part of the file is a part of the image.
     let values: Vec<f32> = (0..256 * 256 * 3)
         .map(|i| 0.8 + 0.2 * granita_base::hash::unit(granita_base::hash::words(&[i])))
         .collect();
@@ -27,7 +27,7 @@ fn white(path: &Path, format: &str, tiled: bool) {
     file.close().unwrap();
 }
 
-/// How much of the picture is not black.
+/// Returns the fraction of the image that is bright, and true when there was a reading error.
 fn seen(path: &Path) -> Option<(f64, bool)> {
     let picture = Picture::open(path, &formats(), &TileStore::default()).ok()?;
     let page = &picture.pages[0];
@@ -53,7 +53,7 @@ fn what_is_there_is_shown() {
         white(&path, format, tiled);
         assert_eq!(seen(&path), Some((1.0, false)), "{format}");
         let bytes = std::fs::read(&path).unwrap();
-        // TIFF has its directory at the end: nothing can be seen before that is there.
+        // TIFF has its directory at the end. Nothing can be shown without it.
         let cut = if format == "tiff" { bytes.len() } else { bytes.len() / 2 };
         let mut part = bytes[..cut].to_vec();
         if format == "tiff" {
@@ -85,7 +85,7 @@ fn nothing_breaks_wherever_a_file_ends() {
         for i in 0..24 {
             let cut = bytes.len() * i / 24;
             std::fs::write(&path, &bytes[..cut]).unwrap();
-            // Whether it shows something or says what is wrong: it comes back.
+            // The call returns, whether it shows something or reports an error.
             let _ = seen(&path);
         }
     }

@@ -55,7 +55,8 @@ struct Options {
     #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
     worker: bool,
 
-    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or another program with tev's protocol;
+    /// Show the image while it is rendered in a viewer that listens there: iv, tev, or another program with tev's
+    /// protocol;
     /// the port is 14158 by default. Or the screen for the iv of -iv, in the place of $DISPLAY: [HOST]:NUMBER[.SCREEN],
     /// with a number below 100
     #[arg(long, value_name = "HOST[:PORT]")]

@@ -5,7 +5,7 @@ use crate::hir::{self, ExprKind, Init};
 use crate::ir::{ConstValue, DefaultValue, SymbolType, ValueType};
 use std::sync::Arc;
 
-/// A constant in a named space: the space, and the numbers as they were written.
+/// Returns the space of a constant, if it is named, and the numbers as they were written.
 fn spaced(expr: &hir::Expr) -> Option<(Option<Arc<str>>, Vec<f32>)> {
     match &expr.kind {
         ExprKind::Const(ConstValue::Floats(v)) => Some((None, v.to_vec())),

@@ -9,7 +9,7 @@ use crate::ir::*;
 use crate::source::Pos;
 use std::sync::Arc;
 
-/// Operators beside each other whose temporaries are all kept until their statement ends.
+/// The largest number of operators beside each other whose temporaries are all kept until their statement ends.
 const MANY_LINKS: usize = 64;
 
 impl<'a> Lowerer<'a> {
@@ -42,7 +42,7 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Computes an expression; into `hint`, when that can be done without harm.
+    /// Computes an expression. The result is in `hint` when that is possible without harm.
     fn value(&mut self, expr: &'a hir::Expr, hint: Option<SymbolId>) -> SymbolId {
         self.depth += 1;
         if self.depth > MAX_DEPTH {
@@ -53,7 +53,7 @@ impl<'a> Lowerer<'a> {
         out
     }
 
-    /// `hint` if it has just this type and `args` do not name it; else a temporary.
+    /// Returns `hint` if it has exactly this type and is not one of `args`, else a temporary.
     fn target(&mut self, hint: Option<SymbolId>, ty: ValueType, args: &[SymbolId]) -> SymbolId {
         match hint {
             Some(id) if self.ty(id) == SymbolType::of(ty) && !args.contains(&id) => id,
@@ -112,8 +112,8 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Operators from left to right. Of long chains, what an operator made is free as soon as the next one has used
-    /// it.
+    /// Lowers operators from left to right. In long chains, the result of an operator is freed as soon as the next one
+    /// has used it.
     fn chain(&mut self, first: &'a hir::Expr, links: &'a [hir::Link], hint: Option<SymbolId>) -> SymbolId {
         let mark = self.live.len();
         let mut value = self.expr(first);
@@ -152,7 +152,7 @@ impl<'a> Lowerer<'a> {
             }
         };
         let args = vec![a, self.expr(&link.right)];
-        // Component by component it does not matter whether an operand is the result.
+        // For operations by component, an operand may also be the result.
         let apart: &[SymbolId] = if ty == ValueType::Matrix { &args } else { &[] };
         let dst = self.target(hint, ty, apart);
         self.op(code, Some(dst), args, pos);
@@ -190,7 +190,7 @@ impl<'a> Lowerer<'a> {
         result
     }
 
-    /// The first arm, whose condition is `cond`, and within its `else` the others.
+    /// Lowers the first arm, whose condition is `cond`, and the others within its `else`.
     fn select_nested(
         &mut self,
         cond: SymbolId,
@@ -213,7 +213,7 @@ impl<'a> Lowerer<'a> {
         self.emit(Stmt::If { cond, then, otherwise }, pos);
     }
 
-    /// The second operand of `&&` or `||`, where `cond` holds.
+    /// Lowers the second operand of `&&` or `||`, which runs where `cond` holds.
     fn second(&mut self, cond: SymbolId, b: &'a hir::Expr, result: SymbolId, pos: Pos) {
         let then = self.inner(pos, |s| {
             let mark = s.live.len();
@@ -249,7 +249,7 @@ impl<'a> Lowerer<'a> {
 
     fn write_access(&mut self, place: &hir::Place) {
         let Some(symbol) = self.bound[place.var.0] else { return };
-        // Read-only parameters are the checker's; it knows all places that write them.
+        // The checker reports writes to read-only parameters, because it has all places that write them.
         if let SymbolKind::Global(g) = self.symbols[symbol.0 as usize].kind {
             self.write_global(g, place.pos);
         }
@@ -276,7 +276,7 @@ impl<'a> Lowerer<'a> {
         Spot { symbol, element, part }
     }
 
-    /// The element (or the whole) that a spot is part of.
+    /// Returns the element (or the whole) that a spot is part of.
     fn load_element(&mut self, spot: Spot, keep: bool, pos: Pos) -> SymbolId {
         let Some(index) = spot.element else { return spot.symbol };
         let ty = self.ty(spot.symbol).value;
@@ -317,7 +317,7 @@ impl<'a> Lowerer<'a> {
         }
     }
 
-    /// Adds or subtracts 1; gives the new value.
+    /// Adds or subtracts 1. Returns the new value.
     fn step(&mut self, spot: Spot, place: &hir::Place, up: bool, pos: Pos) -> SymbolId {
         self.read_access(place);
         self.write_access(place);
@@ -369,7 +369,7 @@ impl<'a> Lowerer<'a> {
 
     // Calls.
 
-    /// A variable for an argument that is written; the spot, if the value must be stored back.
+    /// Returns a variable for an argument that is written, and the spot when the value must be stored back.
     fn output(&mut self, expr: &'a hir::Expr) -> (SymbolId, Option<Spot>) {
         let ExprKind::Read(place) = &expr.kind else { return (self.expr(expr), None) };
         let spot = self.spot(place);
@@ -377,8 +377,8 @@ impl<'a> Lowerer<'a> {
         if place.is_whole() {
             return (spot.symbol, None);
         }
-        // Copied in and out: the function may leave it as it is. It may change the variables of the subscripts
-        // too; the element is the one that the call named.
+        // The value is copied in and out, because the function may leave it unchanged. The function may also change the
+        // variables of the subscripts, but the element is the one at the call.
         let spot = Spot {
             element: spot.element.map(|i| self.kept(i, expr.pos)),
             part: match spot.part {
@@ -394,7 +394,7 @@ impl<'a> Lowerer<'a> {
         (copy, Some(spot))
     }
 
-    /// The value that a subscript has now.
+    /// Returns the current value of a subscript.
     fn kept(&mut self, index: SymbolId, pos: Pos) -> SymbolId {
         if matches!(self.symbols[index.0 as usize].kind, SymbolKind::Const(_) | SymbolKind::Temp) {
             return index;
@@ -452,7 +452,7 @@ impl<'a> Lowerer<'a> {
         dst.unwrap_or_else(|| self.float(0.0))
     }
 
-    /// A function of a library: its operands behind the text that names it.
+    /// Lowers a call of a library's function. Its operands follow the text that names it.
     fn shadeop(&mut self, text: &Arc<str>, func: &hir::Func, args: &'a [hir::Expr], pos: Pos) -> SymbolId {
         let named = ConstValue::Strings([text.clone()].into());
         let mut symbols = vec![self.constant(SymbolType::of(ValueType::String), &named)];
@@ -480,7 +480,7 @@ impl<'a> Lowerer<'a> {
         if let Some(text) = &func.shadeop {
             return self.shadeop(text, func, args, pos);
         }
-        // All arguments first: one of them may call the same function.
+        // All arguments are computed first, because one of them may call the same function.
         let mut symbols = Vec::with_capacity(args.len());
         let mut back = Vec::new();
         for (arg, formal) in args.iter().zip(&func.formals) {
@@ -527,7 +527,7 @@ impl<'a> Lowerer<'a> {
     }
 }
 
-/// Whether some `return` is not the last statement of the function.
+/// True when some `return` is not the last statement of the function.
 fn returns_early(body: &[hir::Stmt], outermost: bool) -> bool {
     body.iter().enumerate().any(|(i, s)| match &s.kind {
         StmtKind::Return(_) => !(outermost && i + 1 == body.len()),

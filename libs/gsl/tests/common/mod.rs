@@ -1,9 +1,9 @@
-//! Shared by the tests of the compiler.
+//! Functions that are shared by the tests of the compiler.
 
 use granita_base::Severity;
 use granita_gsl::{CompileOptions, ValidModule, compile, gso};
 
-/// Compiles a shader that must be without mistakes and warnings.
+/// Compiles a shader that must be without errors and warnings.
 #[allow(dead_code, reason = "not every test file uses it")]
 pub(crate) fn module(source: &str) -> ValidModule {
     let compiled = compile(source, "t.gsl", &CompileOptions::default()).unwrap_or_else(|list| {
@@ -16,13 +16,13 @@ pub(crate) fn module(source: &str) -> ValidModule {
     compiled.module
 }
 
-/// `line:column: severity: message` of everything that is said about a source, one a line.
+/// Returns `line:column: severity: message` for all messages about a source, one per line.
 #[allow(dead_code, reason = "not every test file uses it")]
 pub(crate) fn said(source: &str) -> String {
     said_with(source, &CompileOptions::default())
 }
 
-/// As [`said`], with options.
+/// Returns the messages as [`said`] does, with options.
 pub(crate) fn said_with(source: &str, options: &CompileOptions<'_>) -> String {
     let list = match compile(source, "t.gsl", options) {
         Ok(compiled) => {

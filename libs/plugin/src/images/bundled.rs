@@ -1,5 +1,5 @@
-//! Images for programs (`MakeImageOutput`, `MakeImageInput`): a plugin's own object, or a bundled format behind the
-//! tables of `gelato_c.h`.
+//! Images for programs (`MakeImageOutput`, `MakeImageInput`). They are a plugin's own objects, or bundled formats
+//! behind the tables of `gelato_c.h`.
 
 use super::{PluginFormat, Writer};
 use crate::ffi::{self, ABI, ImageParameter, InputCalls, Message, OutputCalls, Spec, Text};
@@ -21,13 +21,13 @@ unsafe extern "C" {
 }
 
 impl PluginFormat {
-    /// A C++ object of the plugin's own; `None` when it is no plugin in C++.
+    /// Makes a C++ object of the plugin; `None` when it is not a plugin in C++.
     fn cpp_writer(&self) -> Option<Result<*mut c_void, String>> {
         let Writer::Made(made) = self.writer else { return None };
         let (calls, factory) = (made.calls, made.factory);
         (!factory.is_null()).then(|| {
             let mut why = Text::new();
-            // SAFETY: the plugin's factory, of the form that its version promises.
+            // SAFETY: it is the plugin's factory, of the form that its version declares.
             let object = unsafe { (calls.create)(factory, why.room()) };
             self.object(object, &why)
         })
@@ -60,7 +60,7 @@ impl Plugins {
             if let Some(made) = self.image_listed(&name, true).and_then(|plugin| plugin.cpp_writer()) {
                 return made;
             }
-            // Plugins in C.
+            // Plugins in C are found through the registry.
             registry.find_with(Arc::new(self.clone()));
         }
         let format = registry.by_name(&name).filter(|f| f.supports("write"));
@@ -76,7 +76,7 @@ impl Plugins {
         // SAFETY: the table fits the object, which it destroys.
         let object = unsafe { gelato_shim_table_output(&raw const OUTPUT, this.cast()) };
         if object.is_null() {
-            // SAFETY: it was not handed on.
+            // SAFETY: it was not passed on.
             drop(unsafe { Box::from_raw(this) });
             return Err("there is not enough memory".to_owned());
         }
@@ -90,7 +90,7 @@ impl Plugins {
     pub fn make_image_input(&self, file: &str) -> Result<*mut c_void, String> {
         let mut registry = crate::bundled_formats(Limits::default());
         registry.find_with(Arc::new(self.clone()));
-        // Whoever can open it.
+        // This checks that a format can open the file.
         drop(registry.open(Path::new(file)).map_err(|e| e.to_string())?);
         let this = Box::into_raw(Box::new(In {
             registry,
@@ -102,7 +102,7 @@ impl Plugins {
         // SAFETY: the table fits the object, which it destroys.
         let object = unsafe { gelato_shim_table_input(&raw const INPUT, this.cast()) };
         if object.is_null() {
-            // SAFETY: it was not handed on.
+            // SAFETY: it was not passed on.
             drop(unsafe { Box::from_raw(this) });
             return Err("there is not enough memory".to_owned());
         }
@@ -123,14 +123,14 @@ struct Out {
 struct In {
     registry: FormatRegistry,
     file: Option<Box<dyn ImageInput>>,
-    /// Strings that were given out.
+    /// The strings that were passed out.
     text: Vec<CString>,
     names: Vec<*const c_char>,
-    /// Image and level.
+    /// The current image and level.
     at: (usize, usize),
 }
 
-/// Runs `f` on the object of a table; its mistake, or a panic, becomes the message.
+/// Runs `f` on the object of a table. An error or a panic becomes the message.
 fn on<T>(this: *mut c_void, message: Message, f: impl FnOnce(&mut T) -> Result<(), String>) -> c_int {
     // SAFETY: the table is called with its own object, by one thread at a time.
     let Some(object) = (unsafe { this.cast::<T>().as_mut() }) else { return 1 };
@@ -153,7 +153,7 @@ fn tell(message: Message, what: &str) {
     }
     let text = c_string(what);
     let bytes = &text.as_bytes()[..text.as_bytes().len().min(message.size - 1)];
-    // SAFETY: there is room for so many bytes and the end.
+    // SAFETY: there is room for this number of bytes and the end.
     unsafe {
         std::ptr::copy_nonoverlapping(bytes.as_ptr(), message.text.cast(), bytes.len());
         *message.text.add(bytes.len()) = 0;
@@ -192,15 +192,15 @@ unsafe extern "C" fn out_supports(this: *mut c_void) -> c_int {
     bits
 }
 
-/// Parameters from C.
+/// Converts parameters from C.
 ///
 /// # Safety
-/// `list` has `n` parameters with as much data as they say.
+/// `list` has `n` parameters with as much data as they declare.
 unsafe fn params(n: c_int, list: *const ImageParameter) -> Params {
     let mut all = Params::new();
     let n = if list.is_null() { 0 } else { usize::try_from(n).unwrap_or(0) };
     for k in 0..n {
-        // SAFETY: so many are there, each with its data.
+        // SAFETY: the list has this number of parameters, each with its data.
         unsafe {
             let p = &*list.add(k);
             let (Some(name), Ok(count)) = (ffi::text(p.name), usize::try_from(p.nvalues)) else { continue };
@@ -276,7 +276,7 @@ unsafe extern "C" fn out_open(
         (image.tile_width, image.tile_height) = (side(spec.tile_width)?, side(spec.tile_height)?);
         if !spec.channelnames.is_null() {
             for c in 0..image.nchannels() {
-                // SAFETY: as many names as channels.
+                // SAFETY: there are as many names as channels.
                 if let Some(name) = unsafe { ffi::text(*spec.channelnames.add(c)) } {
                     image.channels[c] = name.into_owned();
                 }
@@ -289,7 +289,7 @@ unsafe extern "C" fn out_open(
         match (&mut out.file, append) {
             (Some(file), 1) => file.next_level(&image).map_err(|e| e.to_string())?,
             _ => {
-                // Formats that must know say so.
+                // The number of levels is not known. Formats that need it report an error.
                 let made = out.format.create(&path, &CreateOptions::new(&image, 1));
                 out.file = Some(made.map_err(|e| e.to_string())?);
             }
@@ -299,10 +299,10 @@ unsafe extern "C" fn out_open(
     })
 }
 
-/// Pixels of a rectangle behind a pointer, side by side.
+/// Returns the pixels of a rectangle behind a pointer, side by side.
 ///
 /// # Safety
-/// They are there, at these strides.
+/// The pixels exist at these strides.
 unsafe fn gathered(
     data: *const f32,
     size: [usize; 2],
@@ -316,7 +316,7 @@ unsafe fn gathered(
     for y in 0..size[1] {
         for x in 0..size[0] {
             let at = y as isize * strides[1] as isize + x as isize * strides[0] as isize;
-            // SAFETY: by the contract.
+            // SAFETY: the pixels exist by the contract.
             values.extend_from_slice(unsafe { std::slice::from_raw_parts(data.offset(at), n) });
         }
     }
@@ -338,7 +338,7 @@ unsafe extern "C" fn out_scanline(
         if i64::from(y) != i64::from(spec.y) + i64::from(out.row) {
             return Err(format!("scanline {y} comes after {}: they have to come in order", out.row));
         }
-        // SAFETY: by the interface.
+        // SAFETY: the pixels exist by the interface.
         let values = unsafe { gathered(data, [spec.width as usize, 1], spec.nchannels(), [xstride, 0])? };
         let at = Placement {
             x: spec.x,
@@ -374,7 +374,7 @@ unsafe extern "C" fn out_tile(
         let (tx, ty) = (tile(x, spec.x, spec.tile_width), tile(y, spec.y, spec.tile_height));
         let (Some(tx), Some(ty)) = (tx, ty) else { return Err(format!("there is no tile at {x}, {y}")) };
         let size = [spec.tile_width as usize, spec.tile_height as usize];
-        // SAFETY: by the interface.
+        // SAFETY: the pixels exist by the interface.
         let values = unsafe { gathered(data, size, spec.nchannels(), [xstride, ystride])? };
         let at = Placement { x, y, width: size[0], nchannels: spec.nchannels(), alpha: spec.alpha_channel() };
         file.write_tile(tx, ty, &out.quantize.apply(&values, &at, spec.pixel_type)).map_err(|e| e.to_string())
@@ -403,7 +403,7 @@ static INPUT: InputCalls = InputCalls {
 };
 
 impl In {
-    /// Image and level behind a number: levels of the first image, then further images.
+    /// Returns the image and the level of an index, which counts the levels of all images in order.
     fn place(&self, index: usize) -> Option<(usize, usize)> {
         let file = self.file.as_ref()?;
         let mut left = index;
@@ -471,7 +471,7 @@ unsafe extern "C" fn in_open(
     message: Message,
 ) -> c_int {
     on(this, message, |input: &mut In| {
-        // SAFETY: a string.
+        // SAFETY: the name is a string.
         let name = unsafe { ffi::text(name) }.unwrap_or_default();
         input.file = Some(input.registry.open(Path::new(&*name)).map_err(|e| e.to_string())?);
         input.at = (0, 0);
@@ -534,7 +534,7 @@ unsafe extern "C" fn in_parameter(
     message: Message,
 ) -> c_int {
     on(this, message, |input: &mut In| {
-        // SAFETY: a string.
+        // SAFETY: the name is a string.
         let name = unsafe { ffi::text(name) }.unwrap_or_default();
         let absent = || format!("the file has no \"{name}\" of that type");
         let param =
@@ -543,7 +543,7 @@ unsafe extern "C" fn in_parameter(
         if param.data.len() != ty.width() {
             return Err(absent());
         }
-        // SAFETY: by the interface there is room for a value of the type that is asked for.
+        // SAFETY: by the interface there is room for a value of the requested type.
         unsafe {
             match (&param.data, ty.base) {
                 (ParamData::String(v), BaseType::String) => {

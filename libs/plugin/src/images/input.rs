@@ -9,17 +9,17 @@ use parking_lot::Mutex;
 use std::ffi::{CStr, CString, c_int, c_void};
 use std::path::{Path, PathBuf};
 
-/// Of scanlines that nobody asked for, so many values are read to bring a reader to its end.
+/// The largest number of values in scanlines that are read only to bring a reader to its end.
 const MAX_DRAINED: u64 = 1 << 26;
 
 /// An open file.
 struct Reader {
     object: Object<InputCalls>,
-    /// Image that it is at.
+    /// The image that it is at.
     image: usize,
-    /// Row that it would read next.
+    /// The row that it reads next.
     row: u32,
-    /// Whether `close` is due.
+    /// True when `close` must be called.
     open: bool,
 }
 
@@ -30,9 +30,9 @@ struct PluginInput {
     name: CString,
     made: Made<InputCalls>,
     limits: Limits,
-    /// Of each image, or level; the second whether it is read as floats.
+    /// For each image or level: its description, and true when it is read as floats.
     specs: Vec<(ImageSpec, bool)>,
-    /// Whether the images are levels of one.
+    /// True when the images are levels of one image.
     levels: bool,
     reader: Mutex<Reader>,
     size: u64,
@@ -61,7 +61,7 @@ pub(super) fn open(format: &PluginFormat, path: &Path, limits: &Limits) -> Resul
     Ok(Box::new(input))
 }
 
-/// A reader at the first image of a file, and what that is.
+/// Returns a reader at the first image of a file, and the description of that image.
 fn start(
     format: &PluginFormat,
     made: Made<InputCalls>,
@@ -70,7 +70,7 @@ fn start(
     limits: &Limits,
 ) -> Result<(Reader, (ImageSpec, bool))> {
     let mut why = Text::new();
-    // SAFETY: the plugin's factory, of the form that its version promises.
+    // SAFETY: it is the plugin's factory, of the form that its version declares.
     let this = unsafe { (made.calls.create)(made.factory, why.room()) };
     if this.is_null() {
         let why =
@@ -79,7 +79,7 @@ fn start(
     }
     let object = Object { calls: made.calls, this, destroy: Some(made.calls.destroy) };
     let mut spec = empty();
-    // SAFETY: a live object, a name that ends with 0, room for the description.
+    // SAFETY: the object is live, the name ends with 0, and there is room for the description.
     let status = unsafe { (made.calls.open)(this, name.as_ptr(), &raw mut spec, why.room()) };
     if status != ffi::OK {
         return Err(format.fault(path, failure("open", status, &why)));
@@ -114,7 +114,7 @@ fn empty() -> Spec {
     }
 }
 
-/// What a plugin says of an image, checked; the second is whether it has to be read as floats.
+/// Returns a plugin's description of an image after checks, and true when it must be read as floats.
 fn description(
     format: &PluginFormat,
     path: &Path,
@@ -158,7 +158,7 @@ fn description(
     if !spec.channelnames.is_null() {
         let mut names = Vec::new();
         for c in 0..n as usize {
-            // SAFETY: the shim and tables of C give as many names as channels, or NULL.
+            // SAFETY: the shim and tables of C pass as many names as channels, or NULL.
             let name = unsafe { ffi::text(*spec.channelnames.add(c)) };
             names.push(name.map_or_else(|| format!("channel{c}"), std::borrow::Cow::into_owned));
         }
@@ -169,7 +169,7 @@ fn description(
     Ok((image, native.is_none() || own))
 }
 
-/// "R" for "r" and so on; a single channel is luminance.
+/// Returns the usual names of channels, such as "R" for "r". A single channel "a" is luminance.
 fn usual_names(names: Vec<String>) -> Vec<String> {
     let known = ["R", "G", "B", "A", "Y", "Z"];
     if names.len() == 1 && names[0].eq_ignore_ascii_case("a") {
@@ -185,14 +185,14 @@ fn usual_names(names: Vec<String>) -> Vec<String> {
 }
 
 impl Reader {
-    /// Whether it has conversions of its own.
+    /// True when it has conversions of its own.
     fn converts(&self, format: &PluginFormat) -> bool {
         let Some(made) = format.reader else { return false };
         if made.factory.is_null() {
             return made.calls.read_scanline.is_some();
         }
         let base = |name: &str| format.dso.and_then(|d| d.symbol(name)).unwrap_or(std::ptr::null_mut());
-        // SAFETY: an object of the shim.
+        // SAFETY: it is an object of the shim.
         unsafe {
             ffi::gelato_shim_converts(
                 self.object.this,
@@ -202,13 +202,13 @@ impl Reader {
         }
     }
 
-    /// Asks for what the suite knows of files.
+    /// Reads the attributes of the file that the suite uses.
     fn attributes(&mut self, image: &mut ImageSpec) {
         let Some(get) = self.object.calls.get_parameter else { return };
         let this = self.object.this;
         let ask = |name: &str, ty: ParamType, value: *mut c_void| {
             let (name, mut why) = (c_string(name), Text::new());
-            // SAFETY: a live object, and room for a value of the type that is asked for.
+            // SAFETY: the object is live, and there is room for a value of the requested type.
             unsafe { get(this, name.as_ptr(), ty.to_bits(), value, why.room()) == ffi::OK }
         };
         let mut set = |name: &str, ty: ParamType, data: ParamData| {
@@ -244,7 +244,7 @@ impl Reader {
         ] {
             let mut value: *const std::ffi::c_char = std::ptr::null();
             if ask(name, string, (&raw mut value).cast())
-                // SAFETY: a string of the plugin, valid until the next call.
+                // SAFETY: it is a string of the plugin, valid until the next call.
                 && let Some(text) = unsafe { ffi::text(value) }
             {
                 set(name, string, (&*text).into());
@@ -252,8 +252,8 @@ impl Reader {
         }
     }
 
-    /// Closes it. A reader in the middle of its scanlines may not expect that: with `rest`, it is brought to their end
-    /// first, and left alone when that is too far.
+    /// Closes it. A reader in the middle of its scanlines may not support that. With `rest`, the remaining scanlines
+    /// are read first. When they are too many, the reader is not closed.
     fn end(&mut self, rest: Option<(&ImageSpec, u32)>) {
         if !std::mem::take(&mut self.open) {
             return;
@@ -268,7 +268,7 @@ impl Reader {
             // Doubles are the widest values.
             let mut line = vec![0u64; spec.width as usize * spec.nchannels()];
             for y in row..spec.height {
-                // SAFETY: a live object, and room for a line of any format.
+                // SAFETY: the object is live, and there is room for a line of any format.
                 let status = unsafe {
                     (self.object.calls.read_native_scanline)(
                         self.object.this,
@@ -283,7 +283,7 @@ impl Reader {
                 }
             }
         }
-        // SAFETY: a live, open object. What goes wrong at the end of reading changes nothing.
+        // SAFETY: the object is live and open. An error at the end of reading changes nothing.
         let _ = unsafe { (self.object.calls.close)(self.object.this, why.room()) };
     }
 }
@@ -293,12 +293,12 @@ impl PluginInput {
         ImageError::Plugin { path: self.path.clone(), plugin: self.title.clone(), what }
     }
 
-    /// The images behind the first one.
+    /// Finds the images after the first one.
     fn find_images(&mut self, format: &PluginFormat) -> Result<()> {
         let reader = self.reader.get_mut();
         while self.specs.len() < self.limits.images as usize {
             let (mut spec, mut why) = (empty(), Text::new());
-            // SAFETY: a live object, and room for the description.
+            // SAFETY: the object is live, and there is room for the description.
             let status = unsafe {
                 let index = c_int::try_from(self.specs.len()).unwrap_or(c_int::MAX);
                 (self.made.calls.seek_subimage)(reader.object.this, index, &raw mut spec, why.room())
@@ -334,14 +334,15 @@ impl PluginInput {
         Ok((index, spec, *floats))
     }
 
-    /// Brings a reader to an image; to its first row when `row` lies behind the one that comes next.
+    /// Brings a reader to an image. When `row` is before the row that the reader reads next, it starts at the first row
+    /// again.
     fn seek(&self, reader: &mut Reader, index: usize, row: u32) -> Result<()> {
         let mut why = Text::new();
         if reader.open && reader.image == index && reader.row <= row {
             return Ok(());
         }
         if reader.open && reader.image == index {
-            // Back to the beginning, for readers that only go forward.
+            // Readers only go forward, so the file is opened again.
             reader.end(Some((&self.specs[index].0, reader.row)));
         }
         if !reader.open {
@@ -370,7 +371,7 @@ impl PluginInput {
         if reader.image != index {
             let mut spec = empty();
             let at = c_int::try_from(index).unwrap_or(c_int::MAX);
-            // SAFETY: a live, open object.
+            // SAFETY: the object is live and open.
             let status =
                 unsafe { (self.made.calls.seek_subimage)(reader.object.this, at, &raw mut spec, why.room()) };
             if status != ffi::OK {
@@ -382,7 +383,7 @@ impl PluginInput {
         Ok(())
     }
 
-    /// Buffers are as large as the first description said.
+    /// Checks that the size of an image is still that of its first description, which the buffers have.
     fn unchanged(&self, index: usize, spec: &Spec) -> Result<()> {
         let known = &self.specs[index].0;
         let same = i64::from(spec.width) == i64::from(known.width)
@@ -440,7 +441,7 @@ impl ImageInput for PluginInput {
             let at = spec.y.wrapping_add(y as i32);
             let (this, calls) = (reader.object.this, self.made.calls);
             let room = line.as_mut_ptr();
-            // SAFETY: a live, open object, and room for a line of the widest format.
+            // SAFETY: the object is live and open, and there is room for a line of the widest format.
             let status = unsafe {
                 match calls.read_scanline.filter(|_| floats) {
                     Some(read) => read(this, at, 0, room.cast(), spec.nchannels() as c_int, why.room()),
@@ -475,7 +476,7 @@ impl ImageInput for PluginInput {
         let y = spec.y.wrapping_add((ty * spec.tile_height) as i32);
         let (this, calls, mut why) = (reader.object.this, self.made.calls, Text::new());
         let stride = |k: u32| (n * k as usize) as c_int;
-        // SAFETY: a live, open object, and room for a tile of the widest format.
+        // SAFETY: the object is live and open, and there is room for a tile of the widest format.
         let status = unsafe {
             match calls.read_tile.filter(|_| floats) {
                 Some(read) => read(
@@ -503,13 +504,13 @@ impl ImageInput for PluginInput {
     }
 }
 
-/// The first `n` bytes of a buffer.
+/// Returns the first `n` bytes of a buffer.
 fn bytes(buffer: &[u64], n: usize) -> &[u8] {
-    // SAFETY: so many bytes are there, and any bits are bytes.
+    // SAFETY: the buffer has this number of bytes, and any bits are bytes.
     unsafe { std::slice::from_raw_parts(buffer.as_ptr().cast::<u8>(), n.min(buffer.len() * 8)) }
 }
 
-/// Values in this machine's order.
+/// Converts bytes in this machine's byte order to values.
 fn pixels(spec: &ImageSpec, bytes: Vec<u8>) -> Pixels {
     Pixels::from_bytes(spec.pixel_type, bytes, cfg!(target_endian = "big"))
 }

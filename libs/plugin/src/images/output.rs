@@ -17,12 +17,12 @@ struct PluginOutput {
     spec: ImageSpec,
     row: u32,
     multiimage: bool,
-    /// Whether a file of this name is this writer's work.
+    /// True when the file did not exist before, so that an incomplete one is removed.
     fresh: bool,
     done: bool,
 }
 
-/// A writer's object.
+/// Returns the object of a writer.
 fn object(format: &PluginFormat, path: &Path) -> Result<Object<OutputCalls>> {
     match format.writer {
         Writer::None => Err(format.fault(path, "it does not write images")),
@@ -33,7 +33,7 @@ fn object(format: &PluginFormat, path: &Path) -> Result<Object<OutputCalls>> {
         }
         Writer::Made(made) => {
             let mut why = Text::new();
-            // SAFETY: the plugin's factory, of the form that its version promises.
+            // SAFETY: it is the plugin's factory, of the form that its version declares.
             let this = unsafe { (made.calls.create)(made.factory, why.room()) };
             if this.is_null() {
                 let why = why
@@ -46,9 +46,9 @@ fn object(format: &PluginFormat, path: &Path) -> Result<Object<OutputCalls>> {
     }
 }
 
-/// Returns the bits of its features.
+/// Returns the bits of the features of a format.
 pub(super) fn features(format: &PluginFormat) -> c_int {
-    // SAFETY: a live object.
+    // SAFETY: the object is live.
     object(format, Path::new("")).map_or(0, |o| unsafe { (o.calls.supports)(o.this) })
 }
 
@@ -59,7 +59,7 @@ pub(super) fn create(
     options: &CreateOptions<'_>,
 ) -> Result<Box<dyn ImageOutput>> {
     let object = object(format, path)?;
-    // SAFETY: a live object.
+    // SAFETY: the object is live.
     let features = unsafe { (object.calls.supports)(object.this) };
     let fresh = format.dso.is_some() && !path.exists();
     let mut output = PluginOutput {
@@ -82,7 +82,7 @@ pub(super) fn create(
     Ok(Box::new(output))
 }
 
-/// Parameters in the form of C; what they point to lives here.
+/// Parameters in the form of C, with the data that they point to.
 #[derive(Default)]
 struct List {
     params: Vec<ImageParameter>,
@@ -98,11 +98,11 @@ impl List {
         self.names.push(c_string(&param.name));
         self.kept.push(param.clone());
         let name = self.names[self.names.len() - 1].as_ptr();
-        // The data lies behind an `Arc`, and the strings on the heap: they stay where they are.
+        // The data is behind an `Arc` and the strings are on the heap, so that their addresses stay the same.
         let (ty, nvalues, value): (c_int, c_int, *const c_void) = match &param.data {
             ParamData::Int(v) => (16, count(v.len()), v.as_ptr().cast()),
             ParamData::Float(v) => {
-                // Only triples go whole; a matrix goes as 16 floats (reference 13.3.2).
+                // Only triples are passed with their type. A matrix is passed as 16 floats (reference 13.3.2).
                 let base = match param.ty.base.components() {
                     3 => param.ty.base,
                     _ => BaseType::Float,
@@ -124,7 +124,7 @@ impl List {
     }
 }
 
-/// The parameters that say how floats become numbers, where nobody else gave them: those of the stored type.
+/// Adds the parameters of the conversion from floats to integers that are not given. They are those of the stored type.
 fn quantization(spec: &ImageSpec, list: &mut List) {
     let mut given = Params::new();
     let levels: [i32; 4] = match spec.pixel_type {
@@ -144,7 +144,7 @@ fn quantization(spec: &ImageSpec, list: &mut List) {
     given.iter().filter(|p| spec.attributes.get(&p.name).is_none()).for_each(|p| list.add(p));
 }
 
-/// Returns `PT_UINT8` and so on.
+/// Returns the number of a pixel type, such as `PT_UINT8`.
 pub(super) fn base_type(pixels: PixelType) -> c_int {
     match pixels {
         PixelType::U8 => 13,
@@ -192,7 +192,7 @@ impl PluginOutput {
             channelnames: names.as_ptr(),
         };
         let (name, mut why) = (c_string(&self.path.to_string_lossy()), Text::new());
-        // SAFETY: a live object; everything that is passed lives until the call is done.
+        // SAFETY: the object is live, and all passed data lives until the call is done.
         let status = unsafe {
             (self.object.calls.open)(
                 self.object.this,
@@ -219,7 +219,7 @@ impl ImageOutput for PluginOutput {
         let (n, mut why) = (self.spec.nchannels(), Text::new());
         for line in values.chunks_exact((self.spec.width as usize * n).max(1)) {
             let y = self.spec.y.wrapping_add(self.row as i32);
-            // SAFETY: a live, open object, and a whole line of floats.
+            // SAFETY: the object is live and open, and the line of floats is whole.
             let status = unsafe {
                 let calls = self.object.calls;
                 (calls.write_scanline)(self.object.this, y, 0, line.as_ptr(), n as c_int, why.room())
@@ -243,7 +243,7 @@ impl ImageOutput for PluginOutput {
         }
         let x = self.spec.x.wrapping_add((tx as usize * w) as i32);
         let y = self.spec.y.wrapping_add((ty as usize * h) as i32);
-        // SAFETY: a live, open object, and a whole tile of floats.
+        // SAFETY: the object is live and open, and the tile of floats is whole.
         let status = unsafe {
             (self.object.calls.write_tile)(
                 self.object.this,
@@ -279,7 +279,7 @@ impl ImageOutput for PluginOutput {
         }
         let x = self.spec.x.wrapping_add(rect.x0);
         let y = self.spec.y.wrapping_add(rect.y0);
-        // SAFETY: a live, open object, and a whole rectangle of floats.
+        // SAFETY: the object is live and open, and the rectangle of floats is whole.
         let status = unsafe {
             write(
                 self.object.this,
@@ -310,7 +310,7 @@ impl ImageOutput for PluginOutput {
     fn close(mut self: Box<Self>) -> Result<()> {
         self.done = true;
         let mut why = Text::new();
-        // SAFETY: a live, open object.
+        // SAFETY: the object is live and open.
         let status = unsafe { (self.object.calls.close)(self.object.this, why.room()) };
         if status != ffi::OK {
             return Err(self.fault(failure("close", status, &why)));
@@ -322,7 +322,7 @@ impl ImageOutput for PluginOutput {
 impl Drop for PluginOutput {
     fn drop(&mut self) {
         if !self.done && self.fresh {
-            // Half an image. Its writer may not expect `close` now; its object goes after this.
+            // The image is incomplete. Its writer may not support `close` now. Its object is destroyed after this.
             let _ = std::fs::remove_file(&self.path);
         }
     }

@@ -13,19 +13,19 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// An interface at a fixed address, for calls from C and C++.
 pub struct InterfaceObject<'a> {
-    /// Whether a call is being taken: others have to wait for their turn, and are refused meanwhile.
+    /// True while a call is being executed. Other calls are refused meanwhile.
     busy: AtomicBool,
     errors: crate::Messages,
-    /// Commands and questions while a call is being taken.
+    /// Answers commands and queries while a call is being executed.
     meanwhile: Option<Arc<dyn Meanwhile>>,
     interface: UnsafeCell<Interface<'a>>,
 }
 
 /// The calls that a renderer answers while it renders.
 pub trait Meanwhile: Send + Sync {
-    /// Takes a command; `false` for those that have to wait.
+    /// Executes a command. Returns false for a command that must wait.
     fn command(&self, name: &str) -> bool;
-    /// The value of an attribute that is known then.
+    /// Returns the value of an attribute that is known at that time.
     fn attribute(&self, name: &str) -> Option<granita_base::Param>;
 }
 
@@ -77,7 +77,7 @@ impl<'a> InterfaceObject<'a> {
         let params = c_string(params);
         let mut why = Text::new();
         let room = why.room();
-        // SAFETY: the plugin's own function, with a table that fits this object and outlives the call.
+        // SAFETY: it is the plugin's own function, called with a table that fits this object and outlives the call.
         let status =
             unsafe { run(&raw const BORROWED, self.address(), params.as_ptr(), room.text, room.size) };
         match status {
@@ -98,7 +98,7 @@ impl InterfaceObject<'static> {
         // SAFETY: the table fits the object, whose last use is its `destroy`.
         let renderer = unsafe { ffi::gelato_shim_renderer(&raw const OWNED, this.cast()) };
         if renderer.is_null() {
-            // SAFETY: it was not handed on.
+            // SAFETY: it was not passed on.
             drop(unsafe { Box::from_raw(this) });
             return None;
         }
@@ -115,18 +115,17 @@ pub(crate) fn c_string(text: &str) -> CString {
 #[derive(Debug)]
 pub struct GeneratorObject(pub(crate) *mut c_void);
 
-// SAFETY: the object is used by one thread at a time: it is owned, and only its `run` and `bound` are called, from
-// the
-// thread that reads the scene.
+// SAFETY: one thread at a time uses the object. It is owned, and only its `run` and `bound` are called, from the thread
+// that reads the scene.
 unsafe impl Send for GeneratorObject {}
-// SAFETY: as above; `&self` is used by the thread that reads the scene.
+// SAFETY: as above. `&self` is used by the thread that reads the scene.
 unsafe impl Sync for GeneratorObject {}
 
 impl GeneratorObject {
     /// Returns its own bound, if it has one.
     pub(crate) fn bound(&self) -> Result<Option<[f32; 6]>, String> {
         let (mut bound, mut why) = ([0.0f32; 6], Text::new());
-        // SAFETY: a live generator, and room for six floats.
+        // SAFETY: the generator is live, and there is room for six floats.
         match unsafe { ffi::gelato_shim_generator_bound(self.0, bound.as_mut_ptr(), why.room()) } {
             ffi::OK => Ok(Some(bound)),
             ffi::THREW => Err(format!("bound threw an exception: {}", why.get().unwrap_or_default())),
@@ -137,12 +136,12 @@ impl GeneratorObject {
 
 impl Drop for GeneratorObject {
     fn drop(&mut self) {
-        // SAFETY: it belongs to the renderer, which deletes it once; the shim takes null and catches exceptions.
+        // SAFETY: it belongs to the renderer, which deletes it once. The shim accepts null and catches exceptions.
         unsafe { ffi::gelato_shim_generator_destroy(self.0) }
     }
 }
 
-/// The table of an interface that somebody else ends.
+/// The table of an interface that its Rust owner ends.
 static BORROWED: Calls = table(None);
 /// The table of an interface that ends with its C++ renderer.
 static OWNED: Calls = table(Some(destroy));
@@ -168,17 +167,15 @@ const fn table(destroy: Option<extern "C" fn(*mut c_void)>) -> Calls {
     }
 }
 
-/// Runs `f` with the interface behind `this`. A call while another is being taken (from a handler, an image or
-/// another
-/// thread) goes to `else_`; a panic becomes a message.
+/// Runs `f` with the interface behind `this`. A call during another one (from a handler, an image or another thread) is
+/// passed to `else_`. A panic becomes a message.
 fn enter<T>(
     this: *mut c_void,
     name: &str,
     f: impl FnOnce(&mut Interface<'_>) -> T,
     else_: impl FnOnce(&InterfaceObject<'_>) -> Option<T>,
 ) -> Option<T> {
-    // SAFETY: tables are called with the object that they belong to, which is alive and is only changed behind
-    // `busy`.
+    // SAFETY: tables are called with the object that they belong to. It is alive, and is only changed behind `busy`.
     let object: &InterfaceObject<'_> = unsafe { this.cast::<InterfaceObject<'_>>().as_ref()? };
     if object.busy.swap(true, Ordering::Acquire) {
         let answer = catch_unwind(AssertUnwindSafe(|| else_(object))).ok().flatten();
@@ -188,7 +185,7 @@ fn enter<T>(
         }
         return answer;
     }
-    // SAFETY: `busy` was false and is ours now: nobody else is at the interface.
+    // SAFETY: `busy` was false and is now set by this call, so that no other call uses the interface.
     let interface = unsafe { &mut *object.interface.get() };
     let result = catch_unwind(AssertUnwindSafe(|| f(interface)));
     object.busy.store(false, Ordering::Release);
@@ -202,28 +199,28 @@ fn enter<T>(
     }
 }
 
-/// As [`enter`], for calls that wait for nothing.
+/// Runs `f` as [`enter`] does, for calls that are refused during another one.
 fn take(this: *mut c_void, name: &str, f: impl FnOnce(&mut Interface<'_>)) {
     let _ = enter(this, name, f, |_| None);
 }
 
-/// A copy of a string; `None` for NULL.
+/// Returns a copy of a string; `None` for NULL.
 fn string(text: *const c_char) -> Option<String> {
     // SAFETY: strings of the interface are NULL or end with 0.
     unsafe { ffi::text(text) }.map(std::borrow::Cow::into_owned)
 }
 
-/// `n` values behind a pointer; `None` for NULL, unless there are none.
+/// Returns `n` values behind a pointer; `None` for NULL, unless `n` is 0.
 fn values<'a, T>(data: *const T, n: usize) -> Option<&'a [T]> {
     if n == 0 {
         return Some(&[]);
     }
-    // SAFETY: by the interface the caller's arrays are as long as its other arguments say.
+    // SAFETY: by the interface the caller's arrays are as long as its other arguments state.
     (!data.is_null() && n <= isize::MAX as usize / size_of::<T>().max(1))
         .then(|| unsafe { std::slice::from_raw_parts(data, n) })
 }
 
-/// The sum of counts, none of which may be negative.
+/// Returns the sum of counts; `None` when one of them is negative.
 fn sum(counts: &[c_int]) -> Option<usize> {
     counts.iter().try_fold(0usize, |sum, n| sum.checked_add(usize::try_from(*n).ok()?))
 }
@@ -291,7 +288,7 @@ extern "C" fn value(
         if name.is_null() {
             return i.complain("a parameter or attribute without a name (NULL)");
         }
-        // SAFETY: a string that is not NULL; data of the kind that was passed.
+        // SAFETY: the name is a string that is not NULL, and the data is of the kind that was passed.
         let (name, source) = unsafe { (CStr::from_ptr(name), Source::new(kind, data)) };
         i.value(attribute != 0, name, bits, source);
     });
@@ -313,9 +310,9 @@ extern "C" fn get_attribute(this: *mut c_void, name: *const c_char, kind: c_int,
     c_int::from(found.unwrap_or(false))
 }
 
-/// One number to where a variable of a kind is.
+/// Stores one number in a variable of a kind. Returns false for a kind without numbers.
 fn number(v: f32, kind: c_int, out: *mut c_void) -> bool {
-    // SAFETY: by the interface `out` is the address of what the kind says.
+    // SAFETY: by the interface `out` is the address of a variable of this kind.
     unsafe {
         match kind {
             1 | 5 => *out.cast::<c_int>() = v as c_int,
@@ -327,7 +324,7 @@ fn number(v: f32, kind: c_int, out: *mut c_void) -> bool {
     true
 }
 
-/// Data to where a variable of a kind is; `false`, and nothing is written, when it is no such data.
+/// Stores data in a variable of a kind. Returns false, and writes nothing, when the data does not fit.
 fn answer(i: &mut Interface<'_>, data: &ParamData, kind: c_int, out: *mut c_void) -> bool {
     let texts: Vec<*const c_char> =
         Interface::strings_of(data).to_vec().iter().map(|text| i.keep_answer(text)).collect();
@@ -380,7 +377,7 @@ extern "C" fn curves(this: *mut c_void, interp: *const c_char, ncurves: c_int, n
     });
 }
 
-/// A direction of a NURBS; a mistake is reported.
+/// Returns a direction of a NURBS. An error is reported.
 fn span(i: &mut Interface<'_>, call: &str, knots: *const Knots) -> Option<KnotSpan> {
     // SAFETY: the shim passes the address of a structure of its own.
     let knots = unsafe { knots.as_ref() };
@@ -481,7 +478,7 @@ extern "C" fn trim_curve(
 }
 
 extern "C" fn input_generator(this: *mut c_void, generator: *mut c_void, bound: *const f32) {
-    // Whatever happens, it belongs to the renderer.
+    // The renderer owns the generator in any case.
     let generator = GeneratorObject(generator);
     take(this, "Input", |i| {
         if generator.0.is_null() {
@@ -500,7 +497,7 @@ extern "C" fn input_generator(this: *mut c_void, generator: *mut c_void, bound: 
 }
 
 extern "C" fn errors(this: *mut c_void) -> *mut Errors {
-    // SAFETY: tables are called with the object that they belong to; its manager never changes.
+    // SAFETY: tables are called with the object that they belong to. Its manager never changes.
     unsafe { this.cast::<InterfaceObject<'_>>().as_ref() }
         .map_or(std::ptr::null_mut(), |object| object.errors.as_errors())
 }
@@ -515,7 +512,7 @@ extern "C" fn destroy(this: *mut c_void) {
 }
 
 impl Interface<'_> {
-    /// A program's own generator: put off when it has a bound and somebody can keep it, else run.
+    /// Processes a program's own generator. It is kept when it has a bound and the host can keep it, else it is run.
     fn input(&mut self, generator: GeneratorObject, bound: Option<[f32; 6]>) {
         let generator = match bound {
             Some(_) => match self.host.keep(generator) {
@@ -533,7 +530,7 @@ impl Interface<'_> {
                 return self.call(granita_scene::Call::Comment(text.into()));
             }
         }
-        // What has a bound leaves no traces in the attribute state.
+        // A generator with a bound must not change the attribute state.
         let apart = archives && bound.is_some();
         if apart {
             self.call(granita_scene::Call::PushAttributes);

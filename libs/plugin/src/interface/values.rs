@@ -13,13 +13,13 @@ pub(super) struct Pending {
 
 /// The storage of the values of a parameter.
 pub(super) enum Source {
-    /// Here.
+    /// A copied integer.
     Int(c_int),
-    /// Here.
+    /// A copied float.
     Float(f32),
-    /// Here: a string.
+    /// A copied string.
     Text(ParamData),
-    /// As the type says.
+    /// The address of values of the parameter's type.
     Any(*const c_void),
     Ints(*const c_int),
     Floats(*const f32),
@@ -36,13 +36,13 @@ impl Source {
             return Self::Any(data);
         }
         match kind {
-            // SAFETY: one int, by the contract.
+            // SAFETY: it is one int, by the contract.
             1 => Self::Int(unsafe { *data.cast::<c_int>() }),
-            // SAFETY: one float.
+            // SAFETY: it is one float.
             2 => Self::Float(unsafe { *data.cast::<f32>() }),
-            // SAFETY: one double.
+            // SAFETY: it is one double.
             3 => Self::Float(unsafe { *data.cast::<f64>() } as f32),
-            // SAFETY: a string.
+            // SAFETY: it is a string.
             4 => Self::Text((&*unsafe { CStr::from_ptr(data.cast()) }.to_string_lossy()).into()),
             5 => Self::Ints(data.cast()),
             6 => Self::Floats(data.cast()),
@@ -51,7 +51,7 @@ impl Source {
         }
     }
 
-    /// Returns the values: `items` of type `ty`.
+    /// Returns `items` values of type `ty`.
     ///
     /// # Errors
     /// Returns a description of the mismatch, to append to the name of the parameter.
@@ -87,8 +87,8 @@ impl Source {
             Self::Strings(data) if is_text => (std::ptr::null(), std::ptr::null(), data),
             _ => return Err(format!("is a {}, and the data is not", ty.base.word())),
         };
-        // SAFETY: by the interface, what a parameter points to holds as many values as its type and the call that
-        // takes it say, and stays as it is until that call.
+        // SAFETY: by the interface, the data of a parameter has as many values as its type and its call require, and
+        // does not change until that call.
         unsafe {
             if !ints.is_null() {
                 return Ok(std::slice::from_raw_parts(ints, n).into());
@@ -124,7 +124,7 @@ mod tests {
         assert!(source.read(float, 0).unwrap_err().contains("does not take"));
         assert!(source.read(float, usize::MAX).unwrap_err().contains("too many"));
         assert!(source.read(ParamType::default(), 1).unwrap_err().contains("needs a type"));
-        // SAFETY: NULL is what is tested.
+        // SAFETY: the contract permits NULL.
         let null = unsafe { Source::new(6, std::ptr::null()) };
         assert!(null.read(float, 1).unwrap_err().contains("NULL"));
     }

@@ -178,7 +178,7 @@ impl<S: FrameShader> Frame<'_, S> {
         pixels
     }
 
-    /// The pixels of a bucket, image by image, from the `values` of its samples.
+    /// Returns the pixels of a bucket, image by image, from the `values` of its samples.
     fn filtered(
         &self,
         index: usize,
@@ -212,7 +212,7 @@ impl<S: FrameShader> Frame<'_, S> {
         dump.add(grid, &described);
     }
 
-    /// Makes the grids of some leaves of a primitive together; gives back what was locked of the first.
+    /// Makes the grids of some leaves of a primitive together. Returns the locked state of the first leaf.
     fn make<'s>(
         &self,
         job: &Job<S::Object>,

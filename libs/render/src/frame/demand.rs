@@ -13,7 +13,7 @@ use granita_scene::Scene;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
-/// One map.
+/// A depth map of one camera.
 pub(crate) struct OnDemand<O> {
     camera: CameraView,
     /// The outputs, whose first image is the map.

@@ -447,8 +447,8 @@ impl<S: FrameShader> Frame<'_, S> {
         self.split(job).release(eye, bucket);
     }
 
-    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave out
-    /// parts beyond the pixels of `region`.
+    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave
+    /// out parts beyond the pixels of `region`.
     fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
         let placement = &job.placement;
         let world_to_camera = &eye.camera.world_to_camera;
@@ -479,9 +479,9 @@ impl<S: FrameShader> Frame<'_, S> {
         } else {
             boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
-        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When the
-        // surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with the
-        // pieces.
+        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When
+        // the surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with
+        // the pieces.
         let [width, height] = [region.width() as f32, region.height() as f32];
         let wide = piece
             .raster_width()
@@ -599,7 +599,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 }
 
-/// The times after the first one between which the primitive variables of a primitive change linearly.
+/// Returns the times after the first one between which the primitive variables of a primitive change linearly.
 fn later_times(placement: &Placement, keys: &[ShapeKey<'_>]) -> Vec<f32> {
     let [first, .., last] = *placement.times() else { return Vec::new() };
     let inner = keys.iter().map(|key| key.time).filter(|t| (first..last).contains(t) && *t > first);

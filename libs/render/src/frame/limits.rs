@@ -24,7 +24,7 @@ impl Budget {
         Self { points: AtomicU64::new(0), most }
     }
 
-    /// Counts points, or splits.
+    /// Counts the points of a grid, or the points that a split counts for.
     pub(super) fn spend(&self, points: u64) {
         self.points.fetch_add(points, Ordering::Relaxed);
     }

@@ -25,9 +25,9 @@ pub(super) struct Precise {
 }
 
 impl<S: FrameShader> Frame<'_, S> {
-    /// True when a box (camera space) may be too loose for the piece in it: it crosses the near plane, where it is
-    /// visible everywhere, or its rounding is visible. Only geometry that is large relative to its distance from
-    /// the eye is affected.
+    /// True when a box (camera space) may be too loose for the piece in it. Such a box crosses the near plane, where it
+    /// is visible everywhere, or its rounding is visible. Only geometry that is large relative to its distance from the
+    /// eye is affected.
     pub(super) fn is_loose(
         &self,
         eye: &Eye<'_>,
@@ -56,9 +56,9 @@ impl<S: FrameShader> Frame<'_, S> {
         shows(reach.rounding(largest) * pixels_at(camera, z_min))
     }
 
-    /// Returns the boxes (camera space) around a piece at the times of its placement, displacement included,
-    /// computed in double precision from the vertices of its hull; `None` where the hull lies beyond one side of
-    /// the view of `region`.
+    /// Returns the boxes (camera space) around a piece at the times of its placement, including displacement. They are
+    /// computed in double precision from the vertices of its hull. Returns `None` where the hull lies beyond one side
+    /// of the view of `region`.
     pub(super) fn precise_boxes(
         &self,
         eye: &Eye<'_>,
@@ -87,7 +87,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 .iter()
                 .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
             let (low, high) = (low.as_vec3(), high.as_vec3());
-            // A margin for the rounding of both ends.
+            // The margin covers the rounding of both ends.
             let room = low.abs().max(high.abs()) * f32::EPSILON;
             boxes.push(Bound { min: low - room - radius, max: high + room + radius });
         }
@@ -118,8 +118,8 @@ impl<S: FrameShader> Frame<'_, S> {
 }
 
 impl Precise {
-    /// Returns transformed positions at a time, displaced by `offsets` in object space (not displaced where it is
-    /// empty).
+    /// Returns transformed positions at a time, displaced by `offsets` in object space. Empty `offsets` displace
+    /// nothing.
     fn points<'p>(&'p self, to: DMat4, time: f32, offsets: &'p [Vec3]) -> impl Iterator<Item = DVec3> + 'p {
         let (key, next, alpha) = key_at(&self.key_times, time);
         let (first, second) = (&self.p_object[key], &self.p_object[next]);
@@ -129,8 +129,8 @@ impl Precise {
         })
     }
 
-    /// Returns camera space positions at a time, displaced by `offsets` in object space (not displaced where it is
-    /// empty).
+    /// Returns camera space positions at a time, displaced by `offsets` in object space. Empty `offsets` displace
+    /// nothing.
     pub(super) fn p_cam(
         &self,
         placement: &Placement,

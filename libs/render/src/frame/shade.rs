@@ -16,8 +16,8 @@ use granita_shade::{Grid, Lanes3, RayKind};
 use std::ops::Range;
 use std::time::Instant;
 
-/// The largest distance in pixels of two grids at their common border. Their points there are the same, but normals that
-/// differ in their last bits, or texture filters, may displace them differently.
+/// The largest distance in pixels of two grids at their common border. Their points there are the same, but normals
+/// that differ in their last bits, or texture filters, may displace them differently.
 const RIM_PX: f32 = 0.02;
 
 /// A diced leaf, and the place of its points in the grid that is shaded.
@@ -42,14 +42,15 @@ struct Shaded<'a> {
     grid: &'a Grid,
     /// Its points before displacement; `None` without a displacement.
     before: Option<&'a Lanes3>,
-    /// The requested variables, component by component, and the number of components of each; `None` when the grid was not
-    /// shaded.
+    /// The requested variables, component by component, and the number of components of each; `None` when the grid was
+    /// not shaded.
     variables: Option<Vec<(Option<Vec<f32>>, usize)>>,
 }
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Dices, displaces and shades a batch of leaves, with the results of shading each alone. Returns `None` for leaves
-    /// that are not visible. A batch has several leaves only when the object [may batch](super::ObjectTraits::may_batch).
+    /// that are not visible. A batch has several leaves only when the object
+    /// [may batch](super::ObjectTraits::may_batch).
     pub(super) fn shade(
         &self,
         job: &Job<S::Object>,
@@ -132,8 +133,8 @@ impl<S: FrameShader> Frame<'_, S> {
         wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
     }
 
-    /// Shades a leaf at the later times of its primitive, with the variables and the positions of these times. Its shaders
-    /// do not print and save again.
+    /// Shades a leaf at the later times of its primitive, with the variables and the positions of these times. Its
+    /// shaders do not print and save again.
     fn later_shades(
         &self,
         job: &Job<S::Object>,
@@ -207,8 +208,8 @@ impl<S: FrameShader> Frame<'_, S> {
         all
     }
 
-    /// Returns the grid of a piece at a time before displacement, with its bounds `seen` by each eye. Returns `None` when
-    /// the piece has no area.
+    /// Returns the grid of a piece at a time before displacement, with its bounds `seen` by each eye. Returns `None`
+    /// when the piece has no area.
     pub(super) fn grid(
         &self,
         job: &Job<S::Object>,
@@ -335,7 +336,8 @@ impl<S: FrameShader> Frame<'_, S> {
         self.eyes.iter().zip(&diced.slot.seen).map(view).collect()
     }
 
-    /// Returns the colours of some points of a grid. Colours that are not finite become black, with one message per object.
+    /// Returns the colours of some points of a grid. Colours that are not finite become black, with one message per
+    /// object.
     fn colors(&self, values: &Lanes3, lanes: &Range<usize>, job: &Job<S::Object>, what: &str) -> Vec<Color> {
         let mut bad = false;
         let colors = lanes
@@ -434,7 +436,7 @@ impl Diced<'_> {
         let offsets = self.offsets(job, shaded);
         let at = |time: f32| {
             if time == grid.time {
-                // The points that were shaded.
+                // These points were shaded.
                 return self.lanes.clone().map(|lane| grid.p.get(lane)).collect();
             }
             let to_world = placement.to_world.at(time);

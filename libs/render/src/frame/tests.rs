@@ -1,5 +1,5 @@
 // tidy: tests
-//! Whole frames with shaders that are Rust functions: geometry, sampling, filtering, determinism.
+//! Tests whole frames with shaders that are Rust functions, for geometry, sampling, filtering and determinism.
 
 mod cracks;
 mod displaced;
@@ -18,7 +18,7 @@ use granita_scene::{AttributeSet, Camera, Output, ShapeKey, attr};
 
 use std::path::Path;
 
-/// A format that takes everything and keeps nothing: the tests look at the pixels before they are written.
+/// A format that accepts everything and keeps nothing. The tests read the pixels before they are written.
 struct Nowhere;
 
 impl Format for Nowhere {
@@ -42,7 +42,7 @@ impl Format for Nowhere {
     }
 }
 
-/// Shades every grid by a function of the grid; what the object's attributes say stays unless it changes it.
+/// Shades every grid with a function of the grid. The function receives the values of the object's attributes.
 struct Painted<F: Fn(&mut Grid) + Sync> {
     paint: F,
     displace: Option<f32>,
@@ -99,7 +99,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Painted<F> {
     }
 }
 
-/// C is premultiplied by opacity, as surface shaders leave it.
+/// Premultiplies C by opacity, as surface shaders do.
 fn flat(grid: &mut Grid) {
     for i in 0..grid.len() {
         grid.c.set(i, grid.c.get(i) * grid.opacity.get(i));
@@ -110,7 +110,7 @@ fn param(declaration: &str, values: &[f32]) -> Param {
     Param::declared(declaration, values).unwrap()
 }
 
-/// An object of these attributes, in the set "camera".
+/// Returns the attributes of an object in the set "camera".
 fn attributes(list: &[(&str, &[f32])], to_world: MotionTransform) -> Arc<AttributeSet> {
     let values: granita_scene::Values =
         list.iter().map(|(d, v)| param(d, v)).map(|p| (p.name.clone(), p)).collect();
@@ -127,7 +127,7 @@ fn sphere(radius: f32) -> ShapeDesc {
     ShapeDesc::Sphere { radius, zmin: -radius, zmax: radius, thetamax_deg: 360.0 }
 }
 
-/// A square of half side `s` in the xy plane.
+/// Returns a square of half side `s` in the xy plane.
 fn square(s: f32) -> (ShapeDesc, Params) {
     use granita_base::CurveBasis::Linear;
     let points = [-s, -s, 0.0, s, -s, 0.0, -s, s, 0.0, s, s, 0.0];
@@ -158,7 +158,7 @@ impl Build {
         self.add(shape, params, attributes(list, to_world));
     }
 
-    /// A polygon.
+    /// Adds a polygon.
     fn polygon(&mut self, points: &[f32], to_world: MotionTransform) {
         let n = (points.len() / 3) as i32;
         let verts: Vec<i32> = (0..n).collect();
@@ -183,7 +183,7 @@ impl Build {
     }
 }
 
-/// Renders `data` of a scene; the pixels of its crop window.
+/// Renders one output of a scene. Returns the pixels of its crop window.
 fn render_with<S: FrameShader>(
     build: &Build,
     view: &CameraView,
@@ -194,7 +194,7 @@ fn render_with<S: FrameShader>(
     render_counted(build, view, threads, output, shader).0
 }
 
-/// One image of this data, with these parameters, that goes nowhere.
+/// Returns a set of one image with this data and these parameters, which is not written.
 fn one_output(view: &CameraView, (data, params): (&str, &[Param]), reporter: &Reporter) -> OutputSet {
     let mut registry = FormatRegistry::new(Limits::default());
     registry.register(Arc::new(Nowhere));
@@ -208,7 +208,7 @@ fn one_output(view: &CameraView, (data, params): (&str, &[Param]), reporter: &Re
     OutputSet::new(&[&output], view, &registry, reporter).unwrap()
 }
 
-/// As [`render_with`], and what was done.
+/// Renders one output of a scene. Returns the pixels of its crop window and the statistics of the frame.
 fn render_counted<S: FrameShader>(
     build: &Build,
     view: &CameraView,
@@ -234,7 +234,7 @@ fn box_filter() -> Vec<Param> {
     vec![Param::declared("string filter", "box").unwrap(), param("float[2] filterwidth", &[1.0, 1.0])]
 }
 
-/// An orthographic camera that sees -4..4 by -3..3 in 64 x 48 pixels: 8 pixels a unit.
+/// Returns an orthographic camera that sees -4..4 by -3..3 in 64 x 48 pixels, which is 8 pixels per unit.
 fn flat_camera() -> Build {
     Build {
         camera: vec![
@@ -250,7 +250,7 @@ fn pixel(image: &[f32], channels: usize, x: usize, y: usize) -> &[f32] {
     &image[(y * 64 + x) * channels..][..channels]
 }
 
-/// Something of everything: overlap, transparency, motion, a displaced sphere.
+/// Returns a scene with overlap, transparency, motion and a displaced sphere.
 fn busy() -> Build {
     let mut build = Build {
         camera: vec![
@@ -351,7 +351,7 @@ fn a_sphere_covers_the_area_of_its_silhouette() {
 
 #[test]
 fn there_are_no_holes_between_grids() {
-    // Close, so that the sphere is split into many grids of different rates.
+    // The sphere is close, so that it is split into many grids of different rates.
     let mut build = Build { camera: vec![("int[2] resolution", vec![96.0, 96.0])], ..Build::default() };
     build.sphere(1.0, &[], at(0.0, 0.0, 1.6));
     let image = image(&build, "rgba", &box_filter());
@@ -365,7 +365,7 @@ fn there_are_no_holes_between_grids() {
 #[test]
 fn a_square_covers_exactly_its_pixels() {
     let mut build = flat_camera();
-    // Edges on pixel borders: 16 pixels a side, from (24, 16) to (40, 32).
+    // The edges lie on pixel borders. The square has 16 pixels per side, from (24, 16) to (40, 32).
     build.square(1.0, &[("color C", &[0.25, 0.5, 1.0])], at(0.0, 0.0, 3.0));
     let image = image(&build, "rgb", &box_filter());
     assert_eq!(pixel(&image, 3, 32, 24), [0.25, 0.5, 1.0]);
@@ -375,13 +375,13 @@ fn a_square_covers_exactly_its_pixels() {
     assert_eq!(sum, 256.0);
 }
 
-/// Mean and greatest deviation of a covered area (pixels) from the exact one, as parts of it, over places that differ
-/// by parts of a pixel.
+/// Returns the mean and the greatest relative error of a covered area, whose exact value is given in square pixels. The
+/// places of the shape differ by fractions of a pixel.
 fn coverage_error(exact: f64, shape: impl Fn(&mut Build, MotionTransform)) -> (f64, f64) {
     let (mut sum, mut worst) = (0.0, 0.0_f64);
     for k in 0..100 {
         let mut build = flat_camera();
-        // 8 pixels a unit.
+        // There are 8 pixels per unit.
         let offset = |a: f32| (k as f32 * a).fract() / 8.0;
         shape(&mut build, at(offset(0.618_034), offset(0.754_877), 3.0));
         let image = image(&build, "rgba", &box_filter());
@@ -400,13 +400,13 @@ fn areas_have_no_bias() {
     let exact = 0.5 * ((2.4 * 2.1) - (1.5 * -0.5)) * 64.0;
     let (mean, worst) = coverage_error(exact, |b, at| b.polygon(&triangle, at));
     assert!(mean.abs() < 0.001 && worst < 0.01, "triangle: mean {mean}, worst {worst}");
-    // A disk, as the silhouette of a sphere: chords of one pixel lose 0.06 % of it.
+    // A disk is the silhouette of a sphere. Chords of one pixel lose 0.06 % of it.
     let exact = std::f64::consts::PI * 4.0 * 64.0;
     let (mean, worst) = coverage_error(exact, |b, at| {
         b.sphere(2.0, &[], at);
     });
     assert!(mean.abs() < 0.002 && worst < 0.005, "disk: mean {mean}, worst {worst}");
-    // A wire of a quarter pixel, aslant.
+    // A slanted wire is a quarter of a pixel wide.
     let (dx, dy) = (0.008_f32, 0.8 / 60.0);
     let wire = [
         -2.0 - dx,
@@ -424,7 +424,7 @@ fn areas_have_no_bias() {
     ];
     let exact = f64::from(2.0 * dx * 2.4 + 2.0 * dy * 4.0) * 64.0;
     let (mean, worst) = coverage_error(exact, |b, at| {
-        // So thin that few samples see it.
+        // The wire is so thin that few samples see it.
         b.camera.push(("int[2] spatialquality", vec![16.0, 16.0]));
         b.polygon(&wire, at);
     });
@@ -436,7 +436,7 @@ fn a_moving_square_leaves_a_ramp() {
     let mut build = flat_camera();
     build.camera.push(("float[2] shutter", vec![0.0, 1.0]));
     build.camera.push(("int temporalquality", vec![64.0]));
-    // 16 pixels wide, moving by 16 pixels to the right: a tent from 16 to 48 over x.
+    // The square is 16 pixels wide and moves by 16 pixels to the right. Its coverage is a tent from 16 to 48 over x.
     let moving = MotionTransform::from_keys(vec![
         (0.0, Transform::translate(Vec3::new(-1.0, 0.0, 3.0))),
         (1.0, Transform::translate(Vec3::new(1.0, 0.0, 3.0))),
@@ -452,7 +452,7 @@ fn a_moving_square_leaves_a_ramp() {
     }
 }
 
-/// Mean square distance (pixels) from the middle of an image's alpha, along x and along y.
+/// Returns the mean square distance in square pixels from the middle of an image's alpha, along x and along y.
 fn spread(image: &[f32], width: usize) -> [f64; 2] {
     let (mut mass, mut first, mut second) = (0.0, [0.0; 2], [0.0; 2]);
     for (k, pixel) in image.chunks(4).enumerate() {
@@ -469,7 +469,7 @@ fn spread(image: &[f32], width: usize) -> [f64; 2] {
 #[test]
 fn circles_of_confusion_have_their_radius() {
     const WIDTH: usize = 64;
-    // Pixels a unit at z = 1.
+    // The number of pixels per unit at z = 1.
     let scale = 80.0_f32;
     let (radius, focus) = (0.5, 4.0);
     for z in [2.0_f32, 3.0, 8.0, 40.0] {
@@ -484,10 +484,10 @@ fn circles_of_confusion_have_their_radius() {
             ],
             ..Build::default()
         };
-        // A square of four pixels, a little beside the middle.
+        // A square of four pixels lies slightly beside the middle.
         build.square(2.0 * z / scale, &[], at(0.1 / scale, 0.06 / scale, z));
         let image = image(&build, "rgba", &box_filter());
-        // A disk of radius R spreads by R^2 / 4 along each axis, the square by 16 / 12, a pixel by 1 / 12.
+        // A disk of radius R spreads by R^2 / 4 along each axis, the square by 16 / 12 and a pixel by 1 / 12.
         let own = (16.0 + 1.0) / 12.0;
         let exact = f64::from(scale * radius * (1.0 / focus - 1.0 / z).abs());
         let [x, y] = spread(&image, WIDTH);
@@ -518,7 +518,7 @@ fn perspective_depth_is_exact_on_a_tilted_plane() {
     build.square(3.0, &[("float shadingquality", &[0.1])], tilted.into());
     let average = Param::declared("string filter", "average").unwrap();
     let z = image(&build, "z", &[average, param("float[2] filterwidth", &[1.0, 1.0])]);
-    // The plane (y, z - 6) . (-sin a, cos a) = 0 with y = z s: z = 6 / (1 - s tan a).
+    // The plane (y, z - 6) . (-sin a, cos a) = 0 with y = z s gives z = 6 / (1 - s tan a).
     for y in [28, 32, 40] {
         let s = 1.0 - (y as f32 + 0.5) / 32.0;
         let exact = 6.0 / (1.0 - s * 0.9_f32.tan());
@@ -627,7 +627,7 @@ fn a_floor_that_passes_under_the_camera_reaches_the_lower_edge() {
 
 #[test]
 fn what_passes_through_the_near_plane_is_cut_there() {
-    // A wall along the axis from z = -2 to z = 6, a little to the right; the near plane is at 0.5.
+    // A wall along the axis reaches from z = -2 to z = 6, slightly to the right. The near plane is at 0.5.
     let mut build = Build {
         camera: vec![("int[2] resolution", vec![64.0, 64.0]), ("float near", vec![0.5])],
         ..Build::default()
@@ -636,14 +636,16 @@ fn what_passes_through_the_near_plane_is_cut_there() {
         .then(&Transform::translate(Vec3::new(0.2, 0.0, 2.0)));
     build.square(4.0, &[], wall.into());
     let image = image(&build, "rgba", &box_filter());
-    // It begins at x = 0.2 / 0.5 = 0.4 of the half width: pixel 44.8; and ends at 0.2 / 6: pixel 33.07.
+    // It begins at x = 0.2 / 0.5 = 0.4 of the half width, which is pixel 44.8, and ends at 0.2 / 6, which is pixel
+    // 33.07.
     assert_eq!(pixel(&image, 4, 40, 32)[3], 1.0);
     assert_eq!(pixel(&image, 4, 46, 32)[3], 0.0);
     assert_eq!(pixel(&image, 4, 31, 32)[3], 0.0);
 }
 
-/// Ground under the eye that is displaced, or moves: what lies beside the picture is not diced as finely as the plane
-/// of the eye would ask for. It was left out, for asking for more points than a primitive may have.
+/// Ground under the eye that is displaced, or moves, is rendered. Its parts beside the image are not diced as finely as
+/// the plane of the eye would require. Before, it was left out because it required more points than a primitive may
+/// have.
 #[test]
 fn ground_around_the_eye_is_diced_for_what_is_seen() {
     for moves in [false, true] {
@@ -665,7 +667,7 @@ fn ground_around_the_eye_is_diced_for_what_is_seen() {
         let bound = if moves { 0.0 } else { 2.0 };
         build.square(100.0, &[("float displace:maxradius", &[bound])], to_world);
         let image = image(&build, "rgba", &box_filter());
-        // All of it is there, up to the horizon, also what turns from behind the eye into view.
+        // All of it is visible up to the horizon, and so are the parts that turn from behind the eye into view.
         for x in 0..64 {
             assert!(pixel(&image, 4, x, 63)[3] > 0.99 && pixel(&image, 4, x, 36)[3] > 0.99, "{x}");
             assert_eq!(pixel(&image, 4, x, 29)[3], 0.0, "{x}");
@@ -687,14 +689,14 @@ fn depth_of_field_spares_the_focus() {
     };
     build.square(1.0, &[], at(0.0, 0.0, 4.0));
     let sharp = image(&build, "rgba", &box_filter());
-    // Half side 1 at distance 4: 8 pixels each way.
+    // Half a side of 1 at distance 4 is 8 pixels.
     assert_eq!(pixel(&sharp, 4, 25, 32)[3], 1.0);
     assert_eq!(pixel(&sharp, 4, 22, 32)[3], 0.0);
     let mut far = build.clone();
     far.scene.primitives.clear();
     far.square(2.0, &[], at(0.0, 0.0, 8.0));
     let blurred = image(&far, "rgba", &box_filter());
-    // Radius of confusion: 0.5 (1 - 4/8) / 4 * 32 = 2 pixels around the same edge.
+    // The radius of confusion is 0.5 (1 - 4/8) / 4 * 32 = 2 pixels around the same edge.
     let edge = (0..64).map(|y| pixel(&blurred, 4, 24, y)[3]).fold(0.0, f32::max);
     assert!(edge > 0.3 && edge < 0.9, "{edge}");
     assert_eq!(pixel(&blurred, 4, 20, 32)[3], 0.0);
@@ -758,7 +760,8 @@ fn a_panic_costs_one_bucket() {
 #[test]
 fn what_is_hidden_is_never_split_nor_shaded() {
     let shader = Painted { paint: flat, displace: None };
-    // 20 layers, the nearest last; then with a hole in all but the farthest one: nothing in front of its right half.
+    // There are 20 layers, the nearest one last. The second scene has a hole in all but the farthest one, so that
+    // nothing is in front of its right half.
     let layers = |half: f32, n: usize| {
         let mut build = flat_camera();
         for i in (0..n).rev() {
@@ -777,12 +780,12 @@ fn what_is_hidden_is_never_split_nor_shaded() {
         assert_eq!(one, all);
         assert_eq!((of_all.primitives_built, of_all.primitives_split), (20, 1));
         assert_eq!(of_all.points_shaded, of_one.points_shaded);
-        // Every other layer is looked at once in each bucket.
+        // Every other layer is tested once in each bucket.
         assert_eq!(of_all.primitives_hidden, 19 * of_all.buckets);
-        // The farthest one shows beside the nearest.
+        // The farthest one is visible beside the nearest one.
         let (image, counts) = render(0.0, 20);
         assert!(pixel(&image, 3, 10, 10)[0] == 0.0 && (pixel(&image, 3, 50, 10)[0] - 1.9).abs() < 1e-5);
-        // The others only where their border is in one grid with something to see.
+        // The others are shaded only where their border is in one grid with something visible.
         assert!(counts.points_shaded < of_one.points_shaded * 7, "{counts:?}");
     }
 }

@@ -13,7 +13,7 @@ use granita_image::{FormatRegistry, Request};
 /// Images with more bytes are written while they are rendered.
 const LARGE_BYTES: usize = 1 << 28;
 
-/// The pixels of one image, as described in the module.
+/// The pixels of one image. The module describes how they are kept.
 pub(crate) struct Canvas {
     crop: PixelRect,
     channels: usize,
@@ -63,7 +63,7 @@ pub(crate) enum Finished {
 }
 
 impl Canvas {
-    /// True when an image of `camera` is written while it is rendered, and so needs its buckets from the top.
+    /// True when an image of `camera` is written while it is rendered and therefore needs its buckets from the top.
     pub(crate) fn is_large(image: &OutputImage, camera: &CameraView) -> bool {
         !image.is_shown && Self::bytes(image, camera) > LARGE_BYTES
     }
@@ -73,8 +73,8 @@ impl Canvas {
         pixels.saturating_mul(image.channels.len() * size_of::<f32>())
     }
 
-    /// Makes a canvas for an image of `camera`. The file of a large one is opened at once. Without `registry` all
-    /// are kept.
+    /// Makes a canvas for an image of `camera`. The file of a large image is opened at once. Without `registry`, all
+    /// images are kept.
     pub(crate) fn new(
         image: &OutputImage,
         camera: &CameraView,

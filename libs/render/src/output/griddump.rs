@@ -1,8 +1,8 @@
 //! Writes shaded grids as a scene (reference 4.3.7, "griddump:filename").
 //!
 //! Every grid that a bucket requests becomes a linear `Patch` in "camera" space. It has the colour, the opacity and the
-//! variables that the images of the frame request at each of its points, and stands in a `Motion` block when it moves. A
-//! trimmed grid becomes several patches, which cover its remaining micropolygons.
+//! variables that the images of the frame request at each of its points, and stands in a `Motion` block when it moves.
+//! A trimmed grid becomes several patches, which cover its remaining micropolygons.
 //!
 //! Threads shade grids in any order. The text of each grid is appended to a nameless file. When the frame is complete,
 //! the texts are copied in the order of the scene. Memory holds their offsets only, the file has the same bytes for any
@@ -230,7 +230,7 @@ struct Part {
     u: [usize; 2],
     /// The first and the last point along v.
     v: [usize; 2],
-    /// Which sides are boundary edges of the grid: at v = 0, u = 1, v = 1 and u = 0.
+    /// True for each side that is a boundary edge of the grid, in the order v = 0, u = 1, v = 1, u = 0.
     sides: [bool; 4],
 }
 
@@ -288,7 +288,7 @@ fn patch(grid: &ShadedGrid, part: &Part, p: &[Vec3], variables: &[Variable<'_>])
             .as_slice()
             .into()
     };
-    // The first shading counts.
+    // The first shading is written.
     let shade = &grid.shades[0];
     let mut params =
         vec![param("vertex point P", triples(p)), param("vertex color C", triples(&shade.color))];

@@ -1,4 +1,4 @@
-// tidy: long: what an Output call may say, and what follows from it, is decided in one place
+// tidy: long: the parameters of an Output call and their consequences are decided in one place
 //! The images of a frame: their content, and how they are written (reference 4.2, 7.3).
 
 use crate::{CameraView, PixelRect, RenderError};
@@ -517,8 +517,8 @@ impl OutputImage {
         file.close()
     }
 
-    /// Checks that the image can be written, before hours of rendering and without leaving anything behind: that
-    /// the format supports it, and that the file can be created.
+    /// Checks that the format supports the image and that the file can be created. This takes place before hours of
+    /// rendering and leaves nothing behind.
     pub(crate) fn check(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let exists = self.path.metadata();
         let by_plugin = registry.by_name(&self.format).is_some_and(|format| format.quantizes());

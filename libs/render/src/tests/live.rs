@@ -1,4 +1,4 @@
-//! Images that are shown while they are made.
+//! Tests images that are shown while they are rendered.
 
 use super::{CONSTANT, finish};
 use crate::{RenderError, Renderer};
@@ -13,7 +13,7 @@ use parking_lot::Mutex;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A viewer that keeps what it is shown, and asks for something after so many rectangles.
+/// A viewer that keeps the pixels that it receives. It returns requests after given numbers of rectangles.
 #[derive(Default)]
 struct Viewer {
     asks: Vec<(usize, Request)>,
@@ -108,7 +108,8 @@ impl Format for ViewerFormat {
     }
 }
 
-/// Renders a sphere in 30 buckets with the viewer; the floats of the file beside it, and the warnings.
+/// Renders a sphere in 30 buckets with the viewer. Returns true when the frame is complete, the floats of a file of the
+/// same image, and the warnings.
 fn render(
     viewer: &Arc<Viewer>,
     threads: usize,
@@ -171,7 +172,8 @@ fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
     let seen = viewer.seen.lock();
     assert!(seen.pixels == plain);
     let corners: Vec<[i32; 2]> = seen.written.iter().map(|a| [a.x0, a.y0]).collect();
-    // In the order of the scene, around the last corner, the rectangle, around the corner again, around the first one.
+    // The order is that of the scene, then around the last corner, the rectangle, around the last corner again, and
+    // around the first one.
     assert_eq!(corners[2], [50, 40]);
     let mut first: Vec<_> = corners[4..6].to_vec();
     first.sort_unstable();

@@ -27,7 +27,7 @@ struct Shared {
 #[derive(Default)]
 struct Said {
     progress: Progress,
-    /// Frame and index of the buckets to render.
+    /// The frame and the index of each bucket to render.
     buckets: VecDeque<(usize, usize)>,
     /// The buckets that are being rendered.
     rendering: Vec<(usize, usize)>,

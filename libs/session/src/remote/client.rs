@@ -25,11 +25,11 @@ const ENDING: Duration = Duration::from_secs(5);
 
 /// The connection to a renderer.
 pub struct RemoteEnds {
-    /// The data from the renderer.
+    /// The stream from the renderer.
     pub from: Box<dyn Read + Send>,
-    /// The data to the renderer.
+    /// The stream to the renderer.
     pub to: Box<dyn Write + Send>,
-    /// Its process, which is ended when it is silent.
+    /// The process of the renderer, which is ended when it is silent.
     pub process: Process,
     /// The longest silence in seconds, at least 2.
     pub patience: f32,
@@ -68,7 +68,7 @@ struct Known {
     listener: Option<ThreadId>,
     rendering: bool,
     progress: f32,
-    /// The answers that arrived.
+    /// The answer to the last query; `None` before it arrives.
     value: Option<Option<ParamData>>,
     /// The numbers of wait requests that were sent and answered.
     asked: u64,
@@ -113,12 +113,12 @@ impl Link {
         sent
     }
 
-    /// Waits for an answer; `None` when there will be none.
+    /// Waits for an answer. Returns `None` when there will be none.
     fn wait<T>(&self, answer: impl FnMut(&mut Known) -> Option<T>) -> Option<T> {
         self.wait_until(None, answer)
     }
 
-    /// Waits for an answer until a moment; `None` when there will be none, or was none until then.
+    /// Waits for an answer until a moment. Returns `None` when there is none until then, or when there will be none.
     fn wait_until<T>(
         &self,
         until: Option<Instant>,
@@ -147,7 +147,8 @@ impl Link {
         }
     }
 
-    /// Takes what the renderer says until it is gone. Tells when it was silent for too long instead.
+    /// Receives the frames of the renderer until the connection ends. Returns the error when the renderer was silent
+    /// for too long.
     fn listen(&self, mut from: Patient, reporter: &Reporter, plugins: &Plugins) -> Option<String> {
         let mut arriving = Arriving::default();
         self.known.lock().listener = Some(std::thread::current().id());
@@ -187,7 +188,7 @@ impl Link {
     }
 }
 
-/// How a process without a connection ends.
+/// Waits for the end of a process without a connection. Returns its status as text.
 fn ended(process: &mut Process) -> String {
     process.wait_for_end(ENDING).map_or_else(|e| e.to_string(), |status| status.to_string())
 }
@@ -205,12 +206,12 @@ impl Meanwhile for Link {
 }
 
 impl Remote {
-    /// Waits for the greeting of a renderer that was started. Its messages go to `reporter`; `plugins` knows the
-    /// images
-    /// that the program lets it write to. Also gives what answers while a call is being taken.
+    /// Waits for the greeting of a renderer that was started. Its messages go to `reporter`. `plugins` contains the
+    /// images of the program that the renderer may write to. Also returns the object that answers while a call is being
+    /// executed.
     ///
     /// # Errors
-    /// Why there is no renderer.
+    /// Returns the reason why there is no renderer.
     pub fn new(
         mut ends: RemoteEnds,
         reporter: &Reporter,
@@ -236,7 +237,7 @@ impl Remote {
         let (listener, mut process) = (link.clone(), ends.process);
         let (says, reporter) = (reporter.clone(), reporter.clone());
         let thread = std::thread::Builder::new().name("gelato".to_owned()).spawn(move || {
-            // One that is silent is ended, so that whoever writes to it goes on.
+            // A silent renderer is ended, so that blocked writes to it return.
             let how = match listener.listen(from, &says, &plugins) {
                 Some(silence) => {
                     drop(process);
@@ -260,14 +261,14 @@ impl Remote {
         Ok((remote, link))
     }
 
-    /// Sends what was collected.
+    /// Sends the collected calls.
     fn flush(&self) -> Result<(), Stop> {
         self.writer.lock().flush().map_err(|_| Stop::Exit)
     }
 
-    /// Waits until everything that was sent is done, or "float time" (seconds) has passed.
+    /// Waits until all sent calls are executed, or until "float time" (seconds) has passed.
     fn wait(&self, params: &Params) -> Result<(), Stop> {
-        // Longer than that is for ever.
+        // A longer time counts as unlimited.
         const LONGEST: f32 = 1e9;
         let seconds = params.float("time").filter(|t| *t < LONGEST && !t.is_nan());
         let until = seconds.map(|t| Instant::now() + Duration::from_secs_f32(t.max(0.0)));
@@ -292,7 +293,7 @@ impl SceneSink for Remote {
         };
         let mut known = self.link.known.lock();
         if known.over {
-            // That was said when it happened.
+            // The end of the renderer was reported when it happened.
             return Err(Stop::Exit);
         }
         if known.rendering {
@@ -319,7 +320,7 @@ impl SceneSink for Remote {
             known.progress = 0.0;
         }
         drop(known);
-        // What others see, or what may take long, does not wait for company.
+        // Calls with effects that others may see, and calls that may take long, are sent at once.
         let goes = matches!(
             call,
             Call::Render { .. }
@@ -335,7 +336,7 @@ impl SceneSink for Remote {
             Err(other) => return Err(other),
         }
         if goes || writer.get_ref().text.len() >= PIECE {
-            // Why it failed is said by who listens.
+            // The listening thread reports the reason of the failure.
             writer.flush().map_err(|_| Stop::Exit)?;
         }
         if leaves { Err(Stop::Exit) } else { Ok(()) }
@@ -363,7 +364,7 @@ impl SceneSink for Remote {
 impl Drop for Remote {
     fn drop(&mut self) {
         self.link.known.lock().leaving = true;
-        // A frame that is on its way is finished; who does not want that says Command ("return") first.
+        // A frame that is being rendered is finished. A program that does not need it calls Command ("return") before.
         let _ = self.writer.lock().flush();
         self.link.send(b'Z', &[]);
         if let Some(thread) = self.thread.take() {
@@ -397,7 +398,7 @@ mod tests {
         std::thread::scope(|scope| {
             for (script, error) in [
                 ("exec sleep 1000", "the renderer did not start: it has been silent for 2 s"),
-                // Announces a greeting of 4 GiB.
+                // This script announces a greeting of 4 GiB.
                 (
                     "printf 'H\\377\\377\\377\\377'; exec sleep 1000",
                     "did not start: it has been silent for 2 s",

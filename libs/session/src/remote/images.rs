@@ -166,7 +166,7 @@ impl Arriving {
             _ => self.0.remove(&number).map_or(Ok(()), ImageOutput::close),
         };
         if done.is_err() {
-            // One message is enough.
+            // One message per image is enough.
             self.0.remove(&number);
         }
         done.map_err(|error| error.to_string())

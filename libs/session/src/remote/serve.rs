@@ -51,7 +51,7 @@ fn sort(mut input: Box<dyn Read + Send>, frames: &SyncSender<Vec<u8>>, told: &To
             Ok((b'Z', _)) => return,
             Ok((kind, payload)) => {
                 let mut frame = Vec::with_capacity(payload.len() + 5);
-                // A vector takes everything.
+                // Writing to a vector does not fail.
                 let _ = send(&mut frame, kind, &[&payload]);
                 if frames.send(frame).is_err() {
                     return;

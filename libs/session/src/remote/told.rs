@@ -13,7 +13,7 @@ use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
-/// The reports to the program: messages, progress, answers. Clones share the connection.
+/// Sends messages, progress and answers to the program. Clones share the connection.
 #[derive(Clone)]
 pub struct Told(Arc<Inner>);
 
@@ -25,9 +25,9 @@ struct Inner {
     share: AtomicU64,
     /// True when the program requested the end of its frame.
     ends: AtomicBool,
-    /// Set by [`Session::obey`](crate::Session::obey).
+    /// The flag that ends the session's frames; `None` before [`Session::obey`](crate::Session::obey).
     stop: Mutex<Option<Arc<AtomicBool>>>,
-    /// Set by [`Session::obey`](crate::Session::obey) as well.
+    /// The priority of the session's buckets; `None` before [`Session::obey`](crate::Session::obey).
     priority: Mutex<Option<Arc<Priority>>>,
     /// The requested priority for the frame of the program.
     request: Mutex<Option<PriorityRequest>>,

@@ -1,4 +1,4 @@
-//! Bytes of a screen.
+//! Tests the bytes of a screen.
 
 use super::*;
 use proptest::prelude::*;
@@ -64,7 +64,7 @@ fn tables_are_made_once() {
     assert_eq!(tables.0.len(), Tables::KEPT);
 }
 
-/// Values of every kind: those that are no ordinary numbers, those at the ends of tables, any others.
+/// Generates values of every kind, such as special values, values at the ends of tables, and any others.
 fn any_value() -> impl Strategy<Value = f32> {
     let odd = vec![
         f32::NAN,
@@ -126,7 +126,7 @@ fn any_display() -> impl Strategy<Value = Display> {
 }
 
 proptest! {
-    /// The quick way through a row is the way through each of its pixels.
+    /// A row that is converted at once equals its pixels converted one by one.
     #[test]
     fn rows_are_their_pixels(
         display in any_display(),

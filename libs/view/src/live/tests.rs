@@ -1,4 +1,4 @@
-//! Pictures that arrive, in every layout and from any thread.
+//! Tests images that arrive in every layout and from any thread.
 
 use super::*;
 use proptest::prelude::*;
@@ -12,19 +12,19 @@ fn pixels_come_in_any_layout() {
     let live = Live::default();
     live.create("a", 4, 3, &names(&["R", "G", "B"])).unwrap();
     let rect = PixelRect::at(1, 1, 2, 2);
-    // Interleaved, as they are kept.
+    // The values are interleaved, as they are stored.
     let values: Vec<f32> = (0..13).map(|v| v as f32).collect();
     live.update("a", &[(0, 1, 3), (1, 2, 3), (2, 3, 3)], rect, &values).unwrap();
     assert_eq!(live.read("a", rect, &[0, 1, 2]).unwrap(), values[1..]);
     assert_eq!(live.read("a", rect, &[2, 0]).unwrap(), [3.0, 1.0, 6.0, 4.0, 9.0, 7.0, 12.0, 10.0]);
     assert_eq!(live.read("a", rect, &[1, 2]).unwrap(), [2.0, 3.0, 5.0, 6.0, 8.0, 9.0, 11.0, 12.0]);
-    // One plane, in another order and backwards as to channels.
+    // Each channel is a plane, and the channels are in another order.
     live.update("a", &[(2, 0, 1), (0, 4, 1)], rect, &values).unwrap();
     assert_eq!(live.read("a", rect, &[0, 1, 2]).unwrap()[..6], [4.0, 2.0, 0.0, 5.0, 5.0, 1.0]);
     let (info, all) = live.snapshot("a").unwrap();
     assert_eq!((info.width, info.height, all.len()), (4, 3, 36));
     assert_eq!(all[..3], [0.0; 3]);
-    // The same value for all pixels.
+    // All pixels have the same value.
     live.update("a", &[(0, 7, 0)], PixelRect::at(0, 0, 4, 3), &values).unwrap();
     assert!(live.read("a", PixelRect::at(0, 0, 4, 3), &[0]).unwrap().iter().all(|v| *v == 7.0));
 }
@@ -167,7 +167,7 @@ fn who_waits_is_woken() {
 }
 
 proptest! {
-    /// Whatever comes, where it is not refused the pixels are those that were sent last.
+    /// The pixels are those of the last accepted updates, whatever updates arrive.
     #[test]
     fn updates_are_what_a_plain_picture_would_hold(
         updates in prop::collection::vec(

@@ -1,14 +1,14 @@
-//! Random surfaces that fill the view, stitched, displaced and moving: not one sample may see through them.
+//! Tests that no sample sees through random surfaces that fill the view and are stitched, displaced and moving.
 
 use super::*;
 use granita_base::{CurveBasis, hash};
 use granita_scene::attr;
 
-/// Numbers from a seed.
+/// Generates numbers from a seed.
 struct Random(u32, u32);
 
 impl Random {
-    /// In [0, 1).
+    /// Returns a number in [0, 1).
     fn next(&mut self) -> f32 {
         self.1 += 1;
         (hash::words(&[self.0, self.1]) >> 8) as f32 / 16_777_216.0
@@ -23,9 +23,9 @@ impl Random {
     }
 }
 
-/// Displaces grids, and leaves their colours.
+/// Displaces grids and keeps their colours.
 struct Moved<F: Fn(&mut Grid) + Sync> {
-    /// `None`: nothing is displaced.
+    /// The displacement; `None` when nothing is displaced.
     displace: Option<F>,
 }
 
@@ -68,7 +68,7 @@ impl<F: Fn(&mut Grid) + Sync> FrameShader for Moved<F> {
     }
 }
 
-/// A height field over [-6, 6] x [-5, 5], which is more than the view, as points of an `nu x nv` lattice.
+/// Returns a height field over [-6, 6] x [-5, 5], which is more than the view, as points of an `nu x nv` lattice.
 fn heights(random: &mut Random, nu: usize, nv: usize, rough: f32) -> Vec<Vec3> {
     let mut points = Vec::new();
     for j in 0..nv {
@@ -92,13 +92,14 @@ fn floats(points: impl IntoIterator<Item = Vec3>) -> Vec<f32> {
     points.into_iter().flat_map(|p| p.to_array()).collect()
 }
 
-/// Shapes that together cover the view, each with its points when the shutter opens.
+/// Returns a name for the surface, and shapes that together cover the view, each with its points when the shutter
+/// opens.
 fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
     use CurveBasis::{BSpline, Bezier, CatmullRom, Linear};
     let rough = random.between(0.2, 2.0);
     match random.pick(5) {
         0 => {
-            // One patch of many segments.
+            // This is one patch of many segments.
             let basis = [Bezier, BSpline, CatmullRom][random.pick(3)];
             let (nu, nv) = match basis {
                 Bezier => (7, 4 + 3 * random.pick(2)),
@@ -113,7 +114,7 @@ fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
             )
         }
         1 => {
-            // Bezier patches side by side that share the vertices of their edges, every other one turned around.
+            // Bezier patches side by side share the vertices of their edges. Random ones are turned around.
             let (cu, cv) = (1 + random.pick(3), 1 + random.pick(3));
             let (nu, nv) = (3 * cu + 1, 3 * cv + 1);
             let points = heights(random, nu, nv, rough);
@@ -130,7 +131,7 @@ fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
             ("stitched patches", shapes)
         }
         2 => {
-            // Bilinear patches of quite different sizes.
+            // Bilinear patches have quite different sizes.
             let (nu, nv) = (2 + random.pick(6), 2 + random.pick(6));
             let points = heights(random, nu, nv, rough);
             let mut shapes = Vec::new();
@@ -144,7 +145,7 @@ fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
             ("bilinear patches", shapes)
         }
         kind => {
-            // A mesh of quadrilaterals, triangles and larger faces; subdivided, it ends at sharp corners.
+            // A mesh has quadrilaterals, triangles and larger faces. When it is subdivided, it ends at sharp corners.
             let (nu, nv) = (3 + random.pick(5), 3 + random.pick(5));
             let points = heights(random, nu, nv, rough);
             let (mut nverts, mut verts) = (Vec::new(), Vec::new());
@@ -170,7 +171,7 @@ fn surface(random: &mut Random) -> (&'static str, Vec<(ShapeDesc, Vec<f32>)>) {
     }
 }
 
-/// Pixels of one random case that are not covered, with words for it.
+/// Returns the number of pixels of one random case that are not covered, and a description of the case.
 fn holes(seed: u32) -> (usize, String) {
     let random = &mut Random(seed, 0);
     let (what, shapes) = surface(random);
@@ -180,18 +181,18 @@ fn holes(seed: u32) -> (usize, String) {
     };
     let displaced = random.pick(3) > 0;
     let moves = random.pick(3) == 0;
-    // Along the normal only where there is one at every edge.
+    // The displacement is along the normal only where all surfaces have the same normal at every edge.
     let smooth = what == "smooth patch" || what == "subdivided mesh";
     let direction = match random.pick(3) {
         0 if smooth => None,
         _ => Some(Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), random.between(-1.0, 1.0))),
     };
-    // Waves of 4 pixels and more, up to 3 pixels high.
+    // The waves are at least 4 pixels long and at most 3 pixels high.
     let mut wave = || random.between(2.0, 13.0);
     let frequency = Vec3::new(wave(), wave(), wave());
     let amplitude = if displaced { random.between(0.05, 0.4) } else { 0.0 };
     let direction = direction.map(Vec3::normalize_or_zero);
-    // By waves that depend on the place only, along one direction or along the normal.
+    // The displacement is a wave that depends on the place only, along one direction or along the normal.
     let rough = |grid: &mut Grid| {
         for i in 0..grid.len() {
             let (p, n) = (grid.p.get(i), grid.ng.get(i).normalize_or_zero());
@@ -214,7 +215,7 @@ fn holes(seed: u32) -> (usize, String) {
         params.set(Param::declared("int border", 1).unwrap());
         build.add(shape, params.clone(), set);
         if moves {
-            // All move and stretch alike.
+            // All shapes move and stretch in the same way.
             let moved: Vec<f32> =
                 p.iter().enumerate().map(|(i, x)| x * 1.1 + travel.to_array()[i % 3]).collect();
             params.set(param("vertex point P", &moved));
@@ -241,7 +242,7 @@ fn run(seeds: std::ops::Range<u32>) {
 
 #[test]
 fn those_that_had_holes_before() {
-    // Subdivided meshes that are displaced along normals that differ from patch to patch.
+    // These are subdivided meshes that are displaced along normals that differ from patch to patch.
     let seeds = [
         364, 596, 1131, 2810, 3173, 3428, 3818, 4371, 5358, 6209, 6262, 6461, 7352, 7537, 7986, 8322, 9787,
         9833,
@@ -266,8 +267,8 @@ fn twenty_thousand_others_have_no_holes() {
     run(1_000_000..1_020_000);
 }
 
-/// Alpha of something in the xy plane, 10 pixels a unit, 64 x 64 pixels about the origin, displaced within the plane by
-/// at most 1.
+/// Returns the alpha of a shape in the xy plane, displaced within the plane by at most 1. The image has 64 x 64 pixels
+/// about the origin, 10 pixels per unit.
 fn displaced_in_plane(
     shape: ShapeDesc,
     points: &[f32],
@@ -299,14 +300,14 @@ fn displaced_in_plane(
     image.chunks(4).map(|p| p[3]).collect()
 }
 
-/// Checks that `alpha` covers the area of a region (units), all of what lies inside and nothing outside of it;
-/// `distance` from the region, negative inside.
+/// Checks that `alpha` covers `area` square units, all pixels inside of a region and none outside of it. `distance`
+/// returns the distance from the border of the region, which is negative inside.
 fn covers(alpha: &[f32], area: f32, what: &str, distance: impl Fn(f32, f32) -> f32) {
     let covered: f32 = alpha.iter().sum::<f32>() / 100.0;
     assert!((covered / area - 1.0).abs() < 0.005, "{what}: covers {covered} instead of {area}");
     for (i, a) in alpha.iter().enumerate() {
         let (x, y) = ((i % 64) as f32 * 0.1 - 3.15, 3.15 - (i / 64) as f32 * 0.1);
-        // The half diagonal of a pixel, and a twentieth of a pixel.
+        // The limit is the half diagonal of a pixel plus a twentieth of a pixel.
         let d = distance(x, y);
         let right = if d > 0.0757 { *a == 0.0 } else { d > -0.0757 || *a == 1.0 };
         assert!(right, "{what}: alpha {a} at ({x}, {y}), {d} from the border");
@@ -316,7 +317,7 @@ fn covers(alpha: &[f32], area: f32, what: &str, distance: impl Fn(f32, f32) -> f
 #[test]
 fn open_borders_of_displaced_surfaces_stay_where_they_are() {
     for quality in [1.0, 3.0] {
-        // A sheared square: the area stays.
+        // A sheared square keeps its area.
         let (shape, params) = square(2.0);
         let points = params.get("P").and_then(|p| p.data.to_floats()).unwrap();
         let shift = |y: f32| 0.7 * (2.0 * y).sin();
@@ -326,7 +327,7 @@ fn open_borders_of_displaced_surfaces_stay_where_they_are() {
             let aside = ((x - shift(y.clamp(-2.0, 2.0))).abs() - 2.0) / 1.4_f32.hypot(1.0);
             aside.max(y.abs() - 2.0)
         });
-        // A disk, twisted: a polygon of 256 corners, whose rim only turns.
+        // A twisted disk is a polygon of 256 corners whose boundary only turns.
         let n = 256;
         let round = |i: usize| {
             let t = i as f32 / n as f32 * std::f32::consts::TAU;

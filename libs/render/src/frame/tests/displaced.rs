@@ -1,4 +1,4 @@
-//! Objects that are displaced without "displace:maxradius": their bound is measured (reference 4.4.6).
+//! Tests objects that are displaced without "displace:maxradius". Their bound is measured (reference 4.4.6).
 
 use super::*;
 
@@ -18,7 +18,7 @@ fn what_moves_towards_the_camera_stays() {
     let still = image(&build, "rgba", &[]);
     for by in [-0.001, -2.0, 0.3] {
         let moved = shown(&build, &view, 1, by);
-        // Straight at an orthographic camera: nothing of it moves on the image.
+        // The object moves straight towards an orthographic camera, so nothing moves in the image.
         assert_eq!(alpha(&moved), alpha(&still), "{by}");
         assert!(alpha(&moved) > 500.0);
     }

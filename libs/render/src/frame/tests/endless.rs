@@ -1,11 +1,11 @@
-//! Scenes that ask for more than any machine has: what can be seen is rendered, and what cannot is left out with a
-//! message.
+//! Tests scenes that require more resources than any machine has. The visible parts are rendered, and the others are
+//! left out with a message.
 
 use super::huge::corners_of;
 use super::*;
 use granita_base::CurveBasis::{Bezier, Linear};
 
-/// Pixels, and what was said.
+/// Returns the pixels and the messages.
 fn rendered(build: &Build) -> (Vec<f32>, Vec<String>) {
     let (reporter, kept) = Reporter::collecting();
     let view = build.view_reporting(&[], &reporter);
@@ -31,7 +31,7 @@ fn quad(build: &mut Build, mesh: bool, corners: &[f32; 12], list: &[(&str, &[f32
     build.add(shape, params, attributes(list, at(0.0, 0.0, 4.0)));
 }
 
-/// Share of the image that is covered, and what was said; every pixel is a number.
+/// Returns the fraction of the image that is covered, and the messages. Checks that every pixel is finite.
 fn covered(build: &Build) -> (f32, Vec<String>) {
     let (image, said) = rendered(build);
     assert!(image.iter().all(|v| v.is_finite()), "{said:?}");
@@ -54,7 +54,7 @@ fn one_vertex_far_away() {
             let found = with(mesh, size);
             assert!((found - near).abs() < 1e-3, "{found} instead of {near}, {d:?} {size:e} mesh {mesh}");
         }
-        // What cannot be told apart any more may look as it likes, but it ends.
+        // Positions that are no longer distinguishable may be rendered in any way, but rendering ends.
         with(true, 1e15);
     }
 }

@@ -1,4 +1,4 @@
-//! Cameras and scenes at the ends of what numbers can say: a right picture, or a message, and never a panic.
+//! Tests cameras and scenes with extreme numbers. The result is a correct image or a message, and never a panic.
 
 use super::*;
 
@@ -11,25 +11,26 @@ fn square_image() -> Build {
     Build { camera: vec![("int[2] resolution", vec![64.0, 64.0])], ..Build::default() }
 }
 
-/// Pixels that are covered.
+/// Returns the number of pixels that are covered.
 fn area(image: &[f32]) -> f32 {
     image.chunks(4).map(|p| p[3]).sum()
 }
 
 #[test]
 fn narrow_and_wide_fields_of_view() {
-    // 0.01 degrees: 32 / tan (0.005 degrees) pixels a unit at depth 1.
+    // The field of view of 0.01 degrees has 32 / tan (0.005 degrees) pixels per unit at depth 1.
     for (fov, z, radius) in [(0.01_f32, 1000.0, 0.05_f32), (0.01, 4.0e5, 20.0)] {
         let mut build = square_image();
         build.camera.extend([("float fov", vec![fov]), ("float near", vec![1e-4])]);
         build.sphere(radius, &[], at(0.0, 0.0, z));
         let scale = 32.0 / (fov.to_radians() / 2.0).tan();
-        // The cone that touches the sphere.
+        // The cone touches the sphere.
         let seen = scale * radius / (z * z - radius * radius).sqrt();
         let (found, exact) = (area(&shaded(&build, &[])), std::f32::consts::PI * seen * seen);
         assert!((found / exact - 1.0).abs() < 0.02, "{found} instead of {exact} at {fov} degrees");
     }
-    // What lies far aside at 179 degrees is where it belongs: x = 50 at depth 1 of 114.6 half a picture.
+    // Geometry far to the side is at the right place at 179 degrees. It has x = 50 at depth 1, where half the image is
+    // 114.6 units wide.
     let mut build = square_image();
     build.camera.push(("float fov", vec![179.0]));
     build.square(10.0, &[], at(50.0, 0.0, 1.0));
@@ -49,14 +50,14 @@ fn clipping_planes_next_to_nothing_and_far_beyond() {
     build.square(100.0, &[("color C", &[0.2, 0.4, 0.6])], floor.into());
     build.sphere(1.0, &[("color C", &[1.0, 0.5, 0.2])], at(0.0, 1.0, 5.0));
     let image = shaded(&build, &[]);
-    // The floor fills what lies below the horizon, and the sphere is whole.
+    // The floor fills the image below the horizon, and the sphere is whole.
     for y in 34..64 {
         for x in 0..64 {
             assert_eq!(pixel(&image, 4, x, y)[3], 1.0, "{x} {y}");
         }
     }
     assert_eq!(pixel(&image, 4, 32, 26)[..3], [1.0, 0.5, 0.2]);
-    // Farther than that is nothing, and a sphere there is as large as its angle says.
+    // A sphere at a distance of 1e13 is as large as its angle requires.
     let mut far = square_image();
     far.camera.extend([("float near", vec![1e-6]), ("float far", vec![1e30])]);
     far.sphere(1e12, &[], at(0.0, 0.0, 1e13));
@@ -112,7 +113,7 @@ fn objects_too_far_from_the_origin_are_told() {
 
 #[test]
 fn parameters_that_are_no_numbers_are_replaced() {
-    // Small: it is rendered often.
+    // The image is small because it is rendered often.
     let mut build = Build {
         camera: vec![
             ("int[2] resolution", vec![12.0, 10.0]),
@@ -162,7 +163,7 @@ fn parameters_that_are_no_numbers_are_replaced() {
 
 #[test]
 fn opacities_and_colours_of_any_size_make_pixels() {
-    // Several layers, each more opaque than can be: nothing behind the first is seen.
+    // Each of several layers is more opaque than possible. Nothing behind the first one is seen.
     for (opacity, color) in [(1e20_f32, 0.5_f32), (1.5, 0.5), (-1e20, 0.5), (0.5, 3e38), (1e20, 3e38)] {
         let mut build = square_image();
         for z in [3.0, 4.0, 5.0, 6.0] {
@@ -178,9 +179,9 @@ fn opacities_and_colours_of_any_size_make_pixels() {
         assert!(image.iter().all(|v| v.is_finite()), "{opacity} {color}");
         let expected = match (opacity > 0.0, color < 1.0) {
             (true, true) => [0.5, 0.5, 0.5, 1.0],
-            // Clear: the light of all four.
+            // The layers are clear, so the light of all four is visible.
             (false, true) => [2.0, 2.0, 2.0, 0.0],
-            // Too bright to be a colour.
+            // The colour is too bright.
             (_, false) => [0.0, 0.0, 0.0, if opacity < 1.0 { 0.9375 } else { 1.0 }],
         };
         assert_eq!(pixel(&image, 4, 32, 32), expected, "{opacity} {color}");

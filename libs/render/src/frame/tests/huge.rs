@@ -1,17 +1,18 @@
-//! Ground that reaches to the horizon: flat, round, displaced, moving, out of focus, and far from the origin.
+//! Tests ground that reaches to the horizon. It is flat, round, displaced, moving, out of focus, or far from the
+//! origin.
 
 use super::*;
 use granita_base::CurveBasis::{Bezier, Linear};
 use granita_base::shape::KnotSpan;
 
-/// Share of the image that is covered.
+/// Returns the fraction of the image that is covered.
 fn alpha(build: &Build, more: &[(&'static str, Vec<f32>)], displace: Option<f32>) -> f32 {
     let shader = Painted { paint: flat, displace };
     let image = render_with(build, &build.view(more), 2, ("rgba", &box_filter()), &shader);
     image.chunks(4).map(|p| p[3]).sum::<f32>() / (image.len() / 4) as f32
 }
 
-/// A camera one unit over the ground that looks along z.
+/// Returns a camera one unit above the ground that looks along z.
 fn standing(resolution: [f32; 2]) -> Build {
     Build {
         camera: vec![("int[2] resolution", resolution.to_vec()), ("float far", vec![1e12])],
@@ -20,7 +21,7 @@ fn standing(resolution: [f32; 2]) -> Build {
     }
 }
 
-/// A square of half side `s` in the xy plane: (0,0), (1,0), (0,1), (1,1).
+/// Returns the corners of a square of half side `s` in the xy plane, in the order (0,0), (1,0), (0,1), (1,1).
 pub(super) fn corners_of(s: f32) -> [f32; 12] {
     [-s, -s, 0.0, s, -s, 0.0, -s, s, 0.0, s, s, 0.0]
 }
@@ -69,8 +70,8 @@ fn ground(build: &mut Build, kind: Kind, s: f32, to_world: MotionTransform, list
 
 const ALL: [Kind; 5] = [Kind::Patch, Kind::Cubic, Kind::Mesh, Kind::Nurbs, Kind::Sphere];
 
-/// What a camera at height 1 that looks along z sees of a flat or round ground: its horizon is a little below the
-/// middle.
+/// Returns the fraction of the image that is covered by a flat or round ground, for a camera at height 1 that looks
+/// along z. The horizon is slightly below the middle.
 fn seen(kind: Kind, s: f32) -> f32 {
     let below = match kind {
         Kind::Sphere => (2.0 / s).sqrt(),
@@ -86,7 +87,7 @@ fn ground_reaches_the_horizon() {
             let mut build = standing([64.0, 48.0]);
             ground(&mut build, kind, s, MotionTransform::default(), &[]);
             let (found, exact) = (alpha(&build, &[], None), seen(kind, s));
-            // A row of samples is a 192th of the image.
+            // One row of samples is 1/192 of the image.
             let room = if matches!(kind, Kind::Sphere) { 1e-3 + 1.0 / 384.0 } else { 1e-3 };
             assert!((found - exact).abs() < room, "{kind:?} {s:e}: {found} instead of {exact}");
         }
@@ -99,7 +100,7 @@ fn ground_reaches_the_horizon() {
 
 #[test]
 fn ground_under_cameras_that_look_down() {
-    // The horizon is a straight line in the image, tan (pitch) above the middle of it.
+    // The horizon is a straight line in the image, tan (pitch) above its middle.
     let pitch = 0.35_f32;
     for kind in ALL {
         for s in [1e6, 1e8] {
@@ -135,7 +136,8 @@ fn ground_that_is_displaced_moves_or_is_out_of_focus() {
             build.camera.extend(camera);
             ground(&mut build, kind, s, to_world, &[("float displace:maxradius", &[0.1])]);
             let found = alpha(&build, &[], displace);
-            // As above, and twice where the horizon is a blurred one.
+            // The tolerance is that of a sharp horizon, with twice the part for the rows of samples because a horizon
+            // may be blurred.
             let room = if matches!(kind, Kind::Sphere) { 1e-3 + 1.0 / 192.0 } else { 1e-3 };
             assert!((found - 0.5).abs() < room, "{kind:?} {s:e} {what}: {found}");
         }

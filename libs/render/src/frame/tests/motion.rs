@@ -1,10 +1,10 @@
-//! Primitives that exist for a part of the shutter, and primitive variables that change (reference 2.7).
+//! Tests primitives that exist for a part of the shutter, and primitive variables that change (reference 2.7).
 
 use super::*;
 use granita_base::Vec2;
 
-/// A square of half side 1 at each of some times, moved along x by the first number, of the grey and opacity of the
-/// others.
+/// Adds a square of half side 1 with a key at each of some times. The numbers of a key are the offset along x, the grey
+/// and the opacity.
 fn moving_square(build: &mut Build, keys: &[(f32, [f32; 3])], to_world: MotionTransform) {
     let (shape, _) = square(1.0);
     build.add(shape, Params::new(), attributes(&[], to_world));
@@ -44,9 +44,9 @@ fn variables_are_blended_at_the_time_of_each_sample() {
     for (keys, [color, alpha]) in [
         (vec![(0.0, [0.0, 0.0, 1.0]), (1.0, [0.0, 1.0, 1.0])], [0.5, 1.0]),
         (vec![(0.0, [0.0, 1.0, 1.0]), (0.25, [0.0, 1.0, 0.0]), (1.0, [0.0, 1.0, 0.0])], [0.125, 0.125]),
-        // Keys beyond the shutter: its part of them counts.
+        // The keys lie beyond the shutter. The part inside of the shutter counts.
         (vec![(-1.0, [0.0, 0.0, 1.0]), (1.0, [0.0, 1.0, 1.0])], [0.75, 1.0]),
-        // Here while it is dark: a quarter of the shutter each, on the way in and on the way out.
+        // The square covers the pixel for a quarter of the shutter, with a mean grey of 0.4.
         (vec![(0.0, [-4.0, 0.0, 1.0]), (1.0, [4.0, 0.8, 1.0])], [0.1, 0.25]),
         (vec![(0.5, [0.0, 0.0, 1.0]), (1.0, [0.0, 1.0, 1.0])], [0.25, 0.5]),
     ] {
@@ -65,7 +65,7 @@ fn one_instant_shows_what_exists_then_as_it_is_then() {
         let shown = means(&build, &[("float[2] shutter", vec![time, time])]);
         assert!((Vec2::from(shown) - Vec2::from(wanted)).length() < 1e-5, "{time}: {shown:?}");
     }
-    // Without a shutter: as at the earliest time.
+    // Without a shutter, the primitive is shown at its earliest time.
     let [r, a] = means(&build, &[("float[2] shutter", vec![0.0, 0.0])]);
     assert!((r - 0.2).abs() < 1e-5 && a == 1.0, "{r} {a}");
 }

@@ -1,8 +1,8 @@
-//! "limits:autopassreduction": fewer samples where nothing blurs.
+//! Tests "limits:autopassreduction", which takes fewer samples where nothing blurs.
 
 use super::*;
 
-/// A moving square on the left, a still sphere on the right.
+/// Returns a scene with a moving square on the left and a still sphere on the right.
 fn half_moving() -> Build {
     let mut build = flat_camera();
     build.camera.push(("float[2] shutter", vec![0.0, 1.0]));
@@ -33,7 +33,7 @@ fn still_parts_have_the_spatial_quality_and_moving_ones_all_of_it() {
     for y in 0..48 {
         for x in 0..64 {
             let [reduced, full, still] = [&reduced, &full, &still].map(|image| pixel(image, 4, x, y));
-            // The square sweeps from x = 3 to 21 and from y = 16 to 31, give or take the filter.
+            // The square sweeps from x = 3 to 21 and from y = 16 to 31. The filter adds a margin.
             if x > 24 {
                 assert_eq!(reduced, still, "at {x} {y}");
                 still_pixels += usize::from(full != still);
@@ -51,7 +51,7 @@ fn without_samples_to_spare_only_what_blurs_invisibly_changes() {
     let off = ("int limits:autopassreduction", vec![0.0]);
     let build = half_moving();
     assert!(with(&build, &[]) == with(&build, std::slice::from_ref(&off)), "what stands still is the same");
-    // A sphere that moves by 0.005 pixels, 40 pixels wide; and a lens that blurs by as little.
+    // The sphere is 40 pixels wide and moves by 0.004 pixels.
     let mut slow = flat_camera();
     slow.camera.push(("float[2] shutter", vec![0.0, 1.0]));
     let moving = MotionTransform::from_keys(vec![
@@ -101,6 +101,6 @@ fn depth_passes_take_the_scenes_word_for_what_is_opaque() {
     assert!(z > 1e6 && shaded > 0, "{z} {shaded}");
     let trusted = [("color opacity", half), ("int ray:opaqueshadows", forced)];
     assert_eq!(counted(&trusted, "z"), (5.0, 0));
-    // Colours are another matter.
+    // Colours still need shading.
     assert!(counted(&trusted, "rgb").1 > 0);
 }

@@ -1,10 +1,10 @@
-//! Which sides of the faces of a mesh go on in others.
+//! Tests which sides of the faces of a mesh continue in other faces.
 
 use super::*;
 use parking_lot::Mutex;
 
-/// A book half open, its back along y: two faces of two corners in common, with these normals at the six corners, if
-/// any.
+/// Returns for each grid of a half open book which of its sides continue in other faces. The back of the book lies
+/// along y. Its one or two faces share two corners and have these normals at the six corners, if any.
 fn seams_of(subdivide: bool, faces: usize, normals: Option<[[f32; 3]; 6]>) -> Vec<[bool; 4]> {
     let mut build = flat_camera();
     let points =
@@ -33,14 +33,15 @@ fn smooth_meshes_go_on_beyond_their_faces_and_flat_ones_do_not() {
     let flat = |x: f32| [x, 0.0, -1.0];
     assert!(seams_of(false, 2, None).iter().all(|s| *s == [false; 4]));
     assert!(seams_of(true, 2, None).iter().all(|s| *s == [true; 4]));
-    // One face alone ends where it ends.
+    // A single face ends at all its sides.
     assert!(seams_of(false, 1, None).iter().all(|s| *s == [false; 4]));
-    // The same normal for both at the back, its own at the other ends: the back goes on, and so do the sides that bend.
+    // Both faces have the same normal at the back and their own normals at the other ends. The back continues, and so
+    // do the sides that bend.
     let round =
         seams_of(false, 2, Some([flat(0.0), flat(0.0), flat(-1.0), flat(-1.0), flat(1.0), flat(1.0)]));
     assert!(round.iter().all(|s| s.iter().filter(|x| **x).count() == 3), "{round:?}");
-    // Normals of the face itself are given, as exporters do: that is as flat as none. (Only the right face is left to
-    // see here.)
+    // The normals of the face itself are given, as exporters do. It is then as flat as without normals. Only the right
+    // face is visible here.
     let own = seams_of(false, 2, Some([flat(-1.0); 6]));
     assert!(own.contains(&[false; 4]) && own.contains(&[true; 4]), "{own:?}");
 }

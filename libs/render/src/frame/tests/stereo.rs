@@ -1,4 +1,4 @@
-//! Two eyes that share their grids.
+//! Tests two eyes that share their grids.
 
 use super::*;
 use granita_base::hash;
@@ -11,7 +11,7 @@ const STEREO: Stereo = Stereo {
     shade: ShadedFrom::Center,
 };
 
-/// The images that the eyes see, and what was done for them.
+/// Returns the images of the eyes, and the statistics of the frame.
 fn seen<S: FrameShader>(
     build: &Build,
     view: &CameraView,
@@ -80,7 +80,7 @@ fn both_images_do_not_depend_on_threads_buckets_or_crops() {
     }
 }
 
-/// Column of the middle of what is there.
+/// Returns the column of the centre of mass of the alpha, in pixels.
 fn middle(image: &[f32], width: usize) -> f32 {
     let (mut mass, mut first) = (0.0, 0.0);
     for (k, pixel) in image.chunks(4).enumerate() {
@@ -92,7 +92,7 @@ fn middle(image: &[f32], width: usize) -> f32 {
 
 #[test]
 fn what_is_seen_lies_apart_by_its_disparity() {
-    // 64 pixels high, 90 degrees: 32 pixels a unit at depth 1.
+    // The image is 64 pixels high and covers 90 degrees, which is 32 pixels per unit at depth 1.
     let base = || Build {
         camera: vec![("int[2] resolution", vec![96.0, 64.0]), ("int[2] spatialquality", vec![16.0, 16.0])],
         ..Build::default()
@@ -101,7 +101,7 @@ fn what_is_seen_lies_apart_by_its_disparity() {
     {
         let mut build = base();
         if lens {
-            // In focus at the depth of convergence, not here.
+            // The depth of convergence is in focus. The square here is not.
             build.camera.extend([
                 ("float fstop", vec![2.0]),
                 ("float focallength", vec![0.5]),
@@ -131,7 +131,7 @@ fn what_is_seen_lies_apart_by_its_disparity() {
 
 #[test]
 fn what_only_one_eye_sees_is_there() {
-    // The frustum of the middle ends at x = 3 at this depth, that of the right eye at 3.5.
+    // The frustum of the middle ends at x = 3 at this depth, and that of the right eye at 3.5.
     let mut build = Build {
         camera: vec![("int[2] resolution", vec![64.0, 64.0]), ("int[2] limits:bucketsize", vec![16.0, 16.0])],
         ..Build::default()
@@ -142,7 +142,7 @@ fn what_only_one_eye_sees_is_there() {
     for shade in [ShadedFrom::Center, ShadedFrom::Left, ShadedFrom::Right] {
         let images = stereo_images(&build, Stereo { shade, ..stereo });
         assert_eq!(mass(&images[0]), 0.0);
-        // 0.4 units of 32 / 3 pixels a side.
+        // The square has 0.4 units per side, and a unit is 32 / 3 pixels.
         let exact = (0.4 * 32.0 / 3.0_f32).powi(2);
         assert!((mass(&images[1]) / exact - 1.0).abs() < 0.02, "{}", mass(&images[1]));
     }
