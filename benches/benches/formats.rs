@@ -1,6 +1,8 @@
-//! Files: what texture making rests on. Tiles written and read, rows of the pictures that textures are made from.
+//! Measures the files that texture making reads and writes: the tiles of textures, and the rows of the images that they
+//! are made from.
 //!
-//! All in one thread and in all of them; the disk is part of it, so put the folder for temporary files into memory.
+//! Each file is measured with one thread and with all of them. The times include the disk, so put the folder for
+//! temporary files into memory.
 
 #![allow(missing_docs, reason = "criterion's macros")]
 #![allow(clippy::print_stdout, reason = "sizes beside the times")]
@@ -13,10 +15,10 @@ use granita_plugin::bundled_formats;
 use std::path::Path;
 use std::time::Duration;
 
-/// Pixels per side.
+/// The number of pixels of each side.
 const SIDE: u32 = 1024;
 
-/// Like a photograph: smooth gradients with a little noise.
+/// Returns an image like a photograph, with smooth gradients and a little noise.
 fn photograph(pixel_type: PixelType) -> Pixels {
     let value = |i: u32| {
         let (x, y, c) = (i / 3 % SIDE, i / 3 / SIDE, i % 3);

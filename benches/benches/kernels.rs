@@ -1,4 +1,4 @@
-//! Kernels: dice, closest hit, texture lookup, searches of spatial databases.
+//! Measures kernels: dicing, closest hits, texture lookups, and searches of spatial databases.
 
 #![allow(missing_docs, reason = "criterion's macros")]
 #![allow(clippy::unwrap_used, reason = "a bench that cannot go on ends")]
@@ -13,7 +13,7 @@ use granita_texture::{CacheOptions, Lookup, TextureCache, Use};
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::hint::black_box;
 
-/// A unit sphere.
+/// Returns a unit sphere.
 fn sphere() -> Piece {
     let shape = ShapeDesc::Sphere { radius: 1.0, zmin: -1.0, zmax: 1.0, thetamax_deg: 360.0 };
     let params = Params::new();
@@ -29,7 +29,7 @@ fn dice(c: &mut Criterion) {
     group.finish();
 }
 
-/// A sphere of `2 n^2` triangles, dented so that its triangles differ.
+/// Returns a tracer for a sphere of `2 n^2` triangles, dented so that its triangles differ.
 fn dented(n: usize) -> Tracer {
     let dice = sphere().dice(n + 1, n + 1);
     let positions: Vec<Vec3> =
@@ -47,7 +47,7 @@ fn dented(n: usize) -> Tracer {
     builder.build(1)
 }
 
-/// Rays from a sphere of radius 3 through random places of the unit ball.
+/// Returns rays from a sphere of radius 3 through random positions in the unit ball.
 fn rays(count: u32) -> Vec<Ray> {
     let random = |i: u32, d: u32| granita_base::hash::unit(granita_base::hash::words(&[i, d])) * 2.0 - 1.0;
     (0..count)
@@ -107,7 +107,8 @@ fn lookup(c: &mut Criterion) {
     group.finish();
 }
 
-/// A million photons: half of them even on a square, half crowded along a ring as under a lens.
+/// Returns a million photons. Half of them are spread evenly over a square. The other half are crowded along a ring, as
+/// under a lens.
 fn photons() -> Packed {
     let unit = |i: u32, d: u32| granita_base::hash::unit(granita_base::hash::words(&[i, d]));
     let record = |i: u32| {

@@ -1,5 +1,5 @@
-//! Shading: what the executor costs per point beside the same formulas written in Rust over the same lanes,
-//! how long compiling takes, and what the noises look like.
+//! Measures shading: the cost of the executor per point, compared with the same formulas written in Rust over the same
+//! lanes, the time of compiling, and the statistics of the noises.
 
 #![allow(clippy::print_stdout, reason = "prints a table")]
 
@@ -11,11 +11,11 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Points of a grid.
+/// The number of points of each side of a grid.
 const SIDE: usize = 16;
 const N: usize = SIDE * SIDE;
 
-/// No textures, lights or rays.
+/// A host without textures, lights and rays.
 struct Nothing;
 
 impl Spaces for Nothing {
@@ -82,7 +82,7 @@ fn group(source: &str, optimize: bool) -> Group {
         .expect("a group")
 }
 
-/// A wavy patch.
+/// Returns a wavy patch.
 fn patch() -> Grid {
     let mut grid = Grid::new(Topology::Rect { nu: SIDE, nv: SIDE });
     for k in 0..N {
@@ -97,7 +97,7 @@ fn patch() -> Grid {
     grid
 }
 
-/// Nanoseconds per point of the quickest of many runs.
+/// Returns the nanoseconds per point of the fastest of many runs.
 fn per_point(mut f: impl FnMut()) -> f64 {
     let mut best = f64::INFINITY;
     for _ in 0..40 {
@@ -122,7 +122,7 @@ fn shader_cost(source: &str, optimize: bool) -> (f64, Lanes3) {
     (cost, colors)
 }
 
-/// Turbulence, a spline through colours, and a highlight.
+/// A shader with turbulence, a spline through colours, and a highlight.
 const PROCEDURAL: &str = "surface procedural (float freq = 2) {
     float turbulence = 0, f = freq;
     for (float k = 0; k < 4; ++k) {
@@ -140,7 +140,7 @@ const PROCEDURAL: &str = "surface procedural (float freq = 2) {
     C = base * (0.1 + 0.9 * kd) + 0.5 * ks;
 }";
 
-/// Nothing but arithmetic.
+/// A shader that only does arithmetic.
 const ARITHMETIC: &str = "surface arithmetic (float a = 0.25, float b = 3) {
     float x = u * b - a;
     float y = v * b + a;
@@ -157,7 +157,7 @@ const ARITHMETIC: &str = "surface arithmetic (float a = 0.25, float b = 3) {
 }";
 
 fn main() {
-    // cargo passes "--bench"; a name restricts what runs.
+    // cargo passes "--bench". Any other argument restricts the measurements to those whose names contain it.
     let only: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let wanted = |name: &str| only.is_empty() || only.iter().any(|o| name.contains(o.as_str()));
     if wanted("speed") {
@@ -176,7 +176,7 @@ fn main() {
     }
 }
 
-/// Shaders whose names contain `only`.
+/// Measures the shaders whose names contain `only`.
 fn speed(only: &str) {
     println!("{N}-point grids, ns per point      unoptimised  optimised  Rust   ratio");
     type ByHand = fn(&Grid, &mut Lanes3);
@@ -196,7 +196,7 @@ fn speed(only: &str) {
     }
 }
 
-/// One function applied over and over.
+/// Measures shaders that apply one function repeatedly.
 fn functions() {
     println!("\nfunction                ns per point and call");
     for call in [
@@ -264,7 +264,7 @@ fn compiling() {
     println!("linking and optimising it: {:.2} ms", best.fold(f64::INFINITY, f64::min) * 1e3);
 }
 
-/// Values of an expression of P at given points.
+/// Returns the values of an expression of P at given points.
 fn values(expression: &str, points: &[Vec3]) -> Vec<f32> {
     let group = group(&format!("surface t (output float r = 0) {{ r = {expression}; }}"), true);
     let mut executor = Executor::new();
@@ -303,7 +303,8 @@ fn noise_statistics() {
         let (low, high) = v.iter().fold((f32::MAX, f32::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         println!("{expression:<26} {mean:>7.4} {:>11.4} {low:>9.4} {high:>9.4}", variance.sqrt());
     }
-    // How much a short step changes the noise, along different directions: equal when it is isotropic.
+    // Prints the mean square of the change over a short step, along different directions. The values are equal when the
+    // noise is isotropic.
     println!("\nsnoise (P): mean square of the change over a step of 0.1, by direction");
     let base = values("snoise (P)", &points);
     for (name, direction) in [
@@ -322,7 +323,7 @@ fn noise_statistics() {
     spectrum();
 }
 
-/// Power by octave of frequency along random lines, by a plain Fourier transform.
+/// Prints the power in each octave of frequency along random lines, computed with a plain Fourier transform.
 fn spectrum() {
     const M: usize = 512;
     println!("\nsnoise (P) along lines: share of the power by frequency (cycles per unit)");
@@ -332,13 +333,13 @@ fn spectrum() {
         let origin = Vec3::new(random(line, 0), random(line, 1), random(line, 2)) * 300.0;
         let direction =
             Vec3::new(random(line, 3) - 0.5, random(line, 4) - 0.5, random(line, 5) - 0.5).normalize();
-        // 32 units long, 16 samples a unit.
+        // The line is 32 units long and has 16 samples per unit.
         let points: Vec<Vec3> = (0..M).map(|i| origin + direction * (i as f32 / 16.0)).collect();
         let v = values("snoise (P)", &points);
         for (k, p) in power.iter_mut().enumerate() {
             let (mut re, mut im) = (0.0, 0.0);
             for (i, x) in v.iter().enumerate() {
-                // A window keeps the ends from ringing.
+                // A window prevents ringing at the ends.
                 let window = 0.5 - 0.5 * (std::f64::consts::TAU * i as f64 / M as f64).cos();
                 let angle = std::f64::consts::TAU * (k * i) as f64 / M as f64;
                 re += f64::from(*x) * window * angle.cos();
@@ -359,7 +360,7 @@ fn spectrum() {
     }
 }
 
-/// The shaders above as a programmer writes them who knows that there are lanes.
+/// The shaders above, written in Rust for lanes.
 mod by_hand {
     use super::{N, Vec3};
     use granita_base::hash::mix32;

@@ -1,4 +1,5 @@
-// What a call from C++ costs: nanoseconds of processor time per call, the best of several rounds; and how much memory a mesh takes.
+// Measures the cost of calls from C++, in nanoseconds of processor time per call (the best of several rounds), and the
+// memory of a mesh.
 #include <algorithm>
 #include <stdio.h>
 #include <sys/resource.h>
@@ -7,7 +8,7 @@
 
 #include "gelatoapi.h"
 
-// Seconds of this thread.
+// Returns the processor time of this thread, in seconds.
 static double now ()
 {
     struct timespec t;
@@ -28,7 +29,7 @@ template <class F> static void measure (const char *what, int calls, F f)
     printf ("%-44s %7.1f ns\n", what, best * 1e9);
 }
 
-// Bytes of the most memory so far.
+// Returns the peak memory so far, in bytes.
 static double peak ()
 {
     struct rusage usage;
@@ -57,7 +58,7 @@ int main ()
     measure ("Attribute, of the object", 1, [&] (int i) { r->Attribute ("shadingquality", i & 1 ? 1.0f : 0.5f); });
     measure ("GetAttribute, a float", 1, [&] (int) { r->GetAttribute ("shadingquality", value); });
 
-    // A mesh of a million quadrilaterals: 12 MB of points, 20 MB of numbers.
+    // The mesh has a million quadrilaterals, with 12 MB of points and 20 MB of integers.
     const int n = 1000;
     std::vector<float> points;
     std::vector<int> nverts (n * n, 4), verts;

@@ -1,13 +1,17 @@
-//! Our tree of triangles that stand still beside those of the crate `obvhs`, on the same meshes and rays in the same
+//! Compares our tree of triangles without motion with those of the crate `obvhs`, on the same meshes and rays in one
 //! run.
 //!
 //! `cargo run --release -p granita-benches --example trees -- [MESH.ply|MESH.obj ...]`
 //!
-//! A displaced sphere of 250,000 triangles and 200,000 triangles anyhow are made here; other meshes are files. For each
-//! tree: seconds of processor time that building takes, wall seconds with two threads, and millions of rays a second of
-//! processor time, for three kinds of rays with one thread, and for all three with two (by the slower of both); the
-//! last column is the number of rays, of 393,216, whose distance is not ours to the bit. The better of two turns
-//! counts.
+//! The built-in meshes are a displaced sphere of 250,000 triangles and 200,000 random triangles. Other meshes are
+//! files. The table has these columns for each tree:
+//!
+//! - the seconds of processor time of a build, and the wall clock seconds with two threads;
+//! - the millions of rays per second of processor time with one thread, for each of three kinds of rays;
+//! - the same for all kinds together with two threads, by the slower of both;
+//! - the number of rays, of 393,216, whose distance differs from ours in any bit.
+//!
+//! Each value is the better of two runs.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -25,7 +29,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-/// How often everything is measured.
+/// The number of runs of each measurement.
 const TURNS: usize = 2;
 
 fn main() -> ExitCode {
@@ -53,14 +57,14 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// A tree that was built, and the triangles as it wants them.
+/// A tree, with the triangles in the order that it needs.
 enum Tree {
     Ours(Tracer),
     Two(Bvh2, Vec<RtTriangle>),
     Wide(CwBvh, Vec<RtTriangle>),
 }
 
-/// What trees there are.
+/// The kinds of trees.
 #[derive(Clone, Copy)]
 enum Kind {
     Ours,
@@ -98,7 +102,7 @@ impl Tree {
         }
     }
 
-    /// Distances to what rays hit; infinite for none.
+    /// Stores the distances to the closest hits; infinite for a miss.
     fn closest(&self, rays: &[Ray], hits: &mut [Hit], distances: &mut [f32]) {
         let theirs =
             |r: &Ray| TheirRay::new(r.origin.to_array().into(), r.dir.to_array().into(), r.tmin, r.tmax);
@@ -127,19 +131,19 @@ impl Tree {
     }
 }
 
-/// The best of all turns with a tree, in seconds.
+/// The best of all runs with a tree, in seconds.
 #[derive(Clone, Copy)]
 struct Times {
     build: f64,
     build_two: f64,
     kinds: [f64; 3],
     two: f64,
-    /// Rays whose distance is not ours, to the bit.
+    /// The number of rays whose distance differs from ours in any bit.
     differ: usize,
 }
 
 fn compare(name: &str, mesh: &TriangleMesh) -> Result<(), String> {
-    // Every eighth of a million.
+    // Uses every eighth ray.
     let rays: Vec<Vec<Ray>> =
         KINDS.iter().map(|kind| rays(mesh, kind).into_iter().step_by(8).collect()).collect();
     let p = |v: u32| mesh.positions[0][v as usize].to_array();
@@ -195,7 +199,7 @@ fn compare(name: &str, mesh: &TriangleMesh) -> Result<(), String> {
     Ok(())
 }
 
-/// Seconds that two threads need, by the processor time of the slower one.
+/// Returns the seconds that two threads need, by the processor time of the slower one.
 fn by_two(tree: &Tree, rays: &[Ray], hits: &mut [Hit], distances: &mut [f32]) -> f64 {
     let half = rays.len() / 2;
     let (first, second) = rays.split_at(half);

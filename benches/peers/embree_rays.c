@@ -1,6 +1,7 @@
-/* Embree's single-ray calls without anything around them: embree_rays LIBRARY FOLDER.
-   Reads mesh.v (three floats a vertex), mesh.f (three indices a triangle) and NAME.rays (origin, smallest distance,
-   direction, largest distance) of FOLDER; prints "NAME closest|any SECONDS HITS", seconds of one thread. */
+/* Measures Embree's single-ray calls alone: embree_rays LIBRARY FOLDER.
+   Reads from FOLDER mesh.v (three floats per vertex), mesh.f (three indices per triangle) and NAME.rays (origin, least
+   distance, direction, largest distance). Prints lines "NAME closest|any SECONDS HITS". The seconds are those of one
+   thread. */
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,14 +22,14 @@ static void *whole(const char *folder, const char *name, size_t *size) {
     fseek(file, 0, SEEK_END);
     *size = (size_t)ftell(file);
     rewind(file);
-    /* Embree reads up to 16 bytes behind the last vertex. */
+    /* Embree reads up to 16 bytes beyond the last vertex. */
     void *data = malloc(*size + 64);
     if (!data || fread(data, 1, *size, file) != *size) exit(2);
     fclose(file);
     return data;
 }
 
-/* RTCRayHit, with room for what versions of the library add at its end. */
+/* RTCRayHit, with space for the fields that newer versions of the library have at its end. */
 typedef struct {
     float origin[3], tnear, dir[3], time, tfar;
     unsigned mask, id, flags;

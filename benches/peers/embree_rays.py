@@ -1,6 +1,6 @@
-"""Embree by way of embreex: embree_rays.py FOLDER, or --library for the path of its library.
+"""Measures Embree through embreex: embree_rays.py FOLDER. With --library it prints the path of Embree's library.
 
-Reads what embree_rays.c reads and prints the same lines.
+It reads the same files as embree_rays.c and prints the same lines.
 """
 
 import pathlib

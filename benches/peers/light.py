@@ -1,18 +1,22 @@
-"""Indirect light and occlusion beside Mitsuba 3 and Cycles: how long each takes to come how near.
+"""Compares the error over time of indirect light and occlusion with Mitsuba 3 and Cycles.
 
     python3 benches/peers/light.py --gelato target/release/gelato [--threads N] [--side PIXELS] [--quick]
         [--mesh FILE.ply] [--panorama FILE.exr] [--only WORD] [--limit SECONDS] [--processor]
 
-Mitsuba is the package `mitsuba` of Python (3.5 or later), which also makes the references: without it the script says so and ends.
-Its variant `llvm_ad_rgb` is used where its LLVM library is found (DRJIT_LIBLLVM_PATH), `scalar_rgb` elsewhere. Cycles is the package
-`bpy` (4.2 or later); without it the tables have no rows of it. From the root of the checkout.
+Run it from the root of the checkout. Mitsuba is the Python package `mitsuba` (3.5 or later). It also makes the
+references. Without it the script prints a line and ends. Its variant `llvm_ad_rgb` is used where its LLVM library is
+found (DRJIT_LIBLLVM_PATH), and `scalar_rgb` elsewhere. Cycles is the package `bpy` (4.2 or later). Without it the
+tables have no rows for Cycles.
 
-Three scenes: the Cornell box under a point light, a room with the sun in its window, and a mesh on a floor under a panorama (a rabbit
-when no other is named). Of the first two the light of one bounce is compared, of the third that of the panorama; of
-all, how open points are to an even sky. Pixels on edges of shapes and of direct light do not count (the programs filter edges
-differently; `--walls` compares means by shape first). Errors are root mean squares over the mean of the reference, whose noise is taken off. Times are of the whole program
-for gelato; for the others, of a picture of a scene that is loaded (Mitsuba) or was rendered before (Cycles), and, on the last line of
-a table, by how much more a program takes that starts, loads the scene and renders one picture.
+There are three scenes: the Cornell box under a point light, a room with the sun in its window, and a mesh (by default a
+rabbit) on a floor under a panorama. The light of one bounce is compared in the first two, and the light of the panorama
+in the third. Occlusion under a uniform sky is compared in all of them.
+
+Pixels on edges of shapes and of direct light do not count, because the programs filter edges differently. `--walls`
+first compares means by shape. Errors are root mean squares, divided by the mean of the reference, without the noise of
+the reference. The times of gelato are those of the whole program. Those of the others are the times of an image of a
+scene that is loaded (Mitsuba) or was rendered before (Cycles). The last line of a table gives the additional time of a
+program that starts, loads the scene and renders one image.
 """
 
 import argparse
@@ -40,19 +44,20 @@ import light_gelato
 import light_scenes
 
 BARS = (0.05, 0.03, 0.02, 0.01)
-# Samples a pixel of the others.
+# The samples per pixel of the other programs.
 SAMPLES = (4, 16, 64, 256, 1024)
 
 
 def luminance_edges(image):
-    """Pixels whose neighbours are far from what they are."""
+    """Returns true for pixels that differ much from their neighbours."""
     grey = image.mean(2)
     all = np.stack([np.roll(grey, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1)])
     return np.ptp(all, 0) > 0.2 * all.max(0)
 
 
 def error(image, reference, mask):
-    """Root mean square over the mean; the noise of the reference, known from its halves, is taken away."""
+    """Returns the root mean square error, divided by the mean. The noise of the reference is subtracted. It follows
+    from the difference of the two halves of the reference."""
     (a, b), image = (r[mask].mean(1) for r in reference), image[mask].mean(1)
     whole = 0.5 * (a + b)
     square = ((image - whole) ** 2).mean() - 0.25 * ((a - b) ** 2).mean()
@@ -60,7 +65,8 @@ def error(image, reference, mask):
 
 
 def at(curve, bar):
-    """Time at which a curve of (seconds, error) first passes a bar, by powers between its points; none when it does not."""
+    """Returns the time in seconds at which a curve of (seconds, error) first falls to a limit, interpolated by powers
+    between its points. Returns None when the curve stays above the limit."""
     best = []
     for seconds, e in sorted(curve):
         if not best or e < best[-1][1]:
@@ -72,7 +78,8 @@ def at(curve, bar):
 
 
 def beyond(curve, bar):
-    """Where noise alone, which falls as the square root of the time, would bring a curve that ends above a bar."""
+    """Returns the extrapolated time in seconds at which a curve that ends above a limit would reach it. The error is
+    taken as noise, which falls with the square root of the time."""
     seconds, e = sorted(curve)[-1]
     return seconds * (e / bar) ** 2
 
@@ -109,7 +116,7 @@ def walls(scene, image, reference, where):
 
 
 def start(module, words, place):
-    """Seconds of a program that renders one small picture, from its start."""
+    """Returns the seconds of a program that renders one small image, from its start."""
     path = f"{place}/start.pickle"
     with open(path, "wb") as file:
         pickle.dump(words, file)
@@ -125,15 +132,15 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
     where = mitsuba.shapes()
     many = 576 if words.quick else 2304
     direct = 0
-    # Without the light of the lamp itself, which only edges make noisy.
+    # The direct light of the lamp is subtracted. It is noisy only at edges.
     if kind == "bounce":
         direct = mitsuba.render("direct", 256, 99)[0]
         where[luminance_edges(direct)] = -1
     reference = [mitsuba.render(kind, many, 100 + k)[0] - direct for k in range(2)]
     mask = where > 0
     own = ours.render(scene, files, side, "direct", "")[0] if kind == "bounce" else 0
-    # What is gathered by cones, between few points; a panorama also by directions drawn by its light, at every point.
-    # A list of settings ends at its first picture that takes too long.
+    # Light is gathered with cones at few points, and interpolated between them. A panorama is also sampled at every
+    # point, in directions distributed by its light. A list of settings ends at its first image that takes too long.
     numbers = (16, 32, 48, 64, 128, 256, 512, 1024, 2048, 4096)
     lists = [[(f"samples {n}, maxerror {e}, maxpixeldist {d}", kind,
                f'"float samples", {n}, "float adaptive", 0, "float maxerror", {e}, "float maxpixeldist", {d}') for n in numbers]

@@ -1,4 +1,4 @@
-"""Scenes of benches/peers/light.py for Cycles (package `bpy`)."""
+"""Renders the scenes of benches/peers/light.py with Cycles (package `bpy`)."""
 
 import contextlib
 import os
@@ -78,7 +78,7 @@ class Cycles:
             image = nodes.new("ShaderNodeTexEnvironment")
             image.image = bpy.data.images.load(os.path.abspath(scene.panorama))
             image.image.colorspace_settings.name = "Linear Rec.709"
-            # Cycles has z up in panoramas, and their middle towards x.
+            # In Cycles, z is up in panoramas, and their middle is towards x.
             to = nodes.new("ShaderNodeMapping")
             to.vector_type = "POINT"
             to.inputs["Rotation"].default_value = (np.pi / 2, 0, np.pi / 2)
@@ -91,7 +91,7 @@ class Cycles:
         if scene.lamp:
             light = bpy.data.lights.new("lamp", "POINT")
             light.shadow_soft_size = 0
-            # Watts of all directions, over pi.
+            # The energy is the power over all directions in watts, divided by pi.
             light.energy = 4 * np.pi * np.pi * scene.strength
         else:
             light = bpy.data.lights.new("sun", "SUN")
@@ -126,14 +126,14 @@ class Cycles:
         self.out.collection.objects.link(bpy.data.objects.new(shape.name, mesh))
 
     def render(self, spp, seed=0):
-        """The picture of what is measured, without direct light of lamps, and seconds."""
+        """Returns the image of the measured light, without direct light of lamps, and the seconds."""
         self.out.cycles.samples, self.out.cycles.seed = spp, seed
         self.out.render.filepath = f"{self.place}/cycles.exr"
         with silence():
             begin = self.clock()
             bpy.ops.render.render(write_still=True)
             seconds = self.clock() - begin
-        # Named otherwise before version 5.
+        # The names differ before version 5.
         part = ("Diffuse Indirect", "DiffInd") if self.measure == "bounce" else ("Diffuse Direct", "DiffDir")
         light, color = (self.read(self.out.render.filepath, names) for names in (part, ("Diffuse Color", "DiffCol")))
         return light * color, seconds
@@ -141,7 +141,7 @@ class Cycles:
 
 @contextlib.contextmanager
 def silence():
-    """Cycles tells the terminal of every file that it saves."""
+    """Discards the standard output, on which Cycles prints every file that it saves."""
     kept, nothing = os.dup(1), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
     try:
@@ -153,7 +153,7 @@ def silence():
 
 
 if __name__ == "__main__":
-    # As in light_mitsuba.
+    # Renders one small image, to measure the start of the program, as light_mitsuba does.
     with open(sys.argv[1], "rb") as file:
         threads, place, scene, side, measure = pickle.load(file)
     program = Cycles(threads, place, lambda path, words: 1, False)

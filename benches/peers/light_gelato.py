@@ -1,4 +1,4 @@
-"""Scenes of benches/peers/light.py for gelato."""
+"""Renders the scenes of benches/peers/light.py with gelato."""
 
 import math
 import os
@@ -8,13 +8,13 @@ import time
 
 
 def processor_time():
-    """Of programs that were started and ended."""
+    """Returns the processor time, in seconds, of the programs that were started and have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 class Gelato:
-    """Renders with a program of this suite; images are arrays of `side` x `side` x 3."""
+    """Renders with a program of this suite. Images are arrays of `side` x `side` x 3."""
 
     name = "gelato"
 
@@ -24,14 +24,16 @@ class Gelato:
         self.image = f"{place}/out.exr"
 
     def panorama(self, path):
-        """Makes an environment map of a panorama, once for all pictures; not timed. OpenEXR's have y up, as the scenes do."""
+        """Makes an environment map of a panorama, once for all images. This is not timed. Those of OpenEXR have y up,
+        like the scenes."""
         map = f"{self.place}/panorama.exr"
         command = f'Command ("system maketx -envlatl -format OpenEXR {os.path.abspath(path)} -o {map}")'
         subprocess.run([self.program, "-silent", "-"], input=command.encode(), check=True)
 
     def render(self, scene, files, side, measure, options):
-        """`measure`: "direct", "bounce", "sky" (how open points are), "panorama" or "drawn" (the panorama's
-        light, in directions drawn by it). The picture and seconds, of the whole program."""
+        """Returns the image and the seconds of the whole program. `measure` is "direct", "bounce", "sky" (the
+        unoccluded part of the sky), "panorama", or "drawn" (the light of the panorama, in directions distributed by
+        it)."""
         text = self.text(scene, files, side, measure, options)
         words = [self.program, "-silent", "-threads", str(self.threads), "-"]
         begin = self.clock()
@@ -43,15 +45,15 @@ class Gelato:
         o, t = scene.origin, scene.target
         x, y, z = (b - a for a, b in zip(o, t))
         turn, tilt = math.degrees(math.atan2(x, z)), math.degrees(math.atan2(y, math.hypot(x, z)))
-        # As Mitsuba, which moves the origins of rays by 9e-5 of this along the normal: about half the distance at which rays leave. (Our
-        # default, 0.01 units, is a twentieth of Stanford's dragon.)
+        # Mitsuba moves the origins of rays along the normal by 9e-5 of this length. That is about half the distance at
+        # which our rays start. (Our default, 0.01 units, is a twentieth of the size of Stanford's dragon.)
         bias = 1.8e-4 * (1 + max(abs(c) for c in t))
         lines = [
             f'Attribute ("float shadow:bias", {bias})',
             f'Attribute ("int[2] resolution", ({side}, {side}))',
             'Attribute ("string projection", "perspective")',
             'Attribute ("int[2] spatialquality", (4, 4))',
-            # The others have this filter, too.
+            # The other programs use the same filter.
             f'Output ("{self.image}", "OpenEXR", "rgb", "camera", "string filter", "box", "float[2] filterwidth", (1, 1))',
             f'Attribute ("float fov", {scene.fov})',
             "Scale (-1, 1, 1)",

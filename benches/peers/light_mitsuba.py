@@ -1,4 +1,4 @@
-"""Scenes of benches/peers/light.py for Mitsuba 3 (package `mitsuba`), which also makes the references."""
+"""Renders the scenes of benches/peers/light.py with Mitsuba 3 (package `mitsuba`), which also makes the references."""
 
 import pickle
 import sys
@@ -7,7 +7,7 @@ import time
 import mitsuba as mi
 import numpy as np
 
-# Samples that are traced at once, at most.
+# The largest number of samples that are traced at once.
 AT_ONCE = 1 << 24
 
 
@@ -15,7 +15,8 @@ class Mitsuba:
     name = "Mitsuba"
 
     def __init__(self, variant, processor):
-        """The quickest variant that there is: its just-in-time compiler needs an LLVM library that it knows (DRJIT_LIBLLVM_PATH)."""
+        """Selects the fastest available variant. The just-in-time compiler needs an LLVM library of a known version
+        (DRJIT_LIBLLVM_PATH)."""
         self.clock = time.process_time if processor else time.time
         for name in [variant] if variant else ["llvm_ad_rgb", "scalar_rgb"]:
             try:
@@ -33,7 +34,7 @@ class Mitsuba:
 
     @staticmethod
     def layer(path, names):
-        """Channels of the layer of a file whose name ends in one of `names`."""
+        """Returns the channels of the layer of a file whose name ends in one of `names`."""
         parts = mi.Bitmap(path).split()
         found = [part for title, part in parts if title.split(".")[-1] in names]
         return np.array(found[0].convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
@@ -69,7 +70,8 @@ class Mitsuba:
 
     def integrator(self, measure):
         if measure == "sky":
-            # Cosine-distributed rays alone: better than rays towards an even sky as well.
+            # Only cosine-distributed rays are traced. The result is better than with additional rays towards the
+            # uniform sky.
             return mi.load_dict({"type": "direct", "emitter_samples": 0, "bsdf_samples": 1})
         if measure == "panorama":
             return mi.load_dict({"type": "direct", "hide_emitters": True})
@@ -84,7 +86,8 @@ class Mitsuba:
         return np.concatenate(parts), self.clock() - begin
 
     def bands(self, count):
-        """Cameras that show some rows each: all samples of a pixel stay together, and well spread."""
+        """Returns cameras that show some rows each. All samples of a pixel are then traced together and stay well
+        distributed."""
         if count not in self.sensors:
             edges = [self.side * k // count for k in range(count + 1)]
             film = dict(self.camera["film"], crop_width=self.side, crop_offset_x=0)
@@ -94,7 +97,7 @@ class Mitsuba:
         return self.sensors[count]
 
     def shapes(self):
-        """Which shape each pixel shows, from 1; -1 for none and for pixels on edges of shapes."""
+        """Returns the number of the shape that each pixel shows, counted from 1; -1 for none and on edges of shapes."""
         integrator = mi.load_dict({"type": "aov", "aovs": "s:shape_index,t:depth"})
         image = np.array(mi.render(self.scene, integrator=integrator, spp=64))
         index, depth = image[..., -2], image[..., -1]
@@ -105,13 +108,13 @@ class Mitsuba:
 
 
 def around(image, what):
-    """What becomes of each pixel and its eight neighbours, as true or false."""
+    """Returns for each pixel whether `what` of it and its eight neighbours is greater than 0."""
     all = [np.roll(image, (y, x), (0, 1)) for y in (-1, 0, 1) for x in (-1, 0, 1)]
     return what(np.stack(all).astype(float), 0) > 0
 
 
 if __name__ == "__main__":
-    # One small picture, from the start of the program: what is not in the times of pictures.
+    # Renders one small image, to measure the start of the program, which the times of images do not contain.
     with open(sys.argv[1], "rb") as file:
         variant, scene, files, side, measure = pickle.load(file)
     program = Mitsuba(variant, False)

@@ -1,6 +1,7 @@
-"""What benches/peers/light.py renders: shapes, cameras and lights in plain numbers, for every program the same.
+"""The scenes of benches/peers/light.py: shapes, cameras and lights as numbers, the same for every program.
 
-World: y up, right handed. Angles are degrees, across the square picture.
+World space is right handed, with y up. Angles are in degrees. The field of view is that of a side of the image, which
+is square.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ WHITE = (0.73,) * 3
 
 @dataclass
 class Shape:
-    """Quads (or a file of triangles with normals at its vertices) of one matte colour."""
+    """Quads of one matte colour, or a file of triangles with normals at the vertices."""
     name: str
     color: tuple
     quads: list = field(default_factory=list)
@@ -26,12 +27,12 @@ class Scene:
     origin: tuple
     target: tuple
     fov: float
-    # Place of a point light of the radiant intensity pi * `strength`, per steradian and channel ...
+    # The position of a point light with the radiant intensity pi * `strength`, per steradian and channel.
     lamp: tuple = None
-    # ... or direction in which sunlight of the irradiance pi * `strength` travels.
+    # The direction in which sunlight of the irradiance pi * `strength` travels. It is used when there is no lamp.
     sun: tuple = None
     strength: float = 1.0
-    # File of a panorama whose light is compared.
+    # The file of the panorama whose light is compared.
     panorama: str = ""
 
 
@@ -41,7 +42,7 @@ def block(top):
 
 
 def cornell():
-    """The Cornell box by the measurements that Cornell University published, under a point light."""
+    """Returns the Cornell box, with the measurements that Cornell University published, under a point light."""
     floor = [(0, 0, 0), (0, 0, 559.2), (556, 0, 559.2), (556, 0, 0)]
     ceiling = [(0, 548.8, 0), (556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2)]
     back = [(0, 0, 559.2), (0, 548.8, 559.2), (556, 548.8, 559.2), (556, 0, 559.2)]
@@ -58,7 +59,7 @@ def cornell():
 
 
 def upright(low, high):
-    """A box along the axes, without its lower side."""
+    """Returns the quads of an axis-aligned box without its lower side."""
     (x0, y0, z0), (x1, y1, z1) = low, high
     return [
         [(x0, y1, z0), (x0, y1, z1), (x1, y1, z1), (x1, y1, z0)],
@@ -70,7 +71,8 @@ def upright(low, high):
 
 
 def room():
-    """A room of 6 x 3 x 8 metres (in centimetres) with one window, through which the sun shines on the floor and a table."""
+    """Returns a room of 6 x 3 x 8 metres (in centimetres) with one window, through which the sun shines on the floor
+    and a table."""
     x, y, z = 600, 300, 800
     low, high, near, far = 90, 240, 300, 560
     wall = [
@@ -93,7 +95,7 @@ def room():
 
 
 def on_a_floor(mesh, vertices, panorama):
-    """A mesh of `vertices` on a floor, under a panorama."""
+    """Returns a scene with a mesh of `vertices` on a floor, under a panorama."""
     low, high = vertices.min(0), vertices.max(0)
     size = float((high - low).max())
     middle = [float(v) for v in 0.5 * (low + high)]
@@ -106,7 +108,7 @@ def on_a_floor(mesh, vertices, panorama):
 
 
 def read_mesh(path):
-    """Vertices and triangles of an OBJ or a PLY file (text, or little or big endian)."""
+    """Returns the vertices and triangles of an OBJ or a PLY file (text, or little or big endian)."""
     if path.endswith(".obj"):
         vertices, triangles = [], []
         for words in (line.split() for line in open(path)):
@@ -139,7 +141,7 @@ def read_mesh(path):
 
 
 def normals(vertices, triangles):
-    """Normals at vertices: the mean of the faces' by area."""
+    """Returns the normals at vertices, which are the means of the normals of the faces, weighted by area."""
     a, b, c = (vertices[triangles[:, k]].astype(float) for k in range(3))
     flat = np.cross(b - a, c - a)
     out = np.zeros((len(vertices), 3))
@@ -150,7 +152,8 @@ def normals(vertices, triangles):
 
 
 def prepare(scene, place):
-    """Writes each shape as an OBJ file; the names of the files, by shape. Meshes have normals at their vertices."""
+    """Writes each shape as an OBJ file. Returns the names of the files by shape. Meshes have normals at their
+    vertices."""
     out = {}
     for shape in scene.shapes:
         path = out[shape.name] = f"{place}/{shape.name}.obj"

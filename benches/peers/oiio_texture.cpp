@@ -1,8 +1,9 @@
-// OpenImageIO's texture lookups without anything around them: oiio_texture TEXTURE LOOKUPS RESULTS CHANNELS.
-// LOOKUPS holds six floats each: s t ds/dx dt/dx ds/dy dt/dy. For each way of filtering prints
-// "NAME THREADS SECONDS WALL": the best of ten runs, all of one thread or shared by two, by the processor time of the thread
-// that took most of it and by the clock; and appends the values of one run to RESULTS, all lookups of the first way, then
-// of the second ...
+// Measures OpenImageIO's texture lookups alone: oiio_texture TEXTURE LOOKUPS RESULTS CHANNELS.
+//
+// LOOKUPS holds six floats for each lookup: s t ds/dx dt/dx ds/dy dt/dy. The program prints a line
+// "NAME THREADS SECONDS WALL" for each way of filtering, with one thread and with two. SECONDS is the processor time of
+// the slower thread, and WALL is the wall clock time. Both are the best of ten runs. For each way of filtering it
+// appends the values of all lookups to RESULTS.
 #include <OpenImageIO/texture.h>
 
 #include <algorithm>

@@ -2,18 +2,18 @@
 
 use std::fmt::Write;
 
-/// What of it costs extra.
+/// The properties of the scene that cost extra.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fur {
-    /// Curves.
+    /// The number of curves.
     pub curves: usize,
-    /// Samples across and down a pixel.
+    /// The number of samples across and down a pixel.
     pub spatialquality: u32,
-    /// Whether the curves move.
+    /// True when the curves move.
     pub moves: bool,
-    /// Whether there is depth of field.
+    /// True when there is depth of field.
     pub defocus: bool,
-    /// Whether two eyes see it.
+    /// True when the frame is rendered for two eyes.
     pub stereo: bool,
 }
 
@@ -23,7 +23,7 @@ impl Default for Fur {
     }
 }
 
-/// Numbers in no order, between 0 and 1: always the same ones.
+/// A generator of random numbers between 0 and 1. The sequence is always the same.
 struct Random(u32);
 
 impl Random {
@@ -34,7 +34,7 @@ impl Random {
 }
 
 impl Fur {
-    /// The scene, 640 x 480 pixels, for `out.tif`.
+    /// Returns the scene, which renders 640 x 480 pixels into `out.tif`.
     pub fn scene(&self) -> String {
         let q = self.spatialquality;
         let mut text = format!(
@@ -73,7 +73,8 @@ impl Fur {
         text
     }
 
-    /// Roots spread evenly over the sphere, tips drooping and moved aside by `sway`.
+    /// Writes the points of the curves. The roots are spread evenly over the sphere. The tips droop and are moved aside
+    /// by `sway`.
     fn points(&self, sway: f64, text: &mut String) {
         let mut random = Random(1);
         for i in 0..self.curves {

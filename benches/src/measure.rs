@@ -1,24 +1,25 @@
-//! Wall clock, processor time and peak memory of a child process.
+//! Measures wall clock time, processor time and peak memory of a child process.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a run cost.
+/// The cost of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cost {
-    /// From start to exit.
+    /// The wall clock time from start to exit.
     pub wall: Duration,
-    /// Processor time of all its threads and its own children; `None` where the system does not tell.
+    /// The processor time of all threads of the process and of its own children; `None` where the system does not
+    /// provide it.
     pub processor: Option<Duration>,
-    /// Largest resident size that was seen, in bytes; `None` where the system does not tell.
+    /// The largest resident size that was seen, in bytes; `None` where the system does not provide it.
     pub peak_bytes: Option<u64>,
 }
 
-/// Runs `command` with its standard output thrown away, `times` times, and keeps the quickest run.
+/// Runs `command` `times` times without its standard output, and returns the cost of the fastest run.
 ///
 /// # Errors
-/// When it cannot be started or fails; what it said.
+/// Returns a message when a run cannot be started or fails.
 pub fn measure(times: usize, mut command: impl FnMut() -> Command) -> Result<Cost, String> {
     let mut best: Option<Cost> = None;
     for _ in 0..times.max(1) {
@@ -28,10 +29,10 @@ pub fn measure(times: usize, mut command: impl FnMut() -> Command) -> Result<Cos
     best.ok_or_else(|| "no run".to_owned())
 }
 
-/// Runs `command` once; what it prints goes to a file.
+/// Runs `command` once and writes its standard output to a file.
 ///
 /// # Errors
-/// As [`measure`], and when the file cannot be made.
+/// Returns the errors of [`measure`], and a message when the file cannot be created.
 pub fn measure_into(file: &Path, command: Command) -> Result<Cost, String> {
     let file = std::fs::File::create(file).map_err(|e| format!("{}: {e}", file.display()))?;
     once(command, file.into())
@@ -47,7 +48,8 @@ fn once(mut command: Command, stdout: Stdio) -> Result<Cost, String> {
     let status_file = PathBuf::from(format!("/proc/{}/status", child.id()));
     let mut peak_bytes = None;
     loop {
-        // The high-water mark only grows, so the last look before the end is the peak, a few milliseconds short.
+        // The high-water mark only grows. The last value before the end is therefore the peak, except for the last
+        // milliseconds.
         peak_bytes = high_water(&status_file).max(peak_bytes);
         if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
             let wall = start.elapsed();
@@ -63,11 +65,11 @@ fn once(mut command: Command, stdout: Stdio) -> Result<Cost, String> {
     }
 }
 
-/// Processor time of all children that have ended.
+/// Returns the processor time of all children that have ended.
 fn children_time() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name of the program, in brackets, may hold anything; after it come the state and numbers. User and system
-    // time of children are the fields 16 and 17, in hundredths of a second.
+    // The name of the program, in brackets, may contain any character. After it come the state and numbers. The user
+    // and system time of children are the fields 16 and 17, in hundredths of a second.
     let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks: u64 = fields.get(13..15)?.iter().map(|f| f.parse::<u64>().unwrap_or(0)).sum();
     Some(Duration::from_millis(ticks * 10))
@@ -80,16 +82,16 @@ fn high_water(status_file: &Path) -> Option<u64> {
     Some(kib * 1024)
 }
 
-/// The root of the checkout.
+/// Returns the root of the checkout.
 pub fn repository() -> PathBuf {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
     manifest.parent().unwrap_or(manifest).to_owned()
 }
 
-/// Builds one of our tools for release and gives its path.
+/// Builds one of our tools for release and returns its path.
 ///
 /// # Errors
-/// When cargo cannot build it; what it said.
+/// Returns the message of cargo when it cannot build the tool.
 pub fn release_tool(name: &str) -> Result<PathBuf, String> {
     let own = std::env::current_exe().map_err(|e| e.to_string())?;
     let folder = own.parent().ok_or("a program outside a target folder")?;
@@ -105,7 +107,7 @@ pub fn release_tool(name: &str) -> Result<PathBuf, String> {
     }
 }
 
-/// A program on the search path.
+/// Returns the path of a program on the search path.
 pub fn find_program(name: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     std::env::split_paths(&path).map(|folder| folder.join(name)).find(|file| file.is_file())

@@ -1,27 +1,28 @@
-//! Meshes and rays that trees are measured with.
+//! The meshes and rays with which trees are measured.
 
 use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
 use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 use granita_trace::{Ray, TriangleMesh};
 use std::path::Path;
 
-/// Pixels along a side of the camera's picture; as many rays of the other kinds.
+/// The number of pixels of each side of the camera's image. The other kinds have as many rays.
 const SIDE: u32 = 1024;
-/// Kinds of rays.
+/// The kinds of rays.
 pub const KINDS: [&str; 3] = ["camera", "random", "bounce"];
 
 fn random(i: u32, d: u32) -> f32 {
     hash::unit(hash::words(&[i, d]))
 }
 
-/// A direction, all equally likely.
+/// Returns a direction, distributed uniformly over the sphere.
 fn direction(i: u32, d: u32) -> Vec3 {
     let (z, angle) = (random(i, d) * 2.0 - 1.0, random(i, d + 1) * std::f32::consts::TAU);
     let r = (1.0 - z * z).sqrt();
     Vec3::new(r * angle.cos(), r * angle.sin(), z)
 }
 
-/// A million rays of a kind for a mesh: of a camera, from around through its box, or off its surface.
+/// Returns a million rays of a kind for a mesh: those of a camera, those from around the mesh through its box, or those
+/// from its surface.
 pub fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
     let p = &mesh.positions[0];
     let lo = p.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
@@ -47,7 +48,7 @@ pub fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
             let [a, b, c] = t.map(|v| p[v as usize]);
             let (s, u) = (random(i, 6).sqrt(), random(i, 7));
             let normal = (b - a).cross(c - a).normalize_or_zero();
-            // Cosine-weighted, a little above the surface.
+            // The directions are distributed by the cosine, and the origins lie slightly above the surface.
             let at = a * (1.0 - s) + b * (s * (1.0 - u)) + c * (s * u);
             (at + normal * 1e-4 * radius, normal + direction(i, 8) * 0.999)
         }
@@ -58,7 +59,8 @@ pub fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
         .collect()
 }
 
-/// A closed sphere with waves of several lengths, of `n * n` triangles; the normals of its triangles point inward.
+/// Returns a closed sphere of `n * n` triangles with waves of several lengths. The normals of its triangles point
+/// inward.
 pub fn sphere(n: u32) -> TriangleMesh {
     let (around, down) = (n, n / 2);
     let mut positions = Vec::with_capacity((around * (down + 1)) as usize);
@@ -86,7 +88,7 @@ pub fn sphere(n: u32) -> TriangleMesh {
     TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
 }
 
-/// `n` triangles of all sizes up to a tenth of the box that they lie in, anyhow.
+/// Returns `n` random triangles of all sizes up to a tenth of the box that they lie in.
 pub fn soup(n: u32) -> TriangleMesh {
     let vertex = |t: u32, v: u32| {
         let at = |seed: u32, d: u32| random(seed, d) * 2.0 - 1.0;
@@ -99,7 +101,7 @@ pub fn soup(n: u32) -> TriangleMesh {
     TriangleMesh { times: vec![0.0], positions: vec![positions], triangles }
 }
 
-/// Takes the meshes out of what a file calls, as triangles.
+/// A sink that collects the meshes of a file as triangles.
 #[derive(Default)]
 struct Meshes {
     positions: Vec<Vec3>,
@@ -125,10 +127,10 @@ impl SceneSink for Meshes {
     }
 }
 
-/// The triangles of a file that a bundled generator reads.
+/// Returns the triangles of a file that a bundled generator reads.
 ///
 /// # Errors
-/// When no generator knows the file, it is damaged, or it has no triangles.
+/// Returns a message when no generator reads such files, when the file is damaged, or when it has no triangles.
 pub fn read_mesh(file: &Path) -> Result<TriangleMesh, String> {
     let source = GeneratorSource::file(file.to_owned());
     let mut meshes = Meshes::default();

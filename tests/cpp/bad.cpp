@@ -1,4 +1,4 @@
-// One plugin for each way to be wrong.
+// A plugin with one error, which a macro selects.
 #include <stdexcept>
 
 #include "imageio.h"

@@ -1,4 +1,4 @@
-// Every call of the scene interface, in all forms of its values, into "calls.pyg"; then mistakes.
+// Writes every call of the scene interface, in all forms of its values, into "calls.pyg". Invalid calls follow.
 #include <stdio.h>
 #include <stdexcept>
 
@@ -118,7 +118,8 @@ int main ()
     r->Command ("mkdir");
     r->Input ("teapot.pyg");
     r->Input ("teapot.pyg", bound);
-    // An archive says where generators are; so many levels of them are run as it is told (4.3.12).
+    // An archive contains the places of generators. "limits:inputlevels" is the number of their levels that are run
+    // (4.3.12).
     r->Input (new Two);
     r->Input (new Two, bound);
     int levels = -1;
@@ -149,7 +150,7 @@ int main ()
     r->Input (new Bad);
     r->Motion (-1, times);
     float value = 7;
-    // An archive knows what everything is by default.
+    // In an archive, attributes have their defaults.
     if (! r->GetAttribute ("fov", value) || value != 90 || r->GetAttribute (NULL, value))
         return 2;
     r->Err ().Warning ("%s", "the end");

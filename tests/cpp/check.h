@@ -1,4 +1,4 @@
-// What the programs of the tests say when something is not so.
+// Assertions for the programs of the tests.
 #ifndef CHECK_H
 #define CHECK_H
 

@@ -1,4 +1,4 @@
-// A format of its own: floats in tiles or scanlines, several images in a file. Read whole, written whole.
+// A format with floats in tiles or scanlines, and several images in a file. Files are read and written as a whole.
 #include <stdio.h>
 
 #include "imageio.h"

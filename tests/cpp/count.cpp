@@ -1,4 +1,4 @@
-// A shadeop that is not safe for threads: it counts in a variable of its own. With LIES it says that it is.
+// A shadeop that is not thread-safe, because it counts in a global variable. With LIES it declares that it is.
 #include "shadeop.h"
 
 using namespace Gelato;

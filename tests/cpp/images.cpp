@@ -1,4 +1,5 @@
-// Images through MakeImageOutput and MakeImageInput: a plugin's and bundled ones, in scanlines, tiles and levels.
+// Writes and reads images with MakeImageOutput and MakeImageInput, in a plugin's and bundled formats, by scanlines and
+// tiles.
 #include "check.h"
 #include "imageio.h"
 

@@ -1,5 +1,5 @@
-// Messages and images that a program of the tests keeps, to look at them. Nothing here takes a lock: whatever order there is
-// comes from the library.
+// Stores messages and images, so that a program of the tests can check them. There are no locks here, so that all
+// synchronisation is that of the library.
 #ifndef KEPT_H
 #define KEPT_H
 
@@ -9,7 +9,7 @@
 #include "gelatoapi.h"
 #include "imageio.h"
 
-// Gets messages "one at a time, from whatever thread".
+// Receives messages, one at a time, from any thread.
 class Kept : public Gelato::ErrorHandler {
 public:
     std::string all;
@@ -23,7 +23,7 @@ public:
     bool has (const char *text) const { return all.find (text) != std::string::npos; }
 };
 
-// Gets rows of "rgb" "in order, from one thread at a time".
+// Receives rows of "rgb", in order, from one thread at a time.
 class Pixels : public Gelato::ImageOutput {
 public:
     int rows, width, closed;
@@ -49,7 +49,7 @@ public:
     bool close () { ++closed; return true; }
 };
 
-// An output of the camera that goes to an image of the program.
+// Declares an output of the camera whose pixels go to an image of the program.
 static inline void output (GelatoAPI *r, const char *name, Gelato::ImageOutput *image)
 {
     char address[30];

@@ -1,4 +1,4 @@
-// Shadeops of all kinds: strings, arrays, matrices, outputs, symbols, attributes, noise, lookups, mistakes.
+// Shadeops of all kinds: strings, arrays, matrices, outputs, symbols, attributes, noise, lookups, errors.
 #include <math.h>
 #include <stdexcept>
 
@@ -11,7 +11,7 @@ extern "C" {
 
 GELATO_EXPORT int shadeop_version = SHADEOP_VERSION;
 
-// Whether the shader's own noise is this noise.
+// Returns 1 when the noise of the shader equals that of the header.
 GELATO_EXPORT const char *same_noise_shadeop[] = { "float same_noise (point, float, float, float)", NULL };
 GELATO_EXPORT int same_noise_threadsafe = 1;
 GELATO_EXPORT void same_noise (ShadingExecution *exec, int nargs, const ShaderArg *args)
@@ -23,7 +23,7 @@ GELATO_EXPORT void same_noise (ShadingExecution *exec, int nargs, const ShaderAr
     }
 }
 
-// Joins a name and a number; stores also the length.
+// Joins a name and a number, and stores the length of the result.
 GELATO_EXPORT const char *label_shadeop[] = { "string label (string, float, output float)", NULL };
 GELATO_EXPORT void label (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {
@@ -37,7 +37,7 @@ GELATO_EXPORT void label (ShadingExecution *exec, int nargs, const ShaderArg *ar
     }
 }
 
-// The sum of an array, in a form of its own, and of a matrix' diagonal.
+// Returns the sum of an array, or of the diagonal of a matrix. These are two forms of one function.
 GELATO_EXPORT const char *total_shadeop[] = { "float total3 (float[3])", "float trace (matrix)", NULL };
 GELATO_EXPORT void total3 (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {
@@ -56,7 +56,7 @@ GELATO_EXPORT void trace (ShadingExecution *exec, int nargs, const ShaderArg *ar
     }
 }
 
-// The number of the point: varying though nothing that it is given is.
+// Stores the index of the point. The result is varying although no argument is.
 GELATO_EXPORT const char *number_shadeop[] = { "void number (output float)", NULL };
 GELATO_EXPORT void number (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {
@@ -68,7 +68,7 @@ GELATO_EXPORT void number (ShadingExecution *exec, int nargs, const ShaderArg *a
             *(float *) exec->data (args[0], i) = (float) i;
 }
 
-// What surrounds the shader, as bits.
+// Checks the symbols, attributes and ray of the shader. Each bit of the result is one check.
 GELATO_EXPORT const char *surroundings_shadeop[] = { "float surroundings (float)", NULL };
 GELATO_EXPORT void surroundings (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {
@@ -90,7 +90,7 @@ GELATO_EXPORT void surroundings (ShadingExecution *exec, int nargs, const Shader
     }
 }
 
-// A texture at a place, and its size.
+// Looks up a texture, and checks its size.
 GELATO_EXPORT const char *looked_shadeop[] = { "color looked (string, float, float)", NULL };
 GELATO_EXPORT void looked (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {
@@ -108,7 +108,7 @@ GELATO_EXPORT void looked (ShadingExecution *exec, int nargs, const ShaderArg *a
     }
 }
 
-// What lies behind, of a geometry set.
+// Traces a ray towards -z against a geometry set.
 GELATO_EXPORT const char *behind_shadeop[] = { "color behind (string)", NULL };
 GELATO_EXPORT void behind (ShadingExecution *exec, int nargs, const ShaderArg *args)
 {

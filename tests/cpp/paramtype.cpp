@@ -1,4 +1,4 @@
-// Types, matrices, boxes, conversions of pixels: what the headers do by themselves.
+// Tests the functions that are inline in the headers: types, matrices, boxes, conversions of pixels.
 #include <string.h>
 
 #include "check.h"
@@ -11,13 +11,13 @@
 
 using namespace Gelato;
 
-// The words of older sources for what a library shows.
+// The names of older sources for exported symbols.
 extern "C" {
 EXPORT int shown_one = 1;
 DLLEXPORT int shown_two (void) { return 2; }
 }
 
-// A file of a few bytes, read through the conversions that every reader inherits.
+// A reader of a few bytes. It is read through the conversions that every reader inherits.
 class Bytes : public ImageInput {
 public:
     bool open (const char *, ImageIOFormatSpec &newspec, int, const ImageIOParameter *) {
@@ -96,7 +96,7 @@ int main ()
     CHECK (m.inverse (inverse) && (inverse.transformp (p) - Vector3 (1, 0, 0)).length () < 1e-5f);
     CHECK (! Matrix4 (0.0f).inverse (inverse));
     CHECK (Matrix4 (0.0f).inverse () == Matrix4::Zero () && Matrix4 (1.0f) == Matrix4::Ident ());
-    // As the reference's own example writes a translation (2.5).
+    // An example of the reference writes a translation in this form (2.5).
     Matrix4 M(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 3, 0, 0, 1);
     CHECK (M == TranslationMatrix (3, 0, 0) && M == TranslationMatrix (Vector3 (3, 0, 0)));
     CHECK (((const float *)&M)[12] == 3 && sizeof(M) == 16 * sizeof(float));
@@ -105,7 +105,7 @@ int main ()
     CHECK (ScaleMatrix (2) == ScaleMatrix (2, 2, 2) && ScaleMatrix (Vector3 (1, 2, 3))[2][2] == 3);
     CHECK (RotationMatrix (90, 0, 0, 1) == Matrix4::rotate (90, Vector3 (0, 0, 1)));
     CHECK (transformp (M, Vector3 (1, 1, 1)) == Vector3 (4, 1, 1) && transformv (M, Vector3 (1, 1, 1)) == Vector3 (1, 1, 1));
-    // A scale that is not even keeps normals square to their surface, and vectors not.
+    // A non-uniform scale keeps normals perpendicular to their surface, but not vectors.
     Matrix4 flat = ScaleMatrix (2, 1, 1);
     CHECK (dot (flat.transformn (Vector3 (1, 1, 0)), flat.transformv (Vector3 (1, -1, 0))) == 0);
     CHECK (transformn (flat, Vector3 (1, 0, 0)) == Vector3 (0.5f, 0, 0));
@@ -121,7 +121,7 @@ int main ()
     box.extend (Vector3 (1, 2, 3));
     CHECK (! box.empty () && box.contains (Vector3 (1, 2, 3)));
     CHECK (Color3 (1, 1, 1).luminance () > 0.9999f && mix (Color3 (0.0f), Color3 (1.0f), 0.25f).r == 0.25f);
-    // Without a renderer there is no noise.
+    // Without a renderer the noise is 0.
     CHECK (Noise::noise (1.5f) == 0);
     return 0;
 }

@@ -1,4 +1,4 @@
-// Patches of all pairs of bases.
+// Writes patches with all pairs of bases, and one with an unknown basis.
 #include <string>
 
 #include "check.h"

@@ -1,5 +1,5 @@
-/* An image format in C, by the tables of gelato_c.h: a line with the size and the names of the channels, then floats. It takes
-   rows, or rectangles in any order; how many pieces came stands at the end. */
+/* An image format in C, with the tables of gelato_c.h. A file has a line with the size and the names of the channels,
+   then floats. It is written in rows, or in rectangles in any order. The end of the file has the number of pieces. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-// A renderer in another process: images, messages, attributes, an early end; and what is left when it dies.
+// Tests a renderer in another process: images, messages, attributes, an early end, and the death of the process.
 #include <dirent.h>
 #include <signal.h>
 #include <time.h>
@@ -8,7 +8,7 @@
 
 using namespace Gelato;
 
-// The processes that this one started.
+// Returns the number of running child processes, and stores the id of one of them.
 static int children (int *first)
 {
     int n = 0;
@@ -73,7 +73,7 @@ int main ()
     delete r;
     CHECK (children (&child) == 0);
 
-    // A frame that takes long: nothing but questions and commands is taken, and it can be ended.
+    // During a long frame only queries and commands are accepted. The frame can be ended.
     Pixels large;
     r = GelatoAPI::CreateRenderer ("remote", a);
     scene (r, &large, 1600, 12);
@@ -81,7 +81,7 @@ int main ()
     CHECK (r->GetAttribute ("render:progress", done) && done >= 0 && done < 1);
     r->Sphere (2);
     CHECK (kept.has ("Sphere is ignored while a frame is rendered"));
-    // For a while only, and with other buckets first.
+    // The program waits for a limited time, and sets the order of the buckets.
     const int said = kept.count;
     int center[2] = { 10, 1100 }, rectangle[4] = { 0, 0, 100, 100 };
     r->Parameter ("int[2] center", center);
@@ -98,13 +98,13 @@ int main ()
     r->Command ("return");
     r->Command ("wait");
     CHECK (kept.has ("stopped") || kept.has ("ended"));
-    // An early end is an end.
+    // A frame that was ended early counts as done.
     CHECK (r->GetAttribute ("render:progress", done) && done == 1);
     CHECK (r->GetAttribute ("render:success", said_success) && said_success == 0);
     delete r;
     CHECK (children (&child) == 0);
 
-    // One that dies: one message, and the program goes on.
+    // A process that is killed causes one message, and the program continues.
     kept.all.clear ();
     r = GelatoAPI::CreateRenderer ("remote", a);
     r->Translate (0, 0, 1);
@@ -122,14 +122,14 @@ int main ()
     delete r;
     CHECK (kept.count == 1 && kept.last == ERR_ERROR && kept.has ("process has ended"));
 
-    // One that is stopped: as if it had died, after the longest silence that is waited for.
+    // A process that is stopped counts as dead after the longest allowed silence.
     setenv ("GELATO_REMOTE_TIMEOUT", "2", 1);
     r = GelatoAPI::CreateRenderer ("remote", a);
     CHECK (r->GetAttribute ("fov", fov) && children (&child) == 1);
     kept.all.clear ();
     kept.count = 0;
     kill (child, SIGSTOP);
-    // More than a socket takes.
+    // These calls exceed the buffer of a socket.
     for (int i = 0; i < 200000; ++i)
         r->Translate (0, 0, 1);
     CHECK (! r->GetAttribute ("fov", fov));

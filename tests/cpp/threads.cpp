@@ -1,5 +1,5 @@
-// Renderers and threads, for a tool that watches for races (`cargo xtask races`): nothing here but what is said below takes a
-// lock, so that whatever order there is comes from the library.
+// Uses renderers in several threads, under ThreadSanitizer (`cargo xtask races`). There are no locks here, so that all
+// synchronisation is that of the library.
 #include <atomic>
 #include <math.h>
 #include <thread>
@@ -8,7 +8,8 @@
 
 using namespace Gelato;
 
-// Shadows by rays, a shader that says things, a displaced and a moving thing, a shadeop that is not safe for threads.
+// Makes a scene with ray-traced shadows, moving spheres, and a shader that prints and calls a shadeop that is not
+// thread-safe.
 static void things (GelatoAPI *r)
 {
     float from[3] = { -4, 4, -4 };
@@ -40,7 +41,7 @@ static void things (GelatoAPI *r)
     r->Patch ("linear", 2, 2);
 }
 
-// A frame of them in small buckets, by several threads.
+// Makes a frame of this scene with small buckets and several threads.
 static void frame (GelatoAPI *r, Pixels *image)
 {
     int res[2] = { 48, 36 }, bucket[2] = { 8, 8 };
@@ -51,7 +52,7 @@ static void frame (GelatoAPI *r, Pixels *image)
     things (r);
 }
 
-// A renderer with a handler of its own, and the frame that it is about to render.
+// A renderer with its own handler, and a frame that is ready to be rendered.
 class Alone {
 public:
     Kept kept;
@@ -68,7 +69,7 @@ public:
     }
 };
 
-// Several frames under one manager, in a thread of their own.
+// Renders several frames with one manager. It runs in its own thread.
 static void alone (int rounds)
 {
     Kept kept;
@@ -88,7 +89,7 @@ static void alone (int rounds)
     delete errors;
 }
 
-// A renderer whose manager another thread uses too.
+// Renders with a manager that another thread also uses.
 static void shared (ErrorManager *errors, int number)
 {
     Pixels image;
@@ -100,7 +101,7 @@ static void shared (ErrorManager *errors, int number)
     delete r;
 }
 
-// Asks while another renders.
+// Queries a renderer while another thread renders.
 static void asks (GelatoAPI *r, std::atomic<bool> *over)
 {
     float done = 0;
@@ -114,14 +115,14 @@ static void asks (GelatoAPI *r, std::atomic<bool> *over)
 
 int main ()
 {
-    // Two programs in one.
+    // Two threads have their own managers and renderers.
     {
         std::thread a (alone, 2), b (alone, 2);
         a.join ();
         b.join ();
         puts ("each alone");
     }
-    // One manager for two.
+    // Two renderers share one manager.
     {
         Kept kept;
         ErrorManager *errors = ErrorManager::Create (&kept);
@@ -134,7 +135,7 @@ int main ()
         delete errors;
         puts ("one manager");
     }
-    // A renderer that is asked, and one that is called by two at once: who comes second is refused.
+    // A renderer is queried while it renders. Then two threads call it at once, and the second call is refused.
     {
         Alone one;
         GelatoAPI *r = one.renderer;
@@ -152,7 +153,7 @@ int main ()
         c.join ();
         puts ("asked");
     }
-    // A frame that is ended by another thread.
+    // Another thread ends a frame.
     {
         Alone one;
         GelatoAPI *r = one.renderer;

@@ -1,11 +1,11 @@
-// Two renderers whose calls come by turns, each with its own handler; then one that works on its own.
+// Tests two renderers with alternating calls and their own handlers, then one in another process.
 #include <string.h>
 
 #include "kept.h"
 
 using namespace Gelato;
 
-// Takes rectangles as they come: each pixel once.
+// Receives rectangles in any order, and each pixel once.
 class Live : public ImageOutput {
 public:
     int pieces, pixels, closed, seen[24][32];
@@ -96,7 +96,7 @@ int main ()
     a->Handler (&second);
     a->Error ("to the other");
     CHECK (second.all.find ("to the other") != std::string::npos);
-    // Each kind of message with its code; what is said depends on how much is wanted.
+    // Each kind of message has its code. The verbosity determines which messages are passed on.
     a->Verbosity (VERBOSITY_INFO);
     a->Info ("%d", 1);
     CHECK (second.last == ERR_INFO);
@@ -114,7 +114,7 @@ int main ()
     a->Verbosity (VERBOSITY_NORMAL);
     delete b;
 
-    // A program's own generator, put off until the camera sees its bound; and one that no camera sees.
+    // A generator of the program is deferred until the camera sees its bound. Another one is never seen.
     Pixels late;
     Live live;
     r = GelatoAPI::CreateRenderer (NULL, a);
@@ -135,7 +135,7 @@ int main ()
     delete r;
     CHECK (lost == 2);
 
-    // Work that goes on by itself: until it is done, only questions and commands are taken.
+    // The program continues while this renderer works. Until it is done, only queries and commands are accepted.
     Pixels far;
     first.all.clear ();
     a->Handler (&first);

@@ -1,8 +1,9 @@
-//! Runs each fuzz target for some seconds of processor time, without libFuzzer: `cargo run --release -p granita-tests
-//! --example fuzz -- SECONDS SALT [TARGET ...]`.
+//! Runs each fuzz target for some seconds of processor time, without libFuzzer.
 //!
-//! Inputs are mutations of the corpus, of the corpus's mutations and so on, three deep; the same for the same salt. An
-//! input that makes a target panic is written to `fuzz/artifacts`, and makes the exit code 1.
+//! `cargo run --release -p granita-tests --example fuzz -- SECONDS SALT [TARGET ...]`
+//!
+//! Inputs are files of the corpus after one to three mutations. The same salt gives the same inputs. An input that
+//! makes a target panic is written to `fuzz/artifacts`, and the exit status is then 1.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program of its own")]
 
 use cpu_time::ProcessTime;
@@ -22,7 +23,7 @@ fn main() -> ExitCode {
     };
     let artifacts = repository().join("fuzz").join("artifacts");
     let mut found = false;
-    // What a panic says is of no use a thousand times over.
+    // The messages of panics are not printed, because there may be thousands of them.
     std::panic::set_hook(Box::new(|_| {}));
     for (name, target) in TARGETS {
         if args.len() > 2 && !args[2..].iter().any(|a| a == name) {

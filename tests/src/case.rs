@@ -1,44 +1,44 @@
-//! Cases: finding, parsing, running.
+//! Finds, parses and runs the cases of the suite.
 
 use crate::check::{Kept, check};
 use crate::{Ran, Tools};
 use std::path::{Path, PathBuf};
 
-/// One folder of the suite.
+/// A case of the suite, which is a folder.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// `AREA/NAME`.
+    /// The name, `AREA/NAME`.
     pub name: String,
     /// The folder of its files.
     pub folder: PathBuf,
-    /// The actions.
+    /// The lines of the file `case`.
     pub lines: Vec<Line>,
 }
 
-/// One line of a `case` file.
+/// A line of a `case` file.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Counted from 1.
+    /// The number of the line, counted from 1.
     pub number: usize,
-    /// Words; a part in double quotes is one.
+    /// The words. A part in double quotes is one word.
     pub words: Vec<String>,
 }
 
 /// The result of a case.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// `AREA/NAME`.
+    /// The name, `AREA/NAME`.
     pub name: String,
     /// The errors, with line numbers; empty on success.
     pub faults: Vec<String>,
-    /// Reference images and results: title, reference, result (for the report).
+    /// The reference images and results for the report, each as title, reference and result.
     pub pictures: Vec<(String, PathBuf, PathBuf)>,
 }
 
-/// All cases under `suite`, sorted by name.
+/// Returns all cases under `suite`, sorted by name.
 ///
 /// # Errors
-/// A folder that cannot be read, or a line that cannot be parsed.
+/// Returns an error when a folder cannot be read or a line cannot be parsed.
 pub fn cases(suite: &Path) -> Result<Vec<Case>, String> {
     let mut found = Vec::new();
     for area in folders(suite)? {
@@ -92,7 +92,7 @@ fn words(line: &str) -> Result<Vec<String>, String> {
 
 /// Runs a case in a fresh copy of its folder under `scratch`.
 ///
-/// `bless` replaces its references by what it makes now.
+/// With `bless`, its references are replaced by the current results.
 pub fn run(case: &Case, tools: &Tools, reference: &Path, scratch: &Path, bless: bool) -> Outcome {
     let mut outcome = Outcome { name: case.name.clone(), faults: Vec::new(), pictures: Vec::new() };
     let place = scratch.join(case.name.replace('/', "-"));
@@ -115,7 +115,7 @@ pub fn run(case: &Case, tools: &Tools, reference: &Path, scratch: &Path, bless: 
         };
         if let Err(what) = done {
             outcome.faults.push(format!("line {}: {}: {what}", line.number, line.words.join(" ")));
-            // Without its files the rest of the case would only repeat the error.
+            // The rest of the case needs the files that are missing now, and would only repeat the error.
             if Tools::NAMES.contains(&words[0]) || words[0] == "exits" {
                 break;
             }

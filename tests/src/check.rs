@@ -1,13 +1,13 @@
-//! The lines of a case that compare.
+//! Runs the lines of a case that compare.
 
 use crate::{Picture, Ran};
 use std::path::{Path, PathBuf};
 
-/// The folder of references, and whether to replace them.
+/// The path of the references, and whether to replace them.
 pub(crate) struct Kept {
-    /// `tests/ref/AREA/NAME`, without extension.
+    /// The path `tests/ref/AREA/NAME`, without extension.
     pub(crate) stem: PathBuf,
-    /// Replace instead of compare.
+    /// True when references are replaced and not compared.
     pub(crate) bless: bool,
 }
 
@@ -19,12 +19,12 @@ impl Kept {
     }
 }
 
-/// Images larger than this are not references.
+/// The largest width and height of a reference image, in pixels.
 const GOLDEN_SIDE: usize = 128;
-/// Nor files larger than this.
+/// The largest size of the file of a reference image, in bytes.
 const GOLDEN_BYTES: u64 = 20 << 10;
 
-/// Carries out one comparison.
+/// Runs one comparison.
 pub(crate) fn check(
     words: &[&str],
     place: &Path,

@@ -1,8 +1,8 @@
-//! The tests of readers with arbitrary bytes.
+//! Tests readers with arbitrary bytes.
 //!
-//! Each target takes bytes and must return: no panic, no endless loop, no allocation beyond its limits. `fuzz/` wraps
-//! the targets for libFuzzer; the ordinary tests run them over the corpus in `fuzz/corpus/TARGET` and over mutations of
-//! it that are the same on every machine.
+//! Each target takes bytes and must return, without a panic, an endless loop, or an allocation beyond its limits.
+//! `fuzz/` wraps the targets for libFuzzer. The ordinary tests run them with the corpus in `fuzz/corpus/TARGET` and
+//! with mutations of it, which are the same on every machine.
 
 use granita_base::{Interp, Location, Reporter, ShapeDesc, hash};
 use granita_image::Limits;
@@ -41,7 +41,7 @@ pub const TARGETS: [(&str, Target); 25] = [
     ("display", display),
 ];
 
-/// Limits that keep a hostile file from asking for much.
+/// Returns limits that keep a hostile file from causing much work.
 fn limits() -> Limits {
     Limits {
         dimension: 1 << 12,
@@ -61,7 +61,7 @@ impl SceneSink for Nowhere {
     }
 }
 
-/// A flat scene; scripts are refused.
+/// Reads a flat scene. Scripts are refused.
 pub fn pyg(bytes: &[u8]) {
     let options =
         PygOptions { always_pyglet: true, safe: true, statement_limit: 1 << 20, ..PygOptions::default() };
@@ -69,12 +69,12 @@ pub fn pyg(bytes: &[u8]) {
     let _ = granita_pyg::read(source, &mut Nowhere, &options, &Reporter::silent());
 }
 
-/// Calls from a program that started the renderer.
+/// Reads calls from a program that started the renderer.
 pub fn calls(mut bytes: &[u8]) {
     let _ = granita_pyg::serve(&mut bytes, &mut std::io::sink(), &mut Nowhere, &Reporter::silent());
 }
 
-/// RIB in any form, as a whole scene and as a part of one.
+/// Reads RIB in any form, as a whole scene and as a part of one.
 pub fn rib(bytes: &[u8]) {
     struct Part;
     impl SceneSink for Part {
@@ -95,7 +95,7 @@ pub fn rib(bytes: &[u8]) {
     let _ = generator.run(&source, &mut Nowhere, &Reporter::silent());
 }
 
-/// A shader; what compiles must survive being written and read.
+/// Compiles a shader. A compiled shader must survive writing and reading.
 pub fn gsl(bytes: &[u8]) {
     let source = String::from_utf8_lossy(bytes);
     if let Ok(compiled) = granita_gsl::compile(&source, "fuzz", &granita_gsl::CompileOptions::default()) {
@@ -105,103 +105,104 @@ pub fn gsl(bytes: &[u8]) {
     }
 }
 
-/// A compiled shader.
+/// Reads a compiled shader.
 pub fn gso(bytes: &[u8]) {
     let _ = granita_gsl::gso::read(bytes, "fuzz");
     let _ = granita_gsl::GsoArgs::from_bytes(bytes, "fuzz");
 }
 
-/// TIFF.
+/// Reads TIFF.
 pub fn tiff(bytes: &[u8]) {
     picture(bytes, "tif");
 }
 
-/// OpenEXR.
+/// Reads OpenEXR.
 pub fn exr(bytes: &[u8]) {
     picture(bytes, "exr");
 }
 
-/// PNG.
+/// Reads PNG.
 pub fn png(bytes: &[u8]) {
     picture(bytes, "png");
 }
 
-/// Radiance HDR.
+/// Reads Radiance HDR.
 pub fn hdr(bytes: &[u8]) {
     picture(bytes, "hdr");
 }
 
-/// JPEG.
+/// Reads JPEG.
 pub fn jpeg(bytes: &[u8]) {
     picture(bytes, "jpg");
 }
 
-/// Targa.
+/// Reads Targa.
 pub fn tga(bytes: &[u8]) {
     picture(bytes, "tga");
 }
 
-/// BMP.
+/// Reads BMP.
 pub fn bmp(bytes: &[u8]) {
     picture(bytes, "bmp");
 }
 
-/// PBM, PGM, PPM and PAM.
+/// Reads PBM, PGM, PPM and PAM.
 pub fn pnm(bytes: &[u8]) {
     picture(bytes, "ppm");
 }
 
-/// PFM.
+/// Reads PFM.
 pub fn pfm(bytes: &[u8]) {
     picture(bytes, "pfm");
 }
 
-/// GIF.
+/// Reads GIF.
 pub fn gif(bytes: &[u8]) {
     picture(bytes, "gif");
 }
 
-/// QOI.
+/// Reads QOI.
 pub fn qoi(bytes: &[u8]) {
     picture(bytes, "qoi");
 }
 
-/// WebP.
+/// Reads WebP.
 pub fn webp(bytes: &[u8]) {
     picture(bytes, "webp");
 }
 
-/// SGI.
+/// Reads SGI.
 pub fn sgi(bytes: &[u8]) {
     picture(bytes, "sgi");
 }
 
-/// Maya IFF.
+/// Reads Maya IFF.
 pub fn iff(bytes: &[u8]) {
     picture(bytes, "iff");
 }
 
-/// DDS.
+/// Reads DDS.
 pub fn dds(bytes: &[u8]) {
     picture(bytes, "dds");
 }
 
-/// Wavefront OBJ.
+/// Reads Wavefront OBJ.
 pub fn obj(bytes: &[u8]) {
     generated("obj", bytes);
 }
 
-/// Stanford PLY.
+/// Reads Stanford PLY.
 pub fn ply(bytes: &[u8]) {
     generated("ply", bytes);
 }
 
-/// glTF 2, both as JSON and binary.
+/// Reads glTF 2, both as JSON and binary.
 pub fn gltf(bytes: &[u8]) {
     generated("gltf", bytes);
 }
 
-/// Runs the bundled generator of this name, and requests the bound before; shapes must be as their calls declare.
+/// Runs the bundled generator of this name, after a request for the bound. The data of shapes must agree with their
+/// declarations.
 fn generated(name: &str, bytes: &[u8]) {
     let generators = granita_plugin::bundled_generators();
     let generator = generators.by_name(name).expect("a bundled generator");
@@ -211,7 +212,7 @@ fn generated(name: &str, bytes: &[u8]) {
     let _ = generator.run(&source, &mut Shapes, &Reporter::silent());
 }
 
-/// Checks the shapes that it receives.
+/// A sink that checks the shapes that it receives.
 struct Shapes;
 
 impl SceneSink for Shapes {
@@ -250,7 +251,7 @@ impl SceneSink for Shapes {
     }
 }
 
-/// Reads everything that a file offers: rows, tiles, levels.
+/// Reads a part of each image and level of a file, as rows and tiles.
 fn picture(bytes: &[u8], extension: &str) {
     let Ok(file) = tempfile::Builder::new().suffix(&format!(".{extension}")).tempfile() else { return };
     if std::fs::write(file.path(), bytes).is_err() {
@@ -269,7 +270,8 @@ fn picture(bytes: &[u8], extension: &str) {
     }
 }
 
-/// Mutation `number` of `seed`: a few bytes changed, removed, doubled or cut off, the same everywhere.
+/// Returns mutation `number` of `seed`. A few bytes are changed, removed, doubled or cut off, in the same way on every
+/// machine.
 pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     let changes = 1 + hash::words(&[number, 0]) % 4;
@@ -301,7 +303,7 @@ pub fn mutated(seed: &[u8], number: u32) -> Vec<u8> {
     bytes
 }
 
-/// Packets of live images, one after the other as a connection brings them; a packet that was read is written and
+/// Reads packets of live images, one after another, as a connection sends them. A packet that was read is written and
 /// read again.
 pub fn display(bytes: &[u8]) {
     use granita_display::{Packet, PacketLimits, packet::rest_of};
@@ -316,14 +318,15 @@ pub fn display(bytes: &[u8]) {
             // Bytes that are not UTF-8 become longer.
             let wide = PacketLimits { text_bytes: 1 << 20, packet_bytes: u32::MAX, ..limits };
             let again = Packet::decode(&written, &wide).map(|p| format!("{p:?}"));
-            // By their text: NaN is not equal to itself.
+            // The texts are compared, because NaN is not equal to itself.
             assert!(again.is_ok_and(|again| again == format!("{packet:?}")), "{packet:?} is read otherwise");
         }
         rest = after;
     }
 }
 
-/// A spatial database, and queries to it. The checksums are corrected first, so that the rest is reached.
+/// Reads a spatial database, and queries it. The bytes are also read with corrected checksums, so that the rest of the
+/// reader is reached.
 pub fn sdb(bytes: &[u8]) {
     use granita_sdb::{Between, Clusters, Density, Probe};
     let ask = |bytes: &[u8]| {

@@ -1,33 +1,33 @@
-//! The suite: whole tools on small files, one issue a case.
+//! The suite runs whole tools on small files. Each case tests one issue.
 //!
 //! A case is a folder `tests/suite/AREA/NAME` with a file `case` and its inputs. The runner copies the folder to an
-//! empty place, runs the lines of `case` there with the tools of this build, and compares. In order of preference a
-//! case shows that one scene equals another (`same`, `close`), that a number is right (`pixel`, `mean`), that a text
-//! equals its reference (`text`), and last that an image equals its reference (`golden`). References lie in
-//! `tests/ref/AREA/NAME.*`; `cargo xtask bless AREA/NAME` replaces them.
+//! empty place, runs the lines of `case` there with the tools of this build, and compares the results. In order of
+//! preference, a case shows that one scene equals another (`same`, `close`), that a number is correct (`pixel`,
+//! `mean`), that a text equals its reference (`text`), or that an image equals its reference (`golden`). References are
+//! in `tests/ref/AREA/NAME.*`. `cargo xtask bless AREA/NAME` replaces them.
 //!
 //! The lines of a `case` (`#` begins a comment):
 //!
 //! | line | meaning |
 //! |---|---|
-//! | `TOOL ARGUMENT ...` | run `gelato`, `maketx`, `gslc`, `gsoinfo` or `topyg`; must exit 0 |
-//! | `exits N TOOL ...` | the same with another exit status |
+//! | `TOOL ARGUMENT ...` | runs `gelato`, `maketx`, `gslc`, `gsoinfo` or `topyg`, which must exit with status 0 |
+//! | `exits N TOOL ...` | does the same with another exit status |
 //! | `says TEXT` | the last run's standard output or error contains TEXT |
 //! | `silent` | the last run left standard error empty |
-//! | `absent FILE` | there is no such file |
-//! | `same A B` | two pictures have equal pixels, to the bit |
+//! | `absent FILE` | the file does not exist |
+//! | `same A B` | two images have equal pixels, to the bit |
 //! | `bytes A B` | two files have equal bytes |
-//! | `differ A B` | they have not |
-//! | `assembled WHOLE PART ...` | crops put together are the whole picture, to the bit |
-//! | `close A B TOLERANCE` | no channel of any pixel differs by more |
-//! | `close A B TOLERANCE but N` | at most N pixels do, where a sample may fall on the other side of an edge |
-//! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel |
-//! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | means over a box (right and lower side excluded) |
+//! | `differ A B` | two images differ in at least one pixel |
+//! | `assembled WHOLE PART ...` | crops, put together, equal the whole image to the bit |
+//! | `close A B TOLERANCE` | no channel of any pixel differs by more than TOLERANCE |
+//! | `close A B TOLERANCE but N` | at most N pixels differ by more, for samples beside an edge |
+//! | `pixel FILE X Y = V ... TOLERANCE` | the first channels of a pixel have these values |
+//! | `mean FILE X0 Y0 X1 Y1 = V ... TOLERANCE` | the means over a box (right and lower side excluded) |
 //! | `varied FILE` | not all pixels are equal |
 //! | `finite FILE` | all values are finite numbers |
-//! | `text stdout`, `text stderr`, `text FILE` | equals the kept text; a second word names it apart from others |
+//! | `text stdout`, `text stderr`, `text FILE` | the text equals its reference, whose name a second word changes |
 //! | `move FROM TO` | renames a file |
-//! | `golden FILE TOLERANCE` | equals the kept picture (PNG) within the tolerance |
+//! | `golden FILE TOLERANCE` | the image equals its reference (PNG) within the tolerance |
 
 #![forbid(unsafe_code)]
 

@@ -1,4 +1,4 @@
-//! Images to compare: the values of any file, as floats.
+//! Images to compare, with the values of any file as floats.
 
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use std::path::Path;
@@ -6,17 +6,17 @@ use std::path::Path;
 /// The first level of the first image of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Column of the first pixel in the whole image that it is a part of.
+    /// The column of the first pixel in the whole image of which this is a part.
     pub x: i32,
-    /// Row of the first pixel in the whole image.
+    /// The row of the first pixel in the whole image.
     pub y: i32,
-    /// Pixels in a row.
+    /// The number of pixels in a row.
     pub width: usize,
-    /// Rows.
+    /// The number of rows.
     pub height: usize,
-    /// Values of a pixel.
+    /// The number of values of a pixel.
     pub channels: usize,
-    /// Rows from the top, channels interleaved.
+    /// The values, in rows from the top, with channels interleaved.
     pub values: Vec<f32>,
 }
 
@@ -40,7 +40,7 @@ impl Picture {
         })
     }
 
-    /// Writes an 8-bit PNG; more than four channels lose the rest.
+    /// Writes an 8-bit PNG with at most four channels. Further channels are left out.
     ///
     /// # Errors
     /// Returns the error of the writer.
@@ -55,13 +55,13 @@ impl Picture {
         output.close().map_err(|e| e.to_string())
     }
 
-    /// The values of pixel `(x, y)`.
+    /// Returns the values of pixel `(x, y)`; `None` outside of the image.
     pub fn pixel(&self, x: usize, y: usize) -> Option<&[f32]> {
         let at = (y * self.width + x) * self.channels;
         (x < self.width).then(|| self.values.get(at..at + self.channels)).flatten()
     }
 
-    /// Channel means over `x0..x1`, `y0..y1`.
+    /// Returns the channel means over `x0..x1`, `y0..y1`.
     pub fn mean(&self, [x0, y0, x1, y1]: [usize; 4]) -> Option<Vec<f32>> {
         let mut sums = vec![0.0_f64; self.channels];
         for y in y0..y1 {
@@ -75,9 +75,10 @@ impl Picture {
         (count > 0.0).then(|| sums.iter().map(|s| (s / count) as f32).collect())
     }
 
-    /// Largest difference of any channel, and where; an error when the shapes differ.
+    /// Returns the largest difference of any channel, with its position as column, row and channel. Two NaN are equal.
     ///
-    /// A NaN equals a NaN only.
+    /// # Errors
+    /// Returns an error when the shapes differ.
     pub fn difference(&self, other: &Self) -> Result<(f32, [usize; 3]), String> {
         let shape = |p: &Self| (p.width, p.height, p.channels);
         if shape(self) != shape(other) {
@@ -107,7 +108,7 @@ impl Picture {
         let (worst, [x, y, c]) = self.difference(other)?;
         let differs = |(a, b): (&[f32], &[f32])| {
             a.iter().zip(b).any(|(a, b)| {
-                // NaN differs from numbers.
+                // NaN differs from all numbers.
                 let near = (a - b).abs() <= tolerance;
                 a.to_bits() != b.to_bits() && !near
             })
@@ -121,7 +122,10 @@ impl Picture {
         }
     }
 
-    /// The same to the bit.
+    /// Checks that the values are equal to the bit.
+    ///
+    /// # Errors
+    /// Returns the number of different values and the first of them, or that the shapes differ.
     pub fn identical(&self, other: &Self) -> Result<(), String> {
         self.difference(other)?;
         let differing = |(a, b): (&f32, &f32)| a.to_bits() != b.to_bits();
@@ -142,10 +146,10 @@ impl Picture {
         }
     }
 
-    /// True when `parts` put together are `self`, to the bit: each pixel is in exactly one part.
+    /// Checks that `parts`, put together, are `self` to the bit. Each pixel must be in exactly one part.
     ///
     /// # Errors
-    /// A pixel that no part or more than one part has, or that differs.
+    /// Returns a pixel that no part or more than one part has, or that differs.
     pub fn is_assembled_of(&self, parts: &[Self]) -> Result<(), String> {
         let mut covered = vec![0_u32; self.width * self.height];
         for part in parts {
@@ -181,7 +185,7 @@ impl Picture {
         pixels.next().is_some_and(|first| pixels.any(|p| p != first))
     }
 
-    /// `|a - b|`, eight times as strong, opaque; for the report.
+    /// Returns `8 |a - b|`, opaque, for the report.
     pub fn difference_picture(&self, other: &Self) -> Self {
         let values = self.values.iter().zip(&other.values).enumerate().map(|(i, (a, b))| {
             let is_alpha = self.channels == 4 && i % 4 == 3;

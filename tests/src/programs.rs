@@ -1,9 +1,9 @@
-//! The paths of the tools of this build, and how to run one.
+//! Builds the tools, and runs them.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The binaries of this build.
+/// The tools of this build.
 #[derive(Clone, Debug)]
 pub struct Tools {
     folder: PathBuf,
@@ -12,16 +12,16 @@ pub struct Tools {
 /// The result of a run.
 #[derive(Clone, Debug)]
 pub struct Ran {
-    /// Exit status; -1 when a signal ended it.
+    /// The exit status; -1 when a signal ended the run.
     pub status: i32,
-    /// Standard output.
+    /// The standard output.
     pub stdout: String,
-    /// Standard error.
+    /// The standard error.
     pub stderr: String,
 }
 
 impl Tools {
-    /// Names of the tools that a case may run.
+    /// The names of the tools that a case may run.
     pub const NAMES: [&'static str; 5] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
 
     /// Builds the tools in the profile of the running test and finds them.
@@ -32,13 +32,13 @@ impl Tools {
         Self::build_also(&[])
     }
 
-    /// The same as [`Tools::build`], with the libraries of these packages in addition.
+    /// Builds the tools like [`Tools::build`], and also the libraries of these packages.
     ///
     /// # Errors
-    /// The same as for [`Tools::build`].
+    /// Returns the errors of [`Tools::build`].
     pub fn build_also(libraries: &[&str]) -> Result<Self, String> {
         let test = std::env::current_exe().map_err(|e| e.to_string())?;
-        // target/PROFILE/deps/suite-0123456789abcdef
+        // The path of the test is target/PROFILE/deps/suite-0123456789abcdef.
         let folder = test.parent().and_then(Path::parent).ok_or("a test outside a target folder")?.to_owned();
         let target = folder.parent().ok_or("a test outside a target folder")?;
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
@@ -64,17 +64,17 @@ impl Tools {
         }
     }
 
-    /// The folder of programs and shared libraries.
+    /// Returns the folder of programs and shared libraries.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The program called `name`.
+    /// Returns the path of the program called `name`.
     pub fn program(&self, name: &str) -> PathBuf {
         self.folder.join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
     }
 
-    /// Runs a tool in `folder`, with nothing of the suite's own settings in its environment.
+    /// Runs a tool in `folder`, without the variable `GELATOHOME`.
     ///
     /// # Errors
     /// Returns an error when it cannot be started.
@@ -91,7 +91,7 @@ impl Tools {
     }
 }
 
-/// The root of the checkout.
+/// Returns the root of the checkout.
 pub fn repository() -> PathBuf {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
     manifest.parent().unwrap_or(manifest).to_owned()

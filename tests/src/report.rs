@@ -1,4 +1,4 @@
-//! A page that shows reference, result and difference of every reference image.
+//! Writes a page that shows the reference, result and difference of every reference image.
 
 use crate::{Outcome, Picture};
 use std::fmt::Write;
@@ -7,7 +7,7 @@ use std::path::Path;
 /// Writes `folder/index.html` and the images beside it.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// Returns an error when a file cannot be written.
 pub fn write_report(folder: &Path, outcomes: &[Outcome]) -> Result<(), String> {
     let mut page = String::from(
         "<!doctype html><meta charset=utf-8><title>Suite</title><style>body{font:14px sans-serif}\

@@ -1,4 +1,5 @@
-//! Every call of the scene interface in every form of the reference (3.3), from Pyg and back to it.
+//! Tests that every call of the scene interface, in every form of the reference (3.3), is read from Pyg and written to
+//! it.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -10,7 +11,7 @@ use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSin
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-/// One statement a line. Statements of one call with the same meaning stand side by side, parted by `|`.
+/// The statements, one line for each call. Statements with the same meaning stand in one line, separated by `|`.
 const CALLS: &str = r#"
 Parameter ("float Kd", 0.5) | Parameter ("float Kd", (0.5,)) | Parameter ("float Kd", [0.5])
 Parameter ("vertex point P", (0, 0, 0, 1, 0, 0)) | Parameter ("vertex point P", [(0, 0, 0), (1, 0, 0)])
@@ -81,7 +82,7 @@ Input ("pyg << Sphere (2, -2, 2, 360)", (-2, 2, -2, 2, -2, 2)) | Input ("pyg << 
 Comment ("this is a comment")
 "#;
 
-/// The calls of the reference, chapter 2 and 3.3; `GetAttribute` is tested by asking.
+/// The calls of the reference, chapters 2 and 3.3. `GetAttribute` is tested by scripts.
 const NAMES: [&str; 34] = [
     "AppendTransform",
     "Attribute",
@@ -119,7 +120,7 @@ const NAMES: [&str; 34] = [
     "World",
 ];
 
-/// Keeps all calls.
+/// A sink that stores all calls.
 #[derive(Default)]
 struct Recorder(Vec<Call>);
 
@@ -140,7 +141,7 @@ fn calls_of(text: &[u8], options: &PygOptions) -> Vec<Call> {
     recorder.0
 }
 
-/// Each line: its statements, and the call that they all make.
+/// Returns the statements of each line with the call that they all make.
 fn table() -> Vec<(Vec<&'static str>, Call)> {
     let flat = PygOptions { always_pyglet: true, ..PygOptions::default() };
     CALLS
@@ -204,7 +205,7 @@ fn every_call_survives_writing() {
         all.iter().for_each(|c| writer.call(c.clone(), &Location::default()).unwrap());
         assert_eq!(calls_of(&writer.into_inner().unwrap(), &flat), with_parameters_inside(&all));
     }
-    // Parameters apart: each call with the parameters that came before it is the call that was written.
+    // With separate parameters, each call, together with the parameters before it, equals the call that was written.
     for call in all {
         let options = WriterOptions { separate_params: true, ..WriterOptions::default() };
         let mut writer = Writer::with_options(Vec::new(), options);
@@ -224,7 +225,7 @@ fn every_call_survives_writing() {
     }
 }
 
-/// Returns the calls with what `Parameter` set in the next call that takes parameters.
+/// Returns the calls, with the parameters of `Parameter` moved into the next call that takes parameters.
 fn with_parameters_inside(calls: &[Call]) -> Vec<Call> {
     let (mut pending, mut out) = (Params::new(), Vec::new());
     for call in calls {
@@ -243,7 +244,7 @@ fn with_parameters_inside(calls: &[Call]) -> Vec<Call> {
     out
 }
 
-/// The parameters of a call that takes any.
+/// Returns the parameters of a call, if it takes any.
 fn params(call: &mut Call) -> Option<&mut Params> {
     match call {
         Call::Camera { params, .. }
@@ -256,7 +257,7 @@ fn params(call: &mut Call) -> Option<&mut Params> {
     }
 }
 
-/// Renders nothing.
+/// A renderer that renders nothing.
 struct Nothing;
 
 impl FrameRenderer for Nothing {
@@ -271,7 +272,7 @@ impl FrameRenderer for Nothing {
     }
 }
 
-/// Runs a script against the state machine; what it printed and what was complained of.
+/// Runs a script with the state machine. Returns its output, and the warnings and errors.
 fn script(text: &str) -> (String, Vec<String>) {
     let (reporter, said) = Reporter::collecting();
     let mut state = State::new(Box::new(Nothing), reporter.clone());
@@ -295,7 +296,7 @@ fn scripts_ask_for_every_attribute() {
     for row in TABLE.iter().filter(|row| row.scope != Scope::Output) {
         let declaration = row.declaration();
         let name = row.name;
-        // Every attribute answers, also those that can only be asked for; unset ones answer None.
+        // Every attribute has a value, also the ones that are read only. Unset ones return None.
         let unset = row.default_param().is_none() && row.scope != Scope::ReadOnly && name != "screen";
         let _ = writeln!(
             text,

@@ -1,5 +1,5 @@
-//! The attribute table says of each attribute whether anything comes of setting it. Here that is held against the
-//! sources: what has an effect is asked for by its key or named somewhere, what is said to have none is nowhere.
+//! Compares the effects in the attribute table with the sources. An attribute with an effect must be read by its key or
+//! named in the sources. An attribute without an effect must not occur in them.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -7,7 +7,7 @@ use granita_scene::attribute::{Effect, Scope, TABLE};
 use granita_tests::repository;
 use std::path::Path;
 
-/// All sources of these folders but tests.
+/// Appends all sources of these folders except tests.
 fn sources(folder: &Path, text: &mut String) {
     let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
@@ -19,7 +19,7 @@ fn sources(folder: &Path, text: &mut String) {
             && !["tests.rs", "fixture.rs", "attribute.rs", "table.rs"].contains(&name.as_str())
         {
             let source = std::fs::read_to_string(&path).unwrap();
-            // Unit tests stand last in a file; comments name attributes freely.
+            // Unit tests are at the end of a file. Comments may name attributes.
             let code = source.split("#[cfg(test)]").next().unwrap();
             let code = code.lines().filter(|l| !l.trim_start().starts_with("//"));
             code.for_each(|line| {
@@ -30,10 +30,11 @@ fn sources(folder: &Path, text: &mut String) {
     }
 }
 
-/// Attributes whose effect does not show: asked for by shaders, or of one possible value.
+/// The attributes whose effect is not visible in the sources. They are read by shaders, or have only one possible
+/// value.
 const ELSEWHERE: [&str; 2] = ["pass", "hider"];
 
-/// The key of an attribute, as programs write it.
+/// Returns the key of an attribute, as programs write it.
 fn key(name: &str) -> String {
     let name = if name == "C" { "color" } else { name };
     format!("attr::{}", name.replace(':', "_").to_uppercase())

@@ -1,5 +1,5 @@
-//! The README's main job, at a quarter of its size: it runs, and its picture is the same to the bit whatever the
-//! threads, the order and size of buckets, and the crops.
+//! Tests the first example of the README at a quarter of its size. The image must be the same to the bit for all
+//! numbers of threads, orders and sizes of buckets, and crops.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -20,7 +20,7 @@ fn the_first_picture_is_the_same_to_the_bit() {
     assert!(Picture::read(&place.join("examples/first/out/first.png")).unwrap().is_varied());
     let whole = Picture::read(&place.join("whole.exr")).unwrap();
 
-    // Only the frame again, with settings before it.
+    // The frame is rendered again without its commands, with settings before it.
     let text = std::fs::read_to_string(place.join(scene)).unwrap();
     let frame: String =
         text.lines().filter(|l| !l.starts_with("Command")).map(|l| format!("{l}\n")).collect();

@@ -1,11 +1,11 @@
-//! Every reader over its corpus and mutations of it.
+//! Tests every reader with its corpus and mutations of it.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use granita_tests::fuzz::{TARGETS, mutated};
 use granita_tests::repository;
 
-/// Mutations of each file of the corpus; libFuzzer does the millions.
+/// The number of mutations of each file of the corpus. libFuzzer runs millions.
 const MUTATIONS: u32 = 150;
 
 #[test]

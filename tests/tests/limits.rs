@@ -1,4 +1,4 @@
-//! The suite where the system gives little: few open files, little memory.
+//! Tests the tools with few open files.
 
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
@@ -8,7 +8,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-/// A tiled texture of one colour.
+/// Makes a tiled texture of one colour.
 fn texture(tools: &Tools, place: &Path) {
     std::fs::write(place.join("a.ppm"), [b"P6 64 64 255\n".to_vec(), vec![128; 3 * 64 * 64]].concat())
         .unwrap();
@@ -16,7 +16,7 @@ fn texture(tools: &Tools, place: &Path) {
     assert_eq!(made.status, 0, "{}", made.stderr);
 }
 
-/// A frame that looks at many textures, with few files that may be open: no texture is lost, nor is the image.
+/// A frame with many textures is rendered while few files may be open. All textures and the image must be complete.
 #[test]
 fn many_textures_and_few_files() {
     const TEXTURES: usize = 150;
@@ -41,7 +41,7 @@ fn many_textures_and_few_files() {
     scene.push_str("Render (\"camera\")\n");
     std::fs::write(place.join("s.pyg"), scene).unwrap();
     let mut images = Vec::new();
-    // The second: only the soft limit is low, and is raised.
+    // In the second case only the soft limit is low, and the tool raises it.
     for limits in ["ulimit -n 4096", "ulimit -Sn 16; ulimit -Hn 4096", "ulimit -n 64", "ulimit -n 40"] {
         let ran = Command::new("sh")
             .args(["-c", &format!("{limits} 2>/dev/null; exec \"$0\" \"$@\"")])

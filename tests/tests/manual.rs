@@ -1,4 +1,4 @@
-//! Pages of the manual that are made from tables in the code.
+//! Tests the pages of the manual that are made from tables in the code.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -6,7 +6,7 @@ use granita_scene::attribute::{DefaultValue, Effect, Scope, TABLE};
 use granita_tests::repository;
 use std::fmt::Write;
 
-/// Compares a page with what it should be, or replaces it under `cargo xtask bless manual`.
+/// Compares a page with its expected text, or replaces it under `cargo xtask bless manual`.
 fn page(name: &str, text: &str) {
     let path = repository().join("docs").join(name);
     if std::env::var("GRANITA_BLESS").is_ok_and(|what| what == "manual" || what == "all") {

@@ -1,4 +1,5 @@
-//! One frame by several processes (`-net`): the same pixels as by one, whatever becomes of the workers.
+//! Tests that a frame rendered by several processes (`-net`) has the same pixels as one rendered by a single process,
+//! even when workers fail.
 
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
@@ -6,7 +7,8 @@
 use granita_tests::{Picture, Tools, copy_first, repository};
 use std::path::Path;
 
-/// Stands for ssh: "there" is this machine, "cut" hangs up in the middle of a bucket, nothing else is there.
+/// A replacement for ssh. The host "there" is this machine, and "cut" closes the connection in the middle of a bucket.
+/// No other host exists.
 const SSH: &str = "shift 5
 case $1 in
     there) exec /bin/sh -c \"$2\" ;;
@@ -14,7 +16,7 @@ case $1 in
     *) echo \"no route to $1\" >&2; exit 255 ;;
 esac";
 
-/// Renders the example; its picture, and what was said.
+/// Renders the example. Returns its image and the messages.
 fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Picture, String) {
     let out = place.join("examples/first/out");
     if out.exists() {
@@ -77,28 +79,28 @@ fn what_shaders_save_is_whole() {
     assert!(bake(&[]) == bake(&["-net", "local local"]), "another database");
 }
 
-/// Workers that hold a frame up: each is the text of a shell script, and what is said of it.
+/// Workers that delay a frame: the text of a shell script, and a part of the expected message.
 const STUCK: [(&str, &str); 6] = [
-    // Never greets.
+    // The worker sends nothing.
     ("exec sleep 1000", "it has been silent for 2 s"),
-    // Is stopped before it greets.
+    // The worker is stopped before it sends its first line.
     ("kill -STOP $$", "it has been silent for 2 s"),
-    // Is stopped in the middle of an answer.
+    // The worker is stopped in the middle of an answer.
     (
         "$GELATO \"$@\" | { dd bs=1 count=30000 2>/dev/null; kill -STOP $$; sleep 1000; }",
         "it has been silent for 2 s",
     ),
-    // Has another version.
+    // The worker has another version.
     (
         "echo granita-worker 0.0.1 2; exec sleep 1000",
         "it is \"granita-worker 0.0.1 2\", and this is \"granita-worker",
     ),
-    // Announces a billion bytes, and has none.
+    // The worker announces a billion bytes, and sends none.
     (
         "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\001\\000\\000\\000\\377\\377\\377\\017'; exec sleep 1000",
         "it has been silent for 2 s",
     ),
-    // Announces more images than there are.
+    // The worker announces more images than there are.
     (
         "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
         "its answer has 4294967294 images, and there are less than 65536",
@@ -140,7 +142,7 @@ fn workers_that_are_stuck_do_not_hold_a_frame_up() {
     });
 }
 
-/// "net:workers" and "net:tint": frames are spread without a word on the command line, and each worker has a colour.
+/// "net:workers" distributes frames without options on the command line. With "net:tint" each worker has a colour.
 #[test]
 fn workers_of_an_attribute_tint_their_buckets() {
     let tools = Tools::build().unwrap();
@@ -168,13 +170,13 @@ fn workers_of_an_attribute_tint_their_buckets() {
     assert_eq!(alone.pixel(20, 8).unwrap(), [1.0; 4]);
     assert!(render(&workers("local local")) == alone);
     let tint = |seed: u32| format!("Attribute (\"int net:tint\", {seed})\n");
-    // Without workers there is nothing to tint.
+    // Without workers there is no tint.
     assert!(render(&tint(1)) == alone);
     let (one, other) = (render(&(workers("local") + &tint(1))), render(&(workers("local") + &tint(2))));
     for picture in [&one, &other] {
         let color = picture.pixel(20, 8).unwrap();
         assert!(color[..3] != [1.0; 3] && color[3] == 1.0, "{color:?}");
-        // One worker has one colour.
+        // One worker renders all buckets, which have one colour.
         assert!((0..48).all(|x| picture.pixel(x, 8).unwrap() == color));
     }
     assert!(one != other, "the seed chooses the colours");

@@ -1,4 +1,5 @@
-//! Results that cannot be written are known before the work begins, and no tool writes over what it reads.
+//! Tests that results that cannot be written are reported before the work begins, and that no tool overwrites its
+//! input.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
 
@@ -44,7 +45,7 @@ fn outputs_that_cannot_be_written_are_found_before_the_first_bucket() {
     assert_eq!(names, ["b.tif", "s.json", "s.pyg"], "nothing else is left");
 }
 
-/// The bytes of a PNG image of 2 x 1 pixels.
+/// Returns the bytes of a PNG image of 2 x 1 pixels.
 fn png() -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.png");
@@ -82,7 +83,7 @@ fn no_tool_writes_over_what_it_reads() {
     }
 }
 
-/// A name that ends in a slash is a folder, which is made. Its textures are called like their inputs.
+/// A name that ends in a slash is a folder, which is created. The textures in it have the names of their inputs.
 #[test]
 fn maketx_makes_the_folder_of_its_textures() {
     let tools = Tools::build().unwrap();
@@ -97,12 +98,12 @@ fn maketx_makes_the_folder_of_its_textures() {
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     assert!(read("new/deep/x.tx") == read("x.tx"));
     assert_eq!(std::fs::read_dir(folder.path().join("new/deep")).unwrap().count(), 1);
-    // A file that has the name of the folder.
+    // A file has the name of the folder.
     let ran = tools.run(folder.path(), "maketx", &["x.png", "-o", "x.png/"]).unwrap();
     assert!(ran.status == 2 && ran.stderr.contains("the folder cannot be made"), "{}", ran.stderr);
 }
 
-/// What "debug:dso" and `-debugdso` report is one line for each file that is tried.
+/// "debug:dso" and `-debugdso` print one line for each file that is tried.
 #[test]
 fn every_plugin_that_is_tried_has_a_line() {
     let tools = Tools::build().unwrap();

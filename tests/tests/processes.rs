@@ -1,4 +1,4 @@
-//! Nothing hangs and no process is left behind, however a run ends.
+//! Tests that no run hangs or leaves a process behind, however it ends.
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
@@ -9,10 +9,11 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// What a child and a child of it do: they write their numbers to files, and go on forever.
+/// A command line of a child process and its own child. They write their numbers to files, and run for ever.
 const ENDLESS: &str = "sh -c 'echo $$ > inner; mv inner inner.pid; exec sleep 1000' & echo $$ > outer; mv outer outer.pid; wait";
 
-/// Ways to start children that go on forever: the scene, and what is said to run when the time is over.
+/// Returns ways to start children that run for ever: a name, the scene, and the activity that is reported at the time
+/// limit.
 fn scenes() -> Vec<(&'static str, String, &'static str)> {
     let quoted = ENDLESS.replace('"', "\\\"");
     let mut all = vec![
@@ -67,13 +68,13 @@ fn soon(what: &str, mut done: impl FnMut() -> bool) {
     }
 }
 
-/// Whether a process runs: one that has ended may stay in the table until somebody asks.
+/// True when a process runs. A process that has ended may stay in the table until its parent waits for it.
 fn runs(pid: &str) -> bool {
     let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
     stat.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with('Z'))
 }
 
-/// The numbers of the child and of its child, once both run.
+/// Returns the numbers of the child and of its child, once both run.
 fn children(what: &str, place: &Path) -> [String; 2] {
     ["outer.pid", "inner.pid"].map(|name| {
         let path = place.join(name);
@@ -92,7 +93,8 @@ fn ended(process: Child) -> (Output, String) {
     (output, said)
 }
 
-/// Whether this process ignores Ctrl-C, as one in the background of a shell does: what it starts ignores it, too.
+/// True when this process ignores Ctrl-C, like a process in the background of a shell. Its children then ignore it,
+/// too.
 fn ignores_interrupts() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap();
@@ -116,7 +118,7 @@ fn a_run_that_is_killed_leaves_no_process() {
                     let process = start(tools, folder.path(), &["scene.pyg"]);
                     let pids = children(&what, folder.path());
                     kill(signal, &process);
-                    // A guard that lives holds no stream of the run.
+                    // A guard that still runs must not hold a stream of the run.
                     let (output, said) = ended(process);
                     assert_eq!(output.status.signal(), Some(number), "{what}: {said}");
                     assert!(said.is_empty(), "{what}: {said}");
@@ -219,7 +221,7 @@ fn a_time_limit_ends_frames_and_reading() {
         let partial = |name: &std::ffi::OsString| name.to_string_lossy().starts_with(".granita");
         assert!(!left.iter().any(|name| partial(name) || name == "never.tif"), "{scene}: {left:?}");
     }
-    // A limit that is not reached changes nothing.
+    // A limit that is not reached has no effect.
     let (output, said) = ended(start(&tools, place, &["-timeout", "1000", "examples/first/first.pyg"]));
     assert!(output.status.success() && said.is_empty(), "{said}");
     for bad in ["0", "nan", "inf", "soon"] {

@@ -1,4 +1,4 @@
-//! The Python package, where there is a Python.
+//! Tests the Python package, if Python is installed.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

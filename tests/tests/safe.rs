@@ -1,7 +1,7 @@
 // tidy: table
-//! What scenes from strangers try under `-safe`: each route is a scene that reads, writes or starts something outside.
-//! The kernel tells of every file that is opened, made, moved or removed there. Most routes are tried without `-safe`
-//! as well, where they arrive, so that a route that leads nowhere by itself does not count.
+//! Tests `-safe` with untrusted scenes. Each route is a scene that tries to read, write or start a file outside of its
+//! folder. The kernel reports every file that is opened, made, moved or removed there. Most routes also run without
+//! `-safe` and must then reach the file, so that a route that is broken by itself does not count.
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
@@ -13,13 +13,13 @@ use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Before the world of a small picture.
+/// The calls before the world of a small image.
 const HEAD: &str = "Camera (\"c\", \"int[2] resolution\", (8, 8), \"string projection\", \"orthographic\", \"float[4] screen\", (-1, 1, -1, 1))\n\
     Output (\"o.tif\", \"tiff\", \"rgb\", \"c\")\n";
-/// A square, and the end.
+/// A square, and the call that renders.
 const BODY: &str = "Patch (\"linear\", 2, 2, \"vertex point P\", (-1, 1, 1,  1, 1, 1,  -1, -1, 1,  1, -1, 1), \"vertex float[2] st\", (0, 0, 1, 0, 0, 1, 1, 1))\nRender ()\n";
 
-/// Files outside; everything in the folder is watched.
+/// The files outside. Everything in their folder is watched.
 const OUTSIDE: [(&str, &str); 12] = [
     ("a.ppm", "P3\n1 1\n255\n255 0 0\n"),
     ("s.gsl", "surface s () { C = color (1, 0, 0); }\n"),
@@ -35,15 +35,16 @@ const OUTSIDE: [(&str, &str); 12] = [
     ("notes.txt", "of a person"),
 ];
 
-/// One way out.
+/// A way to a file outside.
 struct Route {
     name: &'static str,
-    /// Files beside the scene: name and text; `@` before a name makes a link to the text.
+    /// The files beside the scene: name and text. `@` before a name makes a link to the text.
     files: &'static [(&'static str, &'static str)],
-    /// Calls before the world, and in it; `{out}` stands for the folder outside, `{rel}` for the way there.
+    /// The calls before the world and in it. `{out}` stands for the folder outside, and `{rel}` for the relative path
+    /// to it.
     before: &'static str,
     within: &'static str,
-    /// It arrives without `-safe`.
+    /// True when the route reaches the file without `-safe`.
     arrives: bool,
 }
 
@@ -64,13 +65,13 @@ const fn with(
     Route { name, files, before, within, arrives: true }
 }
 
-/// Does nothing without `-safe` either, today.
+/// Marks a route that does not reach the file without `-safe` either.
 const fn vain(route: Route) -> Route {
     Route { arrives: false, ..route }
 }
 
 const ROUTES: &[Route] = &[
-    // Textures and maps.
+    // These routes read textures and maps.
     read(
         "texture, absolute",
         "Shader (\"surface\", \"paintedplastic\", \"string texturename\", \"{out}/a.ppm\")\n",
@@ -162,7 +163,7 @@ const ROUTES: &[Route] = &[
         "a device",
         "Shader (\"surface\", \"paintedplastic\", \"string texturename\", \"/dev/zero\")\n",
     )),
-    // Shaders.
+    // These routes read shaders.
     read("shader, absolute", "Shader (\"surface\", \"{out}/s\")\n"),
     read("shader, relative", "Shader (\"surface\", \"{rel}/s\")\n"),
     with(
@@ -192,7 +193,7 @@ const ROUTES: &[Route] = &[
     ),
     read("light shader", "Light (\"l\", \"{out}/s\")\nShader (\"surface\", \"matte\")\n"),
     read("displacement shader", "Shader (\"displacement\", \"{out}/s\")\n"),
-    // Scenes and geometry.
+    // These routes read scenes and geometry.
     read("Input, absolute", "Input (\"{out}/a.pyg\")\n"),
     read("Input, relative", "Input (\"{rel}/a.pyg\")\n"),
     with(
@@ -258,7 +259,7 @@ const ROUTES: &[Route] = &[
         "",
         "Shader (\"surface\", \"e\", \"string n\", \"l.sdb\")\n",
     ),
-    // What is written.
+    // These routes write files.
     begin("Output, absolute", "Output (\"{out}/new.tif\", \"tiff\", \"rgb\", \"c\")\n"),
     begin("Output, relative", "Output (\"{rel}/new.tif\", \"tiff\", \"rgb\", \"c\")\n"),
     begin("Output over a file", "Output (\"{out}/notes.txt\", \"tiff\", \"rgb\", \"c\")\n"),
@@ -332,7 +333,7 @@ const ROUTES: &[Route] = &[
     ),
     begin("mkdir", "Command (\"mkdir\", \"string name\", \"{out}/new\")\n"),
     begin("unlink", "Command (\"unlink\", \"string name\", \"{out}/notes.txt\")\n"),
-    // What is started.
+    // These routes start programs.
     begin("system, a line", "Command (\"system {out}/run\")\n"),
     begin("system, words", "Command (\"system\", \"string[1] command\", (\"{out}/run\",))\n"),
     begin(
@@ -382,7 +383,7 @@ const SAVE: &str =
     "surface e (string n = \"\") { spatialdbsave (n, P, normalize (N), C, \"filemode\", \"w\"); }\n";
 const SAVE_PICTURE: &str = "surface e (string n = \"\") { float r[2] = {8, 8}; spatialdbsave (n, u, v, C, \"filemode\", \"wo\", \"resolution\", r); }\n";
 
-/// A stranger's folder beside one that is none of his business.
+/// The folder of an untrusted scene beside one that it must not use.
 struct Place {
     dir: tempfile::TempDir,
     watch: OwnedFd,
@@ -415,7 +416,7 @@ impl Place {
         }
         let scene =
             format!("{}{HEAD}World ()\n{}{BODY}", place.filled(route.before), place.filled(route.within));
-        // Outputs of a route belong to the camera.
+        // The outputs of a route belong to the camera.
         let scene = match route.before.contains("Output") {
             true => format!("{HEAD}{}World ()\n{BODY}", place.filled(route.before)),
             false => scene,
@@ -441,13 +442,13 @@ impl Place {
             .replace("{scene}", &self.scene("s.pyg").to_string_lossy())
     }
 
-    /// Files outside that something was done with since the last call.
+    /// Returns the files outside that were used since the last call.
     fn touched(&self) -> Vec<String> {
         let mut space = [std::mem::MaybeUninit::uninit(); 1 << 16];
         let mut reader = inotify::Reader::new(&self.watch, &mut space);
         let mut names = Vec::new();
         while let Ok(event) = reader.next() {
-            // Without a name it is the folder itself, which searches may look at.
+            // An event without a name is for the folder itself, in which searches may look.
             if let Some(name) = event.file_name() {
                 names.push(name.to_string_lossy().into_owned());
             }
@@ -493,7 +494,7 @@ fn no_route_leads_out() {
             if !(0..=2).contains(&status) {
                 wrong.push(format!("{} {arguments:?}: status {status}", route.name));
             }
-            // What is refused is told; the rest of the frame is there.
+            // A refused file is reported, and the rest of the frame is rendered.
             let refused = route.arrives && !route.name.starts_with("Output through");
             if refused && !messages.contains("error") && !messages.contains("warning") {
                 wrong.push(format!("{} {arguments:?}: nothing is said: {messages}", route.name));
@@ -514,8 +515,8 @@ fn what_a_scene_makes_it_uses() {
     let tools = Tools::build().unwrap();
     let route = with("", &[("sub/t.ppm", "P3\n1 1\n255\n0 255 0\n")], "", "");
     let place = Place::new(&route);
-    // One camera makes a picture that the next one needs; another texture lies beside the scene, and is named
-    // absolutely.
+    // In the first scene, one camera makes an image that the next camera needs. In the second one, a texture lies
+    // beside the scene and is named absolutely.
     let scene = format!(
         "{}Output (\"deep/p.tif\", \"tiff\", \"rgb\", \"d\")\n{HEAD}World ()\nShader (\"surface\", \"paintedplastic\", \"string texturename\", \"deep/p.tif\")\n{BODY}",
         HEAD.lines().next().unwrap().replace("\"c\"", "\"d\"") + "\n"
@@ -527,14 +528,14 @@ fn what_a_scene_makes_it_uses() {
     );
     for (text, made) in [(scene.as_str(), "deep/p.tif"), (second.as_str(), "q.tif")] {
         std::fs::write(place.scene("s.pyg"), text).unwrap();
-        // Twice: what an earlier run of the same scene made may be replaced.
+        // The scene is rendered twice. The second run may replace the files of the first one.
         for _ in 0..2 {
             let (_, messages) = place.run(&tools, "gelato", &["-safe", "s.pyg"]);
             assert!(!messages.contains("-safe)"), "{messages}");
             assert!(place.scene("s.out").join(made).is_file(), "{made}: {messages}");
         }
     }
-    // The command line may write where it likes, and a folder may be chosen.
+    // The command line may write anywhere, and may choose another folder.
     let elsewhere = place.dir.path().join("user/x.png");
     let (status, messages) = place.run(
         &tools,
@@ -613,7 +614,7 @@ fn topyg_and_maketx_keep_to_the_rules() {
         let (status, messages) = place.run(&tools, "topyg", &[safe, &["p.pyg"]].concat());
         assert!(status != 0 && !messages.is_empty() && place.touched().is_empty(), "{messages}");
     }
-    // What the user asks for is written.
+    // A file that the user names is written.
     let place = Place::new(&with("", &[("t.ppm", "P3\n1 1\n255\n0 255 0\n")], "", ""));
     let (status, messages) = place.run(&tools, "maketx", &["-safe", "-o", "../user/o.tx", "t.ppm"]);
     assert!(status == 0 && Path::new(&place.dir.path().join("user/o.tx")).is_file(), "{messages}");

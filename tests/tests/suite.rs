@@ -22,7 +22,7 @@ fn suite() {
     let reference = tests.join("ref");
     let next = AtomicUsize::new(0);
     let outcomes = Mutex::new(Vec::<Outcome>::new());
-    // Tools use threads of their own; two cases at a time keep small ones from waiting.
+    // Tools use several threads themselves. Two cases run at a time, so that small cases do not wait for long.
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {

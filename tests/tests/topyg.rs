@@ -1,4 +1,5 @@
-//! What `topyg` makes of a scene renders to the same bits as the scene: every scene of the suite and the examples.
+//! Tests that the output of `topyg` renders to the same bits as its input, for every scene of the suite and the
+//! examples.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -6,7 +7,7 @@ use granita_tests::{Tools, repository};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// All folders under `top` that hold scenes which render something, with the names of those scenes.
+/// Adds all folders under `top` with scenes that render, and the names of those scenes.
 fn scenes(top: &Path, found: &mut Vec<(PathBuf, Vec<String>)>) {
     let mut entries: Vec<PathBuf> = std::fs::read_dir(top).unwrap().map(|e| e.unwrap().path()).collect();
     entries.sort();
@@ -15,7 +16,7 @@ fn scenes(top: &Path, found: &mut Vec<(PathBuf, Vec<String>)>) {
             && std::fs::read(path).is_ok_and(|bytes| String::from_utf8_lossy(&bytes).contains("Render"))
     };
     let name = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
-    // The last first: a pass for shadows comes before what needs it.
+    // The scenes run in reverse order, so that a pass for shadows comes before the scene that needs it.
     let mine: Vec<String> = entries.iter().rev().filter(|p| renders(p)).map(name).collect();
     if !mine.is_empty() {
         found.push((top.to_owned(), mine));
@@ -36,7 +37,7 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Contents of all files but scenes, by name.
+/// Returns the contents of all files except scenes, by name.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     let files = entries.filter(|p| p.is_file() && p.extension().is_none_or(|e| e != "pyg"));
@@ -55,7 +56,7 @@ fn what_topyg_makes_renders_to_the_same_bits() {
     check(&all);
 }
 
-/// Other people's scenes, in the folder that the variable names.
+/// Tests external scenes in the folder that the variable names.
 #[test]
 fn scenes_from_elsewhere_do_too() {
     let Some(top) = std::env::var_os("GRANITA_SCENES") else {
@@ -79,15 +80,15 @@ fn check(all: &[(PathBuf, Vec<String>)]) {
             let mut said = String::new();
             for name in names {
                 if let Some(options) = options {
-                    // Written back under its own name, which messages and automatic outputs carry.
+                    // The scene keeps its name, because messages and automatic outputs contain it.
                     let words = [*options, &[name, "-o", "made.pyg"]].concat();
                     let ran = tools.run(&place, "topyg", &words).unwrap();
-                    // Scenes that cannot be read whole are about something else, and stay as they are.
+                    // Scenes that cannot be read completely test something else, and are not changed.
                     if ran.status != 2 {
                         std::fs::rename(place.join("made.pyg"), place.join(name)).unwrap();
                     }
                 }
-                // A part is enough: the middle, where something is to be seen.
+                // The middle of the image is enough, because the objects are there.
                 let words = ["-threads", "2", "-crop", "0.4", "0.6", "0.45", "0.6", name];
                 let ran = tools.run(&place, "gelato", &words).unwrap();
                 said += &format!("{name}: {}\n", ran.status);
@@ -97,7 +98,8 @@ fn check(all: &[(PathBuf, Vec<String>)]) {
                 None => first = Some(made),
                 Some((wanted, said)) => {
                     let shown = format!("{} {options:?}", folder.display());
-                    // A call that was left out when the scene was read is not there any more: no error comes of it.
+                    // A call that was left out when the scene was read is missing in the copy, and causes no error
+                    // there.
                     let good = |said: &str| said.replace(": 1", ": 0");
                     assert_eq!(good(&made.1), good(said), "{shown}");
                     assert!(made.0.keys().eq(wanted.keys()), "{shown}: {:?}", made.0.keys());

@@ -1,16 +1,16 @@
-//! No attribute is read or set by a text: programs name attributes by the keys of `granita_scene::attr`, so that a
-//! wrong name or type does not compile.
+//! Checks that attributes are not read or set by text. Programs name attributes by the keys of `granita_scene::attr`,
+//! so that a misspelled name or a different type does not compile.
 
 use crate::source::{Kind, Source};
 use std::path::Path;
 
-/// The file with the names of attributes.
+/// The file that defines the attributes.
 const TABLE: &str = "libs/scene/src/attribute/table.rs";
 
 /// The mark on the line, or in comments above it, that justifies a text.
 const MARK: &str = "tidy: attribute: ";
 
-/// Functions whose first text, if they have one, names a value.
+/// The functions whose first text argument names a value.
 const CALLS: [&str; 10] = [
     "get",
     "float",
@@ -24,13 +24,13 @@ const CALLS: [&str; 10] = [
     "attribute_default",
 ];
 
-/// Names of attributes that are names of primitive variables and of parameters of commands as well.
+/// The names of attributes that are also names of primitive variables and of parameters of commands.
 const ALSO_VARIABLES: [&str; 3] = ["C", "opacity", "name"];
 
 /// The crates for images, below scenes. They read attributes of images only.
 const BELOW: [&str; 5] = ["libs/base", "libs/image", "formats/exr", "formats/tiff", "formats/raster"];
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 ///
 /// # Errors
 /// Returns an error when there is no table of attributes.
@@ -61,21 +61,21 @@ pub(crate) fn check(sources: &[Source]) -> Result<Vec<String>, String> {
     Ok(faults)
 }
 
-/// The names in the table: the second text of each `"section", "name", `.
+/// Returns the names in the table: the second text of each `"section", "name", `.
 fn names(table: &str) -> Vec<&str> {
     let rows = table.lines().filter_map(|line| line.split_once(" = \"")?.1.split_once("\", \""));
     let names = rows.filter_map(|(_, rest)| Some(rest.split_once('"')?.0));
     names.filter(|name| !ALSO_VARIABLES.contains(name)).collect()
 }
 
-/// Lines, from 1, that name an attribute by a text, and the name. With `anywhere`, a name with a colon counts in any
-/// place, with or without a type. A name without a colon, which may be an ordinary word, counts in calls that take
-/// names.
+/// Returns the lines, counted from 1, that name an attribute by text, and the names. With `anywhere`, a name with a
+/// colon counts in any place, with or without a type. A name without a colon, which may be an ordinary word, counts
+/// only in calls that take names.
 fn by_text<'a>(source: &Source, names: &[&'a str], anywhere: bool) -> Vec<(usize, &'a str)> {
     let mut found = Vec::new();
     for (at, token) in source.code.iter().enumerate() {
         let Kind::Text(text) = &token.kind else { continue };
-        // "int twosided" or "twosided".
+        // The text has the form "int twosided" or "twosided".
         let word = match text.split(' ').collect::<Vec<_>>().as_slice() {
             [.., last] if text.split(' ').count() <= 2 => *last,
             _ => continue,

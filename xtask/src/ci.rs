@@ -7,13 +7,14 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// The README's test command is the first step; it is read from there so that the two cannot differ.
+/// The beginning of the test command in the README. The first step reads the command from there, so that the two cannot
+/// differ.
 const TEST_MARK: &str = "cargo test";
 
-/// The beginning of the line of a skipped test; `tests/needs` writes it.
+/// The beginning of the line that `tests/needs` writes for a skipped test.
 const SKIPPED: &str = "skipped: ";
 
-/// Runs all steps; stops at the first that fails.
+/// Runs all steps until one fails.
 pub(crate) fn run() -> Result<(), String> {
     let workspace = Workspace::load()?;
     let root = &workspace.root;
@@ -64,7 +65,7 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     if let Some(mut lines) = child.stderr.take().map(BufReader::new) {
         let mut line = Vec::new();
         while lines.read_until(b'\n', &mut line).map_err(|e| format!("cargo: {e}"))? > 0 {
-            // Without a standard error the status still counts.
+            // When standard error cannot be written, the status still counts.
             let _ = std::io::stderr().write_all(&line);
             let text = String::from_utf8_lossy(&line);
             skipped.extend(text.strip_prefix(SKIPPED).map(|what| what.trim_end().to_owned()));
@@ -79,7 +80,7 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     if status.success() { Ok(()) } else { Err("tests failed".to_owned()) }
 }
 
-/// The fixed part of `cargo xtask attack`, where it runs.
+/// Runs the fixed part of `cargo xtask attack`, on systems that support it.
 fn attack() -> Result<(), String> {
     #[cfg(target_os = "linux")]
     {
@@ -92,8 +93,8 @@ fn attack() -> Result<(), String> {
     Ok(())
 }
 
-/// Crates without code in C: another architecture needs no compiler for it. Code that differs between architectures is
-/// in these.
+/// The crates without code in C. Another architecture needs no C compiler for these. All code that differs between
+/// architectures is in them.
 const PORTABLE: [&str; 9] = [
     "granita-base",
     "granita-image",
@@ -106,7 +107,7 @@ const PORTABLE: [&str; 9] = [
     "granita-shade",
 ];
 
-/// Crates with code for AVX2 beside that for every machine.
+/// The crates with code for AVX2 beside the portable code.
 const DISPATCHED: [&str; 3] = ["granita-trace", "granita-texture", "granita-shade"];
 
 /// The other architecture.
@@ -134,7 +135,7 @@ fn other_architecture(root: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// `cargo deny` where it is installed.
+/// Runs `cargo deny` if it is installed.
 fn dependencies(root: &Path) -> Result<(), String> {
     let is_fine = |arguments: &[&str]| {
         Command::new(cargo())

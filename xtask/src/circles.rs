@@ -1,8 +1,8 @@
-//! Circles of files: files of a crate import each other in one direction.
+//! Checks that the files of a crate import each other in one direction, without circles.
 //!
 //! A file *names* another one when a path of its code, outside of tests, leads to an item that the other one defines,
-//! through any `use` lines on the way. A module and its own descendants may name each other. A circle is a set of
-//! files of which each reaches all the others by such names.
+//! through any `use` lines on the way. A module and its own descendants may name each other. A circle is a set of files
+//! in which each file reaches all the others through such names.
 
 mod tree;
 
@@ -13,23 +13,23 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tree::{Reader, Target, Tree};
 
-/// Files that name each other, sorted by path.
+/// A set of files that name each other, sorted by path.
 struct Circle {
     files: BTreeSet<PathBuf>,
-    /// The names that hold it together, by the two files.
+    /// The names that form the circle, by the two files.
     names: BTreeMap<(PathBuf, PathBuf), Vec<Line>>,
 }
 
-/// A line that names something of another file.
+/// A line that names an item of another file.
 struct Line {
     number: usize,
     path: String,
 }
 
-/// All breaches, one message each.
+/// Returns all breaches, one message each.
 ///
 /// # Errors
-/// A file that is missing or is not Rust.
+/// Returns the path of a file that is missing or is not Rust, with the reason.
 pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
     let reader = |path: &Path| workspace.text(path);
     let mut found: Vec<Circle> = Vec::new();
@@ -57,7 +57,7 @@ fn describe(circle: &Circle) -> String {
     text
 }
 
-/// The circles of the crate with this root file, in order of their first files.
+/// Returns the circles of the crate with this root file, in order of their first files.
 fn circles(root: &Path, reader: Reader) -> Result<Vec<Circle>, String> {
     let tree = Tree::read(root, reader)?;
     let names = names(&tree);
@@ -83,12 +83,12 @@ fn circles(root: &Path, reader: Reader) -> Result<Vec<Circle>, String> {
     Ok(circles)
 }
 
-/// The files that name each other, and where; without modules and their own descendants.
+/// Returns the pairs of files that name each other, with the lines. Modules and their own descendants are left out.
 fn names(tree: &Tree) -> BTreeMap<(PathBuf, PathBuf), Vec<Line>> {
     let mut names: BTreeMap<(PathBuf, PathBuf), Vec<Line>> = BTreeMap::new();
     for (id, module) in tree.modules.iter().enumerate() {
         for mention in module.mentions.iter().filter(|m| !tree.is_imported(m, id)) {
-            // A `use` of a module names nothing yet: the paths that start with it do.
+            // A `use` of a module does not count. The paths that start with the module do.
             let Some(Target::Item(definer)) = tree.resolve(&mention.path, id) else { continue };
             let [from, to] = [id, definer].map(|m| tree.file_module(m));
             if tree.contains(from, to) || tree.contains(to, from) {
@@ -106,7 +106,7 @@ fn names(tree: &Tree) -> BTreeMap<(PathBuf, PathBuf), Vec<Line>> {
 mod tests {
     use super::*;
 
-    /// The circles of a made-up crate, each as its files.
+    /// Returns the circles of a crate with these files, each as its list of files.
     fn of(files: &[(&str, &str)]) -> Vec<Vec<String>> {
         let reader = |path: &Path| {
             files.iter().find(|(name, _)| Path::new(name) == path).map(|(_, text)| (*text).to_owned())
@@ -146,7 +146,7 @@ mod tests {
             of(&[root, ("src/a.rs", "mod x; mod y; pub struct A; fn f(_: x::X) {}"), child, other])
                 .is_empty()
         );
-        // By way of the parent's imports.
+        // The items are reached through the imports of the parent.
         let parent = ("src/a/mod.rs", "mod x; mod y; use x::X; pub(crate) use y::Y;");
         let child = ("src/a/x.rs", "use super::Y; pub struct X(Y);");
         let other = ("src/a/y.rs", "pub struct Y; fn f(_: super::X) {}");

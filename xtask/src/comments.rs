@@ -1,10 +1,10 @@
-//! The width of comments. rustfmt keeps that of code.
+//! Checks the width of comments. rustfmt checks that of code.
 
 use crate::rules::Rules;
 use crate::source::Source;
 use std::path::Path;
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(sources: &[Source], rules: &Rules) -> Vec<String> {
     let mut faults = Vec::new();
     for source in sources {
@@ -21,8 +21,8 @@ fn file(source: &Source) -> std::path::Display<'_> {
     Path::new(&source.file).display()
 }
 
-/// Lines of comments, from 1, that are wider than `most`, and their widths. Tables, code in comments and addresses
-/// cannot be wrapped.
+/// Returns the lines of comments, counted from 1, that are wider than `most`, and their widths. Tables, code in
+/// comments and addresses cannot be wrapped.
 fn wide(text: &str, most: usize) -> Vec<(usize, usize)> {
     let mut is_code = false;
     let mut found = Vec::new();

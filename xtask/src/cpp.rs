@@ -1,4 +1,4 @@
-//! The C++ side: an installed tree, and the compiled examples.
+//! Installs the suite, and compiles the examples in C++.
 
 mod races;
 
@@ -9,7 +9,7 @@ use std::process::Command;
 const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
 const LIBRARIES: [&str; 2] = ["gelato", "gsoargs"];
 
-/// The root of the checkout.
+/// Returns the root of the checkout.
 fn repository() -> PathBuf {
     let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
     manifest.parent().unwrap_or(manifest).to_owned()
@@ -40,7 +40,7 @@ fn made(folder: PathBuf) -> Result<PathBuf, String> {
     Ok(folder)
 }
 
-/// Copies a file; one that is there is replaced rather than written into, for it may be running.
+/// Copies a file. An existing file is replaced and not written into, because it may be running.
 fn copy(from: &Path, folder: &Path) -> Result<(), String> {
     let to = folder.join(from.file_name().unwrap_or_default());
     let beside = to.with_extension("new");
@@ -48,7 +48,7 @@ fn copy(from: &Path, folder: &Path) -> Result<(), String> {
     copied.map_err(|e| format!("{} to {}: {e}", from.display(), to.display()))
 }
 
-/// Copies the files of a folder whose names end so.
+/// Copies the files of a folder whose names end with `ending`.
 fn copy_all(from: &Path, folder: &Path, ending: &str) -> Result<(), String> {
     let entries = std::fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))?;
     for entry in entries {
@@ -60,7 +60,7 @@ fn copy_all(from: &Path, folder: &Path, ending: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// `install --prefix P`: the layout of `$GELATOHOME`.
+/// Runs `install --prefix P`: writes the layout of `$GELATOHOME`.
 pub(crate) fn install(prefix: &Path, debug: bool) -> Result<(), String> {
     let (root, built) = (repository(), build(&TOOLS, debug)?);
     let folder = |name: &str| made(prefix.join(name));
@@ -94,7 +94,7 @@ pub(crate) fn install(prefix: &Path, debug: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// For programs that search `.gso` files in `$GELATOHOME/shaders`.
+/// Compiles the shaders, for programs that search `.gso` files in `$GELATOHOME/shaders`.
 fn compile_shaders(bin: &Path, shaders: &Path) -> Result<(), String> {
     let bin = std::path::absolute(bin).map_err(|e| e.to_string())?;
     let entries = std::fs::read_dir(shaders).map_err(|e| format!("{}: {e}", shaders.display()))?;
@@ -108,7 +108,7 @@ fn compile_shaders(bin: &Path, shaders: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// `examples-cpp`: compiles them into `target/examples-cpp`.
+/// Runs `examples-cpp`: compiles the examples into `target/examples-cpp`.
 pub(crate) fn examples(debug: bool) -> Result<(), String> {
     let (root, built) = (repository(), build(&["gelato", "topyg"], debug)?);
     let out = made(built.parent().unwrap_or(&built).join("examples-cpp"))?;
@@ -141,7 +141,7 @@ pub(crate) fn examples(debug: bool) -> Result<(), String> {
     Ok(())
 }
 
-/// `crossing`: what calls from C++ cost (`benches/cpp/crossing.cpp`).
+/// Runs `crossing`: measures the cost of calls from C++ (`benches/cpp/crossing.cpp`).
 pub(crate) fn crossing(debug: bool) -> Result<(), String> {
     let (root, built) = (repository(), build(&["gelato", "topyg"], debug)?);
     let out = made(built.parent().unwrap_or(&built).join("examples-cpp"))?;

@@ -1,4 +1,4 @@
-//! The page of the house against the crates that there are: its table, its tree and its drawing.
+//! Compares the table, the tree and the drawing of the architecture page with the existing crates.
 
 mod drawing;
 
@@ -8,13 +8,13 @@ use crate::workspace::Workspace;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// The page.
+/// The architecture page.
 const PAGE: &str = "ARCHITECTURE.md";
 
 /// The drawing of crates and floors.
 pub(crate) const DRAWING: &str = "docs/crates.svg";
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 ///
 /// # Errors
 /// Returns an error when the page is missing.
@@ -32,7 +32,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
     Ok(faults)
 }
 
-/// Makes the drawing.
+/// Writes the drawing.
 ///
 /// # Errors
 /// Returns an error when the file cannot be written.
@@ -44,12 +44,12 @@ pub(crate) fn draw() -> Result<(), String> {
     Ok(())
 }
 
-/// Each crate has a row, named by its folder (of `libs/`, by the name alone), and each row is a crate.
+/// Checks that each crate has a row, named by its folder (in `libs/` by the name alone), and that each row is a crate.
 fn check_table(page: &str, folders: &BTreeSet<PathBuf>) -> Vec<String> {
     let mut faults = Vec::new();
     let mut seen = BTreeSet::new();
     for row in rows(page, "crate") {
-        // Crates of other people stand in a table of their own.
+        // External crates are in another table.
         if row[0].starts_with('`') {
             continue;
         }
@@ -75,7 +75,7 @@ fn check_table(page: &str, folders: &BTreeSet<PathBuf>) -> Vec<String> {
     faults
 }
 
-/// The tree names each crate on its floor.
+/// Checks that the tree names each crate on its floor.
 fn check_tree(page: &str, folders: &BTreeSet<PathBuf>) -> Vec<String> {
     let tree = page.split_once("## Tree").and_then(|(_, rest)| rest.split("```").nth(1)).unwrap_or_default();
     let named = floors_of(tree);
@@ -89,7 +89,7 @@ fn check_tree(page: &str, folders: &BTreeSet<PathBuf>) -> Vec<String> {
                 faults
                     .push(format!("{PAGE}: the tree has {name} on floor {other}, the laws on floor {floor}"));
             }
-            // One word stands for crates without floors, and for what `bindings/` holds.
+            // One word stands for crates without floors, and for the crates in `bindings/`.
             None => {
                 let top =
                     folder.components().next().map(|part| part.as_os_str().to_string_lossy().into_owned());
@@ -108,7 +108,8 @@ fn check_tree(page: &str, folders: &BTreeSet<PathBuf>) -> Vec<String> {
     faults
 }
 
-/// Folders of the tree and their floors: of lines such as `libs/  base cli   floor 0`, and those that go on below.
+/// Returns the folders of the tree and their floors. A line has the form `libs/ base cli floor 0`. Lines below it may
+/// continue the folder.
 fn floors_of(tree: &str) -> BTreeMap<PathBuf, u8> {
     let mut floors = BTreeMap::new();
     let mut top = "";

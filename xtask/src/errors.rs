@@ -1,10 +1,10 @@
-//! Public functions that return a `Result` say in a section "# Errors" when they fail.
+//! Checks that the documentation of public functions that return a `Result` has a section "# Errors".
 
 use crate::source::Source;
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(sources: &[Source]) -> Result<Vec<String>, String> {
     let mut faults = Vec::new();
     for source in sources.iter().filter(|source| !source.is_test) {
@@ -28,7 +28,7 @@ pub(crate) fn check(sources: &[Source]) -> Result<Vec<String>, String> {
     Ok(faults)
 }
 
-/// Lines and names of the public functions of a file without the section.
+/// Returns the lines and names of the public functions of a file without the section.
 fn lacking(file: &syn::File) -> Vec<(usize, String)> {
     let mut finder = Finder { found: Vec::new(), in_public_trait: false };
     finder.visit_file(file);

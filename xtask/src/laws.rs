@@ -1,9 +1,9 @@
-//! The laws of `ARCHITECTURE.md` about who may import whom.
+//! Checks the laws of `ARCHITECTURE.md` about imports between crates.
 
 use crate::workspace::{Crate, Purpose, Workspace};
 use std::path::Path;
 
-/// Floors by folder; a crate imports strictly lower floors only (law 1).
+/// The floors by folder. A crate imports strictly lower floors only (law 1).
 const FLOORS: [(&str, u8); 31] = [
     ("libs/base", 0),
     ("libs/bundled", 0),
@@ -38,18 +38,18 @@ const FLOORS: [(&str, u8); 31] = [
     ("docs", 9),
 ];
 
-/// Edges inside one floor that are allowed, with the reason that `ARCHITECTURE.md` gives.
+/// The imports inside one floor that are allowed, with the reason that `ARCHITECTURE.md` gives.
 const SAME_FLOOR: [(&str, &str); 5] = [
-    // The command-line crate reports with the words of base.
+    // The command-line crate reports with the types of base.
     ("granita-cli", "granita-base"),
-    // One binary carries all tools, so that a scene can drive the whole chain.
+    // One binary contains all tools, so that a scene can run the whole chain.
     ("gelato", "maketx"),
     ("gelato", "gslc"),
     ("gelato", "gsoinfo"),
     ("gelato", "topyg"),
 ];
 
-/// The crates that may name a format crate (law 2); no others may.
+/// The crates that may name a format crate (law 2).
 const FORMAT_USERS: [(&str, &str); 8] = [
     ("granita-plugin", ""),
     ("granita-tests", ""),
@@ -61,7 +61,7 @@ const FORMAT_USERS: [(&str, &str); 8] = [
     ("iv", "granita-display"),
 ];
 
-/// Packages from outside that only some crates may name (law 5).
+/// The external packages that only some crates may name (law 5).
 const DOORS: [(&str, &[&str]); 7] = [
     ("wgpu", &["granita-gpu", "iv"]),
     ("eframe", &["iv"]),
@@ -72,7 +72,7 @@ const DOORS: [(&str, &[&str]); 7] = [
     ("memmap2", &["granita-machine"]),
 ];
 
-/// Imports that a room must not have (laws 3, 4 and 9).
+/// The imports that a crate must not have (laws 3, 4 and 9).
 const STRANGERS: [(&str, &[&str]); 6] = [
     ("granita-shade", &["granita-texture", "granita-trace", "granita-scene", "granita-render"]),
     ("granita-hider", &["granita-geom", "granita-gsl", "granita-shade", "granita-trace"]),
@@ -82,7 +82,7 @@ const STRANGERS: [(&str, &[&str]); 6] = [
     ("gelato", &["granita-view", "iv"]),
 ];
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(workspace: &Workspace) -> Vec<String> {
     let mut faults = Vec::new();
     for from in &workspace.crates {
@@ -113,7 +113,7 @@ pub(crate) fn check(workspace: &Workspace) -> Vec<String> {
     faults
 }
 
-/// The floor of a crate in this folder.
+/// Returns the floor of a crate in this folder.
 pub(crate) fn floor(folder: &Path) -> Option<u8> {
     FLOORS.iter().find(|(prefix, _)| folder.starts_with(prefix)).map(|(_, floor)| *floor)
 }

@@ -1,4 +1,4 @@
-//! `tests/ledger.tsv`: each row of the reference's list of things, with the tests that assert its effect.
+//! Checks `tests/ledger.tsv`. It has a row for each item of the reference, with the tests that assert its effect.
 
 use crate::workspace::Workspace;
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,22 +6,22 @@ use std::path::Path;
 
 /// The file, relative to the root.
 const FILE: &str = "tests/ledger.tsv";
-/// Number of rows of the list: a row that is lost is an error.
+/// The number of rows of the list. A lost row is an error.
 const ROWS: usize = 495;
 /// The columns of the header line.
 const COLUMNS: [&str; 5] = ["area", "item", "expected", "section", "tests"];
 
 /// The rows of the ledger and their errors.
 pub(crate) struct Ledger {
-    /// Number of rows.
+    /// The number of rows.
     pub(crate) rows: usize,
-    /// Rows of what is not there yet, as `AREA: ITEM`.
+    /// The rows of items that do not exist yet, as `AREA: ITEM`.
     pub(crate) planned: Vec<String>,
     /// All breaches, one line each.
     pub(crate) faults: Vec<String>,
 }
 
-/// Checks that each row names tests and that these exist; reads sources and builds nothing.
+/// Checks that each row names tests and that these exist. It reads sources and builds nothing.
 pub(crate) fn check(workspace: &Workspace) -> Result<Ledger, String> {
     let text = workspace.text(Path::new(FILE)).ok_or_else(|| format!("{FILE} is missing"))?;
     Ok(check_text(&text, &Tests::find(workspace)?))
@@ -74,9 +74,9 @@ fn is_rerendering(item: &str, section: &str) -> bool {
 /// The tests of the workspace.
 #[derive(Default)]
 struct Tests {
-    /// `AREA/NAME` of the suite.
+    /// The cases of the suite, as `AREA/NAME`.
     cases: BTreeSet<String>,
-    /// Package, test function, and the stems of the files that have it, one for each.
+    /// For each package and test function: the stems of the files that contain it.
     functions: BTreeMap<String, BTreeMap<String, Vec<String>>>,
 }
 
@@ -102,7 +102,7 @@ impl Tests {
         Ok(tests)
     }
 
-    /// Adds the test functions of a source file; ignored ones do not count.
+    /// Adds the test functions of a source file. Ignored ones do not count.
     fn add(&mut self, package: &str, stem: &str, text: &str) {
         let known = self.functions.entry(package.to_owned()).or_default();
         let mut pending = false;
@@ -118,7 +118,7 @@ impl Tests {
         }
     }
 
-    /// The error in the name of a test: `suite:AREA/NAME`, `PACKAGE::TEST` or `PACKAGE::FILE::TEST`.
+    /// Returns the error in the name of a test: `suite:AREA/NAME`, `PACKAGE::TEST` or `PACKAGE::FILE::TEST`.
     fn problem(&self, name: &str) -> Option<String> {
         if let Some(case) = name.strip_prefix("suite:") {
             return (!self.cases.contains(case)).then(|| format!("there is no case {case} in tests/suite"));
@@ -141,7 +141,7 @@ impl Tests {
     }
 }
 
-/// The name of the function that a line declares.
+/// Returns the name of the function that a line declares.
 fn function_name(line: &str) -> Option<&str> {
     let (before, rest) = line.split_once("fn ")?;
     let plain = before.split_whitespace().all(|word| word.starts_with("pub") || word == "async");
@@ -186,7 +186,7 @@ mod tests {
         let row = |tests: &str| format!("area\titem{tests}\tx\t4.1\t{tests}\n");
         let text = |rows: &str| format!("# comment\n{}\n{rows}", COLUMNS.join("\t"));
         let faults = |rows: &str| check_text(&text(rows), &tests()).faults;
-        // Only the number of rows is not that of the list.
+        // The only error is that the number of rows is not that of the list.
         assert_eq!(faults(&row("p::one suite:area/name")).len(), 1);
         for (tests, what) in [
             ("", "names no test"),

@@ -1,16 +1,17 @@
-//! Chores of the workspace, run as `cargo xtask NAME`.
+//! Tasks of the workspace, run as `cargo xtask NAME`.
 //!
-//! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, that files import
-//!   each other in one direction, and the tests of the ledger;
+//! - `tidy` checks the laws of `ARCHITECTURE.md`, the house rules that a machine can check, that files import each
+//!   other in one direction, and the tests of the ledger;
 //! - `crates` draws `docs/crates.svg`, the crates on their floors;
-//! - `ci` does what a change must pass: the README's test command, format, lints, docs, `tidy`;
-//! - `bless [NAME]` accepts what the suite's cases make now as their references;
-//! - `trade SCENE` measures what each knob of a scene's indirect light and occlusion costs and buys;
-//! - `attack` looks for what runs for ever, hangs, fills the machine or vanishes (Linux);
-//! - `install --prefix P` builds everything and lays it out as `$GELATOHOME`; `examples-cpp` compiles `examples/cpp`;
-//! - `crossing` measures what calls from C++ cost;
+//! - `ci` runs all checks that a change must pass: the README's test command, format, lints, docs, `tidy`;
+//! - `bless [NAME]` accepts the current results of the suite's cases as their references;
+//! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
+//! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
+//! - `install --prefix P` builds everything and installs it as `$GELATOHOME`;
+//! - `examples-cpp` compiles `examples/cpp`;
+//! - `crossing` measures the cost of calls from C++;
 //! - `races` runs a C++ program of several threads under ThreadSanitizer;
-//! - `report` leaves an HTML page with reference, result and difference of every picture case.
+//! - `report` writes an HTML page with the reference, result and difference of every image case.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a tool for a terminal")]
@@ -48,13 +49,13 @@ struct Arguments {
 enum Chore {
     /// Check the laws and the house rules.
     Tidy,
-    /// Everything a change must pass.
+    /// Run all checks that a change must pass.
     Ci,
-    /// Draw docs/crates.svg anew: the crates, their floors and what they import.
+    /// Draw docs/crates.svg again: the crates, their floors and their imports.
     Crates,
-    /// Accept the present results of suite cases as their references.
+    /// Accept the current results of suite cases as their references.
     Bless {
-        /// `AREA/CASE`, or the beginning of it; all cases without.
+        /// `AREA/CASE`, or the beginning of it; all cases without a name.
         name: Option<String>,
     },
     /// Write target/suite-report/index.html.
@@ -64,16 +65,16 @@ enum Chore {
         /// The folder.
         #[arg(long, value_name = "FOLDER")]
         prefix: std::path::PathBuf,
-        /// What the dev profile makes, for trying.
+        /// Use the dev profile, for trying.
         #[arg(long)]
         debug: bool,
     },
-    /// Look for what runs for ever, hangs, fills the machine or vanishes: bombs, peers that lie, kills, changed files.
+    /// Test the tools with bombs, failing peers, kills and changed files.
     #[cfg(target_os = "linux")]
     Attack(attack::Options),
-    /// Measure what calls from C++ cost.
+    /// Measure the cost of calls from C++.
     Crossing {
-        /// Of what the dev profile makes.
+        /// Use the dev profile.
         #[arg(long)]
         debug: bool,
     },
@@ -81,11 +82,11 @@ enum Chore {
     Races,
     /// Compile the programs and plugins of examples/cpp into target/examples-cpp.
     ExamplesCpp {
-        /// Against what the dev profile makes.
+        /// Use the libraries of the dev profile.
         #[arg(long)]
         debug: bool,
     },
-    /// Time and error of a scene for every knob of its indirect light and occlusion, as a table and a plot.
+    /// Measure time and error for every parameter of a scene's indirect light and occlusion, as a table and a plot.
     Trade {
         /// SCENE.pyg [--threads N] [--reference SAMPLES] [--svg FILE]
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true)]
@@ -117,7 +118,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Runs every check and lists all that is wrong, not only the first.
+/// Runs all checks and lists all errors, not only the first one.
 fn tidy() -> Result<(), String> {
     let workspace = workspace::Workspace::load()?;
     let sources = source::load(&workspace)?;

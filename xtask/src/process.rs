@@ -1,8 +1,8 @@
-//! Law 6: below the tools no crate reads the environment, prints or exits.
+//! Checks law 6: crates below the tools do not read the environment, print or exit.
 
 use crate::source::{Kind, Source, paths};
 
-/// Modules of the standard library, and the names in them that query or change the process.
+/// The modules of the standard library, and their names that query or change the process.
 const NAMES: [(&str, &[&str]); 3] = [
     (
         "env",
@@ -26,10 +26,10 @@ const NAMES: [(&str, &[&str]); 3] = [
     ("io", &["stdin", "stdout", "stderr"]),
 ];
 
-/// Macros that print.
+/// The macros that print.
 const MACROS: [&str; 5] = ["dbg", "eprint", "eprintln", "print", "println"];
 
-/// Files that may use a name all the same, each with the reason.
+/// The files that may use a name nevertheless, each with the reason.
 const EXCEPTIONS: [(&str, &str, &str); 5] = [
     ("libs/base/src/files/mod.rs", "temp_dir", "the system's folder where no option names another"),
     (
@@ -46,7 +46,7 @@ const EXCEPTIONS: [(&str, &str, &str); 5] = [
     ("libs/plugin/src/errors.rs", "stderr", "an error manager of C++ that has no session prints"),
 ];
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(sources: &[Source]) -> Vec<String> {
     let mut faults = Vec::new();
     let mut used = [false; EXCEPTIONS.len()];
@@ -75,7 +75,7 @@ pub(crate) fn check(sources: &[Source]) -> Vec<String> {
     faults
 }
 
-/// Lines with what a library must not do, and the name.
+/// Returns the lines with calls that a library must not make, and the names.
 fn breaches(source: &Source) -> Vec<(usize, String)> {
     let mut found: Vec<(usize, String)> = Vec::new();
     for (line, path) in paths(&source.code) {

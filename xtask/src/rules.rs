@@ -1,4 +1,4 @@
-//! The numbers and lists of `CONTRIBUTING.md` that the checks use: they stand there only.
+//! Reads the limits and lists of `CONTRIBUTING.md` that the checks use. They are written only there.
 
 use std::path::{Path, PathBuf};
 
@@ -8,15 +8,15 @@ pub(crate) const PAGE: &str = "CONTRIBUTING.md";
 /// The content of the page.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Rules {
-    /// Most lines of a file.
+    /// The largest number of lines of a file.
     pub(crate) lines: usize,
-    /// Most lines of a file that does not give a reason for more.
+    /// The largest number of lines of a file that does not give a reason for more.
     pub(crate) lines_without_reason: usize,
-    /// Least and greatest median of the lines of all files.
+    /// The least and the largest median of the lines of all files.
     pub(crate) median: [usize; 2],
-    /// Most characters of a line of a comment.
+    /// The largest number of characters of a line of a comment.
     pub(crate) comment_width: usize,
-    /// Crates, folders of crates and files that may contain unsafe code.
+    /// The crates, folders of crates and files that may contain unsafe code.
     pub(crate) unsafe_places: Vec<PathBuf>,
 }
 
@@ -54,7 +54,7 @@ impl Rules {
     }
 }
 
-/// Rows of the tables of a page whose first column has this title.
+/// Returns the rows of the tables of a page whose first column has this title.
 pub(crate) fn rows<'a>(page: &'a str, title: &str) -> impl Iterator<Item = Vec<&'a str>> {
     let mut is_inside = false;
     let mut rows = Vec::new();

@@ -1,23 +1,23 @@
-//! Rust files for the checks: the tokens of their code, without comments, documentation and tests.
+//! Reads Rust files for the checks, as the tokens of their code, without comments, documentation and tests.
 
 use crate::workspace::Workspace;
 use proc_macro2::{Delimiter, Group, TokenStream, TokenTree};
 use std::path::{Path, PathBuf};
 
-/// One token of code.
+/// A token of code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Token {
-    /// Counted from 1.
+    /// The line, counted from 1.
     pub(crate) line: usize,
     pub(crate) kind: Kind,
 }
 
-/// The kind of a token. Signs of several characters are several tokens.
+/// The kind of a token. A sign of several characters is several tokens.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// An identifier or a keyword.
     Word(String),
-    /// A character, brackets included.
+    /// A character, including brackets.
     Sign(char),
     /// The value of a text literal.
     Text(String),
@@ -25,17 +25,17 @@ pub(crate) enum Kind {
     Number,
 }
 
-/// One Rust file.
+/// A Rust file.
 #[derive(Debug)]
 pub(crate) struct Source {
-    /// Relative to the root of the workspace.
+    /// The path relative to the root of the workspace.
     pub(crate) file: PathBuf,
     pub(crate) text: String,
-    /// All of it is for tests, benches or examples.
+    /// True when all of its code is for tests, benches or examples.
     pub(crate) is_test: bool,
-    /// Its code without what is compiled for tests only; nothing for a file of tests.
+    /// Its code without the parts that are compiled for tests only. Empty for a file of tests.
     pub(crate) code: Vec<Token>,
-    /// Its code with tests.
+    /// Its code including tests.
     pub(crate) all: Vec<Token>,
 }
 
@@ -55,8 +55,8 @@ impl Source {
         Ok(Self { file, text, is_test, code, all })
     }
 
-    /// True when the line, or comments right above it, hold this mark, which gives the reason why a check does not
-    /// apply.
+    /// True when the line, or a comment directly above it, contains this mark. The mark gives the reason why a check
+    /// does not apply.
     pub(crate) fn is_marked(&self, line: usize, mark: &str) -> bool {
         let lines: Vec<&str> = self.text.lines().take(line).collect();
         let above = lines.iter().rev().skip(1).take_while(|l| l.trim_start().starts_with("//"));
@@ -64,10 +64,10 @@ impl Source {
     }
 }
 
-/// All Rust files of the workspace.
+/// Returns all Rust files of the workspace.
 ///
 /// # Errors
-/// Returns an error when git fails, and for a file that is not Rust.
+/// Returns an error when git fails, or when a file is not Rust.
 pub(crate) fn load(workspace: &Workspace) -> Result<Vec<Source>, String> {
     let files = workspace.files()?.into_iter().filter(|file| file.extension().is_some_and(|e| e == "rs"));
     let sources = files.filter_map(|file| workspace.text(&file).map(|text| Source::new(file, text)));
@@ -80,7 +80,7 @@ pub(crate) fn load(workspace: &Workspace) -> Result<Vec<Source>, String> {
     Ok(sources)
 }
 
-/// The files, whether they exist or not, of modules that a file declares for tests only.
+/// Returns the files of modules that a file declares for tests only, whether they exist or not.
 fn modules_of_tests(source: &Source) -> Vec<PathBuf> {
     let folder = match source.file.file_stem().and_then(|stem| stem.to_str()) {
         Some("lib" | "main" | "mod") => source.file.parent().map(Path::to_owned).unwrap_or_default(),
@@ -100,7 +100,7 @@ fn modules_of_tests(source: &Source) -> Vec<PathBuf> {
     files
 }
 
-/// True for files that only tests, benches and examples are built of, and for scripts of builds.
+/// True for files that belong only to tests, benches or examples, and for build scripts.
 pub(crate) fn is_test(file: &Path) -> bool {
     const FOLDERS: [&str; 4] = ["tests", "benches", "examples", "fuzz"];
     let stem = file.file_stem().unwrap_or_default().to_string_lossy();
@@ -158,7 +158,7 @@ fn flatten(stream: TokenStream, tests: bool, out: &mut Vec<Token>) {
     }
 }
 
-/// The content of an attribute that the checks use.
+/// The meaning of an attribute, as far as the checks need it.
 enum Attribute {
     Doc,
     /// `cfg (test)`, or `cfg (all (test, ...))`.
@@ -207,14 +207,14 @@ fn skip_item(trees: &mut std::iter::Peekable<proc_macro2::token_stream::IntoIter
     }
 }
 
-/// The words of tokens, each with its line, where a path such as `std::env::var` stands as a list of its segments.
+/// Returns the words of tokens, each with its line. A path such as `std::env::var` is a list of its segments.
 pub(crate) fn paths(tokens: &[Token]) -> Vec<(usize, Vec<&str>)> {
     let mut paths = Vec::new();
     path_of(tokens, 0, &[], &mut paths);
     paths
 }
 
-/// Reads paths from `at` on, after `prefix`; returns where the tree of a `use` ends.
+/// Reads paths from `at` on, after `prefix`. Returns the index of the end of a tree of `use`.
 fn path_of<'a>(
     tokens: &'a [Token],
     mut at: usize,

@@ -1,9 +1,9 @@
-//! Doors to the suite's runner in `tests/`.
+//! Calls the runner of the suite in `tests/`.
 
 use crate::workspace::{Workspace, cargo};
 use std::process::Command;
 
-/// Runs the suite so that it replaces references; `manual` means the pages that are made from tables.
+/// Runs the suite so that it replaces references. The name `manual` stands for the pages that are made from tables.
 pub(crate) fn bless(name: Option<&str>) -> Result<(), String> {
     let variables = [("GRANITA_BLESS", name.unwrap_or("all"))];
     if name.is_none_or(|name| name == "manual") {
@@ -12,7 +12,7 @@ pub(crate) fn bless(name: Option<&str>) -> Result<(), String> {
     if name == Some("manual") { Ok(()) } else { tests("suite", &variables) }
 }
 
-/// Runs the suite so that it leaves a page of images.
+/// Runs the suite so that it writes a page of images.
 pub(crate) fn report() -> Result<(), String> {
     let root = Workspace::load()?.root;
     let folder = root.join("target").join("suite-report");
@@ -22,7 +22,7 @@ pub(crate) fn report() -> Result<(), String> {
     outcome
 }
 
-/// Runs the bench of that name; it is built for release.
+/// Runs the bench `trade`, built for release.
 pub(crate) fn trade(words: &[String]) -> Result<(), String> {
     let status = Command::new(cargo())
         .args(["run", "--quiet", "--release", "--package", "granita-benches", "--bin", "trade", "--"])

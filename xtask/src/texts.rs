@@ -1,11 +1,11 @@
-//! House rules that can be read off the files.
+//! Checks the house rules that can be read from the text of files.
 
 use crate::rules::Rules;
 use crate::source::{Kind, Source};
 use crate::workspace::Workspace;
 use std::path::Path;
 
-/// First lines of tables and of tests, which may have any length.
+/// The first lines of tables and of tests, which may have any length.
 const ANY_LENGTH: [&str; 2] = ["// tidy: table", "// tidy: tests"];
 /// The beginning of a first line that gives the reason for a long file.
 const LONG: &str = "// tidy: long: ";
@@ -13,7 +13,7 @@ const LONG: &str = "// tidy: long: ";
 const VAGUE: [&str; 8] =
     ["utils.rs", "util.rs", "common.rs", "manager.rs", "helper.rs", "helpers.rs", "misc.rs", "tools.rs"];
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(workspace: &Workspace, sources: &[Source], rules: &Rules) -> Result<Vec<String>, String> {
     let mut faults = Vec::new();
     for file in workspace.files()? {
@@ -51,18 +51,18 @@ pub(crate) fn check(workspace: &Workspace, sources: &[Source], rules: &Rules) ->
     Ok(faults)
 }
 
-/// The median of the lines of all files.
+/// Returns the median of the lines of all files.
 pub(crate) fn median(sources: &[Source]) -> usize {
     let mut lines: Vec<usize> = sources.iter().map(|source| source.text.lines().count()).collect();
     lines.sort_unstable();
     lines.get(lines.len() / 2).copied().unwrap_or(0)
 }
 
-/// The error in the length of a file, or in its first line about the length.
+/// Returns the error in the length of a file, or in its first line about the length.
 fn check_length(text: &str, rules: &Rules) -> Option<String> {
     let lines = text.lines().count();
     let first = text.lines().next().unwrap_or_default();
-    // A mark in another form, or elsewhere, would count for nothing.
+    // A mark in another form, or in another place, would have no effect.
     let is_mark = |line: &str| {
         let comment = line.trim_start().trim_start_matches(['/', '!']).trim_start();
         line.trim_start().starts_with("//")
@@ -121,7 +121,7 @@ fn check_source(source: &Source, rules: &Rules, faults: &mut Vec<String>) {
     }
 }
 
-/// Versions stand in the root manifest only.
+/// Checks that versions are written in the root manifest only.
 fn check_manifest(file: &Path, text: &str, faults: &mut Vec<String>) {
     if file.components().count() == 1 || file.starts_with("fuzz") {
         return;
@@ -139,7 +139,7 @@ fn check_manifest(file: &Path, text: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// Relative links of a page lead somewhere.
+/// Checks that the targets of the relative links of a page exist.
 fn check_links(workspace: &Workspace, file: &Path, text: &str, faults: &mut Vec<String>) {
     let folder = file.parent().unwrap_or(Path::new(""));
     for (number, line) in text.lines().enumerate() {
@@ -153,9 +153,9 @@ fn check_links(workspace: &Workspace, file: &Path, text: &str, faults: &mut Vec<
     }
 }
 
-/// Unfinished work and paths of one machine have no place in a commit.
+/// Checks that a file does not contain unfinished work or paths of one machine.
 fn check_words(file: &Path, text: &str, faults: &mut Vec<String>) {
-    // Each in two parts, so that this file is none of them.
+    // Each word is split in two, so that this file does not contain it.
     const WORDS: [&str; 7] = [
         concat!("TO", "DO"),
         concat!("FIX", "ME"),

@@ -1,15 +1,15 @@
-//! Dependencies that nothing uses: those whose name does not occur in the code that they are for.
+//! Finds unused dependencies, which are those whose name does not occur in the code that they are for.
 
 use crate::source::{Kind, Source, is_test};
 use crate::workspace::{Crate, Purpose, Workspace};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Dependencies that are used without being named, each with the reason.
+/// The dependencies that are used without being named, each with the reason.
 const UNNAMED: [(&str, &str, &str); 1] =
     [("iv", "wgpu", "its features choose the backends that eframe draws with")];
 
-/// All breaches, one line each.
+/// Returns all breaches, one line each.
 pub(crate) fn check(workspace: &Workspace, sources: &[Source]) -> Vec<String> {
     let mut faults = Vec::new();
     for member in &workspace.crates {
@@ -27,10 +27,10 @@ pub(crate) fn check(workspace: &Workspace, sources: &[Source]) -> Vec<String> {
     faults
 }
 
-/// The dependencies of a crate that its files do not name.
+/// Returns the dependencies of a crate that its files do not name.
 fn unused(member: &Crate, files: &[&Source]) -> Vec<String> {
     let is_build = |source: &Source| source.file == member.folder.join("build.rs");
-    // A crate of tests has its code in their folder.
+    // The code of a crate of tests is in their folder.
     let has_code = |source: &Source| {
         let inside = source.file.strip_prefix(&member.folder).unwrap_or(&source.file);
         member.roots.contains(&source.file) || !is_test(inside)

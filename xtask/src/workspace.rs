@@ -1,14 +1,14 @@
-//! The data of `cargo metadata` and git about the workspace.
+//! Reads the data of `cargo metadata` and git about the workspace.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// One dependency of a crate.
+/// A dependency of a crate.
 pub(crate) struct Dependency {
-    /// Package name.
+    /// The name of the package.
     pub(crate) name: String,
-    /// The name by which code calls it.
+    /// The name of the package in code.
     pub(crate) name_in_code: String,
     pub(crate) purpose: Purpose,
 }
@@ -16,21 +16,21 @@ pub(crate) struct Dependency {
 /// The purpose of a dependency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Purpose {
-    /// A dependency of what is built for users.
+    /// A dependency of the code that is built for users.
     Code,
-    /// Tests, benches and examples only.
+    /// A dependency of tests, benches and examples only.
     Tests,
-    /// The build script.
+    /// A dependency of the build script.
     Build,
 }
 
-/// One crate of the workspace.
+/// A crate of the workspace.
 pub(crate) struct Crate {
-    /// Package name.
+    /// The name of the package.
     pub(crate) name: String,
-    /// Folder, relative to the root: `libs/base`.
+    /// The folder, relative to the root, such as `libs/base`.
     pub(crate) folder: PathBuf,
-    /// The names in its manifest.
+    /// The dependencies that its manifest names.
     pub(crate) dependencies: Vec<Dependency>,
     /// The root files of its library, programs, tests, examples and benches, relative to the root of the workspace,
     /// sorted.
@@ -39,14 +39,14 @@ pub(crate) struct Crate {
 
 /// The workspace.
 pub(crate) struct Workspace {
-    /// Its root folder.
+    /// The root folder.
     pub(crate) root: PathBuf,
-    /// Sorted by folder.
+    /// The crates, sorted by folder.
     pub(crate) crates: Vec<Crate>,
 }
 
 impl Workspace {
-    /// Asks cargo.
+    /// Reads the workspace from `cargo metadata`.
     pub(crate) fn load() -> Result<Self, String> {
         let answer = Command::new(cargo())
             .args(["metadata", "--format-version=1", "--no-deps"])
@@ -92,7 +92,7 @@ impl Workspace {
         Ok(Self { root, crates })
     }
 
-    /// Every file that git tracks or would track, relative to the root, sorted.
+    /// Returns every file that git tracks or would track, relative to the root, sorted.
     pub(crate) fn files(&self) -> Result<Vec<PathBuf>, String> {
         let answer = Command::new("git")
             .current_dir(&self.root)
@@ -114,13 +114,13 @@ impl Workspace {
         Ok(files)
     }
 
-    /// A file's text; `None` when it is not text.
+    /// Returns the text of a file; `None` when it is not text.
     pub(crate) fn text(&self, file: &Path) -> Option<String> {
         String::from_utf8(std::fs::read(self.root.join(file)).ok()?).ok()
     }
 }
 
-/// The cargo that runs this chore.
+/// Returns the path of the cargo that runs this task.
 pub(crate) fn cargo() -> String {
     std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned())
 }

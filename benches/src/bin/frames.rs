@@ -1,4 +1,4 @@
-//! Whole frames: wall clock and peak memory.
+//! Measures the wall clock time and the peak memory of whole frames.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -7,10 +7,10 @@ use granita_benches::{measure, release_tool, repository};
 use std::fmt::Write;
 use std::process::{Command, ExitCode};
 
-/// A scene: its file under `benches/frames`, or what makes it here; and what it is about.
+/// A scene: the name of its file under `benches/frames`, the function that makes it here instead, and its description.
 type Frame = (&'static str, Option<fn() -> String>, &'static str);
 
-/// All of them.
+/// All scenes.
 const FRAMES: [Frame; 7] = [
     ("pot.pyg", None, "32 patches, a floor, traced shadows"),
     ("displaced.pyg", None, "a displaced sphere that fills the frame"),
@@ -67,16 +67,16 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// What all scenes made here begin with.
+/// The first lines of the scenes that are made here.
 const HEAD: &str = "Attribute (\"int[2] resolution\", (640, 480))\nAttribute (\"int[2] spatialquality\", (4, 4))\n\
      Attribute (\"string projection\", \"perspective\")\nAttribute (\"float fov\", 40)\n";
 
-/// Their light and surface, behind what is before the world.
+/// The output, light and surface of the scenes that are made here. They follow the lines for the camera.
 const WORLD: &str = "Output (\"out.tif\", \"tiff\", \"rgba\", \"camera\")\nWorld ()\n\
      Light (\"key\", \"distantlight\", \"point from\", (-1, 1, -1), \"point to\", (0, 0, 0))\n\
      Shader (\"surface\", \"plastic\")\n";
 
-/// A square of half side `s` at depth `z`.
+/// Returns a square of half side `s` at depth `z`.
 fn square(s: f64, z: f64) -> String {
     format!(
         "Patch (\"linear\", 2, 2, \"vertex point P\", ({}, {}, {z}, {s}, {}, {z}, {}, {s}, {z}, {s}, {s}, {z}))\n",
@@ -84,13 +84,13 @@ fn square(s: f64, z: f64) -> String {
     )
 }
 
-/// Squares that fill the frame, one behind the other, the last one first.
+/// Returns squares that fill the frame, one behind another, the last one first.
 fn layers() -> String {
     let squares = (0..100).rev().map(|i| square(6.0, 5.0 + 0.02 * f64::from(i)));
     format!("{HEAD}{WORLD}{}Render ()\n", squares.collect::<String>())
 }
 
-/// A square that fills the frame, with 36 micropolygons a pixel.
+/// Returns a square that fills the frame, with 36 micropolygons per pixel.
 fn fine() -> String {
     format!(
         "{HEAD}Attribute (\"string units:length\", \"cm\")\n{WORLD}Shader (\"displacement\", \"bumpy\")\n\
@@ -99,7 +99,7 @@ fn fine() -> String {
     )
 }
 
-/// A cube of 20 x 20 x 20 small spheres that fall while the shutter is open.
+/// Returns a cube of 20 x 20 x 20 small spheres that fall while the shutter is open.
 fn many() -> String {
     let mut scene = format!(
         "{HEAD}Attribute (\"float[2] shutter\", (0, 1))\nTranslate (0, 0, 34)\nRotate (30, 1, 1, 0)\n{WORLD}"

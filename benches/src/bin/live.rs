@@ -1,5 +1,5 @@
-//! What showing a picture while it is rendered costs the render: with a viewer that takes everything, and with one that
-//! takes nothing.
+//! Measures the cost of showing an image while it is rendered, with a viewer that reads everything and with one that
+//! reads nothing.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -13,12 +13,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Runs of each side, in turns.
+/// The number of runs of each side. The sides alternate.
 const TURNS: usize = 5;
-/// Most that it may cost, as a factor.
+/// The largest allowed ratio of the time with a viewer to the time without one.
 const BAR: f64 = 1.02;
 
-/// Scenes: large buckets of much work, small ones of little, and a picture that is nearly empty.
+/// The scenes: one with large, expensive buckets, one with small, cheap ones, and one whose image is nearly empty.
 const SCENES: [(&str, &str); 3] = [
     ("fur.pyg", "fur"),
     ("pot.pyg", "patches, traced shadows"),
@@ -82,7 +82,7 @@ fn run() -> Result<(), String> {
     hung(&gelato, place.path())
 }
 
-/// A viewer that takes the connection and reads nothing: what the render itself takes, by its own clock.
+/// Measures the render itself, by its own clock, with a viewer that accepts the connection and reads nothing.
 fn hung(gelato: &Path, place: &Path) -> Result<(), String> {
     let server = TcpListener::bind("127.0.0.1:0").map_err(|e| e.to_string())?;
     let address = server.local_addr().map_err(|e| e.to_string())?.to_string();
@@ -114,7 +114,7 @@ fn hung(gelato: &Path, place: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// What the frame of the first camera took, by the statistics.
+/// Returns the seconds of the frame of the first camera, from the statistics.
 fn buckets_seconds(text: &str) -> Option<f64> {
     let cameras = &text[text.find("\"cameras\"")?..];
     let rest = &cameras[cameras.find("\"frame\":")? + 8..];
@@ -122,7 +122,7 @@ fn buckets_seconds(text: &str) -> Option<f64> {
     number.parse().ok()
 }
 
-/// Takes everything that anybody sends.
+/// Starts a server that reads everything from every connection. Returns its address.
 fn viewer(taken: Arc<AtomicU64>) -> std::io::Result<SocketAddr> {
     let server = TcpListener::bind("127.0.0.1:0")?;
     let address = server.local_addr()?;
@@ -137,7 +137,7 @@ fn viewer(taken: Arc<AtomicU64>) -> std::io::Result<SocketAddr> {
     Ok(address)
 }
 
-/// Processor time where the system tells.
+/// Returns the processor time, or the wall clock time where the system does not provide it.
 fn processor(cost: &Cost) -> Duration {
     cost.processor.unwrap_or(cost.wall)
 }

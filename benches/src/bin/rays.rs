@@ -1,13 +1,17 @@
-//! Rays a second beside Embree, on the same meshes and rays in the same run, one thread.
+//! Compares our rays per second with those of Embree, on the same meshes and rays in one run, with one thread.
 //!
 //! `cargo run --release -p granita-benches --bin rays [-- --python PROGRAM] [--large] [MESH.ply|MESH.obj ...]`
 //!
-//! A displaced sphere of a million triangles is made here; meshes are files. Three kinds of rays each: of a camera
-//! (coherent), from around through the box of the mesh, and from its surface (both incoherent). Embree comes from the
-//! Python package `embreex`, which is found by the option or in `python3`: once as the package calls it, and, where
-//! there is a C compiler (`cc`), once more by its single-ray calls alone. The quickest of four runs counts, in turns.
-//! `--large` adds what ten million triangles in a geometry set take: a tree of them, and whole frames of `gelato` in
-//! which a mirror sees a mesh, or a displaced patch that rays tessellate.
+//! The built-in mesh is a displaced sphere of a million triangles. Other meshes are files. There are three kinds of
+//! rays: those of a camera (coherent), those from around the mesh through its box, and those from its surface (both
+//! incoherent).
+//!
+//! Embree comes from the Python package `embreex`, which is found by the option or in `python3`. It is measured through
+//! the package, and, where there is a C compiler (`cc`), also through its single-ray calls alone. The programs
+//! alternate, and the fastest of four runs counts.
+//!
+//! `--large` also measures the memory of ten million triangles in a geometry set: in a tree, and in whole frames of
+//! `gelato` in which a mirror reflects a mesh, or a displaced patch that rays tessellate.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -24,7 +28,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-/// How often everything is measured.
+/// The number of runs of each measurement.
 const RUNS: usize = 4;
 
 fn main() -> ExitCode {
@@ -71,7 +75,7 @@ fn build(mesh: TriangleMesh, threads: usize) -> Tracer {
     builder.build(threads)
 }
 
-/// What ten million triangles take in a tree, and in frames whose mirror sees them.
+/// Prints the memory of ten million triangles in a tree, and in frames whose mirror reflects them.
 fn memory(place: &Path) -> Result<(), String> {
     let mesh = sphere(3163);
     let n = mesh.triangles.len();
@@ -114,7 +118,7 @@ fn memory(place: &Path) -> Result<(), String> {
         };
         let (without, _) = run("\"constant\"")?;
         let (with, told) = run("\"shiny\", \"float Kr\", 1, \"string envname\", \"seen\"")?;
-        // "structures built   1 of 1 (10004569 triangles, 123456 KB)"
+        // The line has the form "structures built 1 of 1 (10004569 triangles, 123456 KB)".
         let row = told.lines().find(|line| line.contains("structures built")).unwrap_or_default();
         let count =
             row.split('(').nth(1).and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok());
@@ -134,7 +138,7 @@ fn memory(place: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// A mesh as a binary file.
+/// Writes a mesh as a binary file.
 fn write_ply(mesh: &TriangleMesh, file: &Path) -> std::io::Result<()> {
     let mut out = BufWriter::new(File::create(file)?);
     write!(
@@ -145,7 +149,7 @@ fn write_ply(mesh: &TriangleMesh, file: &Path) -> std::io::Result<()> {
         mesh.triangles.len()
     )?;
     for p in &mesh.positions[0] {
-        // Behind the camera.
+        // The mesh is moved behind the camera.
         for x in [p.x, p.y, p.z - 5.0] {
             out.write_all(&x.to_le_bytes())?;
         }
@@ -163,7 +167,7 @@ fn per_triangle(tracer: &Tracer, triangles: usize) -> f64 {
     tracer.bytes() as f64 / triangles as f64
 }
 
-/// Seconds by kind of rays and question, the least of all runs; and hits.
+/// The least seconds of all runs, and the number of hits, by the kind of rays and the kind of query.
 #[derive(Debug, Default)]
 struct Times(BTreeMap<(String, String), (f64, usize)>);
 
@@ -174,12 +178,12 @@ impl Times {
         best.1 = hits;
     }
 
-    /// Millions of rays a second.
+    /// Returns the rate in millions of rays per second.
     fn rate(&self, kind: &str, question: &str, rays: usize) -> Option<f64> {
         self.0.get(&(kind.into(), question.into())).map(|t| rays as f64 / t.0 * 1e-6)
     }
 
-    /// What one of the programs beside us printed.
+    /// Adds the times that one of the other programs printed.
     fn read(&mut self, text: &str) {
         for line in text.lines() {
             let words: Vec<&str> = line.split_whitespace().collect();
@@ -254,7 +258,7 @@ fn measure(tracer: &Tracer, rays: &[Vec<Ray>], times: &mut Times) {
     }
 }
 
-/// What there is of Embree.
+/// The parts of Embree that are available.
 struct Embree {
     python: Option<PathBuf>,
     /// The program of single-ray calls, and the library.
@@ -262,7 +266,7 @@ struct Embree {
 }
 
 impl Embree {
-    /// Looks for it, and says what is not here.
+    /// Searches for Embree, and prints which parts are missing.
     fn find(python: Option<PathBuf>, place: &Path) -> Self {
         let script = peer("embree_rays.py");
         let library = python.as_ref().and_then(|python| {
@@ -289,13 +293,13 @@ impl Embree {
         Self { python, alone: built.then_some((program, library)) }
     }
 
-    /// Its single-ray calls.
+    /// Runs the program of single-ray calls, and returns its output.
     fn alone(&self, place: &Path) -> String {
         let Some((program, library)) = &self.alone else { return String::new() };
         output(Command::new(program).arg(library).arg(place))
     }
 
-    /// The package.
+    /// Runs the package, and returns its output.
     fn package(&self, place: &Path) -> String {
         let Some(python) = &self.python else { return String::new() };
         output(Command::new(python).arg(peer("embree_rays.py")).arg(place))

@@ -1,6 +1,6 @@
-//! Scene files: how fast Pyg is read, flat, binary and by Python, and how much memory reading takes.
+//! Measures how fast Pyg scene files are read (flat, binary, and through Python), and how much memory reading needs.
 //!
-//! `cargo run --release -p granita-benches --bin reading [MEGABYTES]`; the scene is a row of meshes that are made here.
+//! `cargo run --release -p granita-benches --bin reading [MEGABYTES]`. The scene is a row of meshes that are made here.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -14,13 +14,13 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-/// Points along a side of a mesh.
+/// The number of points of each side of a mesh.
 const SIDE: usize = 256;
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let done = match args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        // The child: reads one file and keeps nothing.
+        // This is the child process. It reads one file and keeps nothing.
         ["--read", file, how] => read_one(file, how),
         [] => compare(200),
         [megabytes] => megabytes.parse().map_err(|_| format!("{megabytes} is no size")).and_then(compare),
@@ -35,7 +35,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Takes calls and forgets them.
+/// A sink that counts calls and drops them.
 #[derive(Default)]
 struct Counter {
     calls: usize,
@@ -56,7 +56,7 @@ fn read_one(file: &str, how: &str) -> Result<(), String> {
     if sink.calls < 3 { Err(format!("{} calls", sink.calls)) } else { Ok(()) }
 }
 
-/// A wavy sheet; each is another one.
+/// Returns a wavy sheet. Each `k` gives a different one.
 fn sheet(k: usize) -> (ShapeDesc, Params) {
     let mut points = Vec::with_capacity(3 * SIDE * SIDE);
     for j in 0..SIDE {
@@ -98,7 +98,7 @@ fn compare(megabytes: u64) -> Result<(), String> {
     let text = place.path().join("text.pyg");
     let size = write(&text, false, megabytes << 20)?;
     let binary = place.path().join("binary.pyg");
-    // The same scene: binary arrays take about half the room.
+    // The scene is the same. Binary arrays need about half the bytes.
     let binary_size = write(&binary, true, (size as f64 * 0.47) as u64)?;
     println!("{:<24} {:>8} {:>10} {:>10} {:>10}", "reading", "MB", "seconds", "MB/s", "peak MB");
     let mut seconds = Vec::new();
@@ -115,7 +115,7 @@ fn compare(megabytes: u64) -> Result<(), String> {
         let wall = cost.wall.as_secs_f64();
         let (mb, peak) = (size as f64 / 1e6, cost.peak_bytes.map_or(f64::NAN, |b| b as f64 / 1e6));
         println!("{name:<24} {mb:>8.1} {wall:>10.3} {:>10.0} {peak:>10.0}", mb / wall);
-        // Seconds for one megabyte of text.
+        // The number is the seconds for one megabyte of text.
         let text_mb = if how == "flat" && file == &binary { mb / 0.47 } else { mb };
         seconds.push(wall / text_mb);
     }

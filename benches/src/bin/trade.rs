@@ -1,13 +1,15 @@
-//! What each knob of a scene's indirect light and occlusion costs, and what it buys.
+//! Measures the time and the error of each parameter of a scene's indirect light and occlusion.
 //!
 //! `cargo xtask trade SCENE.pyg [--threads N] [--reference SAMPLES] [--resolution X,Y] [--svg FILE]`
 //!
-//! The scene is rendered with one knob moved at a time, and with all pairs of "samples" and "maxerror"; the time of
-//! each picture and its distance from a reference (every point sampled, with `--reference` samples, 1024 unless told)
-//! become a table and a plot. Settings that no other beats in both are marked. "samples", "adaptive", "maxerror" and
-//! "maxpixeldist" are parameters of the scene's shaders `indirectlight`, `envlight` and `ambocclude`; "shadingquality"
-//! and "spatialquality" are attributes. Of a scene that has none of these shaders the attributes alone are moved. What
-//! commands of the scene make (maps, photons) is made once, before anything is timed.
+//! The scene is rendered with one parameter changed at a time, and with all pairs of "samples" and "maxerror". A table
+//! and a plot show the time of each image and its distance from a reference, in which every point is sampled with
+//! `--reference` samples (by default 1024). Settings that no other setting beats in both are marked.
+//!
+//! "samples", "adaptive", "maxerror" and "maxpixeldist" are parameters of the scene's shaders `indirectlight`,
+//! `envlight` and `ambocclude`. "shadingquality" and "spatialquality" are attributes. In a scene with none of these
+//! shaders only the attributes are changed. The commands of the scene, which make maps and photons, run once, before
+//! anything is timed.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -20,9 +22,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
-/// Shaders whose parameters are knobs.
+/// The shaders whose parameters are changed.
 const SHADERS: [&str; 3] = ["\"indirectlight\"", "\"envlight\"", "\"ambocclude\""];
-/// Knobs and what they are set to.
+/// The parameters and their values.
 const SWEEPS: [(&str, &[f64]); 6] = [
     ("samples", &[16.0, 32.0, 64.0, 128.0, 256.0, 512.0]),
     ("maxerror", &[0.0, 0.05, 0.1, 0.25, 0.5, 1.0]),
@@ -31,7 +33,7 @@ const SWEEPS: [(&str, &[f64]); 6] = [
     ("shadingquality", &[0.25, 0.5, 1.0, 2.0]),
     ("spatialquality", &[1.0, 2.0, 4.0, 6.0]),
 ];
-/// What the other knobs are while one moves.
+/// The values of the other parameters while one is changed.
 const BASE: [(&str, f64); 6] = [
     ("samples", 64.0),
     ("maxerror", 0.25),
@@ -51,16 +53,16 @@ fn main() -> ExitCode {
     }
 }
 
-/// A setting of all knobs.
+/// The values of all parameters.
 type Setting = Vec<(&'static str, f64)>;
 
-/// What came of a setting.
+/// The result of a setting.
 struct Outcome {
-    /// The knob that moved.
+    /// The parameter that was changed.
     knob: &'static str,
     setting: Setting,
     seconds: f64,
-    /// Root mean square distance from the reference over its mean.
+    /// The root mean square distance from the reference, divided by the mean of the reference.
     error: f64,
 }
 
@@ -68,7 +70,7 @@ struct Options {
     scene: PathBuf,
     threads: String,
     reference: f64,
-    /// In place of the scene's.
+    /// The resolution that replaces the scene's.
     resolution: Option<String>,
     svg: PathBuf,
 }
@@ -130,13 +132,13 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// Whether a knob is a parameter of shaders.
+/// True when this is a parameter of shaders.
 fn of_shaders(knob: &str) -> bool {
     !matches!(knob, "base" | "shadingquality" | "spatialquality")
 }
 
-/// The scene as it is rendered again and again: without its commands, once they have made what the scene needs, and at
-/// the resolution that was asked for.
+/// Returns the scene without its commands and at the requested resolution. The commands run here, so that the files
+/// that the scene needs exist.
 fn prepared(gelato: &Path, options: &Options, mut text: String) -> Result<String, String> {
     let is_command = |line: &str| line.trim_start().starts_with("Command");
     if text.lines().any(is_command) {
@@ -160,7 +162,7 @@ fn prepared(gelato: &Path, options: &Options, mut text: String) -> Result<String
     Ok(text)
 }
 
-/// One knob at a time, then pairs of the two that matter most; none twice.
+/// Returns the settings: one parameter at a time, then pairs of the two that matter most, without duplicates.
 fn settings() -> Vec<(&'static str, Setting)> {
     let mut out: Vec<(&'static str, Setting)> = vec![("base", BASE.to_vec())];
     let mut add = |knob: &'static str, setting: Setting| {
@@ -188,7 +190,7 @@ fn words(setting: &Setting) -> String {
     setting.iter().map(|(k, v)| format!("{k} {v}")).collect::<Vec<_>>().join(", ")
 }
 
-/// The scene with a setting: numbers that it gives itself are replaced, others are added.
+/// Returns the scene with a setting. Numbers in the scene are replaced, and missing ones are added.
 fn with(text: &str, setting: &Setting) -> String {
     let (mut out, mut before) = (text.to_owned(), String::new());
     for (knob, value) in setting {
@@ -228,7 +230,7 @@ fn with(text: &str, setting: &Setting) -> String {
     before + &out
 }
 
-/// Where the bracket closes that is open at a place.
+/// Returns the position of the bracket that closes the one that is open at `from`.
 fn closing(text: &str, from: usize) -> usize {
     let mut depth = 1;
     for (at, c) in text[from..].char_indices() {
@@ -244,7 +246,7 @@ fn closing(text: &str, from: usize) -> usize {
     text.len()
 }
 
-/// Replaces the number after `declared`; `false` when it is not there.
+/// Replaces the number after `declared`. Returns false when there is none.
 fn replace_number(text: &mut String, from: usize, to: usize, declared: &str, value: f64) -> bool {
     let part = &text[from..to.min(text.len())];
     let Some(at) = part.find(declared).map(|at| from + at + declared.len()) else { return false };
@@ -253,7 +255,7 @@ fn replace_number(text: &mut String, from: usize, to: usize, declared: &str, val
     true
 }
 
-/// Renders a text; seconds and pixels.
+/// Renders the text of a scene. Returns the seconds and the pixels.
 fn render(gelato: &Path, threads: &str, text: &str, picture: &Path) -> Result<(f64, Vec<f32>), String> {
     let begin = Instant::now();
     let mut child = Command::new(gelato)
@@ -277,7 +279,7 @@ fn render(gelato: &Path, threads: &str, text: &str, picture: &Path) -> Result<(f
     Ok((seconds, input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats()))
 }
 
-/// Root mean square over the mean of the reference.
+/// Returns the root mean square distance, divided by the mean of the reference.
 fn distance(pixels: &[f32], reference: &[f32]) -> Result<f64, String> {
     if pixels.len() != reference.len() {
         return Err("pictures of different sizes".to_owned());
@@ -288,7 +290,7 @@ fn distance(pixels: &[f32], reference: &[f32]) -> Result<f64, String> {
     Ok(square.sqrt() / mean.max(1e-12))
 }
 
-/// Whether nothing else is both as quick and as exact.
+/// True when no other outcome is as fast and as exact, and better in one of both.
 fn is_best(one: &Outcome, all: &[Outcome]) -> bool {
     !all.iter().any(|o| {
         o.seconds <= one.seconds && o.error <= one.error && (o.seconds < one.seconds || o.error < one.error)
@@ -315,7 +317,7 @@ fn table(outcomes: &[Outcome]) {
     }
 }
 
-/// Time against error, both by powers; the best are joined.
+/// Returns a plot of error against time, both logarithmic. The best outcomes are connected.
 fn plot(outcomes: &[Outcome], scene: &Path) -> String {
     const SIZE: (f64, f64) = (720.0, 480.0);
     const MARGIN: f64 = 60.0;

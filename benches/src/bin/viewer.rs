@@ -1,6 +1,8 @@
-//! The viewer: how long until the first picture, frames per second while panning a large texture, memory for tiles.
+//! Measures the viewer: the time until the first image, the frame rate while panning a large texture, and the memory
+//! for tiles.
 //!
-//! Runs `iv` under Xvfb, so the window is drawn by whatever driver is there: in software on machines without a screen.
+//! It runs `iv` under Xvfb, so that the window is drawn by whatever driver there is, in software on machines without a
+//! screen.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -22,11 +24,11 @@ fn main() -> ExitCode {
     }
 }
 
-/// Side of the texture.
+/// The number of texels of each side of the texture.
 const SIDE: u32 = 16384;
 
 fn run() -> Result<(), String> {
-    // Another build of the tool may be measured: `viewer PATH`.
+    // `viewer PATH` measures another build of the tool.
     let iv = match std::env::args_os().nth(1) {
         Some(path) => PathBuf::from(path),
         None => release_tool("iv")?,
@@ -42,13 +44,13 @@ fn run() -> Result<(), String> {
     let screen = Screen::start()?;
     let small = small_files(place.path(), &formats).map_err(|e| e.to_string())?;
     let small: Vec<&str> = small.iter().map(|name| &**name).collect();
-    // Of the smallest picture there is: what the window and the driver take by themselves.
+    // The smallest image shows the cost of the window and the driver alone.
     for (what, files) in [
         ("nothing but the window (16 x 16 pixels)", &small[..1]),
         ("4096 x 2160 OpenEXR (half, RGBA, zip)", &["photo.exr"][..]),
         ("the first of 5000 PNG files", &small),
     ] {
-        // The files are in memory after the first run, which is not counted.
+        // The first run, which is not counted, brings the files into memory.
         for i in 0..4 {
             let run = first_picture(&iv, &screen, place.path(), files)?;
             if i > 0 {
@@ -74,7 +76,7 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// Noise on a ramp: what cameras give.
+/// Returns a ramp with noise, like the pixels of a camera.
 fn value(x: u32, y: u32, c: u32) -> f32 {
     let noise = hash::unit(hash::words(&[x, y, c]));
     ((x / 7 + y / 5) % 256) as f32 / 300.0 + 0.04 * noise
@@ -95,7 +97,7 @@ fn write_photo(path: &Path, formats: &FormatRegistry) -> granita_image::Result<(
     file.close()
 }
 
-/// Tiles of 64 x 64 texels in all levels, as `maketx` makes them.
+/// Writes tiles of 64 x 64 texels in all levels, like `maketx`.
 fn write_texture(path: &Path, formats: &FormatRegistry) -> granita_image::Result<()> {
     let level = |l: u32| ImageSpec::new(SIDE >> l, SIDE >> l, 3, PixelType::U8).tiled(64, 64);
     let levels = SIDE.ilog2() + 1;
@@ -122,17 +124,17 @@ fn write_texture(path: &Path, formats: &FormatRegistry) -> granita_image::Result
     file.close()
 }
 
-/// A screen of its own.
+/// A virtual screen of its own.
 struct Screen {
     server: Child,
-    /// Open as long as the server is.
+    /// The output of the server, open as long as the server runs.
     _words: std::io::BufReader<ChildStdout>,
     name: String,
 }
 
 impl Drop for Screen {
     fn drop(&mut self) {
-        // Nothing is left to be done when it ended by itself.
+        // Both calls fail when the server has already ended.
         let _ = self.server.kill();
         let _ = self.server.wait();
     }
@@ -153,7 +155,7 @@ impl Screen {
     }
 }
 
-/// What a script printed, and what it cost.
+/// Runs a script. Returns its output and its cost.
 fn script_run(
     iv: &Path,
     screen: &Screen,
@@ -170,7 +172,7 @@ fn script_run(
     Ok((std::fs::read_to_string(&printed).map_err(|e| e.to_string())?, cost))
 }
 
-/// Pictures of 16 x 16 pixels: the names of 5000 files.
+/// Writes 5000 images of 16 x 16 pixels, and returns their names.
 fn small_files(folder: &Path, formats: &FormatRegistry) -> granita_image::Result<Vec<String>> {
     let spec = ImageSpec::new(16, 16, 3, PixelType::U8);
     (0..5000_u32)
@@ -186,7 +188,7 @@ fn small_files(folder: &Path, formats: &FormatRegistry) -> granita_image::Result
         .collect()
 }
 
-/// Steps through some of many files, with the list of all beside the picture.
+/// Steps through some of many files, with the list of all of them beside the image.
 fn many_files(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<(), String> {
     let steps = 200;
     let run = |steps: usize| {
@@ -203,14 +205,14 @@ fn many_files(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Resu
     Ok(())
 }
 
-/// What the window says about when a picture was there.
+/// Returns the line in which the window reports the time of the first image.
 fn shown(text: &str) -> Result<&str, String> {
     let line = text.lines().find(|l| l.starts_with("first picture after "));
     line.ok_or_else(|| format!("no number came: {text}"))
 }
 
-/// Seconds until the first and the complete picture are on their way to the screen, the making of the window included;
-/// those of the whole process, from its start until it ended; and its processor time.
+/// Returns a text with three times in seconds: those until the first and the complete image are sent to the screen,
+/// including the creation of the window, the wall clock time of the whole process, and its processor time.
 fn first_picture(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<String, String> {
     let (text, cost) = script_run(iv, screen, folder, "wait\nprint\nquit\n", files)?;
     let first = shown(&text)?;

@@ -1,4 +1,4 @@
-//! What a second eye, more samples, a second thread and preview mode cost: ratios, each measured in turns.
+//! Measures the cost of a second eye, more samples, a second thread and preview mode, as ratios of alternating runs.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -8,22 +8,22 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::Duration;
 
-/// Runs of each side of a ratio.
+/// The number of runs of each side of a ratio.
 const TURNS: usize = 3;
 
-/// One ratio.
+/// A ratio that is measured.
 struct Ratio {
     what: &'static str,
-    /// Scene and options of the two sides.
+    /// The scenes and options of the two sides.
     sides: [(&'static str, &'static [&'static str]); 2],
-    /// Wall clock instead of processor time.
+    /// True when the ratio is of wall clock time, false for processor time.
     wall: bool,
-    /// What it should be at most (or, from 1.5 on where `above`, at least).
+    /// The largest allowed ratio; the least one when `above` is true.
     bar: f64,
     above: bool,
 }
 
-/// All that are printed: the second side over the first.
+/// All ratios. Each is the second side over the first.
 const RATIOS: [Ratio; 8] = [
     ratio("fur: 8 x 8 samples over 4 x 4", [("fur.pyg", &[]), ("fur8.pyg", &[])], 1.3),
     ratio("first: 8 x 8 samples over 4 x 4", [("first.pyg", &[]), ("first8.pyg", &[])], 1.3),
@@ -89,13 +89,13 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// Processor time where the system tells.
+/// Returns the processor time, or the wall clock time where the system does not provide it.
 fn processor(cost: &Cost) -> Duration {
     cost.processor.unwrap_or(cost.wall)
 }
 
-/// Writes the scenes. The frame of `examples/first` is made without the commands that make its textures, shadow map and
-/// shaders: these run once.
+/// Writes the scenes. The frame of `examples/first` is written without the commands that make its textures, shadow map
+/// and shaders. These run once here.
 fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
     let write =
         |name: &str, text: String| std::fs::write(place.join(name), text).map_err(|e| format!("{name}: {e}"));

@@ -7,7 +7,7 @@
 
 namespace Gelato {
 
-// Three numbers, by default red, green and blue.
+// A colour of three numbers, by default red, green and blue.
 class GELATO_PUBLIC Color3 {
 public:
     float r, g, b;
@@ -36,13 +36,13 @@ public:
     bool operator== (const Color3 &c) const { return r == c.r && g == c.g && b == c.b; }
     bool operator!= (const Color3 &c) const { return ! (*this == c); }
 
-    // As the shading language's luminance ().
+    // Returns the same luminance as luminance () of the shading language.
     float luminance () const { return 0.2126f * r + 0.7152f * g + 0.0722f * b; }
 };
 
 inline Color3 operator* (float s, const Color3 &c) { return c * s; }
 
-// `a` at 0, `b` at 1.
+// Interpolate linearly: `a` at t = 0, `b` at t = 1.
 inline Color3 mix (const Color3 &a, const Color3 &b, float t) { return a * (1 - t) + b * t; }
 inline Color3 lerp (const Color3 &a, const Color3 &b, float t) { return mix (a, b, t); }
 

@@ -1,4 +1,4 @@
-// Messages of a renderer, and who gets them. SPDX-License-Identifier: MIT OR Apache-2.0
+// Messages of a renderer, and their receivers. SPDX-License-Identifier: MIT OR Apache-2.0
 
 #ifndef GELATO_ERRORMANAGER_H
 #define GELATO_ERRORMANAGER_H
@@ -12,7 +12,7 @@
 #include "export.h"
 #include "gelato_c.h"
 
-// A copy of the values of a call; C++98 has no name for it.
+// Copies the values of a call. C++98 has no name for this.
 #if defined(va_copy)
 #define gelato_va_copy(to, from) va_copy (to, from)
 #elif defined(__va_copy)
@@ -24,12 +24,12 @@
 namespace Gelato {
 
 enum ErrCode {
-    ERR_NO_ERROR=0,    // handlers never get it
+    ERR_NO_ERROR=0,    // never passed to handlers
     ERR_INFO=512,
     ERR_WARNING=1024,
     ERR_ERROR=2048,
     ERR_SEVERE=4096,
-    ERR_MESSAGE=8192   // text that was asked for
+    ERR_MESSAGE=8192   // requested output
 };
 
 enum VerbosityLevel {
@@ -38,15 +38,15 @@ enum VerbosityLevel {
     VERBOSITY_INFO =2   // and INFO
 };
 
-// Gets messages, one at a time, from whatever thread. To be subclassed.
+// Receives messages, one at a time, from any thread. It is a base class.
 class GELATO_PUBLIC ErrorHandler {
 public:
     virtual ~ErrorHandler () {}
     virtual void operator() (ErrCode errcode, const char *msg) = 0;
 };
 
-// Sorts messages by severity, drops what the verbosity does not let through and what was said before, and hands the
-// rest to a handler. Renderers may share one. Made by Create, ended by delete.
+// Sorts messages by severity, drops those that the verbosity excludes and repeated ones, and passes the rest to a
+// handler. Renderers may share a manager. It is made by Create and ended by delete.
 class GELATO_PUBLIC ErrorManager {
 public:
     ~ErrorManager () { table->finish (self ()); }
@@ -65,13 +65,14 @@ public:
     void Verbosity (int verbosity) { table->set_verbosity (self (), verbosity); }
     int Verbosity () const { return table->verbosity (reinterpret_cast<const gelato_errors *> (this)); }
 
-    // NULL: standard error. The handler before is not deleted.
+    // With NULL, messages go to standard error. The previous handler is not deleted.
     void Handler (ErrorHandler *handler) { table->set_handler (self (), handler); }
     ErrorHandler *Handler () const {
         return static_cast<ErrorHandler *> (table->handler (reinterpret_cast<const gelato_errors *> (this)));
     }
 
-    // How many errors and warnings there were, and which came again. To be freed by the caller; NULL without memory.
+    // Returns the numbers of errors and warnings, and the repeated messages. The caller frees the text with free ().
+    // Returns NULL when there is not enough memory.
     char *Summary () { return table->summary (self ()); }
 
     void operator delete (void *pMem, size_t) {
@@ -90,7 +91,7 @@ private:
     const gelato_errors_calls *table;
 };
 
-// The text of a format and its values.
+// Returns the text of a format and its values.
 inline std::string gelato_format (const char *format, va_list values)
 {
     char small[512];

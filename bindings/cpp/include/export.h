@@ -1,9 +1,9 @@
-// What a shared library shows to others. SPDX-License-Identifier: MIT OR Apache-2.0
+// The symbols that a shared library exports. SPDX-License-Identifier: MIT OR Apache-2.0
 
 #ifndef GELATO_EXPORT_H
 #define GELATO_EXPORT_H
 
-// GELATO_EXPORT stands before what a plugin offers; GELATO_PUBLIC stands in the classes of these headers.
+// GELATO_EXPORT precedes the exported symbols of a plugin. GELATO_PUBLIC marks the classes of these headers.
 #if defined(_WIN32)
 #define GELATO_EXPORT __declspec(dllexport)
 #define GELATO_PUBLIC

@@ -1,10 +1,11 @@
 /* The C interface below the C++ headers, and the one for plugins in other languages.
    SPDX-License-Identifier: MIT OR Apache-2.0
 
-   The classes of the other headers are thin: what they do themselves is inline, and the rest goes through the functions
-   and tables here. A plugin therefore needs no library at link time, and one compiler's classes never meet another's.
-   All of it is versioned by GELATO_C_ABI; a table of another version is refused. Strings are UTF-8 and end with 0;
-   what is passed to a function belongs to the caller and is valid until it returns, unless it says otherwise. */
+   The classes of the other headers are thin. Their own code is inline, and everything else goes through the functions
+   and tables here. A plugin therefore needs no library at link time, and classes of one compiler are never passed to
+   code of another. The interface has the version GELATO_C_ABI. A table of another version is refused. Strings are UTF-8
+   and end with 0. Arguments of a function belong to the caller and are valid until it returns, unless stated
+   otherwise. */
 
 #ifndef GELATO_C_H
 #define GELATO_C_H
@@ -19,7 +20,7 @@ extern "C" {
 
 /* ---- Messages ---- */
 
-/* What a C++ ErrorManager is: its first and only member is the table. */
+/* The memory of a C++ ErrorManager. Its first and only member is the table. */
 typedef struct gelato_errors gelato_errors;
 typedef struct gelato_errors_calls {
     int abi;
@@ -30,9 +31,9 @@ typedef struct gelato_errors_calls {
     /* An ErrorHandler, or NULL. */
     void *(*handler) (const gelato_errors *self);
     void (*set_handler) (gelato_errors *self, void *handler);
-    /* To be given to free (). */
+    /* The caller frees the result with free (). */
     char *(*summary) (gelato_errors *self);
-    /* Drops what it holds; its memory stays until release. */
+    /* Drops the contents. The memory of the object itself stays until release. */
     void (*finish) (gelato_errors *self);
     void (*release) (gelato_errors *self);
 } gelato_errors_calls;
@@ -42,7 +43,7 @@ struct gelato_errors {
 
 /* ---- Scene calls ---- */
 
-/* Calls without numbers; the words are those of the C++ call, in order, NULL where there is none. */
+/* Calls without numbers. The words are those of the C++ call, in order, and NULL where there is none. */
 enum gelato_word_call {
     GELATO_INPUT = 0, GELATO_CAMERA, GELATO_OUTPUT, GELATO_WORLD, GELATO_RENDER, GELATO_COMMENT, GELATO_COMMAND,
     GELATO_PUSH_ATTRIBUTES, GELATO_POP_ATTRIBUTES, GELATO_SAVE_ATTRIBUTES, GELATO_RESTORE_ATTRIBUTES, GELATO_MODIFY,
@@ -50,7 +51,7 @@ enum gelato_word_call {
     GELATO_SHADER_GROUP_BEGIN, GELATO_SHADER_GROUP_END, GELATO_CONNECT_SHADERS
 };
 
-/* Calls with `n` numbers, and for GELATO_INPUT_BOUND a word. */
+/* Calls with `n` numbers. GELATO_INPUT_BOUND also has a word. */
 enum gelato_number_call {
     GELATO_MOTION = 0,        /* n times */
     GELATO_SET_TRANSFORM,     /* 16, row by row */
@@ -62,12 +63,12 @@ enum gelato_number_call {
     GELATO_INPUT_BOUND        /* xmin, xmax, ymin, ymax, zmin, zmax */
 };
 
-/* What `data` of a value points to. Single values are copied at once; arrays are read by the call that takes the
-   parameters, and must stay as they are until then (attributes are copied at once). */
+/* The data to which `data` of a value points. Single values and attributes are copied at once. Arrays of parameters are
+   read by the call that takes the parameters, and must not change before. */
 enum gelato_value_kind {
-    GELATO_ANY = 0,   /* whatever the type says */
-    GELATO_INT, GELATO_FLOAT, GELATO_DOUBLE, GELATO_STRING,      /* one; a string is the char * itself */
-    GELATO_INTS, GELATO_FLOATS, GELATO_STRINGS                   /* as many as the type says */
+    GELATO_ANY = 0,   /* data of the type */
+    GELATO_INT, GELATO_FLOAT, GELATO_DOUBLE, GELATO_STRING,      /* one value; a string is the char * itself */
+    GELATO_INTS, GELATO_FLOATS, GELATO_STRINGS                   /* the number of values of the type */
 };
 
 /* A direction of a NURBS surface or curve. */
@@ -77,15 +78,16 @@ typedef struct gelato_knots {
     float min, max;
 } gelato_knots;
 
-/* Whoever takes scene calls: a renderer, an archive. `self` comes first in every call. No call fails; mistakes are told
-   through the messages of the receiver. */
+/* A receiver of scene calls, such as a renderer or an archive. `self` is the first argument of every call. Calls do not
+   fail. Errors are reported through the messages of the receiver. */
 typedef struct gelato_calls {
     int abi;
     void (*words) (void *self, int call, const char *a, const char *b, const char *c, const char *d);
     void (*numbers) (void *self, int call, int n, const float *values, const char *word);
-    /* Parameter, or with `attribute` Attribute. `type` holds the bits of a ParamType, or 0 when the name says it. */
+    /* Parameter, or Attribute when `attribute` is not 0. `type` holds the bits of a ParamType, or 0 when the name has
+       the type. */
     void (*value) (void *self, int attribute, const char *name, unsigned int type, int kind, const void *data);
-    /* GetAttribute; strings stay valid as long as the receiver lives. Not 0 when it was found. */
+    /* GetAttribute. Returns 0 when there is no such attribute. Strings are valid while the receiver lives. */
     int (*get_attribute) (void *self, const char *name, int kind, void *value);
     void (*light_switch) (void *self, const char *lightid, int on);
     void (*points) (void *self, int npoints);
@@ -96,28 +98,28 @@ typedef struct gelato_calls {
     void (*mesh) (void *self, const char *interp, int nfaces, const int *nverts, const int *verts);
     void (*trim_curve) (void *self, int nloops, const int *ncurves, const int *n, const int *order,
                         const float *knot, const float *min, const float *max, const float *uvw);
-    /* A GelatoAPI::Generator, which belongs to the receiver from then on. */
+    /* Input of a GelatoAPI::Generator, which then belongs to the receiver. */
     void (*input_generator) (void *self, void *generator, const float *bound);
     gelato_errors *(*errors) (void *self);
-    /* Ends the receiver; for whoever made it. */
+    /* Ends the receiver. Only its creator calls this. */
     void (*destroy) (void *self);
 } gelato_calls;
 
-/* A generator in C: NAME.generator.so shows `int generator_abi = GELATO_C_ABI;` and
+/* A generator in C. NAME.generator.so exports `int generator_abi = GELATO_C_ABI;` and
    `const gelato_generator *NAME_generator_c (void);`. */
 typedef struct gelato_generator {
     int abi;
-    /* Endings of the files that it reads, ended by NULL; NULL: its name only. */
+    /* The extensions of the files that it reads, with NULL at the end. NULL when only its name selects it. */
     const char *const *extensions;
-    /* Not 0 when all that it makes lies within `bound`; may be NULL. */
+    /* Stores the bound of everything that it makes. Returns 0 when the bound is unknown. May be NULL. */
     int (*bound) (const char *params, float *bound);
-    /* 0, or not 0 with a text in `message` (of `size` bytes). */
+    /* Makes the scene calls. Returns 0, or another number with a text in `message` (of `size` bytes). */
     int (*run) (const gelato_calls *calls, void *self, const char *params, char *message, size_t size);
 } gelato_generator;
 
 /* ---- Images ---- */
 
-/* Numbers as in ImageIOFormatSpec; `format` is a ParamBaseType. */
+/* The numbers are those of ImageIOFormatSpec. `format` is a ParamBaseType. */
 typedef struct gelato_image_spec {
     int x, y, z, width, height, depth, full_width, full_height, full_depth;
     int tile_width, tile_height, tile_depth, nchannels, format;
@@ -137,20 +139,20 @@ enum gelato_image_feature {
     GELATO_IMAGE_REWRITE = 16, GELATO_IMAGE_EMPTY = 32, GELATO_IMAGE_RECTANGLES = 64
 };
 
-/* What functions of images return. A text goes with the last two, if the plugin has one. */
+/* The result of functions of images. The last two come with a text, if the plugin has one. */
 enum gelato_status { GELATO_OK = 0, GELATO_FAILED = 1, GELATO_THREW = 2 };
 
-/* Room for a text that ends with 0. */
+/* Space for a text that ends with 0. */
 typedef struct gelato_message {
     char *text;
     size_t size;
 } gelato_message;
 
-/* A writer; strides count floats. NAME.imageio.so shows `int imageio_abi = GELATO_C_ABI;` and
-   `const gelato_image_output_calls *NAME_output_imageio_c (void);`, and perhaps NAME_output_extensions. */
+/* A writer. Strides are numbers of floats. NAME.imageio.so exports `int imageio_abi = GELATO_C_ABI;` and
+   `const gelato_image_output_calls *NAME_output_imageio_c (void);`, and optionally NAME_output_extensions. */
 typedef struct gelato_image_output_calls {
     int abi;
-    /* `factory` is NULL; a new object or NULL. */
+    /* Returns a new object, or NULL. `factory` is NULL. */
     void *(*create) (void *factory, gelato_message message);
     int (*supports) (void *self);
     int (*open) (void *self, const char *name, const gelato_image_spec *spec, int nparams,
@@ -158,15 +160,16 @@ typedef struct gelato_image_output_calls {
     int (*write_scanline) (void *self, int y, int z, const float *data, int xstride, gelato_message message);
     int (*write_tile) (void *self, int x, int y, int z, const float *data, int xstride, int ystride, int zstride,
                        gelato_message message);
-    /* Instead of rows, in any order, for those that say GELATO_IMAGE_RECTANGLES; ends are part of it. May be NULL. */
+    /* Is called instead of write_scanline, in any order, for formats with GELATO_IMAGE_RECTANGLES. The ends are part of
+       the rectangle. May be NULL. */
     int (*write_rectangle) (void *self, int xmin, int xmax, int ymin, int ymax, const float *data, int xstride,
                             int ystride, gelato_message message);
     int (*close) (void *self, gelato_message message);
     void (*destroy) (void *self);
 } gelato_image_output_calls;
 
-/* A reader: `const gelato_image_input_calls *NAME_input_imageio_c (void);`, perhaps NAME_input_extensions. Channel
-   names in `spec` stay valid until the next call. */
+/* A reader. NAME.imageio.so exports `const gelato_image_input_calls *NAME_input_imageio_c (void);`, and optionally
+   NAME_input_extensions. Channel names in `spec` are valid until the next call. */
 typedef struct gelato_image_input_calls {
     int abi;
     void *(*create) (void *factory, gelato_message message);
@@ -185,8 +188,8 @@ typedef struct gelato_image_input_calls {
 
 /* ---- Shadeops ---- */
 
-/* One argument or symbol: values of point i begin `i * stride` items behind `data`; items are floats or char pointers.
-   `type` holds the bits of a ParamType. */
+/* An argument or symbol. The values of point i begin `i * stride` items after `data`. Items are floats or char
+   pointers. `type` holds the bits of a ParamType. */
 typedef struct gelato_argument {
     void *data;
     int stride;
@@ -201,17 +204,17 @@ typedef struct gelato_execution_calls {
     int (*forcevarying) (gelato_execution *self, int argument);
     const char *(*tokenize) (gelato_execution *self, const char *text);
     void (*error) (gelato_execution *self, const char *text);
-    /* `what`: 0 texture, with (s, t, dsdx, dtdx, dsdy, dtdy) in `at`; 1 shadow, with P, dPdx, dPdy; 2 environment,
-       with R, dRdx, dRdy. */
+    /* `what` is 0 for texture, with (s, t, dsdx, dtdx, dsdy, dtdy) in `at`; 1 for shadow, with P, dPdx, dPdy; and 2 for
+       environment, with R, dRdx, dRdy. */
     void (*lookup) (gelato_execution *self, int what, const char *filename, int firstchannel, int nchannels,
                     const float *at, float *result, int nparams, const char *const *names, void *const *data);
     int (*gettextureinfo) (gelato_execution *self, const char *texture, const char *name, unsigned int type, void *result);
     int (*getattribute) (gelato_execution *self, const char *name, unsigned int type, void *result);
-    /* Number of the symbol among the arguments, or -1. */
+    /* Returns the index of the symbol among the arguments, or -1. */
     int (*getsymbol) (gelato_execution *self, const char *name);
 } gelato_execution_calls;
 
-/* The run of a shader, as a shadeop sees it: the beginning of every ShadingExecution. */
+/* The run of a shader. This is the beginning of every ShadingExecution. */
 struct gelato_execution {
     const gelato_execution_calls *calls;
     const short *active;
@@ -220,22 +223,22 @@ struct gelato_execution {
     int raylevel, isshadowray, isindirectray;
 };
 
-/* Noise: kinds as listed; `period` only for the periodic ones. */
+/* The kinds of noise. `period` is used only by the periodic ones. */
 enum gelato_noise_kind { GELATO_NOISE = 0, GELATO_SNOISE, GELATO_CNOISE, GELATO_PNOISE, GELATO_PSNOISE };
 typedef void (*gelato_noise_function) (int kind, int indim, const float *in, const float *period, int outdim, float *out);
 
 /* ---- libgelato and libgsoargs: needed by programs, not by plugins ---- */
 
-/* A GelatoAPI; NULL when it cannot be made (the message went to `errors`, or to standard error). */
+/* Returns a GelatoAPI; NULL when it cannot be made. The message then goes to `errors`, or to standard error. */
 void *gelato_create_renderer (const char *type, gelato_errors *errors);
 gelato_errors *gelato_create_errors (void *handler, int verbosity);
-/* An ImageOutput or ImageInput, to be deleted; NULL: see gelato_image_error. */
+/* Return an ImageOutput or ImageInput, which the caller deletes. NULL on failure; see gelato_image_error. */
 void *gelato_make_image_output (const char *filename, const char *format, const char *searchpath);
 void *gelato_make_image_input (const char *filename, const char *searchpath);
-/* Why the last of the two failed in this thread. */
+/* Returns the reason of the last failure of these two in this thread. */
 const char *gelato_image_error (void);
 
-/* Parameters of a compiled shader. */
+/* The parameters of a compiled shader. */
 typedef struct gelato_shader gelato_shader;
 typedef struct gelato_shader_parameter {
     const char *name;
@@ -248,12 +251,12 @@ typedef struct gelato_shader_parameter {
     const struct gelato_shader_parameter *metadata;
 } gelato_shader_parameter;
 typedef struct gelato_shader_view {
-    const char *name, *type, *error;   /* without an error, that is NULL */
+    const char *name, *type, *error;   /* `error` is NULL on success */
     int nparameters, nmetadata;
     const gelato_shader_parameter *parameters;
     const gelato_shader_parameter *metadata;
 } gelato_shader_view;
-/* Never NULL; to be given to gelato_shader_close. */
+/* Never returns NULL. The caller passes the result to gelato_shader_close. */
 gelato_shader *gelato_shader_open (const char *name, const char *searchpath, gelato_shader_view *view);
 void gelato_shader_close (gelato_shader *shader);
 

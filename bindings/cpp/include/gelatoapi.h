@@ -1,6 +1,6 @@
 // The scene interface. SPDX-License-Identifier: MIT OR Apache-2.0
 //
-// The order of the virtual functions is the binary interface: it never changes.
+// The order of the virtual functions is the binary interface. It never changes.
 
 #ifndef GELATOAPI_H
 #define GELATOAPI_H
@@ -14,7 +14,7 @@ public:
     GelatoAPI (void) {}
     virtual ~GelatoAPI (void) {}
 
-    // Scene files, generators, programs; with a bound perhaps read later, or never.
+    // Reads a scene file, or runs a generator or program. With a bound it may be read later, or never.
     virtual void Input (const char *filename) {}
     virtual void Input (const char *filename, const float *bound) {}
 
@@ -27,12 +27,12 @@ public:
     virtual void Motion (int ntimes, float time0, ...) {}
     virtual void Motion (int ntimes, const float *times) {}
 
-    // For archives.
+    // Writes a comment into an archive.
     virtual void Comment (const char *format, ...) {}
 
     virtual void Command (const char *command) {}
 
-    // Parameters of the next shader, light, primitive, camera, output or command; arrays are read by that call.
+    // Sets a parameter of the next shader, light, primitive, camera, output or command. Arrays are read by that call.
     virtual void Parameter (const char *name, Gelato::ParamType t, const void *val) {}
     virtual void Parameter (const char *name, Gelato::ParamType t, int val) {}
     virtual void Parameter (const char *name, Gelato::ParamType t, float val) {}
@@ -67,7 +67,7 @@ public:
     virtual void Attribute (const char *typedname, const float *val) {}
     virtual void Attribute (const char *typedname, const char **val) {}
 
-    // Whether there is an attribute of the name and type; strings belong to the renderer.
+    // Returns true when there is an attribute of this name and type. Strings belong to the renderer.
     virtual bool GetAttribute (const char *name, void *val) { return false; }
     virtual bool GetAttribute (const char *name, int &val) { return false; }
     virtual bool GetAttribute (const char *name, float &val) { return false; }
@@ -83,7 +83,7 @@ public:
     virtual void RestoreAttributes (const char *name, const char *attrs=NULL) {}
     virtual void Modify (const char *namepattern=NULL) {}
 
-    // Matrices row by row, for row vectors.
+    // Matrices are stored row by row, for row vectors.
     virtual void PushTransform (void) {}
     virtual void PopTransform (void) {}
     virtual void SetTransform (const float *M) {}
@@ -126,37 +126,37 @@ public:
                          float thetamax=360) {}
     virtual void Sphere (float radius) { Sphere (radius, -radius, radius); }
 
-    // Makes scene calls. Given to Input, it belongs to the renderer.
+    // Makes scene calls. A generator that is passed to Input belongs to the renderer.
     class GELATO_PUBLIC Generator {
     public:
         Generator () {}
         virtual ~Generator () {}
-        // Whether it knows where everything lies: xmin, xmax, ymin, ymax, zmin, zmax.
+        // Stores the bound as xmin, xmax, ymin, ymax, zmin, zmax. Returns false when it is unknown.
         virtual bool bound (float *bbox) { return false; }
         virtual void run (GelatoAPI *renderer, const char *params) {}
     };
 
-    // A generator's library says: GELATO_EXPORT int generator_version = GelatoAPI::API_VERSION;
+    // The library of a generator has: GELATO_EXPORT int generator_version = GelatoAPI::API_VERSION;
     static const int API_VERSION = 2;
 
     virtual void Input (Generator *procedure, const float *boundingbox=NULL) {}
 
     virtual Gelato::ErrorManager &Err (void) = 0;
 
-    // Use Err instead.
+    // Deprecated: use Err instead.
     virtual Gelato::ErrCode GetError (const char **errstrbuf=NULL) {
         return Gelato::ERR_NO_ERROR;
     }
 
-    // type: none, "pyg", "pyg FILE", "FILE.pyg" or "remote". Without a manager of messages the renderer has its own.
-    // NULL when there can be none.
+    // The types are: none, "pyg", "pyg FILE", "FILE.pyg" and "remote". Without a manager of messages the renderer has
+    // its own. Returns NULL when the renderer cannot be made.
     static GelatoAPI *CreateRenderer (const char *type=NULL,
                                       Gelato::ErrorManager *p_err=NULL) {
         return static_cast<GelatoAPI *> (
             gelato_create_renderer (type, reinterpret_cast<gelato_errors *> (p_err)));
     }
 
-    // Renderers are freed where they were made: by the library.
+    // Renderers are freed by the library that made them.
     void operator delete (void *pMem, size_t) { ::operator delete (pMem); }
 };
 

@@ -19,11 +19,11 @@ public:
         const char *name;
         ParamType type;
         bool isoutput;
-        bool valid;                          // whether a default value is known
-        bool varlenarray;                    // whether an instance may have another length
-        std::vector<float> fdefault;         // floats of all elements
-        std::vector<const char *> sdefault;  // strings of all elements
-        std::vector<const char *> spacename; // of each element of a triple or matrix
+        bool valid;                          // true when a default value is known
+        bool varlenarray;                    // true when an instance may have another length
+        std::vector<float> fdefault;         // the floats of all elements
+        std::vector<const char *> sdefault;  // the strings of all elements
+        std::vector<const char *> spacename; // the space of each element of a triple or matrix
         std::vector<Parameter> metadata;
         Parameter() : name(NULL), type(PT_UNKNOWN), isoutput(false), valid(false), varlenarray(false) { }
     };
@@ -31,17 +31,17 @@ public:
     GsoArgs () : _shadername(NULL), _shadertype(NULL), _error(NULL), _shader(NULL) {}
     ~GsoArgs () { gelato_shader_close (_shader); }
 
-    // Looks in `searchpath`, or in "$GELATOHOME/shaders"; whether the shader was found and read.
+    // Searches `searchpath`, or "$GELATOHOME/shaders". Returns true when the shader was found and read.
     bool open (const char *shadername, const char *searchpath=NULL);
 
-    // "surface", "displacement", "volume", "light" or "shader".
+    // Returns "surface", "displacement", "volume", "light" or "shader".
     const char *shadertype (void) const { return _shadertype; }
 
     const char *shadername (void) const { return _shadername; }
 
     int nargs (void) const { return (int) args.size(); }
 
-    // NULL when there is none.
+    // Return NULL when there is no such parameter.
     const Parameter *getarg (int i) const {
         if (i < 0 || i >= nargs())
             return NULL;
@@ -54,10 +54,10 @@ public:
         return NULL;
     }
 
-    // Of the shader as a whole.
+    // Returns the metadata of the shader itself.
     const std::vector<Parameter> &metadata (void) const { return meta; }
 
-    // What went wrong since the last call, or NULL.
+    // Returns the error since the last call, or NULL.
     const char *error (void) {
         const char *e = _error;
         _error = NULL;

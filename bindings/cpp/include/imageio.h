@@ -1,6 +1,6 @@
 // Readers and writers of images. SPDX-License-Identifier: MIT OR Apache-2.0
 //
-// The order of the virtual functions is the binary interface: it never changes.
+// The order of the virtual functions is the binary interface. It never changes.
 
 #ifndef GELATO_IMAGEIO_H
 #define GELATO_IMAGEIO_H
@@ -17,20 +17,20 @@
 
 namespace Gelato {
 
-// A plugin says: GELATO_EXPORT int imageio_version = Gelato::IMAGEIO_VERSION;
+// A plugin has: GELATO_EXPORT int imageio_version = Gelato::IMAGEIO_VERSION;
 const int IMAGEIO_VERSION = 3;
 
 struct ImageIOFormatSpec {
-    int x, y, z;              // where the pixels begin within the whole image
-    int width, height, depth; // how many there are; depth > 1 for volumes
-    int full_width;           // of the whole image
+    int x, y, z;              // the first pixel within the whole image
+    int width, height, depth; // the number of pixels; depth > 1 for volumes
+    int full_width;           // the size of the whole image
     int full_height;
     int full_depth;
     int tile_width;           // 0 for an image in scanlines
     int tile_height;
     int tile_depth;
     int nchannels;
-    ParamBaseType format;     // of one channel
+    ParamBaseType format;     // the type of one channel
     std::vector<const char*> channelnames;
     char unused[256];
 };
@@ -55,7 +55,7 @@ struct GELATO_PUBLIC ImageIOParameter {
 #define gelato_thread_local
 #endif
 
-// A text of an image, kept by the image.
+// Stores a text in an image.
 inline void gelato_keep_text (char *&kept, const char *message, va_list values)
 {
     char text[1024];
@@ -70,30 +70,30 @@ public:
     ImageOutput () : errmsg (NULL) {}
     virtual ~ImageOutput () { delete[] errmsg; }
 
-    // What the format can do.
+    // The capabilities of the format.
     virtual bool supports_tiles (void) const { return false; }
-    // Scanlines and tiles in any order.
+    // True when scanlines and tiles may be written in any order.
     virtual bool supports_random_access (void) const { return false; }
     virtual bool supports_multiimage (void) const { return false; }
     virtual bool supports_volumes (void) const { return false; }
-    // The same scanline or tile more than once.
+    // True when the same scanline or tile may be written more than once.
     virtual bool supports_rewrite (void) const { return false; }
-    // NULL for pixels that are all zero.
+    // True when NULL may be passed for pixels that are all zero.
     virtual bool supports_empty (void) const { return false; }
     virtual bool supports_rectangles (void) const { return false; }
 
-    // Parameters: "quantize" int[4], "gain", "gamma", "dither" float, and what else came with the output.
+    // The parameters are "quantize" (int[4]), "gain", "gamma", "dither" (float), and all others of the output.
     virtual bool open (const char *name, const ImageIOFormatSpec &spec,
                        int nparams, const ImageIOParameter *param, bool append=false) = 0;
 
-    // Strides count floats.
+    // Strides are numbers of floats.
     virtual bool write_scanline (int y, int z, const float *data, int xstride)
         { return false; }
 
     virtual bool write_tile (int x, int y, int z, const float *data,
                              int xstride, int ystride, int zstride) { return false; }
 
-    // Ends are part of the rectangle.
+    // The ends are part of the rectangle.
     virtual bool write_rectangle (int xmin, int xmax, int ymin, int ymax,
                                   int zmin, int zmax, const float *data,
                                   int xstride, int ystride, int zstride)
@@ -101,16 +101,17 @@ public:
 
     virtual bool close () = 0;
 
-    // Nothing is sent yet.
+    // Not used yet.
     virtual int send_to_output (const char *format, ...) { return 0; }
     int send_to_client (const char *format, ...) { return 0; }
 
-    // The whole number for a value: 0 is `black`, 1 is `white`, `ditheramp` the amplitude of the noise that is added.
+    // Returns the integer for a value. 0 becomes `black` and 1 becomes `white`. `ditheramp` is the amplitude of the
+    // noise that is added.
     static int quantize (float value, int black, int white,
                          int clamp_min, int clamp_max, float ditheramp) {
         float noise = 0;
         if (ditheramp != 0) {
-            // A sequence of its own in each thread, where the compiler can.
+            // Each thread has its own sequence, if the compiler supports this.
             static gelato_thread_local unsigned int state = 1;
             state = state * 1664525u + 1013904223u;
             noise = ditheramp * ((state >> 8) * (2.0f / 16777216.0f) - 1.0f);
@@ -121,15 +122,15 @@ public:
         return q < (float) clamp_max ? (int) q : clamp_max;
     }
 
-    // (value * gain) to the power of `invgamma`.
+    // Returns (value * gain) to the power of `invgamma`.
     static float exposure (float value, float gain, float invgamma) {
         float v = value * gain;
         return invgamma == 1 || v <= 0 ? v : powf (v, invgamma);
     }
 
-    // Why a function returns false.
+    // Stores the reason why a function returns false.
     void error (const char *message, ...);
-    // The last of them, or NULL.
+    // Returns the last reason, or NULL.
     const char *error_message () { return errmsg; }
 
 private:
@@ -167,7 +168,7 @@ public:
         return false;
     }
 
-    // As floats, with strides that count floats; these call read_native_... and convert.
+    // Read pixels as floats, with strides in floats. The default implementations call read_native_... and convert.
     virtual bool read_scanline (int y, int z, float *data, int xstride);
     virtual bool read_tile (int x, int y, int z, float *data,
                             int xstride, int ystride, int zstride);
@@ -181,7 +182,7 @@ public:
                           spec.nchannels*spec.tile_width*spec.tile_height);
     }
 
-    // As the file holds them, side by side.
+    // Read pixels in the type of the file, without gaps.
     virtual bool read_native_scanline (int y, int z, void *data) = 0;
     virtual bool read_native_tile (int x, int y, int z, void *data) {
         return false;
@@ -206,7 +207,7 @@ private:
                   int xstride, int ystride, int zstride);
     char *errmsg;
 protected:
-    ImageIOFormatSpec spec; // of the current image
+    ImageIOFormatSpec spec; // the current image
 };
 
 inline void ImageInput::error (const char *message, ...)
@@ -217,7 +218,7 @@ inline void ImageInput::error (const char *message, ...)
     va_end (values);
 }
 
-// One value of a file as a float: whole numbers from 0 to 1 (signed: -1 to 1), others as they are.
+// Returns a value of a file as a float. Integers become 0 to 1 (signed ones -1 to 1). Floats are not scaled.
 inline float gelato_to_float (const void *native, size_t i, ParamBaseType format)
 {
     switch (format) {
@@ -259,7 +260,7 @@ inline bool ImageInput::read_scanline (int y, int z, float *data, int xstride)
     size_t bytes = (size_t) spec.width * spec.nchannels * ParamBaseTypeSize (spec.format);
     if (bytes == 0)
         return false;
-    // Doubles, so that any type may lie there.
+    // Doubles give the alignment that any type needs.
     std::vector<double> native ((bytes + sizeof(double) - 1) / sizeof(double));
     return read_native_scanline (y, z, &native[0])
         && convert (&native[0], spec.width, 1, 1, data, xstride, 0, 0);
@@ -278,8 +279,8 @@ inline bool ImageInput::read_tile (int x, int y, int z, float *data,
         && convert (&native[0], spec.tile_width, spec.tile_height, depth, data, xstride, ystride, zstride);
 }
 
-// Looks for plugins in `searchpath` and, for what is not found there, takes the formats of the suite. NULL: see
-// ImageIOErrorMessage. Programs only: they link with libgelato.
+// Search for a plugin in `searchpath`, and use the formats of the suite otherwise. Return NULL on failure; see
+// ImageIOErrorMessage. They are for programs only, which link with libgelato.
 inline ImageOutput *MakeImageOutput (const char *filename,
                                      const char *format,
                                      const char *searchpath)
@@ -299,7 +300,8 @@ inline ImageInput *MakeImageInput (const char *filename,
 
 inline const char *ImageIOErrorMessage () { return gelato_image_error (); }
 
-// The value of the first parameter of this name, type and count, and its place; NULL and -1 without one.
+// Returns the value of the first parameter of this name, type and count, and stores its index. Returns NULL and stores
+// -1 when there is none.
 inline const void *IOParamFindValue (const char *name, ParamBaseType type,
                                      int count, int& index, int nparams,
                                      const ImageIOParameter *param)
@@ -311,7 +313,7 @@ inline const void *IOParamFindValue (const char *name, ParamBaseType type,
     return NULL;
 }
 
-// The string of this name, or NULL.
+// Returns the string of this name, or NULL.
 inline const char *IOParamFindString (const char *name, int nparams,
                                       const ImageIOParameter *param)
 {

@@ -8,7 +8,7 @@
 
 extern "C" {
 #if defined(__GNUC__)
-// In a plugin, the renderer that loads it says where its noise is; a program gets it from libgelato.
+// The renderer that loads a plugin sets the function of the noise. A program takes it from libgelato.
 __attribute__((weak, visibility("hidden"))) gelato_noise_function gelato_bound_noise = 0;
 __attribute__((weak, visibility("default"))) void gelato_bind_noise (gelato_noise_function noise)
 {
@@ -23,7 +23,7 @@ namespace Gelato {
 
 namespace Noise {
 
-// Any kind. 0 where neither a renderer nor libgelato is there.
+// Computes noise of any kind. The result is 0 when there is neither a renderer nor libgelato.
 inline void gelato_any_noise (int kind, int indim, const float *in, const float *period, int outdim, float *out)
 {
     if (gelato_bound_noise) {
@@ -43,7 +43,8 @@ inline float gelato_one (int kind, int indim, const float *in, const float *peri
     return out;
 }
 
-// noise: smooth, 0 to 1; snoise: -1 to 1; cnoise: one value for each cell; pnoise: noise that repeats.
+// noise is smooth, from 0 to 1. snoise is smooth, from -1 to 1. cnoise has one value for each cell. pnoise is periodic
+// noise, and psnoise periodic snoise.
 #define GELATO_PLAIN_NOISE(name, kind) \
     inline float name (float x) { return gelato_one (kind, 1, &x, 0); } \
     inline float name (float x, float y) { const float in[] = { x, y }; return gelato_one (kind, 2, in, 0); } \

@@ -16,7 +16,7 @@
 
 namespace Gelato {
 
-// What one value is made of.
+// The base type of a value.
 enum ParamBaseType {
     PT_UNKNOWN = 0,
     PT_VOID,
@@ -30,7 +30,7 @@ enum ParamBaseType {
     PT_LAST
 };
 
-// The word for a type, as "float"; "unknown" for what is none.
+// Returns the word for a type, such as "float"; "unknown" for an invalid number.
 inline const char *ParamBaseTypeNameString (int t)
 {
     static const char *const names[PT_LAST] = {
@@ -40,7 +40,7 @@ inline const char *ParamBaseTypeNameString (int t)
     return t >= 0 && t < PT_LAST ? names[t] : names[0];
 }
 
-// Bytes of one value.
+// Returns the number of bytes of one value.
 inline int ParamBaseTypeSize (int t)
 {
     switch (t) {
@@ -59,7 +59,7 @@ inline int ParamBaseTypeSize (int t)
     }
 }
 
-// Floats of one value; 0 for what is not made of floats.
+// Returns the number of floats of one value; 0 for types that do not consist of floats.
 inline int ParamBaseTypeNFloats (int t)
 {
     switch (t) {
@@ -71,21 +71,21 @@ inline int ParamBaseTypeNFloats (int t)
     }
 }
 
-// How values spread over a primitive.
+// The interpolation of values over a primitive.
 enum ParamInterp {
-    INTERP_CONSTANT = 0,  // one for all of it
-    INTERP_PERPIECE = 1,  // one for each face or curve
-    INTERP_LINEAR = 2,    // one for each corner, interpolated linearly
-    INTERP_VERTEX = 3     // one for each control vertex, interpolated as positions are
+    INTERP_CONSTANT = 0,  // one value for the whole primitive
+    INTERP_PERPIECE = 1,  // one value for each face or curve
+    INTERP_LINEAR = 2,    // one value for each corner, interpolated linearly
+    INTERP_VERTEX = 3     // one value for each control vertex, interpolated as positions are
 };
 
-// A type: base, length of an array, interpolation. As large as an int.
+// A type: base, length of an array, interpolation. It has the size of an int.
 class GELATO_PUBLIC ParamType {
 public:
-    // Holds anything.
+    // Makes a type that is not initialised.
     ParamType (void) {}
 
-    // A single value.
+    // Makes the type of a single value.
     ParamType (ParamBaseType base, ParamInterp detail=INTERP_CONSTANT) {
         basetype = base;
         arraylen = 1;
@@ -94,7 +94,7 @@ public:
         reserved = 0;
     }
 
-    // An array; of length 0, a single value.
+    // Makes the type of an array, or of a single value when the length is 0.
     ParamType (ParamBaseType base, short array, ParamInterp det=INTERP_CONSTANT) {
         basetype = base;
         arraylen = array;
@@ -105,7 +105,7 @@ public:
         reserved = 0;
     }
 
-    // From words as "vertex float[3]"; PT_UNKNOWN when they name no type.
+    // Makes the type of words such as "vertex float[3]". The base is PT_UNKNOWN when they do not name a type.
     ParamType (const char *typestring) {
         basetype = PT_UNKNOWN;
         arraylen = 1;
@@ -115,14 +115,14 @@ public:
         fromstring (typestring);
     }
 
-    // Takes the type at the beginning of a string. Gives how long that part is, or 0, and nothing changes, when there
-    // is none. What follows it goes to `shortname`, if that is given.
+    // Reads the type at the beginning of a string. Returns the length of that part. Without a type it returns 0, and
+    // the object does not change. The rest of the string is copied to `shortname`, if that is not NULL.
     int fromstring (const char *typestring, char *shortname=NULL);
 
-    // Writes the words for the type. Whether they fit into `maxlen` bytes and the type is one.
+    // Writes the words for the type. Returns true when the type is valid and the words fit into `maxlen` bytes.
     bool tostring (char *typestring, int maxlen, bool showinterp=false) const;
 
-    // Bytes of one element of this type, arrays whole.
+    // Returns the number of bytes of one value of this type, with all elements of an array.
     int datasize (void) const { return arraylen*ParamBaseTypeSize(basetype); }
 
     int nfloats (void) const { return arraylen*ParamBaseTypeNFloats(basetype); }
@@ -132,11 +132,11 @@ public:
             && interp == t.interp && reserved == t.reserved;
     }
 
-    // Makes it a single value.
+    // Makes this the type of a single value.
     void unarray (void) { isarray = false; arraylen = 1; }
 
     unsigned int basetype:5;  // a ParamBaseType
-    unsigned int arraylen:18; // 1 when it is no array
+    unsigned int arraylen:18; // 1 when it is not an array
     unsigned int isarray:1;
     unsigned int interp:3;    // a ParamInterp
     unsigned int reserved:5;
@@ -150,7 +150,7 @@ inline int ParamType::fromstring (const char *typestring, char *shortname)
     int base = PT_UNKNOWN, detail = INTERP_CONSTANT;
     if (! s)
         return 0;
-    // Words up to the one that names a base type.
+    // Reads words up to the one that names a base type.
     while (base == PT_UNKNOWN) {
         s += strspn (s, blanks);
         size_t length = strcspn (s, " \t\n\r[");

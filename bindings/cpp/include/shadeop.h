@@ -17,45 +17,46 @@ class GELATO_PUBLIC ShaderArg;
 
 typedef short ShaderRunFlag;
 
-// A shadeop's library says: GELATO_EXPORT int shadeop_version = Gelato::SHADEOP_VERSION;
+// The library of a shadeop has: GELATO_EXPORT int shadeop_version = Gelato::SHADEOP_VERSION;
 static const int SHADEOP_VERSION = 1;
 #define SHADEOP_TYPE "shadeop"
 // or: GELATO_EXPORT int shadeop_protocol = SHADEOP_PROTOCOL;
 #define SHADEOP_PROTOCOL 1
 
-// What a shadeop runs in. Shadeops look like this; argument 0 is the result, if there is one:
+// The run of a shader that calls a shadeop. A shadeop has this form, where argument 0 is the result, if there is one:
 //     void shadeop (ShadingExecution *exec, int nargs, const ShaderArg *args)
 class GELATO_PUBLIC ShadingExecution {
 public:
-    // The first active point of the grid, and the one after the last.
+    // Return the first active point of the grid, and the point after the last active one.
     int begin (void) { return execution.begin; }
     int end (void) { return execution.end; }
 
-    // For each point, whether it is active.
+    // Returns a flag for each point, which is not 0 when the point is active.
     const ShaderRunFlag *active (void) { return execution.active; }
 
     ParamType type (ShaderArg arg);
 
-    // Whether each point has a value of its own.
+    // Returns true when each point has its own value.
     bool isvarying (ShaderArg arg);
 
-    // Gives each point a value of its own; whether that was possible.
+    // Gives each point its own value. Returns true when that was possible.
     bool forcevarying (ShaderArg arg);
 
-    // The value of a point.
+    // Returns the value of a point.
     void *data (ShaderArg arg, int gridindex=0);
 
-    // Floats, or char pointers, from point to point; 0 when one value is for all.
+    // Returns the number of floats, or char pointers, from one point to the next; 0 when all points have one value.
     int stride (ShaderArg arg);
 
-    // The renderer's own copy of a string, to be stored in a variable.
+    // Returns the renderer's own copy of a string, which may be stored in a variable.
     const char *tokenize (const char *userstring) {
         return execution.calls->tokenize (&execution, userstring);
     }
 
     void Error (const char *format, ...);
 
-    // Lookups at one point. Parameters are those of the language, by name; data are floats or strings.
+    // Look up a value at one point. The parameters are those of the language, by name. Their data are floats or
+    // strings.
     void texture (const char *filename, int firstchannel, int nchannels,
                   float s, float t, float dsdx, float dtdx,
                   float dsdy, float dtdy, float *result,
@@ -76,7 +77,7 @@ public:
                       int nparams, const char *paramname[], void *paramdata[]) {
         directed (2, filename, firstchannel, nchannels, R, dRdx, dRdy, result, nparams, paramname, paramdata);
     }
-    // The same for names in an array of `char *`.
+    // Do the same for names in an array of `char *`.
     template <class Char>
     void texture (const char *filename, int firstchannel, int nchannels,
                   float s, float t, float dsdx, float dtdx,
@@ -100,7 +101,7 @@ public:
                      nparams, const_cast<const char **> (paramname), paramdata);
     }
 
-    // Whether there is such a value of that type; it is stored then.
+    // Return true when there is such a value of this type, and store it.
     bool gettextureinfo (const char *texturename, const char *paramname,
                          Gelato::ParamType type, void *result) {
         return execution.calls->gettextureinfo (&execution, texturename, paramname, bits (type), result) != 0;
@@ -109,16 +110,17 @@ public:
         return execution.calls->getattribute (&execution, name, bits (type), result) != 0;
     }
 
-    // A parameter or global of the shader, to be read; `symbol` stays as it is when there is none.
+    // Finds a parameter or global of the shader, which may be read. When there is none, it returns false, and `symbol`
+    // does not change.
     bool getsymbol (const char *name, ShaderArg &symbol);
 
-    // 0 for what the camera sees, 1 for its reflections, and so on.
+    // Returns 0 for surfaces that the camera sees, 1 for their reflections, and so on.
     int raylevel (void) const { return execution.raylevel; }
 
-    // Whether only opacity is wanted, for a shadow.
+    // Returns true when a shadow ray requests only the opacity.
     bool isshadowray (void) const { return execution.isshadowray != 0; }
 
-    // Whether an indirect ray asks.
+    // Returns true when the shader runs for an indirect ray.
     bool isindirectray (void) const { return execution.isindirectray != 0; }
 
 private:
@@ -138,7 +140,7 @@ private:
     gelato_execution execution;
 };
 
-// Goes through the active points of a grid, or once through a uniform computation.
+// Iterates over the active points of a grid, or once over a uniform computation.
 class GELATO_PUBLIC ShadeGridIter {
 public:
     ShadeGridIter (ShadingExecution *exec, bool vary) : exec(exec) {
@@ -152,7 +154,7 @@ public:
         }
     }
 
-    // The point.
+    // Returns the index of the point.
     int operator() (void) const { return i; }
 
     void operator++ (void) {
@@ -174,7 +176,7 @@ private:
 // An argument or symbol.
 class GELATO_PUBLIC ShaderArg {
 public:
-    // Its value at the iterator's point.
+    // Returns the value at the point of the iterator.
     void *data (ShadeGridIter &iter) const {
         return iter.exec->data(*this,iter());
     }

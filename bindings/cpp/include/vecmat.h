@@ -1,8 +1,8 @@
 // Vectors, matrices, boxes. SPDX-License-Identifier: MIT OR Apache-2.0
 //
-// Vectors are rows, matrices lie row by row: `v * A * B` applies A first, and a translation is in the last row. Angles are
-// in degrees. Most things can be said in two ways: `a.length ()` and `length (a)`, `Matrix4::translate (x, y, z)` and
-// `TranslationMatrix (x, y, z)`.
+// Vectors are rows, and matrices are stored row by row. `v * A * B` applies A first, and a translation is in the last
+// row. Angles are in degrees. Most functions have two forms, such as `a.length ()` and `length (a)`, or
+// `Matrix4::translate (x, y, z)` and `TranslationMatrix (x, y, z)`.
 
 #ifndef GELATO_VECMAT_H
 #define GELATO_VECMAT_H
@@ -45,12 +45,12 @@ public:
     }
     float length2 () const { return dot (*this); }
     float length () const { return sqrtf (dot (*this)); }
-    // Of length 1; one of length 0 stays.
+    // Returns the vector with length 1. A vector of length 0 is returned unchanged.
     Vector3 normalized () const {
         float l = length ();
         return l > 0 ? *this / l : *this;
     }
-    // Makes its own length 1.
+    // Sets the length of this vector to 1.
     const Vector3 &normalize () { return *this = normalized (); }
 
     static Vector3 Zero () { return Vector3 (0.0f); }
@@ -64,7 +64,7 @@ inline float length2 (const Vector3 &v) { return v.length2 (); }
 inline float distance (const Vector3 &a, const Vector3 &b) { return (a - b).length (); }
 inline Vector3 normalize (const Vector3 &v) { return v.normalized (); }
 
-// `a` at 0, `b` at 1.
+// Interpolate linearly: `a` at t = 0, `b` at t = 1.
 inline float lerp (float a, float b, float t) { return a * (1 - t) + b * t; }
 inline Vector3 lerp (const Vector3 &a, const Vector3 &b, float t) { return a * (1 - t) + b * t; }
 
@@ -89,7 +89,7 @@ public:
 
     float dot (const Vector4 &v) const { return x * v.x + y * v.y + z * v.z + w * v.w; }
     float length () const { return sqrtf (dot (*this)); }
-    // The point that it stands for.
+    // Returns the point of these homogeneous coordinates.
     Vector3 project () const { return Vector3 (x / w, y / w, z / w); }
 };
 
@@ -102,14 +102,14 @@ class GELATO_PUBLIC Matrix4 {
 public:
     float m[4][4];
 
-    // Holds anything.
+    // Makes a matrix that is not initialised.
     Matrix4 () {}
-    // So much on the diagonal: 1 changes nothing.
+    // Makes a matrix with this number on the diagonal, and 0 elsewhere.
     explicit Matrix4 (float diagonal) {
         for (int i = 0; i < 16; ++i)
             m[i / 4][i % 4] = i % 5 == 0 ? diagonal : 0;
     }
-    // 16 numbers, row by row.
+    // Makes a matrix of 16 numbers, row by row.
     Matrix4 (float m00, float m01, float m02, float m03, float m10, float m11, float m12, float m13,
              float m20, float m21, float m22, float m23, float m30, float m31, float m32, float m33) {
         const float values[16] = { m00, m01, m02, m03, m10, m11, m12, m13, m20, m21, m22, m23, m30, m31, m32, m33 };
@@ -125,9 +125,9 @@ public:
     const float *operator[] (int row) const { return m[row]; }
     const float *data () const { return &m[0][0]; }
 
-    // All 0.
+    // Returns the matrix of zeros.
     static Matrix4 Zero () { return Matrix4 (0.0f); }
-    // The one that changes nothing.
+    // Returns the identity.
     static Matrix4 Ident () { return Matrix4 (1.0f); }
 
     static Matrix4 translate (float x, float y, float z) {
@@ -140,7 +140,7 @@ public:
         s.m[0][0] = x, s.m[1][1] = y, s.m[2][2] = z;
         return s;
     }
-    // By an angle in degrees.
+    // Returns the rotation about `axis` by `angle` degrees.
     static Matrix4 rotate (float angle, const Vector3 &axis) {
         Vector3 a = axis.normalized ();
         float c = cosf (angle * 0.017453292519943295f), s = sinf (angle * 0.017453292519943295f), t = 1 - c;
@@ -187,12 +187,12 @@ public:
     }
     Matrix4 transpose () const { return transposed (); }
 
-    // Zero () when there is none.
+    // Returns the inverse, or Zero () for a singular matrix.
     Matrix4 inverse () const {
         Matrix4 result;
         return inverse (result) ? result : Zero ();
     }
-    // Into `result`; false, and nothing changes, when there is none.
+    // Stores the inverse in `result`. For a singular matrix it returns false, and `result` does not change.
     bool inverse (Matrix4 &result) const {
         double a[4][8];
         for (int i = 0; i < 4; ++i)
@@ -235,7 +235,7 @@ public:
         Vector4 r = transform (Vector4 (v, 0));
         return Vector3 (r.x, r.y, r.z);
     }
-    // A normal: it stays square to what transformv makes of its surface. Its length is not kept.
+    // Transforms a normal. The result is perpendicular to the surface that transformv transforms. Its length changes.
     Vector3 transformn (const Vector3 &n) const { return inverse ().transposed ().transformv (n); }
 };
 
@@ -259,7 +259,7 @@ inline Matrix4 RotationMatrix (float angle, const Vector3 &axis) { return Matrix
 
 inline Vector4 operator* (const Vector4 &v, const Matrix4 &m) { return m.transform (v); }
 
-// A box along the axes; empty as it is made.
+// An axis-aligned box, which is initially empty.
 class GELATO_PUBLIC Bbox3 {
 public:
     Vector3 min, max;
@@ -285,7 +285,7 @@ public:
     bool contains (const Vector3 &p) const {
         return p.x >= min.x && p.x <= max.x && p.y >= min.y && p.y <= max.y && p.z >= min.z && p.z <= max.z;
     }
-    // In the order that Input takes: xmin, xmax, ymin, ymax, zmin, zmax.
+    // Stores the bound in the order of Input: xmin, xmax, ymin, ymax, zmin, zmax.
     void store (float *bound) const {
         for (int i = 0; i < 3; ++i) {
             bound[2 * i] = min[i];

@@ -1,4 +1,4 @@
-"""The renderer, from any Python program.
+"""Runs the renderer from any Python program.
 
     import gelato
 
@@ -11,19 +11,20 @@
     gelato.Sphere(1, -1, 1, 360)
     gelato.Render()
 
-Every call of the scene interface is a function of this module. The first one starts the program ``gelato``: the one
-that the environment variable ``GELATO`` names, else the one in ``$GELATOHOME/bin``, else the one on the search path.
-Sequences may be tuples, lists, ranges, nested ones, numpy arrays and whatever else can be iterated. ``GetAttribute``
-returns a number, a string, a tuple, or None.
+Every call of the scene interface is a function of this module. The first call starts the program ``gelato``. It is the
+program that the environment variable ``GELATO`` names, or else the one in ``$GELATOHOME/bin``, or else the one on the
+search path. Sequences may be tuples, lists, ranges, nested ones, numpy arrays and all other iterable objects.
+``GetAttribute`` returns a number, a string, a tuple, or None.
 
-Messages of the renderer go to standard error; what shaders print goes to ``sys.stdout``. ``Render``, ``Command`` and
+Messages of the renderer go to standard error. The output of shaders goes to ``sys.stdout``. ``Render``, ``Command`` and
 ``Input`` return when they are done.
 
-``CreateRenderer (type, *options)`` starts one more renderer; its methods are the same calls. Without a type it makes
-images, and takes command line options as ``"-threads", "4"``; ``"pyg FILE"`` or ``"FILE.pyg"`` writes the calls to a scene
-file, ``"pyg"`` to ``sys.stdout``. ``finish ()`` ends a renderer and returns its exit status: 0 all went well, 1 with errors, 2 nothing
-could be rendered. It happens by itself when the program ends, and at the end of a ``with`` block. A renderer that is no
-longer referred to is ended, and so is one whose answer was interrupted (by Ctrl-C, for example): what it renders then is dropped.
+``CreateRenderer (type, *options)`` starts another renderer, whose methods are the same calls. Without a type it makes
+images, and takes command line options such as ``"-threads", "4"``. The types ``"pyg FILE"`` and ``"FILE.pyg"`` write
+the calls to a scene file, and ``"pyg"`` writes them to ``sys.stdout``. ``finish ()`` ends a renderer and returns its
+exit status: 0 for success, 1 after errors, 2 when nothing could be rendered. It is called automatically when the
+program ends, and at the end of a ``with`` block. A renderer without references is ended. A renderer is also ended when
+the wait for its answer was interrupted (by Ctrl-C, for example), and the image that it renders is dropped.
 """
 
 from ._renderer import CALLS, GelatoAPI, GelatoError

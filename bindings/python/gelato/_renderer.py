@@ -1,5 +1,5 @@
-"""A renderer that is another process: what the package is made of, and what ``CreateRenderer`` of a scene file that is a
-script gives. The renderer runs this file too, behind ``_stream.py`` and as one program with it.
+"""A renderer that is another process. The package uses it, and so does ``CreateRenderer`` in a scene file that is a
+script. For scripts, the renderer runs this file after ``_stream.py``, as one program.
 """
 
 import atexit
@@ -13,7 +13,7 @@ import weakref
 try:
     from ._stream import call, decode, receive, send
 except ImportError:
-    # They stand in front of this.
+    # The functions are part of the same program.
     pass
 
 CALLS = (
@@ -24,7 +24,7 @@ CALLS = (
     "TrimCurve", "World",
 )  # fmt: skip
 
-# Calls that take a while: they return when they are done.
+# The calls that return only when they are done.
 _SLOW = ("Render", "Command", "Input")
 
 
@@ -33,7 +33,7 @@ class GelatoError(RuntimeError):
 
 
 def _command_line(options):
-    """The options of the program for the arguments of CreateRenderer: a type of renderer, and options after it."""
+    """Returns the options of the program for the arguments of CreateRenderer: a type of renderer, then options."""
     options = list(options)
     if not options or (isinstance(options[0], str) and options[0].startswith("-")):
         return [str(option) for option in options]
@@ -68,7 +68,7 @@ def _program():
 
 
 def _drop(child, owner):
-    """Ends a renderer whose work nobody waits for, unless it belongs to the process that this one was forked from."""
+    """Ends a renderer whose result is not needed, unless it belongs to the process that this one was forked from."""
     if os.getpid() != owner:
         return
     if child.poll() is None:
@@ -92,14 +92,14 @@ def _leave(child):
 
 
 class GelatoAPI:
-    """One renderer: a process that takes calls."""
+    """A renderer, which is a process that receives calls."""
 
     def __init__(self, *options):
         self._options = _command_line(options)
         self._child = None
         self._status = None
         self._file = None
-        # Whether an answer is expected: the renderer is busy.
+        # True while the renderer is busy and an answer is expected.
         self._busy = False
 
     def _start(self):
@@ -115,7 +115,7 @@ class GelatoAPI:
         self._owner = os.getpid()
         _running.add(self)
         self._drop = weakref.finalize(self, _drop, self._child, os.getpid())
-        # The end of the program finishes renderers instead, and in order.
+        # At the end of the program, finish_all ends the renderers instead.
         self._drop.atexit = False
 
     def _ended(self):
@@ -133,7 +133,7 @@ class GelatoAPI:
             self._ended()
 
     def _answer(self):
-        """What the renderer answers; what it prints before goes to standard output."""
+        """Returns the answer of the renderer. Text that it prints before goes to standard output."""
         try:
             self._child.stdin.flush()
         except (BrokenPipeError, OSError):
@@ -164,25 +164,25 @@ class GelatoAPI:
             self._answer()
 
     def GetAttribute(self, name):
-        """The value of an attribute as it is now; None when there is none."""
+        """Returns the current value of an attribute; None when there is none."""
         self._send(b"A", str(name).encode("utf-8", "replace"))
         return decode(self._answer())
 
     @property
     def errors(self):
-        """How many errors the renderer has reported so far."""
+        """The number of errors that the renderer has reported so far."""
         if self._child is None:
             return 0
         self._send(b"W", b"")
         return struct.unpack("<I", self._answer())[0]
 
     def finish(self):
-        """Ends the renderer and returns its exit status; what was not rendered is dropped."""
+        """Ends the renderer and returns its exit status. A scene that was not rendered is dropped."""
         if self._child is not None:
             child, self._child = self._child, None
             self._drop.detach()
             if self._busy:
-                # Whoever waited for the answer was interrupted.
+                # The wait for the answer was interrupted.
                 _drop(child, os.getpid())
                 self._status = child.returncode
                 return self._status
@@ -210,7 +210,7 @@ class GelatoAPI:
 
     @staticmethod
     def CreateRenderer(*options):
-        """One more renderer, of a type: none, "pyg", "pyg FILE" or "FILE.pyg"."""
+        """Returns another renderer of a type: none, "pyg", "pyg FILE" or "FILE.pyg"."""
         return GelatoAPI(*options)
 
 
@@ -233,7 +233,7 @@ _running = weakref.WeakSet()
 
 @atexit.register
 def finish_all():
-    """Ends all renderers of this process, in order: what they were told is done."""
+    """Ends all renderers of this process, after they have completed their calls."""
     for renderer in list(_running):
         if renderer._child is not None and renderer._owner == os.getpid():
             renderer.finish()

@@ -1,7 +1,7 @@
-"""Calls as frames: what the renderer and Python tell each other.
+"""Calls as frames between the renderer and Python.
 
-A frame is one byte kind, four bytes length, payload; numbers are little endian. Both ends use it: the package, which
-starts a renderer, and the renderer, which starts Python for scene files that are scripts.
+A frame has one byte for its kind, four bytes for the length, and the payload. Numbers are little endian. Both sides use
+frames: the package, which starts a renderer, and the renderer, which starts Python for scene files that are scripts.
 """
 
 import array
@@ -13,7 +13,7 @@ _SWAP = sys.byteorder == "big"
 
 
 def text(s):
-    """A string with its length in front."""
+    """Returns the bytes of a string, after its length."""
     data = s.encode("utf-8", "surrogateescape")
     return struct.pack("<I", len(data)) + data
 
@@ -25,7 +25,7 @@ def send(sink, kind, payload=b""):
 
 
 def receive(source):
-    """Reads one frame: kind and payload; None at the end."""
+    """Reads one frame. Returns its kind and payload, or None at the end."""
     head = source.read(5)
     if len(head) < 5:
         return None
@@ -41,7 +41,7 @@ def _packed(code, data):
 
 
 def _numbers(values):
-    """A flat array of numbers: integers if all are, else floats."""
+    """Encodes a flat array of numbers, as integers if all of them are, else as floats."""
     try:
         return _packed(b"I", array.array("i", values))
     except (TypeError, OverflowError):
@@ -49,7 +49,7 @@ def _numbers(values):
 
 
 def _buffer(value):
-    """The numbers of an array (of numpy, of the array module), however many dimensions it has; None if it is none."""
+    """Encodes an array (of numpy or of the array module) of any dimensions. Returns None for other values."""
     try:
         view = memoryview(value)
     except TypeError:
@@ -74,7 +74,7 @@ def _leaves(value, depth=0):
 
 
 def encode(value):
-    """One argument of a call."""
+    """Encodes one argument of a call."""
     if value is None:
         return b"N"
     if isinstance(value, str):
@@ -113,7 +113,7 @@ def encode(value):
 
 
 def decode(data):
-    """The value of an attribute; sequences become tuples."""
+    """Returns the value of an attribute. Sequences become tuples."""
     kind, rest = data[:1], data[1:]
     if kind == b"i":
         return struct.unpack("<q", rest)[0]
@@ -137,7 +137,7 @@ def decode(data):
 
 
 def call(line, name, args):
-    """The payload of a call."""
+    """Returns the payload of a call."""
     parts = [struct.pack("<I", line), text(name), struct.pack("<I", len(args))]
     parts.extend(map(encode, args))
     return b"".join(parts)

@@ -1,4 +1,4 @@
-"""Tests of the package; ``GELATO`` names the program. Run by ``cargo test -p granita-tests --test python``."""
+"""Tests the package. ``cargo test -p granita-tests --test python`` runs it. ``GELATO`` must name the program."""
 
 import array
 import io
@@ -21,7 +21,7 @@ except ImportError:
 
 
 def values(data):
-    """Code and numbers of an encoded sequence."""
+    """Returns the code and the numbers of an encoded sequence."""
     code = data[:1]
     numbers = array.array("i" if code == b"I" else "f")
     numbers.frombytes(data[5:])
@@ -57,7 +57,7 @@ class Encoding(unittest.TestCase):
             expected = (code, [float(k) for k in range(12)] if code == b"F" else list(range(12)))
             self.assertEqual(values(_stream.encode(whole)), expected, kind)
             self.assertEqual(values(_stream.encode(whole.reshape(2, 2, 3))), expected, kind)
-            # Every other one, and columns before rows.
+            # The arrays are every other number, and columns before rows.
             self.assertEqual(values(_stream.encode(whole[::2]))[1], expected[1][::2], kind)
             turned = whole.reshape(3, 4).T
             self.assertEqual(values(_stream.encode(turned))[1], [float(k) for k in turned.flatten()], kind)
@@ -85,7 +85,7 @@ class Rendering(unittest.TestCase):
         r.Sphere(1, -1, 1, 360)
 
     def test_archives(self):
-        """Types of renderers that write scene files, from programs and from scene files that are scripts."""
+        """Renderers that write scene files work in programs and in scene files that are scripts."""
         lines = ['Attribute ("float fov", 30)', "World ()", 'Points (1, "vertex point P", (0, 0, 0))', "Render ()"]
         calls = (
             "r.Attribute('float fov', 30)\nassert r.GetAttribute('float near') > 0\nr.World()\n"
@@ -113,7 +113,7 @@ class Rendering(unittest.TestCase):
         with gelato.CreateRenderer(None, "-threads", 1) as r:
             self.scene(r, "none.ppm")
             r.Render()
-        # A scene file may make renderers too; its own calls go where they went before.
+        # A scene file may make renderers, too. Its own calls still go to the main renderer.
         with open("script.pyg", "w", encoding="utf-8") as f:
             f.write("r = CreateRenderer ('pyg inner.pyg')\n" + calls)
             f.write("q = GelatoRenderer.CreateRenderer ('pyg')\nq.World ()\n")
@@ -181,7 +181,7 @@ class Rendering(unittest.TestCase):
         self.assertIn("said", ran.stdout)
         self.assertIn("errors 1\nstatus 1\n", ran.stdout)
         self.assertIn("from a program", ran.stderr)
-        # The place is the script's.
+        # The location is that of the script.
         self.assertIn("script.py:12: error: Sphere wants", ran.stderr)
 
     def heavy(self, r):
@@ -194,7 +194,7 @@ class Rendering(unittest.TestCase):
         r.Sphere(1, -1, 1, 360)
 
     def assert_ends(self, pid):
-        """A process ends soon; one that is not waited for may stay in the table."""
+        """Checks that a process ends soon. A process that is not waited for may stay in the table."""
         for _ in range(500):
             try:
                 with open("/proc/%d/stat" % pid, encoding="utf-8") as f:
@@ -215,7 +215,8 @@ class Rendering(unittest.TestCase):
 
     @unittest.skipIf(not os.path.exists("/proc/self/stat"), "processes cannot be looked at here")
     def test_renderers_end_with_the_program(self):
-        """Whatever the program does: an exception, a signal that it sees and one that it does not, in the middle of a frame."""
+        """The program ends in the middle of a frame, by an exception, a signal that it handles, or one that it does
+        not handle."""
         package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
         environment = dict(os.environ, PYTHONPATH=package)
         head = "import os, sys, gelato, signal, threading\nsys.path.insert(0, %r)\n" % os.path.dirname(
@@ -253,7 +254,7 @@ class Rendering(unittest.TestCase):
             r.World()
             with self.assertRaises(TypeError):
                 r.Sphere(object())
-            # A call that could not be sent leaves no trace.
+            # A call that could not be sent has no effect.
             self.assertEqual(r.errors, 0)
             r.Command("exit")
         with self.assertRaises(gelato.GelatoError):

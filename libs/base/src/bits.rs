@@ -42,7 +42,7 @@ impl ParamType {
     /// Returns the type of the bits of a `ParamType`.
     ///
     /// # Errors
-    /// The description of a type that does not occur in scenes.
+    /// Returns a message when the base type or the interpolation does not occur in scenes.
     pub fn from_bits(bits: u32) -> Result<Self, String> {
         let base = BaseType::from_number(bits & 31)
             .ok_or_else(|| format!("scenes have no values of type number {}", bits & 31))?;

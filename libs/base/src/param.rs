@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// The base type of a value (reference 2.1.5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum BaseType {
-    /// Not declared. The type follows from the data, or from the receiver's table.
+    /// A type that is not declared. It follows from the data, or from the receiver's table.
     #[default]
     Unknown,
     /// One float.
@@ -145,7 +145,7 @@ impl ParamType {
     /// Blanks are allowed around brackets: `"float [4] crop"`.
     ///
     /// # Errors
-    /// An error when a word is not a type, or when a bracket or the name is invalid.
+    /// Returns an error when a word is not a type, or when a bracket or the name is invalid.
     pub fn parse(declaration: &str) -> Result<(Self, String), DeclarationError> {
         let fail = |what| DeclarationError { declaration: declaration.to_owned(), what };
         let (text, array) = match (declaration.find('['), declaration.find(']')) {
@@ -297,7 +297,7 @@ impl Param {
     /// Returns a parameter of a declaration (`"vertex point P"`) and its data.
     ///
     /// # Errors
-    /// The errors of [`ParamType::parse`].
+    /// Returns the errors of [`ParamType::parse`].
     pub fn declared(declaration: &str, data: impl Into<ParamData>) -> Result<Self, DeclarationError> {
         let (ty, name) = ParamType::parse(declaration)?;
         Ok(Self { name: name.into(), ty, data: data.into() })
@@ -406,7 +406,7 @@ mod tests {
 
     #[test]
     fn mistakes_of_exporters_are_read() {
-        // "vertex normal P" is wrong, but some exporters write it. The receiver handles it.
+        // Some exporters write the invalid "vertex normal P". The receiver handles it.
         let (ty, name) = ParamType::parse("vertex normal P").unwrap();
         assert_eq!((ty.base, name.as_str()), (BaseType::Normal, "P"));
     }

@@ -9,7 +9,7 @@
 //! Programs that a scene started without waiting for them ([`Process::detach`]) keep running when the run ends by
 //! itself, and are ended when the run is ended.
 //!
-//! Systems other than Unix have no groups here. There only a [`Process`] that is dropped ends its child.
+//! Systems other than Unix have no process groups here. On these, only dropping a [`Process`] ends its child.
 //!
 //! ```
 //! use granita_base::Supervisor;
@@ -91,7 +91,7 @@ impl Supervisor {
     /// Starts a child process in its own group.
     ///
     /// # Errors
-    /// An error when it cannot be started, or when the run is being ended ([`io::ErrorKind::Interrupted`]).
+    /// Returns an error when it cannot be started, or when the run is being ended ([`io::ErrorKind::Interrupted`]).
     pub fn spawn(&self, command: &mut Command, what: impl Into<String>) -> io::Result<Process> {
         let refused = || io::Error::new(io::ErrorKind::Interrupted, "the run is being ended");
         if self.has_ended() {
@@ -237,7 +237,7 @@ impl Process {
     /// Waits until the child has ended. Programs that it started in the background keep running.
     ///
     /// # Errors
-    /// The errors of the system.
+    /// Returns the system's error.
     pub fn wait(&mut self) -> io::Result<ExitStatus> {
         let status = self.child.wait();
         self.activity = None;
@@ -249,7 +249,7 @@ impl Process {
     /// that does not end within `most` is ended.
     ///
     /// # Errors
-    /// The errors of the system.
+    /// Returns the system's error.
     pub fn wait_for_end(&mut self, most: Duration) -> io::Result<ExitStatus> {
         let begin = Instant::now();
         while begin.elapsed() < most && self.child.try_wait()?.is_none() {

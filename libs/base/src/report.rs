@@ -33,9 +33,9 @@ pub struct Reporter(Arc<Inner>);
 
 struct Inner {
     sink: Mutex<Arc<Sink>>,
-    /// Receives all messages except [`Severity::Message`] instead of `sink`.
+    /// The sink that receives all messages except [`Severity::Message`] instead of `sink`.
     log: Mutex<Option<Arc<Sink>>>,
-    /// Held by the thread whose message is being passed to a sink.
+    /// The lock that is held by the thread whose message is being passed to a sink.
     turn: Mutex<()>,
     delivery: Mutex<Delivery>,
     verbosity: AtomicU8,
@@ -50,7 +50,7 @@ struct Inner {
 #[derive(Default)]
 struct Delivery {
     thread: Option<ThreadId>,
-    /// Messages that the sink itself reported, to be passed on later.
+    /// The messages that the sink itself reported. They are passed on later.
     waiting: Vec<Message>,
     /// True while these messages are passed on.
     is_late: bool,
@@ -126,7 +126,7 @@ impl Reporter {
     }
 
     /// Sends all messages except [`Severity::Message`] to `log` instead ("error:filename" of reference 4.3.7). `None`
-    /// ends this.
+    /// sends them to the sink again.
     pub fn set_log(&self, log: Option<Sink>) {
         let old = std::mem::replace(&mut *self.0.log.lock(), log.map(Arc::new));
         // The old log is dropped without the lock, because it may report messages.

@@ -21,7 +21,7 @@ const fn sobol_2(mut i: u32) -> u32 {
     i.reverse_bits()
 }
 
-/// Does Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley, Practical Hash-based Owen
+/// Applies Owen scrambling by hashing (Laine and Karras 2011, with the constants of Burley, Practical Hash-based Owen
 /// Scrambling, JCGT 2020).
 const fn owen(x: u32, seed: u32) -> u32 {
     let mut x = x.reverse_bits();

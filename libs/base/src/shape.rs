@@ -39,7 +39,7 @@ impl CurveBasis {
     /// (reference 2.8.1).
     ///
     /// # Errors
-    /// The name that is not a basis.
+    /// Returns the name that is not a basis.
     pub fn pair_from_words(words: &str) -> Result<(Self, Self), &str> {
         let (u, v) = words.split_once(',').unwrap_or((words, words));
         let basis = |word: &'_ str| Self::from_word(word.trim());

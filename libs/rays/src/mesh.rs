@@ -382,7 +382,8 @@ mod tests {
         let ball = f.attributes("", &["set"], &[]);
         let ball = f.sphere(Vec3::new(0.5, 0.0, 1.0), 2.0, ball);
         let center = Vec3::new(0.5, 0.0, 1.0);
-        // 640 x 480 pixels, 90 degrees: at distance 7 to 11 a pixel is 0.03 to 0.05 units.
+        // The camera has 640 x 480 pixels and a field of view of 90 degrees. At distances from 7 to 11 a pixel is 0.03
+        // to 0.05 units wide.
         let mut counts = Vec::new();
         for level in Level::ALL {
             assert_eq!(Level::for_width(level.scale() * 1.5), level);

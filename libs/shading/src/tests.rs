@@ -64,7 +64,7 @@ fn a_shadow_ends_where_geometry_says() {
     f.light("pointlight", &params, Transform::translate(Vec3::Z * 2.0));
     let floor = f.attributes("matte", &["shadow"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
-    // A square of half side 1 half way up throws a shadow of half side 2.
+    // A square of half side 1 half way up casts a shadow of half side 2.
     let lid = f.attributes("constant", &["shadow"], &[]);
     f.rectangle([-1.0; 2], [1.0; 2], 1.0, lid);
     let points = [[0.0, 0.0], [1.999, 0.0], [-1.999, 1.999], [2.001, 0.0], [0.0, -2.001], [4.0, 4.0]];
@@ -147,7 +147,7 @@ fn hits_carry_the_variables_of_their_faces() {
     let mut f = Fixture::new(&[CONSTANT, MIRROR]);
     let floor = f.attributes("mirror", &["reflection"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
-    // Two faces side by side at height 1, with a colour each.
+    // Two faces lie side by side at height 1. Each has its own colour.
     let p =
         [-1.0, -1.0, 1.0, 0.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0, 1.0_f32];
     let shape =
@@ -345,7 +345,7 @@ fn a_distant_light_falls_with_the_cosine_and_its_shadow_does_not_spread() {
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
     let lid = f.attributes("constant", &["shadow"], &[]);
     f.rectangle([-1.0; 2], [1.0; 2], 1.0, lid);
-    // The rotated axis (0, 0, -1) throws the lid's shadow sideways by tan 60.
+    // The rotated axis (0, 0, -1) casts the lid's shadow sideways by tan 60.
     let axis = tilt.vector(-Vec3::Z);
     let shift = -axis.x / axis.z;
     let points = [[shift, 0.0], [shift + 0.999, 0.0], [shift + 1.001, 0.0], [shift - 1.001, 0.0]];
@@ -425,7 +425,7 @@ fn hits_ask_the_shader_whose_ray_meets_them() {
         "trace (\"set\", P, N, 0, 1) { getmessage (\"trace\", \"Cl\", C); }",
         "C = environment (\"set\", N);",
         "C = indirect (\"set\", P, N, \"samples\", 1);",
-        // Only messages set before the rays leave count.
+        // Only messages that are set before the rays are traced have an effect.
         "C = environment (\"set\", N, \"samples\", 4); setmessage (\"x\", 77);",
     ] {
         let source = tells(rays);
@@ -451,7 +451,7 @@ fn hits_ask_the_shader_whose_ray_meets_them() {
 
 #[test]
 fn shadows_stay_off_the_surface_that_throws_them() {
-    // A matte ball lit from the camera's side: no point of it that faces the light is in its own shadow.
+    // A matte ball is lit from the camera's side. No point that faces the light is in the ball's own shadow.
     let mut f = Fixture::new(&[MATTE, POINT]);
     let params = [param("string shadowname", "shadow")];
     f.light("pointlight", &params, Transform::translate(Vec3::Z * 8.0));
@@ -502,7 +502,7 @@ fn an_area_light_shines_from_its_surface() {
         f.rectangle([-1e-3; 2], [1e-3; 2], 2.0, lamp);
         let grid = shade(&f, &floor, &[[0.0, 0.0], [2.0, 0.0]]);
         for (i, x) in [(0, 0.0_f32), (1, 2.0)] {
-            // Cosines at both ends, and the square of the distance.
+            // The product of the cosines at both ends, divided by the squared distance.
             let r2 = x * x + 4.0;
             let expected = 4.0 / r2 / r2;
             assert!((grid.c.get(i) - Color::splat(expected)).length() < 2e-3 * expected, "{}", grid.c.get(i));
@@ -537,7 +537,7 @@ fn samples_of_an_area_light_draw_numbers_of_their_own() {
         let mut grid = flat_grid(&[[-2.0, 0.5]; 50]);
         grid.names = if named { (0..50).map(|i| i * 7 + 1).collect() } else { Vec::new() };
         ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
-        // Points that are not shadowed have the cosine, 0.7.
+        // At points that are not shadowed the value is the cosine, 0.7.
         let mixed = grid.c.xyz[0].iter().filter(|c| (0.04..0.64).contains(*c)).count();
         assert!(mixed > 45, "{named}: {mixed} of 50, {:?}", &grid.c.xyz[0][..5]);
     }

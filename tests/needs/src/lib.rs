@@ -1,16 +1,9 @@
-//! What a test needs besides Rust and a C compiler, and what becomes of the test without it.
+//! Reports the programs that tests need besides Rust and a C compiler, and skips tests without them.
 //!
-//! The harness of Rust has no test that is skipped while it runs. A test that lacks a program returns, and one line on
-//! standard error says so. The line is written past the harness, which keeps what a passing test prints. `cargo xtask
-//! ci` counts these lines. Where the variable `GRANITA_NEEDS` names the program, or is `all`, the test fails instead.
-//! `.ci/run` sets the variable to what it has installed.
-//!
-//! ```
-//! use granita_needs::has;
-//! if !has("sh") {
-//!     return;
-//! }
-//! ```
+//! The harness of Rust cannot skip a test while it runs. A test that lacks a program returns, and writes one line to
+//! standard error. The line bypasses the harness, which keeps the output of passing tests. `cargo xtask ci` counts
+//! these lines. When the variable `GRANITA_NEEDS` names the program, or is `all`, the test fails instead. `.ci/run`
+//! sets the variable to the programs that it has installed.
 
 #![forbid(unsafe_code)]
 
@@ -18,17 +11,16 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// What a line about a skipped test begins with.
+/// The beginning of a line about a skipped test.
 pub const SKIPPED: &str = "skipped: ";
 
-/// The variable that names, with blanks between, what tests must not lack; `all` is everything.
+/// The variable that names the programs without which tests fail, separated by blanks. `all` stands for every program.
 pub const NEEDS: &str = "GRANITA_NEEDS";
 
-/// Returns true when a program of this name lies on the search path. Otherwise the test is reported as skipped, and has
-/// to return.
+/// True when a program of this name is on the search path. Otherwise the test is reported as skipped, and must return.
 ///
 /// # Panics
-/// When the program is missing and `GRANITA_NEEDS` names it.
+/// Panics when the program is missing and `GRANITA_NEEDS` names it.
 pub fn has(program: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let name = format!("{program}{}", std::env::consts::EXE_SUFFIX);
@@ -39,18 +31,18 @@ pub fn has(program: &str) -> bool {
     found
 }
 
-/// Reports that the test which runs is skipped, or a part of it, because `what` is missing. `what` begins with the name
-/// by which `GRANITA_NEEDS` knows it; details follow after a blank.
+/// Reports that the running test, or a part of it, is skipped because `what` is missing. `what` begins with the name in
+/// `GRANITA_NEEDS`. Details follow after a blank.
 ///
 /// # Panics
-/// When `GRANITA_NEEDS` names `what`.
+/// Panics when `GRANITA_NEEDS` names `what`.
 pub fn skip(what: &str) {
     let package = std::env::var("CARGO_PKG_NAME").unwrap_or_default();
     let thread = std::thread::current();
     let line = line(&package, thread.name().unwrap_or("a test"), what);
     let needed = std::env::var(NEEDS).unwrap_or_default();
     assert!(!is_needed(&needed, what), "{NEEDS} is \"{needed}\": {line}");
-    // Without a standard error there is nowhere to report to.
+    // When standard error cannot be written, the line is lost.
     let _ = std::io::stderr().lock().write_all(line.as_bytes());
 }
 
@@ -65,12 +57,12 @@ fn is_needed(needed: &str, what: &str) -> bool {
 
 /// Writes a shell script that can be started at once. `text` follows the line that names the shell.
 ///
-/// Another process writes the file. A file that this process writes must not be started: a child that another thread
-/// starts at that time holds the open file for a moment, and a file that is open for writing is not started ("Text file
-/// busy").
+/// Another process writes the file, because a file that this process has written cannot always be started. A child that
+/// another thread starts at the same time inherits the open file for a moment, and a file that is open for writing
+/// cannot be started ("Text file busy").
 ///
 /// # Panics
-/// When there is no shell or the file cannot be written.
+/// Panics when there is no shell or the file cannot be written.
 pub fn write_script(path: &Path, text: &str) {
     let written = || {
         let mut shell = Command::new("sh")
@@ -98,7 +90,7 @@ mod tests {
         assert!(has("sh") || cfg!(not(unix)));
     }
 
-    /// Many threads write scripts and start them.
+    /// Many threads write scripts and start them at the same time.
     #[cfg(unix)]
     #[test]
     fn scripts_start_whatever_other_threads_start() {

@@ -1,8 +1,8 @@
-//! What programs and plugins do wrong, and what several of them do at once.
+//! Tests the errors of programs and plugins, and several renderers at once.
 
 use crate::support::*;
 
-/// Every call of the scene interface, as Pyg; and its mistakes.
+/// Writes every call of the scene interface as Pyg, and reports invalid calls.
 #[test]
 fn every_call_crosses() {
     let folder = tempfile::tempdir().unwrap();
@@ -49,8 +49,8 @@ fn patches_of_two_bases_cross() {
     }
 }
 
-/// Compiles a program of the tests' own with each compiler and runs it, also under valgrind. Its folder has these
-/// plugins.
+/// Compiles a program of the tests with each compiler and runs it, also under valgrind. These plugins are in its
+/// folder.
 fn works(source: &str, plugins: &[(&str, &str)]) {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), source);
@@ -67,13 +67,13 @@ fn works(source: &str, plugins: &[(&str, &str)]) {
     }
 }
 
-/// Two renderers, their calls by turns, their messages apart; one of them works while the program goes on.
+/// Two renderers take calls in turns and keep their messages apart. One of them renders while the program continues.
 #[test]
 fn renderers_are_independent() {
     works("two.cpp", &[]);
 }
 
-/// A renderer in another process: what it makes and says comes back, and its end is not the program's.
+/// A renderer in another process returns its results and messages. Its end does not end the program.
 #[test]
 #[cfg(target_os = "linux")]
 fn another_process_renders() {
@@ -86,7 +86,7 @@ fn programs_make_images() {
     works("images.cpp", &[("chest.cpp", "chest.imageio.so")]);
 }
 
-/// Plugins that are wrong: one message each that names the file, and the work goes on.
+/// Each invalid plugin causes one message that names the file, and the work continues.
 #[test]
 fn bad_plugins_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -129,7 +129,7 @@ fn bad_plugins_are_refused() {
     assert!(err.contains("is no ImageOutput of the program"), "{err}");
 }
 
-/// A format in C, by tables: written in rectangles, read by other tools, found through "path:imageio".
+/// A format in C is written in rectangles, read by other tools, and found through "path:imageio".
 #[test]
 fn a_format_in_c_goes_around() {
     let folder = tempfile::tempdir().unwrap();
@@ -138,7 +138,7 @@ fn a_format_in_c_goes_around() {
     let source = own(&library, "plain.c");
     for compiler in compilers() {
         let compiler = if compiler == "g++" { "gcc" } else { "clang" };
-        // Beside the scene; $GELATOHOME/lib is where tools look without being told.
+        // The plugin is also beside the scene. $GELATOHOME/lib is searched without any option.
         plugin(compiler, &source, "plain.imageio.so", &["-Wall", "-Werror"]);
         let absolute = format!("Attribute (\"string path:imageio\", \"nowhere:{}\")\n", library.display());
         for path in [&*absolute, ""] {
@@ -167,7 +167,7 @@ fn a_format_in_c_goes_around() {
         assert!(a.len() == 40 * 30 * 4 && a.iter().any(|v| *v > 0.5));
         let worst = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(a.len() == b.len() && worst < 0.002, "{worst}");
-        // What is damaged is told with the plugin's own words.
+        // A damaged file is reported with the message of the plugin.
         let bytes = std::fs::read(at.join("a.pln")).unwrap();
         std::fs::write(at.join("short.pln"), &bytes[..bytes.len() / 2]).unwrap();
         let (status, _, err) = tool("maketx", at, &["short.pln"]);
@@ -175,7 +175,7 @@ fn a_format_in_c_goes_around() {
     }
 }
 
-/// A format that only a plugin knows, with tiles and levels: found by its list of extensions, and by trying.
+/// A plugin adds a format with tiles and levels. It is found by its list of extensions, and by trying.
 #[test]
 fn a_format_goes_around() {
     let folder = tempfile::tempdir().unwrap();
@@ -188,7 +188,7 @@ fn a_format_goes_around() {
         std::fs::write(folder.path().join("a.pyg"), scene).unwrap();
         let (status, _, err) = tool("gelato", folder.path(), &["a.pyg"]);
         assert_eq!((status, err.as_str()), (0, ""));
-        // By its extension, then without one: by trying.
+        // The file is found by its extension, and without an extension by trying.
         std::fs::rename(folder.path().join("a.chs"), folder.path().join("nameless")).unwrap();
         for (input, output, format) in
             [("a.tif", "t.chs", "chest"), ("t.chs", "u.tx", "tiff"), ("nameless", "v.tx", "tiff")]

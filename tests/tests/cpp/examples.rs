@@ -1,4 +1,4 @@
-//! What `examples/cpp` holds works as its README says.
+//! Tests that the programs and plugins in `examples/cpp` work as their README describes.
 
 use crate::support::*;
 use granita_tests::repository;
@@ -39,7 +39,7 @@ fn examples_do_what_they_say() {
         }
         let (status, out, err) = tool("gelato", at, &["plugins.pyg"]);
         assert_eq!((status, out.as_str(), err.as_str()), (0, "", ""));
-        // The plugin's picture holds what ours holds, as floats and one channel less.
+        // The image of the plugin has the same values as ours, as floats and without alpha.
         let (status, _, err) = tool("maketx", at, &["-noresize", "-o", "a.tx", "plugins.fmap"]);
         assert_eq!((status, err.as_str()), (0, ""));
         let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
@@ -52,7 +52,7 @@ fn examples_do_what_they_say() {
         let worst = ours.chunks(4).zip(theirs.chunks(3)).map(|(a, b)| (a[0] - b[0].clamp(0.0, 1.0)).abs());
         let worst = worst.fold(0.0, f32::max);
         assert!(worst < 0.01, "{worst}");
-        // The spheres of the generator are there: a call for each.
+        // The generator makes one call for each sphere.
         let (_, out, err) = tool("topyg", at, &["spiral 7 0.1"]);
         assert!(out.matches("Sphere (0.1, -0.1, 0.1, 360)").count() == 7 && err.is_empty(), "{out}{err}");
     }

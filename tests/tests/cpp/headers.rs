@@ -1,4 +1,4 @@
-//! The headers compile, and their classes lie in memory as the reference's did.
+//! Tests that the headers compile, and that their classes have the memory layout of the reference.
 
 use crate::support::{compilers, headers};
 use granita_tests::repository;
@@ -40,7 +40,7 @@ fn each_header_stands_alone() {
     }
 }
 
-/// The virtual functions in their order are the binary interface (Itanium ABI): reference A.
+/// The order of the virtual functions is the binary interface (Itanium ABI) of reference A.
 #[test]
 fn the_order_of_virtual_functions_stays() {
     if !compilers().contains(&"clang++") {
@@ -97,7 +97,7 @@ fn types_of_parameters_read_and_write() {
     let source = crate::support::own(folder.path(), "paramtype.cpp");
     for compiler in compilers() {
         let program = source.with_extension(compiler);
-        // Not every clang comes with the library that this needs.
+        // Some installations of clang lack the library of the sanitizers.
         let sanitize: &[&str] = match compiler {
             "g++" => &["-fsanitize=undefined,address", "-fno-sanitize-recover=all"],
             _ => &[],

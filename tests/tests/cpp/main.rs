@@ -1,5 +1,5 @@
 // tidy: tests
-//! The C++ face: headers, libraries, plugins; with the compilers that are installed.
+//! Tests of the C++ interface with the compilers that are installed: headers, libraries and plugins.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 

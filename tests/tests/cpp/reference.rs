@@ -1,5 +1,5 @@
-//! The programs of the reference itself, taken from where it lies at run time: they compile as they are, run, and do
-//! what the text says.
+//! Tests the programs of the reference, which are read from its text at run time. They must compile unchanged, run, and
+//! do what the text describes.
 
 use crate::support::*;
 use granita_image::Limits;
@@ -10,7 +10,7 @@ fn pixels(path: &Path) -> (granita_image::ImageSpec, Vec<f32>) {
     (input.spec(0, 0).unwrap().clone(), input.read_level(0, 0).unwrap().to_floats())
 }
 
-/// 2.12: a cylinder under two lights, 640 x 480.
+/// 2.12: a cylinder under two lights, with 640 x 480 pixels.
 #[test]
 fn the_scene_of_chapter_2() {
     let Some(text) = chapter("02-scene-api.txt") else { return };
@@ -25,7 +25,7 @@ fn the_scene_of_chapter_2() {
         let (spec, values) = pixels(&folder.path().join("test.tif"));
         assert_eq!((spec.width, spec.height, spec.nchannels()), (640, 480, 4));
         let covered = values.chunks(4).filter(|p| p[3] > 0.5).count();
-        // A green cylinder with white highlights.
+        // The image shows a green cylinder with white highlights.
         assert!((5_000..100_000).contains(&covered), "{covered}");
         let sum = |c: usize| values.chunks(4).map(|p| f64::from(p[c])).sum::<f64>();
         assert!(sum(1) > 1.5 * sum(0) && sum(1) > 1.5 * sum(2), "{} {} {}", sum(0), sum(1), sum(2));
@@ -34,7 +34,7 @@ fn the_scene_of_chapter_2() {
     }
 }
 
-/// 13.7: an image of the program's own gets the pixels.
+/// 13.7: the program receives the pixels through its own image class.
 #[test]
 fn the_callback_of_chapter_13() {
     let Some(text) = chapter("13-imageio-plugins.txt") else { return };
@@ -48,7 +48,7 @@ fn the_callback_of_chapter_13() {
         assert!(ran.status.success(), "{said}");
         let rows: Vec<&str> = said.lines().filter(|line| line.starts_with("received pixels")).collect();
         assert!(said.starts_with("Output (0x") && rows.len() == 480, "{} {said}", rows.len());
-        // In order, from the top.
+        // The rows arrive in order, from the top.
         for (y, row) in rows.iter().enumerate() {
             let wanted = format!("{y:3}-{y:3},   0-  0 0x");
             assert!(row.contains(&wanted), "{row} {wanted}");
@@ -56,7 +56,7 @@ fn the_callback_of_chapter_13() {
     }
 }
 
-/// 13.6: a JPEG plugin writes what it reads; `maketx` and a render use it.
+/// 13.6: a JPEG plugin writes and reads files. `maketx` and a render use it.
 #[test]
 fn the_jpeg_plugin_of_chapter_13() {
     let Some(text) = chapter("13-imageio-plugins.txt") else { return };
@@ -84,7 +84,7 @@ fn the_jpeg_plugin_of_chapter_13() {
         let (_, exact) = pixels(&folder.path().join("a.tif"));
         let worst = written.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(worst < 0.1, "{worst}");
-        // Its reader makes a texture of what its writer wrote.
+        // The plugin reads the file that it wrote, and a texture is made of it.
         let (status, _, err) = tool("maketx", folder.path(), &["-o", "a.tx", "a.jpg"]);
         assert_eq!((status, err.as_str()), (0, ""));
         let (spec, texture) = pixels(&folder.path().join("a.tx"));
@@ -92,7 +92,7 @@ fn the_jpeg_plugin_of_chapter_13() {
         let named = ["-plugins", "jpg.imageio.so", "-debugdso", "-o", "b.tx", "a.jpg"];
         let (_, out, _) = plain_tool("maketx", folder.path(), &named);
         assert!(out.lines().any(|line| line.ends_with("jpg.imageio.so: loaded")), "{out}");
-        // What is bundled is not replaced because a library lies there.
+        // A library in the folder does not replace a bundled format.
         for ways in [&["-debugdso"][..], &["-debugdso", "-plugins", "."]] {
             let (status, out, _) =
                 plain_tool("maketx", folder.path(), &[ways, &["-o", "b.tx", "a.jpg"]].concat());
@@ -101,7 +101,7 @@ fn the_jpeg_plugin_of_chapter_13() {
     }
 }
 
-/// 15.3: `gsoinfo` prints what ours prints, up to blanks.
+/// 15.3: `gsoinfo` of the reference prints the same words as ours.
 #[test]
 fn gsoinfo_of_chapter_15() {
     let Some(text) = chapter("15-gsoargs.txt") else { return };
@@ -111,7 +111,7 @@ fn gsoinfo_of_chapter_15() {
     let source = ["n", "t", "v", "b", "r", "f", "a"]
         .iter()
         .fold(source, |s, c| s.replace(&format!("'\\\\{c}'"), &format!("'\\{c}'")));
-    // And it has lost a letter.
+    // The scan has also lost a letter.
     let source = source.replace("gsinfo (", "gsoinfo (");
     let folder = tempfile::tempdir().unwrap();
     let shader = "surface every [[ string help = \"two\\nlines \\\"quoted\\\"\" ]] (\n\
@@ -122,7 +122,7 @@ fn gsoinfo_of_chapter_15() {
     std::fs::write(folder.path().join("every.gsl"), shader).unwrap();
     let (status, _, err) = tool("gslc", folder.path(), &["every.gsl"]);
     assert_eq!((status, err.as_str()), (0, ""));
-    // The reference's program puts each element of an array of floats on a line of its own.
+    // The program of the reference prints each element of an array of floats on its own line.
     let words = |text: &str| {
         let text = text.replace('[', " [ ").replace(']', " ] ");
         text.split_whitespace().map(str::to_owned).collect::<Vec<_>>()
@@ -146,13 +146,13 @@ fn gsoinfo_of_chapter_15() {
     }
 }
 
-/// 12: the skeleton of a generator for "obj" files, with a run that makes a call.
+/// 12: the skeleton of a generator for "obj" files, with a call added to its `run`.
 #[test]
 fn the_generator_of_chapter_12() {
     let Some(text) = chapter("12-generator-plugins.txt") else { return };
     let source = listing(&text, "So, for example", "class ObjReader", None);
     let source = source.replace("~~", "~");
-    // The listing ends in "};" behind its fence.
+    // The "};" at the end of the listing is behind its fence.
     let source = format!("#include \"gelatoapi.h\"\n{source}");
     let source = source.replace(
         "// Here we read",

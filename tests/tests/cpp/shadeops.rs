@@ -1,14 +1,14 @@
-//! Functions in C++ that shaders call.
+//! Tests functions in C++ that shaders call.
 
 use crate::support::*;
 use std::path::Path;
 
-/// Shades a sphere with a shader, and gives the red, green and blue that most of its points have.
+/// Renders a square with a shader. Returns the colour of the middle pixel, and the output of the tool.
 fn shaded(folder: &Path, shader: &str, name: &str, arguments: &[&str]) -> ([f32; 3], String) {
     shaded_in(folder, shader, name, arguments, "World ()\n")
 }
 
-/// The same in a world that begins otherwise.
+/// Does the same with another beginning of the world.
 fn shaded_in(folder: &Path, shader: &str, name: &str, arguments: &[&str], world: &str) -> ([f32; 3], String) {
     std::fs::write(folder.join(format!("{name}.gsl")), shader).unwrap();
     let scene = format!(
@@ -28,7 +28,7 @@ fn shaded_in(folder: &Path, shader: &str, name: &str, arguments: &[&str], world:
     ([pixels[middle], pixels[middle + 1], pixels[middle + 2]], out + &err)
 }
 
-/// 14.3: cubes of all types, polymorphic; alone and compiled.
+/// 14.3: cubes of all types, polymorphic, interpreted and compiled.
 #[test]
 fn the_cube_of_chapter_14() {
     let Some(text) = chapter("14-shadeops.txt") else { return };
@@ -56,14 +56,14 @@ fn the_cube_of_chapter_14() {
         let (_, out, _) =
             tool("gslc", folder.path(), &["-debugdso", "-run", "-grid", "4x4", "-o", "null", "cubes.gso"]);
         assert!(!out.contains("error"), "{out}");
-        // Without its library a compiled shader says what it misses.
+        // Without its library, a compiled shader reports the missing function.
         std::fs::remove_file(folder.path().join("cube.so")).unwrap();
         let (status, _, err) = tool("gelato", folder.path(), &["a.pyg"]);
         assert!(status == 1 && err.contains("no library declares shadeop `cube`"), "{err}");
     }
 }
 
-/// 14.4: an unfiltered look at a shadow map.
+/// 14.4: an unfiltered lookup in a shadow map.
 #[test]
 fn the_shadow_lookup_of_chapter_14() {
     let Some(text) = chapter("14-shadeops.txt") else { return };
@@ -134,18 +134,18 @@ fn shadeops_of_all_kinds() {
             "{said}"
         );
         assert_eq!(said.matches("told 7").count(), 1, "{said}");
-        // What no form takes, and what nobody declares.
+        // These are arguments that no form accepts, and a function that no library declares.
         let (_, said) = run("mi", "C = total (\"x\");");
         assert!(said.contains("no form of `total` takes (string)") && said.contains("float[3]"), "{said}");
         let (_, said) = run("no", "C = nobody (1);");
         assert!(said.contains("unknown function `nobody`"), "{said}");
-        // A texture of 8 x 8 texels that is half red.
+        // This is a red texture of 8 x 8 texels.
         let made = "P3\n8 8\n255\n".to_owned() + &"255 0 0\n".repeat(64);
         std::fs::write(folder.path().join("t.ppm"), made).unwrap();
         let (status, _, err) = tool("maketx", folder.path(), &["-o", "t.tx", "t.ppm"]);
         assert_eq!((status, err.as_str()), (0, ""));
         quiet("lo", "C = looked (\"t.tx\", u, v);", [1.0, 0.0, 0.0]);
-        // Rays of a shadeop meet what waits with a bound that no camera sees.
+        // The rays of a shadeop hit deferred input whose bound no camera sees.
         let wall = "Attribute (\"string geometryset\", \"mirror\")\nAttribute (\"color C\", (0, 1, 0))\n\
              Shader (\"surface\", \"constant\")\n\
              Parameter (\"vertex point P\", (-9, -9, -3, 9, -9, -3, -9, 9, -3, 9, 9, -3))\nPatch (\"linear\", 2, 2)\n";
@@ -155,7 +155,7 @@ fn shadeops_of_all_kinds() {
         assert_eq!(shaded_in(folder.path(), shader, "be", &[], input), ([0.0, 1.0, 0.0], String::new()));
         let shader = "surface nb (float Kd = 0) { C = behind (\"other\") + Kd; }";
         assert_eq!(shaded_in(folder.path(), shader, "nb", &[], input).0, [0.25; 3]);
-        // Not where plugins are not allowed.
+        // The function is not available where plugins are not allowed.
         std::fs::write(folder.path().join("a.gsl"), "surface a () { C = label (\"\", 1, u); }").unwrap();
         let (_, said) = shaded(
             folder.path(),

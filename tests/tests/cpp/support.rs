@@ -1,22 +1,22 @@
-//! Compilers, libraries and listings for the tests of the C++ face.
+//! Compilers, libraries and listings for the tests of the C++ interface.
 
 use granita_tests::{Tools, has_program, repository};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::LazyLock;
 
-/// Tools and libraries of this build.
+/// The tools and libraries of this build.
 pub(crate) static BUILT: LazyLock<Tools> =
     LazyLock::new(|| Tools::build_also(&["libgelato", "libgsoargs"]).unwrap());
 
-/// The C++ compilers that are installed.
+/// Returns the C++ compilers that are installed.
 pub(crate) fn compilers() -> Vec<&'static str> {
     let found: Vec<&str> = ["g++", "clang++"].into_iter().filter(|c| has_program(c)).collect();
     assert!(!found.is_empty(), "the build needs a C++ compiler");
     found
 }
 
-/// The headers.
+/// Returns the folder of the headers.
 pub(crate) fn headers() -> PathBuf {
     repository().join("bindings/cpp/include")
 }
@@ -27,7 +27,7 @@ fn checked(mut command: Command) {
     assert!(output.status.success(), "{command:?}: {said}");
 }
 
-/// The tests' own programs, and their headers.
+/// Returns the folder of the tests' own programs and headers.
 pub(crate) fn own_folder() -> PathBuf {
     repository().join("tests/cpp")
 }
@@ -65,7 +65,7 @@ pub(crate) fn run(program: &Path, folder: &Path, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-/// What a tool says, in a folder whose plugins it may use.
+/// Runs a tool in a folder whose plugins it may use. Returns its status, standard output and standard error.
 pub(crate) fn tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     match name {
         "gsoinfo" => plain_tool(name, folder, arguments),
@@ -73,21 +73,22 @@ pub(crate) fn tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, Strin
     }
 }
 
-/// What a tool says, without a word about plugins.
+/// Runs a tool without options for plugins. Returns its status, standard output and standard error.
 pub(crate) fn plain_tool(name: &str, folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let ran = run(&BUILT.program(name), folder, arguments);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (ran.status.code().unwrap_or(-1), text(&ran.stdout), text(&ran.stderr))
 }
 
-/// A source of the tests' own, copied into a folder.
+/// Copies a source of the tests into a folder, and returns its path.
 pub(crate) fn own(folder: &Path, name: &str) -> PathBuf {
     let to = folder.join(name);
     std::fs::copy(own_folder().join(name), &to).unwrap();
     to
 }
 
-/// A chapter of the reference; `None`, and a notice, where it does not lie beside the checkout.
+/// Returns a chapter of the reference. Without the reference beside the checkout, the test is reported as skipped, and
+/// the result is `None`.
 pub(crate) fn chapter(file: &str) -> Option<String> {
     let places = ["../shared/spec", "../../shared/spec"];
     let found = places.iter().map(|p| repository().join(p).join(file)).find(|p| p.is_file());
@@ -97,8 +98,8 @@ pub(crate) fn chapter(file: &str) -> Option<String> {
     Some(std::fs::read_to_string(found?).unwrap())
 }
 
-/// The listing of a chapter from its line `from` to the line `to` (or the end): the pages between ``` in one, without
-/// the braces that the scan put at the end of pages.
+/// Returns the listing of a chapter from its line `from` to the line `to`, or to the end. The pages between ``` are
+/// joined, without the braces that the scan put at the end of pages.
 pub(crate) fn listing(chapter: &str, after: &str, from: &str, to: Option<&str>) -> String {
     let text = &chapter[chapter.find(after).unwrap()..];
     let text = &text[text.find(from).unwrap()..];
@@ -136,7 +137,7 @@ fn balanced(text: &str) -> bool {
     depth == 0
 }
 
-/// Runs valgrind, where it is installed: the program ends as it should, and nothing is reported about memory.
+/// Runs a program under valgrind, if that is installed. The program must succeed without memory errors.
 pub(crate) fn valgrind(program: &Path, folder: &Path) {
     if !granita_needs::has("valgrind") {
         return;

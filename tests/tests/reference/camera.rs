@@ -1,16 +1,16 @@
-//! Attributes of cameras (reference 4.1).
+//! Tests attributes of cameras (reference 4.1).
 
 use crate::support::{CAMERA, Place, Rendered, SQUARE, assert_near, levels_of_alpha, scene};
 use granita_tests::Picture;
 
-/// A triangle whose long side runs aslant.
+/// A triangle without horizontal or vertical edges.
 const SLANT: &str =
     "Mesh (\"linear\", (3,), (0, 1, 2), \"vertex point P\", (-1, -0.9, 0, 1, -0.7, 0, -0.8, 0.9, 0))\n";
 
 #[test]
 fn the_field_of_view_is_that_of_the_height() {
     let place = Place::new();
-    // At depth 4 half the height is 4 tan 30 = 2.3094, half the width twice that.
+    // At depth 4 half the height is 4 tan 30 = 2.3094, and half the width is twice that.
     let scene = CAMERA
         .replace("(16, 16)", "(32, 16)")
         .replace("orthographic", "perspective")
@@ -26,7 +26,7 @@ fn the_field_of_view_is_that_of_the_height() {
     }
 }
 
-/// Mean distance of two pictures' alpha.
+/// Returns the mean distance of the alpha of two images.
 fn distance(a: &Picture, b: &Picture) -> f32 {
     let pairs = a.values.chunks(4).zip(b.values.chunks(4));
     pairs.map(|(a, b)| (a[3] - b[3]).abs()).sum::<f32>() * 4.0 / a.values.len() as f32
@@ -49,7 +49,7 @@ fn spatial_quality_smooths_edges() {
 fn qualities_of_time_and_lens_take_grain_from_blur() {
     let place = Place::new();
     let moving = format!("Motion (0, 1)\nTranslate (-1, 0, 0)\nTranslate (1, 0, 0)\n{SQUARE}");
-    // With a lens things are seen in perspective: at depth 5 the view is five times as wide as at 1.
+    // With a lens the projection is perspective. At depth 5 the view is five times as wide as at depth 1.
     let lens = "Attribute (\"string projection\", \"perspective\")\nAttribute (\"float fstop\", 1)\n\
                 Attribute (\"float focallength\", 1)\nAttribute (\"float focaldistance\", 2.5)\n";
     let wide = format!("Scale (5, 5, 1)\n{SLANT}");
@@ -71,7 +71,7 @@ fn qualities_of_time_and_lens_take_grain_from_blur() {
     }
 }
 
-/// Renders a scene of one square with these camera attributes.
+/// Renders a scene with these camera attributes.
 fn counted(attributes: &[(&str, &str)], world: &str) -> Rendered {
     let list: String =
         attributes.iter().map(|(name, value)| format!("Attribute (\"{name}\", {value})\n")).collect();
@@ -83,10 +83,10 @@ fn preview_is_the_quality_of_shading() {
     let points = |list: &[(&str, &str)], world: &str| counted(list, world).counts().points_shaded;
     let full = points(&[], SQUARE);
     let half = points(&[("float preview", "0.5")], SQUARE);
-    // 17 x 17 points, and 9 x 9, give or take the borders of grids.
+    // The counts are 17 x 17 and 9 x 9 points, except for the borders of grids.
     let ratio = full as f32 / half as f32;
     assert!((3.0..4.5).contains(&ratio), "{full} {half}");
-    // The object's own quality does not count then.
+    // The object's own quality does not count in a preview.
     let asks = format!("Attribute (\"float shadingquality\", 4)\n{SQUARE}");
     assert_eq!(points(&[("float preview", "0.5")], &asks), half);
     assert!(points(&[], &asks) > 10 * full);

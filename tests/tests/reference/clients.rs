@@ -1,4 +1,4 @@
-//! What programs of the reference's time relied on beyond its text: defaults, and forms that they read or call.
+//! Tests defaults and calls that programs of the reference's time relied on beyond its text.
 
 use crate::support::{Place, SQUARE, assert_near, at, middle};
 use granita_base::Reporter;
@@ -9,7 +9,7 @@ use granita_session::{Session, SessionOptions};
 fn lights_have_the_defaults_of_old_clients() {
     let place = Place::new();
     let lit = |world: &str| place.seen("", &format!("{world}\nShader (\"surface\", \"matte\")\n{SQUARE}"));
-    // A point light falls with the square of the distance.
+    // A point light falls off with the square of the distance.
     let fine = "Attribute (\"float shadingquality\", 4)\n";
     let point = lit(&format!("{fine}Light (\"p\", \"pointlight\", \"point from\", (0, 0, -2))"));
     for i in [0, 5, 8] {
@@ -17,7 +17,7 @@ fn lights_have_the_defaults_of_old_clients() {
         let r2 = x * x + y * y + 4.0;
         assert_near(at(&point, x, y), &[2.0 / r2.powf(1.5); 3], 1e-3, "a point light");
     }
-    // Indirect light comes from the set "indirect" where none is named.
+    // Indirect light comes from the set "indirect" when no set is named.
     let sky = "PushAttributes ()\nAttribute (\"string geometryset\", \"indirect\")\nAttribute (\"color C\", (0.2, 0.4, 0.8))\n\
                Shader (\"surface\", \"constant\")\nSphere (50, -50, 50, 360)\nPopAttributes ()\n";
     let indirect = lit(&format!("{sky}Light (\"i\", \"indirectlight\")"));

@@ -1,9 +1,9 @@
-//! What each bundled light does, in closed form, on a matte square in the plane z = 0.
+//! Tests each bundled light against a closed form, on a matte square in the plane z = 0.
 
 use crate::support::{Place, SHADERS, SQUARE, assert_near, at, middle, scene};
 use granita_tests::Picture;
 
-/// A matte square under one light.
+/// Renders a matte square under one light.
 fn lit(light: &str) -> Picture {
     Place::new().seen(
         "",
@@ -13,7 +13,7 @@ fn lit(light: &str) -> Picture {
     )
 }
 
-/// Compares the brightness of every fifth pixel with a function of its place.
+/// Compares the brightness of every fifth pixel in each direction with a function of its position.
 fn assert_lit(light: &str, tolerance: f32, wanted: impl Fn(f32, f32) -> f32) {
     let picture = lit(light);
     for j in (0..16).step_by(5) {
@@ -24,7 +24,7 @@ fn assert_lit(light: &str, tolerance: f32, wanted: impl Fn(f32, f32) -> f32) {
     }
 }
 
-/// The distance from (0, 0, -2), two units before the square.
+/// Returns the distance from (0, 0, -2), two units in front of the square.
 fn distance(x: f32, y: f32) -> f32 {
     (x * x + y * y + 4.0).sqrt()
 }
@@ -55,7 +55,7 @@ fn distant_lights_are_parallel() {
     let cos = 1.0 / 3.0_f32.sqrt();
     let light = "Light (\"d\", \"distantlight\", \"float intensity\", 2, \"point from\", (1, 1, -1), \"point to\", (0, 0, 0))";
     assert_lit(light, 1e-5, |_, _| 2.0 * cos);
-    // Along +z of the space where it is declared.
+    // The default direction is +z of the space in which the light is declared.
     assert_lit("Light (\"d\", \"distantlight\")", 1e-5, |_, _| 1.0);
     assert_lit(
         "PushTransform ()\nRotate (60, 0, 1, 0)\nLight (\"d\", \"distantlight\")\nPopTransform ()",
@@ -64,7 +64,7 @@ fn distant_lights_are_parallel() {
     );
 }
 
-/// A spot of half angle 0.4 with an edge of 0.1, from (0, 0, -2).
+/// A spot light at (0, 0, -2), with a half angle of 0.4 radians and an edge of 0.1 radians.
 const CONE: &str = "\"point from\", (0, 0, -2), \"point to\", (0, 0, 0), \"float coneangle\", 0.4, \"float conedeltaangle\", 0.1, \
                     \"float beamdistribution\", 3, \"float falloff\", 2, \"float intensity\", 8";
 
@@ -80,12 +80,12 @@ fn spot_lights_shine_in_their_cone() {
     for name in ["spotlight", "shadowspot"] {
         assert_lit(&format!("Light (\"s\", \"{name}\", {CONE})"), 6e-3, spot);
     }
-    // The same by the light that does everything.
+    // The light "uberlight" gives the same result.
     assert_lit(&format!("Light (\"s\", \"uberlight\", {CONE})"), 6e-3, spot);
     assert!(spot(0.1, 0.1) > 1.5 && spot(0.9, 0.9) == 0.0);
 }
 
-/// A card half way to the light, over x < 0: the shadow ends at x = 0.
+/// A card half way to the light, over x < 0. Its shadow ends at x = 0.
 const CARD: &str = "PushAttributes ()\nAttribute (\"string geometryset\", \"blockers\")\n\
     Patch (\"linear\", 2, 2, \"vertex point P\", (-3, -3, -1, 0, -3, -1, -3, 3, -1, 0, 3, -1))\nPopAttributes ()\n";
 
@@ -112,13 +112,13 @@ fn the_light_that_does_everything_has_limits_and_colours() {
     assert_lit(&light(", \"float falloff\", 2, \"float falloffdist\", 2"), 2e-3, |x, y| {
         8.0 / distance(x, y).powi(3)
     });
-    // No more than at the distance of falloff.
+    // "maxintensity" limits the intensity to 1.5 here.
     let most = ", \"float falloff\", 2, \"float falloffdist\", 4, \"float maxintensity\", 1.5";
     assert_lit(&light(most), 1e-3, |x, y| 3.0 / distance(x, y));
     let near = at(&lit(&light(", \"float cutnear\", 3")), 0.1, 0.1)[0];
     let far = at(&lit(&light(", \"float cutfar\", 1.5")), 0.1, 0.1)[0];
     assert_eq!((near, far), (0.0, 0.0));
-    // Shadows have a colour, and other surfaces other lights.
+    // Shadows may have a colour, and "__nondiffuse" excludes diffuse reflection.
     let red = ", \"string shadowname\", \"blockers\", \"color shadowcolor\", (1, 0, 0)";
     let picture = lit(&format!("{CARD}{}", light(red)));
     let wanted = 2.0 / distance(0.4, 0.1);
@@ -129,14 +129,14 @@ fn the_light_that_does_everything_has_limits_and_colours() {
 
 #[test]
 fn area_lights_shine_from_their_geometry() {
-    // A small lamp at (0, 0, -2) that faces the square; its other side is dark.
+    // A small lamp at (0, 0, -2) faces the square. Its other side is dark.
     let lamp = |turned: &str, more: &str| {
         format!(
             "Light (\"a\", \"arealight\", \"string geometry\", \"lamp\", \"float intensity\", 4{more})\nPushAttributes ()\n\
              Attribute (\"string geometryset\", \"lamp\")\nTranslate (0, 0, -2)\n{turned}Scale (0.01, 0.01, 1)\n{SQUARE}PopAttributes ()"
         )
     };
-    // The cosines at both ends, and the square of the distance.
+    // The product of the cosines at both ends, divided by the squared distance.
     let wanted = |x: f32, y: f32| 4.0 * 4.0 / distance(x, y).powi(4);
     let toward = lit(&lamp("", ""));
     let (facing, away) = if at(&toward, 0.1, 0.1)[0] > 0.0 {
@@ -151,7 +151,7 @@ fn area_lights_shine_from_their_geometry() {
 
 #[test]
 fn indirect_and_environment_lights_gather_a_hemisphere() {
-    // In front of the square stands an endless wall, of which the square sees half.
+    // An endless wall stands on the plane of the square at x = 0. It covers half of the hemisphere of every point.
     let wall = |set: &str| {
         format!(
             "PushAttributes ()\nAttribute (\"string geometryset\", \"{set}\")\nAttribute (\"color C\", (0.8, 0.4, 0))\n\
@@ -169,7 +169,7 @@ fn indirect_and_environment_lights_gather_a_hemisphere() {
     let half = light(
         "Light (\"e\", \"envlight\", \"string occlusionname\", \"walls\", \"float samples\", 1024, \"float intensity\", 0.6)",
     );
-    // Light comes along the mean open direction, (4 / (3 pi), 0, 2 / 3) made of unit length.
+    // The light comes along the mean open direction, which is (4 / (3 pi), 0, 2 / 3), normalised.
     let open = 4.0 / (3.0 * std::f32::consts::PI);
     let cos = (2.0 / 3.0) / (open * open + 4.0 / 9.0).sqrt();
     assert_near(at(&half, 0.5, 0.3), &[0.3 * cos; 3], 0.01, "half of the sky");
@@ -183,7 +183,8 @@ fn indirect_and_environment_lights_gather_a_hemisphere() {
 
 #[test]
 fn caustic_lights_show_the_density_of_photons() {
-    // Photons of a power of 0.02 on a lattice of 0.05, in one grid: 400 of them, of power 8, on a unit of area.
+    // The photons have a power of 0.02 and lie on a lattice with a step of 0.05, in one grid. A unit of area has 400 of
+    // them, with a power of 8.
     let place = Place::new();
     place.write(
         "lays.gsl",

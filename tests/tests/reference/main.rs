@@ -1,5 +1,5 @@
-//! Effects that the reference names and that no other test asserts: small scenes, rendered in this process. Each test
-//! stands in the rows of `tests/ledger.tsv` that it is for.
+//! Tests effects that the reference names and that no other test asserts, with small scenes that are rendered in this
+//! process. Each test is named in its rows of `tests/ledger.tsv`.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 

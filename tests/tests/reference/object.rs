@@ -1,4 +1,4 @@
-//! Attributes of objects (reference 4.4).
+//! Tests attributes of objects (reference 4.4).
 
 use crate::support::{Place, SHADERS, SQUARE, asks, scene};
 
@@ -22,7 +22,7 @@ fn baking_looks_along_the_normal() {
 
 #[test]
 fn bounds_grow_by_displacements_in_their_space() {
-    // A square beside the view, in a space where a unit is ten.
+    // The square lies beside the view, in a space with a scale of 10.
     let off_screen = |radius: &str, space: &str| {
         let world = format!(
             "Attribute (\"float displace:maxradius\", {radius})\n{space}Translate (6, 0, 0)\nScale (10, 10, 10)\n\
@@ -78,7 +78,7 @@ fn rays_know_what_they_are_for() {
         "told.gsl",
         "surface told () { C = color (raylevel (), isshadowray (), isindirectray ()); opacity = 0.25 + 0.5 * isshadowray (); }",
     );
-    // In front of the square, seen by rays only.
+    // The wall is in front of the square. Only rays see it.
     let wall = "PushAttributes ()\nAttribute (\"string geometryset\", \"told\")\nShader (\"surface\", \"told\")\n\
                 Translate (0, 0, -1)\nScale (9000, 9000, 1)\n";
     let seen = |body: &str| {

@@ -1,9 +1,9 @@
-//! Images: their data and their attributes (reference 2.3, 4.2, 7.5).
+//! Tests images: their data and their attributes (reference 2.3, 4.2, 7.5).
 
 use crate::support::{Place, SHADERS, asks, assert_near, at, middle, scene};
 use granita_base::Filter;
 
-/// Declares a float image of these data beside the one of the camera.
+/// Returns the declaration of a float image of these data, in addition to the image of the camera.
 fn output(file: &str, data: &str, more: &str) -> String {
     format!(
         "Output (\"@/{file}\", \"tiff\", \"{data}\", \"camera\", \"int[4] quantize\", (0, 0, 0, 0), \"float dither\", 0{more})\n"
@@ -29,7 +29,7 @@ fn data_come_exactly_into_float_files() {
     before += &output("z.tif", "z", "");
     before += &output("avgz.tif", "avgz", "");
     before += &output("volz.tif", "volz", "");
-    // Behind it, at a depth of 7.5, another one.
+    // Another square lies behind it, at a depth of 7.5.
     let world = format!("{square}Translate (0, 0, 2.5)\n{}", crate::support::SQUARE);
     let rgba = place.seen(&before, &world);
     for (file, wanted) in [
@@ -39,7 +39,7 @@ fn data_come_exactly_into_float_files() {
         ("once.tif", &[7.0]),
         ("z.tif", &[5.0]),
         ("avgz.tif", &[6.25]),
-        // Opaque from there on, and nothing clear before.
+        // The volume is opaque from this depth on, and nothing transparent is in front of it.
         ("volz.tif", &[5.0, 0.0, 1e30, 1e30, 1e30]),
     ] {
         let picture = place.picture(file);
@@ -53,7 +53,7 @@ fn data_come_exactly_into_float_files() {
 
 #[test]
 fn each_filter_has_its_shape_and_width() {
-    // A strip of one pixel: what each pixel beside it gets is the part of the filter that lies over the strip.
+    // The strip is one pixel wide. The value of each pixel is the part of its filter that lies over the strip.
     let strip =
         "Patch (\"linear\", 2, 2, \"vertex point P\", (0, -2, 0, 0.125, -2, 0, 0, 2, 0, 0.125, 2, 0))\n";
     let place = Place::new();
@@ -84,7 +84,7 @@ fn each_filter_has_its_shape_and_width() {
             };
             let whole = over(-0.5 * width, 0.5 * width);
             let mut row = Vec::new();
-            // The strip is column 8.
+            // The strip is in column 8.
             for x in 5..12_usize {
                 let by = 8.0 - x as f32;
                 let (found, wanted) = (column(x), over(by - 0.5, by + 0.5) / whole);
@@ -94,7 +94,7 @@ fn each_filter_has_its_shape_and_width() {
                 );
                 row.push((found * 100.0).round() as i32);
             }
-            // As wide as it says: nothing reaches farther.
+            // The filter does not reach beyond its width.
             let reach = (0.5 * width + 0.5) as usize;
             assert!(column(8 - reach - 1) == 0.0 && column(8) > 0.2);
             seen.push(row);
@@ -122,7 +122,7 @@ fn the_width_of_a_filter_has_two_directions() {
 
 #[test]
 fn near_depths_are_one_surface_of_a_volume() {
-    // Within each pixel a slope of 0.16 in depth, on the left; on the right one of 0.02.
+    // Within each pixel the depth changes by 0.16 on the left, and by 0.02 on the right.
     let world = "Patch (\"linear\", 2, 2, \"vertex point P\", (-1, -1, -1.28, 0, -1, 0, -1, 1, -1.28, 0, 1, 0))\n\
                  Patch (\"linear\", 2, 2, \"vertex point P\", (0, -1, 0, 1, -1, 0.16, 0, 1, 0, 1, 1, 0.16))\n";
     let place = Place::new();
@@ -134,10 +134,10 @@ fn near_depths_are_one_surface_of_a_volume() {
     for i in 0..16 {
         let x = middle(i);
         let (a, b) = (at(&usual, x, 0.3), at(&wide, x, 0.3));
-        // One surface at the mean of the depths, nothing before it.
+        // There is one surface at the mean of the depths, and nothing in front of it.
         assert!((b[0] - depth(x)).abs() < 0.02 && b[1] == 0.0, "{x}: {b:?}");
         if x < 0.0 {
-            // Those farther than 0.05 from the farthest count as something clear before it.
+            // Depths that differ from the farthest by more than 0.05 count as a transparent surface in front of it.
             assert!(a[1] > 0.4 && a[1] < 0.9 && a[0] > b[0] + 0.03, "{x}: {a:?}");
         } else {
             assert_eq!(a, b, "{x}");

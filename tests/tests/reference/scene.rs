@@ -1,4 +1,4 @@
-//! Attributes of whole scenes (reference 4.3).
+//! Tests attributes of whole scenes (reference 4.3).
 
 use crate::support::{CAMERA, Place, SHADERS, SQUARE, asks, scene};
 use granita_base::Reporter;
@@ -35,7 +35,7 @@ fn depths_are_of_what_is_opaque_enough() {
     assert_eq!(depth("", "(1, 1, 1)"), 5.0);
     assert_eq!(depth(threshold, "(0.6, 0.6, 0.6)"), 5.0);
     assert_eq!(depth(threshold, "(0.4, 0.4, 0.4)"), 7.0);
-    // One channel is enough.
+    // One channel above the threshold is enough.
     assert_eq!(depth(threshold, "(0.1, 0.6, 0.1)"), 5.0);
 }
 
@@ -47,13 +47,13 @@ fn threads_are_as_many_as_asked_for() {
     assert_eq!(threads("Attribute (\"int limits:threads\", 3)"), 3);
 }
 
-/// A picture of one colour that is no MIP map.
+/// Writes an image of one colour that is not a MIP map.
 fn picture(place: &Place, name: &str, rgb: [u8; 3]) {
     let bytes = [b"P6 8 8 255\n".to_vec(), rgb.repeat(64)].concat();
     std::fs::write(place.path(name), bytes).unwrap();
 }
 
-/// Makes a texture of a picture.
+/// Makes a texture of an image.
 fn made(place: &Place, from: &str, to: &str, options: granita_texture::make::MakeOptions) {
     let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
     granita_texture::make::make(&[place.path(from)], &place.path(to), &options, &formats, &|_, _| ())
@@ -177,7 +177,8 @@ fn programs_are_echoed_where_that_is_wanted() {
     assert_eq!(said(", \"int echo\", 1"), ["true word\n"]);
 }
 
-/// Renders with a shader that saves what it sees and one that asks for it; "rw.sdb" is the database.
+/// Renders with one of two shaders: "saves" saves its points and "asks" looks them up, in the database "rw.sdb".
+/// Returns the number of records in it, and a value of the image.
 fn database(place: &Place, attributes: &str, shader: &str) -> (Option<usize>, f32) {
     place.write(
         "saves.gsl",
@@ -199,11 +200,11 @@ fn attributes_say_which_databases_are_written_and_read() {
     let (once, _) = database(&place, &says("writeonly"), "saves");
     let once = once.unwrap();
     assert!(once > 100, "{once}");
-    // Replaced by "write"; added to where it is read as well.
+    // "write" replaces the database, and adds to it when it is read as well.
     assert_eq!(database(&place, &says("write"), "saves").0, Some(once));
     assert_eq!(database(&place, &(says("read") + &says("write")), "saves").0, Some(2 * once));
     assert_eq!(database(&place, &says("writeonly"), "saves").0, Some(once));
-    // Found where it is read.
+    // Records are found when the database is read.
     for (attributes, found) in
         [(says("read"), 1.0), (says("readonly"), 1.0), (String::new(), 0.0), (says("writeonly"), 0.0)]
     {
@@ -211,7 +212,7 @@ fn attributes_say_which_databases_are_written_and_read() {
         assert_eq!(database(&place, &attributes, "asks").1, found, "{attributes}");
         std::fs::write(place.path("rw.sdb"), kept).unwrap();
     }
-    // Never added to.
+    // A read-only database does not change.
     assert_eq!(database(&place, &says("readonly"), "saves").0, Some(once));
 }
 
@@ -236,7 +237,8 @@ fn frames_say_whether_they_succeeded() {
     success(&scene(nowhere, SQUARE), 0);
 }
 
-/// "limits:transparentgrids" and "limits:trimcurvememory" are for speed: they answer, and no pixel depends on them.
+/// "limits:transparentgrids" and "limits:trimcurvememory" affect only the speed. They can be read back, and no pixel
+/// depends on them.
 #[test]
 fn limits_of_work_change_no_pixel() {
     let place = Place::new();

@@ -1,4 +1,4 @@
-//! Scenes in a folder of their own, rendered without a process, and what came of them.
+//! Renders scenes in their own folder and in this process.
 
 use granita_base::Reporter;
 use granita_render::{ShadingStatistics, Statistics};
@@ -7,8 +7,8 @@ use granita_tests::Picture;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
-/// A camera without perspective that sees -1..1 by -1..1, which is 16 x 16 pixels; its image, in floats, with a box
-/// filter of one pixel, is "out.tif".
+/// An orthographic camera that sees -1..1 by -1..1 with 16 x 16 pixels. Its image "out.tif" has float values and a box
+/// filter of one pixel.
 pub(crate) const CAMERA: &str = r#"
 Attribute ("int[2] resolution", (16, 16))
 Attribute ("string projection", "orthographic")
@@ -24,20 +24,20 @@ pub(crate) const SQUARE: &str =
 /// A folder for the files of a test.
 pub(crate) struct Place(TempDir);
 
-/// What came of a scene.
+/// The result of a scene.
 pub(crate) struct Rendered {
     pub(crate) outcome: Outcome,
-    /// Messages, in order.
+    /// The messages, in order.
     pub(crate) said: Vec<String>,
 }
 
 impl Rendered {
-    /// What was done for the first camera of the first frame.
+    /// Returns the statistics of the first camera of the first frame.
     pub(crate) fn counts(&self) -> &Statistics {
         &self.outcome.frames[0].cameras[0].1
     }
 
-    /// What shading of the first frame looked up and built.
+    /// Returns the statistics of the shading of the first frame.
     pub(crate) fn shading(&self) -> &ShadingStatistics {
         &self.outcome.frames[0].shading
     }
@@ -48,12 +48,12 @@ impl Place {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// The path of a file of this folder.
+    /// Returns the path of a file of this folder.
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
-    /// Writes a file; `@` in its text stands for this folder.
+    /// Writes a file. `@` in its text stands for this folder.
     pub(crate) fn write(&self, name: &str, text: &str) {
         std::fs::write(self.path(name), self.placed(text)).unwrap();
     }
@@ -62,7 +62,7 @@ impl Place {
         text.replace('@', self.0.path().to_str().unwrap())
     }
 
-    /// Reads a scene, in which `@` stands for this folder, and renders what it says.
+    /// Reads a scene, in which `@` stands for this folder, and renders its frames.
     pub(crate) fn render(&self, scene: &str) -> Rendered {
         let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
         let (reporter, kept) = Reporter::collecting();
@@ -75,7 +75,7 @@ impl Place {
         Rendered { outcome, said }
     }
 
-    /// Renders a scene that is complete and of which nothing is said.
+    /// Renders a scene that must be complete and cause no message.
     pub(crate) fn quiet(&self, scene: &str) -> Rendered {
         let rendered = self.render(scene);
         assert!(
@@ -87,39 +87,39 @@ impl Place {
         rendered
     }
 
-    /// A picture of this folder.
+    /// Reads an image of this folder.
     pub(crate) fn picture(&self, name: &str) -> Picture {
         Picture::read(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// "out.tif" of a scene of [`CAMERA`] with more before and after `World`, of which nothing is said.
+    /// Renders a scene of [`CAMERA`] with more before and after `World`, without messages. Returns "out.tif".
     pub(crate) fn seen(&self, before: &str, world: &str) -> Picture {
         self.quiet(&scene(before, world));
         self.picture("out.tif")
     }
 }
 
-/// The text of a scene of [`CAMERA`], with more before and after `World`, five units away.
+/// Returns the text of a scene of [`CAMERA`], with more before and after `World`. The world is five units away.
 pub(crate) fn scene(before: &str, world: &str) -> String {
     format!("{CAMERA}{before}\nTranslate (0, 0, 5)\nWorld ()\n{world}\nRender ()\n")
 }
 
-/// [`SQUARE`] with a surface shader that is written into the folder as "asks.gsl".
+/// Writes a surface shader into the folder as "asks.gsl". Returns the text of [`SQUARE`] with this shader.
 pub(crate) fn asks(place: &Place, parameters: &str, body: &str) -> String {
     place.write("asks.gsl", &format!("surface asks ({parameters}) {{ {body} }}\n"));
     format!("Shader (\"surface\", \"asks\")\n{SQUARE}")
 }
 
-/// A line of a scene that has shaders of the folder found.
+/// A line of a scene that adds the folder to the search path of shaders.
 pub(crate) const SHADERS: &str = "Attribute (\"string path:shader\", \"@:&\")\n";
 
-/// The pixel of [`CAMERA`] that has the point (x, y) in it.
+/// Returns the pixel of [`CAMERA`] that contains the point (x, y).
 pub(crate) fn at(picture: &Picture, x: f32, y: f32) -> &[f32] {
     let (w, h) = (picture.width as f32, picture.height as f32);
     picture.pixel(((x + 1.0) * 0.5 * w) as usize, ((1.0 - y) * 0.5 * h) as usize).unwrap()
 }
 
-/// The middle of pixel `i` of 16 along an axis of [`CAMERA`].
+/// Returns the middle of pixel `i` of 16 along an axis of [`CAMERA`].
 pub(crate) fn middle(i: usize) -> f32 {
     (i as f32 + 0.5) / 8.0 - 1.0
 }
@@ -130,7 +130,7 @@ pub(crate) fn assert_near(found: &[f32], wanted: &[f32], tolerance: f32, what: &
     assert!(near, "{what}: {found:?}, not {wanted:?}");
 }
 
-/// How many different values the alpha of a picture has.
+/// Returns the number of different values of the alpha of an image.
 pub(crate) fn levels_of_alpha(picture: &Picture) -> usize {
     let mut bits: Vec<u32> = picture.values.chunks(4).map(|p| p[3].to_bits()).collect();
     bits.sort_unstable();

@@ -1,20 +1,20 @@
-//! What bundled surfaces, displacements and volumes do: numbers, and the formulas that the reference and their sources
-//! give.
+//! Tests bundled surfaces, displacements and volumes against numbers, and against the formulas of the reference and of
+//! their sources.
 
 use crate::support::{Place, SHADERS, SQUARE, asks, assert_near, at, middle, scene};
 use granita_tests::Picture;
 
-/// A light from aside and an ambient one.
+/// A light from the side and an ambient one.
 const LIGHTS: &str = "Light (\"a\", \"ambientlight\", \"float intensity\", 0.25)\n\
     Light (\"d\", \"distantlight\", \"point from\", (1, 0.5, -1), \"point to\", (0, 0, 0), \"color lightcolor\", (1, 0.8, 0.6))\n\
     Attribute (\"color C\", (0.9, 0.5, 0.25))\nAttribute (\"color opacity\", (0.75, 0.75, 0.75))\n";
 
-/// A turned square with a surface shader, under [`LIGHTS`].
+/// Renders a rotated square with a surface shader, under [`LIGHTS`].
 fn surface(place: &Place, shader: &str) -> Picture {
     place.seen(SHADERS, &format!("{LIGHTS}Rotate (20, 1, 0.3, 0)\nScale (2, 2, 1)\n{shader}\n{SQUARE}"))
 }
 
-/// Bundled surfaces against the same written out.
+/// Bundled surfaces equal their formulas, written as shaders.
 #[test]
 fn surfaces_are_their_formulas() {
     const PLASTIC: &str =
@@ -77,7 +77,7 @@ fn surfaces_are_their_formulas() {
 #[test]
 fn a_texture_is_the_colour_of_what_it_covers() {
     let place = Place::new();
-    // Black to white along s.
+    // The image runs from black to white along s.
     place.write("ramp.gsl", "surface ramp () { C = u; }");
     let out = "Output (\"@/ramp.ppm\", \"ppm\", \"rgb\", \"camera\", \"string filter\", \"box\", \"float[2] filterwidth\", (1, 1), \"float dither\", 0)\n";
     place.quiet(&scene(&format!("{SHADERS}{out}"), &format!("Shader (\"surface\", \"ramp\")\n{SQUARE}")));
@@ -96,7 +96,7 @@ fn a_texture_is_the_colour_of_what_it_covers() {
 
 #[test]
 fn what_is_polished_reflects_what_is_around() {
-    // A coloured ball around everything.
+    // A coloured sphere surrounds the scene.
     let sky = "PushAttributes ()\nAttribute (\"string geometryset\", \"sky\")\nAttribute (\"color C\", (0.2, 0.4, 0.8))\n\
                Shader (\"surface\", \"constant\")\nSphere (50, -50, 50, 360)\nPopAttributes ()\n";
     let seen = |shader: &str, before: &str| {
@@ -117,7 +117,7 @@ fn what_is_polished_reflects_what_is_around() {
         1e-5,
         "envsurf",
     );
-    // Reflected and refracted light together are all of it, behind the glass as well.
+    // Reflected and refracted light together are all of the light, also behind the glass.
     let glass = seen(&format!("\"glass\", {env}"), "Attribute (\"string geometryset\", \"+sky\")\n");
     assert_near(&glass, &[0.2, 0.4, 0.8, 1.0], 1e-4, "glass");
 }
@@ -128,7 +128,8 @@ fn fog_thickens_with_distance() {
     let volume =
         "Shader (\"volume\", \"fog\", \"float distance\", 4, \"color background\", (0.1, 0.2, 0.9))\n";
     let white = format!("{volume}Shader (\"surface\", \"constant\")\n{SQUARE}");
-    // The eye is five units away, as is all of the square for parallel rays.
+    // The projection is perspective, so that the distance to the eye varies over the square. Its least value is five
+    // units.
     let scene = scene("", &white)
         .replace("\"orthographic\"", "\"perspective\"")
         .replace("(-1, 1, -1, 1)", "(-0.2, 0.2, -0.2, 0.2)");
@@ -142,7 +143,7 @@ fn fog_thickens_with_distance() {
     }
 }
 
-/// Depths of a displaced square in every pixel, less those of the flat one.
+/// Returns the depths of a displaced square in every pixel, minus those of the flat one.
 fn relief(place: &Place, before: &str, displacement: &str) -> Vec<f32> {
     let out = "Output (\"@/z.tif\", \"tiff\", \"z\", \"camera\", \"int[4] quantize\", (0, 0, 0, 0), \"float dither\", 0)\n";
     let world = format!(
@@ -169,7 +170,7 @@ fn bumps_have_their_height_in_the_units_of_the_scene() {
     assert!(low >= -0.5 && high <= 0.5 && height > 0.2, "{low} {high}");
     let twice = bumps("mm", 1.0);
     assert!((twice.1 - twice.0 - 2.0 * height).abs() < 0.05 * height, "{twice:?}");
-    // A tenth of that where a unit is a centimetre.
+    // The height is a tenth of that when a unit is a centimetre.
     let far = bumps("cm", 1.0);
     assert!(far.1 - far.0 <= 0.1 && far.1 - far.0 > 0.02, "{far:?}");
 }
@@ -182,7 +183,7 @@ fn dents_go_inward_only() {
     let flat = range(&dents(0.0));
     assert!(flat.0 > -1e-5 && flat.1 < 1e-5, "{flat:?}");
     let (one, half) = (range(&dents(1.0)), range(&dents(0.5)));
-    // The normal of the square is +z: inward is towards the eye.
+    // The normal of the square is +z, so that inward is towards the eye.
     assert!(one.0 < -0.02 && one.1 <= 1e-5 && one.0 > -2.0, "{one:?}");
     assert!((half.0 - 0.5 * one.0).abs() < 0.1 * -one.0, "{half:?} {one:?}");
 }
@@ -206,7 +207,8 @@ fn openness_is_what_no_wall_hides() {
 fn baked_light_is_what_fell_on_the_surface_and_comes_out_again() {
     let place = Place::new();
     let light = "Light (\"d\", \"distantlight\", \"color lightcolor\", (1, 0.5, 0.25))\nAttribute (\"string orientation\", \"inside\")\n";
-    // A slab of 8 by 8 units, seen in its middle; coefficients of 5 in a unit, so that little of it is lost aside.
+    // The slab has 8 by 8 units, and its middle is seen. The coefficients are 5 per unit, so that little light is lost
+    // at the sides.
     let bake = format!(
         "{light}Scale (4, 4, 1)\nShader (\"surface\", \"bakediffuse\", \"string filename\", \"@/light.sdb\", \"float weightarea\", 1)\n{SQUARE}"
     );
@@ -218,7 +220,7 @@ fn baked_light_is_what_fell_on_the_surface_and_comes_out_again() {
         let v = baked.value(i);
         [s[0] + v[0], s[1] + v[1], s[2] + v[2]]
     });
-    // Light times area: 64 units of it.
+    // The sum is the light times the area of 64 units.
     assert_near(&sum, &[64.0, 32.0, 16.0], 0.5, "what was baked");
     let under = "\"string diffusefile\", \"@/light.sdb\", \"color scattering\", (5, 5, 5), \"color absorption\", (0.01, 0.01, 0.01)";
     let seen = |shader: &str| {
@@ -236,7 +238,7 @@ fn baked_light_is_what_fell_on_the_surface_and_comes_out_again() {
     assert_near(&plain, &[0.5, 0.25, 0.125], 1e-4, "without scattering");
     assert_near(&layer, &scattered, 1e-5, "as a layer");
     let out: Vec<f32> = scattered.iter().zip(&plain).map(|(a, b)| a - b).collect();
-    // In the ratio of what fell on it, and less than all of that.
+    // The scattered light has the colour of the incident light, and is less than all of it.
     assert!(out[0] > 0.2 && out[0] < 1.0, "{out:?}");
     assert_near(&out, &[out[0], 0.5 * out[0], 0.25 * out[0]], 0.01, "the colour of the light");
 }

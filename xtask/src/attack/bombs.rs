@@ -1,5 +1,5 @@
 // tidy: table
-//! Bombs: small files that request much work or memory, and the expected result of each.
+//! Bombs: small files that cause much work or need much memory, and the expected result of each.
 
 use super::run::{Bounds, MEMORY_KIB, Outcome, Place};
 use super::{Attack, Failure, Tally, first_line, pictures, scenes};
@@ -12,55 +12,56 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The selected bombs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Choice {
-    /// All.
+    /// All bombs.
     All,
-    /// Those that are small and end soon.
+    /// The bombs that are small and end soon.
     Quick,
 }
 
-/// The expected result of the last command of a bomb; the commands before it must end with status 0. None may end by
-/// a signal, panic, exceed its time or leave temporary files.
+/// The expected result of the last command of a bomb. The commands before it must end with status 0. No command may end
+/// by a signal, panic, exceed its time or leave temporary files.
 enum Expect {
-    /// Status 0.
+    /// The status is 0.
     Done,
-    /// Status 1 or 2, and a message.
+    /// The status is 1 or 2, and there is a message.
     Refused,
-    /// Any of 0, 1 and 2; with a message unless it is 0.
+    /// The status is 0, 1 or 2. There is a message unless it is 0.
     Ends,
-    /// `out.exr` exists, for status 0 or 1, and all of its values are numbers.
+    /// The status is 0 or 1, `out.exr` exists, and all of its values are finite.
     Finite,
-    /// The same as `Finite`, with a message that names the replaced values.
+    /// Like `Finite`, with a message about the replaced values.
     Told,
-    /// The mean of the alpha of `out.exr` is this, to 0.001, with status 0.
+    /// The status is 0, and the mean of the alpha of `out.exr` has this value, to 0.001.
     Alpha(f64),
-    /// This file has the bytes that it had.
+    /// The bytes of this file are unchanged.
     Untouched(&'static str),
-    /// Status 0, with no more resident memory than so many MiB.
+    /// The status is 0, and the resident memory is at most this number of MiB.
     Within(u64),
 }
 
 /// Writes the files of a bomb into a folder.
 type Make = dyn Fn(&Path) -> io::Result<()> + Send + Sync;
 
-/// One bomb.
+/// A bomb.
 struct Bomb {
     name: String,
     make: Box<Make>,
-    /// Commands in their order.
+    /// The commands in their order.
     commands: Vec<String>,
     expect: Expect,
-    /// Most processor time of a command of a release build, in seconds.
+    /// The largest processor time of a command of a release build, in seconds.
     seconds: f64,
-    /// Open files that are allowed.
+    /// The largest number of open files; `None` leaves the system's limit.
     files: Option<u32>,
-    /// It belongs to `cargo xtask ci`.
+    /// True when the bomb is part of `cargo xtask ci`.
     is_quick: bool,
 }
 
-/// Memory that `maketx -memory N` may take beside N: the program, its threads and one row of tiles.
+/// The memory that `maketx -memory N` may use in addition to N, in MiB: that of the program, its threads and one row of
+/// tiles.
 const BASE_MIB: u64 = 150;
 
-/// Runs the chosen ones, as many at once as there are processors.
+/// Runs the chosen bombs, as many at once as there are processors.
 pub(crate) fn run(attack: &Attack, choice: Choice) -> Result<Tally, String> {
     let is_chosen =
         |bomb: &Bomb| (choice == Choice::All || bomb.is_quick) && attack.is_wanted("bombs", &bomb.name);
@@ -92,7 +93,7 @@ pub(crate) fn run(attack: &Attack, choice: Choice) -> Result<Tally, String> {
 }
 
 impl Bomb {
-    /// Runs its commands; what is wrong.
+    /// Runs the commands of the bomb, and returns the error.
     fn fault(&self, attack: &Attack, place: &Place) -> io::Result<Option<String>> {
         let bounds =
             Bounds { seconds: attack.seconds(self.seconds), memory_kib: MEMORY_KIB, files: self.files };
@@ -123,7 +124,7 @@ impl Bomb {
         Ok(None)
     }
 
-    /// The error at the end of the last command.
+    /// Returns the error at the end of the last command.
     fn wrong(&self, attack: &Attack, place: &Place, outcome: &Outcome, before: &[u8]) -> Option<String> {
         let is_told = !outcome.stderr.trim().is_empty() || !outcome.stdout.trim().is_empty();
         let code = outcome.code();
@@ -157,12 +158,12 @@ impl Bomb {
     }
 }
 
-/// A status with its message.
+/// Returns the status with its message.
 fn status(outcome: &Outcome) -> String {
     format!("status {}: {}", outcome.code().unwrap_or(-1), first_line(&outcome.stderr))
 }
 
-/// The error in `out.exr`.
+/// Returns the error in `out.exr`.
 fn finite(attack: &Attack, place: &Place, outcome: &Outcome) -> Option<String> {
     if outcome.code() == Some(2) {
         return Some(status(outcome));
@@ -177,7 +178,7 @@ fn finite(attack: &Attack, place: &Place, outcome: &Outcome) -> Option<String> {
     }
 }
 
-/// A line of `iv -stats`.
+/// A row of the output of `iv -stats`.
 struct Row {
     channel: String,
     mean: f64,
@@ -185,14 +186,14 @@ struct Row {
     infinite: u64,
 }
 
-/// The output of `iv` for `out.exr`.
+/// Returns the output of `iv` for `out.exr`.
 fn statistics(attack: &Attack, place: &Place) -> Result<Vec<Row>, String> {
     let bounds = Bounds { seconds: attack.seconds(30.0), memory_kib: MEMORY_KIB, files: None };
     let outcome = attack.run(place, "iv -stats out.exr", &bounds).map_err(|e| e.to_string())?;
     if outcome.code() != Some(0) {
         return Err(format!("no whole out.exr: {}", first_line(&outcome.stderr)));
     }
-    // channel, least, largest, mean, deviation, negative, NaN, infinite
+    // The columns are: channel, least, largest, mean, deviation, negative, NaN, infinite.
     let row = |line: &str| {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [channel, _, _, mean, _, _, nan, infinite] = words[..] else { return None };
@@ -206,7 +207,7 @@ fn statistics(attack: &Attack, place: &Place) -> Result<Vec<Row>, String> {
     Ok(outcome.stdout.lines().filter_map(row).collect())
 }
 
-/// A bomb of one file.
+/// Returns a bomb of one file.
 fn bomb(name: &str, file: &'static str, bytes: Vec<u8>, commands: &[&str], expect: Expect) -> Bomb {
     Bomb {
         name: name.to_owned(),
@@ -219,12 +220,12 @@ fn bomb(name: &str, file: &'static str, bytes: Vec<u8>, commands: &[&str], expec
     }
 }
 
-/// A bomb of a scene.
+/// Returns a bomb of a scene.
 fn scene(name: &str, text: String, expect: Expect) -> Bomb {
     bomb(name, "x.pyg", text.into_bytes(), &["gelato -threads 2 x.pyg"], expect)
 }
 
-/// All bombs, in groups, the most informative first.
+/// Returns all bombs, in groups, the most informative first.
 fn all() -> Vec<Bomb> {
     let mut all = Vec::new();
     grounds(&mut all);
@@ -238,7 +239,7 @@ fn all() -> Vec<Bomb> {
     all
 }
 
-/// Flat ground up to the horizon.
+/// Adds flat grounds up to the horizon. They must cover half of the image.
 fn grounds(all: &mut Vec<Bomb>) {
     for half in ["1e4", "3e4", "1e5", "1e6", "1e7", "1e8"] {
         let shapes = [
@@ -261,7 +262,7 @@ fn grounds(all: &mut Vec<Bomb>) {
     all.push(scene("ground-far-camera", far, Expect::Alpha(0.5)));
 }
 
-/// Vertices, cameras and rates at the ends of their ranges.
+/// Adds vertices, cameras and rates at the ends of their ranges.
 fn extremes(all: &mut Vec<Bomb>) {
     for place in ["1e8", "1e10", "1e15", "1e20", "1e38", "nan", "inf"] {
         for kind in ["patch", "mesh", "bezier"] {
@@ -292,7 +293,7 @@ fn extremes(all: &mut Vec<Bomb>) {
     }
 }
 
-/// Rays, nesting and recursion.
+/// Adds rays, nesting and recursion of great depth.
 fn depths(all: &mut Vec<Bomb>) {
     for depth in [130, 200, 10_000] {
         for (name, glass) in [("mirrors", false), ("glass", true)] {
@@ -345,7 +346,7 @@ fn depths(all: &mut Vec<Bomb>) {
     }
 }
 
-/// Values that are not finite, or not sensible.
+/// Adds values that are not finite or not sensible.
 fn numbers(all: &mut Vec<Bomb>) {
     let with = |name: &str, settings: &str, calls: &str| {
         scene(name, scenes::frame(settings, &format!("{calls}{}", scenes::BALL)), Expect::Told)
@@ -370,7 +371,7 @@ fn numbers(all: &mut Vec<Bomb>) {
     all.push(gain);
 }
 
-/// Many of one thing.
+/// Adds scenes with large numbers of one thing.
 fn large_counts(all: &mut Vec<Bomb>) {
     for corners in [90_000, 1_000_000] {
         let mut face = scene(&format!("star-{corners}"), String::new(), Expect::Finite);
@@ -398,7 +399,7 @@ fn large_counts(all: &mut Vec<Bomb>) {
     all.push(textures);
 }
 
-/// Headers that promise what is not there.
+/// Adds image files whose headers declare more than the files contain.
 fn headers(all: &mut Vec<Bomb>) {
     type Bytes = fn() -> Vec<u8>;
     let makers: [(&str, &'static str, Bytes); 19] = [
@@ -431,7 +432,8 @@ fn headers(all: &mut Vec<Bomb>) {
         ];
         for (how, command) in commands {
             let command = command.replace("{}", file);
-            // Whatever a picture is refused for, a header can be told, and some say what there is.
+            // `iv -info` may print a header although the image is refused. Some readers also print the part that is
+            // there.
             let mut header =
                 bomb(&format!("header-{name}-{how}"), file, Vec::new(), &[&command], Expect::Ends);
             header.make = Box::new(move |folder| {
@@ -447,7 +449,7 @@ fn headers(all: &mut Vec<Bomb>) {
     }
 }
 
-/// Outputs that are in the way.
+/// Adds outputs whose names are already in use.
 fn outputs(all: &mut Vec<Bomb>) {
     let to = |name: &str, output: &str, expect| {
         let text = scenes::frame("", scenes::BALL).replace("out.exr", output);
@@ -486,7 +488,7 @@ fn outputs(all: &mut Vec<Bomb>) {
     ));
 }
 
-/// `maketx -memory` on an image of 108 MB.
+/// Adds `maketx -memory` for an image of 108 MB.
 fn memory(all: &mut Vec<Bomb>) {
     for mode in ["periodic", "black", "clamp", "mirror"] {
         let command = format!("maketx -memory 50 -mode {mode} -threads 2 large.ppm -o out.tx");

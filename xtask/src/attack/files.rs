@@ -1,4 +1,4 @@
-//! Changed files of every kind through the tools that read them.
+//! Runs the tools on changed files of every kind that they read.
 
 use super::kinds::{KINDS, Kind};
 use super::mutate::{Random, mutated};
@@ -10,16 +10,17 @@ use std::io;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Runs that may be spent on making a find smaller.
+/// The largest number of runs that make a finding smaller.
 const SHRINKS: usize = 60;
 
-/// A kind with its seeds.
+/// A kind of files with its seeds.
 struct Seeds {
     kind: &'static Kind,
     files: Vec<(String, Vec<u8>)>,
 }
 
-/// Runs every seed as it is, then changed ones: `per_kind` of each kind, or as many as there is time for.
+/// Runs every unchanged seed, then changed ones: `per_kind` of each kind, or as many as the time allows. With
+/// `per_kind`, only changed ones are run.
 pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, String> {
     let all = seeds(attack)?;
     let unchanged: Vec<(usize, usize, usize)> = all
@@ -28,7 +29,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
         .flat_map(|(k, seeds)| (0..seeds.files.len()).map(move |file| (k, file)))
         .flat_map(|(k, file)| (0..all[k].kind.commands.len()).map(move |command| (k, file, command)))
         .collect();
-    // A fixed count is for a quick run, in which the seeds alone would take all of the time.
+    // A fixed count is for a quick run, in which the unchanged seeds alone would take all of the time.
     let unchanged = if per_kind.is_some() { Vec::new() } else { unchanged };
     let (next, tally) = (AtomicU64::new(0), Mutex::new(Tally::new("files")));
     let work = |worker: usize| -> io::Result<()> {
@@ -57,7 +58,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
             let mut failure = None;
             if let Some((what, is_quick)) = what {
                 let is_known = tally.lock().has_kind(case.kind.name, &what);
-                // Repeated findings are counted; slow cases are not run again and again.
+                // Repeated findings are only counted. Slow cases are not run repeatedly.
                 let smallest = if is_quick && !is_known && per_kind.is_none() {
                     case.shrunk(&place, &bytes)?
                 } else {
@@ -79,7 +80,7 @@ pub(crate) fn run(attack: &Attack, per_kind: Option<u64>) -> Result<Tally, Strin
     Ok(tally.into_inner())
 }
 
-/// The corpus.
+/// Returns the seeds of the corpus.
 fn seeds(attack: &Attack) -> Result<Vec<Seeds>, String> {
     let corpus = attack.root.join("fuzz").join("corpus");
     let chosen = KINDS.iter().filter(|kind| attack.is_wanted("files", kind.name));
@@ -138,7 +139,7 @@ impl Case<'_> {
         self.attack.run(place, &command, &bounds)
     }
 
-    /// The error after reading these bytes, and whether it was found quickly.
+    /// Returns the error after reading these bytes. The flag is true when the run was short.
     fn fault(&self, place: &Place, bytes: &[u8]) -> io::Result<Option<(String, bool)>> {
         let outcome = self.read(place, bytes)?;
         let tool = self.command.split(' ').next().unwrap_or_default();
@@ -154,7 +155,7 @@ impl Case<'_> {
         Ok((!left.is_empty()).then(|| with_tool(format!("left {}", left.join(" ")))))
     }
 
-    /// Leaves out pieces as long as the same is wrong without them.
+    /// Removes pieces of the bytes while the error stays the same.
     fn shrunk(&self, place: &Place, bytes: &[u8]) -> io::Result<Vec<u8>> {
         let Some((wrong, _)) = self.fault(place, bytes)? else { return Ok(bytes.to_vec()) };
         let (mut best, mut size, mut runs) = (bytes.to_vec(), bytes.len() / 2, 0);

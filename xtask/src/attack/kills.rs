@@ -1,8 +1,8 @@
-//! Tools that are ended at random moments: by TERM and INT, as users and systems do, and by KILL, which a process
-//! cannot handle.
+//! Ends tools at random moments: by TERM and INT, like users and systems, and by KILL, which a process cannot handle.
 //!
-//! Two seconds later no process of the run may be left. A file under the final name must be whole. No temporary file
-//! may be left; after KILL, which leaves no time to remove them, none once the same command has run again.
+//! Two seconds later no process of the run may be left. A file under the final name must be complete. No temporary file
+//! may be left. After KILL, which leaves no time to remove them, temporary files must be gone once the same command has
+//! run again.
 
 use super::mutate::Random;
 use super::run::{Bounds, MEMORY_KIB, Place, end, marked};
@@ -13,23 +13,23 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Time for processes to end after the one that started them.
+/// The time for processes to end after the one that started them.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// The fraction of the total time for kills.
 const SHARE: u32 = 3;
 
-/// The command that is killed.
+/// A command that is killed.
 struct Victim {
     name: &'static str,
     make: fn(&Path) -> io::Result<()>,
-    /// A tool and its arguments.
+    /// The tool and its arguments.
     command: &'static str,
-    /// Files that it writes, each with a command line that reads all of it; "-" where any bytes will do.
+    /// The files that it writes, each with a command line that reads all of it.
     outputs: &'static [(&'static str, &'static str)],
-    /// It needs `python3`.
+    /// True when it needs `python3`.
     needs_python: bool,
-    /// It does not end by itself.
+    /// True when it does not end by itself.
     is_endless: bool,
 }
 
@@ -111,13 +111,13 @@ const VICTIMS: [Victim; 9] = [
     },
 ];
 
-/// A frame of about a second.
+/// Returns a scene that takes about a second.
 fn slow(settings: &str) -> String {
     let settings = format!("{settings}Attribute (\"int[2] spatialquality\", (12, 12))\n");
     scenes::frame(&settings, scenes::BALL).replace("(64, 48)", "(640, 480)")
 }
 
-/// Kills each victim by each signal `rounds` times, or as often as there is time for.
+/// Kills each victim by each signal `rounds` times, or as often as the time allows.
 pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String> {
     let told = |e: io::Error| format!("kills: {e}");
     let place = Place::new(attack.scratch.join("kills")).map_err(told)?;
@@ -169,7 +169,8 @@ pub(crate) fn run(attack: &Attack, rounds: Option<u64>) -> Result<Tally, String>
 }
 
 impl Victim {
-    /// Its duration without a kill, after a check that it succeeds then.
+    /// Returns the duration without a kill, and checks that the command succeeds. An endless victim has a fixed
+    /// duration.
     fn duration(&self, attack: &Attack, place: &Place) -> io::Result<Duration> {
         if self.is_endless {
             return Ok(Duration::from_millis(800));
@@ -184,7 +185,7 @@ impl Victim {
         }
     }
 
-    /// The error after this signal at this moment.
+    /// Returns the error after this signal at this moment.
     fn fault(
         &self,
         attack: &Attack,
@@ -198,11 +199,11 @@ impl Victim {
         let bounds = Bounds { seconds: attack.seconds(60.0), memory_kib: MEMORY_KIB, files: None };
         let mut words = self.command.split(' ').map(str::to_owned);
         let program = attack.program(&words.next().unwrap_or_default());
-        // The files that a program reads while it runs stay open.
+        // The pipe of the standard input stays open, because a program that reads it would end with it.
         let mut started =
             place.start(&program, &words.collect::<Vec<_>>(), &bounds, Stdio::piped(), Some(mark))?;
         std::thread::sleep(moment);
-        // One that was quicker than before is as good: nothing may be left of it.
+        // A program that has already ended must not leave anything either.
         let was_over = started.is_over();
         started.signal(signal);
         let killed = Instant::now();

@@ -1,15 +1,16 @@
 // tidy: table
 //! The kinds of files that the tools read, and how each is read.
 
-/// One kind.
+/// A kind of files.
 pub(crate) struct Kind {
-    /// Its name, which is also that of its folder in `fuzz/corpus`.
+    /// The name of the kind, which is also that of its folder in `fuzz/corpus`.
     pub(crate) name: &'static str,
-    /// The changed file is called `x.EXTENSION`, "{}" below.
+    /// The extension of the changed file, which is called `x.EXTENSION`. "{}" stands for this name in texts and
+    /// commands.
     pub(crate) extension: &'static str,
-    /// Files beside it: a name and the text.
+    /// The files beside it, each with its name and text.
     pub(crate) beside: &'static [(&'static str, &'static str)],
-    /// The command that reads it: a tool and its arguments, separated by spaces. "< FILE" at the end is its standard
+    /// The commands that read it: a tool and its arguments, separated by spaces. "< FILE" at the end gives the standard
     /// input.
     pub(crate) commands: &'static [&'static str],
 }
@@ -195,7 +196,7 @@ pub(crate) const KINDS: &[Kind] = &[
     picture("webp", "webp"),
 ];
 
-/// The mesh whose materials are changed.
+/// A mesh whose file of materials is changed.
 const TEXTURED_MESH: (&str, &str) = (
     "mesh.obj",
     "mtllib {}\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\nf 1/1 2/2 3/3\nusemtl wood\nf 1/1 3/3 4/4\n",

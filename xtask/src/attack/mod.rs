@@ -1,15 +1,15 @@
-//! `cargo xtask attack`: whether anything runs for ever, hangs, fills the machine or vanishes.
+//! `cargo xtask attack`: tests that tools do not run for ever, hang, fill the machine or crash.
 //!
 //! The parts, in the order in which they run:
-//! - `bombs`: files that promise much and hold little, and scenes at the ends of all ranges, each with what must become
-//!   of it;
-//! - `peers`: processes and connections that are silent, stop, or send wrong data, at each place where the tools
+//! - `bombs`: small files that cause much work, and scenes at the ends of all ranges, each with its expected result;
+//! - `peers`: processes and connections that are silent, stop, or send invalid data, at each place where the tools
 //!   listen;
-//! - `kills`: tools that are ended at random moments; no process, no half file and no temporary file may stay;
-//! - `files`: changed files of every kind through the tools that read them, in the time that is left.
+//! - `kills`: tools that are ended at random moments and must not leave a process, an incomplete file or a temporary
+//!   file;
+//! - `files`: changed files of every kind, read by the tools, in the time that is left.
 //!
-//! The tools run as users run them, as programs, under a limit of memory (4 GB of address space) and of time. What
-//! fails is kept in `target/attack/PART/NAME` with a script `command` that shows it again. The same seed makes the same
+//! The tools run as separate programs, with a limit of memory (4 GB of address space) and of time. Failing cases are
+//! kept in `target/attack/PART/NAME` with a script `command` that reproduces the failure. The same seed makes the same
 //! cases.
 
 mod bombs;
@@ -33,30 +33,30 @@ use std::time::{Duration, Instant};
 /// The parts in their order.
 const PARTS: [&str; 4] = ["bombs", "peers", "kills", "files"];
 
-/// Tools that are attacked, which are also the names of their packages.
+/// The tools that are attacked. These are also the names of their packages.
 const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
 
-/// The actions.
+/// The options of `cargo xtask attack`.
 #[derive(clap::Args, Debug)]
 pub(crate) struct Options {
-    /// Time for all of it.
+    /// Time for all parts, in minutes.
     #[arg(long, default_value_t = 20.0, value_name = "N")]
     minutes: f64,
     /// The seed of random changes and moments.
     #[arg(long, default_value_t = 1, value_name = "S")]
     seed: u64,
-    /// Only this part (bombs, peers, kills, files), or the cases of a part whose names begin so: bombs/ground.
+    /// Run only this part (bombs, peers, kills, files), or its cases whose names begin so: bombs/ground.
     #[arg(long, value_name = "PART[/NAME]")]
     only: Vec<String>,
-    /// The tools that the dev profile makes, instead of release.
+    /// Use the tools of the dev profile instead of release.
     #[arg(long)]
     debug: bool,
-    /// The fixed part that `cargo xtask ci` runs, and nothing else.
+    /// Run only the fixed part that `cargo xtask ci` runs.
     #[arg(long, conflicts_with_all = ["minutes", "seed", "only", "debug"])]
     fixed: bool,
 }
 
-/// The whole attack, by the clock.
+/// Runs all parts until the time is over.
 pub(crate) fn run(options: &Options) -> Result<(), String> {
     if options.fixed {
         return fixed();
@@ -73,14 +73,14 @@ pub(crate) fn run(options: &Options) -> Result<(), String> {
     attack.all(&Budget { files: None, kills: None, bombs: bombs::Choice::All })
 }
 
-/// A fixed part of the attack, by counts, for `cargo xtask ci`.
+/// Runs a fixed number of cases of each part, for `cargo xtask ci`.
 pub(crate) fn fixed() -> Result<(), String> {
     let options = Options { minutes: 10.0, seed: 1, only: Vec::new(), debug: true, fixed: true };
     let attack = Attack::new(&options)?;
     attack.all(&Budget { files: Some(6), kills: Some(1), bombs: bombs::Choice::Quick })
 }
 
-/// The number of cases of each part; `None` is as many as the time allows.
+/// The numbers of cases of the parts; `None` for as many as the time allows.
 struct Budget {
     files: Option<u64>,
     kills: Option<u64>,
@@ -100,11 +100,11 @@ pub(crate) struct Attack {
     seed: u64,
     only: Vec<String>,
     end: Instant,
-    /// Cases at once.
+    /// The number of cases that run at once.
     workers: usize,
     /// The factor by which times of a release build are multiplied.
     patience: f64,
-    /// `gelato` has `-timeout`.
+    /// True when `gelato` has the option `-timeout`.
     has_timeout: bool,
 }
 
@@ -150,7 +150,7 @@ impl Attack {
         let mut tallies = Vec::new();
         for part in PARTS.iter().filter(|part| self.has_part(part)) {
             let begin = Instant::now();
-            // Finds of the last run would be taken for those of this one.
+            // Findings of an earlier run would look like those of this one.
             let finds = self.finds.join(part);
             if finds.exists() {
                 fs::remove_dir_all(&finds).map_err(|e| format!("{}: {e}", finds.display()))?;
@@ -194,12 +194,12 @@ impl Attack {
         release * self.patience
     }
 
-    /// The program called `tool`.
+    /// Returns the program called `tool`.
     fn program(&self, tool: &str) -> PathBuf {
         self.bins.join(tool)
     }
 
-    /// Does `work` of a part in as many threads as there are processors; it is given the thread's number.
+    /// Calls `work` of a part on as many threads as there are processors, with the number of the thread.
     fn on_all_processors(
         &self,
         part: &str,
@@ -215,7 +215,8 @@ impl Attack {
         })
     }
 
-    /// Runs a command line, a tool and its arguments apart by spaces; "< FILE" at the end is its standard input.
+    /// Runs a command line: a tool and its arguments, separated by spaces. "< FILE" at the end gives the standard
+    /// input.
     fn run(&self, place: &Place, line: &str, bounds: &Bounds) -> io::Result<Outcome> {
         let (line, input) = match line.split_once(" < ") {
             Some((line, file)) => (line, Some(place.work().join(file))),
@@ -227,13 +228,13 @@ impl Attack {
         place.run(&self.program(&tool), &arguments, bounds, input.as_deref())
     }
 
-    /// Keeps the files of a case with the commands that show its failure; returns where.
+    /// Copies the files of a case with a script that reproduces the failure. Returns the folder.
     fn keep(&self, part: &str, name: &str, place: &Place, lines: &[String]) -> io::Result<PathBuf> {
         let folder = self.finds.join(part).join(name.replace(['/', ' '], "_"));
         fs::create_dir_all(&folder)?;
         for entry in fs::read_dir(place.work())? {
             let entry = entry?;
-            // Large ones are made again by `--only`.
+            // Large files are left out, because `--only` makes them again.
             if entry.metadata().is_ok_and(|m| m.is_file() && m.len() <= 4 << 20) {
                 fs::copy(entry.path(), folder.join(entry.file_name()))?;
             }
@@ -247,7 +248,7 @@ impl Attack {
     }
 }
 
-/// Something that went wrong.
+/// A failed case.
 #[derive(Clone, Debug)]
 pub(crate) struct Failure {
     name: String,
@@ -255,7 +256,7 @@ pub(crate) struct Failure {
     kept: Option<PathBuf>,
 }
 
-/// The cases and findings of a part.
+/// The number of cases of a part, and its failures.
 #[derive(Debug)]
 pub(crate) struct Tally {
     part: &'static str,
@@ -278,7 +279,7 @@ impl Tally {
         self.failures.push(failure);
     }
 
-    /// True when this was found before with the same kind of file.
+    /// True when the same failure was found before with the same kind of file.
     fn has_kind(&self, kind: &str, what: &str) -> bool {
         let kind = format!("{kind}-");
         self.failures.iter().any(|f| f.name.starts_with(&kind) && alike(&f.what, what))
@@ -295,7 +296,7 @@ pub(crate) fn alike(a: &str, b: &str) -> bool {
     letters(a) == letters(b)
 }
 
-/// The first line of messages, for a report.
+/// Returns the first line of messages, for a report.
 pub(crate) fn first_line(text: &str) -> String {
     text.lines().next().unwrap_or_default().chars().take(200).collect()
 }

@@ -1,18 +1,18 @@
-//! Seeded changes of files: the same for the same seed, everywhere.
+//! Changes files at random. The same seed gives the same changes on every machine.
 
 /// Random numbers (Steele, Lea and Flood 2014, "SplitMix").
 #[derive(Clone, Debug)]
 pub(crate) struct Random(u64);
 
 impl Random {
-    /// The numbers of a seed and a number under it.
+    /// Returns the random numbers of a seed and a number under it.
     pub(crate) fn new(seed: u64, number: u64) -> Self {
         let mut random = Self(seed ^ number.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         random.next();
         random
     }
 
-    /// 64 bits.
+    /// Returns 64 random bits.
     pub(crate) fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -20,21 +20,21 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Less than `count`, which counts as at least 1.
+    /// Returns a random number less than `count`, which counts as at least 1.
     pub(crate) fn below(&mut self, count: usize) -> usize {
         (self.next() >> 33) as usize % count.max(1)
     }
 
-    /// A number from 0 to 1.
+    /// Returns a random number from 0 to 1.
     pub(crate) fn share(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 
-/// Most bytes of a changed file.
+/// The largest size of a changed file, in bytes.
 const MOST_BYTES: usize = 1 << 20;
 
-/// Values at the ends of the ranges of integers and floats.
+/// The values at the ends of the ranges of integers and floats.
 const EXTREMES: [u64; 14] = [
     0,
     1,
@@ -52,7 +52,7 @@ const EXTREMES: [u64; 14] = [
     u64::MAX,
 ];
 
-/// Replacements for numbers of a text.
+/// The replacements for numbers of a text.
 const NUMBERS: [&str; 16] = [
     "0",
     "-1",
@@ -72,7 +72,7 @@ const NUMBERS: [&str; 16] = [
     "inf",
 ];
 
-/// A file after one to four changes; pieces of `other` may be inserted.
+/// Returns a file after one to four changes, which may insert pieces of `other`.
 pub(crate) fn mutated(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     let is_text = !seed.contains(&0) && std::str::from_utf8(seed).is_ok();
@@ -83,13 +83,13 @@ pub(crate) fn mutated(seed: &[u8], other: &[u8], random: &mut Random) -> Vec<u8>
     bytes
 }
 
-/// One change.
+/// Applies one random change.
 fn change(bytes: &mut Vec<u8>, other: &[u8], is_text: bool, random: &mut Random) {
     if bytes.is_empty() {
         bytes.extend_from_slice(other);
         return;
     }
-    // Headers are short and decide most.
+    // Headers are short and have the greatest effect, so that half of the changes are near the beginning.
     let reach = if random.below(2) == 0 { bytes.len().min(128) } else { bytes.len() };
     let at = random.below(reach);
     match random.below(if is_text { 12 } else { 9 }) {
@@ -123,7 +123,7 @@ fn change(bytes: &mut Vec<u8>, other: &[u8], is_text: bool, random: &mut Random)
     }
 }
 
-/// Writes an integer where there is room for it.
+/// Writes an integer if it fits into the bytes.
 fn put(bytes: &mut [u8], at: usize, width: usize, value: u64, big: bool) {
     let mut word = value.to_le_bytes()[..width].to_vec();
     if big {
@@ -134,7 +134,7 @@ fn put(bytes: &mut [u8], at: usize, width: usize, value: u64, big: bool) {
     }
 }
 
-/// Changes an integer that may be a length or an offset: one that is not larger than the file.
+/// Changes an integer that may be a length or an offset, that is, one that is not larger than the file.
 fn change_length(bytes: &mut [u8], random: &mut Random) {
     let width = [2, 4, 8][random.below(3)];
     let start = random.below(bytes.len() / width);

@@ -1,4 +1,4 @@
-//! Processes and connections that are silent, stop, or send wrong data, at each place where a tool listens to
+//! Tests processes and connections that are silent, stop, or send invalid data, at each place where a tool listens to
 //! another.
 
 use super::mutate::{Random, mutated};
@@ -10,10 +10,10 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-/// Time for a frame whose worker or viewer is of no use, in seconds of a release build.
+/// The processor time for a frame whose worker or viewer fails, in seconds of a release build.
 const SECONDS: f64 = 20.0;
 
-/// A case: its name, and what finds out what is wrong.
+/// A case: its name, and the function that returns its error.
 type Case = (&'static str, fn(&Peers<'_>) -> io::Result<Option<String>>);
 
 const CASES: [Case; 19] = [
@@ -58,7 +58,7 @@ const CASES: [Case; 19] = [
     }),
 ];
 
-/// Runs all of them.
+/// Runs all cases.
 pub(crate) fn run(attack: &Attack) -> Result<Tally, String> {
     let mut tally = Tally::new("peers");
     let told = |e: io::Error| format!("peers: {e}");
@@ -98,18 +98,18 @@ pub(crate) fn run(attack: &Attack) -> Result<Tally, String> {
     Ok(tally)
 }
 
-/// The common arguments of cases.
+/// The common arguments of the cases.
 struct Peers<'a> {
     attack: &'a Attack,
     place: &'a Place,
     mark: String,
 }
 
-/// The address on which a viewer listens.
+/// The addresses on which a viewer listens.
 struct At {
     listen: SocketAddr,
     serve: SocketAddr,
-    /// The address of its page.
+    /// The path of its page.
     path: String,
 }
 
@@ -124,7 +124,7 @@ impl Peers<'_> {
         self.place.start(&program, &words.collect::<Vec<_>>(), &self.bounds(), input, Some(&self.mark))
     }
 
-    /// Runs a command line to its end; returns the error. The image must exist.
+    /// Runs a command line to its end. Returns the error. The image must exist.
     fn renders(&self, line: &str) -> io::Result<Option<String>> {
         let started = self.start(line, Stdio::null())?;
         let outcome = started.wait(Duration::from_secs_f64(self.bounds().seconds))?;
@@ -137,7 +137,7 @@ impl Peers<'_> {
         Ok(None)
     }
 
-    /// A frame whose worker is this script.
+    /// Renders a frame whose worker is this script.
     fn net(&self, script: &str, is_local: bool) -> io::Result<Option<String>> {
         let work = self.place.work();
         let worker = work.join("worker");
@@ -145,21 +145,21 @@ impl Peers<'_> {
         fs::write(&worker, format!("GELATO={}\n{script}\n", gelato.display()))?;
         let settings = format!("Attribute (\"string net:workercmd\", \"sh {}\")\n", worker.display());
         fs::write(work.join("x.pyg"), scenes::frame(&settings, scenes::BALL))?;
-        // Without it, frames wait for workers without limit.
+        // Without this attribute, frames wait for workers without limit.
         let short = work.join("short.pyg");
         fs::write(short, "Attribute (\"float net:timeout\", 2)\n")?;
         let server = if is_local { "local" } else { "there" };
         self.renders(&format!("gelato -net {server} short.pyg x.pyg"))
     }
 
-    /// A frame that is shown by a viewer which does this.
+    /// Renders a frame that is shown by a viewer with this behaviour.
     fn display(&self, viewer: fn(&mut TcpStream)) -> io::Result<Option<String>> {
         let listener = TcpListener::bind("127.0.0.1:0")?;
         let at = listener.local_addr()?;
         let thread = std::thread::spawn(move || {
             let Ok((mut socket, _)) = listener.accept() else { return };
             viewer(&mut socket);
-            // It reads nothing, and stays for a while.
+            // The viewer reads nothing, and keeps the connection open for a while.
             std::thread::sleep(Duration::from_secs(20));
         });
         let wrong = self.renders(&format!("gelato -display {at} x.pyg"));
@@ -168,11 +168,11 @@ impl Peers<'_> {
         wrong
     }
 
-    /// A program that reads these bytes and then the end of its input.
+    /// Runs a program with these bytes as its standard input.
     fn input(&self, line: &str, bytes: &[u8]) -> io::Result<Option<String>> {
         let mut started = self.start(line, Stdio::piped())?;
         if let Some(mut input) = started.child.stdin.take() {
-            // It may have heard enough.
+            // The program may have closed its input.
             let _ = input.write_all(bytes);
             std::thread::sleep(Duration::from_millis(200));
         }
@@ -180,7 +180,7 @@ impl Peers<'_> {
         Ok(outcome.fault())
     }
 
-    /// A viewer without a window, and an attack on it; then a real sender and a real browser must get through.
+    /// Attacks a viewer without a window. A valid sender and a valid browser must work afterwards.
     fn iv(&self, attack: fn(&Self, &At) -> io::Result<Vec<TcpStream>>) -> io::Result<Option<String>> {
         let viewer = self.start("iv -serve 0 -listen 0", Stdio::null())?;
         let at = match addresses(&viewer) {
@@ -208,7 +208,7 @@ impl Peers<'_> {
         Ok(sent?.or(page.err()))
     }
 
-    /// Renders with a second place's files, since the viewer prints into this one's.
+    /// Renders with the files of a second place, because the viewer writes its output into this one.
     fn renders_beside(&self, at: &At) -> io::Result<Option<String>> {
         let place = Place::new(self.attack.scratch.join("peers-sender"))?;
         fs::write(place.work().join("x.pyg"), scenes::frame("", scenes::BALL))?;
@@ -219,12 +219,12 @@ impl Peers<'_> {
         Ok(outcome.fault().or(refused))
     }
 
-    /// Twice as many connections as there are places, which begin to send something.
+    /// Opens 128 connections, which send nothing or the beginning of a request.
     fn many_silent(&self, to: SocketAddr) -> io::Result<Vec<TcpStream>> {
         let mut open = Vec::new();
         for number in 0..128 {
             let mut socket = TcpStream::connect(to)?;
-            // Half of a request, and of a packet.
+            // Every other connection sends half of a request.
             let _ = socket.write_all(if number % 2 == 0 { b"GET /" } else { b"" });
             open.push(socket);
         }
@@ -232,7 +232,7 @@ impl Peers<'_> {
         Ok(open)
     }
 
-    /// Changed packets, in pieces.
+    /// Sends changed packets, in pieces.
     fn packets(&self, to: SocketAddr) -> io::Result<Vec<TcpStream>> {
         let folder = self.attack.root.join("fuzz").join("corpus").join("display");
         let mut seeds = Vec::new();
@@ -255,7 +255,7 @@ impl Peers<'_> {
         Ok(Vec::new())
     }
 
-    /// Requests that are none.
+    /// Sends invalid requests.
     fn requests(&self, to: SocketAddr) -> io::Result<Vec<TcpStream>> {
         let long = format!("GET /{} HTTP/1.1\r\n\r\n", "a".repeat(1 << 20));
         let headers = format!("GET / HTTP/1.1\r\n{}\r\n", "A: b\r\n".repeat(100_000));
@@ -284,7 +284,7 @@ impl Peers<'_> {
     }
 }
 
-/// The address that a viewer prints.
+/// Returns the addresses that a viewer prints.
 fn addresses(viewer: &Started) -> io::Result<At> {
     let begin = Instant::now();
     loop {
@@ -303,7 +303,7 @@ fn addresses(viewer: &Started) -> io::Result<At> {
     }
 }
 
-/// Asks for the page; what is wrong.
+/// Requests the page. Returns the error.
 fn get(at: &At) -> Result<(), String> {
     let ask = || -> io::Result<String> {
         let mut socket = TcpStream::connect(at.serve)?;

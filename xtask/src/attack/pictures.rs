@@ -1,38 +1,38 @@
-//! Pictures whose headers promise far more than the file holds.
+//! Images whose headers declare far more than the files contain.
 
-/// Writes a header of a PPM of `width` x `height`.
+/// Returns the header of a PPM file of `width` x `height` pixels.
 pub(crate) fn ppm(width: u32, height: u32) -> Vec<u8> {
     format!("P6\n{width} {height}\n255\nab").into_bytes()
 }
 
-/// The same of a PPM in text.
+/// Returns the same header of a PPM file in text.
 pub(crate) fn text_ppm() -> Vec<u8> {
     b"P3\n65535 65535\n255\n1 2 3\n".to_vec()
 }
 
-/// The same of a PAM with as many channels as a number holds.
+/// Returns the header of a PAM file with the largest number of channels.
 pub(crate) fn pam() -> Vec<u8> {
     b"P7\nWIDTH 65535\nHEIGHT 65535\nDEPTH 4\nMAXVAL 65535\nTUPLTYPE RGB_ALPHA\nENDHDR\nab".to_vec()
 }
 
-/// PFM.
+/// Returns the header of a PFM file.
 pub(crate) fn pfm() -> Vec<u8> {
     b"PF\n65535 65535\n-1.0\nabcd".to_vec()
 }
 
-/// Radiance HDR.
+/// Returns the beginning of a Radiance HDR file.
 pub(crate) fn hdr() -> Vec<u8> {
     b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 65535 +X 65535\n\x02\x02\xff\xff".to_vec()
 }
 
-/// Targa, run-length encoded.
+/// Returns the beginning of a run-length encoded Targa file.
 pub(crate) fn tga() -> Vec<u8> {
     let mut bytes = vec![0, 0, 10, 0, 0, 0, 0, 0, 0, 0, 0, 0, 255, 255, 255, 255, 24, 0];
     bytes.extend([255, 1, 2, 3]);
     bytes
 }
 
-/// GIF of which one pixel is there.
+/// Returns a GIF file with one pixel of data.
 pub(crate) fn gif() -> Vec<u8> {
     let mut bytes = b"GIF89a\xff\xff\xff\xff\x80\0\0".to_vec();
     bytes.extend([0, 0, 0, 255, 255, 255]);
@@ -40,7 +40,7 @@ pub(crate) fn gif() -> Vec<u8> {
     bytes
 }
 
-/// A GIF with a small screen and an image that is far larger.
+/// Returns a GIF file with a small screen and a far larger image.
 pub(crate) fn gif_of_small_screen() -> Vec<u8> {
     let mut bytes = b"GIF89a\x20\0\x18\0\x80\0\0".to_vec();
     bytes.extend([0, 0, 0, 255, 255, 255]);
@@ -48,21 +48,21 @@ pub(crate) fn gif_of_small_screen() -> Vec<u8> {
     bytes
 }
 
-/// QOI.
+/// Returns the beginning of a QOI file.
 pub(crate) fn qoi() -> Vec<u8> {
     let mut bytes = b"qoif\0\0\xff\xff\0\0\xff\xff\x04\0".to_vec();
     bytes.extend([0xfd, 0xfd, 0, 0, 0, 0, 0, 0, 0, 1]);
     bytes
 }
 
-/// SGI, run-length encoded: its tables alone would be large.
+/// Returns the header of a run-length encoded SGI file, whose tables alone would be large.
 pub(crate) fn sgi() -> Vec<u8> {
     let mut bytes = vec![1, 218, 1, 1, 0, 3, 255, 255, 255, 255, 0, 4];
     bytes.resize(512, 0);
     bytes
 }
 
-/// BMP.
+/// Returns the beginning of a BMP file.
 pub(crate) fn bmp() -> Vec<u8> {
     let mut bytes = b"BM".to_vec();
     let words: [u32; 3] = [58, 0, 54];
@@ -75,7 +75,7 @@ pub(crate) fn bmp() -> Vec<u8> {
     bytes
 }
 
-/// DDS without compression.
+/// Returns the header of a DDS file without compression.
 pub(crate) fn dds() -> Vec<u8> {
     let mut words = [0_u32; 32];
     words[0] = u32::from_le_bytes(*b"DDS ");
@@ -85,14 +85,14 @@ pub(crate) fn dds() -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// PNG with an empty stream of pixels.
+/// Returns a PNG file with an empty stream of pixels.
 pub(crate) fn png() -> Vec<u8> {
     let mut bytes = b"\x89PNG\r\n\x1a\n".to_vec();
     let mut header = Vec::new();
     header.extend(65535_u32.to_be_bytes());
     header.extend(65535_u32.to_be_bytes());
     header.extend([16, 6, 0, 0, 0]);
-    // A stream of zlib that holds one stored byte.
+    // A stream of zlib with one stored byte.
     let stream = [0x78, 1, 1, 1, 0, 0xfe, 0xff, 0, 0, 1, 0, 1];
     for (kind, content) in [(b"IHDR", &header[..]), (b"IDAT", &stream), (b"IEND", &[])] {
         bytes.extend((content.len() as u32).to_be_bytes());
@@ -105,7 +105,7 @@ pub(crate) fn png() -> Vec<u8> {
     bytes
 }
 
-/// The checksum of PNG (ISO 3309).
+/// Returns the checksum of PNG (ISO 3309).
 fn crc32(bytes: &[u8]) -> u32 {
     let step = |sum: u32, byte: &u8| {
         (0..8).fold(sum ^ u32::from(*byte), |s, _| if s & 1 == 1 { (s >> 1) ^ 0xedb8_8320 } else { s >> 1 })
@@ -113,14 +113,14 @@ fn crc32(bytes: &[u8]) -> u32 {
     !bytes.iter().fold(!0, step)
 }
 
-/// A TIFF with these sides, without any pixel; `next` is the declared offset of the next directory.
+/// Returns a TIFF file with these sides and without pixels. `next` is the declared offset of the next directory.
 pub(crate) fn tiff(width: u32, height: u32, next: u32) -> Vec<u8> {
     let mut bytes = b"II*\0\x08\0\0\0".to_vec();
     bytes.extend(directory(width, height, next));
     bytes
 }
 
-/// TIFF of so many directories, one after the other.
+/// Returns a TIFF file of `count` directories.
 pub(crate) fn many_directories(count: u32) -> Vec<u8> {
     let mut bytes = b"II*\0\x08\0\0\0".to_vec();
     for number in 1..=count {
@@ -132,7 +132,7 @@ pub(crate) fn many_directories(count: u32) -> Vec<u8> {
 
 const DIRECTORY_BYTES: u32 = 2 + 10 * 12 + 4;
 
-/// One directory: RGB, 8 bits, one strip, which lies in the header of the file.
+/// Returns a directory for RGB, 8 bits and one strip, which lies in the header of the file.
 fn directory(width: u32, height: u32, next: u32) -> Vec<u8> {
     let count_of_strip = width.saturating_mul(height).saturating_mul(3).min(3);
     let entries: [(u16, u16, u32); 10] = [
@@ -158,7 +158,7 @@ fn directory(width: u32, height: u32, next: u32) -> Vec<u8> {
     bytes
 }
 
-/// OpenEXR of 4 x 4 pixels, all there, in a display window of this size.
+/// Returns an OpenEXR file of 4 x 4 pixels, which are complete, in a display window of this size.
 pub(crate) fn exr(width: i32, height: i32) -> Vec<u8> {
     let mut bytes = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
     let mut attribute = |name: &str, kind: &str, value: &[u8]| {
@@ -187,13 +187,13 @@ pub(crate) fn exr(width: i32, height: i32) -> Vec<u8> {
     for row in 0..4_i32 {
         bytes.extend(row.to_le_bytes());
         bytes.extend(24_u32.to_le_bytes());
-        // Halves of 1.
+        // Each value is the half 1.
         bytes.extend([0, 0x3c].repeat(12));
     }
     bytes
 }
 
-/// A PPM of `side` x `side` pixels that differ.
+/// Returns a PPM file of `side` x `side` different pixels.
 pub(crate) fn large_ppm(side: u32) -> Vec<u8> {
     let mut bytes = format!("P6\n{side} {side}\n255\n").into_bytes();
     let rows =

@@ -1,4 +1,4 @@
-//! One run of a tool within bounds of time, memory and open files, and what is wrong with how it ended.
+//! Runs a tool within limits of time, memory and open files, and reports how it ended.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -10,59 +10,59 @@ use std::time::{Duration, Instant};
 /// The limits of a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Seconds of processor time, on each of [`THREADS`] threads; by the clock a run may take [`WAITING`] times as
+    /// The seconds of processor time on each of [`THREADS`] threads. By the clock a run may take [`WAITING`] times as
     /// long.
     pub(crate) seconds: f64,
-    /// Address space, in KiB.
+    /// The address space, in KiB.
     pub(crate) memory_kib: u64,
-    /// Open files; `None` leaves the system's limit.
+    /// The number of open files; `None` leaves the system's limit.
     pub(crate) files: Option<u32>,
 }
 
-/// 4 GB of address space.
+/// The address space of most runs, in KiB (4 GB).
 pub(crate) const MEMORY_KIB: u64 = 4_000_000;
 
-/// The number of threads for the tools.
+/// The number of threads of the tools.
 const THREADS: f64 = 2.0;
 
-/// The factor from processor time to clock time. Endless waits are found by the clock, and other work on the machine
-/// causes no failure.
+/// The factor from processor time to clock time. The clock detects endless waits. The factor prevents failures that
+/// other work on the machine would cause.
 pub(crate) const WAITING: f64 = 4.0;
 
-/// The signal of a process that has used up its processor time.
+/// The signal that ends a process after its processor time.
 const SIGXCPU: i32 = 24;
 
-/// The largest number of bytes of messages that is not a flood.
+/// The largest allowed size of all messages of a run, in bytes.
 const FLOOD_BYTES: u64 = 4 << 20;
 
-/// The end of a run.
+/// The way in which a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// By itself, with this status.
+    /// The process ended by itself, with this status.
     Code(i32),
-    /// By this signal.
+    /// The process was ended by this signal.
     Signal(i32),
-    /// It was killed when it had run for longer than it may by the clock.
+    /// The process was killed after its limit of clock time.
     TimeOut,
-    /// The system ended it when its processor time was over.
+    /// The system ended the process after its limit of processor time.
     Busy,
 }
 
-/// The processes and files that a run left behind.
+/// The result of a run.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     pub(crate) ending: Ending,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
-    /// Bytes of standard error, of which `stderr` may be the beginning.
+    /// The number of bytes of standard error. `stderr` may hold only the beginning.
     pub(crate) stderr_bytes: u64,
-    /// The greatest resident memory that was seen, in KiB; without its children.
+    /// The largest resident memory that was seen, in KiB, without child processes.
     pub(crate) peak_kib: u64,
     pub(crate) wall: Duration,
 }
 
 impl Outcome {
-    /// The errors that do not depend on the command.
+    /// Returns the error when it does not depend on the command.
     pub(crate) fn fault(&self) -> Option<String> {
         let first = |mark: &str| {
             let line = self.stderr.lines().find(|line| line.contains(mark))?;
@@ -83,7 +83,7 @@ impl Outcome {
         }
     }
 
-    /// The exit status, where there is one.
+    /// Returns the exit status, if there is one.
     pub(crate) fn code(&self) -> Option<i32> {
         match self.ending {
             Ending::Code(code) => Some(code),
@@ -92,21 +92,21 @@ impl Outcome {
     }
 }
 
-/// A folder for runs: `work` is their current folder, `tmp` their folder for temporary files.
+/// A folder for runs. `work` is their current folder, and `tmp` their folder for temporary files.
 #[derive(Debug)]
 pub(crate) struct Place {
     root: PathBuf,
 }
 
 impl Place {
-    /// An empty one.
+    /// Returns an empty folder.
     pub(crate) fn new(root: PathBuf) -> io::Result<Self> {
         let place = Self { root };
         place.clear()?;
         Ok(place)
     }
 
-    /// Removes everything.
+    /// Removes all files.
     pub(crate) fn clear(&self) -> io::Result<()> {
         if self.root.exists() {
             fs::remove_dir_all(&self.root)?;
@@ -114,13 +114,13 @@ impl Place {
         ["work", "tmp", "home"].iter().try_for_each(|name| fs::create_dir_all(self.root.join(name)))
     }
 
-    /// The current folder of runs.
+    /// Returns the current folder of runs.
     pub(crate) fn work(&self) -> PathBuf {
         self.root.join("work")
     }
 
-    /// Names of temporary files that were left: hidden ones and unfinished ones in the current folder, and everything
-    /// in the folder for temporary files.
+    /// Returns the names of temporary files that were left: hidden ones and unfinished ones in the current folder, and
+    /// all files in the folder for temporary files.
     pub(crate) fn leftovers(&self) -> Vec<String> {
         let names = |folder: &str| {
             let entries = fs::read_dir(self.root.join(folder)).into_iter().flatten().flatten();
@@ -133,7 +133,7 @@ impl Place {
         left
     }
 
-    /// Starts a program here; `input` is its standard input, `marker` finds its processes in the system.
+    /// Starts a program here. `input` is its standard input, and `marker` identifies its processes in the system.
     pub(crate) fn start(
         &self,
         program: &Path,
@@ -142,10 +142,10 @@ impl Place {
         input: Stdio,
         marker: Option<&str>,
     ) -> io::Result<Started> {
-        // The limits hold for the program and all that it starts; `exec` keeps its process number.
+        // The limits hold for the program and its child processes. `exec` keeps the process number.
         let files = bounds.files.map_or(String::new(), |n| format!("ulimit -n {n}; "));
         let (memory, seconds) = (bounds.memory_kib, (bounds.seconds * THREADS).ceil());
-        // Only the soft limit, so that the signal gives the reason.
+        // Only the soft limit is set, so that the signal gives the reason.
         let script = format!("ulimit -c 0; ulimit -v {memory}; ulimit -S -t {seconds}; {files}exec \"$@\"");
         let (out, err) = (self.root.join("out"), self.root.join("err"));
         let mut command = Command::new("sh");
@@ -169,7 +169,7 @@ impl Place {
         Ok(Started { child: command.spawn()?, begin, out, err, peak_kib: 0 })
     }
 
-    /// Starts a program, waits for its end and ends it when its time is over. `input` is its standard input.
+    /// Starts a program, waits for its end, and kills it after its time. `input` is the file of its standard input.
     pub(crate) fn run(
         &self,
         program: &Path,
@@ -189,7 +189,7 @@ impl Place {
 /// The environment variable that marks the processes of a run.
 pub(crate) const MARKER: &str = "GRANITA_ATTACK";
 
-/// A program that runs, in a process group of its own.
+/// A running program in its own process group.
 pub(crate) struct Started {
     pub(crate) child: Child,
     begin: Instant,
@@ -199,22 +199,22 @@ pub(crate) struct Started {
 }
 
 impl Started {
-    /// Sends a signal to the process alone: "TERM", "INT" ...
+    /// Sends a signal ("TERM", "INT", ...) to the process alone.
     pub(crate) fn signal(&self, name: &str) {
         kill(name, &self.child.id().to_string());
     }
 
-    /// True when it has ended.
+    /// True when the process has ended.
     pub(crate) fn is_over(&mut self) -> bool {
         !matches!(self.child.try_wait(), Ok(None))
     }
 
-    /// Its output on standard output so far.
+    /// Returns the standard output so far.
     pub(crate) fn printed(&self) -> String {
         beginning(&self.out)
     }
 
-    /// Waits for its end; after `longest` its group is killed.
+    /// Waits for the end. After `longest` the process group is killed.
     pub(crate) fn wait(mut self, longest: Duration) -> io::Result<Outcome> {
         let mut pause = Duration::from_micros(500);
         let ending = loop {
@@ -245,28 +245,28 @@ impl Started {
     }
 }
 
-/// Sends a signal to a process, or with a minus sign to its group.
+/// Sends a signal to a process, or to its group when `whom` begins with a minus sign.
 fn kill(signal: &str, whom: &str) {
-    // It may be gone already.
+    // The process may have ended.
     let _ = Command::new("kill").args([&format!("-{signal}"), "--", whom]).stderr(Stdio::null()).status();
 }
 
-/// The first quarter MiB of a file.
+/// Returns the first quarter MiB of a file.
 fn beginning(path: &Path) -> String {
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(1 << 18).read_to_end(&mut bytes));
     if read.is_ok() { String::from_utf8_lossy(&bytes).into_owned() } else { String::new() }
 }
 
-/// The greatest resident memory of a process so far; 0 when it has ended.
+/// Returns the largest resident memory of a process so far, in KiB; 0 when it has ended.
 fn peak_kib(process: u32) -> u64 {
     let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok()).unwrap_or(0)
 }
 
-/// Processes that carry this marker and still run, with their names; not those that have ended and wait for their
-/// parent.
+/// Returns the running processes with this marker, and their names. Processes that have ended but were not waited for
+/// are left out.
 pub(crate) fn marked(marker: &str) -> Vec<(u32, String)> {
     let wanted = format!("{MARKER}={marker}");
     let mut found = Vec::new();

@@ -1,6 +1,6 @@
 //! Scenes and shaders at the ends of all ranges, as text.
 
-/// A frame of `calls` in the world, with `settings` before it, to `out.exr`.
+/// Returns a frame of `calls` in the world, with `settings` before it. It renders `out.exr`.
 pub(crate) fn frame(settings: &str, calls: &str) -> String {
     format!(
         "Attribute (\"int[2] resolution\", (64, 48))\n{settings}Output (\"out.exr\", \"exr\", \"rgba\", \"camera\")\n\
@@ -8,7 +8,7 @@ pub(crate) fn frame(settings: &str, calls: &str) -> String {
     )
 }
 
-/// The ground, one below a camera that looks along it: it is half of the image.
+/// Returns a scene of the ground, one unit below a horizontal camera. The ground covers half of the image.
 pub(crate) fn ground(primitive: &str) -> String {
     frame(
         "Attribute (\"float fov\", 60)\nRotate (90, 1, 0, 0)\n",
@@ -16,29 +16,29 @@ pub(crate) fn ground(primitive: &str) -> String {
     )
 }
 
-/// A square of this half size.
+/// Returns a square patch of this half side.
 pub(crate) fn patch(half: &str) -> String {
     format!(
         "Patch (\"linear\", 2, 2, \"vertex point P\", (-{half}, -{half}, 0, {half}, -{half}, 0, -{half}, {half}, 0, {half}, {half}, 0))\n"
     )
 }
 
-/// The same as a mesh.
+/// Returns the same square as a mesh.
 pub(crate) fn mesh(half: &str) -> String {
     format!(
         "Mesh (\"linear\", (4,), (0, 1, 2, 3), \"vertex point P\", (-{half}, -{half}, 0, {half}, -{half}, 0, {half}, {half}, 0, -{half}, {half}, 0))\n"
     )
 }
 
-/// A sphere whose top is the ground.
+/// Returns a sphere whose top is the ground.
 pub(crate) fn globe(radius: &str) -> String {
     format!("Translate (0, 0, -{radius})\nSphere ({radius}, -{radius}, {radius}, 360)\n")
 }
 
-/// A ball before the camera.
+/// A ball in front of the camera.
 pub(crate) const BALL: &str = "Translate (0, 0, 4)\nSphere (1, -1, 1, 360)\n";
 
-/// A visible square whose last vertex lies at this position.
+/// Returns a visible square whose last vertex lies at this position.
 pub(crate) fn vertex(kind: &str, place: &str) -> String {
     let shape = match kind {
         "mesh" => format!(
@@ -59,7 +59,7 @@ pub(crate) fn vertex(kind: &str, place: &str) -> String {
     frame("", &shape)
 }
 
-/// Two mirrors that face each other, or balls of glass between them.
+/// Returns two mirrors that face each other, with a glass ball between them when `glass` is true.
 pub(crate) fn mirrors(depth: u32, glass: bool) -> String {
     let between = if glass {
         "Shader (\"surface\", \"glass\", \"string envname\", \"all\")\nTranslate (0, 0, 2)\nSphere (0.5, -0.5, 0.5, 360)\n"
@@ -76,7 +76,7 @@ pub(crate) fn mirrors(depth: u32, glass: bool) -> String {
     )
 }
 
-/// A star with so many corners, as one face of an OBJ.
+/// Returns a star with this number of corners, as one face of an OBJ file.
 pub(crate) fn star(corners: u32) -> String {
     let mut text = String::new();
     for k in 0..corners {
@@ -89,7 +89,8 @@ pub(crate) fn star(corners: u32) -> String {
     text + "\n"
 }
 
-/// So many attributes of different names, and after each a small ball that has all of them.
+/// Returns a scene with this number of attributes of different names. After each of them there is a small ball, which
+/// has all attributes so far.
 pub(crate) fn user_attributes(count: u32) -> String {
     let mut calls = String::new();
     for k in 0..count {
@@ -99,13 +100,13 @@ pub(crate) fn user_attributes(count: u32) -> String {
     frame("", &calls)
 }
 
-/// A surface that adds so many terms.
+/// Returns a surface shader that adds this number of terms.
 pub(crate) fn sum(terms: u32) -> String {
     let terms: Vec<String> = (0..terms).map(|k| format!("u * {k}.5")).collect();
     format!("surface x ()\n{{\n    float sum = {};\n    C = color (sum);\n}}\n", terms.join(" + "))
 }
 
-/// A surface that doubles a text so often.
+/// Returns a surface shader that doubles a text this many times.
 pub(crate) fn doubled(times: u32) -> String {
     let step = "    s = concat (s, s);\n".repeat(times as usize);
     format!(
@@ -113,16 +114,16 @@ pub(crate) fn doubled(times: u32) -> String {
     )
 }
 
-/// A surface whose loop never ends.
+/// A surface shader whose loop never ends.
 pub(crate) const ENDLESS: &str =
     "surface x ()\n{\n    float k = 0;\n    while (k < 1)\n        k = k * 0.5;\n    C = color (k);\n}\n";
 
-/// A ball with the surface "x".
+/// Returns a ball with the surface shader "x".
 pub(crate) fn shaded() -> String {
     frame("", &format!("Shader (\"surface\", \"x\")\n{BALL}"))
 }
 
-/// So many squares with a texture of its own each; the textures are called `N.tx`.
+/// Returns squares with one texture each. The textures are called `N.tx`.
 pub(crate) fn textures(count: u32) -> String {
     let mut calls = "Light (\"fill\", \"ambientlight\")\nTranslate (-7.5, -5, 12)\n".to_owned();
     for k in 0..count {
@@ -139,7 +140,7 @@ pub(crate) fn textures(count: u32) -> String {
     frame("", &calls)
 }
 
-/// A chain of nodes of a glTF file, each the child of the one before.
+/// Returns a chain of nodes of a glTF file, each of which is the child of the one before.
 pub(crate) fn nested_nodes(count: u32) -> String {
     let nodes: Vec<String> = (0..count)
         .map(|k| if k + 1 < count { format!("{{\"children\":[{}]}}", k + 1) } else { "{}".to_owned() })

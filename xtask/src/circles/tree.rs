@@ -1,4 +1,5 @@
-//! The modules of one crate: which names each of them has, where these are defined, and which names its code mentions.
+//! Reads the modules of one crate: the names of each module, where these are defined, and the names that its code
+//! mentions.
 
 use proc_macro2::{TokenStream, TokenTree};
 use std::collections::BTreeMap;
@@ -9,57 +10,57 @@ use syn::visit::Visit;
 /// The index of a module in [`Tree::modules`].
 pub(super) type ModuleId = usize;
 
-/// How many imports of imports are followed: more of them are a loop.
+/// The largest number of imports of imports that are followed. More of them are a loop.
 const MAX_IMPORTS: usize = 32;
 
-/// The text of a file, by its path.
+/// A function that returns the text of a file.
 pub(super) type Reader<'a> = &'a dyn Fn(&Path) -> Option<String>;
 
-/// One module, in a file of its own or within that of its parent.
+/// A module, in its own file or in that of its parent.
 pub(super) struct Module {
-    /// The file that its code is in.
+    /// The file that contains its code.
     pub(super) file: PathBuf,
-    /// `None` for the root of the crate.
+    /// The parent; `None` for the root of the crate.
     pub(super) parent: Option<ModuleId>,
-    /// Every name of its scope; one name can be a module, a type and a function.
+    /// All names of its scope. One name can be a module, a type and a function.
     names: BTreeMap<String, Vec<Name>>,
     /// The paths of `use path::*`.
     globs: Vec<Vec<String>>,
-    /// Whether macros may define more.
+    /// True when macros may define more names.
     is_open: bool,
-    /// Every path of its code outside of tests.
+    /// All paths of its code outside of tests.
     pub(super) mentions: Vec<Mention>,
 }
 
-/// What a name of a module is.
+/// The meaning of a name of a module.
 enum Name {
-    /// A child.
+    /// A child module.
     Module(ModuleId),
-    /// Something that the module defines.
+    /// An item that the module defines.
     Item,
-    /// Something that `use` brings from this path.
+    /// An item or module that `use` imports from this path.
     Import(Vec<String>),
 }
 
 /// A path in the code.
 #[derive(PartialEq, Eq)]
 pub(super) struct Mention {
-    /// `["crate", "dice", "Dice"]`.
+    /// The segments, such as `["crate", "dice", "Dice"]`.
     pub(super) path: Vec<String>,
-    /// Counted from 1.
+    /// The line, counted from 1.
     pub(super) line: usize,
 }
 
-/// What a path leads to.
+/// The result of following a path.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(super) enum Target {
-    /// A module as such.
+    /// This module itself.
     Module(ModuleId),
-    /// Something that this module defines.
+    /// An item that this module defines.
     Item(ModuleId),
 }
 
-/// All modules of a crate; the first is its root.
+/// All modules of a crate. The first one is its root.
 pub(super) struct Tree {
     pub(super) modules: Vec<Module>,
 }
@@ -68,7 +69,7 @@ impl Tree {
     /// Reads the crate with this root file.
     ///
     /// # Errors
-    /// The path of a file that is missing or is not Rust, with the reason.
+    /// Returns the path of a file that is missing or is not Rust, with the reason.
     pub(super) fn read(root: &Path, reader: Reader) -> Result<Self, String> {
         let mut tree = Self { modules: Vec::new() };
         let folder = root.parent().unwrap_or(Path::new("")).to_owned();
@@ -76,12 +77,12 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Whether one module is the other or contains it.
+    /// True when `outer` is `inner` or contains it.
     pub(super) fn contains(&self, outer: ModuleId, inner: ModuleId) -> bool {
         std::iter::successors(Some(inner), |m| self.modules[*m].parent).any(|m| m == outer)
     }
 
-    /// The outermost module of the file that this module is in.
+    /// Returns the outermost module of the file that contains this module.
     pub(super) fn file_module(&self, module: ModuleId) -> ModuleId {
         let file = &self.modules[module].file;
         std::iter::successors(Some(module), |m| self.modules[*m].parent)
@@ -90,12 +91,12 @@ impl Tree {
             .unwrap_or(module)
     }
 
-    /// What a path of this module leads to; `None` for what is not of this crate.
+    /// Returns the target of a path of this module; `None` outside of this crate.
     pub(super) fn resolve(&self, path: &[String], module: ModuleId) -> Option<Target> {
         self.follow(path, module, 0)
     }
 
-    /// Whether a path starts with an item that a `use` line of the module has mentioned already.
+    /// True when a path starts with an item that a `use` line of the module has already mentioned.
     pub(super) fn is_imported(&self, mention: &Mention, module: ModuleId) -> bool {
         let names = mention.path.first().and_then(|name| self.modules[module].names.get(name));
         names.into_iter().flatten().any(|name| match name {
@@ -124,7 +125,8 @@ impl Tree {
         Some(at)
     }
 
-    /// What a name means in a module. The last name of a path is an item rather than a module, the others are modules.
+    /// Returns the meaning of a name in a module. An item is preferred for the last name of a path, and a module for
+    /// all others.
     fn look_up(&self, name: &str, last: bool, module: ModuleId, depth: usize) -> Option<Target> {
         if depth > MAX_IMPORTS {
             return None;
@@ -222,15 +224,15 @@ impl Tree {
     }
 }
 
-/// Where a module lies.
+/// The location of a module.
 struct Place<'a> {
     file: &'a Path,
-    /// The folder of its children.
+    /// The folder of its child modules.
     folder: &'a Path,
     parent: Option<ModuleId>,
 }
 
-/// Walks over the code of one module, tests and inner modules left out.
+/// Visits the code of one module without tests and inner modules.
 #[derive(Default)]
 struct Collector {
     mentions: Vec<Mention>,
@@ -273,7 +275,8 @@ impl Collector {
         self.mention(path, line);
     }
 
-    /// Macros are not expanded: what looks like a path in their text is taken as one.
+    /// Collects paths in the tokens of macros, which are not expanded. Any sequence of tokens that looks like a path
+    /// counts.
     fn tokens(&mut self, tokens: TokenStream) {
         let mut path: Vec<String> = Vec::new();
         let mut line = 0;
@@ -340,7 +343,7 @@ impl<'ast> Visit<'ast> for Collector {
         self.tokens(invocation.tokens.clone());
     }
 
-    // `pub(in crate::a)` names no item.
+    // The path in `pub(in crate::a)` does not name an item.
     fn visit_visibility(&mut self, _: &'ast syn::Visibility) {}
 
     fn visit_attribute(&mut self, _: &'ast syn::Attribute) {}
@@ -380,7 +383,7 @@ fn attributes(item: &syn::Item) -> &[syn::Attribute] {
     }
 }
 
-/// Whether something is there in tests only: `#[test]`, `#[cfg(test)]`, `#[cfg(all(test, ...))]`.
+/// True when code exists in tests only: `#[test]`, `#[cfg(test)]`, `#[cfg(all(test, ...))]`.
 fn for_tests(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         syn::Meta::Path(path) => path.is_ident("test"),
@@ -392,7 +395,7 @@ fn for_tests(attributes: &[syn::Attribute]) -> bool {
     })
 }
 
-/// The file of `#[path = "..."]`.
+/// Returns the file of `#[path = "..."]`.
 fn path_attribute(attributes: &[syn::Attribute]) -> Option<String> {
     attributes.iter().find_map(|attribute| match &attribute.meta {
         syn::Meta::NameValue(pair) if pair.path.is_ident("path") => match &pair.value {
@@ -403,7 +406,7 @@ fn path_attribute(attributes: &[syn::Attribute]) -> Option<String> {
     })
 }
 
-/// The path without `..`.
+/// Returns the path without `..`.
 fn normal(path: &Path) -> PathBuf {
     let mut result = PathBuf::new();
     for part in path.components() {

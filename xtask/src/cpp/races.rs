@@ -1,13 +1,16 @@
-//! `races`: renderers, handlers and images of a program in several threads, watched by ThreadSanitizer.
+//! Runs `races`: renderers, handlers and images of a program in several threads, under ThreadSanitizer.
 
 use super::{made, repository, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// What the program's status is after a report.
+/// The status of the program after a report of the sanitizer.
 const REPORTED: i32 = 66;
 
-/// The sanitizer's library, which comes with the compiler; or what is missing for this check.
+/// Returns the library of the sanitizer, which comes with the compiler.
+///
+/// # Errors
+/// Returns the part that is missing for this check.
 fn runtime(sysroot: &Path, host: &str) -> Result<PathBuf, String> {
     if !sysroot.join("lib/rustlib/src/rust/library/std").is_dir() {
         return Err("the sources of Rust's standard library (rustup component add rust-src)".to_owned());
@@ -19,14 +22,15 @@ fn runtime(sysroot: &Path, host: &str) -> Result<PathBuf, String> {
     found.ok_or_else(|| format!("ThreadSanitizer for {host}"))
 }
 
-/// What a program answers.
+/// Returns the output of a program.
 fn answer(program: &str, words: &[&str]) -> Result<String, String> {
     let output = Command::new(program).current_dir(repository()).args(words).output();
     let output = output.map_err(|e| format!("{program}: {e}"))?;
     Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Compiles C++ for the sanitizer; its library is linked by the program only, so linking is a step of its own.
+/// Compiles C++ for the sanitizer. Linking is a separate step, because only the program links the library of the
+/// sanitizer.
 struct Compiler {
     name: String,
     headers: PathBuf,
@@ -44,19 +48,19 @@ impl Compiler {
         run(Command::new(&self.name).current_dir(&self.out).args(arguments))
     }
 
-    /// The shadeop that counts; with `lies` it says that it may run in several threads.
+    /// Compiles a shadeop that counts. With `lies` it declares that it may run in several threads, although it may not.
     fn shadeop(&self, lies: bool) -> Result<(), String> {
         let words: &[&str] = if lies { &["-DLIES"] } else { &[] };
         self.object(&repository().join("tests/cpp/count.cpp"), words)?;
         self.link(&["-shared", "-o", "count.so", "count.o"].map(str::to_owned))
     }
 
-    /// The program's status, and whether it says what it did.
+    /// Runs the program and returns its status. With `aloud` its output is printed.
     fn run_program(&self, aloud: bool) -> Result<Option<i32>, String> {
         let mut command = Command::new(self.out.join("threads"));
         command.current_dir(&self.out).env("GELATOHOME", &self.out);
         command.env("TSAN_OPTIONS", format!("exitcode={REPORTED}"));
-        // Cargo names folders there that may hold a library without the sanitizer.
+        // The variable may name folders of Cargo with a library without the sanitizer.
         command.env_remove("LD_LIBRARY_PATH");
         let output = command.output().map_err(|e| e.to_string())?;
         if aloud {
@@ -88,7 +92,7 @@ pub(crate) fn races() -> Result<(), String> {
     let mut build = Command::new(variable("CARGO", "cargo"));
     build.current_dir(&root).args(["build", "--package", "libgelato", "-Zbuild-std", "--target", &host]);
     build.arg("--target-dir").arg(&target);
-    // The sanitizer comes with the stable compiler, and is no part of its promises.
+    // The sanitizer comes with the stable compiler but is not part of its stable options.
     build.env("RUSTC_BOOTSTRAP", "1").env("RUSTFLAGS", "-Zsanitizer=thread");
     build.env(flags("CXXFLAGS"), "-fsanitize=thread").env(flags("CFLAGS"), "-fsanitize=thread");
     run(&mut build)?;
@@ -109,7 +113,8 @@ pub(crate) fn races() -> Result<(), String> {
         .extend(["-Wl,--no-whole-archive", "-ldl", "-lrt", "-lm", "-lresolv", "-lgelato"].map(str::to_owned));
     words.extend([format!("-L{}", library.display()), format!("-Wl,-rpath,{}", library.display())]);
     compiler.link(&words)?;
-    // A watchman that sees nothing is of no use: a plugin that lies about itself has to be reported.
+    // This checks the sanitizer itself. It must report a plugin that wrongly declares that it may run in several
+    // threads.
     compiler.shadeop(true)?;
     if compiler.run_program(false)? != Some(REPORTED) {
         return Err("races: a race that was made on purpose is not reported".to_owned());

@@ -1,22 +1,23 @@
-//! The crates on their floors, as a picture for the page.
+//! Draws the crates on their floors, for the architecture page.
 
 use crate::laws;
 use crate::workspace::{Crate, Purpose, Workspace};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-/// Width of the picture.
+/// The width of the drawing, in pixels.
 const WIDTH: usize = 1200;
-/// Height of a floor.
+/// The height of a floor, in pixels.
 const FLOOR: usize = 96;
-/// Height of a crate.
+/// The height of a crate, in pixels.
 const BOX: usize = 30;
-/// Room on the left for the numbers of floors.
+/// The space on the left for the numbers of floors, in pixels.
 const LEFT: usize = 76;
 
-/// The picture. The same crates and dependencies make the same bytes.
+/// Returns the drawing. The same crates and dependencies give the same bytes.
 ///
-/// Lines lead from a crate to those below that it imports, without those that one of these imports as well.
+/// Lines lead from a crate to the crates that it imports. An import that another import of the crate implies has no
+/// line.
 pub(super) fn draw(workspace: &Workspace) -> String {
     let mut floors: BTreeMap<u8, Vec<&Crate>> = BTreeMap::new();
     for member in &workspace.crates {
@@ -45,7 +46,7 @@ pub(super) fn draw(workspace: &Workspace) -> String {
     }
     for (from, to) in edges(workspace) {
         if let (Some(&(x0, y0, w0)), Some(&(x1, y1, w1))) = (boxes.get(from), boxes.get(to)) {
-            // Within a floor, from side to side; else from the lower edge to the upper one.
+            // A line within a floor joins the lower edges. Any other line leads from the lower edge to the upper one.
             let (y0, y1) = if y0 == y1 { (y0 + BOX, y1 + BOX) } else { (y0 + BOX, y1) };
             let (x0, x1) = (x0 + w0 / 2, x1 + w1 / 2);
             let bend = if y0 == y1 { y0 + 24 } else { usize::midpoint(y0, y1) };
@@ -69,7 +70,7 @@ pub(super) fn draw(workspace: &Workspace) -> String {
     text
 }
 
-/// Imports that no other import of the crate brings already, in order.
+/// Returns the imports that no other import of the crate implies, in order.
 fn edges(workspace: &Workspace) -> BTreeSet<(&str, &str)> {
     let imports: BTreeMap<&str, BTreeSet<&str>> = workspace
         .crates

@@ -1,12 +1,14 @@
-//! Filtered texture lookups beside those of OpenImageIO's `TextureSystem`: one file, one list of places and
-//! derivatives, lookups a second of one thread and of two, and how far each is from brute force.
+//! Compares filtered texture lookups with those of OpenImageIO's `TextureSystem`. Both use one file and one list of
+//! positions and derivatives. The results are lookups per second with one thread and with two, and the error against
+//! brute force.
 //!
-//! Rates are by processor time, of two threads by that of the one that took more: other work on the machine counts
-//! less. How much quicker two threads are is printed by the clock as well, which says something on a quiet machine
-//! only.
+//! Rates are computed from processor time, with two threads from that of the slower one, so that other work on the
+//! machine matters less. The speedup with two threads is also printed by the wall clock. That value is meaningful only
+//! on a quiet machine.
 //!
-//! Theirs is a C++ program (`benches/peers/oiio_texture.cpp`) that is compiled when the bench runs, with the words of
-//! the variable `OIIO_BUILD`, by default those of a system's package; where that fails, ours stand alone.
+//! The other side is a C++ program (`benches/peers/oiio_texture.cpp`). It is compiled when the bench runs, with the
+//! compiler arguments in the variable `OIIO_BUILD`, or else with those of a system package. Where that fails, only our
+//! lookups are measured.
 
 #[path = "../../../../libs/texture/tests/brute/mod.rs"]
 mod brute;
@@ -22,13 +24,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-/// Words for the C++ compiler where `OIIO_BUILD` is not set.
+/// The arguments of the C++ compiler when `OIIO_BUILD` is not set.
 const BUILD: &str = "-I/usr/include/Imath -lOpenImageIO -lOpenImageIO_Util -lpthread";
 
-/// Runs of which the quickest counts, as the other program takes.
+/// The number of runs, of which the fastest counts. The other program uses the same number.
 const RUNS: usize = 10;
 
-/// Prints the tables of these pictures, by default the photograph of the first example.
+/// Prints the tables of these images, by default of the photograph of the first example.
 pub(crate) fn run(formats: &FormatRegistry, pictures: &[PathBuf], place: &Path) -> Result<(), String> {
     let program = place.join("oiio_texture");
     let words = std::env::var("OIIO_BUILD").unwrap_or_else(|_| BUILD.to_owned());
@@ -50,7 +52,7 @@ pub(crate) fn run(formats: &FormatRegistry, pictures: &[PathBuf], place: &Path) 
     Ok(())
 }
 
-/// The tables of one picture.
+/// Prints the tables of one image.
 fn one(
     formats: &FormatRegistry,
     picture: &Path,
@@ -80,8 +82,8 @@ fn one(
     Ok(())
 }
 
-/// Grids of 16 x 16 neighbouring points all over the picture, each turned its own way; a point is `width` texels across
-/// in one direction and `ratio` times that in the other.
+/// Returns grids of 16 x 16 neighbouring points all over the image, each with its own rotation. The footprint of a
+/// point is `width` texels wide in one direction and `ratio` times that in the other.
 fn grids((w, h): (u32, u32), width: f32, ratio: f32) -> Vec<Lookup> {
     (0..64 * 256_u32)
         .map(|i| {
@@ -104,11 +106,12 @@ fn grids((w, h): (u32, u32), width: f32, ratio: f32) -> Vec<Lookup> {
         .collect()
 }
 
-/// A way of filtering: its name, millions of lookups a second of one thread and of two, and its error.
+/// The result of one way of filtering: its name, millions of lookups per second with one thread and with two, and its
+/// error.
 struct Row {
     name: String,
     rates: [f64; 2],
-    /// The same by the clock.
+    /// The rates by the wall clock.
     clock: [f64; 2],
     rms: f64,
 }
@@ -129,7 +132,7 @@ fn table(
         let sum: f64 = squares.map(|(i, c)| f64::from(value(i, c) - reference[i][c]).powi(2)).sum();
         255.0 * (sum / (lookups.len() * channels) as f64).sqrt()
     };
-    // Before and after the others, so that what else the machine does falls on both.
+    // Our lookups are measured before and after the others, so that other work on the machine affects both.
     let mut own = ours(cache, lookups, channels, &mut values);
     let mut rows = match program {
         Some(program) => theirs(program, lookups, channels, place, &error)?,
@@ -160,7 +163,7 @@ fn table(
     Ok(())
 }
 
-/// Our lookups, the best of some runs.
+/// Measures our lookups. Returns the best of several runs.
 fn ours(
     (cache, id): (&TextureCache, TextureId),
     lookups: &[Lookup],
@@ -198,10 +201,10 @@ fn ours(
     row
 }
 
-/// The error of values that are told by lookup and channel.
+/// Returns the error of values, which are read by lookup and channel.
 type Error<'a> = &'a dyn Fn(&dyn Fn(usize, usize) -> f32) -> f64;
 
-/// The ways of the other program.
+/// Measures the other program's ways of filtering.
 fn theirs(
     program: &Path,
     lookups: &[Lookup],

@@ -1,12 +1,13 @@
-//! Our tools beside the public ones of the field, in one run, as ratios.
+//! Compares our tools with the public ones of the field in one run, as ratios.
 //!
 //! `cargo run --release -p granita-benches --bin peers [-- --maketx PROGRAM] [--large]`
+//!
 //! `cargo run --release -p granita-benches --bin peers -- --lookups [PICTURE ...]`
 //!
-//! `maketx` against OpenImageIO's, which is found by the variable `OIIO_MAKETX`, by the option, or on the search
-//! path: the same picture, tile size (64), compression (zip) and type of texels, with one thread and with two. The
-//! quickest of four runs counts, in turns. Pictures are made here of those in `examples/first`. `--large` adds a
-//! picture of 16384 x 16384 pixels, ours alone: its memory is what matters.
+//! `maketx` is compared with OpenImageIO's. That one is found by the variable `OIIO_MAKETX`, by the option, or on the
+//! search path. Both get the same image, tile size (64), compression (zip) and type of texels, with one thread and with
+//! two. The programs alternate, and the fastest of four runs counts. The images are enlarged from those in
+//! `examples/first`. `--large` adds an image of 16384 x 16384 pixels for our program only, to measure its memory.
 //!
 //! `--lookups` measures filtered lookups instead, see `lookups.rs`.
 
@@ -31,7 +32,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A comparison: what it is about, the input, further words for both programs.
+/// A comparison: its description, the input, and further arguments of both programs.
 struct Case {
     about: &'static str,
     input: PathBuf,
@@ -80,7 +81,7 @@ fn run() -> Result<(), String> {
         for threads in ["1", "2"] {
             let output = place.path().join("out.tx");
             let common = ["--threads", threads, "--compression", "zip"];
-            // In turns, so that what else the machine does falls on both.
+            // The programs alternate, so that other work on the machine affects both.
             let (mut mine, mut other) = (None, None);
             for _ in 0..RUNS {
                 quicker(&mut mine, texture(&ours, case, case.ours, &common, &output)?);
@@ -118,17 +119,17 @@ fn print_row(about: &str, threads: &str, mine: &Cost, other: Option<&Cost>) {
     );
 }
 
-/// How often each program makes each texture; the quickest run counts.
+/// The number of runs of each program for each texture. The fastest run counts.
 const RUNS: usize = 4;
 
-/// Keeps the quicker run.
+/// Keeps the faster run.
 fn quicker(best: &mut Option<Cost>, cost: Cost) {
     if best.is_none_or(|b| cost.wall < b.wall) {
         *best = Some(cost);
     }
 }
 
-/// One run.
+/// Makes one texture, and returns the cost.
 fn texture(
     program: &Path,
     case: &Case,
@@ -143,7 +144,7 @@ fn texture(
     })
 }
 
-/// A picture that larger ones are made of.
+/// An image that larger ones are made of.
 struct Tile {
     width: usize,
     height: usize,
@@ -152,7 +153,7 @@ struct Tile {
 }
 
 impl Tile {
-    /// One of the pictures of the first example, in three channels.
+    /// Reads one of the images of the first example, with three channels.
     fn read(formats: &FormatRegistry, name: &str, pixel_type: PixelType) -> Result<Self, String> {
         let path = repository().join("examples").join("first").join(name);
         let file = formats.open(&path).map_err(|e| e.to_string())?;
@@ -163,7 +164,8 @@ impl Tile {
         Ok(Self { width: spec.width as usize, height: spec.height as usize, values, pixel_type })
     }
 
-    /// Writes it larger: bilinear, with noise of about two levels of a byte, as sensors and film have it.
+    /// Writes an enlarged image. It is interpolated bilinearly, with noise of about two levels of a byte, like that of
+    /// sensors and film.
     fn enlarge(
         &self,
         formats: &FormatRegistry,

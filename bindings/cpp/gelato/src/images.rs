@@ -1,4 +1,4 @@
-//! `MakeImageOutput`, `MakeImageInput` and `ImageIOErrorMessage`.
+//! Implements `MakeImageOutput`, `MakeImageInput` and `ImageIOErrorMessage`.
 
 use crate::string;
 use granita_base::{Reporter, SearchPath};
@@ -8,11 +8,11 @@ use std::ffi::{CString, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 thread_local! {
-    /// Why the last of these calls in this thread failed.
+    /// The message of the last of these calls that failed in this thread.
     static ERROR: RefCell<CString> = RefCell::default();
 }
 
-/// The plugins along a path of the caller, who may name relative folders.
+/// Returns the plugins on a path of the caller, which may have relative folders.
 fn plugins(path: &str) -> Plugins {
     let environment = std::env::vars_os().collect();
     let own = SearchPath::parse(&path.replace(';', ":"), &SearchPath::default(), &environment);
@@ -34,38 +34,38 @@ fn made(f: impl FnOnce() -> Result<*mut c_void, String>) -> *mut c_void {
     std::ptr::null_mut()
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_make_image_output` of `gelato_c.h`.
 ///
 /// # Safety
-/// The arguments are NULL or strings.
+/// The arguments must be NULL or strings.
 #[unsafe(no_mangle)]
 pub(crate) unsafe extern "C" fn gelato_make_image_output(
     file: *const c_char,
     format: *const c_char,
     path: *const c_char,
 ) -> *mut c_void {
-    // SAFETY: strings or NULL, by the contract.
+    // SAFETY: the arguments are strings or NULL, by the contract.
     let (file, format, path) = unsafe { (string(file), string(format), string(path)) };
     made(|| plugins(&path).make_image_output(&file, Some(&format)))
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_make_image_input` of `gelato_c.h`.
 ///
 /// # Safety
-/// The arguments are NULL or strings.
+/// The arguments must be NULL or strings.
 #[unsafe(no_mangle)]
 pub(crate) unsafe extern "C" fn gelato_make_image_input(
     file: *const c_char,
     path: *const c_char,
 ) -> *mut c_void {
-    // SAFETY: strings or NULL, by the contract.
+    // SAFETY: the arguments are strings or NULL, by the contract.
     let (file, path) = unsafe { (string(file), string(path)) };
     made(|| plugins(&path).make_image_input(&file))
 }
 
-/// See `gelato_c.h`. Valid until the next of these calls in this thread.
+/// Implements `gelato_image_error` of `gelato_c.h`. The result is valid until the next of these calls in this thread.
 #[unsafe(no_mangle)]
 pub(crate) extern "C" fn gelato_image_error() -> *const c_char {
-    // The string lies on the heap, and stays until it is replaced.
+    // The string is on the heap, and stays there until it is replaced.
     ERROR.with_borrow(|text| text.as_ptr())
 }

@@ -1,7 +1,7 @@
-//! `libgelato.so`: the functions that the C++ headers of `bindings/cpp/include` need from a library.
+//! `libgelato.so` provides the functions that the C++ headers of `bindings/cpp/include` need from a library.
 //!
-//! The classes are thin and inline; what crosses is the C interface of `gelato_c.h`. Every renderer has its own
-//! [`granita_session::Session`]: two in one process share nothing but loaded plugins.
+//! The classes in the headers are thin and inline. All calls cross the C interface of `gelato_c.h`. Every renderer has
+//! its own [`granita_session::Session`]. Two renderers in one process share only loaded plugins.
 
 #![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
 
@@ -20,35 +20,35 @@ use std::io::{BufWriter, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// A string of the caller; empty for NULL.
+/// Returns a string of the caller; empty for NULL.
 ///
 /// # Safety
-/// `text` is NULL or ends with 0, and stays as it is while the result lives.
+/// `text` must be NULL or end with 0, and must not change while the result lives.
 unsafe fn string<'a>(text: *const c_char) -> Cow<'a, str> {
     if text.is_null() {
         return Cow::Borrowed("");
     }
-    // SAFETY: not NULL, and by the contract above it ends with 0.
+    // SAFETY: the pointer is not NULL, and the string ends with 0 by the contract above.
     unsafe { CStr::from_ptr(text) }.to_string_lossy()
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_create_errors` of `gelato_c.h`.
 #[unsafe(no_mangle)]
 pub extern "C" fn gelato_create_errors(handler: *mut c_void, verbosity: c_int) -> *mut Errors {
     let verbosity = u8::try_from(verbosity.clamp(0, 2)).unwrap_or(1);
-    // Its head is its first field; it is freed through its table.
+    // Its head is its first field. It is freed through its table.
     Box::into_raw(Box::new(ErrorManager::with_handler(handler, verbosity))).cast()
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_create_renderer` of `gelato_c.h`.
 ///
 /// # Safety
-/// `kind` is NULL or a string; `errors` is NULL or came from [`gelato_create_errors`].
+/// `kind` must be NULL or a string. `errors` must be NULL or come from [`gelato_create_errors`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gelato_create_renderer(kind: *const c_char, errors: *mut Errors) -> *mut c_void {
-    // SAFETY: a string or NULL, by the contract.
+    // SAFETY: `kind` is a string or NULL, by the contract.
     let kind = unsafe { string(kind) };
-    // SAFETY: a manager or NULL, by the contract. A program ends its renderers before their manager.
+    // SAFETY: `errors` is a manager or NULL, by the contract. A program ends its renderers before their manager.
     let reporter = unsafe { ErrorManager::from_errors(errors) }.map(|manager| manager.reporter().clone());
     let manager = match reporter {
         Some(reporter) => Messages::Program(errors, reporter),
@@ -65,7 +65,7 @@ pub unsafe extern "C" fn gelato_create_renderer(kind: *const c_char, errors: *mu
     }
 }
 
-/// A renderer of a kind (reference 2.3).
+/// Returns a renderer of a kind (reference 2.3).
 fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
     let kind = kind.trim();
     let reporter = manager.reporter();
@@ -98,7 +98,7 @@ fn renderer(kind: &str, manager: &Messages) -> Result<*mut c_void, String> {
     object.into_renderer().ok_or_else(|| "there is not enough memory".to_owned())
 }
 
-/// The calls of C++ programs, over a sink.
+/// Returns an object whose calls from C++ go to `sink`.
 fn object(
     sink: Box<dyn SceneSink>,
     host: Box<dyn InterfaceHost>,
@@ -108,10 +108,10 @@ fn object(
     InterfaceObject::new(Interface::new(sink, host, manager.clone(), Location::default()), meanwhile)
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_noise` of `gelato_c.h`.
 ///
 /// # Safety
-/// The same as [`granita_plugin::noise`].
+/// The contract is that of [`granita_plugin::noise`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gelato_noise(
     kind: c_int,
@@ -125,7 +125,7 @@ pub unsafe extern "C" fn gelato_noise(
     unsafe { granita_plugin::noise(kind, indim, x, period, outdim, out) }
 }
 
-/// Writes calls as Pyg; to the end when it is dropped.
+/// A sink that writes calls as Pyg. It completes the file when it is dropped.
 struct Archive {
     writer: Option<Writer<Box<dyn Write>>>,
     reporter: Reporter,

@@ -1,4 +1,4 @@
-//! The renderer that makes images, in the thread that calls it.
+//! The renderer that makes images in the calling thread.
 
 use crate::object;
 use granita_base::{BaseType, Environment, Location, Param, ParamType, Reporter};
@@ -30,7 +30,7 @@ impl Progress for Done {
     fn end(&self) {}
 }
 
-/// The values that are answered while a frame is rendered.
+/// Provides values and accepts commands while a frame is rendered.
 struct During {
     progress: Arc<Done>,
     stop: Arc<AtomicBool>,
@@ -56,7 +56,7 @@ impl Meanwhile for During {
     }
 }
 
-/// The session of a program's renderer, and its progress.
+/// Returns the session of a program's renderer, and its progress.
 fn session(reporter: &Reporter) -> (Session, During) {
     let environment: Environment = std::env::vars_os().collect();
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
@@ -76,7 +76,7 @@ fn session(reporter: &Reporter) -> (Session, During) {
     (session, during)
 }
 
-/// Passes calls on to a session, and ends it.
+/// Passes calls to a session, and ends it when it is dropped.
 struct Live(Option<Session>);
 
 impl SceneSink for Live {
@@ -104,7 +104,7 @@ impl Drop for Live {
     }
 }
 
-/// The addresses that the program may name, and the values kept for it.
+/// Stores the generators of the program, and the addresses that it may name.
 pub(crate) struct Host(pub(crate) Plugins);
 
 impl InterfaceHost for Host {
@@ -113,13 +113,13 @@ impl InterfaceHost for Host {
     }
 
     fn grant(&mut self, format: &str) {
-        // SAFETY: the program itself passed the address of an ImageOutput to Output, as reference 13.7 lets it, and
+        // SAFETY: the program itself passed the address of an ImageOutput to Output, as reference 13.7 allows, and
         // keeps it until its renderer is done.
         unsafe { self.0.grant(format) }
     }
 }
 
-/// A renderer in the calling thread.
+/// Returns a renderer in the calling thread.
 pub(crate) fn renderer(manager: &Messages) -> InterfaceObject<'static> {
     let (session, during) = session(manager.reporter());
     let host = Host(session.plugins().clone());

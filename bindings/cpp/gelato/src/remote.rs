@@ -1,4 +1,5 @@
-//! The renderer that works while its program continues (reference 2.3): another process, found and started.
+//! The renderer that works while its program continues (reference 2.3). It is another process, which is found and
+//! started here.
 
 use crate::live::Host;
 use crate::object;
@@ -8,7 +9,7 @@ use granita_session::{Remote, RemoteEnds};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A renderer in a process of its own.
+/// Returns a renderer in another process.
 pub(crate) fn renderer(manager: &Messages) -> Result<InterfaceObject<'static>, String> {
     let program = program(&std::env::vars_os().collect()).ok_or(
         "there is no program gelato beside the library, in $GELATOHOME/bin or on the search path to do the work",
@@ -20,7 +21,7 @@ pub(crate) fn renderer(manager: &Messages) -> Result<InterfaceObject<'static>, S
     Ok(object(Box::new(remote), Box::new(Host(plugins)), manager, Some(meanwhile)))
 }
 
-/// The path of the tool: beside the library, else in the installation, else along the search path.
+/// Returns the path of the tool. It is beside the library, or else in the installation, or else on the search path.
 fn program(environment: &Environment) -> Option<PathBuf> {
     let name = format!("gelato{}", std::env::consts::EXE_SUFFIX);
     let library = library();
@@ -33,14 +34,14 @@ fn program(environment: &Environment) -> Option<PathBuf> {
     folders.find_map(|folder| Some(folder.join(&name)).filter(|program| program.is_file()))
 }
 
-/// The file of this library.
+/// Returns the file of this library.
 #[cfg(unix)]
 fn library() -> Option<PathBuf> {
     use std::ffi::{CStr, OsStr};
     use std::os::unix::ffi::OsStrExt;
     let mut found = std::mem::MaybeUninit::<libc::Dl_info>::zeroed();
     let address: *const std::ffi::c_void = (crate::gelato_create_renderer as *const ()).cast();
-    // SAFETY: an address of this library's own, and room for the answer, all of whose bits may be zero.
+    // SAFETY: the address belongs to this library, and `found` has space for the result, all of whose bits may be zero.
     let found = unsafe {
         if libc::dladdr(address, found.as_mut_ptr()) == 0 {
             return None;
@@ -50,7 +51,7 @@ fn library() -> Option<PathBuf> {
     if found.dli_fname.is_null() {
         return None;
     }
-    // SAFETY: a string that stays as long as the library is loaded.
+    // SAFETY: the string is valid while the library is loaded.
     let name = unsafe { CStr::from_ptr(found.dli_fname) };
     std::fs::canonicalize(OsStr::from_bytes(name.to_bytes())).ok()
 }
@@ -63,7 +64,7 @@ fn library() -> Option<PathBuf> {
 /// The longest silence of the process, in seconds, unless `GELATO_REMOTE_TIMEOUT` gives another number.
 const PATIENCE: f32 = 60.0;
 
-/// The longest silence that the environment gives.
+/// Returns the longest silence of the process, in seconds, from the environment.
 fn patience() -> f32 {
     let text = std::env::var("GELATO_REMOTE_TIMEOUT").ok();
     text.and_then(|text| text.trim().parse().ok())
@@ -71,7 +72,8 @@ fn patience() -> f32 {
         .unwrap_or(PATIENCE)
 }
 
-/// Both directions are a socket: writing to one whose other end is gone raises no signal, which pipes would.
+/// Starts the process with a socket for both directions. Writing to a socket with a closed other end raises no signal,
+/// unlike a pipe.
 #[cfg(unix)]
 fn start(program: &Path) -> std::io::Result<RemoteEnds> {
     use std::os::fd::OwnedFd;
@@ -87,7 +89,7 @@ fn start(program: &Path) -> std::io::Result<RemoteEnds> {
     Ok(RemoteEnds { from, to, process, patience: patience() })
 }
 
-/// Writes without a signal.
+/// A writer that raises no signal when the other end is closed.
 #[cfg(unix)]
 struct Quiet(std::os::unix::net::UnixStream);
 
@@ -97,10 +99,10 @@ impl std::io::Write for Quiet {
         use std::os::fd::AsRawFd;
         #[cfg(any(target_os = "linux", target_os = "android"))]
         const FLAGS: libc::c_int = libc::MSG_NOSIGNAL;
-        // Elsewhere the standard library sets the socket's own option.
+        // On other systems the standard library sets an option of the socket instead.
         #[cfg(not(any(target_os = "linux", target_os = "android")))]
         const FLAGS: libc::c_int = 0;
-        // SAFETY: an open socket, and the bytes of a slice.
+        // SAFETY: the socket is open, and the bytes are those of a slice.
         let sent = unsafe { libc::send(self.0.as_raw_fd(), bytes.as_ptr().cast(), bytes.len(), FLAGS) };
         usize::try_from(sent).map_err(|_| std::io::Error::last_os_error())
     }

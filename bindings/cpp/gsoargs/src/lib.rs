@@ -1,4 +1,4 @@
-//! `libgsoargs.so`: what `gsoargs.h` needs from a library (reference chapter 15).
+//! `libgsoargs.so` provides the functions that `gsoargs.h` needs from a library (reference chapter 15).
 
 #![allow(unsafe_code, reason = "the C interface is made of pointers; every block says why it is sound")]
 
@@ -9,7 +9,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_uint};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 
-/// `gelato_shader_parameter`.
+/// The type `gelato_shader_parameter` of `gelato_c.h`.
 #[repr(C)]
 pub struct Parameter {
     name: *const c_char,
@@ -27,7 +27,7 @@ pub struct Parameter {
     metadata: *const Parameter,
 }
 
-/// `gelato_shader_view`.
+/// The type `gelato_shader_view` of `gelato_c.h`.
 #[repr(C)]
 pub struct View {
     name: *const c_char,
@@ -39,7 +39,8 @@ pub struct View {
     metadata: *const Parameter,
 }
 
-/// `gelato_shader`: everything that a view points to. Nothing is added once it is handed out.
+/// The type `gelato_shader` of `gelato_c.h`. It owns all data that a view points to, and does not change after the view
+/// is returned.
 #[derive(Default)]
 pub struct Shader {
     texts: Vec<CString>,
@@ -48,16 +49,16 @@ pub struct Shader {
     lists: Vec<Vec<Parameter>>,
 }
 
-/// A length for C.
+/// Returns a length as an integer of C.
 fn count(n: usize) -> c_int {
     c_int::try_from(n).unwrap_or(c_int::MAX)
 }
 
 impl Shader {
-    /// A string that stays.
+    /// Stores a string. Returns a pointer that is valid while `self` lives.
     fn text(&mut self, text: &str) -> *const c_char {
         self.texts.push(CString::new(text.replace('\0', " ")).unwrap_or_default());
-        // It lies on the heap, because the list may move.
+        // The string is on the heap, because the list may move.
         self.texts[self.texts.len() - 1].as_ptr()
     }
 
@@ -127,7 +128,7 @@ impl Shader {
         }
     }
 
-    /// A view of nothing but a reason.
+    /// Returns a view that holds only an error.
     fn failed(&mut self, error: &str) -> View {
         View {
             name: std::ptr::null(),
@@ -159,7 +160,7 @@ fn empty(name: *const c_char, ty: c_uint) -> Parameter {
     }
 }
 
-/// Bits of the C++ `ParamType`: base, length, whether it is an array.
+/// Returns the bits of the C++ `ParamType`: the base type, the length, and whether it is an array.
 fn type_bits(ty: &SymbolType) -> c_uint {
     let base = ty.value.base_type().unwrap_or_default();
     ParamType { base, array: ty.array, ..ParamType::default() }.to_bits()
@@ -181,10 +182,10 @@ fn read(name: &str, path: Option<&str>) -> Result<GsoArgs, String> {
     GsoArgs::from_bytes(&bytes, &shown).map_err(|e| e.to_string())
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_shader_open` of `gelato_c.h`.
 ///
 /// # Safety
-/// `name` and `path` are NULL or strings; `view` is NULL or room for one.
+/// `name` and `path` must be NULL or strings. `view` must be NULL or point to space for a view.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gelato_shader_open(
     name: *const c_char,
@@ -192,7 +193,7 @@ pub unsafe extern "C" fn gelato_shader_open(
     view: *mut View,
 ) -> *mut Shader {
     let string = |text: *const c_char| {
-        // SAFETY: a string by the contract, when it is not NULL.
+        // SAFETY: the pointer is a string by the contract, when it is not NULL.
         (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())
     };
     let mut shader = Box::new(Shader::default());
@@ -206,20 +207,20 @@ pub unsafe extern "C" fn gelato_shader_open(
         Err(_) => shader.failed("the shader cannot be read"),
     };
     if !view.is_null() {
-        // SAFETY: room for a view, by the contract.
+        // SAFETY: there is space for a view, by the contract.
         unsafe { view.write(seen) };
     }
     Box::into_raw(shader)
 }
 
-/// See `gelato_c.h`.
+/// Implements `gelato_shader_close` of `gelato_c.h`.
 ///
 /// # Safety
-/// `shader` is NULL or came from [`gelato_shader_open`], and is not used any more.
+/// `shader` must be NULL or come from [`gelato_shader_open`], and must not be used afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn gelato_shader_close(shader: *mut Shader) {
     if !shader.is_null() {
-        // SAFETY: by the contract it is a box that is given up now.
+        // SAFETY: by the contract it is a box that is released now.
         drop(unsafe { Box::from_raw(shader) });
     }
 }

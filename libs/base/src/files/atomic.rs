@@ -22,7 +22,7 @@ pub struct AtomicFile {
     path: PathBuf,
     target: Target,
     claim: Option<Claim>,
-    /// The time of the last change that the file gets, if it is not the time of writing.
+    /// The modification time that the file gets; `None` for the time of writing.
     modified: Option<SystemTime>,
 }
 
@@ -54,8 +54,8 @@ struct Draft {
     ours: bool,
 }
 
-/// The hidden names that this process has created and not removed. A signal ends the process, so that the list
-/// belongs to the process.
+/// The hidden names that this process has created and not removed. The list is global, because a signal ends the whole
+/// process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
@@ -74,7 +74,7 @@ pub fn remove_unfinished() {
 /// The largest number of programs that may write the same file at the same time.
 const DRAFTS: u32 = 100;
 
-/// The time that a pipe may have no program that reads it.
+/// The longest time to wait for a program that reads from a pipe.
 const READER_WAIT: std::time::Duration = std::time::Duration::from_secs(2);
 
 impl std::fmt::Debug for AtomicFile {
@@ -87,7 +87,7 @@ impl AtomicFile {
     /// Begins a file that will be called `path`. The folder must exist.
     ///
     /// # Errors
-    /// The system's error, with the name.
+    /// Returns the system's error, with the name.
     pub fn create(path: &Path) -> Result<Self, FileError> {
         Self::begin(path, true).map_err(|source| FileError { path: path.to_owned(), source })
     }
@@ -135,7 +135,7 @@ impl AtomicFile {
     /// Writes all data to the disk and gives the file its name.
     ///
     /// # Errors
-    /// The system's error. Nothing has changed then.
+    /// Returns the system's error. No file has changed then.
     pub fn commit(self) -> Result<(), FileError> {
         let Self { path, target, claim, modified } = self;
         let finish = || -> io::Result<()> {
@@ -159,7 +159,7 @@ impl AtomicFile {
         finish().map_err(|source| FileError { path, source })
     }
 
-    /// Returns an error of this file from one of the system.
+    /// Returns an error of the system together with the name of this file.
     pub fn io_error(&self, source: io::Error) -> FileError {
         FileError { path: self.path.clone(), source }
     }

@@ -12,14 +12,14 @@ use std::sync::Arc;
 
 /// The files that a run for an untrusted scene may open.
 ///
-/// **Reading.** Regular files beneath one of `read` or beneath `write`. Absolute names and `..` are allowed. The
-/// resolved name is checked, so that a link that leads outside is refused. Files are opened beneath a handle of the
-/// folder, so that a link that is exchanged meanwhile has no effect.
+/// **Reading.** A run reads regular files beneath one of `read` or beneath `write`. Absolute names and `..` are
+/// allowed. The resolved name is checked, so that a link that leads outside is refused. Files are opened beneath a
+/// handle of the folder, so that a link that is exchanged meanwhile has no effect.
 ///
-/// **Writing.** Files beneath `write` only, by relative names without `..`. No part of a name may begin with a dot or
-/// be a link, the name must end in one of `extensions`, and control characters are refused. Missing folders are
-/// created. An existing file is replaced only when a run of this `scene` made it. The names of such files are in
-/// `.granita-made` in the folder.
+/// **Writing.** A run writes files beneath `write` only, by relative names without `..`. No part of a name may begin
+/// with a dot or be a link, the name must end in one of `extensions`, and control characters are refused. Missing
+/// folders are created. An existing file is replaced only when a run of this `scene` made it. The names of such files
+/// are in `.granita-made` in the folder.
 #[derive(Clone, Debug, Default)]
 pub struct Confinement {
     /// The identity of the scene, which separates it from others that write to the same folder.

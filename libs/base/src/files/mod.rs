@@ -51,9 +51,9 @@ pub fn is_same_file(a: &Path, b: &Path) -> bool {
 #[derive(Clone, Default)]
 pub struct Files {
     rules: Option<Arc<Confined>>,
-    /// The folder of temporary files, if they are not beside results.
+    /// The folder of temporary files; `None` when they are beside results.
     temporary: Option<Arc<Path>>,
-    /// The time of the last change of files that are written, if it is not the time of writing.
+    /// The modification time of files that are written; `None` for the time of writing.
     modified: Option<SystemTime>,
 }
 
@@ -83,9 +83,8 @@ impl Files {
         Self { rules: Some(Arc::new(Confined::new(confinement))), ..Self::default() }
     }
 
-    /// Returns an opener that reads the files and folders that the user `named` and everything beneath the folders of
-    /// the files, and that writes anywhere. It is for tools whose user names all results, while files name other
-    /// files.
+    /// Returns an opener that writes anywhere. It reads the files and folders that the user `named`, and everything
+    /// beneath the folders of these files. It is for tools whose user names all results, while files name other files.
     pub fn reading<'a>(named: impl IntoIterator<Item = &'a Path>) -> Self {
         let files = Self::confined(Confinement::default());
         named.into_iter().for_each(|path| files.add_named(path));
@@ -109,7 +108,7 @@ impl Files {
         Self { temporary: Some(folder.into()), ..self }
     }
 
-    /// Sets `modified` as the time of the last change of files of [`Files::create`].
+    /// Sets `modified` as the modification time of files of [`Files::create`].
     #[must_use]
     pub fn with_modified(self, modified: SystemTime) -> Self {
         Self { modified: Some(modified), ..self }
@@ -155,7 +154,7 @@ impl Files {
     /// Opens a file for reading.
     ///
     /// # Errors
-    /// The system's error; [`io::ErrorKind::PermissionDenied`] when the rules refuse the file.
+    /// Returns the system's error, or [`io::ErrorKind::PermissionDenied`] when the rules refuse the file.
     pub fn open(&self, path: &Path) -> io::Result<File> {
         match &self.rules {
             None => File::open(path),
@@ -166,7 +165,7 @@ impl Files {
     /// Returns all bytes of a file.
     ///
     /// # Errors
-    /// The errors of [`Files::open`].
+    /// Returns the errors of [`Files::open`].
     pub fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         let mut file = self.open(path)?;
         let size = file.metadata().map_or(0, |m| m.len());
@@ -178,7 +177,7 @@ impl Files {
     /// Returns the text of a file.
     ///
     /// # Errors
-    /// The errors of [`Files::open`]; [`io::ErrorKind::InvalidData`] for text that is not UTF-8.
+    /// Returns the errors of [`Files::open`], or [`io::ErrorKind::InvalidData`] when the text is not UTF-8.
     pub fn read_to_string(&self, path: &Path) -> io::Result<String> {
         String::from_utf8(self.read(path)?).map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))
     }
@@ -191,7 +190,8 @@ impl Files {
         }
     }
 
-    /// Returns the location of a file that the run itself wrote under the relative name `path`, if it is not `path`.
+    /// Returns the location of the file that the run itself wrote under the relative name `path`; `None` when it wrote
+    /// no such file.
     pub fn written(&self, path: &Path) -> Option<PathBuf> {
         self.rules.as_ref()?.written(path)
     }
@@ -199,7 +199,7 @@ impl Files {
     /// Begins a file that appears under its name complete or not at all.
     ///
     /// # Errors
-    /// [`FileError`] with the system's error, or with the rule that refuses the name.
+    /// Returns [`FileError`] with the system's error, or with the rule that refuses the name.
     pub fn create(&self, path: &Path) -> Result<AtomicFile, FileError> {
         let file = match &self.rules {
             None => AtomicFile::create(path),
@@ -211,7 +211,7 @@ impl Files {
     /// Creates a file that others can read while it is written, such as a log. An existing file is replaced.
     ///
     /// # Errors
-    /// The errors of [`Files::create`].
+    /// Returns the errors of [`Files::create`].
     pub fn create_log(&self, path: &Path) -> Result<File, FileError> {
         match &self.rules {
             None => File::create(path).map_err(|source| FileError { path: path.to_owned(), source }),
@@ -222,7 +222,7 @@ impl Files {
     /// Opens a file for appending. A file that does not exist is created.
     ///
     /// # Errors
-    /// The errors of [`Files::create`].
+    /// Returns the errors of [`Files::create`].
     pub fn append(&self, path: &Path) -> Result<File, FileError> {
         match &self.rules {
             None => {
@@ -236,7 +236,7 @@ impl Files {
     /// Checks whether [`Files::create`] would begin the file, without leaving a file.
     ///
     /// # Errors
-    /// The errors of [`Files::create`].
+    /// Returns the errors of [`Files::create`].
     pub fn check_create(&self, path: &Path) -> Result<(), FileError> {
         let special = self.rules.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
         // A special file is written directly, and must not be opened twice.
@@ -248,7 +248,7 @@ impl Files {
     /// large files belong on the disk of the result, and else in the system's folder for temporary files.
     ///
     /// # Errors
-    /// The system's error.
+    /// Returns the system's error.
     pub fn scratch(&self, beside: &Path) -> io::Result<File> {
         let folder = match (&self.temporary, &self.rules) {
             (Some(folder), _) => folder.to_path_buf(),

@@ -1,12 +1,12 @@
-//! White furnaces: where light is the same everywhere, a white surface that conserves energy is invisible.
+//! Tests white furnaces. Where light is the same everywhere, a white surface that conserves energy is invisible.
 
 use super::*;
 use crate::fixture::shader;
 use granita_base::Param;
 use granita_scene::AttributeSet;
 
-/// Bundled surface shaders whose result is not reflected light: parameters, normals, the effect of a light, the
-/// content of a file.
+/// The bundled surface shaders whose result is not reflected light. It is a parameter, a normal, the effect of a light,
+/// or the content of a file.
 const NO_SURFACES: [&str; 18] = [
     "ambocclude",
     "bakediffuse",
@@ -30,7 +30,7 @@ const NO_SURFACES: [&str; 18] = [
 
 const AMBIENT: &str = "light everywhere () { Cl = 1; }";
 
-/// The share of a white light that is reflected: all of it, or at most all of it.
+/// The share of a white light that a surface reflects.
 #[derive(Clone, Copy, PartialEq)]
 enum Kept {
     All,
@@ -65,7 +65,7 @@ fn surfaces() -> Vec<(&'static str, Vec<Param>, Kept)> {
         ("envsurf", vec![], All),
         // The surface has its own light at the eye.
         ("defaultsurface", vec![], AtMost),
-        // Grey by design.
+        // The surface is grey by design.
         ("clay", vec![], Share(0.7)),
         // The surface is transparent and shows what is behind.
         ("glass", vec![], AtMost),
@@ -182,7 +182,7 @@ fn reflected_and_refracted_surroundings_come_back_as_they_are() {
         // Rays beyond the maximal depth return the furnace's colour, too.
         fixture.global("color ray:maxdepthcolor", &[1.0_f32; 3][..]);
         let own = surface_of(&fixture, name, &params, &["all"]);
-        // The top of a ball.
+        // The seen points are at the top of a ball.
         let ball = fixture.sphere(-Vec3::Z, 1.0, own);
         let white = param("color C", &[1.0_f32; 3][..]);
         let sky = fixture.attributes("constant", &["all"], &[white]);

@@ -1,4 +1,4 @@
-//! Tests lookups of shaders in files, as far as the renderer answers them.
+//! Tests the lookups of shaders in files that the renderer performs.
 
 use super::near;
 use crate::fixture::{Finish as _, Fixture, flat_grid, param, shader};
@@ -41,8 +41,8 @@ fn directions(folder: &Path) -> PathBuf {
     })
 }
 
-/// Returns the colour of a surface shader at a point of the plane z = 0. `to_world` leads from its own space to
-/// world space.
+/// Returns the colour of a surface shader at a point of the plane z = 0. `to_world` transforms from the shader's space
+/// to world space.
 fn color_at(f: &mut Fixture, name: &str, file: &Path, to_world: Transform, point: [f32; 2]) -> Color {
     let surface = shader(name, &[param("string file", file.to_str().unwrap())], to_world);
     let attributes = AttributeSet { surface: Some(surface), ..f.attributes("", &[], &[]) };
@@ -84,11 +84,12 @@ fn environments_are_in_their_space_and_as_far_away_as_they_say() {
     let turned = Transform::rotate(90.0_f32.to_radians(), Vec3::Z);
     close(color_at(&mut f, "plain", &file, turned, [0.0; 2]), r);
     close(color_at(&mut f, "spaced", &file, turned, [0.0; 2]), turned.inverse().vector(r));
-    // A ball of radius 5 around (0, 1, 0), seen from (0, 4, 0): three to the side.
+    // The environment is a ball of radius 5 around (0, 1, 0). The lookup along x starts at (0, 4, 0), 3 units from its
+    // centre.
     let moved = Transform::translate(Vec3::Y);
     close(color_at(&mut f, "near", &file, moved, [0.0, 4.0]), Vec3::new(4.0, 3.0, 0.0));
     close(color_at(&mut f, "far", &file, moved, [0.0, 4.0]), Vec3::X);
-    // From the second channel on there are two channels. The third is filled, and all later ones too.
+    // Two channels remain from the second one on. The third and all later ones are filled.
     let got = color_at(&mut f, "alpha", &file, turned, [0.0; 2]);
     assert!((got.x - (0.5 + 1.0 / 3.0)).abs() < 0.01, "{got}");
     near(Color::new(0.0, got.y, got.z), Color::new(0.0, 0.25, 1.0));
@@ -120,7 +121,7 @@ fn directions_drawn_by_a_map_bring_its_light() {
     let even = texture(folder.path(), "even.env", (64, 32), Mode::EnvLatLong, |_, _| Color::splat(0.5));
     let got = at(&mut f, "drawn1024", &even);
     assert!((got - 0.5).abs().max_element() < 2e-3, "{got}");
-    // One bright texel acts as a point light: its solid angle times the cosine, over pi.
+    // One bright texel acts as a point light. The expected value is its solid angle times the cosine, over pi.
     let sun = texture(folder.path(), "sun.env", (256, 128), Mode::EnvLatLong, |x, y| {
         if (x, y) == (200, 30) { Color::new(5000.0, 2500.0, 0.0) } else { Color::ZERO }
     });
@@ -134,7 +135,8 @@ fn directions_drawn_by_a_map_bring_its_light() {
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
 
-/// A light samples directions where they are gathered: in front of the surface, behind it, or all around.
+/// A light samples directions in the region where light is gathered. This is in front of the surface, behind it, or the
+/// whole sphere.
 #[test]
 fn lights_draw_directions_where_they_are_gathered() {
     let folder = tempfile::tempdir().unwrap();
@@ -159,7 +161,8 @@ fn lights_draw_directions_where_they_are_gathered() {
     let mut f = Fixture::new(&[sky, front, behind, around, both]);
     let file = param("string file", half.to_str().unwrap());
     f.light("sky", &[file], Transform::IDENTITY);
-    // Irradiance over pi; light of the whole sphere over pi.
+    // "front" and "behind" return the irradiance over pi, "around" the light of the whole sphere over pi, and "both"
+    // the sum of "front" and "around".
     for (name, expected, off) in
         [("front", 1.0, 0.06), ("behind", 3.0, 0.18), ("around", 8.0, 0.3), ("both", 9.0, 0.3)]
     {
@@ -179,7 +182,7 @@ fn lights_draw_directions_where_they_are_gathered() {
     assert_eq!(f.complaints(), Vec::<String>::new());
 }
 
-/// Directions drawn in advance for one query do not answer another one.
+/// Directions that were sampled in advance for one query are not used for another query.
 #[test]
 fn directions_are_kept_for_their_question() {
     let folder = tempfile::tempdir().unwrap();

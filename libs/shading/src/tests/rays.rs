@@ -206,8 +206,8 @@ fn a_glass_ball_bends_rays_as_snell_says() {
 
 #[test]
 fn fresnel_weights_are_those_of_the_formula() {
-    // Inside of glass: the weights of reflected and refracted light, and reflection alone beyond the critical
-    // angle.
+    // Inside of glass, reflected and refracted light have these weights. Beyond the critical angle there is only
+    // reflection.
     let glass = "surface glass (float eta = 1.5) {
         float kr, kt; vector R, T;
         fresnel (normalize (I), normalize (N), eta, kr, kt, R, T);
@@ -320,7 +320,7 @@ fn cones_of_reflections_and_shadows_cover_what_their_angle_says() {
 
 #[test]
 fn options_of_environment_are_followed() {
-    // A veil at height 1 and a wall at height 3.
+    // A veil lies at height 1 and a wall at height 3.
     let asks = |options: &str| {
         let source = format!(
             "surface asks () {{
@@ -377,7 +377,7 @@ fn options_of_environment_are_followed() {
 fn what_is_opaque_throws_its_shadow_without_being_shaded() {
     let sheer = "surface sheer () { opacity = 0.25; C *= opacity; }";
     let solid = "surface solid () { opacity = 1; C *= opacity; }";
-    // Surface, attributes, light that passes, hits shaded.
+    // Each case holds the surface, its attributes, the share of light that passes, and the number of shaded hits.
     let cases: [(&str, Vec<Param>, f32, u64); 6] = [
         ("constant", vec![], 0.0, 0),
         ("constant", vec![param("color opacity", &[0.5_f32; 3][..])], 0.5, 1),
@@ -389,7 +389,7 @@ fn what_is_opaque_throws_its_shadow_without_being_shaded() {
         ),
         ("sheer", vec![], 0.75, 1),
         ("sheer", vec![param("int ray:opaqueshadows", 1)], 0.0, 0),
-        // Set to 1, by a constant.
+        // A constant sets the opacity to 1.
         ("solid", vec![], 0.0, 0),
     ];
     for (surface, values, passes, shaded) in cases {
@@ -408,7 +408,7 @@ fn what_is_opaque_throws_its_shadow_without_being_shaded() {
 
 #[test]
 fn a_broad_sun_has_a_penumbra() {
-    // Rays spread over the cone of the sun; half of it is behind the edge of a half plane.
+    // Rays spread over the cone of the sun. Half of it is behind the edge of a half plane.
     let sun = "light sun (float spread = 0) {
         emit (vector (0, 0, -1), spread) {
             Cl = 1 - (color) shadow (\"edge\", Ps, \"blur\", 2 * spread / 1.5707963, \"width\", 0, \"samples\", 1024);

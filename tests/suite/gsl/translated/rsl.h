@@ -1,5 +1,5 @@
-/* What shaders that were translated from RSL expect: functions of that language in terms of this one, as further forms of the
-   names that both have. */
+/* Functions of RSL, written in this language, for shaders that were translated from RSL. Names that both languages have
+   get further forms. */
 #ifndef RSL_H
 #define RSL_H
 
@@ -61,7 +61,7 @@ float cellnoise (float x, float y) { return cnoise (x, y); }
 float cellnoise (point p) { return cnoise (p); }
 color cellnoise (float x, float y) { return cnoise (x, y); }
 
-/* The lights of RSL fall off by themselves; loops over them go over the half space before N. */
+/* Lights of RSL have their own falloff. Loops over lights cover the half space in front of N. */
 color phong (vector N, vector V, float size)
 {
     color sum = 0;
