@@ -2,9 +2,9 @@
 //!
 //! Code is written once over the trait [`Simd`], as a [`Kernel`], and compiled for each kind of vectors. [`dispatch`]
 //! runs the widest kind that the machine has. Loops that compilers vectorise by themselves do not need the trait. For
-//! these [`widest!`](crate::widest) evaluates an expression that is compiled for the widest kind. All kinds do the same operations in the same
-//! order, without fused multiply-add, so that results are the same to the bit. `cargo run -p granita-benches --bin
-//! rays`, `--bin peers -- --lookups` and `benches/shading` measure the speed.
+//! these [`widest!`](crate::widest) evaluates an expression that is compiled for the widest kind. All kinds do the same
+//! operations in the same order, without fused multiply-add, so that results are the same to the bit. `cargo run -p
+//! granita-benches --bin rays`, `--bin peers -- --lookups` and `benches/shading` measure the speed.
 
 #![allow(unsafe_code, reason = "prefetching takes a pointer")]
 
