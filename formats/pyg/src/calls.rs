@@ -170,17 +170,8 @@ pub(crate) fn call(name: &str, args: Vec<Value>) -> Option<Result<Call, Mistake>
 
 fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
     Ok(match name {
-        "Parameter" | "Attribute" => {
-            let declaration = a.string("the name")?;
-            // Several adjacent numbers form a sequence.
-            let value = if a.left() > 1 && !matches!(a.peek(), Some(Value::Str(_))) {
-                Value::Seq(Seq::Floats(a.numbers(None, "the value")?))
-            } else {
-                a.next("a value")?
-            };
-            let param = a.param(&declaration, value)?;
-            if name == "Attribute" { Call::Attribute(param) } else { Call::Parameter(param) }
-        }
+        "Parameter" => Call::Parameter(single(a)?),
+        "Attribute" => Call::Attribute(single(a)?),
         "PushAttributes" => Call::PushAttributes,
         "PopAttributes" => Call::PopAttributes,
         "SaveAttributes" => {
@@ -243,15 +234,7 @@ fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
         "TrimCurve" => trim(a)?,
         "Input" => {
             let command = a.string("the name")?;
-            let bound = match a.peek() {
-                None => None,
-                Some(Value::None) => a.rest.next().and(None),
-                Some(_) => {
-                    let v = a.numbers(Some(6), "the bound")?;
-                    Some([v[0], v[1], v[2], v[3], v[4], v[5]])
-                }
-            };
-            Call::Input { command, bound }
+            Call::Input { command, bound: bound(a)? }
         }
         _ => {
             let shape = Box::new(shape(name, a)?);
@@ -260,6 +243,31 @@ fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
     })
 }
 
+/// Takes a declaration and its value.
+fn single(a: &mut Args) -> Result<Param, Mistake> {
+    let declaration = a.string("the name")?;
+    // Several adjacent numbers form a sequence.
+    let value = if a.left() > 1 && !matches!(a.peek(), Some(Value::Str(_))) {
+        Value::Seq(Seq::Floats(a.numbers(None, "the value")?))
+    } else {
+        a.next("a value")?
+    };
+    a.param(&declaration, value)
+}
+
+/// Takes the six numbers of the bound of an `Input` call, if there is one.
+fn bound(a: &mut Args) -> Result<Option<[f32; 6]>, Mistake> {
+    match a.peek() {
+        None => Ok(None),
+        Some(Value::None) => Ok(a.rest.next().and(None)),
+        Some(_) => {
+            let v = a.numbers(Some(6), "the bound")?;
+            Ok(Some([v[0], v[1], v[2], v[3], v[4], v[5]]))
+        }
+    }
+}
+
+/// Takes a string; `None` for the value `None` and at the end of the arguments.
 fn optional(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
     match a.peek() {
         None => Ok(None),

@@ -30,6 +30,7 @@ mod calls;
 mod error;
 mod flat;
 pub mod frames;
+mod line;
 mod names;
 mod options;
 mod python;

@@ -1,14 +1,13 @@
 //! The writer. It writes calls as Pyg text, flat and ASCII (reference 3.6, 4.3.12).
 
+use crate::line::{Line, is_whole};
 use granita_base::shape::KnotSpan;
-use granita_base::{BaseType, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
-use granita_scene::{Call, SceneSink, Stop, TransformTarget, attr};
+use granita_base::{BaseType, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc, TrimDesc};
+use granita_scene::{Call, Matrix, SceneSink, Stop, TransformTarget, attr};
 use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::sync::Arc;
 
-/// The column after which lines are broken.
-const WIDTH: usize = 100;
 /// The length from which arrays are written as binary data in binary files.
 const BINARY_FROM: usize = 16;
 /// The number of bytes after which text is passed on.
@@ -48,17 +47,6 @@ pub struct Writer<W: Write> {
     /// The parameters of `Parameter` for the call that takes them. They are always empty where parameters are separate.
     pending: Params,
     line: Line,
-}
-
-/// The statement that is being written.
-#[derive(Debug, Default)]
-struct Line {
-    text: Vec<u8>,
-    /// The index at which the current line of the text begins.
-    start: usize,
-    indent: usize,
-    first: bool,
-    item: String,
 }
 
 impl<W: Write> Writer<W> {
@@ -408,6 +396,38 @@ impl<W: Write> Writer<W> {
         Ok(())
     }
 
+    fn matrix(&mut self, name: &str, matrix: &Matrix) -> io::Result<()> {
+        self.begin(name);
+        // A matrix of sixteen numbers stays readable.
+        let binary = std::mem::take(&mut self.options.binary);
+        let result = self.floats(&matrix[..], false);
+        self.options.binary = binary;
+        result.and_then(|()| self.end())
+    }
+
+    /// Writes each line of a text as a comment.
+    fn comment(&mut self, text: &str) {
+        for line in text.split(['\n', '\r']) {
+            let shown: String = line.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
+            let indent = " ".repeat(self.options.indent);
+            let blank = if shown.is_empty() { "" } else { " " };
+            self.line.text.extend(format!("{indent}#{blank}{shown}\n").bytes());
+        }
+    }
+
+    /// Writes the loops of a `TrimCurve` call; `None` turns trimming off.
+    fn trim_curve(&mut self, name: &str, trim: Option<&TrimDesc>) -> io::Result<()> {
+        self.begin(name);
+        match trim {
+            Some(t) => {
+                [&t.ncurves, &t.n, &t.order].into_iter().try_for_each(|v| self.ints(v))?;
+                [&t.knots, &t.min, &t.max, &t.uvw].into_iter().try_for_each(|v| self.floats(v, false))?;
+            }
+            None => (0..7).try_for_each(|_| self.ints(&[]))?,
+        }
+        self.end()
+    }
+
     fn write(&mut self, call: &Call) -> io::Result<()> {
         let name = call.name();
         match call {
@@ -432,14 +452,7 @@ impl<W: Write> Writer<W> {
             }
             Call::Modify { pattern } => self.strings(name, &[pattern]),
             Call::SetTransform(TransformTarget::Named(space)) => self.strings(name, &[space]),
-            Call::SetTransform(TransformTarget::Matrix(m)) | Call::AppendTransform(m) => {
-                self.begin(name);
-                // A matrix of sixteen numbers stays readable.
-                let binary = std::mem::take(&mut self.options.binary);
-                let result = self.floats(&m[..], false);
-                self.options.binary = binary;
-                result.and_then(|()| self.end())
-            }
+            Call::SetTransform(TransformTarget::Matrix(m)) | Call::AppendTransform(m) => self.matrix(name, m),
             Call::Translate(v) | Call::Scale(v) => self.numbers(name, v),
             Call::Rotate { angle_deg, axis: [x, y, z] } => self.numbers(name, &[*angle_deg, *x, *y, *z]),
             Call::Motion(times) => self.numbers(name, times),
@@ -459,12 +472,7 @@ impl<W: Write> Writer<W> {
                 Ok(())
             }),
             Call::Comment(text) => {
-                for line in text.split(['\n', '\r']) {
-                    let shown: String = line.chars().map(|c| if c.is_ascii() { c } else { '?' }).collect();
-                    let indent = " ".repeat(self.options.indent);
-                    let blank = if shown.is_empty() { "" } else { " " };
-                    self.line.text.extend(format!("{indent}#{blank}{shown}\n").bytes());
-                }
+                self.comment(text);
                 Ok(())
             }
             Call::Shader { usage, name: shader, layer, params } => {
@@ -483,19 +491,7 @@ impl<W: Write> Writer<W> {
                 self.end()
             }
             Call::Shape { shape, params } => self.shape(shape, params),
-            Call::TrimCurve(trim) => {
-                self.begin(name);
-                match trim {
-                    Some(t) => {
-                        [&t.ncurves, &t.n, &t.order].into_iter().try_for_each(|v| self.ints(v))?;
-                        [&t.knots, &t.min, &t.max, &t.uvw]
-                            .into_iter()
-                            .try_for_each(|v| self.floats(v, false))?;
-                    }
-                    None => (0..7).try_for_each(|_| self.ints(&[]))?,
-                }
-                self.end()
-            }
+            Call::TrimCurve(trim) => self.trim_curve(name, trim.as_deref()),
             Call::Input { command, bound } => {
                 self.begin(name);
                 self.string(command);
@@ -532,68 +528,4 @@ fn declaration(param: &Param) -> String {
         return format!("{} {}", param.ty.interp.word(), param.name);
     }
     param.declaration()
-}
-
-/// True when the number can be written without a point.
-fn is_whole(f: f32) -> bool {
-    f.fract() == 0.0 && f.abs() < 1.0e9 && (f != 0.0 || f.is_sign_positive())
-}
-
-impl Line {
-    /// Appends a word, on a new line if the current one is full.
-    fn put(&mut self, word: &str) {
-        let column = self.text.len() - self.start;
-        // The blank at the end of the full line is removed.
-        if column + word.len() > WIDTH && column > self.indent + 16 && self.text.last() == Some(&b' ') {
-            self.text.pop();
-            self.text.push(b'\n');
-            self.start = self.text.len();
-            self.text.extend(std::iter::repeat_n(b' ', self.indent + 4));
-        }
-        self.text.extend(word.as_bytes());
-    }
-
-    fn put_item(&mut self) {
-        let item = std::mem::take(&mut self.item);
-        self.put(&item);
-        self.item = item;
-        self.item.clear();
-    }
-
-    fn gap(&mut self) {
-        self.text.push(b' ');
-    }
-
-    /// Prepares the fewest digits that read back to the same number.
-    fn float(&mut self, f: f32, keep_float: bool) {
-        // Writing to a string cannot fail.
-        let _ = if f.is_nan() {
-            write!(self.item, "1e999-1e999")
-        } else if f.is_infinite() {
-            write!(self.item, "{}1e999", if f < 0.0 { "-" } else { "" })
-        } else if is_whole(f) && !keep_float {
-            write!(self.item, "{}", f as i32)
-        } else {
-            write!(self.item, "{f:?}")
-        };
-    }
-
-    fn quoted(&mut self, s: &str) {
-        self.item.push('"');
-        for c in s.chars() {
-            // Writing to a string cannot fail.
-            let _ = match c {
-                '"' => write!(self.item, "\\\""),
-                '\\' => write!(self.item, "\\\\"),
-                '\n' => write!(self.item, "\\n"),
-                '\t' => write!(self.item, "\\t"),
-                ' '..='~' => write!(self.item, "{c}"),
-                c if (c as u32) < 0x100 => write!(self.item, "\\x{:02x}", c as u32),
-                c if (c as u32) < 0x1_0000 => write!(self.item, "\\u{:04x}", c as u32),
-                c => write!(self.item, "\\U{:08x}", c as u32),
-            };
-        }
-        self.item.push('"');
-        self.put_item();
-    }
 }

@@ -108,93 +108,145 @@ struct IffRows {
     last: Mutex<Option<(u32, Arc<Pixels>)>>,
 }
 
+/// The head of a chunk.
+struct Chunk {
+    /// The offset of the head in the file.
+    at: u64,
+    mark: [u8; 4],
+    /// The number of bytes after the head.
+    size: u64,
+}
+
+impl Chunk {
+    fn read(source: &FileSource, at: u64) -> Result<Self> {
+        let b = source.read_vec(at, 8, "a chunk")?;
+        let size = u64::from(u32::from_be_bytes([b[4], b[5], b[6], b[7]]));
+        Ok(Self { at, mark: [b[0], b[1], b[2], b[3]], size })
+    }
+
+    /// Returns the offset of the bytes after the head.
+    fn body(&self) -> u64 {
+        self.at + 8
+    }
+}
+
+/// The content of the chunks of a file.
+struct Chunks {
+    /// The image without its channels.
+    header: Option<ImageSpec>,
+    /// The flags of the header.
+    flags: u32,
+    /// The type of the colours.
+    stored: PixelType,
+    tiles: Vec<Tile>,
+}
+
 /// Reads the heads of all chunks.
 fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRows)> {
     let head = source.read_vec(0, 12, "the header")?;
     if !IffFormat.recognizes(&head) {
         return Err(source.malformed("it does not begin like one"));
     }
-    let mut header: Option<ImageSpec> = None;
-    let (mut flags, mut stored) = (0, PixelType::U8);
-    let mut tiles = Vec::new();
+    let mut chunks = Chunks { header: None, flags: 0, stored: PixelType::U8, tiles: Vec::new() };
     // The first chunk begins after the mark, the size and the kind of the file.
     let mut at: u64 = 12;
     while at + 8 <= source.len() {
-        let chunk = source.read_vec(at, 8, "a chunk")?;
-        let size = u64::from(u32::from_be_bytes([chunk[4], chunk[5], chunk[6], chunk[7]]));
-        let body = at + 8;
-        match &chunk[..4] {
-            b"TBHD" => {
-                let b = source.read_vec(body, 24, "the header of the picture")?;
-                let long = |i: usize| u32::from_be_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
-                flags = long(12);
-                stored = match u16::from_be_bytes([b[16], b[17]]) {
-                    0 => PixelType::U8,
-                    1 => PixelType::U16,
-                    3 => PixelType::Float,
-                    n => return Err(source.unsupported(format!("Maya IFF of type {n} is not supported"))),
-                };
-                if long(20) > 1 {
-                    let what = format!("Maya IFF compression number {} is not supported", long(20));
-                    return Err(source.unsupported(what));
-                }
-                let pixel_type = if flags & DEPTH == 0 { stored } else { PixelType::Float };
-                let mut spec = ImageSpec::new(long(0), long(4), 1, pixel_type);
-                let compression = if long(20) == 1 { "rle" } else { "none" };
-                spec.attributes.set(word("compression", compression));
-                header = Some(spec);
-            }
-            b"AUTH" | b"DATE" => {
-                let name = if chunk[0] == b'A' { "Artist" } else { "DateTime" };
-                let text = source.read_vec(body, size.min(1 << 12), "a text")?;
-                let text = text.split(|b| *b == 0).next().unwrap_or_default();
-                if let Some(spec) = &mut header {
-                    spec.attributes.set(word(name, &String::from_utf8_lossy(text)));
-                }
-            }
+        let chunk = Chunk::read(source, at)?;
+        match &chunk.mark {
+            b"TBHD" => chunks.read_header(source, &chunk)?,
+            b"AUTH" => chunks.read_text(source, &chunk, "Artist")?,
+            b"DATE" => chunks.read_text(source, &chunk, "DateTime")?,
             // The chunk is a group, whose own chunks follow after its kind.
             b"FOR4" | b"FORM" => {
-                at = body + 4;
+                at = chunk.body() + 4;
                 continue;
             }
-            mark @ (b"RGBA" | b"ZBUF") => {
-                let b = source.read_vec(body, 8, "a tile")?;
-                let short = |i: usize| u32::from(u16::from_be_bytes([b[i], b[i + 1]]));
-                let (x0, y0, x1, y1) = (short(0), short(2), short(4), short(6));
-                let inside = header.as_ref().is_some_and(|s| x1 < s.width && y1 < s.height);
-                if x0 > x1 || y0 > y1 || !inside || size < 8 {
-                    let what = format!("the tile at byte {at} is {size} bytes at {x0} {y0} to {x1} {y1}");
-                    return Err(source.malformed(what));
-                }
-                limits.within(source.path(), "number of tiles", tiles.len() as u64, 1 << 24)?;
-                let size = (x1 - x0 + 1, y1 - y0 + 1);
-                let len = u64::from(u32::from_be_bytes([chunk[4], chunk[5], chunk[6], chunk[7]])) - 8;
-                tiles.push(Tile { depth: mark[0] == b'Z', at: (x0, y0), size, place: (body + 8, len) });
-            }
+            b"RGBA" | b"ZBUF" => chunks.read_tile(source, &chunk, limits)?,
             _ => {}
         }
-        at = body + size.next_multiple_of(4);
+        at = chunk.body() + chunk.size.next_multiple_of(4);
     }
-    let Some(mut spec) = header else { return Err(source.malformed("there is no picture in it")) };
-    let names: &[&str] = match (flags & RGB != 0, flags & ALPHA != 0) {
-        (true, true) => &["R", "G", "B", "A"],
-        (true, false) => &["R", "G", "B"],
-        (false, true) => &["A"],
-        (false, false) => &[],
-    };
-    spec.channels = names.iter().map(|s| (*s).to_owned()).collect();
-    if flags & DEPTH != 0 {
-        spec.channels.push("Z".to_owned());
+    chunks.finish(source)
+}
+
+impl Chunks {
+    fn read_header(&mut self, source: &FileSource, chunk: &Chunk) -> Result<()> {
+        let b = source.read_vec(chunk.body(), 24, "the header of the picture")?;
+        let long = |i: usize| u32::from_be_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
+        self.flags = long(12);
+        self.stored = match u16::from_be_bytes([b[16], b[17]]) {
+            0 => PixelType::U8,
+            1 => PixelType::U16,
+            3 => PixelType::Float,
+            n => return Err(source.unsupported(format!("Maya IFF of type {n} is not supported"))),
+        };
+        if long(20) > 1 {
+            let what = format!("Maya IFF compression number {} is not supported", long(20));
+            return Err(source.unsupported(what));
+        }
+        let pixel_type = if self.flags & DEPTH == 0 { self.stored } else { PixelType::Float };
+        let mut spec = ImageSpec::new(long(0), long(4), 1, pixel_type);
+        let compression = if long(20) == 1 { "rle" } else { "none" };
+        spec.attributes.set(word("compression", compression));
+        self.header = Some(spec);
+        Ok(())
     }
-    // Tiles that overlap would be decoded needlessly, as often as the file contains them.
-    let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
-    let (held, most) = (tiles.iter().map(|t| area(t.size)).sum::<u64>(), 4 * area((spec.width, spec.height)));
-    if held > most {
-        let what = format!("its tiles hold {held} pixels, of which the picture has at most {most}");
-        return Err(source.malformed(what));
+
+    /// Reads a text, which becomes an attribute of this name.
+    fn read_text(&mut self, source: &FileSource, chunk: &Chunk, name: &str) -> Result<()> {
+        let text = source.read_vec(chunk.body(), chunk.size.min(1 << 12), "a text")?;
+        let text = text.split(|b| *b == 0).next().unwrap_or_default();
+        if let Some(spec) = &mut self.header {
+            spec.attributes.set(word(name, &String::from_utf8_lossy(text)));
+        }
+        Ok(())
     }
-    let together = tiles.iter().map(|t| t.size.1).max().unwrap_or(0).max(TILE as u32);
-    Ok((spec, IffRows { tiles, stored, colors: names.len(), together, last: Mutex::new(None) }))
+
+    fn read_tile(&mut self, source: &FileSource, chunk: &Chunk, limits: &Limits) -> Result<()> {
+        let Chunk { at, mark, size } = chunk;
+        let b = source.read_vec(chunk.body(), 8, "a tile")?;
+        let short = |i: usize| u32::from(u16::from_be_bytes([b[i], b[i + 1]]));
+        let (x0, y0, x1, y1) = (short(0), short(2), short(4), short(6));
+        let inside = self.header.as_ref().is_some_and(|s| x1 < s.width && y1 < s.height);
+        if x0 > x1 || y0 > y1 || !inside || *size < 8 {
+            let what = format!("the tile at byte {at} is {size} bytes at {x0} {y0} to {x1} {y1}");
+            return Err(source.malformed(what));
+        }
+        limits.within(source.path(), "number of tiles", self.tiles.len() as u64, 1 << 24)?;
+        self.tiles.push(Tile {
+            depth: mark[0] == b'Z',
+            at: (x0, y0),
+            size: (x1 - x0 + 1, y1 - y0 + 1),
+            place: (chunk.body() + 8, size - 8),
+        });
+        Ok(())
+    }
+
+    /// Returns the image and its rows.
+    fn finish(self, source: &FileSource) -> Result<(ImageSpec, IffRows)> {
+        let Self { header, flags, stored, tiles } = self;
+        let Some(mut spec) = header else { return Err(source.malformed("there is no picture in it")) };
+        let names: &[&str] = match (flags & RGB != 0, flags & ALPHA != 0) {
+            (true, true) => &["R", "G", "B", "A"],
+            (true, false) => &["R", "G", "B"],
+            (false, true) => &["A"],
+            (false, false) => &[],
+        };
+        spec.channels = names.iter().map(|s| (*s).to_owned()).collect();
+        if flags & DEPTH != 0 {
+            spec.channels.push("Z".to_owned());
+        }
+        // Tiles that overlap would be decoded needlessly, as often as the file contains them.
+        let area = |(width, height): (u32, u32)| u64::from(width) * u64::from(height);
+        let (held, most) =
+            (tiles.iter().map(|t| area(t.size)).sum::<u64>(), 4 * area((spec.width, spec.height)));
+        if held > most {
+            let what = format!("its tiles hold {held} pixels, of which the picture has at most {most}");
+            return Err(source.malformed(what));
+        }
+        let together = tiles.iter().map(|t| t.size.1).max().unwrap_or(0).max(TILE as u32);
+        Ok((spec, IffRows { tiles, stored, colors: names.len(), together, last: Mutex::new(None) }))
+    }
 }
 
 fn word(name: &str, value: &str) -> Param {

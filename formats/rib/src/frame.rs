@@ -125,6 +125,7 @@ impl Options {
         calls
     }
 
+    /// Returns the `Output` call of a display; `None` (reported) when its variable has no known type.
     fn output(
         &self,
         display: &Display,
@@ -137,7 +138,71 @@ impl Options {
             "tiff".to_owned()
         });
         let depth = mode == "z";
-        let data = match mode.as_str() {
+        let data = display.data(named, wrong)?;
+        let data = if data.is_empty() { "rgba".to_owned() } else { data };
+        let data = if depth && self.depth_filter == "midpoint" { "avgz".to_owned() } else { data };
+        let (quantize, dither) = self.quantize(mode);
+        let (filter, width) = self.filter(depth);
+        let mut params: Params = [
+            param("string filter", filter),
+            param("float[2] filterwidth", &width[..]),
+            param("int[4] quantize", &quantize[..]),
+            param("float dither", dither),
+        ]
+        .into_iter()
+        .flatten()
+        .collect();
+        if !depth {
+            let [gain, gamma] = self.exposure;
+            [param("float gain", gain), param("float gamma", gamma)]
+                .into_iter()
+                .flatten()
+                .for_each(|p| params.set(p));
+        }
+        display.set_own(&mut params);
+        Some(Call::Output {
+            name: name.as_str().into(),
+            format: format.into(),
+            data: data.into(),
+            camera: Arc::from(CAMERA),
+            params,
+        })
+    }
+
+    /// Returns zero, one, min and max of the integers of an image of a mode, and the amplitude of their dither. All
+    /// are 0 when the image has floats.
+    fn quantize(&self, mode: &str) -> ([i32; 4], f32) {
+        let depth = mode == "z";
+        let kind = if depth { "z" } else { "rgba" };
+        let default = if depth { [0.0; 4] } else { [255.0, 0.0, 255.0, 0.5] };
+        let [one, min, max, dither] =
+            *self.quantize.get(mode).or_else(|| self.quantize.get(kind)).unwrap_or(&default);
+        let quantize = if one == 0.0 { [0; 4] } else { [0.0, one, min, max].map(|v| v as i32) };
+        (quantize, if quantize == [0; 4] { 0.0 } else { dither })
+    }
+
+    /// Returns the pixel filter and its width in pixels, of depths or of colours.
+    fn filter(&self, depth: bool) -> (&str, [f32; 2]) {
+        match depth {
+            true if matches!(self.depth_filter.as_str(), "min" | "max" | "average") => {
+                (self.depth_filter.as_str(), [1.0; 2])
+            }
+            true => ("min", [1.0; 2]),
+            false => (self.filter.0.as_str(), self.filter.1),
+        }
+    }
+}
+
+impl Display {
+    /// Returns the data of the output that shows the mode; `None` (reported) for a variable whose type is not known.
+    /// The result may be empty for "az", which has no colours.
+    fn data(
+        &self,
+        named: &dyn Fn(&str) -> Option<Declared>,
+        wrong: &mut dyn FnMut(String),
+    ) -> Option<String> {
+        let Self { name, mode, .. } = self;
+        Some(match mode.as_str() {
             "rgb" | "rgba" | "z" => mode.clone(),
             "a" => {
                 wrong(format!("Display \"{name}\": opacity alone is not supported; rgba is written"));
@@ -150,58 +215,18 @@ impl Options {
                 mode[..mode.len() - 1].replace('a', "").replace("rgb", "rgba")
             }
             variable => match named(variable) {
-                Some(declared) => {
-                    let plain = variable.split_whitespace().last().unwrap_or(variable);
-                    let plain = match plain {
-                        "Ci" => "C",
-                        "Oi" => "opacity",
-                        // Cs is the variable of the surface, not of the light that leaves it. In the scene interface s
-                        // and t are u and v by default.
-                        "Cs" => "primitive:C",
-                        "Os" => "primitive:opacity",
-                        "s" => "primitive:s",
-                        "t" => "primitive:t",
-                        other => other,
-                    };
-                    format!("{} {plain}", declared.base.word())
-                }
+                Some(declared) => format!("{} {}", declared.base.word(), shown_variable(variable)),
                 None => {
                     wrong(format!("Display \"{name}\": the type of \"{variable}\" is not declared"));
                     return None;
                 }
             },
-        };
-        let data = if data.is_empty() { "rgba".to_owned() } else { data };
-        let data = if depth && self.depth_filter == "midpoint" { "avgz".to_owned() } else { data };
-        let kind = if depth { "z" } else { "rgba" };
-        let default = if depth { [0.0; 4] } else { [255.0, 0.0, 255.0, 0.5] };
-        let [one, min, max, dither] =
-            *self.quantize.get(mode).or_else(|| self.quantize.get(kind)).unwrap_or(&default);
-        let quantize = if one == 0.0 { [0; 4] } else { [0.0, one, min, max].map(|v| v as i32) };
-        let [gain, gamma] = self.exposure;
-        let (filter, width) = match depth {
-            true if matches!(self.depth_filter.as_str(), "min" | "max" | "average") => {
-                (self.depth_filter.as_str(), [1.0; 2])
-            }
-            true => ("min", [1.0; 2]),
-            false => (self.filter.0.as_str(), self.filter.1),
-        };
-        let mut params: Params = [
-            param("string filter", filter),
-            param("float[2] filterwidth", &width[..]),
-            param("int[4] quantize", &quantize[..]),
-            param("float dither", if quantize == [0; 4] { 0.0 } else { dither }),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
-        if !depth {
-            [param("float gain", gain), param("float gamma", gamma)]
-                .into_iter()
-                .flatten()
-                .for_each(|p| params.set(p));
-        }
-        for given in &display.params {
+        })
+    }
+
+    /// Sets the parameters of the display itself, which replace those of the options.
+    fn set_own(&self, params: &mut Params) {
+        for given in &self.params {
             match &*given.name {
                 "quantize" if given.floats().len() == 4 => {
                     let values: Vec<i32> = given.floats().iter().map(|v| *v as i32).collect();
@@ -215,13 +240,21 @@ impl Options {
                 }),
             }
         }
-        Some(Call::Output {
-            name: name.as_str().into(),
-            format: format.into(),
-            data: data.into(),
-            camera: Arc::from(CAMERA),
-            params,
-        })
+    }
+}
+
+/// Returns the name in the scene interface of a variable that a display shows. The variable may have a type.
+fn shown_variable(variable: &str) -> &str {
+    match variable.split_whitespace().last().unwrap_or(variable) {
+        "Ci" => "C",
+        "Oi" => "opacity",
+        // Cs is the variable of the surface, not of the light that leaves it. In the scene interface s and t are u and
+        // v by default.
+        "Cs" => "primitive:C",
+        "Os" => "primitive:opacity",
+        "s" => "primitive:s",
+        "t" => "primitive:t",
+        other => other,
     }
 }
 

@@ -20,6 +20,7 @@ mod archives;
 mod basis;
 mod branches;
 mod condition;
+mod curves;
 mod declare;
 mod frame;
 mod geometry;

@@ -1,10 +1,10 @@
-//! Patches, NURBS and curves.
+//! Patches and NURBS.
 
 use crate::basis::{Basis, linear_as_bezier};
 use crate::declare::{Class, Declared, Given};
-use crate::geometry::{int, ints, same, width};
+use crate::geometry::{int, ints};
 use crate::options::string;
-use crate::primvars::{CURVES, PATCH, Variable, params, variables};
+use crate::primvars::{PATCH, Variable, params, variables};
 use crate::reader::{Done, Fault, Reader};
 use crate::request::{Arg, Request};
 use granita_base::shape::KnotSpan;
@@ -12,28 +12,29 @@ use granita_base::{BaseType, CurveBasis, Interp, ParamData, ShapeDesc, TrimDesc}
 use granita_scene::Call;
 use std::sync::Arc;
 
-/// One direction of a patch mesh.
+/// One direction of a patch mesh, or a curve.
 #[derive(Clone, Copy)]
-struct Side {
-    basis: Basis,
-    n: usize,
-    periodic: bool,
-    segments: usize,
+pub(crate) struct Side {
+    pub(crate) basis: Basis,
+    /// The number of vertices.
+    pub(crate) n: usize,
+    pub(crate) periodic: bool,
+    pub(crate) segments: usize,
 }
 
 impl Side {
     /// Returns the number of values of a varying variable along this side.
-    fn varying(&self) -> usize {
+    pub(crate) fn varying(&self) -> usize {
         if self.periodic { self.segments } else { self.segments + 1 }
     }
 
     /// Returns the number of control values after conversion.
-    fn converted(&self) -> usize {
+    pub(crate) fn converted(&self) -> usize {
         3 * self.segments + 1
     }
 
     /// Converts items of `width` numbers at the ends of segments to Bezier control items.
-    fn spread(&self, values: &[f32], width: usize) -> Vec<f32> {
+    pub(crate) fn spread(&self, values: &[f32], width: usize) -> Vec<f32> {
         let mut values = values.to_vec();
         if self.periodic {
             values.extend_from_within(..width);
@@ -43,7 +44,7 @@ impl Side {
 }
 
 /// Applies `f` to every row of `row` numbers.
-fn by_rows(values: &[f32], row: usize, f: impl Fn(&[f32]) -> Vec<f32>) -> Vec<f32> {
+pub(crate) fn by_rows(values: &[f32], row: usize, f: impl Fn(&[f32]) -> Vec<f32>) -> Vec<f32> {
     values.chunks_exact(row.max(1)).flat_map(f).collect()
 }
 
@@ -237,109 +238,6 @@ impl Reader<'_> {
         let trim = TrimDesc { ncurves, n, order, knots, min, max, uvw };
         let none = trim.ncurves.is_empty();
         self.emit(Call::TrimCurve((!none).then(|| Box::new(trim))))
-    }
-
-    pub(crate) fn curves(&mut self, request: &Request) -> Done {
-        let kind = string(request, 0)?;
-        let nverts = ints(request, 1)?;
-        let periodic = &*string(request, 2)? == "periodic";
-        let given = self.given(request, 3);
-        let mut all = variables(&given, CURVES);
-        if !all.iter().any(|v| &*v.name == "width") {
-            all.push(width(1.0));
-        }
-        let basis = match &*kind {
-            "linear" => None,
-            "cubic" => Some(self.local.vbasis),
-            other => return Err(Fault::Mistake(format!("there are no curves \"{other}\""))),
-        };
-        // The segments of each curve.
-        let mut sides = Vec::with_capacity(nverts.len());
-        for n in nverts.iter() {
-            let n = usize::try_from(*n).unwrap_or(0);
-            let segments = match basis {
-                Some(basis) => basis.segments(n, periodic),
-                None if n < 2 => None,
-                None => Some(if periodic { n } else { n - 1 }),
-            };
-            let Some(segments) = segments else {
-                return Err(Fault::Mistake(format!("{n} vertices make no whole curve")));
-            };
-            sides.push(Side { basis: basis.unwrap_or(Basis::BEZIER), n, periodic, segments });
-        }
-        let vertices: usize = sides.iter().map(|s| s.n).sum();
-        let ends: usize = sides.iter().map(Side::varying).sum();
-        let varying = |v: &Variable| {
-            given.iter().any(|g| {
-                same(&g.name, &v.name) && matches!(g.declared.class, Class::Varying | Class::FaceVarying)
-            })
-        };
-        for v in &all {
-            let want = match v.interp {
-                Interp::Vertex => vertices,
-                Interp::Linear => ends,
-                Interp::PerPiece => sides.len(),
-                Interp::Constant => continue,
-            };
-            if v.items() != want {
-                let n = v.items();
-                return Err(Fault::Mistake(format!("\"{}\" has {n} values where {want} are needed", v.name)));
-            }
-        }
-        // Adjacent curves with the same number of vertices become one call.
-        let (mut from, mut vertex, mut end) = (0, 0, 0);
-        while from < sides.len() {
-            let side = sides[from];
-            let count = sides[from..].iter().take_while(|s| s.n == side.n).count();
-            let bends = side.segments > 1 && all.iter().any(varying);
-            let native = basis.and_then(|b| b.native).filter(|_| !periodic && !bends);
-            let n_out = match (basis, native) {
-                (None, _) => side.n + usize::from(periodic),
-                (Some(_), Some(_)) => side.n,
-                (Some(_), None) => side.converted(),
-            };
-            let slice = |v: &Variable| -> Variable {
-                let mut out = v.clone();
-                let (first, each) = match v.interp {
-                    Interp::Vertex => (vertex, side.n),
-                    Interp::Linear => (end, side.varying()),
-                    Interp::PerPiece => (from, 1),
-                    Interp::Constant => return out,
-                };
-                out.data = v.picked(first..first + each * count);
-                if v.interp == Interp::PerPiece {
-                    return out;
-                }
-                let (width, vertexlike) = (v.width(), v.interp == Interp::Vertex);
-                if basis.is_none() {
-                    // Linear curves interpolate both classes in the same way.
-                    let places = (0..count).flat_map(|k| (0..n_out).map(move |i| k * each + i % each));
-                    let data = out.picked(places);
-                    return Variable { interp: Interp::Vertex, data, ..out };
-                }
-                if native.is_some() {
-                    return out;
-                }
-                let Some(values) = out.data.to_floats() else { return out };
-                let new = if vertexlike {
-                    by_rows(&values, each * width, |row| side.basis.converted(row, width, side.n, periodic))
-                } else {
-                    by_rows(&values, each * width, |row| side.spread(row, width))
-                };
-                Variable { interp: Interp::Vertex, data: ParamData::Float(new.into()), ..out }
-            };
-            let group: Vec<Variable> = all.iter().map(slice).collect();
-            let basis = match (basis, native) {
-                (None, _) => CurveBasis::Linear,
-                (_, Some(native)) => native,
-                _ => CurveBasis::Bezier,
-            };
-            self.shape(ShapeDesc::Curves { basis, ncurves: count, nverts: n_out }, params(group))?;
-            vertex += side.n * count;
-            end += side.varying() * count;
-            from += count;
-        }
-        Ok(())
     }
 }
 

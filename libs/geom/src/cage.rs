@@ -372,6 +372,17 @@ impl Cage {
             let corners = &self.corners[self.face(f)];
             average(out, corners.iter().map(|&v| self.point(v)));
         }
+        self.find_edge_points(of_faces, of_edges);
+        self.find_vertex_points(of_faces, of_vertices);
+        let starts = (0..=self.corners.len() as u32).map(|k| k * 4).collect();
+        let mut refined = Self::new(c, points, starts, self.refined_corners(), self.sharp_corners);
+        refined.crease(&self.refined_creases());
+        refined
+    }
+
+    /// Computes the channels of the new vertices on edges from the new vertices on faces.
+    fn find_edge_points(&self, of_faces: &[f64], of_edges: &mut [f64]) {
+        let c = self.channels;
         let face_point = |f: u32| &of_faces[f as usize * c..][..c];
         for (edge, out) in self.edges.iter().zip(of_edges.chunks_exact_mut(c)) {
             let [a, b] = edge.ends.map(|v| self.point(v));
@@ -388,51 +399,32 @@ impl Cage {
                 }
             }
         }
-        let mut of_corner = vec![0_u32; self.corners.len()];
-        for f in 0..nf {
-            of_corner[self.face(f)].fill(f as u32);
-        }
-        let (mut ring, mut middle) = (vec![0.0; c], vec![0.0; c]);
-        let mut place = |v: u32, kind: Corner, out: &mut [f64]| {
-            let p = self.point(v);
-            let corners = self.corners_at(v);
-            match kind {
-                Corner::Smooth if !corners.is_empty() => {
-                    let n = self.edges_at(v).len() as f64;
-                    average(&mut middle, corners.iter().map(|&k| face_point(of_corner[k as usize])));
-                    let others = self.edges_at(v).iter().map(|&e| {
-                        let edge = &self.edges[e as usize];
-                        self.point(edge.ends[1 - edge.end(v)])
-                    });
-                    average(&mut ring, others);
-                    for k in 0..c {
-                        // The rule is Q/n + 2R/n + (n-3)v/n with R = (v + ring)/2.
-                        out[k] = (middle[k] + ring[k] + (n - 2.0) * p[k]) / n;
-                    }
-                }
-                Corner::Crease([a, b]) => {
-                    let (a, b) = (self.point(a), self.point(b));
-                    for k in 0..c {
-                        out[k] = (6.0 * p[k] + (a[k] + b[k])) / 8.0;
-                    }
-                }
-                _ => out.copy_from_slice(p),
-            }
-        };
+    }
+
+    /// Computes the channels of the moved vertices from the new vertices on faces.
+    fn find_vertex_points(&self, of_faces: &[f64], of_vertices: &mut [f64]) {
+        let c = self.channels;
+        let mut rule = VertexRule::new(self, of_faces);
         let mut later = vec![0.0; c];
         for (v, out) in of_vertices.chunks_exact_mut(c).enumerate() {
             let v = v as u32;
             let (now, next) = (self.corner(v), self.corner_after(v, 1.0));
-            place(v, now, out);
+            rule.place(v, now, out);
             if now != next {
                 // A sharpness that ends within this step has a partial effect.
                 let part = self.passing(v);
-                place(v, next, &mut later);
+                rule.place(v, next, &mut later);
                 out.iter_mut().zip(&later).for_each(|(o, l)| *o = *o * part + l * (1.0 - part));
             }
         }
+    }
+
+    /// Returns the vertices of the refined faces. The vertices of the cage come first, then those on edges, then those
+    /// on faces.
+    fn refined_corners(&self) -> Vec<u32> {
+        let (nv, ne) = (self.vertices(), self.edges.len());
         let mut corners = Vec::with_capacity(self.corners.len() * 4);
-        for f in 0..nf {
+        for f in 0..self.faces() {
             let range = self.face(f);
             let n = range.len();
             for i in 0..n {
@@ -447,15 +439,18 @@ impl Cage {
                 corners.extend((0..4).map(|k| quad[(k + 4 - turn) % 4]));
             }
         }
-        let starts = (0..=self.corners.len() as u32).map(|k| k * 4).collect();
-        let mut refined = Self::new(c, points, starts, corners, self.sharp_corners);
+        corners
+    }
+
+    /// Returns the edges and vertices that stay sharp for more than one step, as they are after the step.
+    fn refined_creases(&self) -> Creases {
+        let nv = self.vertices();
         let less = |s: f32| (s - 1.0).max(0.0);
         let halves = self.edges.iter().enumerate().filter(|(_, e)| e.count == 2 && e.sharpness > 1.0);
         let halves = halves.flat_map(|(i, e)| e.ends.map(|v| ([v, (nv + i) as u32], less(e.sharpness))));
         let vertices = self.vertex_sharpness.iter().enumerate().filter(|(_, s)| **s > 1.0);
         let vertices = vertices.map(|(v, s)| (v as u32, less(*s)));
-        refined.crease(&Creases { edges: halves.collect(), vertices: vertices.collect() });
-        refined
+        Creases { edges: halves.collect(), vertices: vertices.collect() }
     }
 
     /// Returns the mean sharpness of everything at a vertex that is sharp for less than one more step.
@@ -465,6 +460,59 @@ impl Cage {
         let passing = own.chain(edges).filter(|s| *s > 0.0 && *s <= 1.0);
         let (sum, n) = passing.fold((0.0, 0.0), |(sum, n), s| (sum + f64::from(s), n + 1.0));
         if n > 0.0 { sum / n } else { 1.0 }
+    }
+}
+
+/// Computes where a step of subdivision moves vertices.
+struct VertexRule<'a> {
+    cage: &'a Cage,
+    /// The channels of the new vertices on faces.
+    of_faces: &'a [f64],
+    /// The face of each corner.
+    face_of_corner: Vec<u32>,
+    /// Scratch for the means of the channels of adjacent vertices and of faces.
+    ring: Vec<f64>,
+    middle: Vec<f64>,
+}
+
+impl<'a> VertexRule<'a> {
+    fn new(cage: &'a Cage, of_faces: &'a [f64]) -> Self {
+        let mut face_of_corner = vec![0_u32; cage.corners.len()];
+        for f in 0..cage.faces() {
+            face_of_corner[cage.face(f)].fill(f as u32);
+        }
+        let c = cage.channels;
+        Self { cage, of_faces, face_of_corner, ring: vec![0.0; c], middle: vec![0.0; c] }
+    }
+
+    /// Computes the channels of a vertex after the step, with the surface behaving there as `kind`.
+    fn place(&mut self, v: u32, kind: Corner, out: &mut [f64]) {
+        let (cage, c) = (self.cage, self.cage.channels);
+        let p = cage.point(v);
+        let corners = cage.corners_at(v);
+        match kind {
+            Corner::Smooth if !corners.is_empty() => {
+                let n = cage.edges_at(v).len() as f64;
+                let faces = corners.iter().map(|&k| self.face_of_corner[k as usize]);
+                average(&mut self.middle, faces.map(|f| &self.of_faces[f as usize * c..][..c]));
+                let others = cage.edges_at(v).iter().map(|&e| {
+                    let edge = &cage.edges[e as usize];
+                    cage.point(edge.ends[1 - edge.end(v)])
+                });
+                average(&mut self.ring, others);
+                for k in 0..c {
+                    // The rule is Q/n + 2R/n + (n-3)v/n with R = (v + ring)/2.
+                    out[k] = (self.middle[k] + self.ring[k] + (n - 2.0) * p[k]) / n;
+                }
+            }
+            Corner::Crease([a, b]) => {
+                let (a, b) = (cage.point(a), cage.point(b));
+                for k in 0..c {
+                    out[k] = (6.0 * p[k] + (a[k] + b[k])) / 8.0;
+                }
+            }
+            _ => out.copy_from_slice(p),
+        }
     }
 }
 

@@ -9,7 +9,7 @@
 use crate::GeomError;
 use crate::cage::{Cage, Corner, Creases};
 use crate::key::ShapeKey;
-use crate::mesh::{CALL, Faces, LATTICE, check};
+use crate::mesh::{CALL, Face, Faces, LATTICE, check};
 use crate::net::{Net, Seam, cross, net_bound, pieces};
 use crate::order::spatial_order;
 use crate::range::{Place, Range};
@@ -72,17 +72,7 @@ pub(crate) fn build(
     if !(0..=2).contains(&border) {
         report(Severity::Warning, format!("{CALL}: \"border\" is {border}, it can be 0, 1 or 2; 0 is used"));
     }
-    let mut starts = vec![0_u32];
-    let mut corners = Vec::new();
-    for face in &faces {
-        corners.extend(verts[face.corners.clone()].iter().map(|&v| v as u32));
-        // Refined vertices and faces are also counted by 32 bits.
-        if corners.len() as u64 * 4 > MOST_FACES {
-            let asked = verts.len() as u64;
-            return Err(GeomError::Limit { call: CALL, what: "corners", asked, max: MOST_FACES / 4 });
-        }
-        starts.push(corners.len() as u32);
-    }
+    let (starts, corners) = corners_of(&faces, &verts)?;
     if corners.is_empty() {
         return Ok(Vec::new());
     }
@@ -113,29 +103,7 @@ pub(crate) fn build(
         _ => 1,
     };
     let mut roots = Vec::new();
-    for &index in &drawn {
-        let face = &faces[index];
-        let (n, start) = (face.corners.len() as u32, cage.starts[index]);
-        let halved = |k: usize| {
-            let edge = &cage.edges[cage.corner_edges[start as usize + k] as usize];
-            edge.faces.iter().any(|&f| cage.face(f as usize).len() != 4)
-        };
-        let root = |corner: u32, refined: u32, levels: u32| Root {
-            face: face.index,
-            first: face.corners.start as u32,
-            n,
-            corner,
-            refined,
-            levels,
-            // The sides are those at the start and end of v, then of u. The corners are in winding order.
-            halved: if n == 4 { [0, 2, 3, 1].map(halved) } else { [false; 4] },
-        };
-        match (n, levels) {
-            (4, 0) => roots.push(root(0, index as u32, 0)),
-            (4, _) => roots.push(root(0, start << (2 * (levels - 1)), levels)),
-            _ => roots.extend((0..n).map(|i| root(i, (start + i) << (2 * (levels - 1)), levels - 1))),
-        }
-    }
+    drawn.iter().for_each(|&index| add_roots(&faces[index], index, &cage, levels, &mut roots));
     for _ in 0..levels {
         cage = cage.refined();
     }
@@ -156,6 +124,50 @@ pub(crate) fn build(
     surface.find_bounds();
     let n = surface.roots.len();
     Ok(pieces(Box::new(surface), n))
+}
+
+/// Returns the indices at which the corners of each face start, and one more, and the vertex at each corner.
+///
+/// # Errors
+/// Returns an error when there are too many corners.
+fn corners_of(faces: &[Face], verts: &[i32]) -> Result<(Vec<u32>, Vec<u32>), GeomError> {
+    let mut starts = vec![0_u32];
+    let mut corners = Vec::new();
+    for face in faces {
+        corners.extend(verts[face.corners.clone()].iter().map(|&v| v as u32));
+        // Refined vertices and faces are also counted by 32 bits.
+        if corners.len() as u64 * 4 > MOST_FACES {
+            let asked = verts.len() as u64;
+            return Err(GeomError::Limit { call: CALL, what: "corners", asked, max: MOST_FACES / 4 });
+        }
+        starts.push(corners.len() as u32);
+    }
+    Ok((starts, corners))
+}
+
+/// Appends the quadrilaterals of a face of the cage, which is refined `levels` times. `index` is the index of the face
+/// in the cage.
+fn add_roots(face: &Face, index: usize, cage: &Cage, levels: u32, roots: &mut Vec<Root>) {
+    let (n, start) = (face.corners.len() as u32, cage.starts[index]);
+    let halved = |k: usize| {
+        let edge = &cage.edges[cage.corner_edges[start as usize + k] as usize];
+        edge.faces.iter().any(|&f| cage.face(f as usize).len() != 4)
+    };
+    let root = |corner: u32, refined: u32, levels: u32| Root {
+        face: face.index,
+        first: face.corners.start as u32,
+        n,
+        corner,
+        refined,
+        levels,
+        // The sides are those at the start and end of v, then of u. The corners are in winding order.
+        halved: if n == 4 { [0, 2, 3, 1].map(halved) } else { [false; 4] },
+    };
+    match (n, levels) {
+        (4, 0) => roots.push(root(0, index as u32, 0)),
+        (4, _) => roots.push(root(0, start << (2 * (levels - 1)), levels)),
+        _ => roots.extend((0..n).map(|i| root(i, (start + i) << (2 * (levels - 1)), levels - 1))),
+    }
 }
 
 /// Returns the sharp edges and vertices of the parameters "creaselengths", "creaseindices" and "creasesharpnesses"

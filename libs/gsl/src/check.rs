@@ -395,10 +395,20 @@ impl Checker<'_> {
         out
     }
 
+    /// Checks a statement, and appends it unless it does nothing or has an error that leaves nothing of it.
     fn statement(&mut self, statement: ast::Stmt, out: &mut Vec<Stmt>) {
         let pos = statement.pos;
-        let kind = match statement.kind {
-            ast::StmtKind::Empty => return,
+        if let Some(kind) = self.statement_kind(statement, out) {
+            out.push(Stmt { kind, pos });
+        }
+    }
+
+    /// Checks a statement. Returns `None` when nothing is left of it, and for variables, whose declarations it
+    /// appends.
+    fn statement_kind(&mut self, statement: ast::Stmt, out: &mut Vec<Stmt>) -> Option<StmtKind> {
+        let pos = statement.pos;
+        Some(match statement.kind {
+            ast::StmtKind::Empty => return None,
             ast::StmtKind::Expr(expr) => StmtKind::Expr(self.effect(&expr)),
             ast::StmtKind::Block(list) => {
                 self.scopes.push(Scope::default());
@@ -407,23 +417,12 @@ impl Checker<'_> {
                 StmtKind::Block(list)
             }
             ast::StmtKind::Variables(ty, list) => {
-                for definition in list {
-                    let (array, _) = self.length(definition.array.as_ref(), false);
-                    let mut ty = SymbolType { value: ty, array, open: false };
-                    let pos = definition.name.pos;
-                    let init = match definition.init {
-                        None => Init::None,
-                        Some(init) => self.initializer(init, &mut ty, &definition.name),
-                    };
-                    let var = self.declare(&definition.name, ty, VarKind::Local);
-                    self.vars[var.0].written = !matches!(init, Init::None);
-                    out.push(Stmt { kind: StmtKind::Declare(var, init), pos });
-                }
-                return;
+                self.variables(ty, list, out);
+                return None;
             }
             ast::StmtKind::Function(function) => {
                 self.function(function);
-                return;
+                return None;
             }
             ast::StmtKind::If(arms, otherwise) => {
                 let mut checked = Vec::with_capacity(arms.len());
@@ -462,26 +461,38 @@ impl Checker<'_> {
                 list.push(Stmt { kind, pos });
                 StmtKind::Block(list)
             }
-            ast::StmtKind::Break | ast::StmtKind::Continue => {
-                let (word, kind) = match statement.kind {
-                    ast::StmtKind::Break => ("break", StmtKind::Break),
-                    _ => ("continue", StmtKind::Continue),
-                };
-                if self.around.last() != Some(&Around::Loop) {
-                    let help = (!self.around.is_empty())
-                        .then(|| "`lights`, `emit` and `trace` cannot be left early".to_owned());
-                    self.diags.error_help(pos, format!("`{word}` is not in a loop"), help);
-                    return;
-                }
-                kind
-            }
-            ast::StmtKind::Lighting(kind, args, body) => match self.lighting(kind, &args, *body, pos) {
-                Some(kind) => kind,
-                None => return,
-            },
+            ast::StmtKind::Break => self.in_loop("break", StmtKind::Break, pos)?,
+            ast::StmtKind::Continue => self.in_loop("continue", StmtKind::Continue, pos)?,
+            ast::StmtKind::Lighting(kind, args, body) => self.lighting(kind, &args, *body, pos)?,
             ast::StmtKind::Return(value) => self.return_statement(value, pos),
-        };
-        out.push(Stmt { kind, pos });
+        })
+    }
+
+    /// Checks the definitions of variables of one type, and appends their declarations.
+    fn variables(&mut self, ty: ValueType, list: Vec<ast::Definition>, out: &mut Vec<Stmt>) {
+        for definition in list {
+            let (array, _) = self.length(definition.array.as_ref(), false);
+            let mut ty = SymbolType { value: ty, array, open: false };
+            let pos = definition.name.pos;
+            let init = match definition.init {
+                None => Init::None,
+                Some(init) => self.initializer(init, &mut ty, &definition.name),
+            };
+            let var = self.declare(&definition.name, ty, VarKind::Local);
+            self.vars[var.0].written = !matches!(init, Init::None);
+            out.push(Stmt { kind: StmtKind::Declare(var, init), pos });
+        }
+    }
+
+    /// Returns the statement `break` or `continue` (`word`); `None` (reported) when it is not directly in a loop.
+    fn in_loop(&mut self, word: &str, kind: StmtKind, pos: Pos) -> Option<StmtKind> {
+        if self.around.last() != Some(&Around::Loop) {
+            let help = (!self.around.is_empty())
+                .then(|| "`lights`, `emit` and `trace` cannot be left early".to_owned());
+            self.diags.error_help(pos, format!("`{word}` is not in a loop"), help);
+            return None;
+        }
+        Some(kind)
     }
 
     /// Checks an expression whose value is not used.

@@ -187,77 +187,85 @@ pub(crate) fn fit(
     args: &[Possible],
     wanted: Option<ValueType>,
 ) -> Option<(u32, Option<ValueType>)> {
-    let fixed = row.args.len();
-    if args.len() < fixed {
+    if !fits_length(row, args) {
         return None;
     }
-    match row.rest {
-        Rest::Nothing if args.len() > fixed => return None,
-        Rest::Same(n) if args.len() < fixed + n => return None,
-        Rest::Options(_) => {
-            let mut rest = args[fixed..].chunks(2);
-            let named = |p: &[Possible]| matches!(p[0], Possible::Value(ValueType::String) | Possible::Bad);
-            if !rest.all(named) {
-                return None;
-            }
-        }
-        _ => {}
-    }
-    let positional = if let Rest::Options(_) = row.rest { fixed } else { args.len() };
+    let positional = if let Rest::Options(_) = row.rest { row.args.len() } else { args.len() };
     let mut cost = 0;
     let mut same: Option<TypeSet> = None;
     let mut shared: Vec<Possible> = Vec::new();
     for (i, possible) in args[..positional].iter().enumerate() {
         let (arg, _) = argument(row, i)?;
-        cost += match arg {
-            Arg::Is(ty) => reach(*possible, ty)?,
-            Arg::Same(set) => {
+        cost += own_cost(arg, *possible)?;
+        match (arg, *possible) {
+            (Arg::Same(set), possible) => {
                 same = Some(set);
-                shared.push(*possible);
-                0
+                shared.push(possible);
             }
-            Arg::Any(set) => match *possible {
-                Possible::Value(ty) if set.contains(ty) => 0,
-                Possible::Wanted(_) | Possible::Bad => 0,
-                _ => return None,
-            },
-            Arg::Data | Arg::OutData => match *possible {
-                Possible::Value(ValueType::Void) => return None,
-                _ => 0,
-            },
-            Arg::Array => match *possible {
-                Possible::Array(_) | Possible::Bad => 0,
-                _ => return None,
-            },
-            Arg::SameArray(set) => match *possible {
-                Possible::Array(ty) if set.contains(ty) => {
-                    same = Some(TypeSet::of(&[ty]));
-                    0
-                }
-                Possible::Bad => 0,
-                _ => return None,
-            },
-            // An argument that is not a variable of the right type is reported when it is checked.
-            Arg::Out(ty) => match *possible {
-                Possible::Value(found) => {
-                    if found.components() != ty.components() || (found == ValueType::String) {
-                        return None;
-                    }
-                    u32::from(found != ty)
-                }
-                Possible::Bad => 0,
-                _ => return None,
-            },
-            Arg::OutAny(set) => match *possible {
-                Possible::Value(ty) if set.contains(ty) => 0,
-                Possible::Bad => 0,
-                _ => return None,
-            },
-        };
+            (Arg::SameArray(_), Possible::Array(ty)) => same = Some(TypeSet::of(&[ty])),
+            _ => {}
+        }
     }
     let Some(set) = same else { return Some((cost, None)) };
-    // The type of the shared arguments is the one that converts least. Where an argument has a choice, it is the type
-    // that the context expects.
+    let (more, ty) = shared_type(set, &shared, wanted)?;
+    Some((cost + more, Some(ty)))
+}
+
+/// True when an overload takes this number of arguments, and when the options after the fixed ones have names.
+fn fits_length(row: &Signature, args: &[Possible]) -> bool {
+    let fixed = row.args.len();
+    if args.len() < fixed {
+        return false;
+    }
+    match row.rest {
+        Rest::Nothing => args.len() == fixed,
+        Rest::Same(n) => args.len() >= fixed + n,
+        Rest::Options(_) => {
+            let mut rest = args[fixed..].chunks(2);
+            rest.all(|p| matches!(p[0], Possible::Value(ValueType::String) | Possible::Bad))
+        }
+        _ => true,
+    }
+}
+
+/// Returns the cost of one argument; `None` when it is not accepted. `Same` arguments cost nothing here, because their
+/// cost depends on the type that they share.
+fn own_cost(arg: Arg, possible: Possible) -> Option<u32> {
+    let accepted = match arg {
+        Arg::Is(ty) => return reach(possible, ty),
+        Arg::Same(_) => true,
+        Arg::Any(set) => match possible {
+            Possible::Value(ty) => set.contains(ty),
+            Possible::Wanted(_) | Possible::Bad => true,
+            Possible::Array(_) => false,
+        },
+        Arg::Data | Arg::OutData => possible != Possible::Value(ValueType::Void),
+        Arg::Array => matches!(possible, Possible::Array(_) | Possible::Bad),
+        Arg::SameArray(set) => match possible {
+            Possible::Array(ty) => set.contains(ty),
+            other => other == Possible::Bad,
+        },
+        // An argument that is not a variable of the right type is reported when it is checked.
+        Arg::Out(ty) => match possible {
+            Possible::Value(found) => {
+                if found.components() != ty.components() || (found == ValueType::String) {
+                    return None;
+                }
+                return Some(u32::from(found != ty));
+            }
+            other => other == Possible::Bad,
+        },
+        Arg::OutAny(set) => match possible {
+            Possible::Value(ty) => set.contains(ty),
+            other => other == Possible::Bad,
+        },
+    };
+    accepted.then_some(0)
+}
+
+/// Returns the type of the `Same` arguments among those of a set, and their cost: the type that converts least. Where
+/// an argument can be what is wanted, it is what the context wants.
+fn shared_type(set: TypeSet, shared: &[Possible], wanted: Option<ValueType>) -> Option<(u32, ValueType)> {
     let open = shared.iter().any(|p| matches!(p, Possible::Wanted(_)));
     let mut best: Option<(u32, ValueType)> = None;
     for ty in set.iter() {
@@ -269,8 +277,7 @@ pub(crate) fn fit(
             best = Some((total, ty));
         }
     }
-    let (more, ty) = best?;
-    Some((cost + more, Some(ty)))
+    best
 }
 
 /// Returns the number of arguments that could be floats and become another type in an overload with these argument

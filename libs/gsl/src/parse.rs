@@ -514,20 +514,7 @@ impl Parser<'_> {
             return self.declaration();
         }
         match &*word {
-            "if" => {
-                let mut arms = Vec::new();
-                loop {
-                    self.next();
-                    let condition = self.parenthesized()?;
-                    arms.push((condition, self.statement()?));
-                    if !self.eat_word("else") {
-                        return Ok(StmtKind::If(arms, None));
-                    }
-                    if !self.is_word("if") {
-                        return Ok(StmtKind::If(arms, Some(Box::new(self.statement()?))));
-                    }
-                }
-            }
+            "if" => self.if_statement(),
             "else" => {
                 let pos = self.pos();
                 self.diags.error(pos, "`else` without `if`");
@@ -539,35 +526,16 @@ impl Parser<'_> {
                 let condition = self.parenthesized()?;
                 Ok(StmtKind::While(condition, Box::new(self.statement()?)))
             }
-            "do" => {
-                self.next();
-                let body = Box::new(self.statement()?);
-                if !self.eat_word("while") {
-                    return self.expected("`while`");
-                }
-                let condition = self.parenthesized()?;
-                self.expect_end()?;
-                Ok(StmtKind::DoWhile(body, condition))
-            }
+            "do" => self.do_loop(),
             "for" => self.for_loop(),
             "break" | "continue" => {
                 self.next();
                 self.expect_end()?;
                 Ok(if &*word == "break" { StmtKind::Break } else { StmtKind::Continue })
             }
-            "emit" | "lights" | "trace" => {
-                let kind = match &*word {
-                    "emit" => Lighting::Emit,
-                    "lights" => Lighting::Lights,
-                    _ => Lighting::Trace,
-                };
-                self.next();
-                if !self.is("(") {
-                    return self.expected("`(`");
-                }
-                let arguments = self.arguments()?;
-                Ok(StmtKind::Lighting(kind, arguments, Box::new(self.statement()?)))
-            }
+            "emit" => self.lighting(Lighting::Emit),
+            "lights" => self.lighting(Lighting::Lights),
+            "trace" => self.lighting(Lighting::Trace),
             "return" => {
                 self.next();
                 let value = if self.is(";") { None } else { Some(self.expr()?) };
@@ -585,6 +553,42 @@ impl Parser<'_> {
             }
             _ => self.expression_statement(),
         }
+    }
+
+    fn if_statement(&mut self) -> Parsed<StmtKind> {
+        let mut arms = Vec::new();
+        loop {
+            self.next();
+            let condition = self.parenthesized()?;
+            arms.push((condition, self.statement()?));
+            if !self.eat_word("else") {
+                return Ok(StmtKind::If(arms, None));
+            }
+            if !self.is_word("if") {
+                return Ok(StmtKind::If(arms, Some(Box::new(self.statement()?))));
+            }
+        }
+    }
+
+    fn do_loop(&mut self) -> Parsed<StmtKind> {
+        self.next();
+        let body = Box::new(self.statement()?);
+        if !self.eat_word("while") {
+            return self.expected("`while`");
+        }
+        let condition = self.parenthesized()?;
+        self.expect_end()?;
+        Ok(StmtKind::DoWhile(body, condition))
+    }
+
+    /// Parses an `emit`, `lights` or `trace` statement.
+    fn lighting(&mut self, kind: Lighting) -> Parsed<StmtKind> {
+        self.next();
+        if !self.is("(") {
+            return self.expected("`(`");
+        }
+        let arguments = self.arguments()?;
+        Ok(StmtKind::Lighting(kind, arguments, Box::new(self.statement()?)))
     }
 
     fn expression_statement(&mut self) -> Parsed<StmtKind> {

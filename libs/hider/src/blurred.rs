@@ -1,7 +1,8 @@
 //! Samples micropolygons that move, that are out of focus, or that reach before the near plane.
 
-use super::hit::{Hit, Raster, Sink, before, spans};
+use super::hit::{Hit, Raster, Sink, before};
 use super::lanes::{LANES, Lanes, Points, Signs, first_lanes};
+use super::rays::Polygon;
 use super::streaks::{Candidate, Streak, Streaks};
 use super::visible::pixels_of;
 use granita_base::{Vec2, Vec3};
@@ -31,15 +32,6 @@ struct Borders {
     hi_y: Vec<f32>,
     near: Vec<f32>,
     far: Vec<f32>,
-}
-
-/// A micropolygon that is searched for hits.
-pub(super) struct Polygon {
-    /// The indices of its corners in the grid, in order around it.
-    pub(super) corners: [usize; 4],
-    pub(super) rim: [bool; 4],
-    /// The size of a pixel in camera space at z = 1.
-    pub(super) pixel: Vec2,
 }
 
 impl Raster<'_> {
@@ -271,166 +263,6 @@ impl Raster<'_> {
             near: clear.choose(boxes.near, zero),
             far: clear.choose(boxes.far, zero),
         }
-    }
-
-    /// Intersects rays from the lens points of samples with the two triangles of a micropolygon at the samples'
-    /// times. It computes the depth along z and the coordinates in the micropolygon. For a ray that passes beside the
-    /// micropolygon, on the widened boundary edge, it computes the direction to the micropolygon ([`Hit::beside`]).
-    ///
-    /// The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using 2D
-    /// Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
-    #[inline(always)]
-    pub(super) fn rays(
-        &self,
-        simd: impl Simd,
-        polygon: &Polygon,
-        list: &[Candidate; LANES],
-        used: usize,
-        hit: &mut impl FnMut(usize, f32, f32, f32, Option<Vec2>),
-    ) {
-        let (samples, view) = (self.samples, self.view);
-        let Polygon { corners, rim, pixel } = polygon;
-        let on_plane = [
-            (Lanes::gather(&samples.x, list, |c| c.sample) - view.center.x) * pixel.x,
-            (Lanes::gather(&samples.y, list, |c| c.sample) - view.center.y) * pixel.y,
-        ];
-        let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
-        let (origin, direction) = if !view.perspective {
-            (on_plane, Points { x: zero, y: zero, z: one })
-        } else if view.lens_radius > 0.0 {
-            let tables = &*samples.tables;
-            let lens = [&tables.lens_x, &tables.lens_y].map(|l| Lanes::gather(l, list, |c| c.lens));
-            let [x, y] = [0, 1].map(|k| on_plane[k] - lens[k] / view.focus);
-            (lens, Points { x, y, z: one })
-        } else {
-            ([zero; 2], Points { x: on_plane[0], y: on_plane[1], z: one })
-        };
-        let time = match samples.times.is_empty() {
-            true => Lanes::splat(samples.shutter[0]),
-            false => Lanes::gather(&samples.tables.time, list, |c| c.time),
-        };
-        let mut p = self.corners_at(corners, time);
-        for p in &mut p {
-            (p.x, p.y) = (p.x - origin[0], p.y - origin[1]);
-        }
-        // The normals of the planes through the origin and an edge are exactly opposite for opposite directions of
-        // the edge.
-        let d = p[0].cross(&p[2]).dot(&direction);
-        let (mut sides, mut e, mut pad) = ([p[0]; 4], [zero; 4], [zero; 4]);
-        for k in 0..4 {
-            sides[k] = p[k].cross(&p[(k + 1) % 4]);
-            e[k] = sides[k].dot(&direction);
-        }
-        // The change of the edge functions over one pixel.
-        let slope = |k: usize| match view.perspective {
-            true => [sides[k].x * pixel.x, sides[k].y * pixel.y],
-            // In an orthographic view both ends are projected without their depths.
-            false => {
-                let (a, b) = (&p[k], &p[(k + 1) % 4]);
-                [(a.y - b.y) * pixel.x, (b.x - a.x) * pixel.y]
-            }
-        };
-        let widened = view.rim_px > 0.0;
-        for k in 0..4 {
-            if rim[k] && widened {
-                let [x, y] = slope(k);
-                pad[k] = (x * x + y * y).root() * view.rim_px;
-            }
-        }
-        // The triangles are (0, 1, 2) and (0, 2, 3). The diagonal is not a boundary edge.
-        let signs = [(e[0] + e[1] - d).sign(), (d + e[2] + e[3]).sign()];
-        let slack = |k: usize, sign: Lanes| e[k] * sign + pad[k];
-        let slacks = [
-            slack(0, signs[0]).min(slack(1, signs[0])).min(-d * signs[0]),
-            slack(2, signs[1]).min(slack(3, signs[1])).min(d * signs[1]),
-        ];
-        let far_enough = view.near.max(view.z_min);
-        let mut alive = first_lanes(used);
-        if let Some([from, to]) = view.existence {
-            alive &= simd.not_negative(time - from) & simd.not_negative(-(time - to));
-        }
-        let (mut inside, mut found) = ([0; 2], [0; 2]);
-        let mut places = [(zero, zero, zero); 2];
-        for (second, corner, e) in [(false, [0, 1, 2], [e[0], e[1], -d]), (true, [0, 2, 3], [d, e[2], e[3]])]
-        {
-            let t = usize::from(second);
-            let sum = e[0] + e[1] + e[2];
-            let size = sum * signs[t];
-            // The size must be neither 0 nor infinite.
-            let valid = simd.positive(size) & simd.positive(Lanes::splat(f32::INFINITY) - size);
-            found[t] = simd.not_negative(slacks[t]) & valid & alive;
-            if found[t] == 0 {
-                continue;
-            }
-            let least = (e[0] * signs[t]).min(e[1] * signs[t]).min(e[2] * signs[t]);
-            inside[t] = found[t] & simd.not_negative(least) & !inside[0];
-            let w = [e[1], e[2], e[0]].map(|w| (w / sum).max(zero).min(one));
-            let total = w[0] + w[1] + w[2];
-            let w = w.map(|w| w / total);
-            let z = w[0] * p[corner[0]].z + w[1] * p[corner[1]].z + w[2] * p[corner[2]].z;
-            let along = (w[1] + w[2]).min(one);
-            places[t] = if second { (z, w[1], along) } else { (z, along, w[2]) };
-        }
-        for (inside, (z, u, v)) in inside.into_iter().zip(&places) {
-            let clear = simd.not_negative(*z - far_enough) & simd.not_negative(-(*z - view.far));
-            let mut inside = inside & clear;
-            while inside != 0 {
-                let lane = inside.trailing_zeros() as usize;
-                inside &= inside - 1;
-                hit(list[lane].sample as usize, z.0[lane], u.0[lane], v.0[lane], None);
-            }
-        }
-        // These rays are beside both triangles, on the widened boundary edge of one.
-        let mut beside = (found[0] | found[1]) & !(inside[0] | inside[1]);
-        while beside != 0 {
-            let lane = beside.trailing_zeros() as usize;
-            beside &= beside - 1;
-            let seen = |k: usize| Vec3::new(p[k].x.0[lane], p[k].y.0[lane], p[k].z.0[lane]);
-            let on_rim = [0, 1].into_iter().find_map(|t| {
-                if found[t] & 1 << lane == 0 {
-                    return None;
-                }
-                let (corner, e, side) = match t {
-                    0 => ([0, 1, 2], [e[0], e[1], -d], [Some(0), Some(1), None]),
-                    _ => ([0, 2, 3], [d, e[2], e[3]], [None, Some(2), Some(3)]),
-                };
-                let (sign, e) = (signs[t].0[lane], e.map(|e| e.0[lane]));
-                let k = (0..3).find(|k| e[*k] * sign < 0.0)?;
-                let ends = [seen(corner[k]), seen(corner[(k + 1) % 3])];
-                let ray = Vec2::new(direction.x.0[lane], direction.y.0[lane]);
-                if !self.is_along(ends, ray, *pixel) {
-                    return None;
-                }
-                let toward = side[k].filter(|side| rim[*side] && widened).map_or(Vec2::ZERO, |side| {
-                    let [x, y] = slope(side);
-                    Vec2::new(x.0[lane], y.0[lane]) * sign
-                });
-                Some((t, toward))
-            });
-            if let Some((t, toward)) = on_rim {
-                let (z, u, v) = places[t];
-                let z = z.0[lane];
-                if z >= far_enough && z <= view.far {
-                    hit(list[lane].sample as usize, z, u.0[lane], v.0[lane], Some(toward));
-                }
-            }
-        }
-    }
-
-    /// Does the test of [`spans`] for a ray from the origin to `ray` at depth 1 past an edge. An edge that reaches
-    /// behind the camera ends on one side only. An edge that is entirely behind the camera is beside no ray.
-    fn is_along(&self, ends: [Vec3; 2], ray: Vec2, pixel: Vec2) -> bool {
-        let view = self.view;
-        let seen = |p: Vec3| p.truncate() / if view.perspective { p.z } else { 1.0 } / pixel;
-        let at = if view.perspective { ray / pixel } else { Vec2::ZERO };
-        if view.perspective && !ends.iter().all(|p| p.z > 0.0) {
-            let [behind, front] = if ends[0].z > 0.0 { [ends[1], ends[0]] } else { ends };
-            // The direction in which the raster position of the end in front moves on the way to the other end.
-            let along = (behind.truncate() * front.z - front.truncate() * behind.z) / pixel;
-            return front.z > 0.0 && (at - seen(front)).dot(along.normalize_or_zero()) >= -1.5 * view.rim_px;
-        }
-        let [from, to] = ends.map(seen);
-        spans(to - from, at - from, view.rim_px)
     }
 
     /// Returns the positions of the corners at eight times.

@@ -46,6 +46,7 @@ mod composite;
 mod hit;
 mod lanes;
 mod raster;
+mod rays;
 mod samples;
 mod streaks;
 mod visible;

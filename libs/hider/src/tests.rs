@@ -1,8 +1,8 @@
 //! Tests that moving micropolygons are seen by the samples whose rays hit them, and by no others.
 
-use super::blurred::Polygon;
 use super::hit::{Hit, Raster, Sink};
 use super::lanes::LANES;
+use super::rays::Polygon;
 use super::streaks::Candidate;
 use super::{SampleGrid, SamplePattern, ShadedGrid, ViewedGrid};
 use granita_base::{MotionTransform, Params, Reporter, Vec2, Vec3, hash};

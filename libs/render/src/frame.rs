@@ -8,6 +8,7 @@ mod limits;
 mod measured;
 mod precise;
 mod shade;
+mod sighting;
 mod spread;
 
 use crate::bucket::{BucketOrder, Buckets};

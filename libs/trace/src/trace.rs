@@ -157,55 +157,16 @@ fn through<S: Simd>(
     let mut size = 0;
     let mut link = Link::node(0);
     loop {
-        'down: while !link.is_leaf() {
-            let (mut mask, near, links) = tree.enter(s, link.0 as usize, wide, best.met.t);
-            let entry = |slot: usize| u64::from(near[slot & 7].to_bits()) << 32 | u64::from(links[slot & 7]);
+        while !link.is_leaf() {
+            let (mask, near, links) = tree.enter(s, link.0 as usize, wide, best.met.t);
             if mask == 0 {
                 match pop(stack, &mut size, best.met.t) {
                     Some(next) => link = next,
                     None => return true,
                 }
-                continue 'down;
+                continue;
             }
-            let a = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            if mask == 0 {
-                link = Link(links[a & 7]);
-                continue 'down;
-            }
-            let b = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            let (a, b) = (entry(a), entry(b));
-            tree.prefetch(s, Link(a as u32));
-            tree.prefetch(s, Link(b as u32));
-            // Compared as integers, the values are ordered by distance, except for negative distances, where any
-            // order is valid.
-            let (first, second) = if (a as i64) < (b as i64) { (a, b) } else { (b, a) };
-            if mask == 0 {
-                stack[size] = second;
-                size += 1;
-                link = Link(first as u32);
-                continue 'down;
-            }
-            // The nearest child is pushed last, so that it is visited first.
-            let base = size;
-            stack[size] = second;
-            stack[size + 1] = first;
-            size += 2;
-            while mask != 0 {
-                let next = entry(mask.trailing_zeros() as usize);
-                tree.prefetch(s, Link(next as u32));
-                mask &= mask - 1;
-                let mut at = size;
-                size += 1;
-                while at > base && (stack[at - 1] as i64) < (next as i64) {
-                    stack[at] = stack[at - 1];
-                    at -= 1;
-                }
-                stack[at] = next;
-            }
-            size -= 1;
-            link = Link(stack[size] as u32);
+            link = nearest(s, tree, Children { mask, near, links }, stack, &mut size);
         }
         for k in link.blocks() {
             let block = tree.block(k, &mut room);
@@ -233,6 +194,77 @@ fn through<S: Simd>(
             None => return true,
         }
     }
+}
+
+/// The children of a node that a ray hits.
+struct Children<'a> {
+    /// The slots of the children that were not taken, as bits.
+    mask: u32,
+    /// The distances at which the ray enters the children.
+    near: [f32; WIDE],
+    links: &'a [u32; WIDE],
+}
+
+impl Children<'_> {
+    /// Takes a child and returns its slot.
+    #[inline(always)]
+    fn take(&mut self) -> usize {
+        let slot = self.mask.trailing_zeros() as usize;
+        self.mask &= self.mask - 1;
+        slot
+    }
+
+    /// Returns a child as it is stored in [`RayScratch`].
+    #[inline(always)]
+    fn entry(&self, slot: usize) -> u64 {
+        u64::from(self.near[slot & 7].to_bits()) << 32 | u64::from(self.links[slot & 7])
+    }
+}
+
+/// Returns the nearest of at least one child, and pushes the others so that the nearest of them is popped first.
+#[inline(always)]
+fn nearest<S: Simd>(
+    s: S,
+    tree: &impl Tree,
+    mut children: Children<'_>,
+    stack: &mut [u64],
+    size: &mut usize,
+) -> Link {
+    let a = children.take();
+    if children.mask == 0 {
+        return Link(children.links[a & 7]);
+    }
+    let b = children.take();
+    let (a, b) = (children.entry(a), children.entry(b));
+    tree.prefetch(s, Link(a as u32));
+    tree.prefetch(s, Link(b as u32));
+    // Compared as integers, the values are ordered by distance, except for negative distances, where any order is
+    // valid.
+    let (first, second) = if (a as i64) < (b as i64) { (a, b) } else { (b, a) };
+    if children.mask == 0 {
+        stack[*size] = second;
+        *size += 1;
+        return Link(first as u32);
+    }
+    // The nearest child is pushed last, so that it is visited first.
+    let base = *size;
+    stack[*size] = second;
+    stack[*size + 1] = first;
+    *size += 2;
+    while children.mask != 0 {
+        let slot = children.take();
+        let next = children.entry(slot);
+        tree.prefetch(s, Link(next as u32));
+        let mut at = *size;
+        *size += 1;
+        while at > base && (stack[at - 1] as i64) < (next as i64) {
+            stack[at] = stack[at - 1];
+            at -= 1;
+        }
+        stack[at] = next;
+    }
+    *size -= 1;
+    Link(stack[*size] as u32)
 }
 
 /// Pops the next child that is not behind the best hit. A child at the same distance is kept, because it may hold a

@@ -117,6 +117,45 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
             ),
         });
     }
+    let ChannelPairs { pairs, single } = paired(a, b)?;
+    let decoded = a.encoded != b.encoded;
+    let (sums, pixels_beyond) = sums(a, b, &pairs, options.tolerance)?;
+    let channels: Vec<ChannelDifference> =
+        pairs.iter().zip(&sums).map(|((i, _), s)| s.finish(&sa.channels[*i])).collect();
+    let count: u64 = sums.iter().map(|s| s.count).sum();
+    let rms = (sums.iter().map(|s| s.squares).sum::<f64>() / count.max(1) as f64).sqrt();
+    let pixels = u64::from(size.0) * u64::from(size.1);
+    let flip = match options.flip && pixels <= FLIP_PIXELS {
+        true => flip_of(a, b, options)?,
+        false => None,
+    };
+    Ok(Comparison {
+        size,
+        max: channels.iter().map(|c| c.max).fold(0.0, f32::max),
+        channels,
+        single,
+        pixels_beyond,
+        rms,
+        psnr: 20.0 * (f64::from(options.peak) / rms).log10(),
+        flip,
+        decoded,
+    })
+}
+
+/// The channels of two pages.
+struct ChannelPairs {
+    /// The indices of the channels that are compared, in the first and in the second page.
+    pairs: Vec<(usize, usize)>,
+    /// The names of the channels that only one page has.
+    single: Vec<String>,
+}
+
+/// Pairs the channels of two pages.
+///
+/// # Errors
+/// Returns an error when no channel is common to both.
+fn paired(a: &Page, b: &Page) -> Result<ChannelPairs> {
+    let (sa, sb) = (a.spec(), b.spec());
     let mut pairs = Vec::new();
     let mut single = Vec::new();
     for (i, name) in sa.channels.iter().enumerate() {
@@ -149,6 +188,16 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
             format!("no channel is common to both: {} and {}", sa.channels.join(" "), sb.channels.join(" "));
         return Err(ViewError::Misuse { what });
     }
+    Ok(ChannelPairs { pairs, single })
+}
+
+/// Returns the sums over all pixels of the largest levels for each pair of channels, and the number of pixels with any
+/// value beyond the tolerance.
+///
+/// # Errors
+/// Returns an error when one page cannot be read.
+fn sums(a: &Page, b: &Page, pairs: &[(usize, usize)], tolerance: f32) -> Result<(Vec<Sums>, u64)> {
+    let size = (a.spec().width, a.spec().height);
     let decoded = a.encoded != b.encoded;
     let alpha = |name: &str| name == "A" || name.eq_ignore_ascii_case("alpha");
     let convert = |page: &Page, channel: usize, v: f32| {
@@ -168,31 +217,12 @@ pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Compariso
             for ((i, j), sums) in pairs.iter().zip(&mut sums) {
                 let u = convert(a, *i, p.pixels.get(pixel * p.channels + i));
                 let v = convert(b, *j, q.pixels.get(pixel * q.channels + j));
-                any |= sums.add(u, v, (tx * TILE + x, ty * TILE + y), options.tolerance);
+                any |= sums.add(u, v, (tx * TILE + x, ty * TILE + y), tolerance);
             }
             pixels_beyond += u64::from(any);
         }
     }
-    let channels: Vec<ChannelDifference> =
-        pairs.iter().zip(&sums).map(|((i, _), s)| s.finish(&sa.channels[*i])).collect();
-    let count: u64 = sums.iter().map(|s| s.count).sum();
-    let rms = (sums.iter().map(|s| s.squares).sum::<f64>() / count.max(1) as f64).sqrt();
-    let pixels = u64::from(size.0) * u64::from(size.1);
-    let flip = match options.flip && pixels <= FLIP_PIXELS {
-        true => flip_of(a, b, options)?,
-        false => None,
-    };
-    Ok(Comparison {
-        size,
-        max: channels.iter().map(|c| c.max).fold(0.0, f32::max),
-        channels,
-        single,
-        pixels_beyond,
-        rms,
-        psnr: 20.0 * (f64::from(options.peak) / rms).log10(),
-        flip,
-        decoded,
-    })
+    Ok((sums, pixels_beyond))
 }
 
 impl Sums {

@@ -152,9 +152,7 @@ pub fn prepare<O: RayObject>(
     let mut placement = Placement::new(&attributes.to_world, &shape_times, &still, alive);
     placement
         .look_from(std::iter::once(camera), granita_dicing::largest_coordinates(pieces.iter().map(|p| &**p)));
-    let displacement = object.displacement();
-    let displaced = matches!(displacement, RayDisplacement::Moves { .. });
-    let (primitive, object) = (primitive.clone(), object.clone());
+    let displaced = matches!(object.displacement(), RayDisplacement::Moves { .. });
     // Hits of faces with different strings cannot share a grid. The parts of an on-demand mesh keep the strings
     // apart.
     let many_strings = primitive.keys[0]
@@ -163,24 +161,16 @@ pub fn prepare<O: RayObject>(
         .any(|p| p.ty.interp == Interp::PerPiece && matches!(p.data, ParamData::String(_)));
     let static_mesh = !displaced && !many_strings && placement.times().len() == 1;
     if static_mesh && pieces.len() == 1 && pieces[0].facets() > 0 {
+        let (primitive, object) = (primitive.clone(), object.clone());
         let piece = pieces.remove(0);
         return Some(Member::StaticMesh(StaticMesh { primitive, object, placement, piece }));
     }
-    let mut settings = DiceSettings::new(attributes, &dicing, camera);
-    if !displaced {
-        // Rays need only the shape, because the shader is evaluated at the hit.
-        settings.gridsize = GRID_POINTS;
-        settings.fixed = None;
-        settings.motionfactor = 0.0;
-        settings.binary = true;
-        settings.curvature = CURVATURE_DEG.to_radians();
-    }
     let mut on_demand = OnDemandMesh {
-        primitive,
-        object,
+        primitive: primitive.clone(),
+        object: object.clone(),
         placement,
         roots: Vec::new(),
-        settings,
+        settings: ray_settings(DiceSettings::new(attributes, &dicing, camera), displaced),
         displaced,
         parts: Vec::new(),
         bound: Bound::EMPTY,
@@ -200,19 +190,24 @@ pub fn prepare<O: RayObject>(
         );
         return None;
     }
-    if displacement == (RayDisplacement::Moves { bound_world: 0.0 }) {
-        // No attribute bounds the displacement, so the parts are tessellated once to find their boxes.
-        for k in 0..on_demand.parts.len() {
-            let bound = on_demand.tessellate(k as u32, Level::FINEST, thread).map_or(Bound::EMPTY, |made| {
-                Bound::around(made.1.positions.iter().flatten().copied().filter(|p| p.is_finite()))
-            });
-            on_demand.parts[k].bound = rounded(bound);
-        }
-    }
-    on_demand.bound = on_demand.parts.iter().fold(Bound::EMPTY, |all, part| all.union(part.bound));
-    on_demand.pixel_world =
-        on_demand.bound.corners().iter().map(|corner| frame.pixel(*corner)).fold(0.0, f32::max);
+    on_demand.find_bounds(thread);
     (!on_demand.parts.is_empty()).then_some(Member::OnDemandMesh(on_demand))
+}
+
+/// Returns the settings with which a primitive is diced for rays, from those for the camera.
+fn ray_settings(settings: DiceSettings, displaced: bool) -> DiceSettings {
+    if displaced {
+        return settings;
+    }
+    // Rays need only the shape, because the shader is evaluated at the hit.
+    DiceSettings {
+        gridsize: GRID_POINTS,
+        fixed: None,
+        motionfactor: 0.0,
+        binary: true,
+        curvature: CURVATURE_DEG.to_radians(),
+        ..settings
+    }
 }
 
 /// Returns a slightly larger box, because positions are rounded in the transform to world space.
@@ -293,6 +288,22 @@ impl<O: RayObject> OnDemandMesh<O> {
         }
         let Division { roots, parts, triangles, .. } = division;
         (self.roots, self.parts, self.triangles) = (roots, parts, triangles);
+    }
+
+    /// Finds the box around the mesh, and the size of a pixel there.
+    fn find_bounds(&mut self, thread: &mut dyn GridShader<'_, O>) {
+        if self.object.displacement() == (RayDisplacement::Moves { bound_world: 0.0 }) {
+            // No attribute bounds the displacement, so the parts are tessellated once to find their boxes.
+            for k in 0..self.parts.len() {
+                let bound = self.tessellate(k as u32, Level::FINEST, thread).map_or(Bound::EMPTY, |made| {
+                    Bound::around(made.1.positions.iter().flatten().copied().filter(|p| p.is_finite()))
+                });
+                self.parts[k].bound = rounded(bound);
+            }
+        }
+        self.bound = self.parts.iter().fold(Bound::EMPTY, |all, part| all.union(part.bound));
+        let frame = thread.ray_frame();
+        self.pixel_world = self.bound.corners().iter().map(|corner| frame.pixel(*corner)).fold(0.0, f32::max);
     }
 
     /// Tessellates a part. Returns `None` when it has no surface.

@@ -1,18 +1,15 @@
 //! Primitives in view, and their splits into grids.
 
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
-use super::{Eye, Frame, FrameShader, ObjectTraits};
+use super::{Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
 use crate::preshaded::MOST_POINTS;
 use crate::statistics::add;
-use granita_base::{Bound, ParamData, Params, Severity, Transform, Vec3, parallel_map};
+use granita_base::{Bound, ParamData, Params, Severity, parallel_map};
 use granita_dicing::camera::MAX_QUALITY;
-use granita_dicing::{
-    DiceSettings, Leaf, Placement, Plan, Projection, Rates, Viewer, key_at, largest_coordinates,
-    longest_axis, trimming,
-};
+use granita_dicing::{DiceSettings, Leaf, Placement, Plan, Rates, largest_coordinates, trimming};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
-use granita_hider::{NOWHERE, ShadedGrid, pixels_of};
+use granita_hider::ShadedGrid;
 use granita_scene::{Primitive, attr};
 use granita_shading::preshaded;
 use parking_lot::{Mutex, MutexGuard};
@@ -150,13 +147,6 @@ pub(super) struct Sighting {
     pub(super) blurs: bool,
 }
 
-/// The bound of a piece as seen by an eye, in raster space.
-struct Seen {
-    bound_px: [f32; 4],
-    z_min: f32,
-    blurs: bool,
-}
-
 /// The number of shares of a primitive for each thread that splits it.
 const SHARES: usize = 32;
 
@@ -166,13 +156,6 @@ enum Node {
     Piece(Piece, u32),
     Leaf(Box<[Sighting]>, Leaf),
 }
-
-/// The room in pixels around a bound, for rounding and for widened boundary edges.
-const ROOM_PX: f32 = 0.3;
-
-/// Motion and defocus below this number of pixels are ignored. It is less than the widening of boundary edges, so that
-/// no crack opens beside a surface that blurs slightly more.
-const LEAST_BLUR_PX: f32 = 0.01;
 
 impl<S: FrameShader> Frame<'_, S> {
     /// Builds a primitive and bounds it. Returns `None` when it is not visible.
@@ -200,31 +183,9 @@ impl<S: FrameShader> Frame<'_, S> {
             reporter.once(&text.clone(), severity, &primitive.at, text);
         };
         let object = self.shader.object(primitive);
-        let mut traits = self.shader.traits(&object);
-        // A string that is a primitive variable may name a file that is saved to.
-        let has_texts = |keys: &Params| keys.iter().any(|p| matches!(p.data, ParamData::String(_)));
-        traits.saves |= self.options.dump.is_some() || primitive.keys.iter().any(|k| has_texts(&k.params));
-        let built = match preshaded::lattice(primitive).filter(|_| traits.preshaded) {
-            Some(counts) => granita_geom::build_lattice(counts, &keys, &mut report),
-            None => {
-                let trim = trimming(attributes, self.dicing.trim_quality);
-                granita_geom::build(&primitive.shape, &keys, trim, &mut report)
-            }
-        };
-        let pieces = match built {
-            Ok(pieces) => pieces,
-            Err(error) => {
-                report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
-                return None;
-            }
-        };
-        add(&self.counters.primitives_built, 1);
-        let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
-        // The eyes move with their camera.
-        let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
-        let mut placement = Placement::new(&attributes.to_world, shape_times, &cameras, alive);
-        let eyes = self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
-        placement.look_from(eyes, largest_coordinates(pieces.iter().map(|p| &**p)));
+        let mut traits = self.traits_of(primitive, &object);
+        let pieces = self.pieces_of(primitive, &keys, traits.preshaded, &mut report)?;
+        let placement = self.placement_of(primitive, &pieces, alive);
         if let Some(what) = self.unplaceable(&pieces, &placement) {
             report(Severity::Error, format!("{} is left out: {what}", primitive.shape.call_name()));
             return None;
@@ -261,23 +222,61 @@ impl<S: FrameShader> Frame<'_, S> {
         if traits.measures {
             job.traits.max_displacement_world = self.measured_displacement(&job, &pieces, measuring);
         }
-        let sighting = |eye: &Eye<'_>| {
-            let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
-            for piece in &pieces {
-                let seen = self.seen(eye, &**piece, &job, &self.region);
-                bound_px = union(bound_px, seen.bound_px);
-                z_min = z_min.min(seen.z_min);
-                blurs |= seen.blurs;
-            }
-            Sighting { rect: pixels_of(bound_px, &self.region), z_min, blurs }
-        };
-        job.seen = self.eyes.iter().map(sighting).collect();
+        job.seen = self.sightings_of_all(&job, &pieces);
         if job.seen.iter().all(|s| s.rect.is_empty()) {
             add(&self.counters.primitives_off_screen, 1);
             return None;
         }
         job.pieces = Mutex::new(pieces);
         Some(job)
+    }
+
+    /// Returns the traits of a primitive's object. They may depend on the primitive and on the frame too.
+    fn traits_of(&self, primitive: &Primitive, object: &S::Object) -> ObjectTraits {
+        let mut traits = self.shader.traits(object);
+        // A string that is a primitive variable may name a file that is saved to.
+        let has_texts = |keys: &Params| keys.iter().any(|p| matches!(p.data, ParamData::String(_)));
+        traits.saves |= self.options.dump.is_some() || primitive.keys.iter().any(|k| has_texts(&k.params));
+        traits
+    }
+
+    /// Returns the pieces of a primitive; `None` (reported) when it cannot be built. The vertices of a `preshaded`
+    /// grid are its points.
+    fn pieces_of(
+        &self,
+        primitive: &Primitive,
+        keys: &[ShapeKey<'_>],
+        preshaded: bool,
+        report: &mut dyn FnMut(Severity, String),
+    ) -> Option<Vec<Piece>> {
+        let built = match preshaded::lattice(primitive).filter(|_| preshaded) {
+            Some(counts) => granita_geom::build_lattice(counts, keys, report),
+            None => {
+                let trim = trimming(&primitive.attributes, self.dicing.trim_quality);
+                granita_geom::build(&primitive.shape, keys, trim, report)
+            }
+        };
+        match built {
+            Ok(pieces) => {
+                add(&self.counters.primitives_built, 1);
+                Some(pieces)
+            }
+            Err(error) => {
+                report(Severity::Error, format!("{} is left out: {error}", primitive.shape.call_name()));
+                None
+            }
+        }
+    }
+
+    /// Returns the placement of the pieces of a primitive that exists between the times `alive`.
+    fn placement_of(&self, primitive: &Primitive, pieces: &[Piece], alive: [f32; 2]) -> Placement {
+        let shape_times = pieces.first().map_or(&[][..], |p| p.key_times());
+        // The eyes move with their camera.
+        let cameras = [&self.options.camera.world_to_camera, &self.options.dicing_camera.world_to_camera];
+        let mut placement = Placement::new(&primitive.attributes.to_world, shape_times, &cameras, alive);
+        let eyes = self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
+        placement.look_from(eyes, largest_coordinates(pieces.iter().map(|p| &**p)));
+        placement
     }
 
     /// Warns when an object lies so far from the origin that the rounding of its points is visible.
@@ -413,20 +412,6 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
-    /// Returns for each eye where a piece may be visible in the pixels of `region`.
-    pub(super) fn sightings(
-        &self,
-        job: &Job<S::Object>,
-        piece: &dyn Surface,
-        region: &PixelRect,
-    ) -> Box<[Sighting]> {
-        let sighting = |eye: &Eye<'_>| {
-            let seen = self.seen(eye, piece, job, region);
-            Sighting { rect: pixels_of(seen.bound_px, region), z_min: seen.z_min, blurs: seen.blurs }
-        };
-        self.eyes.iter().map(sighting).collect()
-    }
-
     /// Determines whether a piece that results from `depth` splits is diced, or how it is split.
     pub(super) fn plan(&self, job: &Job<S::Object>, piece: &dyn Surface, depth: u32) -> Plan {
         match piece.lattice() {
@@ -446,157 +431,6 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         self.split(job).release(eye, bucket);
     }
-
-    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave
-    /// out parts beyond the pixels of `region`.
-    fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
-        let placement = &job.placement;
-        let world_to_camera = &eye.camera.world_to_camera;
-        let displacement =
-            |to_camera: &Transform| job.traits.max_displacement_world * longest_axis(|a| to_camera.vector(a));
-        let mut boxes: Vec<Bound> = Vec::with_capacity(placement.times().len());
-        for &time in placement.times() {
-            let to_camera = world_to_camera.at(time);
-            let bound = Placement::object_bound(piece, time)
-                .transformed(&placement.to_world.at(time).then(&to_camera));
-            boxes.push(bound.padded(displacement(&to_camera)));
-        }
-        let mut hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
-        if self.is_loose(eye, piece, placement, &hull) {
-            match self.precise_boxes(eye, piece, job, region) {
-                Some(precise) => boxes = precise,
-                None => return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false },
-            }
-            hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
-        }
-        if !hull.is_finite() || hull.is_empty() {
-            return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false };
-        }
-        // A piece that crosses the near plane is bounded over all times at once, because its parts cross the plane
-        // between the times.
-        let bound_px = if hull.min.z < eye.camera.near {
-            eye.projector.raster_box(&hull)
-        } else {
-            boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
-        };
-        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When
-        // the surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with
-        // the pieces.
-        let [width, height] = [region.width() as f32, region.height() as f32];
-        let wide = piece
-            .raster_width()
-            .max(bound_px[2] - bound_px[0] - width)
-            .max(bound_px[3] - bound_px[1] - height);
-        if piece.is_facing() && !piece.must_split() && wide > width + height {
-            let turned = |&time: &f32| {
-                let to_camera = world_to_camera.at(time);
-                let to_eye = placement.to_world.at(time).then(&to_camera);
-                self.turned_bound(piece, placement, time)
-                    .transformed(&to_eye)
-                    .padded(displacement(&to_camera))
-            };
-            let turned = placement.times().iter().map(turned).fold(Bound::EMPTY, Bound::union);
-            if turned.is_finite() && !turned.is_empty() {
-                return self.seen_in(
-                    eye,
-                    piece,
-                    job,
-                    &turned,
-                    grown(eye.projector.raster_box(&turned), ROOM_PX),
-                );
-            }
-        }
-        let room = ROOM_PX + piece.raster_width() * 0.5;
-        self.seen_in(eye, piece, job, &hull, grown(bound_px, room))
-    }
-
-    /// Returns the bound of a piece inside of `hull` (camera space, over the whole shutter) with this raster box.
-    fn seen_in(
-        &self,
-        eye: &Eye<'_>,
-        piece: &dyn Surface,
-        job: &Job<S::Object>,
-        hull: &Bound,
-        bound_px: [f32; 4],
-    ) -> Seen {
-        let z_min = hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding();
-        Seen { bound_px, z_min, blurs: self.blurs(eye, piece, job, hull) }
-    }
-
-    /// True when a piece inside of `hull` (camera space, over the whole shutter) may be blurred.
-    fn blurs(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, hull: &Bound) -> bool {
-        let (camera, placement) = (eye.camera, &job.placement);
-        if job.existence.is_some() || !job.later.is_empty() {
-            return true;
-        }
-        let moves = placement.times().len() > 1;
-        if !moves && !self.pattern.defocus {
-            return false;
-        }
-        if !camera.autopassreduction {
-            return true;
-        }
-        let perspective = matches!(camera.projection, Projection::Perspective { .. });
-        if perspective && hull.min.z < camera.near {
-            return true;
-        }
-        let mut blur_px = 0.0;
-        if self.pattern.defocus {
-            let confusion = |z: f32| camera.confusion(z).abs().max_element();
-            blur_px = confusion(hull.min.z).max(confusion(hull.max.z));
-        }
-        if moves {
-            // The box does not bound the motion of points that deform or are displaced, nor does a rounded box.
-            if piece.key_times().len() > 1
-                || job.traits.displaces
-                || self.is_coarse(camera, piece, placement, hull.min.z)
-            {
-                return true;
-            }
-            let corners = Placement::object_bound(piece, placement.times()[0]).corners();
-            let at = |time: f32| {
-                let to_camera = placement.to_world.at(time).then(&camera.world_to_camera.at(time));
-                corners.map(|p| to_camera.point(p))
-            };
-            let start = at(placement.times()[0]);
-            // The distance that a point moves is linear in its position, so the corners move farthest.
-            let mut path = Vec3::ZERO;
-            for time in &placement.times()[1..] {
-                for (p, q) in start.iter().zip(at(*time)) {
-                    path = path.max((q - p).abs());
-                }
-            }
-            let mut aside = path.truncate();
-            if perspective {
-                let widest = hull.min.abs().max(hull.max.abs()).truncate();
-                aside += widest * (path.z / hull.min.z);
-            }
-            blur_px += (aside * camera.raster_scale(hull.min.z).abs()).max_element();
-        }
-        // An unknown blur counts as blur.
-        blur_px >= LEAST_BLUR_PX || blur_px.is_nan()
-    }
-
-    /// Returns the object space bound at a time of a piece of a point or curve, turned towards the dicing camera.
-    fn turned_bound(&self, piece: &dyn Surface, placement: &Placement, time: f32) -> Bound {
-        const SIDE: usize = 9;
-        let times = piece.key_times();
-        let viewer = Viewer::new(self.options.dicing_camera, placement, times);
-        let (key, next, alpha) = key_at(times, time);
-        let mut points = Vec::new();
-        let mut at = |key: usize| {
-            piece.positions_towards(key, SIDE, SIDE, &|key, p| viewer.view(key, p), &mut points);
-            let bound = Bound::around(points.iter().copied());
-            // The outline deviates far less between these points.
-            bound.padded((bound.max - bound.min).length() * 0.1)
-        };
-        let a = at(key);
-        if alpha == 0.0 {
-            return a;
-        }
-        let b = at(next);
-        Bound { min: a.min.lerp(b.min, alpha), max: a.max.lerp(b.max, alpha) }
-    }
 }
 
 /// Returns the times after the first one between which the primitive variables of a primitive change linearly.
@@ -604,14 +438,4 @@ fn later_times(placement: &Placement, keys: &[ShapeKey<'_>]) -> Vec<f32> {
     let [first, .., last] = *placement.times() else { return Vec::new() };
     let inner = keys.iter().map(|key| key.time).filter(|t| (first..last).contains(t) && *t > first);
     inner.chain([last]).collect()
-}
-
-/// Returns a raster box, grown by a margin on every side.
-fn grown([x0, y0, x1, y1]: [f32; 4], margin: f32) -> [f32; 4] {
-    [x0 - margin, y0 - margin, x1 + margin, y1 + margin]
-}
-
-/// Returns the box around two raster boxes.
-fn union(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }

@@ -276,36 +276,22 @@ pub(crate) fn is_dynamic(output: &Output) -> bool {
 
 /// Returns the content of an output; `None` (reported) when it cannot be made, or is deleted by the format "null".
 fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
-    let refuse = |severity, what: String| {
-        reporter.once(
-            &format!("output {} {what}", output.name),
-            severity,
-            &Location::default(),
-            format!("output \"{}\": {what}", output.name),
-        );
-        None
-    };
-    let format = &*output.format;
-    if format.is_empty() || format == "null" {
+    if output.format.is_empty() || &*output.format == "null" {
         return None;
     }
-    let Some(known) = registry.by_name(format) else {
-        if format.starts_with("0x") {
-            let what = format!("format \"{format}\" is no ImageOutput of the program that makes the calls");
-            return refuse(Severity::Error, what);
+    let format = match writable(&output.format, registry) {
+        Ok(format) => format,
+        Err(what) => {
+            report(output, reporter, Severity::Error, what);
+            return None;
         }
-        let names = registry.names().join(", ");
-        return refuse(Severity::Error, format!("unknown image format \"{format}\" (known: {names})"));
     };
-    if !known.supports("write") {
-        return refuse(Severity::Error, format!("format \"{format}\" cannot be written"));
-    }
     if asks_for_dynamic(output) && !is_dynamic(output) {
         let what = format!(
             "\"dynamic\" is for \"z\" and \"avgz\", not for \"{}\"; it is rendered whole",
             output.data
         );
-        let _ = refuse(Severity::Warning, what);
+        report(output, reporter, Severity::Warning, what);
     }
     unknown_parameters(output, reporter);
     for (key, least) in [(attr::GAIN, f32::MIN), (attr::GAMMA, f32::MIN_POSITIVE), (attr::DITHER, 0.0)] {
@@ -314,54 +300,87 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
             mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
         }
     }
-    if let Some(asked) = output.given(attr::PIXELTYPE) {
-        let what = match &*asked {
-            "half" | "float" if known.supports("half") => None,
-            "half" | "float" => {
-                Some(format!("format \"{format}\" stores no halves; \"quantize\" says what it stores"))
-            }
-            other => {
-                Some(format!("\"pixeltype\" is \"half\" or \"float\", not \"{other}\"; \"half\" is used"))
-            }
-        };
-        what.into_iter().for_each(|what| mistake(output, reporter, "pixeltype", what));
-    }
+    check_pixel_type(output, &*format, reporter);
     match &*output.data {
         "rgb" => Some(Data::Color { alpha: false }),
         "rgba" => Some(Data::Color { alpha: true }),
         "z" => Some(Data::Depth { middle: false }),
         "avgz" => Some(Data::Depth { middle: true }),
         "volz" => Some(Data::Volume { depths: volume_depths(output, reporter) }),
-        other => match ParamType::parse(other) {
-            Ok((ty, name)) => {
-                let value = match ty.base {
-                    BaseType::Float => ValueType::Float,
-                    BaseType::Color => ValueType::Color,
-                    BaseType::Point => ValueType::Point,
-                    BaseType::Vector => ValueType::Vector,
-                    BaseType::Normal => ValueType::Normal,
-                    BaseType::Matrix => ValueType::Matrix,
-                    _ => {
-                        return refuse(
-                            Severity::Error,
-                            format!("data \"{other}\" cannot be shown in an image"),
-                        );
-                    }
-                };
-                let names = match ty.array {
-                    None => vec![name.into()],
-                    Some(n @ 1..=MAX_ELEMENTS) => (0..n).map(|k| Arc::from(format!("{name}[{k}]"))).collect(),
-                    Some(n) => {
-                        let what =
-                            format!("data \"{other}\": {n} elements, 1 to {MAX_ELEMENTS} can be shown");
-                        return refuse(Severity::Error, what);
-                    }
-                };
-                Some(Data::Variable { names, ty: value })
+        variable => match shown_variable(variable) {
+            Ok(data) => Some(data),
+            Err(what) => {
+                report(output, reporter, Severity::Error, what);
+                None
             }
-            Err(error) => refuse(Severity::Error, error.to_string()),
         },
     }
+}
+
+/// Reports something about an output, once for each output and text.
+fn report(output: &Output, reporter: &Reporter, severity: Severity, what: String) {
+    reporter.once(
+        &format!("output {} {what}", output.name),
+        severity,
+        &Location::default(),
+        format!("output \"{}\": {what}", output.name),
+    );
+}
+
+/// Returns the format of this name, which supports writing.
+///
+/// # Errors
+/// Returns a message when the format is not known or cannot be written.
+fn writable(name: &str, registry: &FormatRegistry) -> Result<Arc<dyn Format>, String> {
+    let Some(format) = registry.by_name(name) else {
+        if name.starts_with("0x") {
+            return Err(format!("format \"{name}\" is no ImageOutput of the program that makes the calls"));
+        }
+        let names = registry.names().join(", ");
+        return Err(format!("unknown image format \"{name}\" (known: {names})"));
+    };
+    if !format.supports("write") {
+        return Err(format!("format \"{name}\" cannot be written"));
+    }
+    Ok(format)
+}
+
+/// Warns when "pixeltype" is not a known type or its format does not store halves.
+fn check_pixel_type(output: &Output, format: &dyn Format, reporter: &Reporter) {
+    let Some(asked) = output.given(attr::PIXELTYPE) else { return };
+    let what = match &*asked {
+        "half" | "float" if format.supports("half") => return,
+        "half" | "float" => {
+            format!("format \"{}\" stores no halves; \"quantize\" says what it stores", output.format)
+        }
+        other => format!("\"pixeltype\" is \"half\" or \"float\", not \"{other}\"; \"half\" is used"),
+    };
+    mistake(output, reporter, "pixeltype", what);
+}
+
+/// Returns the content of an output with this declaration of a variable as its data.
+///
+/// # Errors
+/// Returns a message when the declaration is not valid or an image cannot show its type.
+fn shown_variable(declaration: &str) -> Result<Data, String> {
+    let (ty, name) = ParamType::parse(declaration).map_err(|error| error.to_string())?;
+    let value = match ty.base {
+        BaseType::Float => ValueType::Float,
+        BaseType::Color => ValueType::Color,
+        BaseType::Point => ValueType::Point,
+        BaseType::Vector => ValueType::Vector,
+        BaseType::Normal => ValueType::Normal,
+        BaseType::Matrix => ValueType::Matrix,
+        _ => return Err(format!("data \"{declaration}\" cannot be shown in an image")),
+    };
+    let names = match ty.array {
+        None => vec![name.into()],
+        Some(n @ 1..=MAX_ELEMENTS) => (0..n).map(|k| Arc::from(format!("{name}[{k}]"))).collect(),
+        Some(n) => {
+            return Err(format!("data \"{declaration}\": {n} elements, 1 to {MAX_ELEMENTS} can be shown"));
+        }
+    };
+    Ok(Data::Variable { names, ty: value })
 }
 
 /// Returns "filter" and "filterwidth". By default depths are not blurred. They take the least depth of their own

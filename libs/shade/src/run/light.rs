@@ -4,8 +4,8 @@ use crate::call::{Call, Options};
 use crate::ops::lookup::Parts;
 use crate::program::{At, Stmt};
 use crate::run::machine::{Emission, Machine, RaySample};
-use crate::run::store::Out;
-use crate::{Batch, IlluminateQuery, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
+use crate::run::store::{Mask, Out};
+use crate::{Batch, IlluminateQuery, Lane, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
 use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::{EmitForm, Global, SourcePos, SymbolId, ValueType};
@@ -19,6 +19,22 @@ const RIGHT_ANGLE: f32 = std::f32::consts::FRAC_PI_2 + 1e-5;
 
 /// The globals that a `lights` loop sets.
 const LIGHT_GLOBALS: [Global; 4] = [Global::L, Global::Cl, Global::Pl, Global::Nl];
+
+/// The values of L, Pl and Nl that `emit` sets.
+struct LightVectors {
+    l: Out,
+    pl: Out,
+    nl: Out,
+}
+
+impl LightVectors {
+    /// Sets the direction to the light and the point that it comes from in a lane.
+    #[inline(always)]
+    fn set(&mut self, lane: usize, l: Vec3, pl: Vec3) {
+        self.l.set3(lane, l);
+        self.pl.set3(lane, pl);
+    }
+}
 
 impl<'a> Machine<'a> {
     /// Queries every light of a category that is not ambient, at positions and axes given as triples, either for
@@ -140,76 +156,37 @@ impl<'a> Machine<'a> {
     pub(crate) fn emit(&mut self, form: &EmitForm, body: &[Stmt]) {
         let mut outside = self.borrow_mask();
         outside.copy_from(&self.mask);
-        let (mut l, mut pl, mut nl) = (self.out(true, 3), self.out(true, 3), self.out(true, 3));
-        for out in [&mut l, &mut pl, &mut nl] {
+        let mut light = LightVectors { l: self.out(true, 3), pl: self.out(true, 3), nl: self.out(true, 3) };
+        for out in [&mut light.l, &mut light.pl, &mut light.nl] {
             out.data.fill(0.0);
         }
         let mut lit = std::mem::take(&mut self.mask);
         let mut emission = Emission { inside: true, ..Emission::default() };
         let mut broad = false;
-        {
-            let ps = self.global(Global::Ps).triple();
-            match *form {
-                EmitForm::Point(from) => {
-                    let from = self.view(from).triple();
-                    // The normal of an area light stays unchanged.
-                    let normal = self.global(Global::Nl).triple();
-                    for &i in &lit.active {
-                        let i = i as usize;
-                        l.set3(i, from.get(i) - ps.get(i));
-                        pl.set3(i, from.get(i));
-                        nl.set3(i, normal.get(i));
-                    }
+        match *form {
+            EmitForm::Point(from) => self.point_light(from, &lit, &mut light),
+            EmitForm::Cone { from, axis, angle } => {
+                self.cone_light([from, axis, angle], &mut lit, &mut light)
+            }
+            EmitForm::Distant { axis, spread } => {
+                emission.infinite = true;
+                let spread = self.view(spread).lane(0);
+                match &self.cone {
+                    Some(_) => broad = lit.active.iter().any(|i| spread.get(*i as usize) > 0.0),
+                    None => emission.spread = lit.active.first().map_or(0.0, |i| spread.get(*i as usize)),
                 }
-                EmitForm::Cone { from, axis, angle } => {
-                    let (from, axis) = (self.view(from).triple(), self.view(axis).triple());
-                    let angle = self.view(angle).lane(0);
-                    lit.retain(|i| in_cone(ps.get(i) - from.get(i), axis.get(i), angle.get(i)));
-                    for &i in &lit.active {
-                        let i = i as usize;
-                        l.set3(i, from.get(i) - ps.get(i));
-                        pl.set3(i, from.get(i));
-                        nl.set3(i, axis.get(i));
-                    }
-                }
-                EmitForm::Distant { axis, spread } => {
-                    let axis = self.view(axis).triple();
-                    emission.infinite = true;
-                    let spread = self.view(spread).lane(0);
-                    let from = |i: usize| match &self.cone {
-                        Some([x, y]) => in_spread(-axis.get(i), 0.5 * spread.get(i), [x[i], y[i]]),
-                        None => -axis.get(i),
-                    };
-                    match &self.cone {
-                        Some(_) => broad = lit.active.iter().any(|i| spread.get(*i as usize) > 0.0),
-                        None => emission.spread = lit.active.first().map_or(0.0, |i| spread.get(*i as usize)),
-                    }
-                    for &i in &lit.active {
-                        let i = i as usize;
-                        l.set3(i, from(i));
-                        pl.set3(i, ps.get(i) + from(i));
-                        nl.set3(i, -from(i));
-                    }
-                }
-                EmitForm::Reflection => {
-                    emission.infinite = true;
-                    let n = self.global(Global::N).triple();
-                    let incident = self.global(Global::I).triple();
-                    for &i in &lit.active {
-                        let i = i as usize;
-                        let (axis, ray) = (n.get(i).normalize_or_zero(), incident.get(i));
-                        let reflected = ray - 2.0 * axis.dot(ray) * axis;
-                        l.set3(i, reflected);
-                        pl.set3(i, ps.get(i) + reflected);
-                    }
-                }
+                self.distant_light(axis, spread, &lit, &mut light);
+            }
+            EmitForm::Reflection => {
+                emission.infinite = true;
+                self.reflected_light(&lit, &mut light);
             }
         }
         outside.retain(|i| !lit.on[i]);
         self.mask = lit;
-        self.commit_global(Global::L, l);
-        self.commit_global(Global::Pl, pl);
-        self.commit_global(Global::Nl, nl);
+        self.commit_global(Global::L, light.l);
+        self.commit_global(Global::Pl, light.pl);
+        self.commit_global(Global::Nl, light.nl);
         let mut black = self.out(false, 3);
         black.data.fill(0.0);
         self.commit_global(Global::Cl, black);
@@ -218,22 +195,83 @@ impl<'a> Machine<'a> {
             let before = std::mem::replace(&mut self.emission, emission);
             self.block(body);
             self.emission = before;
-            if self.emitted.is_some() {
-                let sample = LightSample {
-                    l: self.lanes3_of(Global::L as usize),
-                    cl: self.lanes3_of(Global::Cl as usize),
-                    pl: self.lanes3_of(Global::Pl as usize),
-                    nl: self.lanes3_of(Global::Nl as usize),
-                    lit: on,
-                };
-                if let Some(result) = &mut self.emitted {
-                    result.broad |= broad;
-                    result.samples.push(sample);
-                }
-            }
+            self.keep_sample(on, broad);
         }
         self.mask.add(&outside);
         self.return_mask(outside);
+    }
+
+    /// Sets the vectors of light from the point `from` in the lanes that are lit.
+    fn point_light(&self, from: SymbolId, lit: &Mask, light: &mut LightVectors) {
+        let (ps, from) = (self.global(Global::Ps).triple(), self.view(from).triple());
+        // The normal of an area light stays unchanged.
+        let normal = self.global(Global::Nl).triple();
+        for &i in &lit.active {
+            let i = i as usize;
+            light.set(i, from.get(i) - ps.get(i), from.get(i));
+            light.nl.set3(i, normal.get(i));
+        }
+    }
+
+    /// Sets the vectors of light from a point within an angle in radians of an axis. Lanes outside of this cone are
+    /// removed from `lit`.
+    fn cone_light(&self, [from, axis, angle]: [SymbolId; 3], lit: &mut Mask, light: &mut LightVectors) {
+        let ps = self.global(Global::Ps).triple();
+        let (from, axis) = (self.view(from).triple(), self.view(axis).triple());
+        let angle = self.view(angle).lane(0);
+        lit.retain(|i| in_cone(ps.get(i) - from.get(i), axis.get(i), angle.get(i)));
+        for &i in &lit.active {
+            let i = i as usize;
+            light.set(i, from.get(i) - ps.get(i), from.get(i));
+            light.nl.set3(i, axis.get(i));
+        }
+    }
+
+    /// Sets the vectors of light that goes along an axis from infinitely far away, in the lanes that are lit. The
+    /// light comes from a place in a cone of the angle `spread` (radians across) where the query has such places.
+    fn distant_light(&self, axis: SymbolId, spread: Lane<'_>, lit: &Mask, light: &mut LightVectors) {
+        let (ps, axis) = (self.global(Global::Ps).triple(), self.view(axis).triple());
+        let from = |i: usize| match &self.cone {
+            Some([x, y]) => in_spread(-axis.get(i), 0.5 * spread.get(i), [x[i], y[i]]),
+            None => -axis.get(i),
+        };
+        for &i in &lit.active {
+            let i = i as usize;
+            light.set(i, from(i), ps.get(i) + from(i));
+            light.nl.set3(i, -from(i));
+        }
+    }
+
+    /// Sets the vectors of light from the direction of the mirror reflection, in the lanes that are lit. `Nl` stays 0.
+    fn reflected_light(&self, lit: &Mask, light: &mut LightVectors) {
+        let ps = self.global(Global::Ps).triple();
+        let n = self.global(Global::N).triple();
+        let incident = self.global(Global::I).triple();
+        for &i in &lit.active {
+            let i = i as usize;
+            let (axis, ray) = (n.get(i).normalize_or_zero(), incident.get(i));
+            let reflected = ray - 2.0 * axis.dot(ray) * axis;
+            light.set(i, reflected, ps.get(i) + reflected);
+        }
+    }
+
+    /// Keeps the light globals as a sample when samples are requested. `lit` holds a flag for each lane. `broad` is
+    /// true when the sample is one of several places of a broad light.
+    fn keep_sample(&mut self, lit: Vec<bool>, broad: bool) {
+        if self.emitted.is_none() {
+            return;
+        }
+        let sample = LightSample {
+            l: self.lanes3_of(Global::L as usize),
+            cl: self.lanes3_of(Global::Cl as usize),
+            pl: self.lanes3_of(Global::Pl as usize),
+            nl: self.lanes3_of(Global::Nl as usize),
+            lit,
+        };
+        if let Some(result) = &mut self.emitted {
+            result.broad |= broad;
+            result.samples.push(sample);
+        }
     }
 
     /// Runs `trace` with one ray per lane and iteration. `rays` holds set, position, axis, angle and samples.

@@ -146,6 +146,12 @@ impl<'q> Question<'q> {
         hash::words(&[x, y, z, self.kind as u32])
     }
 
+    /// Returns by how much the width of a ray of a point grows per unit of distance.
+    #[inline(always)]
+    fn ray_spread(&self, ask: &Ask) -> f32 {
+        2.0 * self.query.angle.get(ask.lane as usize).max(0.0) / (ask.samples.max(1) as f32).sqrt()
+    }
+
     /// Returns the record that the file holds for a point.
     fn in_file(&self, run: &Run<'_, '_>, lane: u32) -> Option<Record> {
         let records = self.known.as_ref()?;
@@ -493,14 +499,46 @@ impl Gatherer<'_, '_, '_, '_> {
         out
     }
 
+    /// Traces the rays of some points at once. Appends their records and the variance of the samples of each.
     fn trace_together(&mut self, scene: &RayScene, asks: &[Ask], out: &mut Vec<(Record, f32)>) {
+        let bundle = self.aimed(scene, asks);
+        self.run.frame.light_cache.count(0, bundle.rays.len());
+        let found = match self.question.kind {
+            Kind::Irradiance => self.radiance(scene, asks, &bundle),
+            Kind::Occlusion => self.blocked(scene, asks, &bundle),
+        };
         let question = &self.question;
-        let (query, kind) = (question.query, question.kind);
+        let (kind, o) = (question.kind, &question.query.options);
+        let mut traced = bundle.rays.iter().zip(found);
+        for (ask, (cells, axis)) in asks.iter().zip(&bundle.strata) {
+            let i = ask.lane as usize;
+            let fall = Falloff::new(
+                option(o.falloff, i, 0.0),
+                option(o.falloffmode, i, 0.0),
+                Run::reach(o.maxhitdist, i),
+            );
+            let seen: Vec<Seen> = traced
+                .by_ref()
+                .take(ray_count(cells, *axis) as usize)
+                .map(|(ray, (value, distance))| Seen {
+                    dir: ray.dir,
+                    value: if distance.is_finite() { value * fall.at(distance) } else { value },
+                    distance,
+                })
+                .collect();
+            let record = cells.record(kind, *axis, &seen, !question.full);
+            out.push((record, variance(kind, &seen)));
+        }
+    }
+
+    /// Returns the rays of some points.
+    fn aimed(&self, scene: &RayScene, asks: &[Ask]) -> RayBundle {
+        let question = &self.question;
+        let query = question.query;
         let o = &query.options;
         let most = asks.iter().map(|ask| ask.samples as usize).sum();
         let mut rays: Vec<Ray> = Vec::with_capacity(most);
         let mut strata = Vec::with_capacity(asks.len());
-        // The surface that each ray leaves.
         let mut left: Vec<Leaving> = Vec::with_capacity(most);
         for ask in asks {
             let i = ask.lane as usize;
@@ -519,72 +557,73 @@ impl Gatherer<'_, '_, '_, '_> {
             strata.push((cells, axis));
             left.resize(rays.len(), leaving);
         }
-        self.run.frame.light_cache.count(0, rays.len());
-        // The place and the index of each ray.
-        let sources = || {
-            let of = |(ask, (cells, axis)): (&Ask, &(Strata, Vec3))| {
-                let ask = *ask;
-                (0..if *axis == Vec3::ZERO { 0 } else { cells.len() }).map(move |index| (ask, index))
-            };
-            asks.iter().zip(&strata).flat_map(of)
+        RayBundle { rays, left, strata }
+    }
+
+    /// Returns the radiance along each ray, and the distance of its hit.
+    fn radiance(&mut self, scene: &RayScene, asks: &[Ask], bundle: &RayBundle) -> Vec<(Color, f32)> {
+        let question = &self.question;
+        let request = |((ask, index), (ray, leaving)): ((Ask, u32), (&Ray, &Leaving))| {
+            let name = hash::words(&[ask.seed, index, HIT]);
+            let (ray, leaving) = (*ray, *leaving);
+            RayRequest { lane: ask.lane, name, ray, leaving, width: 0.0, spread: question.ray_spread(&ask) }
         };
-        let spread = |ask: &Ask| {
-            2.0 * query.angle.get(ask.lane as usize).max(0.0) / (ask.samples.max(1) as f32).sqrt()
+        let requests: Vec<RayRequest> =
+            bundle.sources(asks).zip(bundle.rays.iter().zip(&bundle.left)).map(request).collect();
+        let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
+        let found = self.run.thread.radiance(scene, &requests, purpose, question.query.messages);
+        found.into_iter().map(|r| (r.color, r.distance)).collect()
+    }
+
+    /// Returns 1 or 0 in all channels for each ray that is or is not blocked, and the distance of its hit. The
+    /// distance is 0 for every hit when nothing depends on it.
+    fn blocked(&mut self, scene: &RayScene, asks: &[Ask], bundle: &RayBundle) -> Vec<(Color, f32)> {
+        let question = &self.question;
+        let (rays, left) = (&bundle.rays, &bundle.left);
+        let widths: Vec<[f32; 2]> = if scene.is_settled() {
+            Vec::new()
+        } else {
+            bundle.sources(asks).map(|(ask, _)| [0.0, question.ray_spread(&ask)]).collect()
         };
-        let falls = |ask: &Ask| option(o.falloff, ask.lane as usize, 0.0) > 0.0;
-        let found: Vec<(Color, f32)> = match kind {
-            Kind::Irradiance => {
-                let request = |((ask, index), (ray, leaving)): ((Ask, u32), (&Ray, &Leaving))| {
-                    let name = hash::words(&[ask.seed, index, HIT]);
-                    let (ray, leaving) = (*ray, *leaving);
-                    RayRequest { lane: ask.lane, name, ray, leaving, width: 0.0, spread: spread(&ask) }
-                };
-                let requests: Vec<RayRequest> = sources().zip(rays.iter().zip(&left)).map(request).collect();
-                let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
-                let found = self.run.thread.radiance(scene, &requests, purpose, query.messages);
-                found.into_iter().map(|r| (r.color, r.distance)).collect()
-            }
-            Kind::Occlusion => {
-                let widths: Vec<[f32; 2]> = if scene.is_settled() {
-                    Vec::new()
-                } else {
-                    sources().map(|(ask, _)| [0.0, spread(&ask)]).collect()
-                };
-                let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
-                // The distance of a hit matters only to derivatives and falloff.
-                if question.full && !asks.iter().any(falls) {
-                    let hits = scene.any(self.run.thread, &rays, &widths, &|k| left[k]);
-                    let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
-                    hits.into_iter().map(of).collect()
-                } else {
-                    let distances = scene.distances(self.run.thread, &rays, &widths, &|k| left[k]);
-                    let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
-                    distances.into_iter().map(of).collect()
-                }
-            }
-        };
-        let mut traced = rays.iter().zip(found);
-        for (ask, (cells, axis)) in asks.iter().zip(strata) {
-            let i = ask.lane as usize;
-            let count = if axis == Vec3::ZERO { 0 } else { cells.len() as usize };
-            let fall = Falloff::new(
-                option(o.falloff, i, 0.0),
-                option(o.falloffmode, i, 0.0),
-                Run::reach(o.maxhitdist, i),
-            );
-            let seen: Vec<Seen> = traced
-                .by_ref()
-                .take(count)
-                .map(|(ray, (value, distance))| Seen {
-                    dir: ray.dir,
-                    value: if distance.is_finite() { value * fall.at(distance) } else { value },
-                    distance,
-                })
-                .collect();
-            let record = cells.record(kind, axis, &seen, !question.full);
-            out.push((record, variance(kind, &seen)));
+        let widths = |k: usize| widths.get(k).copied().unwrap_or_default();
+        let falls = |ask: &Ask| option(question.query.options.falloff, ask.lane as usize, 0.0) > 0.0;
+        // The distance of a hit matters only to derivatives and falloff.
+        if question.full && !asks.iter().any(falls) {
+            let hits = scene.any(self.run.thread, rays, &widths, &|k| left[k]);
+            let of = |hit| if hit { (Color::ONE, 0.0) } else { (Color::ZERO, f32::INFINITY) };
+            hits.into_iter().map(of).collect()
+        } else {
+            let distances = scene.distances(self.run.thread, rays, &widths, &|k| left[k]);
+            let of = |t: f32| (Color::splat(f32::from(u8::from(t.is_finite()))), t);
+            distances.into_iter().map(of).collect()
         }
     }
+}
+
+/// The rays of some points, point by point.
+struct RayBundle {
+    rays: Vec<Ray>,
+    /// The surface that each ray leaves.
+    left: Vec<Leaving>,
+    /// For each point: the strata, and the unit axis, which is zero for a point without one.
+    strata: Vec<(Strata, Vec3)>,
+}
+
+impl RayBundle {
+    /// Returns for each ray its point and its index among the rays of the point.
+    fn sources(&self, asks: &[Ask]) -> impl Iterator<Item = (Ask, u32)> {
+        let of = |(ask, (cells, axis)): (&Ask, &(Strata, Vec3))| {
+            let ask = *ask;
+            (0..ray_count(cells, *axis)).map(move |index| (ask, index))
+        };
+        asks.iter().zip(&self.strata).flat_map(of)
+    }
+}
+
+/// Returns the number of rays of a point. A point without an axis has none.
+#[inline(always)]
+fn ray_count(cells: &Strata, axis: Vec3) -> u32 {
+    if axis == Vec3::ZERO { 0 } else { cells.len() }
 }
 
 /// The decrease of influence with distance (reference 5.8.11; `exp (-falloff dist)` where it has a division, see

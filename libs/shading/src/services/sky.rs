@@ -5,7 +5,7 @@ use super::{Run, SKY, count, option};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
 use granita_base::{Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
-use granita_texture::{EnvLookup, Up, Use};
+use granita_texture::{EnvLookup, TextureId, Up, Use};
 use std::sync::Arc;
 
 /// The largest number of samples.
@@ -66,6 +66,21 @@ struct Sent {
     dir: Vec3,
 }
 
+/// The values that all lanes of a query share.
+struct Drawing<'q> {
+    query: &'q EnvironmentQuery<'q>,
+    /// The axes of the map's space, in "common" space.
+    axes: [Vec3; 3],
+    up: Option<Up>,
+    /// The number of channels of the result, alpha included.
+    wanted: usize,
+    /// Scratch, which is made for the first directions.
+    room: Option<DirectionWeights>,
+    /// The map, which is found by name once, when the cells do not have all channels. The inner `None` is a map that
+    /// does not exist.
+    texture: Option<Option<TextureId>>,
+}
+
 impl Run<'_, '_> {
     /// Returns a sample for each active lane; false when the map does not exist. `space` leads from the map's space
     /// to "common".
@@ -84,39 +99,32 @@ impl Run<'_, '_> {
         let known = self.sky.iter().position(|ahead| ahead.map.is_for(query, space));
         let mut ahead = match known {
             Some(k) => self.sky.swap_remove(k),
-            None => {
-                let Some(directions) = self.frame.directions(query.name, o.up) else { return false };
-                let (name, up) = (query.name.to_owned(), o.up.unwrap_or("").to_owned());
-                SampleBatch {
-                    map: Map { name, up, space, channels: query.channels, directions },
-                    keys: vec![None; lanes],
-                    sent: vec![Sent::default(); lanes * TOGETHER],
-                    sequences: self.sequences(lanes),
-                }
-            }
+            None => match self.new_batch(query, space) {
+                Some(batch) => batch,
+                None => return false,
+            },
         };
-        let directions = &ahead.map.directions;
         prepare(query.batch, query.channels, out);
         out.direction = Lanes3::zeros(lanes);
         let to_common = space.unwrap_or(Transform::IDENTITY);
-        let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis));
         let of_all = o.samples.is_none_or(|s| s.stride == 0).then(|| count(o.samples, 0));
-        let wanted = (query.channels + 1).min(CHANNELS);
-        let mut room = None;
-        let up = o.up.and_then(Up::from_word);
-        let angle = Some(0.5 * EnvironmentSampler::cell());
-        // The map is found by name once, when the cells do not have all channels.
-        let mut map = None;
+        let mut drawing = Drawing {
+            query,
+            axes: [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| to_common.vector(axis)),
+            up: o.up.and_then(Up::from_word),
+            wanted: (query.channels + 1).min(CHANNELS),
+            room: None,
+            texture: None,
+        };
         let coincident = self.coincident.clone();
         let mut coincident = coincident.iter().peekable();
         for &lane in query.batch.active {
             let i = lane as usize;
             let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
             let first = number - number % TOGETHER as u32;
-            let r = query.r.get(i);
             let all = of_all.unwrap_or_else(|| count(o.samples, i));
             let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
-            let axis = r.to_array().map(f32::to_bits);
+            let axis = query.r.get(i).to_array().map(f32::to_bits);
             let key = Key { first, all, axis, first_channel, fill: fill.to_bits() };
             if ahead.keys[i] != Some(key) {
                 ahead.keys[i] = Some(key);
@@ -125,43 +133,11 @@ impl Run<'_, '_> {
                 if let Some(of) = twin.filter(|of| ahead.keys[*of] == Some(key)) {
                     (0..TOGETHER).for_each(|k| ahead.sent[k * lanes + i] = ahead.sent[k * lanes + of]);
                 } else {
-                    // A unit normal is transformed into the map's space, where cosines stay the same.
-                    let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
-                    let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
-                    let (seed, before) = ahead.sequences[i];
-                    let before = before.wrapping_mul(all.next_power_of_two());
-                    let drawn = directions.draw(
-                        normal,
-                        before.wrapping_add(first),
-                        seed,
-                        room.get_or_insert_with(DirectionWeights::new),
-                    );
-                    for (k, &DirectionSample { dir, pdf, mut seen }) in drawn.iter().enumerate() {
-                        // The cells hold the first channels only.
-                        if first_channel != 0 || fill != 0.0 {
-                            let frame = self.frame;
-                            let find = || frame.textures.find_for(query.name, Use::Environment);
-                            if let Some(id) = *map.get_or_insert_with(find) {
-                                let how = EnvLookup {
-                                    r: dir,
-                                    angle,
-                                    up,
-                                    first_channel,
-                                    fill,
-                                    ..EnvLookup::default()
-                                };
-                                self.thread.textures().environment(id, &how, &mut seen[..wanted]);
-                            }
-                        }
-                        let share = 1.0 / (pdf * all as f32);
-                        seen[..query.channels].iter_mut().for_each(|v| *v *= share);
-                        let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
-                        ahead.sent[k * lanes + i] = Sent { values: seen, dir };
-                    }
+                    self.draw_lane(&mut drawing, &mut ahead, i, &key);
                 }
             }
             let Sent { values, dir } = ahead.sent[(number - first) as usize * lanes + i];
-            store(out, i, &values[..wanted]);
+            store(out, i, &values[..drawing.wanted]);
             out.direction.set(i, dir);
         }
         if self.sky.len() == MOST_MAPS {
@@ -169,6 +145,65 @@ impl Run<'_, '_> {
         }
         self.sky.push(ahead);
         true
+    }
+
+    /// Returns a batch without samples for the map of a query; `None` when the map does not exist.
+    fn new_batch(&self, query: &EnvironmentQuery<'_>, space: Option<Transform>) -> Option<SampleBatch> {
+        let (up, lanes) = (query.options.up, query.batch.lanes);
+        let directions = self.frame.directions(query.name, up)?;
+        let (name, up) = (query.name.to_owned(), up.unwrap_or("").to_owned());
+        Some(SampleBatch {
+            map: Map { name, up, space, channels: query.channels, directions },
+            keys: vec![None; lanes],
+            sent: vec![Sent::default(); lanes * TOGETHER],
+            sequences: self.sequences(lanes),
+        })
+    }
+
+    /// Draws directions for a lane, and stores the samples in `ahead`.
+    fn draw_lane(&mut self, drawing: &mut Drawing<'_>, ahead: &mut SampleBatch, lane: usize, key: &Key) {
+        let query = drawing.query;
+        let [x, y, z] = drawing.axes;
+        let r = query.r.get(lane);
+        // A unit normal is transformed into the map's space, where cosines stay the same.
+        let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
+        let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
+        let (seed, before) = ahead.sequences[lane];
+        let before = before.wrapping_mul(key.all.next_power_of_two());
+        let drawn = ahead.map.directions.draw(
+            normal,
+            before.wrapping_add(key.first),
+            seed,
+            drawing.room.get_or_insert_with(DirectionWeights::new),
+        );
+        for (k, &DirectionSample { dir, pdf, mut seen }) in drawn.iter().enumerate() {
+            // The cells hold the first channels only.
+            if key.first_channel != 0 || f32::from_bits(key.fill) != 0.0 {
+                self.look_up(drawing, key, dir, &mut seen[..drawing.wanted]);
+            }
+            let share = 1.0 / (pdf * key.all as f32);
+            seen[..query.channels].iter_mut().for_each(|v| *v *= share);
+            let dir = (x * dir.x + y * dir.y + z * dir.z).normalize_or_zero();
+            ahead.sent[k * query.batch.lanes + lane] = Sent { values: seen, dir };
+        }
+    }
+
+    /// Looks up channels of the map of a query in a direction (in the map's space). It averages over a cone of the
+    /// width of a cell of the sampler. The values stay unchanged when the map does not exist.
+    fn look_up(&mut self, drawing: &mut Drawing<'_>, key: &Key, dir: Vec3, values: &mut [f32]) {
+        let (frame, name) = (self.frame, drawing.query.name);
+        let find = || frame.textures.find_for(name, Use::Environment);
+        if let Some(id) = *drawing.texture.get_or_insert_with(find) {
+            let how = EnvLookup {
+                r: dir,
+                angle: Some(0.5 * EnvironmentSampler::cell()),
+                up: drawing.up,
+                first_channel: key.first_channel,
+                fill: f32::from_bits(key.fill),
+                ..EnvLookup::default()
+            };
+            self.thread.textures().environment(id, &how, values);
+        }
     }
 
     /// Returns for each lane the seed of its sequence of directions, and its index among the lanes that share the

@@ -211,13 +211,7 @@ impl Model {
             }
             Action::First => self.show(0),
             Action::Last => self.show(count.saturating_sub(1)),
-            Action::Other => match self.other.filter(|o| *o < count) {
-                Some(other) => {
-                    self.show(other);
-                    self.other = Some(current);
-                }
-                None => self.say("there is no other picture yet: see another one, or keep this with Shift+T"),
-            },
+            Action::Other => self.show_other(),
             Action::KeepOther => {
                 (self.other, self.keep_other) = (Some(current), true);
                 self.say("this is the other picture now");
@@ -233,17 +227,8 @@ impl Model {
                 self.fitted = true;
                 self.fit();
             }
-            Action::Zoom(zoom) => {
-                self.fitted = false;
-                let (w, h) = (f64::from(self.view.width) / 2.0, f64::from(self.view.height) / 2.0);
-                let factor = zoom / self.view.zoom;
-                self.view.zoom_at(w, h, factor);
-            }
-            Action::ZoomBy(factor) => {
-                self.fitted = false;
-                let (w, h) = (f64::from(self.view.width) / 2.0, f64::from(self.view.height) / 2.0);
-                self.view.zoom_at(w, h, factor);
-            }
+            Action::Zoom(zoom) => self.zoom_by(zoom / self.view.zoom),
+            Action::ZoomBy(factor) => self.zoom_by(factor),
             Action::Pan(x, y) => self.pan(x, y),
             Action::FullScreen => return Some(Command::FullScreen),
             Action::Theme => return Some(Command::Theme),
@@ -270,21 +255,44 @@ impl Model {
                     self.say("nobody is there to be told: this is no live picture, or its sender has ended");
                 }
             }
-            Action::Escape => {
-                if self.help_open {
-                    self.help_open = false;
-                } else if self.probe.is_some() {
-                    self.probe = None;
-                } else if self.mix != Mix::First {
-                    self.mix = Mix::First;
-                } else {
-                    self.view.around = None;
-                    self.message = None;
-                }
-            }
+            Action::Escape => self.escape(),
             _ => self.look(action),
         }
         None
+    }
+
+    /// Shows the other image, and makes the current one the other.
+    fn show_other(&mut self) {
+        let current = self.entries.current;
+        match self.other.filter(|o| *o < self.entries.len()) {
+            Some(other) => {
+                self.show(other);
+                self.other = Some(current);
+            }
+            None => self.say("there is no other picture yet: see another one, or keep this with Shift+T"),
+        }
+    }
+
+    /// Magnifies the image by a factor around the middle of the window.
+    fn zoom_by(&mut self, factor: f64) {
+        self.fitted = false;
+        let (w, h) = (f64::from(self.view.width) / 2.0, f64::from(self.view.height) / 2.0);
+        self.view.zoom_at(w, h, factor);
+    }
+
+    /// Closes the help, or else removes the measured area, or else ends a comparison, or else removes the panorama and
+    /// the message.
+    fn escape(&mut self) {
+        if self.help_open {
+            self.help_open = false;
+        } else if self.probe.is_some() {
+            self.probe = None;
+        } else if self.mix != Mix::First {
+            self.mix = Mix::First;
+        } else {
+            self.view.around = None;
+            self.message = None;
+        }
     }
 
     /// Moves the image by a number of screen pixels.

@@ -65,59 +65,23 @@ impl App {
     fn step(&mut self, step: Step, ctx: &egui::Context) {
         let Some(script) = &mut self.script else { return };
         let ppp = ctx.pixels_per_point();
-        let point = |x: f32, y: f32| Pos2::new(x / ppp, y / ppp);
-        let modifiers = |text: &str| Modifiers {
-            shift: text.contains("Shift+"),
-            ctrl: text.contains("Ctrl+"),
-            command: text.contains("Ctrl+"),
-            ..Modifiers::NONE
-        };
-        let button = |pos, pressed, modifiers| Event::PointerButton {
-            pos,
-            button: PointerButton::Primary,
-            pressed,
-            modifiers,
-        };
         match step {
             Step::Wait => {}
             Step::Frames(n) => script.frames = n,
             Step::Sleep(s) => {
                 script.until = Some(Instant::now() + Duration::from_secs_f64(s.clamp(0.0, 60.0)))
             }
-            Step::Key(text) => {
-                if let Some((key, modifiers)) = keys::parse(&text) {
-                    let event =
-                        |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
-                    script.events.extend([vec![event(true)], vec![event(false)]]);
-                }
-            }
-            Step::Move(x, y) => script.events.push_back(vec![Event::PointerMoved(point(x, y))]),
+            Step::Key(text) => script.events.extend(key_events(&text)),
+            Step::Move(x, y) => script.events.push_back(vec![Event::PointerMoved(point([x, y], ppp))]),
             Step::Click(x, y, text) => {
-                let (p, m) = (point(x, y), modifiers(&text));
+                let (p, m) = (point([x, y], ppp), modifiers(&text));
                 script.events.push_back(vec![Event::PointerMoved(p), button(p, true, m)]);
                 script.events.push_back(vec![button(p, false, m)]);
             }
-            Step::Drag([x0, y0, x1, y1], text) => {
-                let m = modifiers(&text);
-                script
-                    .events
-                    .push_back(vec![Event::PointerMoved(point(x0, y0)), button(point(x0, y0), true, m)]);
-                for i in 1..=8 {
-                    let f = i as f32 / 8.0;
-                    let p = point(x0 + (x1 - x0) * f, y0 + (y1 - y0) * f);
-                    script.events.push_back(vec![Event::PointerMoved(p)]);
-                }
-                script.events.push_back(vec![button(point(x1, y1), false, m)]);
-            }
+            Step::Drag(line, text) => script.events.extend(drag_events(line, ppp, modifiers(&text))),
             Step::Scroll(x, y, n) => {
-                script.events.push_back(vec![Event::PointerMoved(point(x, y))]);
-                script.events.push_back(vec![Event::MouseWheel {
-                    unit: egui::MouseWheelUnit::Line,
-                    delta: Vec2::new(0.0, n),
-                    phase: egui::TouchPhase::Move,
-                    source: egui::MouseWheelSource::Unknown,
-                    modifiers: Modifiers::NONE,
-                }]);
+                script.events.push_back(vec![Event::PointerMoved(point([x, y], ppp))]);
+                script.events.push_back(vec![wheel(n)]);
             }
             Step::Type(text) => script.events.push_back(vec![Event::Text(text)]),
             Step::File(path) => {
@@ -216,4 +180,55 @@ impl App {
         ));
         script.bench = None;
     }
+}
+
+/// Returns a point of the window, given in pixels of the screen, in points of egui.
+fn point([x, y]: [f32; 2], pixels_per_point: f32) -> Pos2 {
+    Pos2::new(x / pixels_per_point, y / pixels_per_point)
+}
+
+/// Returns the modifier keys that a text such as "Shift+Ctrl+" names.
+fn modifiers(text: &str) -> Modifiers {
+    Modifiers {
+        shift: text.contains("Shift+"),
+        ctrl: text.contains("Ctrl+"),
+        command: text.contains("Ctrl+"),
+        ..Modifiers::NONE
+    }
+}
+
+/// Returns the event that the primary button is pressed or released.
+fn button(pos: Pos2, pressed: bool, modifiers: Modifiers) -> Event {
+    Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers }
+}
+
+/// Returns the event that the wheel is turned up by a number of lines.
+fn wheel(lines: f32) -> Event {
+    Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Line,
+        delta: Vec2::new(0.0, lines),
+        phase: egui::TouchPhase::Move,
+        source: egui::MouseWheelSource::Unknown,
+        modifiers: Modifiers::NONE,
+    }
+}
+
+/// Returns for each frame the events of a key that is pressed and released; nothing for an unknown key.
+fn key_events(text: &str) -> Vec<Vec<Event>> {
+    let Some((key, modifiers)) = keys::parse(text) else { return Vec::new() };
+    let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+    vec![vec![event(true)], vec![event(false)]]
+}
+
+/// Returns for each frame the events of a drag with the primary button along a line, in pixels of the screen.
+fn drag_events([x0, y0, x1, y1]: [f32; 4], pixels_per_point: f32, modifiers: Modifiers) -> Vec<Vec<Event>> {
+    let (start, end) = (point([x0, y0], pixels_per_point), point([x1, y1], pixels_per_point));
+    let mut frames = vec![vec![Event::PointerMoved(start), button(start, true, modifiers)]];
+    for i in 1..=8 {
+        let f = i as f32 / 8.0;
+        let p = point([x0 + (x1 - x0) * f, y0 + (y1 - y0) * f], pixels_per_point);
+        frames.push(vec![Event::PointerMoved(p)]);
+    }
+    frames.push(vec![button(end, false, modifiers)]);
+    frames
 }

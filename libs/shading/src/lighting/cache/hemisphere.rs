@@ -120,75 +120,17 @@ impl Strata {
         record
     }
 
+    /// Sets the derivatives of a record.
     fn derive(&self, kind: Kind, axis: Vec3, seen: &[Seen], record: &mut Record) {
         let (u, v) = basis(axis);
-        let at = |ring: u32, sector: u32| &seen[(ring * self.sectors + sector % self.sectors) as usize];
-        let (mut places, mut second) = ([[0.0_f32; 3]; 2], [0.0_f32; 3]);
-        // The sums of squares estimate the part of the derivatives that is noise.
-        let (mut noise, mut second_noise) = ([0.0_f32; 3], 0.0_f32);
-        // `sweep` is the normal of the border towards `one` times its length, and `by` is its direction. Both are
-        // weighted by the cosine.
-        let mut border = |one: &Seen, other: &Seen, sweep: [f32; 2], by: [f32; 2], hessian: f32| {
-            let step = one.value - other.value;
-            let distance = one.distance.min(other.distance);
-            if step == Color::ZERO || !distance.is_finite() || distance <= 0.0 {
-                return;
-            }
-            let near = 1.0 / distance;
-            for (sums, sweep) in places.iter_mut().zip(sweep) {
-                for (c, sum) in sums.iter_mut().enumerate() {
-                    *sum += step[c] * sweep * near;
-                }
-            }
-            let mean = match kind {
-                Kind::Irradiance => (step.x + step.y + step.z) / 3.0,
-                Kind::Occlusion => step.x,
-            };
-            let hessian = 4.0 * hessian * mean * near * near;
-            let terms = [sweep[0] * by[0], sweep[1] * by[1], 0.5 * (sweep[0] * by[1] + sweep[1] * by[0])];
-            for (sum, term) in second.iter_mut().zip(terms) {
-                *sum += hessian * term;
-            }
-            second_noise += hessian * hessian * size(terms);
-            for (c, sum) in noise.iter_mut().enumerate() {
-                *sum += (step[c] * near).powi(2) * (sweep[0] * sweep[0] + sweep[1] * sweep[1]);
-            }
-        };
-        let sine = |ring: u32| self.sin * (ring as f32 / self.rings as f32).sqrt();
-        let step = TAU / self.sectors as f32;
-        for ring in 0..self.rings {
-            let (inner, outer) = (sine(ring), sine(ring + 1));
-            for sector in 0..self.sectors {
-                let here = at(ring, sector);
-                // The border to the next sector.
-                let (s, c) = (step * (sector + 1) as f32).sin_cos();
-                let long = outer - inner;
-                let middle = 0.5 * (outer + inner);
-                border(here, at(ring, sector + 1), [s * long, -c * long], [c, s], middle);
-                // The border to the next ring.
-                if ring + 1 < self.rings {
-                    let (s, c) = (step * (sector as f32 + 0.5)).sin_cos();
-                    let arc = -(1.0 - outer * outer) * outer * 2.0 * (0.5 * step).sin();
-                    border(here, at(ring + 1, sector), [c * arc, s * arc], [c, s], outer);
-                }
-            }
-        }
-        // The estimates are shrunk by their noise, as means of normal distributions are (James and Stein,
-        // Estimation with Quadratic Loss, 1961).
-        let signal = |square: f32, noise: f32| if square > noise { 1.0 - noise / square } else { 0.0 };
-        let significant = signal(size(second), second_noise);
-        second.iter_mut().for_each(|x| *x *= significant);
-        for c in 0..3 {
-            let square = places[0][c] * places[0][c] + places[1][c] * places[1][c];
-            let significant = signal(square, noise[c]);
-            places.iter_mut().for_each(|p| p[c] *= significant);
-        }
+        let mut sums = self.border_sums(kind, seen);
+        sums.shrink();
         // The cone's share of the hemisphere counts as one.
         let scale = 1.0 / (PI * self.sin * self.sin);
         for (c, change) in record.translational.iter_mut().enumerate().take(kind.channels()) {
-            *change = (u * places[0][c] + v * places[1][c]) * scale;
+            *change = (u * sums.places[0][c] + v * sums.places[1][c]) * scale;
         }
-        let [xx, yy, xy] = second.map(|x| x * scale);
+        let [xx, yy, xy] = sums.second.map(|x| x * scale);
         let product = |a: Vec3, b: Vec3| {
             let mixed = |i: usize, j: usize| 0.5 * (a[i] * b[j] + a[j] * b[i]);
             [mixed(0, 0), mixed(1, 1), mixed(2, 2), mixed(0, 1), mixed(0, 2), mixed(1, 2)]
@@ -202,18 +144,118 @@ impl Strata {
         if self.sin < 0.9999 {
             return;
         }
+        self.derive_rotational(kind, axis, seen, record);
+    }
+
+    /// Returns the sums over all borders between cells, in the plane of the receiver.
+    #[inline(always)]
+    fn border_sums(&self, kind: Kind, seen: &[Seen]) -> BorderSums {
+        let mut sums =
+            BorderSums { kind, places: [[0.0; 3]; 2], second: [0.0; 3], noise: [0.0; 3], second_noise: 0.0 };
+        let sine = |ring: u32| self.sin * (ring as f32 / self.rings as f32).sqrt();
+        let step = TAU / self.sectors as f32;
+        for ring in 0..self.rings {
+            let (inner, outer) = (sine(ring), sine(ring + 1));
+            for sector in 0..self.sectors {
+                let here = self.cell(seen, ring, sector);
+                // The border to the next sector.
+                let (s, c) = (step * (sector + 1) as f32).sin_cos();
+                let long = outer - inner;
+                let middle = 0.5 * (outer + inner);
+                let next = self.cell(seen, ring, sector + 1);
+                sums.add(here, next, [s * long, -c * long], [c, s], middle);
+                // The border to the next ring.
+                if ring + 1 < self.rings {
+                    let (s, c) = (step * (sector as f32 + 0.5)).sin_cos();
+                    let arc = -(1.0 - outer * outer) * outer * 2.0 * (0.5 * step).sin();
+                    let next = self.cell(seen, ring + 1, sector);
+                    sums.add(here, next, [c * arc, s * arc], [c, s], outer);
+                }
+            }
+        }
+        sums
+    }
+
+    /// Sets the rotational gradient of a record of a whole hemisphere.
+    #[inline(always)]
+    fn derive_rotational(&self, kind: Kind, axis: Vec3, seen: &[Seen], record: &mut Record) {
         for ring in 0..self.rings {
             // The mean of the tangent over the ring, by the square of the sine.
             let area = |x: f32| x.sqrt().asin() - (x * (1.0 - x)).max(0.0).sqrt();
             let (inner, outer) = (ring as f32 / self.rings as f32, (ring + 1) as f32 / self.rings as f32);
             let tan = (area(outer) - area(inner)) * self.rings as f32;
             for sector in 0..self.sectors {
-                let s = at(ring, sector);
+                let s = self.cell(seen, ring, sector);
                 let side = (s.dir - axis * s.dir.dot(axis)).normalize_or_zero();
                 for c in 0..kind.channels() {
                     record.rotational[c] += side * (tan * s.value[c] / seen.len() as f32);
                 }
             }
+        }
+    }
+
+    /// Returns the result of a cell. After the last sector of a ring comes the first one.
+    #[inline(always)]
+    fn cell<'s>(&self, seen: &'s [Seen], ring: u32, sector: u32) -> &'s Seen {
+        &seen[(ring * self.sectors + sector % self.sectors) as usize]
+    }
+}
+
+/// The sums of the derivatives over the borders between cells, in the plane of the receiver.
+struct BorderSums {
+    kind: Kind,
+    /// The change of each channel per unit of distance along both axes of the plane.
+    places: [[f32; 3]; 2],
+    /// The second derivatives xx, yy and xy of the mean of the channels.
+    second: [f32; 3],
+    /// The sums of squares, which estimate the part of the derivatives that is noise.
+    noise: [f32; 3],
+    second_noise: f32,
+}
+
+impl BorderSums {
+    /// Adds the border between two cells. `sweep` is the normal of the border towards `one` times its length, and `by`
+    /// is its direction. Both are weighted by the cosine. `sine` is that of the angle between the axis and the border.
+    #[inline(always)]
+    fn add(&mut self, one: &Seen, other: &Seen, sweep: [f32; 2], by: [f32; 2], sine: f32) {
+        let step = one.value - other.value;
+        let distance = one.distance.min(other.distance);
+        if step == Color::ZERO || !distance.is_finite() || distance <= 0.0 {
+            return;
+        }
+        let near = 1.0 / distance;
+        for (sums, sweep) in self.places.iter_mut().zip(sweep) {
+            for (c, sum) in sums.iter_mut().enumerate() {
+                *sum += step[c] * sweep * near;
+            }
+        }
+        let mean = match self.kind {
+            Kind::Irradiance => (step.x + step.y + step.z) / 3.0,
+            Kind::Occlusion => step.x,
+        };
+        let hessian = 4.0 * sine * mean * near * near;
+        let terms = [sweep[0] * by[0], sweep[1] * by[1], 0.5 * (sweep[0] * by[1] + sweep[1] * by[0])];
+        for (sum, term) in self.second.iter_mut().zip(terms) {
+            *sum += hessian * term;
+        }
+        self.second_noise += hessian * hessian * size(terms);
+        for (c, sum) in self.noise.iter_mut().enumerate() {
+            *sum += (step[c] * near).powi(2) * (sweep[0] * sweep[0] + sweep[1] * sweep[1]);
+        }
+    }
+
+    /// Shrinks the estimates by their noise, as means of normal distributions are (James and Stein, Estimation with
+    /// Quadratic Loss, 1961).
+    #[inline(always)]
+    fn shrink(&mut self) {
+        let signal = |square: f32, noise: f32| if square > noise { 1.0 - noise / square } else { 0.0 };
+        let significant = signal(size(self.second), self.second_noise);
+        self.second.iter_mut().for_each(|x| *x *= significant);
+        let places = &mut self.places;
+        for c in 0..3 {
+            let square = places[0][c] * places[0][c] + places[1][c] * places[1][c];
+            let significant = signal(square, self.noise[c]);
+            places.iter_mut().for_each(|p| p[c] *= significant);
         }
     }
 }
