@@ -171,6 +171,10 @@ fn read_chunks(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, IffRo
 
 impl Chunks {
     fn read_header(&mut self, source: &FileSource, chunk: &Chunk) -> Result<()> {
+        if self.header.is_some() {
+            // The tiles before it were checked against the first one.
+            return Err(source.malformed(format!("there is a second header at byte {}", chunk.at)));
+        }
         let b = source.read_vec(chunk.body(), 24, "the header of the picture")?;
         let long = |i: usize| u32::from_be_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
         self.flags = long(12);

@@ -171,3 +171,22 @@ fn broken_files_are_decoded_once() {
         assert_eq!(file.bytes_read(), read, "{name}");
     }
 }
+
+#[test]
+fn a_second_header_of_an_iff_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.iff");
+    let format = granita_raster::formats().into_iter().find(|f| f.extensions().contains(&"iff")).unwrap();
+    let spec = ImageSpec::new(16, 16, 3, PixelType::U8);
+    let mut file = format.create(&path, &CreateOptions::new(&spec, 1)).unwrap();
+    file.write_rows(&Pixels::U8(vec![9; 16 * 16 * 3])).unwrap();
+    file.close().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let at = bytes.windows(4).position(|w| w == b"TBHD").unwrap();
+    // It declares an image of 16 x 4 pixels, below the tile that is there.
+    let mut second = bytes[at..at + 32].to_vec();
+    second[15] = 4;
+    bytes.extend(second);
+    let error = read("a.iff", &bytes).unwrap_err().to_string();
+    assert!(error.contains("second header"), "{error}");
+}

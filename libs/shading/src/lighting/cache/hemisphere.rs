@@ -30,6 +30,9 @@ pub(crate) struct Strata {
     uniform: Option<f32>,
 }
 
+/// Narrower cones have no derivatives. The borders of their cells are as short as their rounding.
+const LEAST_SIN: f32 = 1e-4;
+
 /// The result of one ray.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
@@ -114,6 +117,7 @@ impl Strata {
             && self.uniform.is_none()
             && seen.len() as u32 == self.len()
             && self.len() >= LEAST_FOR_DERIVATIVES
+            && self.sin > LEAST_SIN
         {
             self.derive(kind, axis, seen, &mut record);
         }
@@ -303,6 +307,19 @@ mod tests {
     fn exact(x: f32, height: f32) -> f32 {
         let d = 1.0 - x;
         0.5 * (1.0 - d / (d * d + height * height).sqrt())
+    }
+
+    #[test]
+    fn cones_of_any_width_have_finite_derivatives() {
+        for half_angle in [0.0, f32::MIN_POSITIVE, 1e-20, 1e-7, 1e-3, FRAC_PI_2] {
+            let strata = Strata::new(64, half_angle, true);
+            let seen: Vec<Seen> = (0..strata.len())
+                .map(|k| Seen { dir: Vec3::Z, value: Color::splat((k % 3) as f32), distance: 1.0 + k as f32 })
+                .collect();
+            let record = strata.record(Kind::Irradiance, Vec3::Z, &seen, true);
+            let changes = record.translational.iter().all(|v| v.is_finite());
+            assert!(changes && record.second.iter().all(|v| v.is_finite()), "{half_angle}: {record:?}");
+        }
     }
 
     #[test]
