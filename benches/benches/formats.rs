@@ -67,7 +67,7 @@ fn files(c: &mut Criterion) {
     ] {
         let (spec, pixels) = (spec(pixel_type, tile, compression), photograph(pixel_type));
         let words = format!("{format} {pixel_type:?} tile {tile} {}", compression.unwrap_or("default"));
-        let path = folder.path().join("picture").with_extension(format);
+        let path = folder.path().join("image").with_extension(format);
         group.throughput(Throughput::Bytes(spec.bytes().unwrap_or(0)));
         for count in [1, threads] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();

@@ -78,8 +78,8 @@ fn lookup(c: &mut Criterion) {
     let registry: FormatRegistry = granita_plugin::bundled_formats(Limits::default());
     let folder = tempfile::tempdir().unwrap();
     let texture = folder.path().join("brick.tx");
-    let picture = granita_benches::repository().join("examples/first/brick.png");
-    make(&[picture], &texture, &MakeOptions::default(), &registry, &|_, _| {}).unwrap();
+    let image = granita_benches::repository().join("examples/first/brick.png");
+    make(&[image], &texture, &MakeOptions::default(), &registry, &|_, _| {}).unwrap();
     let cache = TextureCache::new(registry, Default::default(), CacheOptions::default(), Reporter::silent());
     let id = cache.find_for(&texture.to_string_lossy(), Use::Texture).unwrap();
     let mut group = c.benchmark_group("texture");

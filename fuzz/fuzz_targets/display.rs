@@ -1,4 +1,4 @@
-//! Any bytes for the reader of live pictures.
+//! Any bytes for the reader of live images.
 
 #![no_main]
 

@@ -5,7 +5,7 @@
 
 using namespace Gelato;
 
-struct Picture {
+struct Image {
     int head[7]; // width, height, full width, full height, tile width, tile height, channels
     std::vector<float> data;
 };
@@ -27,7 +27,7 @@ public:
         if (! append)
             all.clear ();
         name = n;
-        Picture p;
+        Image p;
         const int head[7] = { s.width, s.height, s.full_width, s.full_height, s.tile_width, s.tile_height, s.nchannels };
         memcpy (p.head, head, sizeof(head));
         p.data.resize (values (head));
@@ -35,13 +35,13 @@ public:
         return true;
     }
     bool write_scanline (int y, int, const float *data, int xstride) {
-        Picture &p = all.back ();
+        Image &p = all.back ();
         for (int x = 0; x < p.head[0]; ++x)
             memcpy (&p.data[((size_t) y * p.head[0] + x) * p.head[6]], data + x * xstride, p.head[6] * sizeof(float));
         return true;
     }
     bool write_tile (int x, int y, int, const float *data, int xstride, int ystride, int) {
-        Picture &p = all.back ();
+        Image &p = all.back ();
         const int *h = p.head;
         int across = (h[0] + h[4] - 1) / h[4];
         float *to = &p.data[(size_t) (y / h[5] * across + x / h[4]) * h[4] * h[5] * h[6]];
@@ -67,7 +67,7 @@ public:
     }
 private:
     std::string name;
-    std::vector<Picture> all;
+    std::vector<Image> all;
 };
 
 class ChestInput : public ImageInput {
@@ -83,7 +83,7 @@ public:
             return false;
         }
         for (int i = 0; i < n; ++i) {
-            Picture p;
+            Image p;
             if (fread (p.head, sizeof(p.head), 1, f) != 1)
                 break;
             p.data.resize (values (p.head));
@@ -111,7 +111,7 @@ public:
         return true;
     }
     bool read_native_scanline (int y, int, void *data) {
-        const Picture &p = all[now];
+        const Image &p = all[now];
         size_t n = (size_t) p.head[0] * p.head[6];
         if (p.head[4])
             return false;
@@ -119,7 +119,7 @@ public:
         return true;
     }
     bool read_native_tile (int x, int y, int, void *data) {
-        const Picture &p = all[now];
+        const Image &p = all[now];
         const int *h = p.head;
         int across = (h[0] + h[4] - 1) / h[4];
         size_t n = (size_t) h[4] * h[5] * h[6];
@@ -134,7 +134,7 @@ public:
     }
     bool close () { return true; }
 private:
-    std::vector<Picture> all;
+    std::vector<Image> all;
     int now;
 };
 

@@ -32,7 +32,7 @@ pub struct Outcome {
     /// The errors, with line numbers; empty on success.
     pub faults: Vec<String>,
     /// The reference images and results for the report, each as title, reference and result.
-    pub pictures: Vec<(String, PathBuf, PathBuf)>,
+    pub images: Vec<(String, PathBuf, PathBuf)>,
 }
 
 /// Returns all cases under `suite`, sorted by name.
@@ -94,7 +94,7 @@ fn words(line: &str) -> Result<Vec<String>, String> {
 ///
 /// With `bless`, its references are replaced by the current results.
 pub fn run(case: &Case, tools: &Tools, reference: &Path, scratch: &Path, bless: bool) -> Outcome {
-    let mut outcome = Outcome { name: case.name.clone(), faults: Vec::new(), pictures: Vec::new() };
+    let mut outcome = Outcome { name: case.name.clone(), faults: Vec::new(), images: Vec::new() };
     let place = scratch.join(case.name.replace('/', "-"));
     if let Err(e) = copy_folder(&case.folder, &place) {
         outcome.faults.push(e);
@@ -111,7 +111,7 @@ pub fn run(case: &Case, tools: &Tools, reference: &Path, scratch: &Path, bless: 
             [tool, arguments @ ..] if Tools::NAMES.contains(tool) => {
                 run_tool(tools, &place, tool, arguments, "0", &mut last)
             }
-            _ => check(&words, &place, &last, &kept, &mut outcome.pictures),
+            _ => check(&words, &place, &last, &kept, &mut outcome.images),
         };
         if let Err(what) = done {
             outcome.faults.push(format!("line {}: {}: {what}", line.number, line.words.join(" ")));

@@ -1,6 +1,6 @@
 //! Runs the lines of a case that compare.
 
-use crate::{Picture, Ran};
+use crate::{Image, Ran};
 use std::path::{Path, PathBuf};
 
 /// The path of the references, and whether to replace them.
@@ -30,9 +30,9 @@ pub(crate) fn check(
     place: &Path,
     last: &Ran,
     kept: &Kept,
-    pictures: &mut Vec<(String, PathBuf, PathBuf)>,
+    images: &mut Vec<(String, PathBuf, PathBuf)>,
 ) -> Result<(), String> {
-    let read = |name: &str| Picture::read(&place.join(name));
+    let read = |name: &str| Image::read(&place.join(name));
     match words {
         ["says", text @ ..] => {
             let text = text.join(" ");
@@ -75,15 +75,15 @@ pub(crate) fn check(
             false => Err("a value is no finite number".to_owned()),
         },
         ["pixel", file, x, y, "=", values @ .., tolerance] => {
-            let picture = read(file)?;
-            let found = picture.pixel(index(x)?, index(y)?).ok_or("outside the picture")?;
+            let image = read(file)?;
+            let found = image.pixel(index(x)?, index(y)?).ok_or("outside the image")?;
             near(found, values, number(tolerance)?)
         }
         ["mean", file, x0, y0, x1, y1, "=", values @ .., tolerance] => {
-            let picture = read(file)?;
-            let found = picture
+            let image = read(file)?;
+            let found = image
                 .mean([index(x0)?, index(y0)?, index(x1)?, index(y1)?])
-                .ok_or("the box is empty or outside the picture")?;
+                .ok_or("the box is empty or outside the image")?;
             near(&found, values, number(tolerance)?)
         }
         ["text", what, label @ ..] => {
@@ -99,13 +99,13 @@ pub(crate) fn check(
             )
         }
         ["golden", file, tolerance] => {
-            golden_picture(file, &read(file)?, number(tolerance)?, place, kept, pictures)
+            golden_image(file, &read(file)?, number(tolerance)?, place, kept, images)
         }
         _ => Err("not a line of a case".to_owned()),
     }
 }
 
-fn within(a: &Picture, b: &Picture, tolerance: f32) -> Result<(), String> {
+fn within(a: &Image, b: &Image, tolerance: f32) -> Result<(), String> {
     let (worst, [x, y, channel]) = a.difference(b)?;
     if worst <= tolerance {
         return Ok(());
@@ -139,13 +139,13 @@ fn golden_text(text: &str, reference: &Path, bless: bool) -> Result<(), String> 
     ))
 }
 
-fn golden_picture(
+fn golden_image(
     file: &str,
-    made: &Picture,
+    made: &Image,
     tolerance: f32,
     place: &Path,
     kept: &Kept,
-    pictures: &mut Vec<(String, PathBuf, PathBuf)>,
+    images: &mut Vec<(String, PathBuf, PathBuf)>,
 ) -> Result<(), String> {
     let reference = kept.path(file, "png");
     if made.width > GOLDEN_SIDE || made.height > GOLDEN_SIDE {
@@ -162,8 +162,8 @@ fn golden_picture(
     }
     let png = place.join(format!("{}.result.png", file.replace('/', "-")));
     made.write_png(&png)?;
-    pictures.push((file.to_owned(), reference.clone(), png.clone()));
-    within(&Picture::read(&reference)?, &Picture::read(&png)?, tolerance)
+    images.push((file.to_owned(), reference.clone(), png.clone()));
+    within(&Image::read(&reference)?, &Image::read(&png)?, tolerance)
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -113,77 +113,77 @@ pub fn gso(bytes: &[u8]) {
 
 /// Reads TIFF.
 pub fn tiff(bytes: &[u8]) {
-    picture(bytes, "tif");
+    image(bytes, "tif");
 }
 
 /// Reads OpenEXR.
 pub fn exr(bytes: &[u8]) {
-    picture(bytes, "exr");
+    image(bytes, "exr");
 }
 
 /// Reads PNG.
 pub fn png(bytes: &[u8]) {
-    picture(bytes, "png");
+    image(bytes, "png");
 }
 
 /// Reads Radiance HDR.
 pub fn hdr(bytes: &[u8]) {
-    picture(bytes, "hdr");
+    image(bytes, "hdr");
 }
 
 /// Reads JPEG.
 pub fn jpeg(bytes: &[u8]) {
-    picture(bytes, "jpg");
+    image(bytes, "jpg");
 }
 
 /// Reads Targa.
 pub fn tga(bytes: &[u8]) {
-    picture(bytes, "tga");
+    image(bytes, "tga");
 }
 
 /// Reads BMP.
 pub fn bmp(bytes: &[u8]) {
-    picture(bytes, "bmp");
+    image(bytes, "bmp");
 }
 
 /// Reads PBM, PGM, PPM and PAM.
 pub fn pnm(bytes: &[u8]) {
-    picture(bytes, "ppm");
+    image(bytes, "ppm");
 }
 
 /// Reads PFM.
 pub fn pfm(bytes: &[u8]) {
-    picture(bytes, "pfm");
+    image(bytes, "pfm");
 }
 
 /// Reads GIF.
 pub fn gif(bytes: &[u8]) {
-    picture(bytes, "gif");
+    image(bytes, "gif");
 }
 
 /// Reads QOI.
 pub fn qoi(bytes: &[u8]) {
-    picture(bytes, "qoi");
+    image(bytes, "qoi");
 }
 
 /// Reads WebP.
 pub fn webp(bytes: &[u8]) {
-    picture(bytes, "webp");
+    image(bytes, "webp");
 }
 
 /// Reads SGI.
 pub fn sgi(bytes: &[u8]) {
-    picture(bytes, "sgi");
+    image(bytes, "sgi");
 }
 
 /// Reads Maya IFF.
 pub fn iff(bytes: &[u8]) {
-    picture(bytes, "iff");
+    image(bytes, "iff");
 }
 
 /// Reads DDS.
 pub fn dds(bytes: &[u8]) {
-    picture(bytes, "dds");
+    image(bytes, "dds");
 }
 
 /// Reads Wavefront OBJ.
@@ -252,7 +252,7 @@ impl SceneSink for Shapes {
 }
 
 /// Reads a part of each image and level of a file, as rows and tiles.
-fn picture(bytes: &[u8], extension: &str) {
+fn image(bytes: &[u8], extension: &str) {
     let Ok(file) = tempfile::Builder::new().suffix(&format!(".{extension}")).tempfile() else { return };
     if std::fs::write(file.path(), bytes).is_err() {
         return;

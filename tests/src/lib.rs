@@ -34,12 +34,12 @@
 mod case;
 mod check;
 pub mod fuzz;
-mod picture;
+mod image;
 mod programs;
 mod report;
 
 pub use case::{Case, Line, Outcome, cases, run};
-pub use picture::Picture;
+pub use image::Image;
 pub use programs::{Ran, Tools, has_program, repository};
 pub use report::write_report;
 

@@ -1,6 +1,6 @@
 //! Writes a page that shows the reference, result and difference of every reference image.
 
-use crate::{Outcome, Picture};
+use crate::{Image, Outcome};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -16,7 +16,7 @@ pub fn write_report(folder: &Path, outcomes: &[Outcome]) -> Result<(), String> {
     );
     for outcome in outcomes {
         let class = if outcome.faults.is_empty() { "" } else { " class=bad" };
-        if outcome.pictures.is_empty() {
+        if outcome.images.is_empty() {
             if !outcome.faults.is_empty() {
                 let _ = write!(page, "<tr><td{class}>{}<td colspan=3><pre>", outcome.name);
                 outcome.faults.iter().for_each(|fault| page.push_str(&escaped(fault)));
@@ -24,19 +24,19 @@ pub fn write_report(folder: &Path, outcomes: &[Outcome]) -> Result<(), String> {
             }
             continue;
         }
-        for (title, reference, result) in &outcome.pictures {
+        for (title, reference, result) in &outcome.images {
             let _ = write!(page, "<tr><td{class}>{}<br>{}", outcome.name, escaped(title));
             let stem = format!("{}-{title}", outcome.name).replace(['/', '.'], "-");
-            let (kept, made) = (Picture::read(reference).ok(), Picture::read(result).ok());
+            let (kept, made) = (Image::read(reference).ok(), Image::read(result).ok());
             let difference = match (&kept, &made) {
-                (Some(a), Some(b)) if a.difference(b).is_ok() => Some(a.difference_picture(b)),
+                (Some(a), Some(b)) if a.difference(b).is_ok() => Some(a.difference_image(b)),
                 _ => None,
             };
-            for (what, picture) in [("reference", kept), ("result", made), ("difference", difference)] {
+            for (what, image) in [("reference", kept), ("result", made), ("difference", difference)] {
                 let name = format!("{stem}-{what}.png");
-                match picture {
-                    Some(picture) => {
-                        picture.write_png(&folder.join(&name))?;
+                match image {
+                    Some(image) => {
+                        image.write_png(&folder.join(&name))?;
                         let _ = write!(page, "<td><img src=\"{name}\">");
                     }
                     None => page.push_str("<td>none"),

@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_tests::{Picture, Tools, copy_first};
+use granita_tests::{Image, Tools, copy_first};
 
 #[test]
-fn the_first_picture_is_the_same_to_the_bit() {
+fn the_first_image_is_the_same_to_the_bit() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
@@ -17,8 +17,8 @@ fn the_first_picture_is_the_same_to_the_bit() {
     };
     let scene = "examples/first/first.pyg";
     gelato(&[scene, "-o", "whole.exr"]);
-    assert!(Picture::read(&place.join("examples/first/out/first.png")).unwrap().is_varied());
-    let whole = Picture::read(&place.join("whole.exr")).unwrap();
+    assert!(Image::read(&place.join("examples/first/out/first.png")).unwrap().is_varied());
+    let whole = Image::read(&place.join("whole.exr")).unwrap();
 
     // The frame is rendered again without its commands, with settings before it.
     let text = std::fs::read_to_string(place.join(scene)).unwrap();
@@ -30,7 +30,7 @@ fn the_first_picture_is_the_same_to_the_bit() {
         std::fs::write(place.join(&before), settings).unwrap();
         let image = format!("{name}.exr");
         gelato(&["-threads", threads, &before, "frame.pyg", "-o", &image]);
-        Picture::read(&place.join(image)).unwrap()
+        Image::read(&place.join(image)).unwrap()
     };
     let variants = [
         ("two-threads", "", "2"),
@@ -45,7 +45,7 @@ fn the_first_picture_is_the_same_to_the_bit() {
         assert_eq!(same, Ok(()), "{name}");
     }
     let crops = ["0, 0.37, 0, 0.41", "0.37, 1, 0, 0.41", "0, 0.37, 0.41, 1", "0.37, 1, 0.41, 1"];
-    let parts: Vec<Picture> = crops
+    let parts: Vec<Image> = crops
         .iter()
         .enumerate()
         .map(|(i, crop)| {

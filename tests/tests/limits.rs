@@ -3,7 +3,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_tests::{Picture, Tools};
+use granita_tests::{Image, Tools};
 use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
@@ -57,5 +57,5 @@ fn many_textures_and_few_files() {
     }
     assert!(images.iter().all(|image| *image == images[0]));
     std::fs::write(place.join("o.tif"), &images[0]).unwrap();
-    assert!(Picture::read(&place.join("o.tif")).is_ok());
+    assert!(Image::read(&place.join("o.tif")).is_ok());
 }

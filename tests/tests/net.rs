@@ -4,7 +4,7 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-use granita_tests::{Picture, Tools, copy_first, repository};
+use granita_tests::{Image, Tools, copy_first, repository};
 use std::path::Path;
 
 /// A replacement for ssh. The host "there" is this machine, and "cut" closes the connection in the middle of a bucket.
@@ -17,7 +17,7 @@ case $1 in
 esac";
 
 /// Renders the example. Returns its image and the messages.
-fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Picture, String) {
+fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Image, String) {
     let out = place.join("examples/first/out");
     if out.exists() {
         std::fs::remove_dir_all(&out).unwrap();
@@ -29,9 +29,9 @@ fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Picture, String) {
     let ran = tools.run(place, "gelato", &words).unwrap();
     assert_eq!(ran.status, 0, "{servers:?}: {}", ran.stderr);
     let file = place.join("out.exr");
-    let picture = Picture::read(&file).unwrap();
+    let image = Image::read(&file).unwrap();
     std::fs::remove_file(file).unwrap();
-    (picture, ran.stderr)
+    (image, ran.stderr)
 }
 
 #[test]
@@ -51,8 +51,8 @@ fn frames_of_several_processes() {
         (&["cut", "local"], Some("-net: the worker on cut is gone")),
         (&["nowhere"], Some("-net: the worker on nowhere is gone: it did not start")),
     ] {
-        let (picture, said) = render(&tools, place, servers);
-        assert!(picture == alone, "{servers:?}: other pixels");
+        let (image, said) = render(&tools, place, servers);
+        assert!(image == alone, "{servers:?}: other pixels");
         match told {
             None => assert!(said.is_empty(), "{said}"),
             Some(text) => assert!(said.contains(text), "{said}"),
@@ -130,9 +130,9 @@ fn workers_that_are_stuck_do_not_hold_a_frame_up() {
                 );
                 std::fs::write(place.join("command.pyg"), command).unwrap();
                 let begin = std::time::Instant::now();
-                let (picture, said) = render(tools, place, &["local"]);
+                let (image, said) = render(tools, place, &["local"]);
                 assert!(begin.elapsed().as_secs() < 30, "{script}: {:?}", begin.elapsed());
-                assert!(picture == *alone, "{script}: other pixels");
+                assert!(image == *alone, "{script}: other pixels");
                 assert!(
                     said.contains("-net: the worker on local is gone: ") && said.contains(told),
                     "{script}: {said}"
@@ -158,7 +158,7 @@ fn workers_of_an_attribute_tint_their_buckets() {
         std::fs::write(place.join("scene.pyg"), scene).unwrap();
         let ran = tools.run(place, "gelato", &["scene.pyg"]).unwrap();
         assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
-        Picture::read(&place.join("out.tif")).unwrap()
+        Image::read(&place.join("out.tif")).unwrap()
     };
     let workers = |list: &str| {
         format!(
@@ -173,11 +173,11 @@ fn workers_of_an_attribute_tint_their_buckets() {
     // Without workers there is no tint.
     assert!(render(&tint(1)) == alone);
     let (one, other) = (render(&(workers("local") + &tint(1))), render(&(workers("local") + &tint(2))));
-    for picture in [&one, &other] {
-        let color = picture.pixel(20, 8).unwrap();
+    for image in [&one, &other] {
+        let color = image.pixel(20, 8).unwrap();
         assert!(color[..3] != [1.0; 3] && color[3] == 1.0, "{color:?}");
         // One worker renders all buckets, which have one colour.
-        assert!((0..48).all(|x| picture.pixel(x, 8).unwrap() == color));
+        assert!((0..48).all(|x| image.pixel(x, 8).unwrap() == color));
     }
     assert!(one != other, "the seed chooses the colours");
 }

@@ -152,7 +152,7 @@ const ROUTES: &[Route] = &[
         "Light (\"l\", \"envlight\", \"string envname\", \"{out}/a.ppm\")\nShader (\"surface\", \"matte\")\n",
     ),
     read(
-        "picture in a glTF file",
+        "image in a glTF file",
         "Shader (\"surface\", \"paintedplastic\", \"string texturename\", \"{out}/a.bin#1\")\n",
     ),
     vain(read(
@@ -320,8 +320,8 @@ const ROUTES: &[Route] = &[
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.sdb\")\n",
     ),
     with(
-        "database as a picture",
-        &[("e.gsl", SAVE_PICTURE)],
+        "database as a image",
+        &[("e.gsl", SAVE_IMAGE)],
         "",
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.tif\")\n",
     ),
@@ -381,7 +381,7 @@ const GLTF_LINK: &str = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"b.bin",
 const ASK: &str = "surface e (string n = \"\") { color c = 0; spatialdbquery (n, P, normalize (N), c, \"filemode\", \"r\"); C = c; }\n";
 const SAVE: &str =
     "surface e (string n = \"\") { spatialdbsave (n, P, normalize (N), C, \"filemode\", \"w\"); }\n";
-const SAVE_PICTURE: &str = "surface e (string n = \"\") { float r[2] = {8, 8}; spatialdbsave (n, u, v, C, \"filemode\", \"wo\", \"resolution\", r); }\n";
+const SAVE_IMAGE: &str = "surface e (string n = \"\") { float r[2] = {8, 8}; spatialdbsave (n, u, v, C, \"filemode\", \"wo\", \"resolution\", r); }\n";
 
 /// The folder of an untrusted scene beside one that it must not use.
 struct Place {
@@ -503,7 +503,7 @@ fn no_route_leads_out() {
                 && !place.scene("s.out/o.tif").is_file()
                 && !route.files.iter().any(|f| f.0 == "@s.out")
             {
-                wrong.push(format!("{} {arguments:?}: no picture: {messages}", route.name));
+                wrong.push(format!("{} {arguments:?}: no image: {messages}", route.name));
             }
         }
     }
@@ -589,7 +589,7 @@ fn topyg_and_maketx_keep_to_the_rules() {
     let route = with(
         "",
         &[
-            ("g.gltf", GLTF_PICTURE),
+            ("g.gltf", GLTF_IMAGE),
             ("c.pyg", "Attribute (\"int limits:inputlevels\", 9)\nInput (\"{out}/a.pyg\")\n"),
         ],
         "",
@@ -620,4 +620,4 @@ fn topyg_and_maketx_keep_to_the_rules() {
     assert!(status == 0 && Path::new(&place.dir.path().join("user/o.tx")).is_file(), "{messages}");
 }
 
-const GLTF_PICTURE: &str = r#"{"asset":{"version":"2.0"},"images":[{"uri":"{rel}/a.ppm"}]}"#;
+const GLTF_IMAGE: &str = r#"{"asset":{"version":"2.0"},"images":[{"uri":"{rel}/a.ppm"}]}"#;

@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn each_crate_has_a_row_and_each_row_a_crate() {
-        let page = "| crate | purpose | types |\n|---|---|---|\n| base | words | `A` |\n| formats/tiff | pictures | `B` |\n\n\
+        let page = "| crate | purpose | types |\n|---|---|---|\n| base | words | `A` |\n| formats/tiff | images | `B` |\n\n\
                     | crate | for | rather than |\n|---|---|---|\n| `rustix` | files | libc |\n";
         assert!(check_table(page, &folders(&["libs/base", "formats/tiff"])).is_empty());
         let faults = check_table(page, &folders(&["libs/base", "formats/exr"]));

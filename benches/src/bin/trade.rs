@@ -105,8 +105,8 @@ fn run() -> Result<(), String> {
     }
     let text = prepared(&gelato, &options, text)?;
     let place = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let picture = place.path().join("picture.exr");
-    let render = |setting: &Setting| render(&gelato, &options.threads, &with(&text, setting), &picture);
+    let image = place.path().join("image.exr");
+    let render = |setting: &Setting| render(&gelato, &options.threads, &with(&text, setting), &image);
     let best: Setting = vec![
         ("samples", options.reference),
         ("maxerror", 0.0),
@@ -256,11 +256,11 @@ fn replace_number(text: &mut String, from: usize, to: usize, declared: &str, val
 }
 
 /// Renders the text of a scene. Returns the seconds and the pixels.
-fn render(gelato: &Path, threads: &str, text: &str, picture: &Path) -> Result<(f64, Vec<f32>), String> {
+fn render(gelato: &Path, threads: &str, text: &str, image: &Path) -> Result<(f64, Vec<f32>), String> {
     let begin = Instant::now();
     let mut child = Command::new(gelato)
         .args(["-silent", "-threads", threads, "-data", "rgb", "-o"])
-        .arg(picture)
+        .arg(image)
         .arg("-")
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
@@ -275,14 +275,14 @@ fn render(gelato: &Path, threads: &str, text: &str, picture: &Path) -> Result<(f
     }
     let seconds = begin.elapsed().as_secs_f64();
     let formats = granita_plugin::bundled_formats(Limits::default());
-    let input = formats.open(picture).map_err(|e| e.to_string())?;
+    let input = formats.open(image).map_err(|e| e.to_string())?;
     Ok((seconds, input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats()))
 }
 
 /// Returns the root mean square distance, divided by the mean of the reference.
 fn distance(pixels: &[f32], reference: &[f32]) -> Result<f64, String> {
     if pixels.len() != reference.len() {
-        return Err("pictures of different sizes".to_owned());
+        return Err("images of different sizes".to_owned());
     }
     let n = reference.len().max(1) as f64;
     let mean = reference.iter().map(|r| f64::from(*r)).sum::<f64>() / n;

@@ -52,7 +52,7 @@ fn run() -> Result<(), String> {
     ] {
         // The first run, which is not counted, brings the files into memory.
         for i in 0..4 {
-            let run = first_picture(&iv, &screen, place.path(), files)?;
+            let run = first_image(&iv, &screen, place.path(), files)?;
             if i > 0 {
                 println!("{what}: {run}");
             }
@@ -207,13 +207,13 @@ fn many_files(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Resu
 
 /// Returns the line in which the window reports the time of the first image.
 fn shown(text: &str) -> Result<&str, String> {
-    let line = text.lines().find(|l| l.starts_with("first picture after "));
+    let line = text.lines().find(|l| l.starts_with("first image after "));
     line.ok_or_else(|| format!("no number came: {text}"))
 }
 
 /// Returns a text with three times in seconds: those until the first and the complete image are sent to the screen,
 /// including the creation of the window, the wall clock time of the whole process, and its processor time.
-fn first_picture(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<String, String> {
+fn first_image(iv: &Path, screen: &Screen, folder: &Path, files: &[&str]) -> Result<String, String> {
     let (text, cost) = script_run(iv, screen, folder, "wait\nprint\nquit\n", files)?;
     let first = shown(&text)?;
     let processor = cost.processor.map_or("?".to_owned(), |time| format!("{:.3}", time.as_secs_f64()));

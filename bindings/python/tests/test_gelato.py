@@ -131,7 +131,7 @@ class Rendering(unittest.TestCase):
             self.assertEqual(f.read().splitlines(), lines)
         self.assertTrue(os.path.exists("inner.ppm") and os.path.exists("none.ppm"))
 
-    def test_a_picture_is_the_scene_file_s(self):
+    def test_a_image_is_the_scene_file_s(self):
         with gelato.CreateRenderer("-threads", 1) as r:
             self.scene(r, "python.ppm")
             self.assertEqual(r.GetAttribute("int[2] resolution"), (32, 24))

@@ -70,7 +70,7 @@ impl Format for IvFormat {
     }
 
     fn open(&self, path: &Path, _: &Limits) -> Result<Box<dyn ImageInput>> {
-        let what = "pictures in a viewer cannot be read".to_owned();
+        let what = "images in a viewer cannot be read".to_owned();
         Err(ImageError::Unsupported { path: path.to_owned(), what })
     }
 

@@ -98,11 +98,11 @@ fn quick() -> Patience {
 fn our_client_and_our_server_know_each_other() {
     let (listener, from, sink) = listen(ServerLimits::default());
     let format = IvFormat::default();
-    let mut picture = create(&format, "a", listener.address(), [8, 4]);
+    let mut image = create(&format, "a", listener.address(), [8, 4]);
     let rect = PixelRect::at(2, 1, 2, 2);
-    picture.begin_rectangle(&rect);
+    image.begin_rectangle(&rect);
     let values: Vec<f32> = (0..16).map(|v| v as f32 / 3.0).collect();
-    picture.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
+    image.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
     assert_eq!(next(&from), Told::Packet(Packet::Hello { version: VERSION }));
     assert!(
         matches!(next(&from), Told::Packet(Packet::CreateImage { name, focus: true, width: 8, .. }) if name == "a")
@@ -139,11 +139,11 @@ fn our_client_and_our_server_know_each_other() {
     let mut requests = Vec::new();
     let begin = Instant::now();
     while requests.len() < 3 && begin.elapsed() < Duration::from_secs(20) {
-        requests.extend(picture.requests());
+        requests.extend(image.requests());
     }
     let rectangle = Request::Priority(PixelRect::at(1, 2, 3, 4));
     assert_eq!(requests, [Request::Center { x: -5, y: 3 }, rectangle, Request::Abort]);
-    picture.close().unwrap();
+    image.close().unwrap();
     assert_eq!(next(&from), Told::Packet(Packet::Finished { name: name(), complete: true }));
     assert_eq!(next(&from), Told::Gone(Ending::Closed));
 }
@@ -155,16 +155,16 @@ fn rows_and_tiles_are_rectangles_too() {
     let mut spec = ImageSpec::new(5, 3, 1, PixelType::U8);
     spec.attributes.set(Param::declared("string display", listener.address().to_string().as_str()).unwrap());
     let options = CreateOptions::new(&spec, 1);
-    let mut picture = format.create(Path::new("rows"), &options).unwrap();
-    picture.write_rows(&Pixels::U8(vec![255; 10])).unwrap();
-    picture.write_rows(&Pixels::U8(vec![0; 5])).unwrap();
-    assert!(picture.write_rows(&Pixels::U8(vec![0; 5])).is_err(), "there are no more rows");
-    picture.close().unwrap();
+    let mut image = format.create(Path::new("rows"), &options).unwrap();
+    image.write_rows(&Pixels::U8(vec![255; 10])).unwrap();
+    image.write_rows(&Pixels::U8(vec![0; 5])).unwrap();
+    assert!(image.write_rows(&Pixels::U8(vec![0; 5])).is_err(), "there are no more rows");
+    image.close().unwrap();
     (spec.tile_width, spec.tile_height) = (4, 2);
-    let mut picture = format.create(Path::new("tiles"), &CreateOptions::new(&spec, 1)).unwrap();
-    picture.write_tile(1, 1, &Pixels::U8(vec![51; 8])).unwrap();
-    assert!(picture.write_tile(2, 0, &Pixels::U8(vec![0; 8])).is_err());
-    picture.close().unwrap();
+    let mut image = format.create(Path::new("tiles"), &CreateOptions::new(&spec, 1)).unwrap();
+    image.write_tile(1, 1, &Pixels::U8(vec![51; 8])).unwrap();
+    assert!(image.write_tile(2, 0, &Pixels::U8(vec![0; 8])).is_err());
+    image.close().unwrap();
     let mut updates = Vec::new();
     while updates.len() < 3 {
         if let Told::Packet(Packet::UpdateImage { rect, channels, values, .. }) = next(&from) {
@@ -188,13 +188,13 @@ fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
         all
     });
     let format = IvFormat::default();
-    let mut picture = create(&format, "pic", address, [1100, 500]);
+    let mut image = create(&format, "pic", address, [1100, 500]);
     let rect = PixelRect::at(0, 0, 1100, 500);
-    picture.begin_rectangle(&rect);
+    image.begin_rectangle(&rect);
     let values: Vec<f32> = (0..1100 * 500 * 4).map(|v| v as f32).collect();
-    picture.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
-    assert!(picture.requests().is_empty());
-    picture.close().unwrap();
+    image.write_rectangle(&rect, &Pixels::Float(values.clone())).unwrap();
+    assert!(image.requests().is_empty());
+    image.close().unwrap();
     drop(format);
     let all = hearing.join().unwrap();
     let (mut rest, mut got) = (&all[..], Vec::new());
@@ -218,7 +218,7 @@ fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
 fn a_viewer_that_reads_nothing_stops_nobody() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::new(quick());
-    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
+    let mut image = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
     let _socket = server.accept().unwrap();
     let rect = PixelRect::at(0, 0, 512, 512);
     let pixels = Pixels::Float((0..512 * 512 * 4).map(|v| v as f32).collect());
@@ -226,7 +226,7 @@ fn a_viewer_that_reads_nothing_stops_nobody() {
     let begin = Instant::now();
     let refused = loop {
         let now = Instant::now();
-        let result = picture.write_rectangle(&rect, &pixels);
+        let result = image.write_rectangle(&rect, &pixels);
         slowest = slowest.max(now.elapsed());
         if let Err(error) = result {
             break error.to_string();
@@ -236,17 +236,17 @@ fn a_viewer_that_reads_nothing_stops_nobody() {
     };
     assert!(refused.contains("the viewer"), "{refused}");
     assert!(slowest < Duration::from_millis(300), "one write took {slowest:?}");
-    assert!(picture.close().is_err());
+    assert!(image.close().is_err());
 }
 
 #[test]
 fn what_waits_is_bounded() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::new(Patience { queue_bytes: 1 << 20, ..quick() });
-    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
+    let mut image = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
     let rect = PixelRect::at(0, 0, 512, 128);
     let pixels = Pixels::Float((0..512 * 128 * 4).map(|v| v as f32).collect());
-    let results: Vec<_> = (0..40).map(|_| picture.write_rectangle(&rect, &pixels)).collect();
+    let results: Vec<_> = (0..40).map(|_| image.write_rectangle(&rect, &pixels)).collect();
     assert!(results[39].as_ref().unwrap_err().to_string().contains("the viewer"));
 }
 
@@ -256,7 +256,7 @@ fn nobody_there_is_an_error_and_no_delay() {
     let format = IvFormat::default();
     let begin = Instant::now();
     // The connection may exist before the image does.
-    let ended = try_create(&format, "pic", free, [4, 4]).and_then(|picture| picture.close());
+    let ended = try_create(&format, "pic", free, [4, 4]).and_then(|image| image.close());
     let error = ended.unwrap_err().to_string();
     assert!(error.contains("no connection to the viewer"), "{error}");
     assert!(begin.elapsed() < Duration::from_secs(5));
@@ -269,18 +269,18 @@ fn nobody_there_is_an_error_and_no_delay() {
 fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::default();
-    let mut picture = create(&format, "pic", server.local_addr().unwrap(), [4, 4]);
+    let mut image = create(&format, "pic", server.local_addr().unwrap(), [4, 4]);
     let (mut socket, _) = server.accept().unwrap();
     socket.write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n").unwrap();
     socket.write_all(&[0; 100_000]).unwrap();
     std::thread::sleep(Duration::from_millis(400));
     let rect = PixelRect::at(0, 0, 4, 4);
     let pixels = Pixels::Float(vec![0.5; 64]);
-    picture.write_rectangle(&rect, &pixels).unwrap();
-    assert!(picture.requests().is_empty());
+    image.write_rectangle(&rect, &pixels).unwrap();
+    assert!(image.requests().is_empty());
     drop(socket);
     let begin = Instant::now();
-    while picture.write_rectangle(&rect, &pixels).is_ok() {
+    while image.write_rectangle(&rect, &pixels).is_ok() {
         assert!(begin.elapsed() < Duration::from_secs(20));
         std::thread::sleep(Duration::from_millis(5));
     }

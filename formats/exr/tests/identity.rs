@@ -202,7 +202,7 @@ fn windows_names_and_attributes() {
 }
 
 #[test]
-fn the_same_picture_gives_the_same_bytes() {
+fn the_same_image_gives_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let (a, b) = (dir.path().join("a.exr"), dir.path().join("b.exr"));
     let mut levels = pyramid(64, 64, 3, PixelType::Float, 16);

@@ -111,7 +111,7 @@ pub(crate) fn texture_path(path: &std::path::Path) -> String {
 }
 
 /// True when the colours of images with this name are usually encoded for a screen (sRGB), and are not linear.
-pub(crate) fn is_screen_picture(name: &str) -> bool {
+pub(crate) fn is_screen_image(name: &str) -> bool {
     let ending = name.rsplit('.').next().unwrap_or("").to_ascii_lowercase();
     matches!(ending.as_str(), "png" | "jpg" | "jpeg" | "tga" | "bmp" | "gif" | "webp" | "qoi")
 }

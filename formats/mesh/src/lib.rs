@@ -1,6 +1,6 @@
 //! Reads mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
 //!
-//! [`GltfPictures`] reads the images in glTF files, as an image format. Each other reader is a
+//! [`GltfImages`] reads the images in glTF files, as an image format. Each other reader is a
 //! [`granita_scene::Generator`]. `Input ("bunny.obj")` makes its calls with the current transformation and attributes.
 //! The section "Mesh files" of the manual lists what each element of the formats becomes. The sources are the OBJ and
 //! MTL specifications of Wavefront's Advanced Visualizer (1991, 1995), G. Turk's description of PLY (1994) and the glTF
@@ -45,7 +45,7 @@ mod text;
 #[cfg(test)]
 mod trial;
 
-pub use gltf::{Glb, Gltf, GltfPictures};
+pub use gltf::{Glb, Gltf, GltfImages};
 pub use obj::Obj;
 pub use ply::Ply;
 

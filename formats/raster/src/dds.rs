@@ -74,7 +74,7 @@ impl Format for DdsFormat {
             starts.push(places);
         }
         if at > source.len() {
-            let what = format!("its pictures end at byte {at}, but the file at byte {}", source.len());
+            let what = format!("its images end at byte {at}, but the file at byte {}", source.len());
             return Err(source.malformed(what));
         }
         let rows = DdsRows { storage, starts };

@@ -10,8 +10,8 @@ use std::io::{self, Read};
 ///
 /// # Errors
 /// Returns an error for an image that is too large, and errors of reading the file.
-pub(crate) fn check_first_picture(place: &Place, ratio: u64) -> Result<()> {
-    let found = match first_picture(&mut place.source()?) {
+pub(crate) fn check_first_image(place: &Place, ratio: u64) -> Result<()> {
+    let found = match first_image(&mut place.source()?) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => None,
         found => found.map_err(|e| place.io(e))?,
     };
@@ -22,7 +22,7 @@ pub(crate) fn check_first_picture(place: &Place, ratio: u64) -> Result<()> {
 }
 
 /// The width and height in pixels; `None` when another block comes first.
-fn first_picture(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
+fn first_image(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
     let mut head = [0; 13];
     file.read_exact(&mut head)?;
     if head[10] & 0x80 != 0 {
@@ -39,9 +39,9 @@ fn first_picture(file: &mut impl Read) -> io::Result<Option<[u16; 2]>> {
                 }
             }
             0x2c => {
-                let mut picture = [0; 8];
-                file.read_exact(&mut picture)?;
-                let [_, _, _, _, w0, w1, h0, h1] = picture;
+                let mut image = [0; 8];
+                file.read_exact(&mut image)?;
+                let [_, _, _, _, w0, w1, h0, h1] = image;
                 return Ok(Some([[w0, w1], [h0, h1]].map(u16::from_le_bytes)));
             }
             _ => return Ok(None),
@@ -64,20 +64,20 @@ fn skip(file: &mut impl Read, bytes: u64) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::first_picture;
+    use super::first_image;
 
     #[test]
-    fn pictures_are_found_behind_palettes_and_extensions() {
+    fn images_are_found_behind_palettes_and_extensions() {
         let screen = |flags: u8| [b"GIF89a\x20\0\x18\0" as &[u8], &[flags, 0, 0]].concat();
-        let picture: &[u8] = b",\x01\0\x02\0\x34\x12\x78\x56\0";
+        let image: &[u8] = b",\x01\0\x02\0\x34\x12\x78\x56\0";
         let extension: &[u8] = b"!\xff\x03abc\x01d\0";
         for file in [
-            [&screen(0)[..], picture].concat(),
-            [&screen(0x81)[..], &[7; 12], extension, extension, picture].concat(),
+            [&screen(0)[..], image].concat(),
+            [&screen(0x81)[..], &[7; 12], extension, extension, image].concat(),
         ] {
-            assert_eq!(first_picture(&mut &file[..]).unwrap(), Some([0x1234, 0x5678]));
-            assert!(first_picture(&mut &file[..file.len() - 3]).is_err());
+            assert_eq!(first_image(&mut &file[..]).unwrap(), Some([0x1234, 0x5678]));
+            assert!(first_image(&mut &file[..file.len() - 3]).is_err());
         }
-        assert_eq!(first_picture(&mut &[&screen(0)[..], b";"].concat()[..]).unwrap(), None);
+        assert_eq!(first_image(&mut &[&screen(0)[..], b";"].concat()[..]).unwrap(), None);
     }
 }

@@ -175,7 +175,7 @@ impl Chunks {
             // The tiles before it were checked against the first one.
             return Err(source.malformed(format!("there is a second header at byte {}", chunk.at)));
         }
-        let b = source.read_vec(chunk.body(), 24, "the header of the picture")?;
+        let b = source.read_vec(chunk.body(), 24, "the header of the image")?;
         let long = |i: usize| u32::from_be_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
         self.flags = long(12);
         self.stored = match u16::from_be_bytes([b[16], b[17]]) {
@@ -229,7 +229,7 @@ impl Chunks {
     /// Returns the image and its rows.
     fn finish(self, source: &FileSource) -> Result<(ImageSpec, IffRows)> {
         let Self { header, flags, stored, tiles } = self;
-        let Some(mut spec) = header else { return Err(source.malformed("there is no picture in it")) };
+        let Some(mut spec) = header else { return Err(source.malformed("there is no image in it")) };
         let names: &[&str] = match (flags & RGB != 0, flags & ALPHA != 0) {
             (true, true) => &["R", "G", "B", "A"],
             (true, false) => &["R", "G", "B"],
@@ -245,7 +245,7 @@ impl Chunks {
         let (held, most) =
             (tiles.iter().map(|t| area(t.size)).sum::<u64>(), 4 * area((spec.width, spec.height)));
         if held > most {
-            let what = format!("its tiles hold {held} pixels, of which the picture has at most {most}");
+            let what = format!("its tiles hold {held} pixels, of which the image has at most {most}");
             return Err(source.malformed(what));
         }
         let together = tiles.iter().map(|t| t.size.1).max().unwrap_or(0).max(TILE as u32);

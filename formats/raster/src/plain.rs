@@ -297,7 +297,7 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     let format = FORMATS.iter().find(|f| f.title == place.format).map_or(ImageFormat::Tga, |f| f.image);
     let bytes = spec.bytes().unwrap_or(u64::MAX) as usize;
     if format == ImageFormat::Gif {
-        crate::gif::check_first_picture(place, most_packed(format, spec.width))?;
+        crate::gif::check_first_image(place, most_packed(format, spec.width))?;
     }
     let part = match format {
         ImageFormat::Jpeg => decode_jpeg(place, bytes)?,

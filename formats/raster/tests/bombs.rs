@@ -60,7 +60,7 @@ fn promises_are_compared_with_what_there_is() {
 
 /// The screen of the GIF is small, but its image is not. The file is refused before memory is allocated for the image.
 #[test]
-fn pictures_larger_than_their_screens_are_compared_as_well() {
+fn images_larger_than_their_screens_are_compared_as_well() {
     let screen: &[u8] = b"GIF89a\x20\0\x18\0\x80\0\0\0\0\0\xff\xff\xff";
     let gif = |width: u16, height: u16| {
         let size = [width.to_le_bytes(), height.to_le_bytes()].concat();
@@ -143,7 +143,7 @@ fn tiles_that_cover_each_other_are_refused() {
     let file = iff(32, 64, &tile(1));
     assert_eq!(read("a.iff", &file).unwrap().len(), 32 * 64 * 4);
     let error = read("a.iff", &iff(32, 64, &tile(5))).unwrap_err().to_string();
-    assert!(error.contains("its tiles hold 10240 pixels, of which the picture has at most 8192"), "{error}");
+    assert!(error.contains("its tiles hold 10240 pixels, of which the image has at most 8192"), "{error}");
 }
 
 /// A broken file is decoded once. Further requests for its rows do not read it again.

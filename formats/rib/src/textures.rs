@@ -28,13 +28,13 @@ impl Reader<'_> {
         })
     }
 
-    /// Runs `maketx`. The arguments are `pictures` images, a texture and `wraps` wrap modes.
-    fn make(&mut self, request: &Request, pictures: usize, wraps: usize, mode: Option<&str>) -> Done {
+    /// Runs `maketx`. The arguments are `images` images, a texture and `wraps` wrap modes.
+    fn make(&mut self, request: &Request, images: usize, wraps: usize, mode: Option<&str>) -> Done {
         let mut words: Vec<Arc<str>> = vec!["maketx".into()];
         words.extend(mode.map(Arc::from));
-        let texture = string(request, pictures)?;
+        let texture = string(request, images)?;
         for at in 0..wraps {
-            let wrap = string(request, pictures + 1 + at)?;
+            let wrap = string(request, images + 1 + at)?;
             let option = if at == 0 { "-smode" } else { "-tmode" };
             words.extend([option.into(), wrap]);
         }
@@ -44,7 +44,7 @@ impl Reader<'_> {
                 words.extend(["-fov".into(), fov.to_string().into()]);
             }
         }
-        for at in 0..pictures {
+        for at in 0..images {
             words.push(string(request, at)?);
         }
         words.extend(["-o".into(), texture]);

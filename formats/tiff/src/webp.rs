@@ -12,10 +12,10 @@ pub(crate) fn decode(
     size: (usize, usize),
     samples: usize,
 ) -> Result<(), String> {
-    contained(|| decode_picture(data, out, size, samples))?
+    contained(|| decode_image(data, out, size, samples))?
 }
 
-fn decode_picture(
+fn decode_image(
     data: &[u8],
     out: &mut [u8],
     (width, height): (usize, usize),
@@ -28,7 +28,7 @@ fn decode_picture(
     // The size is declared by the header of the data, and the decoder allocates memory for it.
     if (w as usize, h as usize) != (width, height) || n > samples || samples > 4 {
         return Err(format!(
-            "a WebP picture of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are due"
+            "a WebP image of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are due"
         ));
     }
     if n == samples {

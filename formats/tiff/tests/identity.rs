@@ -205,7 +205,7 @@ fn nothing_appears_before_all_is_there() {
 }
 
 #[test]
-fn the_same_picture_gives_the_same_bytes() {
+fn the_same_image_gives_the_same_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let (a, b) = (dir.path().join("a.tif"), dir.path().join("b.tif"));
     let levels = pyramid(64, 3, PixelType::Float, 16);

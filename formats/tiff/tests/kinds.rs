@@ -317,7 +317,7 @@ fn many_changed_files_are_survived() {
 }
 
 #[test]
-fn what_a_picture_inside_claims_is_checked() {
+fn what_a_image_inside_claims_is_checked() {
     let bytes = std::fs::read(corpus("webp_lossless.tif")).unwrap();
     // A lossless image begins with its width and height in 14 bits each, after a mark.
     let at = bytes.windows(4).position(|w| w == b"VP8L").unwrap() + 9;

@@ -262,7 +262,7 @@ fn moving_objects_are_coarser_along_their_motion() {
 /// the coarsening once had none either. One segment reached from beside the eye to the horizon and crossed the image
 /// as a sliver.
 #[test]
-fn motion_beside_the_picture_coarsens_no_more_than_in_it() {
+fn motion_beside_the_image_coarsens_no_more_than_in_it() {
     let mut params = Params::new();
     params.set(param("string projection", "perspective"));
     params.set(param("int[2] resolution", &[32.0_f32, 24.0][..]));

@@ -329,7 +329,7 @@ pub trait Format: Send + Sync {
     /// [`ImageError::Unsupported`] for formats that are only read from separate files, which is the default.
     fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let _ = (bytes, limits);
-        let what = format!("{} pictures are not read from inside of other files", self.name());
+        let what = format!("{} images are not read from inside of other files", self.name());
         Err(ImageError::Unsupported { path: path.to_owned(), what })
     }
 

@@ -55,7 +55,7 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     }
     registry.register_name(Arc::new(granita_raster::DevilFormat));
     // Its images are in the formats above.
-    registry.register(Arc::new(granita_mesh::GltfPictures::new(registry.clone())));
+    registry.register(Arc::new(granita_mesh::GltfImages::new(registry.clone())));
     registry.register(Arc::new(granita_display::IvFormat::default()));
     registry
 }

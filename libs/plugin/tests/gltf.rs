@@ -20,7 +20,7 @@ fn error(registry: &FormatRegistry, path: &Path) -> String {
 }
 
 #[test]
-fn pictures_are_images_by_number() {
+fn images_are_images_by_number() {
     let registry = bundled_formats(Limits::default());
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cards.glb");
@@ -52,7 +52,7 @@ fn what_is_wrong_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.gltf");
     for (images, expected) in [
-        ("[]", "it holds no pictures"),
+        ("[]", "it holds no images"),
         ("[{}]", "image 0 has neither a URI nor a buffer view"),
         ("[{\"bufferView\": 7}]", "there is no buffer view 7"),
         ("[{\"bufferView\": 0}]", "bytes, of at most"),

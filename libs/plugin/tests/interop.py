@@ -1,9 +1,9 @@
 """The other side of interop.rs: OpenImageIO compares what we wrote, and writes what we shall read.
 
-check LIST: every line of LIST is a picture, its level, width, height, channels, a file of the floats expected, and
-by how much they may differ. Prints a line for every picture that is not as expected.
+check LIST: every line of LIST is a image, its level, width, height, channels, a file of the floats expected, and
+by how much they may differ. Prints a line for every image that is not as expected.
 
-make FOLDER: writes pictures, and beside each level a file of its floats; prints lines as LIST has them.
+make FOLDER: writes images, and beside each level a file of its floats; prints lines as LIST has them.
 """
 import sys
 import numpy as np
@@ -13,14 +13,14 @@ import OpenImageIO as oiio
 def read(path, level):
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    picture = oiio.ImageInput.open(path, config)
-    if picture is None:
+    image = oiio.ImageInput.open(path, config)
+    if image is None:
         return None, oiio.geterror()
-    if not picture.seek_subimage(0, level):
+    if not image.seek_subimage(0, level):
         return None, "no level %d" % level
-    pixels = picture.read_image(0, level, 0, 10000, "float")
-    error = picture.geterror()
-    picture.close()
+    pixels = image.read_image(0, level, 0, 10000, "float")
+    error = image.geterror()
+    image.close()
     return pixels, error
 
 
@@ -43,7 +43,7 @@ def check(listing):
 
 
 def dump(path, levels, tolerance):
-    """Lines for the levels of a picture, with its pixels as OpenImageIO sees them."""
+    """Lines for the levels of a image, with its pixels as OpenImageIO sees them."""
     for level in range(levels):
         pixels, error = read(path, level)
         if pixels is None:
@@ -153,11 +153,11 @@ def textures(folder):
                 if not oiio.ImageBufAlgo.make_texture(number, source, path, config):
                     print("failed", path, oiio.geterror())
                     continue
-                picture = oiio.ImageInput.open(path)
+                image = oiio.ImageInput.open(path)
                 levels = 0
-                while picture.seek_subimage(0, levels):
+                while image.seek_subimage(0, levels):
                     levels += 1
-                picture.close()
+                image.close()
                 dump(path, levels, 1e-6)
 
 

@@ -33,7 +33,7 @@ fn floats(path: &Path, values: &[f32]) {
 }
 
 /// Returns pixels that are smooth in some squares and rough in others.
-fn picture(spec: &ImageSpec, seed: u32) -> Pixels {
+fn image(spec: &ImageSpec, seed: u32) -> Pixels {
     let (w, n) = (spec.width as usize, spec.nchannels());
     let value = |i: usize| {
         let (x, y, c) = (i / n % w, i / n / w, i % n);
@@ -58,7 +58,7 @@ fn write(folder: &Path, name: &str, format: &str, levels: &[ImageSpec], toleranc
         if i > 0 {
             out.next_level(spec).unwrap();
         }
-        let pixels = picture(spec, i as u32);
+        let pixels = image(spec, i as u32);
         out.write_rows(&pixels).unwrap();
         let raw = folder.join(format!("{name}.{i}.f32"));
         floats(&raw, &pixels.to_floats());
@@ -237,7 +237,7 @@ fn we_read_openimageio() {
         }
     }
     assert!(faults.is_empty(), "{faults}");
-    assert!(count > 150, "{count} pictures compared");
+    assert!(count > 150, "{count} images compared");
 }
 
 /// Counts an image that passed.

@@ -52,7 +52,7 @@ fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
         assert_eq!(pixel_type, expected, "{}", format.name());
         let spec = ImageSpec::new(20, 10, 3, pixel_type);
         // Targa has no signature. The other formats are recognized under a wrong extension.
-        let name = if format.name() == "tga" { "a.tga" } else { "picture.dat" };
+        let name = if format.name() == "tga" { "a.tga" } else { "image.dat" };
         let path = dir.path().join(name);
         let mut out = all.create(&path, format.name(), &CreateOptions::new(&spec, 1)).unwrap();
         let place = Placement { x: 0, y: 0, width: 20, nchannels: 3, alpha: None };

@@ -46,18 +46,13 @@ pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnviro
 }
 
 /// Returns the "rgb" pixels of a whole frame.
-fn picture(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
-    picture_within(fixture, threads, bucket, u64::MAX).0
+fn image(fixture: &Fixture, threads: usize, bucket: i32) -> Vec<f32> {
+    image_within(fixture, threads, bucket, u64::MAX).0
 }
 
 /// Returns the "rgb" pixels of a whole frame with at most `limit` bytes of tessellations for rays, and the statistics
 /// of shading.
-fn picture_within(
-    fixture: &Fixture,
-    threads: usize,
-    bucket: i32,
-    limit: u64,
-) -> (Vec<f32>, ShadingStatistics) {
+fn image_within(fixture: &Fixture, threads: usize, bucket: i32, limit: u64) -> (Vec<f32>, ShadingStatistics) {
     let (scene, _, mut environment) = finish(fixture);
     environment.registry = granita_plugin::bundled_formats(granita_image::Limits::default());
     environment.threads = threads;
@@ -87,7 +82,7 @@ fn picture_within(
 }
 
 #[test]
-fn a_picture_with_rays_does_not_show_threads_or_buckets() {
+fn a_image_with_rays_does_not_show_threads_or_buckets() {
     let glossy = "surface glossy () {
         C *= diffuse (normalize (N)) +
              environment (\"all\", reflect (normalize (I), normalize (N)), \"blur\", 0.2, \"samples\", 2);
@@ -105,12 +100,12 @@ fn a_picture_with_rays_does_not_show_threads_or_buckets() {
         let ball = f.attributes("glossy", sets, &color);
         f.sphere(Vec3::new(2.5 * k as f32 - 2.5, 0.5, 1.2), 1.0, ball);
     }
-    let reference = picture(&f, 1, 32);
+    let reference = image(&f, 1, 32);
     assert!(reference.iter().any(|v| *v > 0.1));
     for (threads, bucket) in [(3, 32), (2, 7), (1, 64)] {
-        assert!(picture(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
+        assert!(image(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
     }
     // The pixels also do not depend on whether the balls share a tree.
-    let (pixels, counts) = picture_within(&f, 2, 16, 1_000_000);
+    let (pixels, counts) = image_within(&f, 2, 16, 1_000_000);
     assert!(pixels == reference && counts.ray_tessellations > 0, "{counts:?}");
 }

@@ -2,7 +2,7 @@
 
 use crate::error::{Result, SdbError};
 use crate::file::{Spool, read_with};
-use crate::picture::{LARGEST, PictureOptions, picture};
+use crate::image::{ImageOptions, LARGEST, image};
 use crate::{Key, Packed, Schema};
 use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels};
@@ -109,7 +109,7 @@ struct Entry {
     write: bool,
     /// True when the records are added to those of the file ("rw").
     adds: bool,
-    picture: PictureOptions,
+    image: ImageOptions,
     /// The number of records that were left out because they are not finite.
     broken: u64,
     /// The error by which some records of this frame were lost.
@@ -162,7 +162,7 @@ impl Databases {
         name: &str,
         schema: Schema,
         mode: Mode,
-        options: Option<&PictureOptions>,
+        options: Option<&ImageOptions>,
         records: &[f32],
     ) {
         self.saves.fetch_add(1, Ordering::Relaxed);
@@ -172,7 +172,7 @@ impl Databases {
         entry.write |= mode.write;
         entry.adds |= mode.write && mode.read;
         if let Some(options) = options {
-            entry.picture = options.clone();
+            entry.image = options.clone();
         }
         let is_lost = entry.lost.is_some();
         let spool = entry.saved.get_or_insert_with(|| {
@@ -319,13 +319,13 @@ impl Databases {
         entry.memory = None;
         let path = PathBuf::from(name);
         let count = saved.len();
-        match self.picture_format(&path) {
+        match self.image_format(&path) {
             Some(format) if schema.key == Key::Surface => {
                 let packed = Packed::new(schema, &saved.take().map_err(io)?);
-                write_picture(&path, &*format, self.formats.files(), &packed, &entry.picture)?;
+                write_image(&path, &*format, self.formats.files(), &packed, &entry.image)?;
             }
             Some(_) => {
-                let what = format!("{} cannot become a picture: only (s, t) can", schema.words());
+                let what = format!("{} cannot become a image: only (s, t) can", schema.words());
                 return Err(SdbError::Misuse { name: name.to_owned(), what });
             }
             None => saved.write(&path, self.formats.files())?,
@@ -334,7 +334,7 @@ impl Databases {
     }
 
     /// Returns the image format of a name's extension.
-    fn picture_format(&self, path: &Path) -> Option<Arc<dyn Format>> {
+    fn image_format(&self, path: &Path) -> Option<Arc<dyn Format>> {
         let extension = path.extension()?.to_str()?.to_ascii_lowercase();
         let has = |f: &&Arc<dyn Format>| f.extensions().contains(&extension.as_str());
         self.formats.formats().iter().find(has).cloned()
@@ -352,15 +352,15 @@ fn finite(records: &[f32], numbers: usize) -> (Cow<'_, [f32]>, u64) {
     }
 }
 
-fn write_picture(
+fn write_image(
     path: &Path,
     format: &dyn Format,
     files: &Files,
     packed: &Packed,
-    options: &PictureOptions,
+    options: &ImageOptions,
 ) -> Result<()> {
     let [width, height] = options.resolution.map(|n| n.clamp(1, LARGEST));
-    let options = PictureOptions { resolution: [width, height], ..options.clone() };
+    let options = ImageOptions { resolution: [width, height], ..options.clone() };
     let wanted = match options.data_format.as_str() {
         "8" => PixelType::U8,
         "16" => PixelType::U16,
@@ -370,7 +370,7 @@ fn write_picture(
     let pixel_type = format.output_type(wanted);
     let spec = ImageSpec::new(width, height, packed.schema().value.numbers(), pixel_type);
     let mut file = format.create(path, &CreateOptions::new(&spec, 1).with_files(files))?;
-    file.write_rows(&Pixels::from_floats(pixel_type, &picture(packed, &options)))?;
+    file.write_rows(&Pixels::from_floats(pixel_type, &image(packed, &options)))?;
     Ok(file.close()?)
 }
 

@@ -8,7 +8,7 @@
 //!   densities. The numbers are the same in memory and in a file. Files are mapped and not copied.
 //! - [`Databases`] are all databases of a session by name, with their file modes.
 //! - [`Clusters`] combine distant records.
-//! - [`picture`] turns a database over surfaces into rows of pixels.
+//! - [`image`] turns a database over surfaces into rows of pixels.
 //!
 //! Invariants:
 //! - a query sees only records from before the frame, so that threads and buckets do not affect it;
@@ -35,9 +35,9 @@ mod clusters;
 mod databases;
 mod error;
 mod file;
+mod image;
 mod order;
 mod packed;
-mod picture;
 mod query;
 mod schema;
 
@@ -45,7 +45,7 @@ pub use clusters::{Cluster, Clusters};
 pub use databases::{Attributes, Databases, Finished, Mode};
 pub use error::{Result, SdbError};
 pub use file::{read, with_checksums};
+pub use image::{ImageOptions, image};
 pub use packed::Packed;
-pub use picture::{PictureOptions, picture};
 pub use query::{Between, Density, Probe};
 pub use schema::{Key, Schema, Value};

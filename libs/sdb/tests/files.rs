@@ -4,7 +4,7 @@
 use granita_base::{Environment, Reporter, SearchPath, hash};
 use granita_image::Limits;
 use granita_sdb::{
-    Attributes, Between, Databases, Key, Mode, PictureOptions, Probe, Schema, SdbError, Value, read,
+    Attributes, Between, Databases, ImageOptions, Key, Mode, Probe, Schema, SdbError, Value, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -276,14 +276,14 @@ fn records_that_do_not_belong_are_told() {
     assert!(texts[0].contains("holds color by points: float by (s, t) is not added"), "{texts:?}");
     assert!(texts[1].contains("1 records are not finite"), "{texts:?}");
     // Points cannot be written as an image.
-    let picture = name(&folder, "a.tif");
-    databases.save(&picture, POINTS, mode("w"), None, &records(3));
+    let image = name(&folder, "a.tif");
+    databases.save(&image, POINTS, mode("w"), None, &records(3));
     let error = databases.finish(&path(folder.path())).unwrap_err()[0].to_string();
     assert!(error.contains("a.tif") && error.contains("only (s, t) can"), "{error}");
 }
 
 #[test]
-fn surfaces_become_pictures() {
+fn surfaces_become_images() {
     let folder = tempfile::tempdir().unwrap();
     let schema = Schema { key: Key::Surface, value: Value::Color };
     let ramp: Vec<f32> =
@@ -291,7 +291,7 @@ fn surfaces_become_pictures() {
     let (databases, _) = databases();
     for (file, data_format) in [("a.tif", "float"), ("b.exr", "half"), ("c.png", "8")] {
         let options =
-            PictureOptions { resolution: [20, 10], data_format: data_format.to_owned(), filter_width: 4.0 };
+            ImageOptions { resolution: [20, 10], data_format: data_format.to_owned(), filter_width: 4.0 };
         databases.save(&name(&folder, file), schema, mode("wo"), Some(&options), &ramp);
     }
     assert_eq!(databases.finish(&path(folder.path())).unwrap().written.len(), 3);

@@ -17,17 +17,17 @@ fn unit(i: u32, k: u32) -> f32 {
 fn lookups(c: &mut Criterion) {
     let folder = tempfile::tempdir().unwrap();
     let formats = granita_plugin::bundled_formats(Limits::default());
-    let picture = folder.path().join("a.tif");
+    let image = folder.path().join("a.tif");
     for (pixel_type, word) in [(PixelType::U8, "u8"), (PixelType::Float, "float")] {
         let spec = ImageSpec::new(SIZE, SIZE / 2, 3, pixel_type);
         let values: Vec<f32> = (0..SIZE * SIZE / 2 * 3).map(|i| unit(i, 0)).collect();
-        let mut file = formats.create(&picture, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
+        let mut file = formats.create(&image, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
         file.write_rows(&Pixels::from_floats(pixel_type, &values)).unwrap();
         file.close().unwrap();
         let compression = Some("none".to_owned());
         for (mode, name) in [(Mode::Plain, "a.tx"), (Mode::EnvLatLong, "a.env")] {
             let options = MakeOptions { mode, compression: compression.clone(), ..MakeOptions::default() };
-            make(std::slice::from_ref(&picture), &folder.path().join(name), &options, &formats, &|_, _| ())
+            make(std::slice::from_ref(&image), &folder.path().join(name), &options, &formats, &|_, _| ())
                 .unwrap();
         }
         let path = SearchPath::parse(

@@ -34,17 +34,17 @@ fn main() {
         "{:28} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6} {:>7}",
         "RMS, code values of 255", "all", "1-2", "2-8", "8-32", "32-64", "worst", "ns"
     );
-    for picture in args.iter().map(PathBuf::from) {
-        one(&picture, dump.as_mut());
+    for image in args.iter().map(PathBuf::from) {
+        one(&image, dump.as_mut());
     }
 }
 
-fn one(picture: &Path, mut dump: Option<&mut std::io::BufWriter<std::fs::File>>) {
+fn one(image: &Path, mut dump: Option<&mut std::io::BufWriter<std::fs::File>>) {
     let folder = tempfile::tempdir().unwrap();
     let formats = granita_plugin::bundled_formats(Limits::default());
     let texture = folder.path().join("a.tx");
     let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };
-    make(&[picture.to_path_buf()], &texture, &options, &formats, &|_, _| ()).unwrap();
+    make(&[image.to_path_buf()], &texture, &options, &formats, &|_, _| ()).unwrap();
     let path = SearchPath::parse("/", &SearchPath::default(), &Environment::empty());
     let options = CacheOptions { memory_bytes: 1 << 30, ..CacheOptions::default() };
     let cache = TextureCache::new(formats, path, options, Reporter::silent());
@@ -84,7 +84,7 @@ fn one(picture: &Path, mut dump: Option<&mut std::io::BufWriter<std::fs::File>>)
         }
     }
     let rms = |sum: f64, n: u32| (sum / f64::from(n)).sqrt();
-    let name = picture.file_name().unwrap().to_string_lossy();
+    let name = image.file_name().unwrap().to_string_lossy();
     print!("{name:28} {:6.2}", rms(sums.iter().sum(), counts.iter().sum()));
     for band in 0..4 {
         print!(" {:6.2}", rms(sums[band], counts[band]));

@@ -2,7 +2,7 @@
 
 use crate::Wrap;
 use crate::footprint::mix;
-use crate::picture::{half, taps};
+use crate::image::{half, taps};
 use crate::wrap::cell;
 use granita_base::{Filter, Vec3};
 

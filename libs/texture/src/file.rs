@@ -2,9 +2,9 @@
 
 use crate::block::Block;
 use crate::cube::{CubeLayout, cube_level, is_openexr};
+use crate::image::{Image, half, level_count};
 use crate::level::{Level, plain_level};
 use crate::made::MadeShadow;
-use crate::picture::{Picture, half, level_count};
 use crate::pyramid::Levels;
 use crate::tiles::{Cell, Layout, Tile, from_raw};
 use crate::{TextureKind, Up, Wrap};
@@ -117,7 +117,7 @@ impl TextureFile {
                     Some(level) => levels.push(level),
                     None if levels.is_empty() => {
                         return Err(format!(
-                            "a picture of {} x {} pixels cannot hold six square faces",
+                            "a image of {} x {} pixels cannot hold six square faces",
                             s.width, s.height
                         ));
                     }
@@ -259,9 +259,9 @@ impl TextureFile {
             let made = self.levels_of_rows(input)?;
             return Ok(made.into_iter().zip(&self.levels).map(|(p, level)| tile(p, level.width)).collect());
         }
-        let (first, _) = Picture::read(input, 0)?;
-        let level = |p: &Picture| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
-        let faces: Vec<Vec<Picture>> = (0..6)
+        let (first, _) = Image::read(input, 0)?;
+        let level = |p: &Image| tile(Pixels::from_floats(pixel_type, &p.data), p.width as u32);
+        let faces: Vec<Vec<Image>> = (0..6)
             .map(|face| {
                 let (x, y) = self.face_origin(&self.levels[0], face);
                 let l = &self.levels[0];
@@ -271,7 +271,7 @@ impl TextureFile {
             .collect();
         let mut out = vec![level(&first)];
         for (i, l) in self.levels.iter().enumerate().skip(1) {
-            let mut whole = Picture::new(l.width as usize, l.height as usize, n);
+            let mut whole = Image::new(l.width as usize, l.height as usize, n);
             for (face, pyramid) in faces.iter().enumerate() {
                 let (x, y) = self.face_origin(l, face);
                 whole.paste(&pyramid[i], x as usize, y as usize);
@@ -315,7 +315,7 @@ impl TextureFile {
                 Pixels::Float(v) => v,
                 other => other.to_floats(),
             };
-            crate::picture::make_finite(&mut rows);
+            crate::image::make_finite(&mut rows);
             put(0, &rows);
             smaller.push(&rows, &mut put);
         }

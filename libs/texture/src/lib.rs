@@ -31,14 +31,14 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
 //! let formats = granita_plugin::bundled_formats(Limits::default());
-//! // A picture of 2 x 1 pixels, made into a texture that repeats ...
-//! let (picture, texture) = (folder.path().join("a.tif"), folder.path().join("a.tx"));
+//! // A image of 2 x 1 pixels, made into a texture that repeats ...
+//! let (image, texture) = (folder.path().join("a.tif"), folder.path().join("a.tx"));
 //! let spec = ImageSpec::new(2, 1, 1, PixelType::Float);
-//! let mut file = formats.create(&picture, "tiff", &CreateOptions::new(&spec, 1))?;
+//! let mut file = formats.create(&image, "tiff", &CreateOptions::new(&spec, 1))?;
 //! file.write_rows(&Pixels::Float(vec![1.0, 3.0]))?;
 //! file.close()?;
 //! let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };
-//! make(&[picture], &texture, &options, &formats, &|_, _| ())?;
+//! make(&[image], &texture, &options, &formats, &|_, _| ())?;
 //! // ... looked up at the centre of its second texel, and of the first one's next copy.
 //! let path = SearchPath::parse(&folder.path().to_string_lossy(), &SearchPath::default(), &Environment::empty());
 //! let cache = TextureCache::new(formats, path, CacheOptions::default(), Reporter::silent());
@@ -70,6 +70,7 @@ mod files;
 mod footprint;
 mod gaussian;
 mod id;
+mod image;
 mod kind;
 mod level;
 mod lookup;
@@ -77,7 +78,6 @@ mod made;
 pub mod make;
 mod opacity;
 mod options;
-mod picture;
 mod plain;
 mod pyramid;
 mod reader;

@@ -1,6 +1,6 @@
 //! Makes the smaller levels of a flat image while its rows arrive.
 
-use crate::picture::half;
+use crate::image::half;
 use crate::stage::{Measure, Resample, Stage};
 use crate::{TextureKind, Wrap};
 use granita_base::Filter;

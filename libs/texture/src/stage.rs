@@ -1,6 +1,6 @@
 //! Resamples rows as they arrive, which makes a MIP level from the one before it.
 
-use crate::picture::{Taps, solid_taps, taps};
+use crate::image::{Taps, solid_taps, taps};
 use crate::{TextureKind, Wrap};
 use granita_base::Filter;
 use rayon::prelude::*;
@@ -267,10 +267,10 @@ impl<'a> Forecast<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::Picture;
+    use crate::image::Image;
 
-    fn noise(width: usize, height: usize, channels: usize) -> Picture {
-        let mut p = Picture::new(width, height, channels);
+    fn noise(width: usize, height: usize, channels: usize) -> Image {
+        let mut p = Image::new(width, height, channels);
         for (i, v) in p.data.iter_mut().enumerate() {
             *v = granita_base::hash::unit(granita_base::hash::words(&[i as u32]));
         }

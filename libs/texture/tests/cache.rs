@@ -16,7 +16,7 @@ const FILES: u32 = 5;
 fn folder() -> Folder {
     let folder = Folder::new();
     for i in 0..FILES {
-        folder.picture("n.tif", (200 + i, 150), 3, |x, y, c| random(x + 1000 * y, c as u32 + 10 * i));
+        folder.image("n.tif", (200 + i, 150), 3, |x, y, c| random(x + 1000 * y, c as u32 + 10 * i));
         let o = MakeOptions { swrap: Wrap::Periodic, resize: i % 2 == 0, ..MakeOptions::default() };
         folder.make(&["n.tif"], &format!("{i}.tx"), &o).unwrap();
     }
@@ -93,7 +93,7 @@ fn many_threads_are_one() {
 #[test]
 fn only_tiles_that_are_looked_at_are_read() {
     let folder = Folder::new();
-    folder.picture("big.tif", (512, 512), 1, |x, _, _| x as f32);
+    folder.image("big.tif", (512, 512), 1, |x, _, _| x as f32);
     folder.make(&["big.tif"], "big.tx", &MakeOptions::default()).unwrap();
     let (cache, id) = folder.open("big.tx");
     assert_eq!(cache.statistics().tiles_read, 0);
@@ -107,7 +107,7 @@ fn only_tiles_that_are_looked_at_are_read() {
 #[test]
 fn a_damaged_tile_is_black_and_said_once() {
     let folder = Folder::new();
-    folder.picture("d.tif", (128, 128), 1, |x, y, _| random(x, y));
+    folder.image("d.tif", (128, 128), 1, |x, y, _| random(x, y));
     folder.make(&["d.tif"], "d.tx", &MakeOptions::default()).unwrap();
     let path = folder.path("d.tx");
     let mut bytes = std::fs::read(&path).unwrap();
@@ -128,7 +128,7 @@ fn a_damaged_tile_is_black_and_said_once() {
 #[test]
 fn information() {
     let folder = Folder::new();
-    folder.picture("i.tif", (64, 32), 3, |_, _, _| 0.5);
+    folder.image("i.tif", (64, 32), 3, |_, _, _| 0.5);
     folder.make(&["i.tif"], "i.tx", &MakeOptions::default()).unwrap();
     let (cache, _) = folder.open("i.tx");
     let floats = |what| cache.info("i.tx", what).and_then(|p| p.data.to_floats()).map(|v| v.to_vec());
@@ -204,7 +204,7 @@ fn png_sum(bytes: &[u8]) -> [u8; 4] {
 fn levels_in_memory_do_not_push_each_other_out() {
     let folder = Folder::new();
     for name in ["a.tif", "b.tif"] {
-        folder.picture(name, (600, 600), 3, |x, y, _| random(x, y));
+        folder.image(name, (600, 600), 3, |x, y, _| random(x, y));
     }
     let cache = folder.cache(CacheOptions::default());
     let ids = ["a.tif", "b.tif"].map(|name| cache.find(name).unwrap());

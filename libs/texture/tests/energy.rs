@@ -94,9 +94,9 @@ fn contrast(i: u32, c: u32) -> f32 {
 fn the_mean_over_the_sphere_is_the_same_in_every_level() {
     let folder = Folder::new();
     for (i, name) in FACES.iter().enumerate() {
-        folder.picture(name, (64, 64), 3, |x, y, c| contrast(x + 64 * y + 4096 * i as u32, c as u32));
+        folder.image(name, (64, 64), 3, |x, y, c| contrast(x + 64 * y + 4096 * i as u32, c as u32));
     }
-    folder.picture("ll.tif", (256, 128), 3, |x, y, c| contrast(x + 256 * y, 7 + c as u32));
+    folder.image("ll.tif", (256, 128), 3, |x, y, c| contrast(x + 256 * y, 7 + c as u32));
     for format in ["tiff", "OpenEXR"] {
         for filter in [Filter::Box, Filter::Gaussian, Filter::CatmullRom, Filter::Mitchell] {
             let o = |mode| MakeOptions { filter, ..options(mode, format) };
@@ -120,9 +120,9 @@ fn the_mean_over_the_sphere_is_the_same_in_every_level() {
 #[test]
 fn odd_sizes_and_halves_keep_it_too() {
     let folder = Folder::new();
-    folder.picture("ll.tif", (300, 150), 1, |x, y, _| contrast(x + 300 * y, 3));
+    folder.image("ll.tif", (300, 150), 1, |x, y, _| contrast(x + 300 * y, 3));
     for (i, name) in FACES.iter().enumerate() {
-        folder.picture(name, (50, 50), 1, |x, y, _| contrast(x + 50 * y + 2500 * i as u32, 4));
+        folder.image(name, (50, 50), 1, |x, y, _| contrast(x + 50 * y + 2500 * i as u32, 4));
     }
     let odd = |mode| MakeOptions { resize: false, ..options(mode, "tiff") };
     folder.make(&["ll.tif"], "ll", &odd(Mode::EnvLatLong)).unwrap();
@@ -162,7 +162,7 @@ fn small_lights_stay_and_keep_their_light() {
         for (face, lx, ly) in [(0_usize, 63, 20), (3, 0, 0), (4, 31, 63)] {
             for (i, name) in FACES.iter().enumerate() {
                 let light = |x: u32, y: u32| if (i, x, y) == (face, lx, ly) { 1e4 } else { 0.0 };
-                folder.picture(name, (64, 64), 1, |x, y, _| light(x, y));
+                folder.image(name, (64, 64), 1, |x, y, _| light(x, y));
             }
             folder.make(&FACES, "cube", &options(Mode::EnvCube, format)).unwrap();
             if format == "tiff" {
@@ -175,7 +175,7 @@ fn small_lights_stay_and_keep_their_light() {
         }
         // The texels are at the upper pole, at the lower one, and on the seam.
         for (lx, ly) in [(17, 0), (200, 127), (255, 64), (0, 30)] {
-            folder.picture("ll.tif", (256, 128), 1, |x, y, _| if (x, y) == (lx, ly) { 1e4 } else { 0.0 });
+            folder.image("ll.tif", (256, 128), 1, |x, y, _| if (x, y) == (lx, ly) { 1e4 } else { 0.0 });
             folder.make(&["ll.tif"], "ll", &options(Mode::EnvLatLong, format)).unwrap();
             check("ll", false, PI);
         }
@@ -193,7 +193,7 @@ fn faces_look_where_the_table_says() {
         let (lx, ly) = (36, 30);
         for (i, name) in FACES.iter().enumerate() {
             let light = |x: u32, y: u32| if (i, x, y) == (lit, lx, ly) { 1.0 } else { 0.0 };
-            folder.picture(name, (64, 64), 1, |x, y, _| light(x, y));
+            folder.image(name, (64, 64), 1, |x, y, _| light(x, y));
         }
         let ndc = |i: u32| 2.0 * (i as f32 + 0.5) / 64.0 - 1.0;
         let d = *forward + *right * ndc(lx) - *up * ndc(ly);
@@ -226,7 +226,7 @@ fn conversions_come_back() {
     // A latitude-longitude map keeps the convention of its source file. A cube becomes a latitude-longitude map in the
     // convention of its own format.
     for (format, panorama) in [("tiff", "ll.tif"), ("OpenEXR", "ll.exr")] {
-        folder.picture(panorama, (w, h), 3, |x, y, c| {
+        folder.image(panorama, (w, h), 3, |x, y, c| {
             let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);
             let k = 2 + 2 * c as i32;
             0.5 + 0.2 * theta.cos() + 0.25 * theta.sin().powi(k) * (k as f32 * phi).cos()

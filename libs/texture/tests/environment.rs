@@ -39,7 +39,7 @@ fn sky(d: Vec3, c: usize) -> f32 {
 /// Makes a cube map of `f` from six views.
 fn cube_of(folder: &Folder, n: u32, options: &MakeOptions, f: impl Fn(Vec3, usize) -> f32) {
     for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
-        folder.picture(name, (n, n), 3, |x, y, c| {
+        folder.image(name, (n, n), 3, |x, y, c| {
             let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / n as f32 - 1.0;
             f(forward + right * ndc(x) - up * ndc(y), c)
         });
@@ -49,7 +49,7 @@ fn cube_of(folder: &Folder, n: u32, options: &MakeOptions, f: impl Fn(Vec3, usiz
 
 /// Makes a latitude-longitude map of `f` with +z up.
 fn latlong_of(folder: &Folder, (w, h): (u32, u32), f: impl Fn(Vec3, usize) -> f32) {
-    folder.picture("ll.tif", (w, h), 3, |x, y, c| {
+    folder.image("ll.tif", (w, h), 3, |x, y, c| {
         let (phi, theta) = (((x as f32 + 0.5) / w as f32 - 0.5) * TAU, (y as f32 + 0.5) / h as f32 * PI);
         f(Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()), c)
     });
@@ -370,8 +370,8 @@ fn orientation_of_latlong_maps() {
 fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
     let folder = Folder::new();
     let paint = |x: u32, y: u32, c: usize| [x as f32 / 64.0, y as f32 / 32.0, 0.5][c];
-    folder.picture("pano.tif", (64, 32), 3, paint);
-    folder.picture("pano.exr", (64, 32), 3, paint);
+    folder.image("pano.tif", (64, 32), 3, paint);
+    folder.image("pano.exr", (64, 32), 3, paint);
     // The texture is made as a stream, and as a whole.
     let plain = options(Mode::EnvLatLong);
     let whole = MakeOptions { filter: granita_base::Filter::Triangle, ..plain.clone() };
@@ -463,7 +463,7 @@ fn vertical_cross_and_light_probe_show_the_same_sky() {
     // The image is a vertical cross, with the column and row of px nx py ny pz nz.
     let cells = [(2, 1), (0, 1), (1, 0), (1, 2), (1, 1), (1, 3)];
     let n = 32;
-    folder.picture("vc.tif", (3 * n, 4 * n), 3, |x, y, c| {
+    folder.image("vc.tif", (3 * n, 4 * n), 3, |x, y, c| {
         let Some(face) = cells.iter().position(|cell| *cell == (x / n, y / n)) else { return 0.0 };
         let ndc = |v: u32| 2.0 * ((v % n) as f32 + 0.5) / n as f32 - 1.0;
         let [forward, up, right] = FRAMES[face];
@@ -473,7 +473,7 @@ fn vertical_cross_and_light_probe_show_the_same_sky() {
     });
     folder.make(&["vc.tif"], "vc.env", &options(Mode::VertCross)).unwrap();
     // The image is an angular map of 200 pixels. The angle from +z grows evenly from the centre to the rim.
-    folder.picture("lp.tif", (200, 200), 3, |x, y, c| {
+    folder.image("lp.tif", (200, 200), 3, |x, y, c| {
         let (u, v) = ((x as f32 + 0.5) / 100.0 - 1.0, 1.0 - (y as f32 + 0.5) / 100.0);
         let r = u.hypot(v);
         let angle = r * PI;
@@ -497,7 +497,7 @@ fn vertical_cross_and_light_probe_show_the_same_sky() {
 fn inputs_that_do_not_fit_are_refused() {
     let folder = Folder::new();
     for (i, name) in FACES.iter().enumerate() {
-        folder.picture(name, (8, if i == 3 { 9 } else { 8 }), 1, |_, _, _| 0.0);
+        folder.image(name, (8, if i == 3 { 9 } else { 8 }), 1, |_, _, _| 0.0);
     }
     let fails = |inputs: &[&str], mode, what: &str| {
         let error = folder.make(inputs, "x.env", &options(mode)).unwrap_err().to_string();

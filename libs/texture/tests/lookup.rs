@@ -42,7 +42,7 @@ fn a_constant_is_exact_everywhere() {
     let folder = Folder::new();
     for (w, h) in [(64, 64), (100, 37), (1, 1), (1, 70), (3, 1)] {
         for noresize in [false, true] {
-            folder.picture("c.tif", (w, h), 3, |_, _, c| 0.1 + 0.3 * c as f32);
+            folder.image("c.tif", (w, h), 3, |_, _, c| 0.1 + 0.3 * c as f32);
             let o = MakeOptions { resize: !noresize, ..wrapped(Wrap::Periodic, Wrap::Clamp) };
             folder.make(&["c.tif"], "c.tx", &o).unwrap();
             let (cache, id) = folder.open("c.tx");
@@ -59,7 +59,7 @@ fn a_constant_is_exact_everywhere() {
 fn without_footprint_texels_are_exact() {
     let folder = Folder::new();
     let f = |x: u32, y: u32, c: usize| random(x + 256 * y, c as u32);
-    folder.picture("n.tif", (64, 32), 2, f);
+    folder.image("n.tif", (64, 32), 2, f);
     folder.make(&["n.tif"], "n.tx", &options()).unwrap();
     let (cache, id) = folder.open("n.tx");
     for y in 0..32 {
@@ -77,7 +77,7 @@ fn without_footprint_texels_are_exact() {
 #[test]
 fn a_ramp_filtered_is_the_ramp() {
     let folder = Folder::new();
-    folder.picture("r.tif", (256, 256), 1, |x, y, _| (x as f32 + 2.0 * y as f32 + 1.5) / 256.0);
+    folder.image("r.tif", (256, 256), 1, |x, y, _| (x as f32 + 2.0 * y as f32 + 1.5) / 256.0);
     folder.make(&["r.tif"], "r.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
     let (cache, id) = folder.open("r.tx");
     for (i, mut lookup) in hashed_lookups(2000).into_iter().enumerate() {
@@ -103,7 +103,7 @@ fn a_ramp_filtered_is_the_ramp() {
 #[test]
 fn a_checker_goes_grey_as_the_footprint_grows() {
     let folder = Folder::new();
-    folder.picture("k.tif", (256, 256), 1, |x, y, _| ((x / 8 + y / 8) % 2) as f32);
+    folder.image("k.tif", (256, 256), 1, |x, y, _| ((x / 8 + y / 8) % 2) as f32);
     folder.make(&["k.tif"], "k.tx", &wrapped(Wrap::Periodic, Wrap::Periodic)).unwrap();
     let (cache, id) = folder.open("k.tx");
     let contrast = |width: f32| {
@@ -127,7 +127,7 @@ fn a_checker_goes_grey_as_the_footprint_grows() {
 #[test]
 fn footprints_are_anisotropic() {
     let folder = Folder::new();
-    folder.picture("s.tif", (256, 256), 1, |x, _, _| (x / 16 % 2) as f32);
+    folder.image("s.tif", (256, 256), 1, |x, _, _| (x / 16 % 2) as f32);
     folder.make(&["s.tif"], "s.tx", &wrapped(Wrap::Periodic, Wrap::Periodic)).unwrap();
     let (cache, id) = folder.open("s.tx");
     let middle_of_white = 24.0 / 256.0;
@@ -141,7 +141,7 @@ fn footprints_are_anisotropic() {
 fn wrap_modes() {
     let folder = Folder::new();
     let row = [1.0, 2.0, 3.0, 4.0];
-    folder.picture("w.tif", (4, 1), 1, |x, _, _| row[x as usize]);
+    folder.image("w.tif", (4, 1), 1, |x, _, _| row[x as usize]);
     folder.make(&["w.tif"], "w.tx", &wrapped(Wrap::Mirror, Wrap::Clamp)).unwrap();
     let (cache, id) = folder.open("w.tx");
     let read = |swrap: Option<Wrap>| -> Vec<f32> {
@@ -161,7 +161,7 @@ fn wrap_modes() {
 #[test]
 fn blur_and_width() {
     let folder = Folder::new();
-    folder.picture("b.tif", (128, 128), 1, |x, _, _| if x < 64 { 0.0 } else { 1.0 });
+    folder.image("b.tif", (128, 128), 1, |x, _, _| if x < 64 { 0.0 } else { 1.0 });
     folder.make(&["b.tif"], "b.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
     let (cache, id) = folder.open("b.tx");
     let blurred = |s: f32, sblur: f32, tblur: f32| value(&cache, id, &Lookup { sblur, tblur, ..at(s, 0.5) });
@@ -182,7 +182,7 @@ fn blur_and_width() {
 #[test]
 fn channels_and_fill() {
     let folder = Folder::new();
-    folder.picture("f.tif", (8, 8), 6, |_, _, c| c as f32);
+    folder.image("f.tif", (8, 8), 6, |_, _, c| c as f32);
     folder.make(&["f.tif"], "f.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
     let (cache, id) = folder.open("f.tx");
     let read = |first_channel: u32, n: usize| {
@@ -200,7 +200,7 @@ fn channels_and_fill() {
 #[test]
 fn broken_numbers_have_defined_results() {
     let folder = Folder::new();
-    folder.picture("x.tif", (32, 32), 1, |x, y, _| if (x, y) == (3, 3) { f32::NAN } else { 0.5 });
+    folder.image("x.tif", (32, 32), 1, |x, y, _| if (x, y) == (3, 3) { f32::NAN } else { 0.5 });
     folder.make(&["x.tif"], "x.tx", &wrapped(Wrap::Periodic, Wrap::Clamp)).unwrap();
     for name in ["x.tx", "x.tif"] {
         let (cache, id) = folder.open(name);
@@ -224,7 +224,7 @@ fn broken_numbers_have_defined_results() {
 #[test]
 fn automipmap_is_maketx_without_resizing() {
     let folder = Folder::new();
-    folder.picture("a.tif", (100, 60), 3, |x, y, c| random(x + 100 * y, c as u32));
+    folder.image("a.tif", (100, 60), 3, |x, y, c| random(x + 100 * y, c as u32));
     let o = MakeOptions { resize: false, ..options() };
     folder.make(&["a.tif"], "a.tx", &o).unwrap();
     let ((made, id), (auto, auto_id)) = (folder.open("a.tx"), folder.open("a.tif"));
@@ -244,7 +244,7 @@ fn automipmap_is_maketx_without_resizing() {
 #[test]
 fn missing_files_are_named_once() {
     let folder = Folder::new();
-    folder.picture("s.tif", (8, 8), 1, |_, _, _| 0.25);
+    folder.image("s.tif", (8, 8), 1, |_, _, _| 0.25);
     let cache = folder.cache(CacheOptions::default());
     for _ in 0..3 {
         assert!(cache.find_for("nothing.tx", Use::Texture).is_none());
@@ -269,7 +269,7 @@ fn pixel_types_keep_their_values() {
     let folder = Folder::new();
     for pixel_type in [PixelType::U8, PixelType::U16, PixelType::Half, PixelType::Float] {
         let spec = ImageSpec::new(16, 16, 4, pixel_type);
-        folder.picture_of("p.tif", spec, |x, y, c| ((x + y + c as u32) % 5) as f32 / 5.0 * 51.0 / 51.0);
+        folder.image_of("p.tif", spec, |x, y, c| ((x + y + c as u32) % 5) as f32 / 5.0 * 51.0 / 51.0);
         folder.make(&["p.tif"], "p.tx", &options()).unwrap();
         let (cache, id) = folder.open("p.tx");
         let mut out = [0.0; 4];

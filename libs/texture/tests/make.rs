@@ -23,7 +23,7 @@ fn levels_tiles_and_attributes() {
     let mut spec = ImageSpec::new(300, 100, 3, PixelType::U8);
     let m: [f32; 16] = std::array::from_fn(|i| i as f32);
     spec.attributes.set(matrix("worldtocamera", &m));
-    folder.picture_of("a.tif", spec, |x, _, _| x as f32 / 300.0);
+    folder.image_of("a.tif", spec, |x, _, _| x as f32 / 300.0);
     let o = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Mirror, ..options() };
     let made = folder.make(&["a.tif"], "a.tx", &o).unwrap();
     assert_eq!(made, Made::Written { width: 512, height: 128, levels: 10, notes: vec![] });
@@ -50,7 +50,7 @@ fn levels_tiles_and_attributes() {
 fn noresize_keeps_the_size_and_the_texels() {
     let folder = Folder::new();
     let f = |x: u32, y: u32, c: usize| random(x + 100 * y, c as u32);
-    folder.picture("a.tif", (77, 33), 5, f);
+    folder.image("a.tif", (77, 33), 5, f);
     for separate in [false, true] {
         for tile in [16, 32, 128] {
             let o = MakeOptions { resize: false, separate, tile_size: (tile, tile), ..options() };
@@ -71,7 +71,7 @@ fn noresize_keeps_the_size_and_the_texels() {
 #[test]
 fn levels_keep_the_energy() {
     let folder = Folder::new();
-    folder.picture("a.tif", (128, 64), 1, |x, y, _| random(x + 128 * y, 0) * 10.0);
+    folder.image("a.tif", (128, 64), 1, |x, y, _| random(x + 128 * y, 0) * 10.0);
     folder.make(&["a.tif"], "a.tx", &options()).unwrap();
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
     let mean = |level| {
@@ -86,7 +86,7 @@ fn levels_keep_the_energy() {
 #[test]
 fn threads_do_not_change_a_byte() {
     let folder = Folder::new();
-    folder.picture("a.tif", (150, 90), 3, |x, y, c| random(x + 150 * y, c as u32));
+    folder.image("a.tif", (150, 90), 3, |x, y, c| random(x + 150 * y, c as u32));
     let bytes = |threads: usize, filter: Filter| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let o = MakeOptions { filter, ..options() };
@@ -101,7 +101,7 @@ fn threads_do_not_change_a_byte() {
 #[test]
 fn gammas_are_each_others_inverse_and_levels_are_linear() {
     let folder = Folder::new();
-    folder.picture("a.tif", (16, 16), 4, |x, _, c| if c == 3 { 0.5 } else { (x % 2) as f32 });
+    folder.image("a.tif", (16, 16), 4, |x, _, c| if c == 3 { 0.5 } else { (x % 2) as f32 });
     let o = MakeOptions { ingamma: 2.2, outgamma: 2.2, ..options() };
     folder.make(&["a.tif"], "a.tx", &o).unwrap();
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
@@ -116,7 +116,7 @@ fn gammas_are_each_others_inverse_and_levels_are_linear() {
 #[test]
 fn update_mode_compares_time_stamps() {
     let folder = Folder::new();
-    folder.picture("a.tif", (8, 8), 1, |_, _, _| 0.5);
+    folder.image("a.tif", (8, 8), 1, |_, _, _| 0.5);
     let stamp = SystemTime::now() - Duration::from_secs(5000);
     let touch = |name: &str, time| {
         std::fs::File::options().append(true).open(folder.path(name)).unwrap().set_modified(time).unwrap();
@@ -197,7 +197,7 @@ fn an_updated_file_appears_with_its_time() {
     let times = Arc::new(Mutex::new(Vec::new()));
     let tiff = folder.registry.by_name("tiff").unwrap();
     folder.registry.register(Arc::new(Watched(tiff, times.clone())));
-    folder.picture("a.tif", (8, 8), 1, |_, _, _| 0.5);
+    folder.image("a.tif", (8, 8), 1, |_, _, _| 0.5);
     let stamp = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
     std::fs::File::options().append(true).open(folder.path("a.tif")).unwrap().set_modified(stamp).unwrap();
     // The texture is made row by row, and as a whole.
@@ -211,7 +211,7 @@ fn an_updated_file_appears_with_its_time() {
 #[test]
 fn broken_texels_and_small_tiles_are_told() {
     let folder = Folder::new();
-    folder.picture("a.tif", (4, 4), 1, |x, _, _| if x == 0 { f32::NAN } else { f32::INFINITY });
+    folder.image("a.tif", (4, 4), 1, |x, _, _| if x == 0 { f32::NAN } else { f32::INFINITY });
     let o = MakeOptions { tile_size: (8, 8), ..options() };
     let Made::Written { notes, .. } = folder.make(&["a.tif"], "a.tx", &o).unwrap() else { panic!() };
     assert!(notes[0].contains("values that are not numbers: 4"), "{notes:?}");
@@ -225,7 +225,7 @@ fn broken_texels_and_small_tiles_are_told() {
 #[test]
 fn mistakes_leave_no_file() {
     let folder = Folder::new();
-    folder.picture("a.tif", (4, 4), 1, |_, _, _| 0.0);
+    folder.image("a.tif", (4, 4), 1, |_, _, _| 0.0);
     let fails = |o: MakeOptions, what: &str| {
         let error = folder.make(&["a.tif"], "x.tx", &o).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
@@ -246,7 +246,7 @@ fn the_display_window_is_what_counts() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(4, 4, 1, PixelType::Float);
     (spec.x, spec.y, spec.full_width, spec.full_height) = (4, 0, 8, 8);
-    folder.picture_of("a.tif", spec, |_, _, _| 1.0);
+    folder.image_of("a.tif", spec, |_, _, _| 1.0);
     folder.make(&["a.tif"], "a.tx", &options()).unwrap();
     let file = folder.registry.open(&folder.path("a.tx")).unwrap();
     let v = file.read_level(0, 0).unwrap().to_floats();
@@ -262,7 +262,7 @@ fn the_display_window_is_what_counts() {
 fn memory_is_bounded_for_images_that_repeat() {
     let folder = Folder::new();
     let spec = ImageSpec::new(2000, 1100, 3, PixelType::U8);
-    folder.picture_of("a.tif", spec, |x, y, c| random(x + 5000 * y, c as u32));
+    folder.image_of("a.tif", spec, |x, y, c| random(x + 5000 * y, c as u32));
     let repeats = |memory_bytes: u64, filter: Filter| MakeOptions {
         swrap: Wrap::Periodic,
         twrap: Wrap::Periodic,
@@ -303,7 +303,7 @@ fn display_windows_far_beyond_the_data_are_refused() {
         ("large.tif", (100_000, 100_000), "number of pixels of the display window 10000000000"),
     ] {
         let spec = ImageSpec { full_width, full_height, ..ImageSpec::new(64, 64, 3, PixelType::Half) };
-        folder.picture_of(name, spec, |_, _, _| 0.5);
+        folder.image_of(name, spec, |_, _, _| 0.5);
         let error = folder.make(&[name], "a.tx", &options()).unwrap_err().to_string();
         assert!(error.contains(what), "{error}");
     }

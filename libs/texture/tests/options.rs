@@ -28,7 +28,7 @@ fn notes(made: Made) -> Vec<String> {
 #[test]
 fn levels_of_bytes_are_exact() {
     let folder = Folder::new();
-    folder.picture_of("a.tif", ImageSpec::new(256, 256, 3, PixelType::U8), |x, y, c| {
+    folder.image_of("a.tif", ImageSpec::new(256, 256, 3, PixelType::U8), |x, y, c| {
         (random(x + 256 * y, c as u32) * 255.0).floor() / 255.0
     });
     folder.make(&["a.tif"], "a.tx", &options()).unwrap();
@@ -54,7 +54,7 @@ fn levels_of_bytes_are_exact() {
 #[test]
 fn types_are_stored_or_the_nearest_is_told() {
     let folder = Folder::new();
-    folder.picture_of("a.tif", ImageSpec::new(16, 16, 1, PixelType::U8), |x, _, _| x as f32 / 15.0);
+    folder.image_of("a.tif", ImageSpec::new(16, 16, 1, PixelType::U8), |x, _, _| x as f32 / 15.0);
     let stored = |o: MakeOptions| {
         let told = notes(folder.make(&["a.tif"], "a.tx", &o).unwrap());
         let file = folder.registry.open(&folder.path("a.tx")).unwrap();
@@ -81,7 +81,7 @@ fn types_are_stored_or_the_nearest_is_told() {
 #[test]
 fn colours_are_averaged_as_light() {
     let folder = Folder::new();
-    folder.picture_of("a.tif", ImageSpec::new(4, 4, 4, PixelType::U8), |x, _, c| {
+    folder.image_of("a.tif", ImageSpec::new(4, 4, 4, PixelType::U8), |x, _, c| {
         if c == 3 { 1.0 } else { (x % 2) as f32 }
     });
     let first = |from, to| {
@@ -105,7 +105,7 @@ fn straight_alpha_is_multiplied_in() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(2, 2, 4, PixelType::Float);
     spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
-    folder.picture_of("a.tif", spec, |x, _, c| match (c, x) {
+    folder.image_of("a.tif", spec, |x, _, c| match (c, x) {
         (3, 0) => 0.0,
         (3, _) => 0.5,
         _ => 1.0,
@@ -120,7 +120,7 @@ fn straight_alpha_is_multiplied_in() {
 #[test]
 fn broken_values_are_refused_or_mended() {
     let folder = Folder::new();
-    folder.picture("a.tif", (8, 8), 2, |x, y, c| match (x, y, c) {
+    folder.image("a.tif", (8, 8), 2, |x, y, c| match (x, y, c) {
         (3, 2, 1) => f32::NAN,
         (7, 7, 0) => f32::NEG_INFINITY,
         _ => x as f32,
@@ -140,7 +140,7 @@ fn broken_values_are_refused_or_mended() {
         assert!((v[(7 * 8 + 7) * 2] - 19.0 / 3.0).abs() < 1e-5);
     }
     // An image without any finite value becomes 0.
-    folder.picture("b.tif", (4, 4), 1, |_, _, _| f32::NAN);
+    folder.image("b.tif", (4, 4), 1, |_, _, _| f32::NAN);
     folder.make(&["b.tif"], "b.tx", &fix).unwrap();
     let file = folder.registry.open(&folder.path("b.tx")).unwrap();
     assert!(file.read_level(0, 0).unwrap().to_floats().iter().all(|v| *v == 0.0));
@@ -150,7 +150,7 @@ fn broken_values_are_refused_or_mended() {
 fn hashes_follow_the_pixels() {
     let folder = Folder::new();
     let paint = |name: &str, v: f32| {
-        folder.picture(name, (20, 20), 3, |x, y, _| if (x, y) == (9, 9) { v } else { 0.5 })
+        folder.image(name, (20, 20), 3, |x, y, _| if (x, y) == (9, 9) { v } else { 0.5 })
     };
     paint("a.tif", 0.1);
     paint("b.tif", 0.2);
@@ -172,15 +172,15 @@ fn hashes_follow_the_pixels() {
     assert_eq!(words("c.tx", options()).matches("SHA-1").count(), 1);
     assert_ne!(words("a.tif", exr()), words("b.tif", exr()));
     let mode = MakeOptions { mode: Mode::VertCross, ..options() };
-    folder.picture("v.tif", (12, 16), 1, |x, _, _| x as f32);
+    folder.image("v.tif", (12, 16), 1, |x, _, _| x as f32);
     assert!(words("v.tif", mode).contains("SHA-1="));
 }
 
 #[test]
-fn constant_pictures_take_one_tile() {
+fn constant_images_take_one_tile() {
     let folder = Folder::new();
-    folder.picture("a.tif", (300, 200), 3, |_, _, c| 0.2 + c as f32);
-    folder.picture("b.tif", (300, 200), 1, |x, y, _| f32::from((x, y) == (299, 199)));
+    folder.image("a.tif", (300, 200), 3, |_, _, c| 0.2 + c as f32);
+    folder.image("b.tif", (300, 200), 1, |x, y, _| f32::from((x, y) == (299, 199)));
     let o = |mode| MakeOptions { mode, constant_color: true, ..options() };
     for mode in [Mode::Plain, Mode::EnvLatLong] {
         let made = folder.make(&["a.tif"], "a.tx", &o(mode)).unwrap();
@@ -199,7 +199,7 @@ fn constant_pictures_take_one_tile() {
 #[test]
 fn little_memory() {
     let folder = Folder::new();
-    folder.picture("a.tif", (700, 900), 3, |x, y, c| random(x + 700 * y, c as u32));
+    folder.image("a.tif", (700, 900), 3, |x, y, c| random(x + 700 * y, c as u32));
     let bytes = |o: &MakeOptions| {
         folder.make(&["a.tif"], "a.tx", o).unwrap();
         std::fs::read(folder.path("a.tx")).unwrap()
@@ -211,7 +211,7 @@ fn little_memory() {
     ] {
         assert_eq!(bytes(&MakeOptions { memory_bytes: 1 << 20, ..o.clone() }), bytes(&o));
     }
-    folder.picture("v.tif", (300, 400), 3, |_, _, _| 0.5);
+    folder.image("v.tif", (300, 400), 3, |_, _, _| 0.5);
     let o = MakeOptions { mode: Mode::VertCross, memory_bytes: 1 << 20, ..options() };
     let error = folder.make(&["v.tif"], "v.tx", &o).unwrap_err().to_string();
     assert!(error.contains("-memory") && !folder.path("v.tx").exists(), "{error}");
@@ -221,7 +221,7 @@ fn little_memory() {
 #[test]
 fn wraps_reach_over_the_border() {
     let folder = Folder::new();
-    folder.picture("a.tif", (24, 40), 1, |_, y, _| f32::from(y >= 38));
+    folder.image("a.tif", (24, 40), 1, |_, y, _| f32::from(y >= 38));
     for filter in Filter::ALL {
         for (wrap, over) in [("periodic", true), ("clamp", false), ("mirror", false), ("black", false)] {
             let wrap = granita_texture::Wrap::from_word(wrap).unwrap();
@@ -247,10 +247,10 @@ fn every_mode_goes_with_every_format_and_size() {
         ("small.tif", (19, 19)),
         ("odd.tif", (37, 21)),
     ] {
-        folder.picture(name, size, 3, grey);
+        folder.image(name, size, 3, grey);
     }
-    folder.picture("z.tif", (37, 37), 1, |_, _, _| 2.0);
-    folder.picture("vol.tif", (37, 37), 5, |_, _, c| [1e30, 0.5, 1.0, 2.0, 3.0][c]);
+    folder.image("z.tif", (37, 37), 1, |_, _, _| 2.0);
+    folder.image("vol.tif", (37, 37), 5, |_, _, c| [1e30, 0.5, 1.0, 2.0, 3.0][c]);
     let modes: [(Mode, &[&str]); 10] = [
         (Mode::Plain, &["odd.tif"]),
         (Mode::EnvCube, &["small.tif"; 6]),

@@ -42,7 +42,7 @@ fn a_photograph_is_filtered_as_by_brute_force() {
 #[test]
 fn the_finest_checker_becomes_grey_without_moire() {
     let folder = Folder::new();
-    folder.picture("k.tif", (128, 128), 1, |x, y, _| ((x + y) % 2) as f32);
+    folder.image("k.tif", (128, 128), 1, |x, y, _| ((x + y) % 2) as f32);
     folder.make(&["k.tif"], "k.tx", &repeating()).unwrap();
     let (cache, id) = folder.open("k.tx");
     let mut reader = cache.reader();
@@ -72,7 +72,7 @@ fn the_finest_checker_becomes_grey_without_moire() {
 fn readers_answer_as_the_cache() {
     let folder = Folder::new();
     for name in ["a", "b"] {
-        folder.picture("p.tif", (200, 150), 3, |x, y, c| random(x + 200 * y, c as u32 + name.len() as u32));
+        folder.image("p.tif", (200, 150), 3, |x, y, c| random(x + 200 * y, c as u32 + name.len() as u32));
         folder.make(&["p.tif"], &format!("{name}.tx"), &repeating()).unwrap();
     }
     let cache = folder.cache(CacheOptions { memory_bytes: 100_000, ..CacheOptions::default() });

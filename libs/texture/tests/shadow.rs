@@ -20,13 +20,13 @@ fn screen() -> Transform {
     camera().then(&Transform::from_rows(&perspective))
 }
 
-fn depth_picture(folder: &Folder, name: &str, n: u32, matrices: bool, f: impl Fn(u32, u32) -> f32) {
+fn depth_image(folder: &Folder, name: &str, n: u32, matrices: bool, f: impl Fn(u32, u32) -> f32) {
     let mut spec = ImageSpec::new(n, n, 1, PixelType::Float);
     if matrices {
         spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
         spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
     }
-    folder.picture_of(name, spec, |x, y, _| f(x, y));
+    folder.image_of(name, spec, |x, y, _| f(x, y));
 }
 
 fn options(mode: Mode) -> MakeOptions {
@@ -39,7 +39,7 @@ fn point(x: f32, y: f32, z: f32) -> ShadowLookup {
 
 /// Makes a map in which the left half of the view is blocked at depth 5 (world z = 0).
 fn half_blocked(folder: &Folder) {
-    depth_picture(folder, "z.tif", 128, true, |x, _| if x < 64 { 5.0 } else { 1e30 });
+    depth_image(folder, "z.tif", 128, true, |x, _| if x < 64 { 5.0 } else { 1e30 });
     folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
 }
 
@@ -80,7 +80,7 @@ fn the_edge_is_where_it_is() {
 #[test]
 fn up_in_the_world_is_up_in_the_map() {
     let folder = Folder::new();
-    depth_picture(&folder, "z.tif", 64, true, |_, y| if y < 32 { 5.0 } else { 1e30 });
+    depth_image(&folder, "z.tif", 64, true, |_, y| if y < 32 { 5.0 } else { 1e30 });
     folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
     let (cache, id) = folder.open("z.sm");
     assert_eq!(cache.shadow(id, &point(0.0, 2.0, 5.0)), 1.0);
@@ -128,7 +128,7 @@ fn a_footprint_is_averaged() {
 #[test]
 fn matrices_are_needed_and_can_be_given() {
     let folder = Folder::new();
-    depth_picture(&folder, "z.tif", 16, false, |_, _| 5.0);
+    depth_image(&folder, "z.tif", 16, false, |_, _| 5.0);
     let error = folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap_err().to_string();
     assert!(error.contains("worldtocamera") && error.contains("-Mcamera"), "{error}");
     let given = MakeOptions {
@@ -143,7 +143,7 @@ fn matrices_are_needed_and_can_be_given() {
     assert_eq!(m.data.to_floats().unwrap()[..], camera().to_rows());
     assert_eq!(cache.info("z.sm", "type").unwrap().data, "shadow".into());
     // A texture is not a shadow map. It gives no shadow and one warning.
-    folder.picture("t.tif", (8, 8), 3, |_, _, _| 0.0);
+    folder.image("t.tif", (8, 8), 3, |_, _, _| 0.0);
     let id = cache.find("t.tif").unwrap();
     for _ in 0..2 {
         assert_eq!(cache.shadow(id, &point(0.0, 0.0, 1.0)), 0.0);
@@ -154,7 +154,7 @@ fn matrices_are_needed_and_can_be_given() {
 /// Makes a map of a light at (0, 0, -5) inside a cube of depth 4. Every face is a wall, except for the missing ones.
 fn shadow_cube(folder: &Folder, names: &[&str; 6]) {
     for name in FACES {
-        depth_picture(folder, name, 50, true, |_, _| 4.0);
+        depth_image(folder, name, 50, true, |_, _| 4.0);
     }
     folder.make(names, "cube.sm", &options(Mode::ShadCube)).unwrap();
 }
@@ -193,7 +193,7 @@ fn no_edge_of_a_cube_shows() {
     const N: u32 = 64;
     let balls = [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 1.0, 0.3), Vec3::new(0.2, -1.0, -1.0)];
     for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
-        depth_picture(&folder, name, N, true, |x, y| {
+        depth_image(&folder, name, N, true, |x, y| {
             let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
             let d = (forward + right * ndc(x) - up * ndc(y)).normalize();
             let hit = balls.iter().filter_map(|c| {
@@ -247,7 +247,7 @@ fn cubes_of_volume_maps() {
         let mut spec = ImageSpec::new(N, N, 5, PixelType::Float);
         spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));
         spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
-        folder.picture_of(name, spec, |x, y, c| {
+        folder.image_of(name, spec, |x, y, c| {
             let ndc = |v: u32| 2.0 * (v as f32 + 0.5) / N as f32 - 1.0;
             let d = (forward + right * ndc(x) - up * ndc(y)).normalize().dot(forward);
             [1e30, 0.5, 2.0 * d, 4.0 * d, 6.0 * d][c]
@@ -291,7 +291,7 @@ fn cubes_of_volume_maps() {
     let at = |x: f32| ShadowLookup { p: light + Vec3::X * x, ..ShadowLookup::default() };
     assert_eq!(cache.shadow(id, &at(5.0)), 0.0);
     assert!(cache.shadow(id, &at(-5.0)) > 0.3);
-    depth_picture(&folder, "px.tif", N, true, |_, _| 4.0);
+    depth_image(&folder, "px.tif", N, true, |_, _| 4.0);
     let error = folder.make(&FACES, "y.vsm", &options(Mode::ShadCube)).unwrap_err().to_string();
     assert!(error.contains("face nx holds a volume for a pixel, those before it one depth"), "{error}");
 }
@@ -328,7 +328,7 @@ fn volume_maps() {
     spec.attributes.set(matrix("worldtoscreen", &screen().to_rows()));
     // There is smoke of opacity 0.6 from depth 4 to 8, half of it up to 5, and a wall at 20.
     let texel = [20.0, 0.6, 4.0, 5.0, 8.0];
-    folder.picture_of("v.tif", spec, |_, _, c| texel[c]);
+    folder.image_of("v.tif", spec, |_, _, c| texel[c]);
     folder.make(&["v.tif"], "v.vsm", &options(Mode::VolShad)).unwrap();
     let input = folder.registry.open(&folder.path("v.vsm")).unwrap();
     assert_eq!(input.levels(0), 7);

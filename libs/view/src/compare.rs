@@ -1,6 +1,6 @@
 //! Compares two images numerically.
 
-use crate::picture::Page;
+use crate::image::Page;
 use crate::source::{Access, Source};
 use crate::store::TileStore;
 use crate::tile::{TILE, Tile, tile_size};

@@ -2,7 +2,7 @@
 
 use crate::display::{BESIDE, Display, Prepared, Tables};
 use crate::grid::{Eye, Grid, Needs, Scratch, needs};
-use crate::picture::Page;
+use crate::image::Page;
 use crate::sheet::Sheet;
 use crate::view::View;
 use crate::{Result, ViewError};

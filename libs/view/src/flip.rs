@@ -159,7 +159,7 @@ fn features(plane: &[f32], width: usize, ppd: f32) -> [Vec<f32>; 2] {
 /// # Panics
 /// Panics when the images differ in size or have no pixels, which is an error in the calling code.
 pub(crate) fn flip(a: &[[f32; 3]], b: &[[f32; 3]], width: usize, ppd: f32) -> Vec<f32> {
-    assert!(a.len() == b.len() && width > 0 && a.len().is_multiple_of(width), "pictures of one size");
+    assert!(a.len() == b.len() && width > 0 && a.len().is_multiple_of(width), "images of one size");
     let planes = |image: &[[f32; 3]]| -> Planes {
         let all: Vec<[f32; 3]> = image.par_iter().map(|p| opponent(p.map(|v| v.clamp(0.0, 1.0)))).collect();
         std::array::from_fn(|c| all.iter().map(|p| p[c]).collect())
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_do_not_differ_and_opposite_ones_do() {
+    fn equal_images_do_not_differ_and_opposite_ones_do() {
         let a: Vec<[f32; 3]> = (0..600).map(|i| [i as f32 / 600.0, 0.5, (i % 7) as f32 / 7.0]).collect();
         assert!(flip(&a, &a, 30, PIXELS_PER_DEGREE).iter().all(|v| *v == 0.0));
         let (black, white) = (vec![[0.0; 3]; 400], vec![[1.0; 3]; 400]);

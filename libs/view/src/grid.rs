@@ -1,6 +1,6 @@
 //! The tiles of one level that a view needs, collected before it is drawn.
 
-use crate::picture::Page;
+use crate::image::Page;
 use crate::pyramid::Pyramid;
 use crate::sheet::Sheet;
 use crate::tile::{Pick, TILE, Tile};

@@ -3,7 +3,7 @@
 //! This crate has no windows, sockets or formats. Files are opened through the registry of the caller, and a
 //! display is an array of bytes that the caller shows on a screen or in a terminal, or writes to a file.
 //!
-//! A [`Picture`] is an open file. It has pages with layers of channels. Each page has a [`Pyramid`] of levels, which
+//! A [`Image`] is an open file. It has pages with layers of channels. Each page has a [`Pyramid`] of levels, which
 //! are those of the file and computed ones. They are divided into tiles, which are read on request and kept in a
 //! [`TileStore`] of bounded size. A [`Sheet`] is the layout of a page (as stored, as a cross, one face), a [`View`] is
 //! the part of it on screen, a [`Display`] converts values to colours, and [`draw`] makes the bytes.
@@ -24,12 +24,12 @@ mod drawing;
 mod error;
 mod flip;
 mod grid;
+mod image;
 mod layers;
 mod live;
 mod live_page;
 mod loader;
 mod maps;
-mod picture;
 mod pyramid;
 mod sheet;
 mod sketch;
@@ -48,12 +48,12 @@ pub use drawing::paint;
 pub use error::{Result, ViewError};
 pub use flip::PIXELS_PER_DEGREE;
 pub use grid::{Needs, needs, pixel_under};
+pub use image::{Image, Page, Stamp};
 pub use layers::{Layer, Meaning};
 pub use live::{Live, LiveInfo, LiveLimits, RequestSender};
 pub use live_page::LivePage;
 pub use loader::Loader;
 pub use maps::ColorMap;
-pub use picture::{Page, Picture, Stamp};
 pub use pyramid::{Level, Pyramid};
 pub use sheet::{Arrangement, Patch, Sheet};
 pub use sketch::Sketch;

@@ -22,7 +22,7 @@ pub struct LiveLimits {
     /// The largest number of channels of an image.
     pub channels: usize,
     /// The largest number of images at once.
-    pub pictures: usize,
+    pub images: usize,
     /// The largest number of bytes of the name of an image or of a channel, and of a note.
     pub name_bytes: usize,
 }
@@ -30,7 +30,7 @@ pub struct LiveLimits {
 impl Default for LiveLimits {
     /// Returns limits of 64 Ki pixels per side, 8 GiB in all, 256 channels, 256 images, and 1 KiB per name.
     fn default() -> Self {
-        Self { dimension: 1 << 16, bytes: 8 << 30, channels: 256, pictures: 256, name_bytes: 1024 }
+        Self { dimension: 1 << 16, bytes: 8 << 30, channels: 256, images: 256, name_bytes: 1024 }
     }
 }
 
@@ -102,7 +102,7 @@ struct State {
     requests: Option<RequestSender>,
 }
 
-struct Picture {
+struct Image {
     id: u64,
     name: String,
     width: u32,
@@ -111,7 +111,7 @@ struct Picture {
     state: RwLock<State>,
 }
 
-impl Picture {
+impl Image {
     fn window(&self) -> PixelRect {
         PixelRect::at(0, 0, self.width, self.height)
     }
@@ -147,7 +147,7 @@ type Watcher = Arc<dyn Fn() + Send + Sync>;
 struct Shared {
     limits: LiveLimits,
     /// The images in order of creation.
-    pictures: RwLock<Vec<Arc<Picture>>>,
+    images: RwLock<Vec<Arc<Image>>>,
     next_id: AtomicU64,
     shown: Mutex<u64>,
     version: Mutex<u64>,
@@ -176,7 +176,7 @@ impl Live {
     pub fn new(limits: LiveLimits) -> Self {
         Self(Arc::new(Shared {
             limits,
-            pictures: RwLock::default(),
+            images: RwLock::default(),
             next_id: AtomicU64::new(1),
             shown: Mutex::new(0),
             version: Mutex::new(0),
@@ -199,7 +199,7 @@ impl Live {
         let within = |what, asked: u64, max: u64| {
             if asked <= max { Ok(()) } else { Err(ViewError::Limit { what, asked, max }) }
         };
-        within("bytes of a picture's name", name.len() as u64, limits.name_bytes as u64)?;
+        within("bytes of a image's name", name.len() as u64, limits.name_bytes as u64)?;
         within("pixels of a side", u64::from(width.max(height)), u64::from(limits.dimension))?;
         within("channels", channels.len() as u64, limits.channels as u64)?;
         for channel in channels {
@@ -207,7 +207,7 @@ impl Live {
         }
         if width == 0 || height == 0 || channels.is_empty() {
             return Err(misuse(format!(
-                "a picture of {width} x {height} pixels with {} channels",
+                "a image of {width} x {height} pixels with {} channels",
                 channels.len()
             )));
         }
@@ -216,12 +216,12 @@ impl Live {
         }
         let values = (u64::from(width) * u64::from(height)).saturating_mul(channels.len() as u64);
         let bytes = values.saturating_mul(4);
-        let mut pictures = self.0.pictures.write();
-        let at = pictures.iter().position(|p| p.name == name);
-        let others = pictures.iter().filter(|p| p.name != name);
+        let mut images = self.0.images.write();
+        let at = images.iter().position(|p| p.name == name);
+        let others = images.iter().filter(|p| p.name != name);
         let (count, used) = others.fold((0, 0_u64), |(n, sum), p| (n + 1, sum.saturating_add(p.bytes())));
-        within("pictures", count + 1, limits.pictures as u64)?;
-        within("bytes of all pictures", used.saturating_add(bytes), limits.bytes.min(isize::MAX as u64))?;
+        within("images", count + 1, limits.images as u64)?;
+        within("bytes of all images", used.saturating_add(bytes), limits.bytes.min(isize::MAX as u64))?;
         let state = State {
             // Untouched pages of zeros take no memory.
             pixels: vec![0.0; usize::try_from(values).unwrap_or(0)],
@@ -233,7 +233,7 @@ impl Live {
             wishes: Wishes::default(),
             requests: None,
         };
-        let picture = Arc::new(Picture {
+        let image = Arc::new(Image {
             id: self.0.next_id.fetch_add(1, Ordering::Relaxed),
             name: name.to_owned(),
             width,
@@ -242,10 +242,10 @@ impl Live {
             state: RwLock::new(state),
         });
         match at {
-            Some(at) => pictures[at] = picture,
-            None => pictures.push(picture),
+            Some(at) => images[at] = image,
+            None => images.push(image),
         }
-        drop(pictures);
+        drop(images);
         self.tell();
         Ok(())
     }
@@ -263,14 +263,14 @@ impl Live {
         rect: PixelRect,
         values: &[f32],
     ) -> Result<()> {
-        let picture = self.picture(name)?;
-        if !picture.window().contains(&rect) {
+        let image = self.image(name)?;
+        if !image.window().contains(&rect) {
             return Err(misuse(format!(
                 "pixels x {}..{} y {}..{} of the {} x {} of \"{name}\"",
-                rect.x0, rect.x1, rect.y0, rect.y1, picture.width, picture.height
+                rect.x0, rect.x1, rect.y0, rect.y1, image.width, image.height
             )));
         }
-        let (n, width) = (picture.channels.len(), picture.width as usize);
+        let (n, width) = (image.channels.len(), image.width as usize);
         let (columns, rows) = (rect.width(), rect.height());
         for (index, offset, stride) in channels {
             let last = (columns * rows - 1).checked_mul(*stride).and_then(|l| l.checked_add(*offset));
@@ -287,7 +287,7 @@ impl Live {
                 .iter()
                 .enumerate()
                 .all(|(i, (index, offset, stride))| (*index, *offset, *stride) == (i, channels[0].1 + i, n));
-        picture.write(Some(rect), |state| {
+        image.write(Some(rect), |state| {
             for j in 0..rows {
                 let to = ((rect.y0 as usize + j) * width + rect.x0 as usize) * n;
                 let line = &mut state.pixels[to..to + columns * n];
@@ -310,12 +310,12 @@ impl Live {
 
     /// Marks pixels as in progress. Pixels outside and unknown images are ignored.
     pub fn mark(&self, name: &str, rect: PixelRect) {
-        let Ok(picture) = self.picture(name) else { return };
-        let rect = rect.intersection(&picture.window());
+        let Ok(image) = self.image(name) else { return };
+        let rect = rect.intersection(&image.window());
         if rect.is_empty() {
             return;
         }
-        picture.write(None, |state| {
+        image.write(None, |state| {
             if state.marks.len() < MARKS && !state.marks.contains(&rect) {
                 state.marks.push(rect);
             }
@@ -329,13 +329,13 @@ impl Live {
     /// Returns [`ViewError::Limit`] for a drawing of more than 65536 steps, and [`ViewError::Misuse`] when there is
     /// no such image.
     pub fn draw(&self, name: &str, append: bool, steps: &[Draw]) -> Result<()> {
-        let picture = self.picture(name)?;
-        let drawn = if append { picture.read(|state| state.drawing.len()) } else { 0 };
+        let image = self.image(name)?;
+        let drawn = if append { image.read(|state| state.drawing.len()) } else { 0 };
         if drawn + steps.len() > STEPS {
             let asked = (drawn + steps.len()) as u64;
             return Err(ViewError::Limit { what: "steps of a drawing", asked, max: STEPS as u64 });
         }
-        picture.write(None, |state| {
+        image.write(None, |state| {
             if append {
                 Arc::make_mut(&mut state.drawing).extend_from_slice(steps);
             } else {
@@ -348,11 +348,11 @@ impl Live {
 
     /// Removes an image.
     pub fn close(&self, name: &str) {
-        let mut pictures = self.0.pictures.write();
-        let before = pictures.len();
-        pictures.retain(|p| p.name != name);
-        let gone = pictures.len() != before;
-        drop(pictures);
+        let mut images = self.0.images.write();
+        let before = images.len();
+        images.retain(|p| p.name != name);
+        let gone = images.len() != before;
+        drop(images);
         if gone {
             self.tell();
         }
@@ -360,9 +360,9 @@ impl Live {
 
     /// Records that the sender was lost. The image stays, with a note, without marks, and accepts no requests.
     pub fn lost(&self, name: &str, note: &str) {
-        let Ok(picture) = self.picture(name) else { return };
+        let Ok(image) = self.image(name) else { return };
         let note: String = note.chars().take(self.0.limits.name_bytes / 4).collect();
-        picture.write(None, |state| {
+        image.write(None, |state| {
             state.note = Some(note);
             state.marks.clear();
             state.requests = None;
@@ -372,8 +372,8 @@ impl Live {
 
     /// Records that an image is complete. It has no marks and accepts no requests.
     pub fn finish(&self, name: &str) {
-        let Ok(picture) = self.picture(name) else { return };
-        picture.write(None, |state| {
+        let Ok(image) = self.image(name) else { return };
+        image.write(None, |state| {
             state.marks.clear();
             state.requests = None;
         });
@@ -382,8 +382,8 @@ impl Live {
 
     /// Requests for the sender that this image is shown.
     pub fn show(&self, name: &str) {
-        let Ok(picture) = self.picture(name) else { return };
-        *self.0.shown.lock() = picture.id;
+        let Ok(image) = self.image(name) else { return };
+        *self.0.shown.lock() = image.id;
         self.tell();
     }
 
@@ -394,38 +394,38 @@ impl Live {
 
     /// Sets the display settings that the sender requests for an image.
     pub fn wish(&self, name: &str, wishes: Wishes) {
-        let Ok(picture) = self.picture(name) else { return };
-        picture.write(None, |state| state.wishes = wishes);
+        let Ok(image) = self.image(name) else { return };
+        image.write(None, |state| state.wishes = wishes);
         self.tell();
     }
 
     /// Sets the receiver of requests to the sender of an image.
     pub fn answer(&self, name: &str, requests: RequestSender) {
-        let Ok(picture) = self.picture(name) else { return };
-        picture.write(None, |state| state.requests = Some(requests));
+        let Ok(image) = self.image(name) else { return };
+        image.write(None, |state| state.requests = Some(requests));
         self.tell();
     }
 
     /// Returns the way to send requests to the sender of an image; `None` when there is no receiver.
     pub fn requests(&self, name: &str) -> Option<RequestSender> {
-        self.picture(name).ok()?.read(|state| state.requests.clone())
+        self.image(name).ok()?.read(|state| state.requests.clone())
     }
 
     /// Returns the names of the images, in order of creation.
     pub fn names(&self) -> Vec<String> {
-        let pictures = self.0.pictures.read();
-        pictures.iter().map(|p| p.name.clone()).collect()
+        let images = self.0.images.read();
+        images.iter().map(|p| p.name.clone()).collect()
     }
 
     /// Returns the properties of an image.
     pub fn info(&self, name: &str) -> Option<LiveInfo> {
-        let picture = self.picture(name).ok()?;
-        Some(picture.read(|state| LiveInfo {
-            id: picture.id,
-            name: picture.name.clone(),
-            width: picture.width,
-            height: picture.height,
-            channels: picture.channels.clone(),
+        let image = self.image(name).ok()?;
+        Some(image.read(|state| LiveInfo {
+            id: image.id,
+            name: image.name.clone(),
+            width: image.width,
+            height: image.height,
+            channels: image.channels.clone(),
             generation: state.generation,
             marks: state.marks.clone(),
             note: state.note.clone(),
@@ -440,18 +440,18 @@ impl Live {
     /// # Errors
     /// Returns [`ViewError::Misuse`] when there is no such image or channel, or when `rect` is not inside of it.
     pub fn read(&self, name: &str, rect: PixelRect, channels: &[usize]) -> Result<Vec<f32>> {
-        let picture = self.picture(name)?;
-        let n = picture.channels.len();
-        if !picture.window().contains(&rect) || channels.iter().any(|c| *c >= n) {
+        let image = self.image(name)?;
+        let n = image.channels.len();
+        if !image.window().contains(&rect) || channels.iter().any(|c| *c >= n) {
             return Err(misuse(format!(
                 "pixels x {}..{} y {}..{} of \"{name}\" ({} x {}, {n} channels)",
-                rect.x0, rect.x1, rect.y0, rect.y1, picture.width, picture.height
+                rect.x0, rect.x1, rect.y0, rect.y1, image.width, image.height
             )));
         }
-        let (width, columns) = (picture.width as usize, rect.width());
+        let (width, columns) = (image.width as usize, rect.width());
         let in_order = channels.windows(2).all(|pair| pair[1] == pair[0] + 1);
         let mut values = Vec::with_capacity(columns * rect.height() * channels.len());
-        picture.read(|state| {
+        image.read(|state| {
             for y in rect.y0 as usize..rect.y1 as usize {
                 let from = (y * width + rect.x0 as usize) * n;
                 let line = &state.pixels[from..from + columns * n];
@@ -479,7 +479,7 @@ impl Live {
     /// # Errors
     /// Returns [`ViewError::Misuse`] when there is no such image.
     pub fn snapshot(&self, name: &str) -> Result<(LiveInfo, Vec<f32>)> {
-        let none = || misuse(format!("there is no picture \"{name}\""));
+        let none = || misuse(format!("there is no image \"{name}\""));
         let info = self.info(name).ok_or_else(none)?;
         let all: Vec<usize> = (0..info.channels.len()).collect();
         let values = self.read(name, PixelRect::at(0, 0, info.width, info.height), &all)?;
@@ -488,17 +488,17 @@ impl Live {
 
     /// Returns a number that increases with every change of an image; 0 when there is none of this name.
     pub fn generation(&self, name: &str) -> u64 {
-        self.picture(name).map_or(0, |p| p.read(|state| state.generation))
+        self.image(name).map_or(0, |p| p.read(|state| state.generation))
     }
 
     /// Returns the pixels that may have changed since an image had this generation; the whole image when that was
     /// long ago. An image that was created again under its name has another [`LiveInfo::id`].
     pub fn changes_since(&self, name: &str, generation: u64) -> Vec<PixelRect> {
-        let Ok(picture) = self.picture(name) else { return Vec::new() };
-        picture.read(|state| match state.changes.front() {
-            _ if generation == 0 => vec![picture.window()],
+        let Ok(image) = self.image(name) else { return Vec::new() };
+        image.read(|state| match state.changes.front() {
+            _ if generation == 0 => vec![image.window()],
             Some((first, _)) if state.changes.len() == CHANGES && *first > generation + 1 => {
-                vec![picture.window()]
+                vec![image.window()]
             }
             _ => state.changes.iter().filter(|(g, _)| *g > generation).map(|(_, rect)| *rect).collect(),
         })
@@ -533,10 +533,10 @@ impl Live {
         self.0.version.lock()
     }
 
-    fn picture(&self, name: &str) -> Result<Arc<Picture>> {
-        let pictures = self.0.pictures.read();
-        let found = pictures.iter().find(|p| p.name == name).cloned();
-        found.ok_or_else(|| misuse(format!("there is no picture \"{name}\"")))
+    fn image(&self, name: &str) -> Result<Arc<Image>> {
+        let images = self.0.images.read();
+        let found = images.iter().find(|p| p.name == name).cloned();
+        found.ok_or_else(|| misuse(format!("there is no image \"{name}\"")))
     }
 
     fn tell(&self) {

@@ -1,6 +1,6 @@
 //! A live image as a page.
 
-use crate::picture::Page;
+use crate::image::Page;
 use crate::source::{Access, Source};
 use crate::store::TileStore;
 use crate::tile::{TILE, Tile, tile_size};

@@ -1,7 +1,7 @@
 //! The statistics of the values of an image or a part of it.
 
 use crate::Result;
-use crate::picture::Page;
+use crate::image::Page;
 use crate::tile::{TILE, Tile};
 use granita_base::parallel_map;
 use granita_image::PixelRect;

@@ -2,7 +2,7 @@
 
 use crate::display::Display;
 use crate::draw::{Canvas, Mix, Shown, draw};
-use crate::picture::Page;
+use crate::image::Page;
 use crate::statistics::depth_range;
 use crate::view::View;
 use crate::{Result, ViewError};

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
-use granita_view::{Display, Picture, Stamp, TileStore, thumbnail};
+use granita_view::{Display, Image, Stamp, TileStore, thumbnail};
 use std::path::Path;
 
 fn formats() -> FormatRegistry {
@@ -29,8 +29,8 @@ fn white(path: &Path, format: &str, tiled: bool) {
 
 /// Returns the fraction of the image that is bright, and true when there was a reading error.
 fn seen(path: &Path) -> Option<(f64, bool)> {
-    let picture = Picture::open(path, &formats(), &TileStore::default()).ok()?;
-    let page = &picture.pages[0];
+    let image = Image::open(path, &formats(), &TileStore::default()).ok()?;
+    let page = &image.pages[0];
     let canvas = thumbnail(page, 0, &Display::default(), 256).ok()?;
     let bright = canvas.bytes.chunks(4).filter(|p| p[0] > 128).count();
     Some((bright as f64 / 65536.0, page.fault().is_some()))
@@ -96,13 +96,13 @@ fn changes_are_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pnm");
     white(&path, "pnm", false);
-    let picture = Picture::open(&path, &formats(), &TileStore::default()).unwrap();
-    assert!(!picture.has_changed());
+    let image = Image::open(&path, &formats(), &TileStore::default()).unwrap();
+    assert!(!image.has_changed());
     let mut bytes = std::fs::read(&path).unwrap();
     bytes.extend([0; 10]);
     std::fs::write(&path, bytes).unwrap();
-    assert!(picture.has_changed());
+    assert!(image.has_changed());
     std::fs::remove_file(&path).unwrap();
-    assert!(!picture.has_changed(), "what is gone stays on the screen");
+    assert!(!image.has_changed(), "what is gone stays on the screen");
     assert!(!Stamp::of(&path).is_there());
 }

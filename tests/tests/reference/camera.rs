@@ -1,7 +1,7 @@
 //! Tests attributes of cameras (reference 4.1).
 
 use crate::support::{CAMERA, Place, Rendered, SQUARE, assert_near, levels_of_alpha, scene};
-use granita_tests::Picture;
+use granita_tests::Image;
 
 /// A triangle without horizontal or vertical edges.
 const SLANT: &str =
@@ -17,17 +17,17 @@ fn the_field_of_view_is_that_of_the_height() {
         .replace("Attribute (\"float[4] screen\", (-1, 1, -1, 1))", "Attribute (\"float fov\", 60)");
     let square = "Translate (0, 0, 4)\nWorld ()\nScale (1.1547, 1.1547, 1)\n";
     place.quiet(&format!("{scene}{square}{SQUARE}Render ()\n"));
-    let picture = place.picture("out.tif");
+    let image = place.image("out.tif");
     for y in 0..16 {
         for x in 0..32 {
             let inside = (4..12).contains(&y) && (12..20).contains(&x);
-            assert_eq!(picture.pixel(x, y).unwrap()[3], f32::from(u8::from(inside)), "{x} {y}");
+            assert_eq!(image.pixel(x, y).unwrap()[3], f32::from(u8::from(inside)), "{x} {y}");
         }
     }
 }
 
 /// Returns the mean distance of the alpha of two images.
-fn distance(a: &Picture, b: &Picture) -> f32 {
+fn distance(a: &Image, b: &Image) -> f32 {
     let pairs = a.values.chunks(4).zip(b.values.chunks(4));
     pairs.map(|(a, b)| (a[3] - b[3]).abs()).sum::<f32>() * 4.0 / a.values.len() as f32
 }
@@ -41,7 +41,7 @@ fn spatial_quality_smooths_edges() {
     assert_eq!(levels_of_alpha(&one), 2);
     assert!((3..=5).contains(&levels_of_alpha(&four)), "{}", levels_of_alpha(&four));
     assert!(levels_of_alpha(&many) > 20, "{}", levels_of_alpha(&many));
-    let errors = [one, four, many].map(|picture| distance(&picture, &exact));
+    let errors = [one, four, many].map(|image| distance(&image, &exact));
     assert!(errors[0] > 2.0 * errors[1] && errors[1] > 2.0 * errors[2], "{errors:?}");
 }
 
@@ -66,7 +66,7 @@ fn qualities_of_time_and_lens_take_grain_from_blur() {
         let (few, many, exact) = (with(2), with(64), with(1024));
         assert!(levels_of_alpha(&exact) > 10, "{name}: it blurs");
         assert!(levels_of_alpha(&few) <= 3, "{name}: {}", levels_of_alpha(&few));
-        let errors = [few, many].map(|picture| distance(&picture, &exact));
+        let errors = [few, many].map(|image| distance(&image, &exact));
         assert!(errors[0] > 3.0 * errors[1], "{name}: {errors:?}");
     }
 }
@@ -145,6 +145,6 @@ fn there_is_one_hider() {
     assert!(plain == place.seen("Attribute (\"string hider\", \"default\")", SLANT));
     let other = place.render(&scene("Attribute (\"string hider\", \"depthbuffer\")", SLANT));
     assert!(other.said.len() == 1 && other.said[0].contains("depthbuffer"), "{:?}", other.said);
-    assert!(plain == place.picture("out.tif"));
+    assert!(plain == place.image("out.tif"));
     assert_near(&plain.mean([0, 0, 16, 16]).unwrap(), &[0.445; 4], 0.005, "the triangle's area");
 }

@@ -1,10 +1,10 @@
 //! Tests each bundled light against a closed form, on a matte square in the plane z = 0.
 
 use crate::support::{Place, SHADERS, SQUARE, assert_near, at, middle, scene};
-use granita_tests::Picture;
+use granita_tests::Image;
 
 /// Renders a matte square under one light.
-fn lit(light: &str) -> Picture {
+fn lit(light: &str) -> Image {
     Place::new().seen(
         "",
         &format!(
@@ -15,11 +15,11 @@ fn lit(light: &str) -> Picture {
 
 /// Compares the brightness of every fifth pixel in each direction with a function of its position.
 fn assert_lit(light: &str, tolerance: f32, wanted: impl Fn(f32, f32) -> f32) {
-    let picture = lit(light);
+    let image = lit(light);
     for j in (0..16).step_by(5) {
         for i in (0..16).step_by(5) {
             let (x, y) = (middle(i), middle(j));
-            assert_near(at(&picture, x, y), &[wanted(x, y); 3], tolerance, &format!("{light} at {x} {y}"));
+            assert_near(at(&image, x, y), &[wanted(x, y); 3], tolerance, &format!("{light} at {x} {y}"));
         }
     }
 }
@@ -120,9 +120,9 @@ fn the_light_that_does_everything_has_limits_and_colours() {
     assert_eq!((near, far), (0.0, 0.0));
     // Shadows may have a colour, and "__nondiffuse" excludes diffuse reflection.
     let red = ", \"string shadowname\", \"blockers\", \"color shadowcolor\", (1, 0, 0)";
-    let picture = lit(&format!("{CARD}{}", light(red)));
+    let image = lit(&format!("{CARD}{}", light(red)));
     let wanted = 2.0 / distance(0.4, 0.1);
-    assert_near(at(&picture, -0.4, 0.1), &[wanted, 0.0, 0.0], 0.05, "shadowcolor");
+    assert_near(at(&image, -0.4, 0.1), &[wanted, 0.0, 0.0], 0.05, "shadowcolor");
     let none = lit(&light(", \"float __nondiffuse\", 1"));
     assert_eq!(at(&none, 0.1, 0.1)[..3], [0.0; 3]);
 }
@@ -199,6 +199,6 @@ fn caustic_lights_show_the_density_of_photons() {
         "Light (\"c\", \"causticlight\", \"string photonfile\", \"@/photons.sdb\", \"float maxpixeldist\", 3)\n\
          Shader (\"surface\", \"matte\")\n{SQUARE}"
     );
-    let picture = place.seen("", &world);
-    assert_near(&picture.mean([5, 5, 11, 11]).unwrap(), &[8.0, 4.0, 0.0], 0.4, "the density");
+    let image = place.seen("", &world);
+    assert_near(&image.mean([5, 5, 11, 11]).unwrap(), &[8.0, 4.0, 0.0], 0.4, "the density");
 }

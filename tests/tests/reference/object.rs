@@ -15,8 +15,8 @@ fn baking_looks_along_the_normal() {
     {
         let world =
             format!("Attribute (\"string shading:view\", \"{view}\")\nRotate (40, 0, 1, 0)\n{square}");
-        let picture = place.seen(SHADERS, &world);
-        assert_eq!(picture.pixel(8, 8).unwrap()[..3], wanted, "{view}");
+        let image = place.seen(SHADERS, &world);
+        assert_eq!(image.pixel(8, 8).unwrap()[..3], wanted, "{view}");
     }
 }
 

@@ -42,10 +42,10 @@ fn data_come_exactly_into_float_files() {
         // The volume is opaque from this depth on, and nothing transparent is in front of it.
         ("volz.tif", &[5.0, 0.0, 1e30, 1e30, 1e30]),
     ] {
-        let picture = place.picture(file);
-        assert_eq!(picture.channels, wanted.len(), "{file}");
+        let image = place.image(file);
+        assert_eq!(image.channels, wanted.len(), "{file}");
         for (x, y) in [(0, 0), (7, 9), (15, 15)] {
-            assert_eq!(picture.pixel(x, y).unwrap(), wanted, "{file} {x} {y}");
+            assert_eq!(image.pixel(x, y).unwrap(), wanted, "{file} {x} {y}");
         }
     }
     assert_eq!(rgba.pixel(7, 9).unwrap(), [0.1, -2.5, 1e6, 1.0]);
@@ -75,8 +75,8 @@ fn each_filter_has_its_shape_and_width() {
     let mut seen = Vec::new();
     for filter in Filter::ALL {
         for width in widths {
-            let picture = place.picture(&format!("{}{width}.tif", filter.word()));
-            let column = |x: usize| picture.mean([x, 0, x + 1, 16]).unwrap()[3];
+            let image = place.image(&format!("{}{width}.tif", filter.word()));
+            let column = |x: usize| image.mean([x, 0, x + 1, 16]).unwrap()[3];
             let over = |from: f32, to: f32| {
                 let steps = 400;
                 let place = |k: usize| from + (to - from) * (k as f32 + 0.5) / steps as f32;
@@ -111,7 +111,7 @@ fn the_width_of_a_filter_has_two_directions() {
     let corner = "Patch (\"linear\", 2, 2, \"vertex point P\", (0, 0, 0, 0.125, 0, 0, 0, 0.125, 0, 0.125, 0.125, 0))\n";
     let filter = ", \"string filter\", \"box\", \"float[2] filterwidth\", (3, 1)";
     place.seen(&output("wide.tif", "rgba", filter), corner);
-    let wide = place.picture("wide.tif");
+    let wide = place.image("wide.tif");
     for (dx, dy, wanted) in
         [(0, 0, 1.0 / 3.0), (1, 0, 1.0 / 3.0), (-1, 0, 1.0 / 3.0), (0, 1, 0.0), (2, 0, 0.0)]
     {
@@ -129,7 +129,7 @@ fn near_depths_are_one_surface_of_a_volume() {
     let before =
         output("usual.tif", "volz", "") + &output("wide.tif", "volz", ", \"float opaquewidth\", 0.2");
     place.quiet(&scene(&before, world));
-    let (usual, wide) = (place.picture("usual.tif"), place.picture("wide.tif"));
+    let (usual, wide) = (place.image("usual.tif"), place.image("wide.tif"));
     let depth = |x: f32| 5.0 + if x < 0.0 { 1.28 * x } else { 0.16 * x };
     for i in 0..16 {
         let x = middle(i);

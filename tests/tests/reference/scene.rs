@@ -28,7 +28,7 @@ fn depths_are_of_what_is_opaque_enough() {
         );
         let wall = format!("Translate (0, 0, 2)\n{SQUARE}");
         place.quiet(&scene(&format!("{out}{line}"), &format!("{veil}{wall}")));
-        place.picture("z.tif").pixel(5, 5).unwrap()[0]
+        place.image("z.tif").pixel(5, 5).unwrap()[0]
     };
     let threshold = "Attribute (\"color shadow:opacitythreshold\", (0.5, 0.5, 0.5))\n";
     assert_eq!(depth("", "(0.99, 0.99, 0.99)"), 7.0);
@@ -48,7 +48,7 @@ fn threads_are_as_many_as_asked_for() {
 }
 
 /// Writes an image of one colour that is not a MIP map.
-fn picture(place: &Place, name: &str, rgb: [u8; 3]) {
+fn image(place: &Place, name: &str, rgb: [u8; 3]) {
     let bytes = [b"P6 8 8 255\n".to_vec(), rgb.repeat(64)].concat();
     std::fs::write(place.path(name), bytes).unwrap();
 }
@@ -67,7 +67,7 @@ fn textures_are_found_along_their_path() {
     let place = Place::new();
     for (folder, rgb) in [("a", [255, 0, 0]), ("b", [0, 255, 0])] {
         std::fs::create_dir(place.path(folder)).unwrap();
-        picture(&place, &format!("{folder}/t.ppm"), rgb);
+        image(&place, &format!("{folder}/t.ppm"), rgb);
     }
     let square = asks(&place, "", TEXTURED);
     for (path, wanted) in
@@ -75,21 +75,21 @@ fn textures_are_found_along_their_path() {
     {
         let line = format!("{SHADERS}Attribute (\"string path:texture\", \"{path}\")");
         place.render(&scene(&line, &square));
-        assert_eq!(place.picture("out.tif").pixel(4, 4).unwrap()[..3], wanted, "{path}");
+        assert_eq!(place.image("out.tif").pixel(4, 4).unwrap()[..3], wanted, "{path}");
     }
 }
 
 #[test]
 fn mip_maps_are_made_unless_that_is_not_wanted() {
     let place = Place::new();
-    picture(&place, "t.ppm", [0, 0, 255]);
+    image(&place, "t.ppm", [0, 0, 255]);
     let square = asks(&place, "", TEXTURED);
     let path = format!("{SHADERS}Attribute (\"string path:texture\", \"@\")\n");
     let made = place.render(&scene(&path, &square));
-    assert_eq!(place.picture("out.tif").pixel(4, 4).unwrap()[..3], [0.0, 0.0, 1.0]);
+    assert_eq!(place.image("out.tif").pixel(4, 4).unwrap()[..3], [0.0, 0.0, 1.0]);
     assert_eq!((made.shading().texture_automipmaps, made.outcome.errors), (1, 0));
     let not = place.render(&scene(&format!("{path}Attribute (\"int texture:automipmap\", 0)"), &square));
-    assert_eq!(place.picture("out.tif").pixel(4, 4).unwrap()[..3], [0.25; 3]);
+    assert_eq!(place.image("out.tif").pixel(4, 4).unwrap()[..3], [0.25; 3]);
     assert_eq!(not.shading().texture_automipmaps, 0);
     assert!(not.said.iter().any(|s| s.contains("texture:automipmap is 0")), "{:?}", not.said);
 }
@@ -110,7 +110,7 @@ fn little_memory_for_textures_is_kept_to() {
         let memory = format!("{SHADERS}Attribute (\"int limits:texturememory\", {kilobytes})");
         let rendered = place.quiet(&scene(&memory, &square));
         let counts = rendered.shading();
-        (place.picture("out.tif"), counts.texture_bytes_peak, counts.texture_tiles_read)
+        (place.image("out.tif"), counts.texture_bytes_peak, counts.texture_tiles_read)
     };
     let (all, few) = (with(20480), with(64));
     assert!(all.0 == few.0, "the pixels are the same");
@@ -121,8 +121,8 @@ fn little_memory_for_textures_is_kept_to() {
 #[test]
 fn substitutes_stand_for_all_textures_and_environments() {
     let place = Place::new();
-    picture(&place, "t.ppm", [255, 0, 0]);
-    picture(&place, "grey.ppm", [128, 128, 128]);
+    image(&place, "t.ppm", [255, 0, 0]);
+    image(&place, "grey.ppm", [128, 128, 128]);
     let mode = granita_texture::make::Mode::EnvLatLong;
     made(&place, "grey.ppm", "grey.env", granita_texture::make::MakeOptions { mode, ..Default::default() });
     let square = asks(
@@ -134,7 +134,7 @@ fn substitutes_stand_for_all_textures_and_environments() {
     let with = |lines: &str| {
         let rendered = place.render(&scene(&format!("{SHADERS}{lines}"), &square));
         let missing = rendered.said.iter().any(|s| s.contains("none.env"));
-        (place.picture("out.tif").pixel(4, 4).unwrap()[..3].to_vec(), missing)
+        (place.image("out.tif").pixel(4, 4).unwrap()[..3].to_vec(), missing)
     };
     let half = 128.0 / 255.0;
     let texture = "Attribute (\"string texture:substtexture\", \"@/grey.ppm\")\n";
@@ -189,7 +189,7 @@ fn database(place: &Place, attributes: &str, shader: &str) -> (Option<usize>, f3
     place.quiet(&scene(&format!("{SHADERS}{attributes}"), &world));
     let file = place.path("rw.sdb");
     let records = file.exists().then(|| granita_sdb::read(&file).unwrap().len());
-    (records, place.picture("out.tif").pixel(8, 8).unwrap()[0])
+    (records, place.image("out.tif").pixel(8, 8).unwrap()[0])
 }
 
 #[test]

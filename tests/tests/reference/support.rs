@@ -3,7 +3,7 @@
 use granita_base::Reporter;
 use granita_render::{ShadingStatistics, Statistics};
 use granita_session::{Outcome, Session, SessionError, SessionOptions};
-use granita_tests::Picture;
+use granita_tests::Image;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -88,14 +88,14 @@ impl Place {
     }
 
     /// Reads an image of this folder.
-    pub(crate) fn picture(&self, name: &str) -> Picture {
-        Picture::read(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
+    pub(crate) fn image(&self, name: &str) -> Image {
+        Image::read(&self.path(name)).unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// Renders a scene of [`CAMERA`] with more before and after `World`, without messages. Returns "out.tif".
-    pub(crate) fn seen(&self, before: &str, world: &str) -> Picture {
+    pub(crate) fn seen(&self, before: &str, world: &str) -> Image {
         self.quiet(&scene(before, world));
-        self.picture("out.tif")
+        self.image("out.tif")
     }
 }
 
@@ -114,9 +114,9 @@ pub(crate) fn asks(place: &Place, parameters: &str, body: &str) -> String {
 pub(crate) const SHADERS: &str = "Attribute (\"string path:shader\", \"@:&\")\n";
 
 /// Returns the pixel of [`CAMERA`] that contains the point (x, y).
-pub(crate) fn at(picture: &Picture, x: f32, y: f32) -> &[f32] {
-    let (w, h) = (picture.width as f32, picture.height as f32);
-    picture.pixel(((x + 1.0) * 0.5 * w) as usize, ((1.0 - y) * 0.5 * h) as usize).unwrap()
+pub(crate) fn at(image: &Image, x: f32, y: f32) -> &[f32] {
+    let (w, h) = (image.width as f32, image.height as f32);
+    image.pixel(((x + 1.0) * 0.5 * w) as usize, ((1.0 - y) * 0.5 * h) as usize).unwrap()
 }
 
 /// Returns the middle of pixel `i` of 16 along an axis of [`CAMERA`].
@@ -131,8 +131,8 @@ pub(crate) fn assert_near(found: &[f32], wanted: &[f32], tolerance: f32, what: &
 }
 
 /// Returns the number of different values of the alpha of an image.
-pub(crate) fn levels_of_alpha(picture: &Picture) -> usize {
-    let mut bits: Vec<u32> = picture.values.chunks(4).map(|p| p[3].to_bits()).collect();
+pub(crate) fn levels_of_alpha(image: &Image) -> usize {
+    let mut bits: Vec<u32> = image.values.chunks(4).map(|p| p[3].to_bits()).collect();
     bits.sort_unstable();
     bits.dedup();
     bits.len()

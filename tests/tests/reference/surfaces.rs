@@ -2,7 +2,7 @@
 //! their sources.
 
 use crate::support::{Place, SHADERS, SQUARE, asks, assert_near, at, middle, scene};
-use granita_tests::Picture;
+use granita_tests::Image;
 
 /// A light from the side and an ambient one.
 const LIGHTS: &str = "Light (\"a\", \"ambientlight\", \"float intensity\", 0.25)\n\
@@ -10,7 +10,7 @@ const LIGHTS: &str = "Light (\"a\", \"ambientlight\", \"float intensity\", 0.25)
     Attribute (\"color C\", (0.9, 0.5, 0.25))\nAttribute (\"color opacity\", (0.75, 0.75, 0.75))\n";
 
 /// Renders a rotated square with a surface shader, under [`LIGHTS`].
-fn surface(place: &Place, shader: &str) -> Picture {
+fn surface(place: &Place, shader: &str) -> Image {
     place.seen(SHADERS, &format!("{LIGHTS}Rotate (20, 1, 0.3, 0)\nScale (2, 2, 1)\n{shader}\n{SQUARE}"))
 }
 
@@ -86,10 +86,10 @@ fn a_texture_is_the_colour_of_what_it_covers() {
             "Light (\"a\", \"ambientlight\")\nShader (\"surface\", \"{shader}\", \"string texturename\", \"@/ramp.ppm\")\n{SQUARE}"
         );
         place.render(&scene("", &world));
-        let picture = place.picture("out.tif");
+        let image = place.image("out.tif");
         for i in 2..14 {
             let x = middle(i);
-            assert_near(at(&picture, x, 0.1), &[0.5 + 0.5 * x; 3], 0.02, shader);
+            assert_near(at(&image, x, 0.1), &[0.5 + 0.5 * x; 3], 0.02, shader);
         }
     }
 }
@@ -134,12 +134,12 @@ fn fog_thickens_with_distance() {
         .replace("\"orthographic\"", "\"perspective\"")
         .replace("(-1, 1, -1, 1)", "(-0.2, 0.2, -0.2, 0.2)");
     place.quiet(&scene);
-    let picture = place.picture("out.tif");
+    let image = place.image("out.tif");
     for i in [0, 5, 8, 15] {
         let x = middle(i);
         let clear = (-(25.0 + x * x + 0.1 * 0.1_f32).sqrt() / 4.0).exp();
         let wanted = [0.1, 0.2, 0.9].map(|fog| fog + (1.0 - fog) * clear);
-        assert_near(at(&picture, x, 0.1), &wanted, 2e-3, &format!("fog at {x}"));
+        assert_near(at(&image, x, 0.1), &wanted, 2e-3, &format!("fog at {x}"));
     }
 }
 
@@ -150,7 +150,7 @@ fn relief(place: &Place, before: &str, displacement: &str) -> Vec<f32> {
         "Attribute (\"float displace:maxradius\", 20)\nShader (\"displacement\", {displacement})\nScale (2, 2, 1)\n{SQUARE}"
     );
     place.quiet(&scene(&format!("{out}{before}"), &world));
-    place.picture("z.tif").values.iter().map(|z| z - 5.0).collect()
+    place.image("z.tif").values.iter().map(|z| z - 5.0).collect()
 }
 
 fn range(values: &[f32]) -> (f32, f32) {
@@ -225,8 +225,8 @@ fn baked_light_is_what_fell_on_the_surface_and_comes_out_again() {
     let under = "\"string diffusefile\", \"@/light.sdb\", \"color scattering\", (5, 5, 5), \"color absorption\", (0.01, 0.01, 0.01)";
     let seen = |shader: &str| {
         let world = format!("{light}Scale (4, 4, 1)\n{shader}\n{SQUARE}");
-        let picture = place.seen("Attribute (\"string units:length\", \"mm\")", &world);
-        at(&picture, 0.1, 0.1)[..3].to_vec()
+        let image = place.seen("Attribute (\"string units:length\", \"mm\")", &world);
+        at(&image, 0.1, 0.1)[..3].to_vec()
     };
     let plain = seen("Shader (\"surface\", \"plasticss\", \"float Kd\", 0.5, \"float Ks\", 0)");
     let scattered =

@@ -64,7 +64,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
 }
 
 #[test]
-fn workers_make_the_picture_of_a_viewer_without_showing_it() {
+fn workers_make_the_image_of_a_viewer_without_showing_it() {
     let words = |line: &str| {
         let (options, given) = parsed(&line.split(' ').map(str::to_owned).collect::<Vec<_>>()).unwrap();
         options.for_worker(&given).map(|words| words.join(" "))

@@ -51,16 +51,16 @@ fn floats(path: &Path) -> Vec<f32> {
 }
 
 /// Images as packets make them: name, width, channels, pixels.
-type Pictures = Vec<(String, usize, Vec<String>, Vec<f32>)>;
+type Images = Vec<(String, usize, Vec<String>, Vec<f32>)>;
 
-fn paint(pictures: &mut Pictures, packet: Packet) {
+fn paint(images: &mut Images, packet: Packet) {
     match packet {
         Packet::CreateImage { name, width, height, channels, .. } => {
             let values = vec![f32::NAN; width as usize * height as usize * channels.len()];
-            pictures.push((name, width as usize, channels, values));
+            images.push((name, width as usize, channels, values));
         }
         Packet::UpdateImage { name, channels, rect, values, .. } => {
-            let (_, width, names, pixels) = pictures.iter_mut().find(|p| p.0 == name).unwrap();
+            let (_, width, names, pixels) = images.iter_mut().find(|p| p.0 == name).unwrap();
             for channel in channels {
                 let c = names.iter().position(|n| *n == channel.name).unwrap();
                 for k in 0..rect.width() * rect.height() {
@@ -76,20 +76,20 @@ fn paint(pictures: &mut Pictures, packet: Packet) {
 }
 
 /// Starts a viewer that never answers. Returns its address, and a thread that returns the images it received.
-fn plain_viewer() -> (String, std::thread::JoinHandle<Pictures>) {
+fn plain_viewer() -> (String, std::thread::JoinHandle<Images>) {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap().to_string();
     let hearing = std::thread::spawn(move || {
         let mut all = Vec::new();
         server.accept().unwrap().0.read_to_end(&mut all).unwrap();
-        let (mut rest, mut pictures) = (&all[..], Pictures::new());
+        let (mut rest, mut images) = (&all[..], Images::new());
         while let Some(length) = rest.first_chunk::<4>() {
             let (packet, after) = rest.split_at(u32::from_le_bytes(*length) as usize);
             assert!(packet[4] <= 8, "a packet of type {} that is not of the protocol", packet[4]);
-            paint(&mut pictures, Packet::decode(packet, &PacketLimits::default()).unwrap());
+            paint(&mut images, Packet::decode(packet, &PacketLimits::default()).unwrap());
             rest = after;
         }
-        pictures
+        images
     });
     (address, hearing)
 }
@@ -100,8 +100,8 @@ fn a_viewer_gets_the_pixels_of_the_file_to_the_bit() {
     let (address, viewer) = plain_viewer();
     let ran = gelato(place.path(), &["-threads", "2", "-display", &address, "scene.pyg"]);
     assert_eq!(ran, (0, String::new()));
-    let pictures = viewer.join().unwrap();
-    let [(name, 96, channels, pixels)] = &pictures[..] else { panic!("{} pictures", pictures.len()) };
+    let images = viewer.join().unwrap();
+    let [(name, 96, channels, pixels)] = &images[..] else { panic!("{} images", images.len()) };
     assert_eq!((&**name, channels.concat()), ("scene.pyg", "RGBA".to_owned()));
     let file = floats(&place.path().join("out.tif"));
     assert!(*pixels == file && file.iter().any(|v| *v > 0.1));
@@ -113,20 +113,20 @@ fn all_data_are_pages_and_crops_are_what_they_hold() {
     let (address, viewer) = plain_viewer();
     let words = ["-display", &address, "-data", "all", "-crop", "0.25", "1", "0.5", "1", "scene.pyg"];
     assert_eq!(gelato(place.path(), &words), (0, String::new()));
-    let pictures = viewer.join().unwrap();
-    let names: Vec<&str> = pictures.iter().map(|p| &*p.0).collect();
+    let images = viewer.join().unwrap();
+    let names: Vec<&str> = images.iter().map(|p| &*p.0).collect();
     assert_eq!(names, ["out.tif rgba", "normals.tif normal N"]);
-    for (picture, file) in pictures.iter().zip(["out.tif", "normals.tif"]) {
-        assert_eq!((picture.1, picture.3.len()), (72, 72 * 32 * picture.2.len()));
-        assert!(picture.3 == floats(&place.path().join(file)), "{file}");
+    for (image, file) in images.iter().zip(["out.tif", "normals.tif"]) {
+        assert_eq!((image.1, image.3.len()), (72, 72 * 32 * image.2.len()));
+        assert!(image.3 == floats(&place.path().join(file)), "{file}");
     }
     // "first" is the first output. `-data` selects others.
     for (data, channels) in [("first", "RGBA"), ("z", "Z"), ("normal N", "RGB")] {
         let (address, viewer) = plain_viewer();
         let ran = gelato(place.path(), &["-display", &address, "-data", data, "scene.pyg"]);
         assert_eq!(ran, (0, String::new()));
-        let pictures = viewer.join().unwrap();
-        assert_eq!((&*pictures[0].0, pictures[0].2.concat()), ("scene.pyg", channels.to_owned()));
+        let images = viewer.join().unwrap();
+        assert_eq!((&*images[0].0, images[0].2.concat()), ("scene.pyg", channels.to_owned()));
     }
 }
 
@@ -139,9 +139,9 @@ Camera ("main")"#;
     // The viewer of the command line is also that of the scene's output. Both share a connection.
     let ran = gelato(place.path(), &["-display", &address, "scene.pyg"]);
     assert_eq!(ran, (0, String::new()));
-    let pictures = viewer.join().unwrap();
-    assert_eq!((pictures.len(), &*pictures[0].0, &*pictures[1].0), (2, "live", "scene.pyg"));
-    let twice = pictures[0].3.chunks(4).zip(pictures[1].3.chunks(4));
+    let images = viewer.join().unwrap();
+    assert_eq!((images.len(), &*images[0].0, &*images[1].0), (2, "live", "scene.pyg"));
+    let twice = images[0].3.chunks(4).zip(images[1].3.chunks(4));
     assert!(twice.into_iter().all(|(a, b)| (0..3).all(|c| a[c] == 2.0 * b[c]) && a[3] == b[3]));
     // An untrusted scene may not name a viewer.
     let (named, viewer) = plain_viewer();
@@ -258,10 +258,10 @@ fn what_others_render_is_shown_as_well() {
     let ran =
         gelato(place.path(), &["-net", "local local", "-display", &address, "-data", "all", "scene.pyg"]);
     assert_eq!(ran, (0, String::new()));
-    let pictures = viewer.join().unwrap();
-    assert_eq!(pictures.len(), 2);
-    for (picture, file) in pictures.iter().zip(["out.tif", "normals.tif"]) {
-        assert!(picture.3 == floats(&place.path().join(file)), "{file}");
+    let images = viewer.join().unwrap();
+    assert_eq!(images.len(), 2);
+    for (image, file) in images.iter().zip(["out.tif", "normals.tif"]) {
+        assert!(image.3 == floats(&place.path().join(file)), "{file}");
     }
 }
 
@@ -286,9 +286,9 @@ fn our_own_viewer_is_told_what_begins_and_what_is_done() {
         count(|p| matches!(p, Packet::Mark { .. })),
         count(|p| matches!(p, Packet::UpdateImage { .. }))
     );
-    let mut pictures = Pictures::new();
-    packets.iter().for_each(|packet| paint(&mut pictures, packet.clone()));
-    assert!(pictures[0].3 == floats(&place.path().join("out.tif")));
+    let mut images = Images::new();
+    packets.iter().for_each(|packet| paint(&mut images, packet.clone()));
+    assert!(images[0].3 == floats(&place.path().join("out.tif")));
 }
 
 /// A viewer of this suite that only records packets.

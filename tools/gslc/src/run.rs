@@ -29,7 +29,7 @@ const MAX_THREADS: usize = 1024;
 const HEADLIGHT: &str = "light headlight () { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
 
 /// The image of a run. The channels of a pixel are stored together, and the first row is on top.
-struct Picture {
+struct Image {
     width: usize,
     height: usize,
     channels: usize,
@@ -104,7 +104,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
         0 => std::thread::available_parallelism().map_or(1, usize::from),
         n => n,
     };
-    let (picture, took) = job.shade(threads.min(MAX_THREADS));
+    let (image, took) = job.shade(threads.min(MAX_THREADS));
     if options.verbosity >= 2 {
         let points = (width * height) as f64 * f64::from(job.repeat);
         say(&format!("gslc: {:.1} ns per point and thread", took.as_secs_f64() * 1e9 / points));
@@ -116,7 +116,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
         }
     };
     if output != "null" {
-        write(&picture, Path::new(&output))?;
+        write(&image, Path::new(&output))?;
     }
     Ok(if reporter.errors() > 0 { Status::WithErrors } else { Status::Done })
 }
@@ -235,7 +235,7 @@ struct Job<'a> {
 
 /// The tiles that are shaded. They arrive in any order and are copied into the image in the order of the tiles.
 struct Finished {
-    picture: Picture,
+    image: Image,
     /// The index of the tile that is copied next.
     next: usize,
     waiting: BTreeMap<usize, (Option<Vec<f32>>, String)>,
@@ -256,12 +256,12 @@ impl Job<'_> {
     /// Shades the whole image with this number of threads. Returns the image and the duration of the shading, summed
     /// over the threads. A tile is shaded by one thread and does not depend on the others, so the image does not depend
     /// on their number.
-    fn shade(&self, threads: usize) -> (Picture, Duration) {
+    fn shade(&self, threads: usize) -> (Image, Duration) {
         let channels = self.ty.components();
         let [width, height] = self.size;
         let tiles = self.columns() * height.div_ceil(TILE);
         let finished = Mutex::new(Finished {
-            picture: Picture { width, height, channels, values: vec![0.0; channels * width * height] },
+            image: Image { width, height, channels, values: vec![0.0; channels * width * height] },
             next: 0,
             waiting: BTreeMap::new(),
             took: Duration::ZERO,
@@ -297,7 +297,7 @@ impl Job<'_> {
             work();
         });
         let finished = finished.into_inner();
-        (finished.picture, finished.took)
+        (finished.image, finished.took)
     }
 
     /// Returns the requested value over a tile, component after component, and the duration of the shading.
@@ -329,11 +329,11 @@ impl Job<'_> {
         while let Some((values, printed)) = finished.waiting.remove(&finished.next) {
             let (from, points) = self.tile(finished.next);
             finished.next += 1;
-            let (n, channels) = (points[0] * points[1], finished.picture.channels);
+            let (n, channels) = (points[0] * points[1], finished.image.channels);
             for (k, value) in values.into_iter().flatten().enumerate() {
                 let (c, k) = (k / n, k % n);
                 let pixel = (from[1] + k / points[0]) * self.size[0] + from[0] + k % points[0];
-                finished.picture.values[pixel * channels + c] = value;
+                finished.image.values[pixel * channels + c] = value;
             }
             print(&printed);
         }
@@ -379,16 +379,16 @@ fn light_values(
 }
 
 /// Writes the image in the format of the name's extension, as floats where the format supports them.
-fn write(picture: &Picture, path: &Path) -> Result<(), String> {
+fn write(image: &Image, path: &Path) -> Result<(), String> {
     let registry = granita_plugin::bundled_formats(Limits::default());
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("exr").to_ascii_lowercase();
     let format = registry
         .by_name(&extension)
         .ok_or_else(|| format!("{}: no image format has this extension", path.display()))?;
     let pixel_type = format.output_type(PixelType::Float);
-    let spec = ImageSpec::new(picture.width as u32, picture.height as u32, picture.channels, pixel_type);
+    let spec = ImageSpec::new(image.width as u32, image.height as u32, image.channels, pixel_type);
     let mut file = format.create(path, &CreateOptions::new(&spec, 1)).map_err(|e| e.to_string())?;
-    file.write_rows(&Pixels::from_floats(pixel_type, &picture.values)).map_err(|e| e.to_string())?;
+    file.write_rows(&Pixels::from_floats(pixel_type, &image.values)).map_err(|e| e.to_string())?;
     file.close().map_err(|e| e.to_string())
 }
 

@@ -3,7 +3,7 @@
 use granita_base::{Param, ParamData};
 use granita_image::ImageSpec;
 use granita_texture::TextureKind;
-use granita_view::{Page, Picture};
+use granita_view::{Image, Page};
 use std::fmt::Write;
 
 /// Returns a value as one word or line.
@@ -70,14 +70,14 @@ fn page_text(page: &Page) -> String {
 }
 
 /// Returns everything about a file except its pixels, with a line for the file and a block for each image.
-pub(crate) fn text(picture: &Picture) -> String {
-    let n = picture.pages.len();
-    let mut text = format!("{}: {}", picture.path.display(), picture.format);
+pub(crate) fn text(image: &Image) -> String {
+    let n = image.pages.len();
+    let mut text = format!("{}: {}", image.path.display(), image.format);
     if n > 1 {
         let _ = write!(text, ", {n} images");
     }
     text.push('\n');
-    for (i, page) in picture.pages.iter().enumerate() {
+    for (i, page) in image.pages.iter().enumerate() {
         if n > 1 {
             let name = if page.name.is_empty() { String::new() } else { format!(" \"{}\"", page.name) };
             let _ = writeln!(text, "  image {i}{name}");

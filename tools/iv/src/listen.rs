@@ -42,7 +42,7 @@ pub(crate) struct NetArgs {
     #[arg(long, help_heading = "Live images")]
     pub(crate) allowopen: bool,
 
-    /// Open what pictures name as their foreground and background, but nothing else: for the program that started this
+    /// Open what images name as their foreground and background, but nothing else: for the program that started this
     /// one
     #[arg(long, hide = true)]
     pub(crate) allowlayers: bool,
@@ -90,7 +90,7 @@ pub(crate) fn begin(
     match address(args).and_then(|address| start(address, live, reporter, open, args.allowlayers)) {
         Ok(listener) => Ok(Some(listener)),
         Err(error) if args.listen.is_none() => {
-            reporter.warning(format!("{error}: no renderer can send pictures here"));
+            reporter.warning(format!("{error}: no renderer can send images here"));
             Ok(None)
         }
         Err(error) => Err(error),
@@ -135,9 +135,8 @@ fn start(
     let limits = ServerLimits { packet, ..ServerLimits::default() };
     let listener = Listener::bind(address, limits, Arc::new(feeder))?;
     if !address.ip().is_loopback() {
-        reporter.warning(format!(
-            "{address} can be reached from other machines: anybody there may send pictures"
-        ));
+        reporter
+            .warning(format!("{address} can be reached from other machines: anybody there may send images"));
     }
     // The program that started this one waits for these words.
     let text = format!("iv: listening on {}\n", listener.address());
@@ -226,7 +225,7 @@ impl Feeder {
         rect: PixelRect,
         values: &[f32],
     ) -> Result<(), String> {
-        let info = self.live.info(name).ok_or_else(|| format!("there is no picture \"{name}\""))?;
+        let info = self.live.info(name).ok_or_else(|| format!("there is no image \"{name}\""))?;
         let place = |channel: &Channel| {
             let index = info.channels.iter().position(|n| *n == channel.name);
             let index = index.ok_or_else(|| format!("\"{name}\" has no channel \"{}\"", channel.name))?;

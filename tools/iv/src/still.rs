@@ -7,8 +7,8 @@ use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_image::{FormatRegistry, PixelRect};
 use granita_view::{
-    Comparison, Display, Page, Picture, Statistics, TileStore, ascii, compare, expand, save_canvas,
-    statistics, suited, thumbnail,
+    Comparison, Display, Image, Page, Statistics, TileStore, ascii, compare, expand, save_canvas, statistics,
+    suited, thumbnail,
 };
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -55,19 +55,19 @@ impl Still<'_> {
         })
     }
 
-    fn open(&self, file: &Path) -> Result<Picture, String> {
-        Picture::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
+    fn open(&self, file: &Path) -> Result<Image, String> {
+        Image::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
     }
 
     /// Returns the page and the layer that the options select, and their display.
-    fn chosen<'p>(&self, picture: &'p Picture) -> Result<(&'p Page, usize, Display), String> {
+    fn chosen<'p>(&self, image: &'p Image) -> Result<(&'p Page, usize, Display), String> {
         let look = &self.args.look;
-        let name = picture.path.display();
-        let page = picture.pages.get(look.page).ok_or_else(|| {
+        let name = image.path.display();
+        let page = image.pages.get(look.page).ok_or_else(|| {
             format!(
                 "{name}: there is no image {}, the file has {}, counted from 0",
                 look.page,
-                picture.pages.len()
+                image.pages.len()
             )
         })?;
         let layer = layer_of(page, look.layer.as_deref()).map_err(|e| format!("{name}: {e}"))?;
@@ -78,13 +78,13 @@ impl Still<'_> {
 
     fn one(&self, file: &Path, files: usize) -> Result<(), String> {
         let args = self.args;
-        let picture = self.open(file)?;
+        let image = self.open(file)?;
         if args.info {
-            self.say(info::text(&picture));
+            self.say(info::text(&image));
         } else if args.stats {
-            self.say(stats_text(&picture)?);
+            self.say(stats_text(&image)?);
         } else if args.ascii {
-            let (page, layer, display) = self.chosen(&picture)?;
+            let (page, layer, display) = self.chosen(&image)?;
             let environment = granita_cli::environment();
             let columns = environment.get("COLUMNS").and_then(|c| c.parse().ok());
             let columns = args.width.or(columns).unwrap_or(80);
@@ -94,7 +94,7 @@ impl Still<'_> {
             }
             granita_cli::print(&text);
         } else if let Some(out) = &args.thumbnail {
-            let (page, layer, display) = self.chosen(&picture)?;
+            let (page, layer, display) = self.chosen(&image)?;
             let canvas = thumbnail(page, layer, &display, args.size).map_err(|e| e.to_string())?;
             let out = match files > 1 || out.is_dir() {
                 true => {
@@ -105,12 +105,12 @@ impl Still<'_> {
                 false => out.clone(),
             };
             if is_same_file(file, &out) {
-                return Err(format!("{} is the picture itself, and is not overwritten", out.display()));
+                return Err(format!("{} is the image itself, and is not overwritten", out.display()));
             }
             save_canvas(&canvas, &out, self.formats).map_err(|e| e.to_string())?;
             self.reporter.info(format!("wrote {}: {} x {}", out.display(), canvas.width, canvas.height));
         }
-        for (i, page) in picture.pages.iter().enumerate() {
+        for (i, page) in image.pages.iter().enumerate() {
             if let Some(fault) = page.fault() {
                 self.reporter.warning(format!("image {i} could not be read completely: {fault}"));
             }
@@ -266,12 +266,12 @@ pub(crate) fn statistics_table(names: &[String], found: &[Statistics]) -> String
     table(&rows)
 }
 
-fn stats_text(picture: &Picture) -> Result<String, String> {
+fn stats_text(image: &Image) -> Result<String, String> {
     let mut text = String::new();
-    for (i, page) in picture.pages.iter().enumerate() {
+    for (i, page) in image.pages.iter().enumerate() {
         let spec = page.spec();
-        let name = picture.path.display();
-        let _ = match picture.pages.len() {
+        let name = image.path.display();
+        let _ = match image.pages.len() {
             1 => writeln!(text, "{name}: {}", info::summary(spec)),
             _ => writeln!(text, "{name}#{i}: {}", info::summary(spec)),
         };

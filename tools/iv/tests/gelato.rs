@@ -202,10 +202,10 @@ fn the_window_stays_after_the_render() {
     assert!(status.success(), "{}", said(folder.path()));
     let pixels = file(folder.path());
     assert!(pixels[4 * (32 * 96 + 48)] > 0.05, "there is something to be seen");
-    assert!(until(|| shows(&screen, &pixels)), "the screen does not show the picture");
+    assert!(until(|| shows(&screen, &pixels)), "the screen does not show the image");
     std::thread::sleep(Duration::from_secs(1));
     assert_eq!(viewers(&screen.name).len(), 1);
-    assert!(shows(&screen, &pixels), "the picture stays");
+    assert!(shows(&screen, &pixels), "the image stays");
 }
 
 /// Renders the sphere for a viewer, with an image of 96 x 64 pixels, each of them `color`, as its "background" or
@@ -276,7 +276,7 @@ fn a_viewer_that_is_killed_does_not_harm_the_render() {
 }
 
 #[test]
-fn a_render_that_is_killed_leaves_its_picture_with_a_note() {
+fn a_render_that_is_killed_leaves_its_image_with_a_note() {
     let Some(screen) = ready() else { return };
     let folder = place(120);
     let mut render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);
@@ -301,6 +301,6 @@ fn a_render_that_is_killed_leaves_its_picture_with_a_note() {
         spots.filter(|(x, y)| screen.at(&shot, *x, *y)[0] > 180).count()
     };
     assert!(until(|| light() > 100), "the note is seen");
-    assert!(lit() > 50, "the picture stays");
+    assert!(lit() > 50, "the image stays");
     assert!(!folder.path().join("out.tif").exists(), "no half file");
 }

@@ -120,7 +120,7 @@ fn middle(shot: &[f32]) -> Option<[usize; 2]> {
 
 /// Returns what differs from the expected image of four colours.
 fn fault(shot: &[f32]) -> Option<String> {
-    let Some([x, y]) = middle(shot) else { return Some("no picture".to_owned()) };
+    let Some([x, y]) = middle(shot) else { return Some("no image".to_owned()) };
     // These are linear values, as encoded for sRGB.
     let colors = [
         ([x - 40, y - 30], [255.0, 0.0, 0.0]),
@@ -170,7 +170,7 @@ fn the_page_shows_what_a_renderer_sends() {
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let format = IvFormat::default();
     let options = CreateOptions::new(&spec, 1);
-    let mut picture = format.create(Path::new("four colours"), &options).unwrap();
+    let mut image = format.create(Path::new("four colours"), &options).unwrap();
     for (x, y, color) in [
         (0, 0, [1.0, 0.0, 0.0, 1.0]),
         (50, 0, [0.0, 0.5, 0.0, 1.0]),
@@ -178,9 +178,9 @@ fn the_page_shows_what_a_renderer_sends() {
         (50, 40, [8.0, f32::NAN, 0.0, 1.0]),
     ] {
         let rect = PixelRect::at(x, y, 50, 40);
-        picture.write_rectangle(&rect, &Pixels::Float(color.repeat(50 * 40))).unwrap();
+        image.write_rectangle(&rect, &Pixels::Float(color.repeat(50 * 40))).unwrap();
     }
-    picture.close().unwrap();
+    image.close().unwrap();
     draw_square(&display, "four colours");
     // The page draws once with WebGL, and once without.
     for hash in ["", "#plain"] {
@@ -214,7 +214,7 @@ fn share(shot: &[f32], colors: &[[f32; 3]]) -> f32 {
 }
 
 #[test]
-fn large_pictures_show_all_their_pixels() {
+fn large_images_show_all_their_pixels() {
     let Some(browser) = browser() else {
         granita_needs::skip("chromium (or another browser)");
         return;
@@ -228,9 +228,8 @@ fn large_pictures_show_all_their_pixels() {
     let mut spec = ImageSpec::new(8200, 120, 3, PixelType::Float);
     spec.attributes.set(Param::declared("string display", display.as_str()).unwrap());
     let columns: Vec<f32> = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120);
-    let mut picture =
-        IvFormat::default().create(Path::new("columns"), &CreateOptions::new(&spec, 1)).unwrap();
-    picture.write_rectangle(&PixelRect::at(0, 0, 8200, 120), &Pixels::Float(columns)).unwrap();
+    let mut image = IvFormat::default().create(Path::new("columns"), &CreateOptions::new(&spec, 1)).unwrap();
+    image.write_rectangle(&PixelRect::at(0, 0, 8200, 120), &Pixels::Float(columns)).unwrap();
     for hash in ["", "#plain"] {
         let place = folder.path().join(format!("profile{hash}"));
         std::fs::create_dir(&place).unwrap();
@@ -257,7 +256,7 @@ fn large_pictures_show_all_their_pixels() {
         };
         until(&mut page, "columns", &|shot, zoom| full(shot, zoom, &[RED, BLUE]));
         // A change is visible at once, also in a part that was not visible before.
-        picture
+        image
             .write_rectangle(
                 &PixelRect::at(0, 0, 8200, 120),
                 &Pixels::Float([1.0, 0.0, 0.0, 0.0, 1.0, 0.0].repeat(4100 * 120)),
@@ -271,12 +270,12 @@ fn large_pictures_show_all_their_pixels() {
         assert!((1..=4).contains(&blocks.as_u64().unwrap()), "{blocks}");
         evaluate(&mut page, "fitted = true; draw()");
         until(&mut page, "all again", &|_, zoom| zoom.ends_with("reduced 3:1"));
-        picture
+        image
             .write_rectangle(
                 &PixelRect::at(0, 0, 8200, 120),
                 &Pixels::Float([1.0, 0.0, 0.0, 0.0, 0.0, 1.0].repeat(4100 * 120)),
             )
             .unwrap();
     }
-    picture.close().unwrap();
+    image.close().unwrap();
 }

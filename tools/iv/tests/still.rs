@@ -26,7 +26,7 @@ fn iv(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     (status.code().unwrap_or(-1), text(stdout), text(stderr))
 }
 
-fn pictures() -> tempfile::TempDir {
+fn images() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let spec = ImageSpec::new(4, 2, 3, PixelType::U8);
     let grey: Vec<f32> = (0..24).map(|i| (i / 3) as f32 / 8.0).collect();
@@ -83,7 +83,7 @@ fn info_of_a_format_of_a_plugin() {
 
 #[test]
 fn info() {
-    let folder = pictures();
+    let folder = images();
     let (status, out, error) = iv(folder.path(), &["-info", "a.png", "c.exr"]);
     assert_eq!((status, &*error), (0, ""));
     let wanted = "a.png: png
@@ -99,7 +99,7 @@ c.exr: exr
 
 #[test]
 fn statistics() {
-    let folder = pictures();
+    let folder = images();
     let (status, out, _) = iv(folder.path(), &["--stats", "c.exr"]);
     assert_eq!(status, 0);
     assert_eq!(
@@ -117,7 +117,7 @@ fn statistics() {
 
 #[test]
 fn comparing_by_limits() {
-    let folder = pictures();
+    let folder = images();
     let run = |arguments: &[&str]| {
         let (status, out, error) = iv(folder.path(), &[&["-compare"], arguments].concat());
         (status, out + &error)
@@ -155,8 +155,8 @@ fn comparing_by_limits() {
 }
 
 #[test]
-fn a_picture_that_is_cut_short_is_not_alike_to_black() {
-    let folder = pictures();
+fn a_image_that_is_cut_short_is_not_alike_to_black() {
+    let folder = images();
     let spec = ImageSpec::new(64, 64, 3, PixelType::U8);
     // An image that cannot be compressed is cut in the middle.
     let noise: Vec<f32> =
@@ -171,7 +171,7 @@ fn a_picture_that_is_cut_short_is_not_alike_to_black() {
 
 #[test]
 fn thumbnails_and_characters() {
-    let folder = pictures();
+    let folder = images();
     let (status, _, error) = iv(folder.path(), &["-thumbnail", "t.png", "-size", "2", "a.png"]);
     assert_eq!((status, &*error), (0, ""));
     let small = formats().open(&folder.path().join("t.png")).unwrap();
@@ -189,8 +189,8 @@ fn thumbnails_and_characters() {
 
 #[test]
 fn mistakes_are_told() {
-    let folder = pictures();
-    std::fs::write(folder.path().join("text.txt"), "no picture").unwrap();
+    let folder = images();
+    std::fs::write(folder.path().join("text.txt"), "no image").unwrap();
     for (arguments, wanted, words) in [
         (&["-info"][..], 2, "no files are given"),
         (&["-info", "text.txt"], 2, "text.txt: not an image of a known format"),

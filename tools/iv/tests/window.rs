@@ -79,7 +79,7 @@ fn write(path: PathBuf, spec: &ImageSpec, value: impl Fn(u32, u32, usize) -> f32
 }
 
 /// Makes a folder with images of 400 x 300 pixels.
-fn pictures() -> tempfile::TempDir {
+fn images() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let spec = ImageSpec::new(400, 300, 3, PixelType::U8);
     write(folder.path().join("a.png"), &spec, |x, y, c| [x as f32 / 400.0, y as f32 / 300.0, 0.5][c]);
@@ -108,7 +108,7 @@ fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
 #[test]
 fn a_screen_that_goes_away_is_one_message() {
     let Some(mut screen) = Screen::start() else { return };
-    let folder = pictures();
+    let folder = images();
     for renderer in ["vulkan", "gl"] {
         // This run determines whether a driver can draw here.
         let place = folder.path();
@@ -166,7 +166,7 @@ fn a_screen_that_goes_away_is_one_message() {
 #[test]
 fn open_zoom_wipe_probe_and_save() {
     let Some(screen) = Screen::start() else { return };
-    let folder = pictures();
+    let folder = images();
     let ran = screen.run(
         folder.path(),
         &["a.png", "b.png", "c.exr"],
@@ -228,7 +228,7 @@ quit
     let at = |name: &str, x, y| pixel(&folder.path().join(name), x, y);
     // The image area has 800 x 576 pixels. The image lies in its centre and begins at (200, 138).
     assert_eq!(at("one.png", 200 + 100, 138 + 150), [64, 128, 128]);
-    assert_eq!(at("one.png", 10, 10), [34, 34, 36], "beside the picture");
+    assert_eq!(at("one.png", 10, 10), [34, 34, 36], "beside the image");
     assert_eq!(at("window.png", 200 + 100, 138 + 150), [64, 128, 128], "the screen shows what was drawn");
     assert_eq!((at("wipe.png", 399, 288)[2], at("wipe.png", 400, 288)[2]), (64, 128));
     assert_eq!(at("difference.png", 300, 200), [0, 0, 64]);
@@ -243,7 +243,7 @@ quit
 #[test]
 fn files_that_change_are_read_again() {
     let Some(screen) = Screen::start() else { return };
-    let folder = pictures();
+    let folder = images();
     let copy = folder.path().join("a.png");
     let other = folder.path().join("b.png");
     let changer = std::thread::spawn(move || {
@@ -262,8 +262,8 @@ fn files_that_change_are_read_again() {
 #[test]
 fn what_cannot_be_shown_is_said_in_the_window() {
     let Some(screen) = Screen::start() else { return };
-    let folder = pictures();
-    std::fs::write(folder.path().join("text.txt"), "no picture at all").unwrap();
+    let folder = images();
+    std::fs::write(folder.path().join("text.txt"), "no image at all").unwrap();
     let cut = folder.path().join("cut.jpg");
     let spec = ImageSpec::new(400, 300, 3, PixelType::U8);
     write(cut.clone(), &spec, |x, y, c| ((x * x + y * (3 + c as u32)) % 97) as f32 / 97.0);
@@ -281,7 +281,7 @@ fn packet(kind: u8, content: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn pictures_come_through_the_wire() {
+fn images_come_through_the_wire() {
     use std::io::{BufRead, BufReader, Write};
     let Some(screen) = Screen::start() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -358,7 +358,7 @@ fn pictures_come_through_the_wire() {
 #[test]
 fn differences_are_seen_as_the_eye_weighs_them() {
     let Some(screen) = Screen::start() else { return };
-    let folder = pictures();
+    let folder = images();
     let compared = Command::new(env!("CARGO_BIN_EXE_iv"))
         .current_dir(folder.path())
         .args(["-compare", "b.png", "a.png"])
@@ -388,7 +388,7 @@ fn differences_are_seen_as_the_eye_weighs_them() {
     let sum: f32 = places.iter().map(|(x, y)| value(at("map.png", 200 + x, 138 + y))).sum();
     let seen = sum / places.len() as f32;
     assert!(mean > 0.01 && (seen - mean).abs() < 0.01, "{seen} {mean}");
-    assert_eq!(at("plain.png", 300, 200), [64, 53, 64], "the picture is back");
+    assert_eq!(at("plain.png", 300, 200), [64, 53, 64], "the image is back");
     // The key of the colours is at the lower left.
     assert!(at("key.png", 13, 538)[0] < 20 && at("key.png", 210, 538)[0] > 240);
 }
@@ -397,7 +397,7 @@ fn differences_are_seen_as_the_eye_weighs_them() {
 fn either_graphics_library_draws() {
     let Some(screen) = Screen::start() else { return };
     for renderer in ["gl", "vulkan"] {
-        let folder = pictures();
+        let folder = images();
         let script = "wait\nexpect 1/1 a.png\ncanvas canvas.png\nscreenshot screen.png\nquit\n";
         if screen.run(folder.path(), &["-renderer", renderer, "a.png"], script).is_some() {
             let at = |name: &str| pixel(&folder.path().join(name), 300, 288);
@@ -408,7 +408,7 @@ fn either_graphics_library_draws() {
 
 #[test]
 fn without_a_driver_or_a_screen_it_says_so() {
-    let folder = pictures();
+    let folder = images();
     let Some(screen) = Screen::start() else { return };
     let ran = |screen: &str, renderer: &str| {
         let none = folder.path().join("none");

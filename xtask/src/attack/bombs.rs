@@ -2,7 +2,7 @@
 //! Bombs: small files that cause much work or need much memory, and the expected result of each.
 
 use super::run::{Bounds, MEMORY_KIB, Outcome, Place};
-use super::{Attack, Failure, Tally, first_line, pictures, scenes};
+use super::{Attack, Failure, Tally, first_line, images, scenes};
 use parking_lot::Mutex;
 use std::fs;
 use std::io;
@@ -403,25 +403,25 @@ fn large_counts(all: &mut Vec<Bomb>) {
 fn headers(all: &mut Vec<Bomb>) {
     type Bytes = fn() -> Vec<u8>;
     let makers: [(&str, &'static str, Bytes); 19] = [
-        ("ppm", "x.ppm", || pictures::ppm(65535, 65535)),
-        ("ppm-text", "x.ppm", pictures::text_ppm),
-        ("pam", "x.pam", pictures::pam),
-        ("pfm", "x.pfm", pictures::pfm),
-        ("hdr", "x.hdr", pictures::hdr),
-        ("tga", "x.tga", pictures::tga),
-        ("gif", "x.gif", pictures::gif),
-        ("gif-picture", "x.gif", pictures::gif_of_small_screen),
-        ("tiff", "x.tif", || pictures::tiff(65535, 65535, 0)),
-        ("tiff-chain", "x.tif", || pictures::tiff(1, 1, 8)),
-        ("tiff-directories", "x.tif", || pictures::many_directories(100_000)),
-        ("qoi", "x.qoi", pictures::qoi),
-        ("png", "x.png", pictures::png),
-        ("bmp", "x.bmp", pictures::bmp),
-        ("sgi", "x.sgi", pictures::sgi),
-        ("dds", "x.dds", pictures::dds),
-        ("exr-window", "x.exr", || pictures::exr(64, 16_777_154)),
-        ("exr-large", "x.exr", || pictures::exr(100_000, 100_000)),
-        ("exr-huge", "x.exr", || pictures::exr(i32::MAX, i32::MAX)),
+        ("ppm", "x.ppm", || images::ppm(65535, 65535)),
+        ("ppm-text", "x.ppm", images::text_ppm),
+        ("pam", "x.pam", images::pam),
+        ("pfm", "x.pfm", images::pfm),
+        ("hdr", "x.hdr", images::hdr),
+        ("tga", "x.tga", images::tga),
+        ("gif", "x.gif", images::gif),
+        ("gif-image", "x.gif", images::gif_of_small_screen),
+        ("tiff", "x.tif", || images::tiff(65535, 65535, 0)),
+        ("tiff-chain", "x.tif", || images::tiff(1, 1, 8)),
+        ("tiff-directories", "x.tif", || images::many_directories(100_000)),
+        ("qoi", "x.qoi", images::qoi),
+        ("png", "x.png", images::png),
+        ("bmp", "x.bmp", images::bmp),
+        ("sgi", "x.sgi", images::sgi),
+        ("dds", "x.dds", images::dds),
+        ("exr-window", "x.exr", || images::exr(64, 16_777_154)),
+        ("exr-large", "x.exr", || images::exr(100_000, 100_000)),
+        ("exr-huge", "x.exr", || images::exr(i32::MAX, i32::MAX)),
     ];
     for (name, file, make) in makers {
         let commands = [
@@ -499,7 +499,7 @@ fn memory(all: &mut Vec<Bomb>) {
             &[&command],
             Expect::Within(50 + BASE_MIB),
         );
-        large.make = Box::new(|folder| fs::write(folder.join("large.ppm"), pictures::large_ppm(6000)));
+        large.make = Box::new(|folder| fs::write(folder.join("large.ppm"), images::large_ppm(6000)));
         (large.seconds, large.is_quick) = (60.0, false);
         all.push(large);
     }

@@ -6,7 +6,7 @@
 
 use super::mutate::Random;
 use super::run::{Bounds, MEMORY_KIB, Place, end, marked};
-use super::{Attack, Failure, Tally, first_line, pictures, scenes};
+use super::{Attack, Failure, Tally, first_line, images, scenes};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -60,7 +60,7 @@ const VICTIMS: [Victim; 9] = [
     },
     Victim {
         name: "maketx",
-        make: |folder| fs::write(folder.join("large.ppm"), pictures::large_ppm(1500)),
+        make: |folder| fs::write(folder.join("large.ppm"), images::large_ppm(1500)),
         command: "maketx large.ppm -o out.tx -threads 2",
         outputs: &[("out.tx", "iv -stats out.tx")],
         needs_python: false,
@@ -95,7 +95,7 @@ const VICTIMS: [Victim; 9] = [
     },
     Victim {
         name: "thumbnail",
-        make: |folder| fs::write(folder.join("large.ppm"), pictures::large_ppm(2000)),
+        make: |folder| fs::write(folder.join("large.ppm"), images::large_ppm(2000)),
         command: "iv -thumbnail out.png -size 2000 large.ppm",
         outputs: &[("out.png", "iv -stats out.png")],
         needs_python: false,

@@ -96,7 +96,7 @@ Render ()
 );
 
 /// The commands for every image.
-const PICTURE: &[&str] = &[
+const IMAGE: &[&str] = &[
     "maketx {} -o out.tx -threads 1",
     "iv -info {}",
     "iv -thumbnail out.png {}",
@@ -105,8 +105,8 @@ const PICTURE: &[&str] = &[
     "maketx -envlatl {} -o out.env -threads 1",
 ];
 
-const fn picture(name: &'static str, extension: &'static str) -> Kind {
-    Kind { name, extension, beside: &[TEXTURED], commands: PICTURE }
+const fn image(name: &'static str, extension: &'static str) -> Kind {
+    Kind { name, extension, beside: &[TEXTURED], commands: IMAGE }
 }
 
 const fn geometry(name: &'static str, extension: &'static str) -> Kind {
@@ -120,10 +120,10 @@ const fn geometry(name: &'static str, extension: &'static str) -> Kind {
 
 /// All kinds, with those of untrusted files first.
 pub(crate) const KINDS: &[Kind] = &[
-    picture("tiff", "tif"),
-    picture("exr", "exr"),
-    picture("png", "png"),
-    picture("jpeg", "jpg"),
+    image("tiff", "tif"),
+    image("exr", "exr"),
+    image("png", "png"),
+    image("jpeg", "jpg"),
     Kind {
         name: "pyg",
         extension: "pyg",
@@ -183,17 +183,17 @@ pub(crate) const KINDS: &[Kind] = &[
         beside: &[SURFACE],
         commands: &["gelato -safe -worker shader.pyg < {}"],
     },
-    picture("dds", "dds"),
-    picture("hdr", "hdr"),
-    picture("iff", "iff"),
-    picture("sgi", "sgi"),
-    picture("tga", "tga"),
-    picture("gif", "gif"),
-    picture("bmp", "bmp"),
-    picture("pnm", "ppm"),
-    picture("pfm", "pfm"),
-    picture("qoi", "qoi"),
-    picture("webp", "webp"),
+    image("dds", "dds"),
+    image("hdr", "hdr"),
+    image("iff", "iff"),
+    image("sgi", "sgi"),
+    image("tga", "tga"),
+    image("gif", "gif"),
+    image("bmp", "bmp"),
+    image("pnm", "ppm"),
+    image("pfm", "pfm"),
+    image("qoi", "qoi"),
+    image("webp", "webp"),
 ];
 
 /// A mesh whose file of materials is changed.

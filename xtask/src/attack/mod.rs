@@ -14,11 +14,11 @@
 
 mod bombs;
 mod files;
+mod images;
 mod kills;
 mod kinds;
 mod mutate;
 mod peers;
-mod pictures;
 mod run;
 mod scenes;
 

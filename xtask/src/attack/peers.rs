@@ -132,7 +132,7 @@ impl Peers<'_> {
             return Ok(Some(fault));
         }
         if outcome.code() == Some(2) || !self.place.work().join("out.exr").exists() {
-            return Ok(Some(format!("no picture: {}", first_line(&outcome.stderr))));
+            return Ok(Some(format!("no image: {}", first_line(&outcome.stderr))));
         }
         Ok(None)
     }

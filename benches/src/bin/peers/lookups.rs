@@ -31,7 +31,7 @@ const BUILD: &str = "-I/usr/include/Imath -lOpenImageIO -lOpenImageIO_Util -lpth
 const RUNS: usize = 10;
 
 /// Prints the tables of these images, by default of the photograph of the first example.
-pub(crate) fn run(formats: &FormatRegistry, pictures: &[PathBuf], place: &Path) -> Result<(), String> {
+pub(crate) fn run(formats: &FormatRegistry, images: &[PathBuf], place: &Path) -> Result<(), String> {
     let program = place.join("oiio_texture");
     let words = std::env::var("OIIO_BUILD").unwrap_or_else(|_| BUILD.to_owned());
     let built = Command::new("c++")
@@ -46,8 +46,8 @@ pub(crate) fn run(formats: &FormatRegistry, pictures: &[PathBuf], place: &Path) 
         println!("no program against OpenImageIO could be built (c++, OIIO_BUILD): our lookups alone");
     }
     let brick = [repository().join("examples").join("first").join("brick.png")];
-    for picture in if pictures.is_empty() { &brick } else { pictures } {
-        one(formats, picture, place, built.then_some(&program))?;
+    for image in if images.is_empty() { &brick } else { images } {
+        one(formats, image, place, built.then_some(&program))?;
     }
     Ok(())
 }
@@ -55,13 +55,13 @@ pub(crate) fn run(formats: &FormatRegistry, pictures: &[PathBuf], place: &Path) 
 /// Prints the tables of one image.
 fn one(
     formats: &FormatRegistry,
-    picture: &Path,
+    image: &Path,
     place: &Path,
     program: Option<&PathBuf>,
 ) -> Result<(), String> {
     let texture = place.join("lookups.tx");
     let options = MakeOptions { swrap: Wrap::Periodic, twrap: Wrap::Periodic, ..MakeOptions::default() };
-    make(&[picture.to_path_buf()], &texture, &options, formats, &|_, _| ()).map_err(|e| e.to_string())?;
+    make(&[image.to_path_buf()], &texture, &options, formats, &|_, _| ()).map_err(|e| e.to_string())?;
     let path = SearchPath::parse("/", &SearchPath::default(), &Environment::empty());
     let options = CacheOptions { memory_bytes: 1 << 30, ..CacheOptions::default() };
     let cache = TextureCache::new(formats.clone(), path, options, Reporter::silent());
@@ -69,7 +69,7 @@ fn one(
     let id = cache.find(&name).ok_or("the texture cannot be read")?;
     let brute = Brute::read(&cache, &name);
     let size = brute.size();
-    let about = picture.file_name().unwrap_or_default().to_string_lossy();
+    let about = image.file_name().unwrap_or_default().to_string_lossy();
     let random: Vec<Lookup> = (0..10_000).map(|i| footprint(i, size).1).collect();
     let sets = [
         (format!("{about}: random, 1 to 64 : 1"), random),

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p granita-benches --bin peers [-- --maketx PROGRAM] [--large]`
 //!
-//! `cargo run --release -p granita-benches --bin peers -- --lookups [PICTURE ...]`
+//! `cargo run --release -p granita-benches --bin peers -- --lookups [IMAGE ...]`
 //!
 //! `maketx` is compared with OpenImageIO's. That one is found by the variable `OIIO_MAKETX`, by the option, or on the
 //! search path. Both get the same image, tile size (64), compression (zip) and type of texels, with one thread and with
@@ -44,8 +44,8 @@ fn run() -> Result<(), String> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     if let Some(at) = words.iter().position(|w| w == "--lookups") {
         let place = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let pictures: Vec<PathBuf> = words[at + 1..].iter().map(PathBuf::from).collect();
-        return lookups::run(&granita_plugin::bundled_formats(Limits::default()), &pictures, place.path());
+        let images: Vec<PathBuf> = words[at + 1..].iter().map(PathBuf::from).collect();
+        return lookups::run(&granita_plugin::bundled_formats(Limits::default()), &images, place.path());
     }
     let named = words.iter().position(|w| w == "--maketx").and_then(|i| words.get(i + 1)).map(PathBuf::from);
     let theirs = named
@@ -157,7 +157,7 @@ impl Tile {
     fn read(formats: &FormatRegistry, name: &str, pixel_type: PixelType) -> Result<Self, String> {
         let path = repository().join("examples").join("first").join(name);
         let file = formats.open(&path).map_err(|e| e.to_string())?;
-        let spec = file.spec(0, 0).ok_or("no picture")?;
+        let spec = file.spec(0, 0).ok_or("no image")?;
         let n = spec.nchannels();
         let all = file.read_level(0, 0).map_err(|e| e.to_string())?.to_floats();
         let values = all.chunks_exact(n).flat_map(|p| [0, 1, 2].map(|c| p[c.min(n - 1)])).collect();

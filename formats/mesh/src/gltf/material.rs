@@ -2,7 +2,7 @@
 
 use super::buffers::path_of_uri;
 use super::document::{Document, Items, Material, Sampler, TextureRef, TextureTransform, item};
-use crate::emit::{self, Emit, color, float, is_screen_picture, string};
+use crate::emit::{self, Emit, color, float, is_screen_image, string};
 use crate::faults::Faults;
 use granita_base::{Color, Param, Params};
 use granita_scene::{Call, Stop, attr};
@@ -31,7 +31,7 @@ pub(super) const PLAIN: Look = Look {
 };
 
 /// The image of a texture.
-struct Picture {
+struct Texture {
     /// The name for the texture system.
     path: String,
     /// True when its colours are encoded for a screen.
@@ -144,7 +144,7 @@ impl Materials<'_> {
                 });
                 continue;
             }
-            let Some(Picture { path, screen, sampler }) = self.picture(texture, index, faults) else {
+            let Some(Texture { path, screen, sampler }) = self.texture_of(texture, index, faults) else {
                 continue;
             };
             if param == "texturename" && screen {
@@ -168,7 +168,7 @@ impl Materials<'_> {
     }
 
     /// Returns the image and the sampler of a texture.
-    fn picture(&self, texture: &TextureRef, material: usize, faults: &mut Faults<'_>) -> Option<Picture> {
+    fn texture_of(&self, texture: &TextureRef, material: usize, faults: &mut Faults<'_>) -> Option<Texture> {
         let document = self.document;
         let source = item(&document.textures, texture.index);
         let number = source.and_then(|t| t.source);
@@ -176,7 +176,7 @@ impl Materials<'_> {
         let (Some(source), Some((number, image))) = (source, image) else {
             faults.error("texture", 0, || {
                 let number = texture.index;
-                format!("material {material}: texture {number} has no picture that can be read: left out")
+                format!("material {material}: texture {number} has no image that can be read: left out")
             });
             return None;
         };
@@ -185,12 +185,11 @@ impl Materials<'_> {
             Some(uri) if !uri.starts_with("data:") => match path_of_uri(uri, self.folder.as_ref()) {
                 Ok(path) => {
                     let path = emit::texture_path(&path);
-                    let screen = is_screen_picture(&path);
-                    Some(Picture { path, screen, sampler })
+                    let screen = is_screen_image(&path);
+                    Some(Texture { path, screen, sampler })
                 }
                 Err(why) => {
-                    faults
-                        .error("picture", 0, || format!("material {material}: the picture {why}: left out"));
+                    faults.error("image", 0, || format!("material {material}: the image {why}: left out"));
                     None
                 }
             },
@@ -198,12 +197,12 @@ impl Materials<'_> {
             _ => match &self.file {
                 Some(file) => {
                     let path = format!("{}#{number}", emit::texture_path(file));
-                    Some(Picture { path, screen: true, sampler })
+                    Some(Texture { path, screen: true, sampler })
                 }
                 None => {
                     faults.warning("embedded", 0, || {
                         format!(
-                            "material {material}: its picture is inside of the file, which is no file on the disk: left out"
+                            "material {material}: its image is inside of the file, which is no file on the disk: left out"
                         )
                     });
                     None

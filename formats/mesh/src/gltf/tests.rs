@@ -393,7 +393,7 @@ fn compressed_geometry_is_named() {
 }
 
 #[test]
-fn pictures_inside_of_the_file_have_its_name() {
+fn images_inside_of_the_file_have_its_name() {
     let material = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
     let rest = json!({"materials": [material], "textures": [{"source": 0}], "images": [{"bufferView": 0}]});
     let trial = run(&Gltf, triangle(rest));

@@ -53,7 +53,7 @@ impl Material {
             let name = emit::texture_path(&map.path);
             params.push(string("texturename", &name));
             params.push(string("wrap", if map.clamp { "clamp" } else { "periodic" }));
-            params.push(float("texturesrgb", f32::from(u8::from(emit::is_screen_picture(&name)))));
+            params.push(float("texturesrgb", f32::from(u8::from(emit::is_screen_image(&name)))));
         }
         let shader = Call::Shader {
             usage: "surface".into(),

@@ -52,8 +52,8 @@ impl<S: FrameShader> Frame<'_, S> {
         self.eyes.iter().map(sighting).collect()
     }
 
-    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave out
-    /// parts beyond the pixels of `region`.
+    /// Bounds a piece as seen by an eye over the whole shutter and lens, including displacement. The bound may leave
+    /// out parts beyond the pixels of `region`.
     fn seen(&self, eye: &Eye<'_>, piece: &dyn Surface, job: &Job<S::Object>, region: &PixelRect) -> Seen {
         let placement = &job.placement;
         let world_to_camera = &eye.camera.world_to_camera;

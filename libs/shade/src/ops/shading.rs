@@ -30,7 +30,7 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
 /// Returns max (0, N.H) ^ (8 / roughness), with H halfway between light and viewer. All vectors have unit length.
 ///
 /// The reference names no formula. This is the lobe of Blinn, "Models of Light Reflection for Computer Synthesized
-/// Pictures", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis use for `specular ()`.
+/// Images", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis use for `specular ()`.
 pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
     let h = (l + v).normalize_or_zero();
     let cos = n.dot(h).max(0.0);

@@ -4,7 +4,7 @@ use super::Run;
 use crate::lighting::subsurface::Profiles;
 use granita_base::Severity;
 use granita_gsl::ir::ValueType;
-use granita_sdb::{Between, Density, Key, Mode, Packed, PictureOptions, Probe, Schema, Value};
+use granita_sdb::{Between, Density, ImageOptions, Key, Mode, Packed, Probe, Schema, Value};
 use granita_shade::{DatabaseKey, DatabaseQuery, DatabaseSave, Lanes3, SubsurfaceQuery};
 use std::sync::Arc;
 
@@ -129,12 +129,12 @@ pub(super) fn save(run: &mut Run<'_, '_>, query: &DatabaseSave<'_>) {
         }
     }
     let size = |x: f32| if x >= 1.0 { x.min(65536.0) as u32 } else { 1 };
-    let picture = query.resolution.map(|resolution| PictureOptions {
+    let image = query.resolution.map(|resolution| ImageOptions {
         resolution: resolution.map(size),
         data_format: query.filedataformat.to_owned(),
         filter_width: query.writefilterwidth,
     });
-    run.frame.databases.save(query.name, schema, mode, picture.as_ref(), &records);
+    run.frame.databases.save(query.name, schema, mode, image.as_ref(), &records);
 }
 
 /// Implements [`granita_shade::Databases::spatialdb_query`].

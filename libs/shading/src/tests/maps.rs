@@ -22,13 +22,13 @@ fn texture(
     mode: Mode,
     f: impl Fn(u32, u32) -> Color,
 ) -> PathBuf {
-    let (picture, texture) = (folder.join("picture.tif"), folder.join(name));
+    let (image, texture) = (folder.join("image.tif"), folder.join(name));
     let spec = ImageSpec::new(size.0, size.1, 3, PixelType::Float);
     let values = (0..size.0 * size.1).flat_map(|i| f(i % size.0, i / size.0).to_array()).collect();
-    let mut file = formats().create(&picture, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
+    let mut file = formats().create(&image, "tiff", &CreateOptions::new(&spec, 1)).unwrap();
     file.write_rows(&Pixels::Float(values)).unwrap();
     file.close().unwrap();
-    make(&[picture], &texture, &MakeOptions { mode, ..MakeOptions::default() }, &formats(), &|_, _| ())
+    make(&[image], &texture, &MakeOptions { mode, ..MakeOptions::default() }, &formats(), &|_, _| ())
         .unwrap();
     texture
 }

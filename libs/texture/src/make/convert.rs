@@ -2,8 +2,8 @@
 
 use crate::cube::{self, CubeLayout, texel_across};
 use crate::environment::to_map;
+use crate::image::Image;
 use crate::lookup::Up;
-use crate::picture::Picture;
 use granita_base::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
@@ -24,7 +24,7 @@ fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
 }
 
 /// Looks up a latitude-longitude map in a direction, bilinearly, over seam and poles.
-fn latlong_at(p: &Picture, up: Up, d: Vec3, out: &mut [f32]) {
+fn latlong_at(p: &Image, up: Up, d: Vec3, out: &mut [f32]) {
     let d = to_map(d, up);
     let (w, h) = (p.width as i32, p.height as i32);
     let s = d.y.atan2(d.x) / TAU + 0.5;
@@ -44,7 +44,7 @@ fn latlong_at(p: &Picture, up: Up, d: Vec3, out: &mut [f32]) {
 }
 
 /// Looks up six faces in a direction, bilinearly, over edges.
-fn cube_at(faces: &[Picture; 6], d: Vec3, out: &mut [f32]) {
+fn cube_at(faces: &[Image; 6], d: Vec3, out: &mut [f32]) {
     let n = faces[0].width as i32;
     let p = cube::project(CubeLayout::Mosaic, d);
     let (x, y, fx, fy) = between(p.s * n as f32, p.t * n as f32);
@@ -62,8 +62,8 @@ fn supersampled(
     channels: usize,
     sub: usize,
     at: impl Fn(f32, f32, &mut [f32]) + Sync,
-) -> Picture {
-    let mut out = Picture::new(width, height, channels);
+) -> Image {
+    let mut out = Image::new(width, height, channels);
     out.data.par_chunks_mut(width * channels).enumerate().for_each(|(y, row)| {
         let mut value = vec![0.0; channels];
         for (x, texel) in row.chunks_exact_mut(channels).enumerate() {
@@ -85,7 +85,7 @@ fn points(from: f32, to: f32) -> usize {
 }
 
 /// Returns six faces of `n` texels a side from a latitude-longitude map.
-pub(crate) fn to_cube(p: &Picture, up: Up, n: usize) -> [Picture; 6] {
+pub(crate) fn to_cube(p: &Image, up: Up, n: usize) -> [Image; 6] {
     // Texels of a face are densest, in angle, at its corners. A quarter of the equator is a sufficient estimate.
     let sub = points(p.width as f32 / 4.0, n as f32);
     std::array::from_fn(|face| {
@@ -97,7 +97,7 @@ pub(crate) fn to_cube(p: &Picture, up: Up, n: usize) -> [Picture; 6] {
 }
 
 /// Returns a latitude-longitude map from six faces.
-pub(crate) fn to_latlong(faces: &[Picture; 6], up: Up, (w, h): (usize, usize)) -> Picture {
+pub(crate) fn to_latlong(faces: &[Image; 6], up: Up, (w, h): (usize, usize)) -> Image {
     let sub = points(faces[0].width as f32 * 4.0, w as f32);
     supersampled((w, h), faces[0].channels, sub, |x, y, out| {
         let (phi, theta) = ((x / w as f32 - 0.5) * TAU, y / h as f32 * PI);
@@ -120,7 +120,7 @@ mod tests {
     fn there_and_back() {
         let (w, h) = (256, 128);
         for up in [Up::Y, Up::Z] {
-            let mut p = Picture::new(w, h, 1);
+            let mut p = Image::new(w, h, 1);
             for y in 0..h {
                 for x in 0..w {
                     let (phi, theta) = ((x as f32 + 0.5) / w as f32 * TAU, (y as f32 + 0.5) / h as f32 * PI);
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn frames_agree() {
-        let mut p = Picture::new(64, 32, 3);
+        let mut p = Image::new(64, 32, 3);
         for y in 0..32 {
             for x in 0..64 {
                 let (phi, theta) = (((x as f32 + 0.5) / 64.0 - 0.5) * TAU, (y as f32 + 0.5) / 32.0 * PI);

@@ -6,7 +6,7 @@ use super::sphere::{cube_pyramid, latlong_pyramid};
 use super::{MakeOptions, convert, notes_of, power_of_two};
 use crate::cube::{self, CubeLayout, FACE_NAMES};
 use crate::error::{Result, TextureError};
-use crate::picture::Picture;
+use crate::image::Image;
 use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Vec3};
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
     let first = &inputs[0];
     let first_name = FACE_NAMES[places[0]];
     for (input, name) in inputs.iter().zip(places.iter().map(|p| FACE_NAMES[*p])) {
-        let (p, q) = (&input.picture, &first.picture);
+        let (p, q) = (&input.image, &first.image);
         if p.width != p.height {
             return Err(malformed(input, format!("face {name} is not square: {} x {}", p.width, p.height)));
         }
@@ -37,18 +37,18 @@ pub(crate) fn check_faces(inputs: &[Input], places: &[usize]) -> Result<usize> {
             ));
         }
     }
-    Ok(first.picture.width)
+    Ok(first.image.width)
 }
 
 /// Returns a square image with the field of view `fov_deg` as one with 90 degrees and `n` pixels a side. It is cropped,
 /// or extended by its border.
-fn refit(face: &Picture, fov_deg: f32, n: usize) -> Picture {
+fn refit(face: &Image, fov_deg: f32, n: usize) -> Image {
     let scale = 1.0 / (fov_deg.to_radians() * 0.5).tan();
     if (scale - 1.0).abs() < 1e-6 {
         return face.resized(n, n, Filter::CatmullRom, CLAMP);
     }
     let size = face.width as f32;
-    let mut out = Picture::new(n, n, face.channels);
+    let mut out = Image::new(n, n, face.channels);
     out.data.par_chunks_mut(n * face.channels).enumerate().for_each(|(y, row)| {
         for (x, texel) in row.chunks_exact_mut(face.channels).enumerate() {
             let place = |i: usize| {
@@ -95,7 +95,7 @@ impl Cubes<'_> {
     }
 
     /// Returns the texture of six faces. `n` is the side in pixels that they would have without resizing.
-    fn finish(self, inputs: Vec<Input>, faces: [Picture; 6], n: usize) -> Texture {
+    fn finish(self, inputs: Vec<Input>, faces: [Image; 6], n: usize) -> Texture {
         let side = faces[0].width;
         let body = Body::Cube(cube_pyramid(faces, self.options.filter));
         let mut texture = texture(inputs, TextureKind::CubeFaceEnvironment, body);
@@ -107,13 +107,13 @@ impl Cubes<'_> {
     }
 }
 
-fn finish_latlong(inputs: Vec<Input>, mut picture: Picture, up: Up, options: &MakeOptions) -> Texture {
+fn finish_latlong(inputs: Vec<Input>, mut image: Image, up: Up, options: &MakeOptions) -> Texture {
     let side = |n: usize| if options.resize { power_of_two(n) } else { n };
-    let size = (side(picture.width), side(picture.height));
-    if size != (picture.width, picture.height) {
-        picture = picture.resized(size.0, size.1, Filter::CatmullRom, (Wrap::Periodic, Wrap::Clamp));
+    let size = (side(image.width), side(image.height));
+    if size != (image.width, image.height) {
+        image = image.resized(size.0, size.1, Filter::CatmullRom, (Wrap::Periodic, Wrap::Clamp));
     }
-    let body = Body::Flat(latlong_pyramid(picture, options.filter));
+    let body = Body::Flat(latlong_pyramid(image, options.filter));
     Texture { up: Some(up), ..texture(inputs, TextureKind::LatLongEnvironment, body) }
 }
 
@@ -124,8 +124,8 @@ pub(crate) fn is_cube(spec: &granita_image::ImageSpec) -> bool {
 }
 
 /// Returns the six faces of a file that holds a cube.
-fn faces_of(input: &Input) -> Result<[Picture; 6]> {
-    let (p, spec) = (&input.picture, &input.spec);
+fn faces_of(input: &Input) -> Result<[Image; 6]> {
+    let (p, spec) = (&input.image, &input.spec);
     let layout = if input.exr { CubeLayout::Column } else { CubeLayout::Mosaic };
     let (columns, rows) = layout.cells();
     let (step_x, step_y) = (p.width / columns as usize, p.height / rows as usize);
@@ -136,20 +136,20 @@ fn faces_of(input: &Input) -> Result<[Picture; 6]> {
     if n == 0 || n > step_y || (input.exr && step_y != n) {
         return Err(malformed(
             input,
-            format!("a picture of {} x {} pixels cannot hold six square faces", p.width, p.height),
+            format!("a image of {} x {} pixels cannot hold six square faces", p.width, p.height),
         ));
     }
     let cell = |face: usize| {
         let (column, row) = layout.cell(face);
         p.cropped(column as usize * step_x, row as usize * step_y, n, n)
     };
-    let stored: [Picture; 6] = std::array::from_fn(cell);
+    let stored: [Image; 6] = std::array::from_fn(cell);
     if !input.exr {
         return Ok(stored);
     }
     // Right handed faces show the same directions mirrored.
     Ok(std::array::from_fn(|face| {
-        let mut out = Picture::new(n, n, p.channels);
+        let mut out = Image::new(n, n, p.channels);
         let place = |i: usize| (i as f32 + 0.5) / n as f32;
         let index = |v: f32| ((v * n as f32) as usize).min(n - 1);
         for y in 0..n {
@@ -172,7 +172,7 @@ pub(crate) fn cube_of_one(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
         let faces = faces.map(|f| f.resized(side, side, Filter::CatmullRom, CLAMP));
         return Ok(cubes.finish(vec![input], faces, n));
     }
-    let p = &input.picture;
+    let p = &input.image;
     if p.width != 2 * p.height {
         let what = format!(
             "one input of a cube is a latitude-longitude map, twice as wide as high; this has {} x {} pixels",
@@ -192,38 +192,38 @@ pub(crate) fn latlong_of_faces(inputs: Vec<Input>, exr: bool, options: &MakeOpti
         [one] => faces_of(one)?,
         _ => {
             let n = check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?;
-            six(&inputs, |i| refit(&i.picture, options.fov_deg, n))
+            six(&inputs, |i| refit(&i.image, options.fov_deg, n))
         }
     };
     let n = faces[0].width;
     let up = Up::of_format(exr);
-    let picture = convert::to_latlong(&faces, up, (4 * n, 2 * n));
-    Ok(finish_latlong(inputs, picture, up, options))
+    let image = convert::to_latlong(&faces, up, (4 * n, 2 * n));
+    Ok(finish_latlong(inputs, image, up, options))
 }
 
 /// Makes the texture of `-envlatl` from one image that is needed as a whole. Its pixels stay where they are.
 pub(crate) fn latlong(mut input: Input, options: &MakeOptions) -> Texture {
-    let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    let image = std::mem::replace(&mut input.image, Image::new(0, 0, 1));
     let up = Up::of(&input.spec, input.exr);
-    finish_latlong(vec![input], picture, up, options)
+    finish_latlong(vec![input], image, up, options)
 }
 
 /// Returns one image for each of six inputs.
-fn six(inputs: &[Input], f: impl Fn(&Input) -> Picture) -> [Picture; 6] {
+fn six(inputs: &[Input], f: impl Fn(&Input) -> Image) -> [Image; 6] {
     std::array::from_fn(|i| f(&inputs[i]))
 }
 
 /// Makes the texture of `-envcube`.
 pub(crate) fn cube(inputs: Vec<Input>, cubes: Cubes<'_>) -> Result<Texture> {
     let n = check_faces(&inputs, &[0, 1, 2, 3, 4, 5])?;
-    let faces = six(&inputs, |i| refit(&i.picture, cubes.options.fov_deg, cubes.side(n)));
+    let faces = six(&inputs, |i| refit(&i.image, cubes.options.fov_deg, cubes.side(n)));
     Ok(cubes.finish(inputs, faces, n))
 }
 
 /// Makes the texture of `-vertcross`. The input has three columns and four rows of faces, and the lowest face is upside
 /// down.
 pub(crate) fn vertical_cross(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
-    let p = &input.picture;
+    let p = &input.image;
     let n = p.width / 3;
     if n == 0 || p.width != 3 * n || p.height != 4 * n {
         let what =
@@ -251,7 +251,7 @@ pub(crate) fn angular(d: Vec3) -> (f32, f32) {
 
 /// Makes the texture of `-lightprobe`. The input is a square image whose inscribed circle shows all directions.
 pub(crate) fn light_probe(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
-    let p = &input.picture;
+    let p = &input.image;
     if p.width != p.height {
         let what = format!("a light probe is square, this has {} x {} pixels", p.width, p.height);
         return Err(malformed(&input, what));
@@ -264,11 +264,11 @@ pub(crate) fn light_probe(input: Input, cubes: Cubes<'_>) -> Result<Texture> {
 }
 
 /// Returns one face, in which each texel is the mean of 3 x 3 points.
-fn probe_face(probe: &Picture, face: usize, n: usize) -> Picture {
+fn probe_face(probe: &Image, face: usize, n: usize) -> Image {
     const SUB: usize = 3;
     let channels = probe.channels;
     let radius = probe.width as f32 * 0.5;
-    let mut out = Picture::new(n, n, channels);
+    let mut out = Image::new(n, n, channels);
     out.data.par_chunks_mut(n * channels).enumerate().for_each(|(y, row)| {
         let mut value = vec![0.0; channels];
         for (x, texel) in row.chunks_exact_mut(channels).enumerate() {
@@ -307,7 +307,7 @@ mod tests {
 
     #[test]
     fn a_narrower_view_is_extended_and_a_wider_one_cut() {
-        let mut p = Picture::new(64, 64, 1);
+        let mut p = Image::new(64, 64, 1);
         for (i, v) in p.data.iter_mut().enumerate() {
             *v = ((i % 64) as f32 + 0.5) / 64.0;
         }

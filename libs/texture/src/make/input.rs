@@ -4,7 +4,7 @@ use super::MakeOptions;
 use super::color::Conversion;
 use super::source::Source;
 use crate::error::Result;
-use crate::picture::Picture;
+use crate::image::Image;
 use granita_base::Params;
 use granita_image::{FormatRegistry, ImageSpec, PixelType};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// One input in its whole display window, with linear colours.
 pub(crate) struct Input {
     pub(crate) path: PathBuf,
-    pub(crate) picture: Picture,
+    pub(crate) image: Image,
     pub(crate) pixel_type: PixelType,
     pub(crate) channels: Vec<String>,
     pub(crate) attributes: Params,
@@ -38,10 +38,10 @@ impl Input {
     fn open(path: &Path, options: &MakeOptions, registry: &FormatRegistry, colors: bool) -> Result<Self> {
         let source = Source::open(path, options, registry)?;
         let conversion = source.conversion(options);
-        let picture = source.picture(colors.then_some(conversion))?;
+        let image = source.image(colors.then_some(conversion))?;
         Ok(Self {
             path: path.to_owned(),
-            picture,
+            image,
             pixel_type: source.spec.pixel_type,
             channels: source.spec.channels.clone(),
             attributes: source.spec.attributes.clone(),
@@ -59,11 +59,11 @@ impl Input {
 
     /// Keeps one channel: the one named "z" or "Z", or else the first.
     pub(crate) fn only_depth(&mut self) {
-        let n = self.picture.channels;
+        let n = self.image.channels;
         let depth = self.channels.iter().position(|c| c.eq_ignore_ascii_case("z")).unwrap_or(0);
         if n > 1 {
-            self.picture.data = self.picture.data.chunks_exact(n).map(|texel| texel[depth]).collect();
-            self.picture.channels = 1;
+            self.image.data = self.image.data.chunks_exact(n).map(|texel| texel[depth]).collect();
+            self.image.channels = 1;
         }
         self.channels = vec!["Z".to_owned()];
     }

@@ -230,25 +230,25 @@ fn is_empty_face(path: &Path) -> bool {
 
 /// Reads the inputs and makes all levels.
 fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<Texture> {
-    let picture = |path: &PathBuf| Input::read(path, options, registry);
+    let image = |path: &PathBuf| Input::read(path, options, registry);
     let depth = |path: &PathBuf| Input::read_raw(path, options, registry);
-    let pictures = || inputs.iter().map(picture).collect::<Result<Vec<_>>>();
+    let images = || inputs.iter().map(image).collect::<Result<Vec<_>>>();
     let exr = makes_exr(options, registry);
     let cubes = Cubes { options, exr };
     match options.mode {
         Mode::Plain => Err(TextureError::Misuse { what: "a plain texture is streamed".to_owned() }),
         Mode::EnvLatLong => {
-            let mut all = pictures()?;
+            let mut all = images()?;
             if all.len() == 6 || environment::is_cube(&all[0].spec) {
                 environment::latlong_of_faces(all, exr, options)
             } else {
                 Ok(environment::latlong(all.swap_remove(0), options))
             }
         }
-        Mode::EnvCube if inputs.len() == 1 => environment::cube_of_one(picture(&inputs[0])?, cubes),
-        Mode::EnvCube => environment::cube(pictures()?, cubes),
-        Mode::LightProbe => environment::light_probe(picture(&inputs[0])?, cubes),
-        Mode::VertCross => environment::vertical_cross(picture(&inputs[0])?, cubes),
+        Mode::EnvCube if inputs.len() == 1 => environment::cube_of_one(image(&inputs[0])?, cubes),
+        Mode::EnvCube => environment::cube(images()?, cubes),
+        Mode::LightProbe => environment::light_probe(image(&inputs[0])?, cubes),
+        Mode::VertCross => environment::vertical_cross(image(&inputs[0])?, cubes),
         Mode::Shadow => shadow::shadow(depth(&inputs[0])?, options),
         Mode::ShadCube => {
             let faces = inputs.iter().map(|p| if is_empty_face(p) { Ok(None) } else { depth(p).map(Some) });

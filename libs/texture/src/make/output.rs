@@ -7,7 +7,7 @@ use super::writer::{Shelf, Writer};
 use super::{Costs, Made, MakeOptions, Progress};
 use crate::cube::{self, CubeLayout};
 use crate::error::{Result, TextureError};
-use crate::picture::{Picture, half};
+use crate::image::{Image, half};
 use crate::{TextureKind, Up};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
 use granita_image::{Format, FormatRegistry, ImageSpec, PixelType, Pixels};
@@ -32,9 +32,9 @@ pub(crate) struct Texture {
 /// The levels of a texture, largest first.
 pub(crate) enum Body {
     /// The levels of one image.
-    Flat(Vec<Picture>),
+    Flat(Vec<Image>),
     /// The levels of six faces px nx py ny pz nz, left handed. Each entry holds the six faces of one level.
-    Cube(Vec<[Picture; 6]>),
+    Cube(Vec<[Image; 6]>),
 }
 
 /// The attributes that describe how the input is stored, not what it shows.
@@ -66,7 +66,7 @@ pub(crate) struct Plan {
 
 /// One level as it is stored.
 struct Stored {
-    picture: Picture,
+    image: Image,
     /// The size of the display window. For cubes it is that of a face.
     full: (u32, u32),
     tile: (u32, u32),
@@ -235,9 +235,9 @@ impl Plan {
 
     /// Returns the levels as they are stored, with display window and tiles.
     fn levels(&self, body: Body, path: &Path) -> Result<Vec<Stored>> {
-        let flat = |p: Picture| {
+        let flat = |p: Image| {
             let (full, tile) = ((p.width as u32, p.height as u32), self.tile(p.width, p.height));
-            Stored { picture: p, full, tile }
+            Stored { image: p, full, tile }
         };
         match body {
             Body::Flat(levels) => Ok(levels.into_iter().map(flat).collect()),
@@ -254,7 +254,7 @@ impl Plan {
                 let mipmapped = levels.len() > 1;
                 let mut out: Vec<_> = levels.iter().map(|faces| flat(column(faces))).collect();
                 // A column is six times as high as wide. Its own pyramid has more levels than its faces.
-                while let Some(last) = out.last().map(|l| &l.picture).filter(|p| mipmapped && p.height > 1) {
+                while let Some(last) = out.last().map(|l| &l.image).filter(|p| mipmapped && p.height > 1) {
                     let wrap = (crate::Wrap::Clamp, crate::Wrap::Clamp);
                     let next = last.resized(1, half(last.height), granita_base::Filter::Box, wrap);
                     out.push(flat(next));
@@ -266,7 +266,7 @@ impl Plan {
                 .map(|faces| {
                     let tile = self.tile(faces[0].width, faces[0].height);
                     let full = (faces[0].width as u32, faces[0].height as u32);
-                    Stored { picture: mosaic(faces, tile), full, tile }
+                    Stored { image: mosaic(faces, tile), full, tile }
                 })
                 .collect()),
         }
@@ -274,11 +274,11 @@ impl Plan {
 }
 
 /// Returns the 3 x 2 mosaic, in which each face begins on a tile boundary (reference 9.2.7).
-fn mosaic(faces: &[Picture; 6], tile: (u32, u32)) -> Picture {
+fn mosaic(faces: &[Image; 6], tile: (u32, u32)) -> Image {
     let first = &faces[0];
     let step_x = first.width.next_multiple_of(tile.0 as usize);
     let step_y = first.height.next_multiple_of(tile.1 as usize);
-    let mut out = Picture::new(3 * step_x, 2 * step_y, first.channels);
+    let mut out = Image::new(3 * step_x, 2 * step_y, first.channels);
     for (i, face) in faces.iter().enumerate() {
         let (column, row) = CubeLayout::Mosaic.cell(i);
         out.paste(face, column as usize * step_x, row as usize * step_y);
@@ -287,9 +287,9 @@ fn mosaic(faces: &[Picture; 6], tile: (u32, u32)) -> Picture {
 }
 
 /// Returns the column of OpenEXR, with the same directions in right handed faces.
-fn column(faces: &[Picture; 6]) -> Picture {
+fn column(faces: &[Image; 6]) -> Image {
     let n = faces[0].width;
-    let mut out = Picture::new(n, 6 * n, faces[0].channels);
+    let mut out = Image::new(n, 6 * n, faces[0].channels);
     for face in 0..6 {
         for y in 0..n {
             for x in 0..n {
@@ -319,21 +319,21 @@ pub(crate) fn write(
     };
     let mut plan = Plan::new(texture.kind, texture.up, &described, options, registry)?;
     let levels = plan.levels(texture.body, path)?;
-    let size = |p: &Picture| (p.width, p.height);
+    let size = |p: &Image| (p.width, p.height);
     let conversion = texture.conversion.filter(|_| !texture.kind.is_shadow());
-    let store = |p: Picture| pixels(p.data, p.channels, plan.pixel_type, Units::Fractions, conversion);
+    let store = |p: Image| pixels(p.data, p.channels, plan.pixel_type, Units::Fractions, conversion);
     if options.hash {
-        let first = levels[0].picture.clone();
+        let first = levels[0].image.clone();
         let mut scan = Scan::new(size(&first), first.channels, plan.pixel_type, true);
         scan.push(&store(first));
         plan.describe_content(&scan, options);
     }
     let specs: Vec<ImageSpec> =
-        levels.iter().map(|level| plan.spec(size(&level.picture), level.full, level.tile)).collect();
+        levels.iter().map(|level| plan.spec(size(&level.image), level.full, level.tile)).collect();
     let mut writer = Writer::create(path, specs.clone(), options, registry, progress)?;
     for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
         let stored =
-            pixels(level.picture.data, spec.nchannels(), plan.pixel_type, Units::Fractions, conversion);
+            pixels(level.image.data, spec.nchannels(), plan.pixel_type, Units::Fractions, conversion);
         let row = spec.width as usize * spec.nchannels() * spec.tile_height as usize;
         let mut shelf = Shelf::new(spec);
         // The level is converted by rows of tiles, so that not all its tiles are in memory beside it.

@@ -6,7 +6,7 @@ use super::input::Input;
 use super::output::{Body, Texture};
 use crate::cube::FACE_NAMES;
 use crate::error::{Result, TextureError};
-use crate::picture::{Picture, half};
+use crate::image::{Image, half};
 use crate::volume::EMPTY;
 use crate::{TextureKind, volume};
 use granita_base::{BaseType, Param, ParamData, ParamType};
@@ -35,13 +35,13 @@ fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -
 pub(crate) fn shadow(mut input: Input, options: &MakeOptions) -> Result<Texture> {
     check_matrices(&input, options)?;
     input.only_depth();
-    let picture = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
-    Ok(texture(TextureKind::Shadow, Body::Flat(vec![picture]), vec!["Z".to_owned()], input))
+    let image = std::mem::replace(&mut input.image, Image::new(0, 0, 1));
+    Ok(texture(TextureKind::Shadow, Body::Flat(vec![image]), vec!["Z".to_owned()], input))
 }
 
 /// True when an image holds opacity against depth, as outputs of "volz" do. A single depth has a channel named "z".
 fn is_volume(input: &Input) -> bool {
-    input.picture.channels >= 4 && !input.channels.iter().any(|c| c.eq_ignore_ascii_case("z"))
+    input.image.channels >= 4 && !input.channels.iter().any(|c| c.eq_ignore_ascii_case("z"))
 }
 
 /// Makes the texture of `-shadcube` from the faces px nx py ny pz nz. `None` is a face without shadows. Either all
@@ -69,13 +69,13 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
         return Err(TextureError::Misuse { what: "all six faces are empty".to_owned() });
     }
     let n = check_faces(&known, &places)?;
-    let mut nothing = Picture::new(n, n, known[0].picture.channels);
+    let mut nothing = Image::new(n, n, known[0].image.channels);
     for texel in nothing.data.chunks_exact_mut(nothing.channels) {
         volume::store(EMPTY, &[], texel);
     }
     let mut faces = vec![nothing; FACE_NAMES.len()];
     for (face, input) in places.iter().zip(&mut known) {
-        faces[*face] = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+        faces[*face] = std::mem::replace(&mut input.image, Image::new(0, 0, 1));
     }
     // The pz face provides the matrices. Without it the options must, because the other faces have other directions.
     let pz = places.iter().position(|face| FACE_NAMES[*face] == "pz");
@@ -86,7 +86,7 @@ pub(crate) fn cube(inputs: Vec<Option<Input>>, options: &MakeOptions) -> Result<
     let notes = super::notes_of(&known);
     let main = known.swap_remove(pz.unwrap_or(0));
     check_matrices(&main, options)?;
-    let faces = <[Picture; 6]>::try_from(faces)
+    let faces = <[Image; 6]>::try_from(faces)
         .map_err(|_| TextureError::Misuse { what: "a cube has six faces".to_owned() })?;
     if !volume {
         let body = Body::Cube(vec![faces]);
@@ -115,12 +115,12 @@ fn volumes(kind: TextureKind, body: Body, mut input: Input, options: &MakeOption
 /// Makes the texture of `-volshad`, with the channels z_opaque, alpha_trans, z_0 ... z_1 (reference 9.2.4).
 pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture> {
     check_matrices(&input, options)?;
-    let n = input.picture.channels;
+    let n = input.image.channels;
     if n < 4 {
         let what = format!("a volume depth map has at least 4 channels, this has {n}");
         return Err(TextureError::Malformed { path: input.path.clone(), what });
     }
-    let first = std::mem::replace(&mut input.picture, Picture::new(0, 0, 1));
+    let first = std::mem::replace(&mut input.image, Image::new(0, 0, 1));
     let mut levels = vec![first];
     while let Some(last) = levels.last().filter(|p| p.width > 1 || p.height > 1) {
         let next = halved(last, options.opaque_width);
@@ -130,8 +130,8 @@ pub(crate) fn volume(mut input: Input, options: &MakeOptions) -> Result<Texture>
 }
 
 /// Returns the next level of a volume map.
-fn halved(p: &Picture, opaque_width: f32) -> Picture {
-    let mut out = Picture::new(half(p.width), half(p.height), p.channels);
+fn halved(p: &Image, opaque_width: f32) -> Image {
+    let mut out = Image::new(half(p.width), half(p.height), p.channels);
     let range = |o: usize, from: usize, to: usize| o * from / to..((o + 1) * from).div_ceil(to).min(from);
     for y in 0..out.height {
         for x in 0..out.width {

@@ -3,7 +3,7 @@
 use super::color::Conversion;
 use super::options::{BrokenValues, MakeOptions};
 use crate::error::{Result, TextureError};
-use crate::picture::Picture;
+use crate::image::Image;
 use crate::stage::Stage;
 use granita_image::{BlockCopy, FormatRegistry, ImageInput, ImageSpec, PixelType, Pixels};
 use half::f16;
@@ -214,14 +214,14 @@ impl Source {
     }
 
     /// Returns the whole display window in floats, with integers as fractions of their range.
-    pub(crate) fn picture(&self, conversion: Option<Conversion>) -> Result<Picture> {
+    pub(crate) fn image(&self, conversion: Option<Conversion>) -> Result<Image> {
         let mut data = Vec::with_capacity(self.width * self.height * self.channels);
         // The rows are read in portions, so that the stored values and the floats are not in memory as a whole at once.
         for y in (0..self.height).step_by(256) {
             let rows = self.rows(y, (y + 256).min(self.height))?;
             data.extend(floats(&rows, self.channels, Units::Fractions, conversion));
         }
-        Ok(Picture { width: self.width, height: self.height, channels: self.channels, data })
+        Ok(Image { width: self.width, height: self.height, channels: self.channels, data })
     }
 }
 

@@ -10,7 +10,7 @@
 
 use crate::Wrap;
 use crate::cube::{self, CubeLayout};
-use crate::picture::{Picture, half};
+use crate::image::{Image, half};
 use granita_base::Filter;
 use rayon::prelude::*;
 
@@ -41,7 +41,7 @@ fn row_angles(n: usize, y: usize) -> Vec<f64> {
 }
 
 /// Returns the mean of every channel over the sphere.
-fn cube_mean(faces: &[Picture; 6]) -> Vec<f64> {
+fn cube_mean(faces: &[Image; 6]) -> Vec<f64> {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let rows: Vec<Vec<f64>> = (0..n)
         .into_par_iter()
@@ -67,7 +67,7 @@ fn cube_mean(faces: &[Picture; 6]) -> Vec<f64> {
 }
 
 /// Returns the mean of every channel of a latitude-longitude map over the sphere.
-fn latlong_mean(p: &Picture) -> Vec<f64> {
+fn latlong_mean(p: &Image) -> Vec<f64> {
     let mut total = vec![0.0; p.channels];
     let weight = |y: usize| ((y as f64 + 0.5) / p.height as f64 * std::f64::consts::PI).sin();
     let all: f64 = (0..p.height).map(weight).sum::<f64>() * p.width as f64;
@@ -81,7 +81,7 @@ fn latlong_mean(p: &Picture) -> Vec<f64> {
 }
 
 /// Returns the next level of six faces with the box filter.
-fn cube_halved(faces: &[Picture; 6]) -> [Picture; 6] {
+fn cube_halved(faces: &[Image; 6]) -> [Image; 6] {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let m = half(n);
     let across: Vec<_> = (0..m).map(|o| cover(o, n, m)).collect();
@@ -132,7 +132,7 @@ fn cube_halved(faces: &[Picture; 6]) -> [Picture; 6] {
     };
     let rows: Vec<Vec<f32>> = (0..m).into_par_iter().map(row).collect();
     std::array::from_fn(|f| {
-        let mut out = Picture::new(m, m, channels);
+        let mut out = Image::new(m, m, channels);
         for (to, row) in out.data.chunks_exact_mut(m * channels).zip(&rows) {
             to.copy_from_slice(&row[f * m * channels..][..m * channels]);
         }
@@ -166,16 +166,16 @@ fn reach(filter: Filter, from: usize, to: usize) -> usize {
 /// Returns an image of size `to`. `padded` has `margin` texels around an image of size `from`. `measure` is the weight
 /// of a texel of `padded`.
 fn filtered(
-    padded: &Picture,
+    padded: &Image,
     margin: usize,
     from: (usize, usize),
     to: (usize, usize),
     filter: Filter,
     measure: impl Fn(usize, usize) -> f64 + Sync,
-) -> Picture {
+) -> Image {
     let n = padded.channels;
     let (across, down) = (spread(from.0, to.0, filter, margin), spread(from.1, to.1, filter, margin));
-    let mut out = Picture::new(to.0, to.1, n);
+    let mut out = Image::new(to.0, to.1, n);
     out.data.par_chunks_mut(to.0 * n).zip(&down).for_each(|(row, down)| {
         let mut sums = vec![0.0; n];
         for (texel, across) in row.chunks_exact_mut(n).zip(&across) {
@@ -200,7 +200,7 @@ fn filtered(
 }
 
 /// Multiplies the channels of a level so that their means become `wanted`.
-fn correct(level: &mut [Picture], mean: &[f64], wanted: &[f64]) {
+fn correct(level: &mut [Image], mean: &[f64], wanted: &[f64]) {
     let factor: Vec<f32> = (mean.iter().zip(wanted))
         .map(|(m, w)| {
             let factor = w / m;
@@ -209,8 +209,8 @@ fn correct(level: &mut [Picture], mean: &[f64], wanted: &[f64]) {
         })
         .collect();
     if factor.iter().any(|f| *f != 1.0) {
-        for picture in level {
-            for texel in picture.data.chunks_exact_mut(picture.channels) {
+        for image in level {
+            for texel in image.data.chunks_exact_mut(image.channels) {
                 texel.iter_mut().zip(&factor).for_each(|(v, f)| *v *= f);
             }
         }
@@ -218,7 +218,7 @@ fn correct(level: &mut [Picture], mean: &[f64], wanted: &[f64]) {
 }
 
 /// Returns the next level of six faces with a filter other than the box, over face edges.
-fn cube_filtered(faces: &[Picture; 6], filter: Filter) -> [Picture; 6] {
+fn cube_filtered(faces: &[Image; 6], filter: Filter) -> [Image; 6] {
     let (n, channels) = (faces[0].width, faces[0].channels);
     let m = half(n);
     let margin = reach(filter, n, m);
@@ -229,7 +229,7 @@ fn cube_filtered(faces: &[Picture; 6], filter: Filter) -> [Picture; 6] {
         (1.0 + u * u + v * v).powf(-1.5)
     };
     std::array::from_fn(|face| {
-        let mut padded = Picture::new(size, size, channels);
+        let mut padded = Image::new(size, size, channels);
         padded.data.par_chunks_mut(size * channels).enumerate().for_each(|(y, row)| {
             for (x, texel) in row.chunks_exact_mut(channels).enumerate() {
                 let d = cube::direction(CubeLayout::Mosaic, face, place(x), place(y));
@@ -248,11 +248,11 @@ fn cube_filtered(faces: &[Picture; 6], filter: Filter) -> [Picture; 6] {
 }
 
 /// Returns the next level of a latitude-longitude map with a filter other than the box, over seam and poles.
-fn latlong_filtered(p: &Picture, filter: Filter) -> Picture {
+fn latlong_filtered(p: &Image, filter: Filter) -> Image {
     let (w, h) = (p.width, p.height);
     let to = (half(w), half(h));
     let margin = reach(filter, w, to.0).max(reach(filter, h, to.1));
-    let mut padded = Picture::new(w + 2 * margin, h + 2 * margin, p.channels);
+    let mut padded = Image::new(w + 2 * margin, h + 2 * margin, p.channels);
     for y in 0..padded.height {
         // Beyond a pole the rows continue on its other side.
         let row = (y as i64 - margin as i64).rem_euclid(2 * h as i64) as usize;
@@ -267,7 +267,7 @@ fn latlong_filtered(p: &Picture, filter: Filter) -> Picture {
 }
 
 /// Returns all levels of six faces.
-pub(crate) fn cube_pyramid(faces: [Picture; 6], filter: Filter) -> Vec<[Picture; 6]> {
+pub(crate) fn cube_pyramid(faces: [Image; 6], filter: Filter) -> Vec<[Image; 6]> {
     let wanted = cube_mean(&faces);
     let mut levels = vec![faces];
     while let Some(last) = levels.last().filter(|faces| faces[0].width > 1) {
@@ -285,7 +285,7 @@ pub(crate) fn cube_pyramid(faces: [Picture; 6], filter: Filter) -> Vec<[Picture;
 }
 
 /// Returns all levels of a latitude-longitude map.
-pub(crate) fn latlong_pyramid(first: Picture, filter: Filter) -> Vec<Picture> {
+pub(crate) fn latlong_pyramid(first: Image, filter: Filter) -> Vec<Image> {
     let wanted = latlong_mean(&first);
     let mut levels = vec![first];
     while let Some(last) = levels.last().filter(|p| p.width > 1 || p.height > 1) {
@@ -308,8 +308,8 @@ mod tests {
     use super::*;
     use granita_base::Vec3;
 
-    fn noise(width: usize, height: usize, seed: u32) -> Picture {
-        let mut p = Picture::new(width, height, 2);
+    fn noise(width: usize, height: usize, seed: u32) -> Image {
+        let mut p = Image::new(width, height, 2);
         for (i, v) in p.data.iter_mut().enumerate() {
             // There are many dark texels and a few bright ones.
             *v = granita_base::hash::unit(granita_base::hash::words(&[i as u32, seed])).powi(20) * 1000.0;
@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn constants_stay_exact() {
-        let mut p = Picture::new(16, 16, 3);
+        let mut p = Image::new(16, 16, 3);
         p.data.fill(0.3);
         for filter in Filter::ALL {
             for level in cube_pyramid(std::array::from_fn(|_| p.clone()), filter) {
@@ -371,7 +371,7 @@ mod tests {
         for filter in [Filter::Box, Filter::Gaussian, Filter::BSpline] {
             // The texels are in the middle of a face, at an edge and at a corner.
             for (face, x, y) in [(0, 16, 16), (2, 31, 9), (5, 0, 0)] {
-                let mut faces: [Picture; 6] = std::array::from_fn(|_| Picture::new(n, n, 1));
+                let mut faces: [Image; 6] = std::array::from_fn(|_| Image::new(n, n, 1));
                 faces[face].texel_mut(x, y)[0] = 1e4;
                 let to = |f: usize, x: usize, y: usize, n: usize| {
                     let place = |i: usize| (i as f32 + 0.5) / n as f32;

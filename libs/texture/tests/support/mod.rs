@@ -42,11 +42,11 @@ impl Folder {
     }
 
     /// Writes a scanline TIFF of floats.
-    pub fn picture(&self, name: &str, size: (u32, u32), channels: usize, f: impl Fn(u32, u32, usize) -> f32) {
-        self.picture_of(name, ImageSpec::new(size.0, size.1, channels, PixelType::Float), f);
+    pub fn image(&self, name: &str, size: (u32, u32), channels: usize, f: impl Fn(u32, u32, usize) -> f32) {
+        self.image_of(name, ImageSpec::new(size.0, size.1, channels, PixelType::Float), f);
     }
 
-    pub fn picture_of(&self, name: &str, spec: ImageSpec, f: impl Fn(u32, u32, usize) -> f32) {
+    pub fn image_of(&self, name: &str, spec: ImageSpec, f: impl Fn(u32, u32, usize) -> f32) {
         let mut values = Vec::new();
         for y in 0..spec.height {
             for x in 0..spec.width {

@@ -31,7 +31,7 @@ fn pixels_come_in_any_layout() {
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let live = Live::new(LiveLimits { bytes: 4000, pictures: 2, ..LiveLimits::default() });
+    let live = Live::new(LiveLimits { bytes: 4000, images: 2, ..LiveLimits::default() });
     let rgb = names(&["R", "G", "B"]);
     assert!(matches!(
         live.create("a", 100, 100, &rgb),
@@ -45,7 +45,7 @@ fn what_does_not_fit_is_refused() {
     assert!(live.create("b", 10, 10, &rgb).is_err(), "together they are too large");
     live.create("a", 5, 5, &rgb).unwrap();
     live.create("b", 10, 10, &rgb).unwrap();
-    assert!(matches!(live.create("c", 1, 1, &rgb), Err(ViewError::Limit { what: "pictures", .. })));
+    assert!(matches!(live.create("c", 1, 1, &rgb), Err(ViewError::Limit { what: "images", .. })));
     assert_eq!(live.names(), ["a", "b"]);
     let pixel = PixelRect::at(4, 4, 1, 1);
     assert!(live.update("a", &[(0, 0, 1)], pixel, &[1.0]).is_ok());
@@ -169,7 +169,7 @@ fn who_waits_is_woken() {
 proptest! {
     /// The pixels are those of the last accepted updates, whatever updates arrive.
     #[test]
-    fn updates_are_what_a_plain_picture_would_hold(
+    fn updates_are_what_a_plain_image_would_hold(
         updates in prop::collection::vec(
             (0_usize..3, 0_usize..3, 0_usize..4, -2_i32..9, -2_i32..7, 0_u32..9, 0_u32..7),
             1..20,

@@ -124,9 +124,9 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
     assert_eq!(live.info("a").unwrap().drawing.to_vec(), [Draw::BeginPath, Draw::MoveTo([0.0, 0.0])]);
     let said = messages.lock()[1..].concat();
     for text in [
-        "bytes of all pictures 400000000 exceeds the limit of 1048576",
+        "bytes of all images 400000000 exceeds the limit of 1048576",
         "two channels are called \"R\"",
-        "there is no picture \"a\"",
+        "there is no image \"a\"",
         "\"a\" has no channel \"G\"",
         "pixels x 3..5 y 3..4 of the 4 x 4 of \"a\"",
         "files are not opened for clients (see -allowopen)",
@@ -205,7 +205,7 @@ fn layers_are_opened_where_they_are_allowed() {
 }
 
 #[test]
-fn renders_of_one_name_are_pictures_of_their_own_and_take_requests() {
+fn renders_of_one_name_are_images_of_their_own_and_take_requests() {
     let live = Live::default();
     let (listener, _) = listening(&live, None);
     let (mut first, mut second) = (Ours::new(&listener), Ours::new(&listener));

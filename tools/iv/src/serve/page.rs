@@ -3,8 +3,8 @@
 //! The page sends `{"show": ID, "channels": [c ...]}` (at most four channels), `{"probe": [x, y]}`, and `{"detail": ID,
 //! "scale": s, "rect": [x, y, width, height]}` for its visible part, see [`detail`](super::detail).
 //!
-//! The page receives text: `{"pictures": [{id, name, width, height, channels, note, live} ...], "shown": ID}` whenever
-//! the list changes, `{"picture": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
+//! The page receives text: `{"images": [{id, name, width, height, channels, note, live} ...], "shown": ID}` whenever
+//! the list changes, `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
 //! pixels of an image, `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` with the steps of a
 //! canvas ("moveTo" ...), and `{"probe": [x, y], "values": ["v" ...]}`.
 //!
@@ -116,7 +116,7 @@ impl Page {
         let mut messages = Vec::new();
         if self.version != Some(version) {
             self.version = Some(version);
-            let list = self.pictures();
+            let list = self.images();
             if list != self.list {
                 messages.push(Message::Text(list.to_string()));
                 self.list = list;
@@ -133,7 +133,7 @@ impl Page {
         }
         let scale = reduction(&info);
         if self.known.is_none_or(|(id, _)| id != info.id) {
-            let text = json!({"picture": info.id, "scale": scale, "channels": self.channels,
+            let text = json!({"image": info.id, "scale": scale, "channels": self.channels,
                 "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
             messages.push(Message::Text(text.to_string()));
             self.pending = blocks(&[PixelRect::at(0, 0, info.width, info.height)], &info, BLOCK);
@@ -188,13 +188,13 @@ impl Page {
         messages
     }
 
-    fn pictures(&self) -> Value {
+    fn images(&self) -> Value {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
         let entry = |info: LiveInfo| {
             json!({"id": info.id, "name": info.name, "width": info.width, "height": info.height,
                 "channels": info.channels, "note": info.note, "live": info.takes_requests})
         };
-        json!({"pictures": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
+        json!({"images": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
     }
 
     /// Returns a message with the channels of a rectangle that the page requested; `None` when the image was replaced
@@ -277,7 +277,7 @@ mod tests {
                 match message {
                     Message::Text(text) => {
                         let value: Value = serde_json::from_str(&text).unwrap();
-                        if value["picture"].is_u64() {
+                        if value["image"].is_u64() {
                             let side = |name: &str| value[name].as_u64().unwrap() as u32;
                             let (w, h) = (side("width"), side("height"));
                             let n = value["channels"].as_array().unwrap().len();
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_holds_what_the_picture_holds() {
+    fn a_page_holds_what_the_image_holds() {
         let live = Live::default();
         live.create("a", 700, 300, &names(&["R", "G", "B", "A", "Z"])).unwrap();
         let mut page = Page::new(live.clone());
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn large_pictures_come_reduced() {
+    fn large_images_come_reduced() {
         let live = Live::default();
         live.create("a", 9001, 5, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();

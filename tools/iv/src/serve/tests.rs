@@ -135,7 +135,7 @@ fn a_browser_is_told_what_comes() {
     assert!(list.contains("\"name\":\"a\"") && list.contains("\"height\":30"), "{list}");
     let id = live.info("a").unwrap().id;
     web.send(tungstenite::Message::text(format!("{{\"show\":{id},\"channels\":[0,1,2]}}"))).unwrap();
-    assert!(text(web.read().unwrap()).contains("\"picture\":"));
+    assert!(text(web.read().unwrap()).contains("\"image\":"));
     assert_eq!(web.read().unwrap().into_data().len(), 32 + 40 * 30 * 3 * 2);
     live.mark("a", PixelRect::at(8, 8, 8, 8));
     assert_eq!(text(web.read().unwrap()), "{\"marks\":[[8,8,8,8]]}");
@@ -151,7 +151,7 @@ fn a_browser_is_told_what_comes() {
     web.send(tungstenite::Message::text("{\"probe\":[8,8]}")).unwrap();
     assert_eq!(text(web.read().unwrap()), "{\"probe\":[8,8],\"values\":[\"0.5\",\"0.5\",\"0.5\"]}");
     live.close("a");
-    assert_eq!(text(web.read().unwrap()), format!("{{\"pictures\":[],\"shown\":0}}"));
+    assert_eq!(text(web.read().unwrap()), format!("{{\"images\":[],\"shown\":0}}"));
     let _ = web.send(tungstenite::Message::text("x".repeat(1 << 20)));
     assert!((0..10).any(|_| web.read().is_err()), "it is sent away");
 }

@@ -61,7 +61,7 @@ pub(crate) struct App {
     /// which the program began to make the window.
     since: (usize, Instant),
     /// The durations until something of the current entry was shown everywhere, and until it was complete.
-    pub(super) first_picture: [Option<Duration>; 2],
+    pub(super) first_image: [Option<Duration>; 2],
 }
 
 impl App {
@@ -103,7 +103,7 @@ impl App {
             shot: Shot::default(),
             shown_title: String::new(),
             since: (0, started),
-            first_picture: [None; 2],
+            first_image: [None; 2],
         }
     }
 
@@ -126,7 +126,7 @@ impl App {
             Command::Quit => ctx.send_viewport_cmd(egui::ViewportCommand::Close),
             Command::Save { pixels } => {
                 let name = self.model.entries.name(self.model.entries.current);
-                let stem = Path::new(&name).file_stem().map_or("picture".into(), |s| s.to_string_lossy());
+                let stem = Path::new(&name).file_stem().map_or("image".into(), |s| s.to_string_lossy());
                 let text = if pixels { format!("{stem}.copy.exr") } else { format!("{stem}.view.png") };
                 self.prompt = Some(Prompt { text, pixels });
             }
@@ -293,20 +293,20 @@ impl App {
     }
 
     /// Draws the image and shows it on the screen.
-    pub(super) fn show_picture(&mut self, ui: &mut egui::Ui) {
+    pub(super) fn show_image(&mut self, ui: &mut egui::Ui) {
         let ppp = ui.ctx().pixels_per_point();
         let side = |v: f32| (v * ppp).round().clamp(1.0, 16384.0) as u32;
         let most = ui.input(|i| i.max_texture_side) as u32;
         let (width, height) = (side(self.area.width()).min(most), side(self.area.height()).min(most));
         // By now the previous frame is on its way to the screen.
-        for (just, time) in self.just_shown.iter_mut().zip(&mut self.first_picture) {
+        for (just, time) in self.just_shown.iter_mut().zip(&mut self.first_image) {
             if std::mem::take(just) {
                 *time = Some(self.since.1.elapsed());
             }
         }
         if self.since.0 != self.model.entries.current {
             self.since = (self.model.entries.current, Instant::now());
-            self.first_picture = [None; 2];
+            self.first_image = [None; 2];
         }
         let changed = self.model.frame(width, height);
         let corner = [self.area.left(), self.area.top()].map(|v| (v * ppp).round() as i32);
@@ -317,7 +317,7 @@ impl App {
             }
         }
         let now = [self.model.canvas.covered, self.model.complete];
-        for ((just, time), now) in self.just_shown.iter_mut().zip(&self.first_picture).zip(now) {
+        for ((just, time), now) in self.just_shown.iter_mut().zip(&self.first_image).zip(now) {
             if now && time.is_none() {
                 *just = true;
                 ui.ctx().request_repaint();
@@ -339,7 +339,7 @@ impl App {
         let image = ColorImage::new([canvas.width as usize, canvas.height as usize], pixels);
         match &mut self.texture {
             Some(texture) => texture.set(image, TextureOptions::NEAREST),
-            None => self.texture = Some(ctx.load_texture("picture", image, TextureOptions::NEAREST)),
+            None => self.texture = Some(ctx.load_texture("image", image, TextureOptions::NEAREST)),
         }
     }
 }

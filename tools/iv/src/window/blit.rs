@@ -43,11 +43,11 @@ impl Blit {
             return None;
         }
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("picture"),
+            label: Some("image"),
             source: wgpu::ShaderSource::Wgsl(SHADER.into()),
         });
         let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("picture"),
+            label: Some("image"),
             layout: None,
             vertex: wgpu::VertexState {
                 module: &module,
@@ -87,7 +87,7 @@ impl Blit {
                 .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
                 .collect();
             let bound = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("picture"),
+                label: Some("image"),
                 layout: &self.pipeline.get_bind_group_layout(0),
                 entries: &entries,
             });

@@ -2,7 +2,7 @@
 
 use granita_image::{FormatRegistry, Request};
 use granita_view::{
-    Arrangement, Display, Group, Live, LiveInfo, LivePage, Page, Picture, Sheet, Shown, Stamp, TileStore,
+    Arrangement, Display, Group, Image, Live, LiveInfo, LivePage, Page, Sheet, Shown, Stamp, TileStore,
     groups,
 };
 use std::cell::RefCell;
@@ -50,7 +50,7 @@ impl Seen {
 
 enum Opened {
     Not,
-    File(Picture),
+    File(Image),
     Live(LivePage),
     /// The error, and the stamp of the file at the time of the error.
     Failed(String, Stamp),
@@ -170,8 +170,8 @@ impl Entries {
             return Ok(());
         }
         let stamp = Stamp::of(&e.path);
-        match Picture::open(&e.path, formats, store) {
-            Ok(picture) => e.opened = Opened::File(picture),
+        match Image::open(&e.path, formats, store) {
+            Ok(image) => e.opened = Opened::File(image),
             Err(error) => {
                 let text = error.to_string();
                 e.opened = Opened::Failed(text.clone(), stamp);
@@ -192,8 +192,8 @@ impl Entries {
 
     /// Requests that a rough image of an open entry is read first, because the user waits for it.
     pub(crate) fn hurry(&self, entry: usize) {
-        if let Some(picture) = self.picture(entry) {
-            picture.pages.iter().for_each(|page| page.pyramid.sketch_first());
+        if let Some(image) = self.image(entry) {
+            image.pages.iter().for_each(|page| page.pyramid.sketch_first());
         }
     }
 
@@ -209,9 +209,9 @@ impl Entries {
     pub(crate) fn page(&self, entry: usize) -> Option<(usize, Arc<Page>)> {
         let e = self.list.get(entry)?;
         match &e.opened {
-            Opened::File(picture) => {
-                let page = picture.pages.get(e.choice.page).or(picture.pages.first())?;
-                Some((picture.pages.len(), page.clone()))
+            Opened::File(image) => {
+                let page = image.pages.get(e.choice.page).or(image.pages.first())?;
+                Some((image.pages.len(), page.clone()))
             }
             Opened::Live(live) => Some((1, live.page.clone())),
             Opened::Not | Opened::Failed(..) => None,
@@ -219,9 +219,9 @@ impl Entries {
     }
 
     /// Returns the file of an entry, when it is open.
-    pub(crate) fn picture(&self, entry: usize) -> Option<&Picture> {
+    pub(crate) fn image(&self, entry: usize) -> Option<&Image> {
         match &self.list.get(entry)?.opened {
-            Opened::File(picture) => Some(picture),
+            Opened::File(image) => Some(image),
             _ => None,
         }
     }
@@ -253,8 +253,8 @@ impl Entries {
     pub(crate) fn as_panorama(&mut self, entry: usize, _store: &TileStore) {
         let Some(e) = self.list.get_mut(entry) else { return };
         let chosen = e.choice.page;
-        if let Opened::File(picture) = &mut e.opened
-            && let Some(page) = picture.pages.get_mut(chosen)
+        if let Opened::File(image) = &mut e.opened
+            && let Some(page) = image.pages.get_mut(chosen)
         {
             *page = Arc::new(page.as_panorama());
             self.changes += 1;
@@ -297,8 +297,8 @@ impl Entries {
         let Some(e) = self.list.get_mut(entry).filter(|e| !e.live) else { return };
         self.changes += 1;
         let stamp = Stamp::of(&e.path);
-        match (Picture::open(&e.path, formats, store), &e.opened) {
-            (Ok(picture), _) => e.opened = Opened::File(picture),
+        match (Image::open(&e.path, formats, store), &e.opened) {
+            (Ok(image), _) => e.opened = Opened::File(image),
             // The previous image stays on the screen.
             (Err(_), Opened::File(_)) => {}
             (Err(error), _) => e.opened = Opened::Failed(error.to_string(), stamp),
@@ -315,14 +315,14 @@ impl Entries {
     ) -> Option<String> {
         let e = self.list.get_mut(entry).filter(|e| !e.live)?;
         match &mut e.opened {
-            Opened::File(picture) if picture.has_changed() => {
+            Opened::File(image) if image.has_changed() => {
                 let now = Stamp::of(&e.path);
-                match Picture::open(&e.path, formats, store) {
-                    Ok(new) => *picture = new,
+                match Image::open(&e.path, formats, store) {
+                    Ok(new) => *image = new,
                     Err(_) => {
                         // The file is being written. The previous image stays, and the file is opened again when it has
                         // changed once more.
-                        picture.stamp = now;
+                        image.stamp = now;
                         return None;
                     }
                 }
@@ -335,7 +335,7 @@ impl Entries {
                     return None;
                 }
                 *stamp = now;
-                if let Ok(new) = Picture::open(&e.path, formats, store) {
+                if let Ok(new) = Image::open(&e.path, formats, store) {
                     e.opened = Opened::File(new);
                     self.changes += 1;
                 }

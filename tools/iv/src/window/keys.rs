@@ -67,14 +67,14 @@ const fn row(keys: &'static str, action: Action, text: &'static str) -> Row {
 /// The table in sections.
 pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
     (
-        "Pictures",
+        "Images",
         &[
-            row("PageDown, Space", Action::Next(1), "next picture"),
-            row("PageUp, Backspace", Action::Next(-1), "previous picture"),
-            row("Home", Action::First, "first picture"),
-            row("End", Action::Last, "last picture"),
-            row("T", Action::Other, "the other picture, and back: the one seen before, or kept by Shift+T"),
-            row("Shift+T", Action::KeepOther, "keep this picture as the other one"),
+            row("PageDown, Space", Action::Next(1), "next image"),
+            row("PageUp, Backspace", Action::Next(-1), "previous image"),
+            row("Home", Action::First, "first image"),
+            row("End", Action::Last, "last image"),
+            row("T", Action::Other, "the other image, and back: the one seen before, or kept by Shift+T"),
+            row("Shift+T", Action::KeepOther, "keep this image as the other one"),
             row("Period", Action::Page(1), "next image of the file"),
             row("Comma", Action::Page(-1), "previous image of the file"),
             row("L", Action::Layer(1), "next layer"),
@@ -133,7 +133,7 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
         ],
     ),
     (
-        "Comparing with the other picture",
+        "Comparing with the other image",
         &[
             row("W", Action::Wipe, "wipe; the edge follows the pointer while Shift is down, or is dragged"),
             row("Shift+W", Action::WipeDirection, "wipe from above, or from the left"),
@@ -141,7 +141,7 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
             row("Shift+CloseBracket, Shift+D", Action::DifferenceGain(2.0), "difference twice as strong"),
             row("Shift+OpenBracket", Action::DifferenceGain(0.5), "half as strong"),
             row("S", Action::FlipMap, "map of how different the two look (FLIP)"),
-            row("P", Action::Over, "lay this picture over the other by its alpha"),
+            row("P", Action::Over, "lay this image over the other by its alpha"),
         ],
     ),
     (
@@ -157,7 +157,7 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
         &[
             row("Ctrl+S", Action::SaveView, "save what is seen"),
             row("Ctrl+Shift+S", Action::SavePixels, "save the values of the layer, in any format"),
-            row("Tab", Action::List, "list of pictures"),
+            row("Tab", Action::List, "list of images"),
             row("F2", Action::Theme, "dark, or light"),
             row("Questionmark, F1", Action::Help, "these keys"),
             row("Escape", Action::Escape, "close what is open, end a comparison, forget the probe"),

@@ -214,7 +214,7 @@ impl Model {
             Action::Other => self.show_other(),
             Action::KeepOther => {
                 (self.other, self.keep_other) = (Some(current), true);
-                self.say("this is the other picture now");
+                self.say("this is the other image now");
             }
             Action::Page(_)
             | Action::Layer(_)
@@ -252,7 +252,7 @@ impl Model {
             Action::Help => self.help_open = !self.help_open,
             Action::Abort => {
                 if !self.request(Request::Abort) {
-                    self.say("nobody is there to be told: this is no live picture, or its sender has ended");
+                    self.say("nobody is there to be told: this is no live image, or its sender has ended");
                 }
             }
             Action::Escape => self.escape(),
@@ -269,7 +269,7 @@ impl Model {
                 self.show(other);
                 self.other = Some(current);
             }
-            None => self.say("there is no other picture yet: see another one, or keep this with Shift+T"),
+            None => self.say("there is no other image yet: see another one, or keep this with Shift+T"),
         }
     }
 
@@ -429,7 +429,7 @@ impl Model {
     /// Begins, changes or ends a comparison.
     fn compare(&mut self, action: Action) {
         if self.other.is_none_or(|o| o >= self.entries.len() || o == self.entries.current) {
-            self.say("there is no other picture yet: see another one, or keep one with Shift+T and go on");
+            self.say("there is no other image yet: see another one, or keep one with Shift+T and go on");
             return;
         }
         let down = matches!(self.mix, Mix::Wipe { down: true, .. });

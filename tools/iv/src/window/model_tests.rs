@@ -33,7 +33,7 @@ fn settle(model: &mut Model) {
 }
 
 #[test]
-fn the_next_picture_is_read_before_it_is_looked_at() {
+fn the_next_image_is_read_before_it_is_looked_at() {
     let folder = tempfile::tempdir().unwrap();
     let mut model = model(folder.path(), &[(300, 200); 5], 10 << 20);
     settle(&mut model);

@@ -57,7 +57,7 @@ pub(crate) fn status(app: &mut App, ppp: f32) -> String {
     let model = &mut app.model;
     let (current, count) = (model.entries.current, model.entries.len());
     if count == 0 {
-        return "no pictures: give files, or drop some here; ? lists the keys".to_owned();
+        return "no images: give files, or drop some here; ? lists the keys".to_owned();
     }
     let mut parts = vec![format!("{}/{count} {}", current + 1, model.entries.name(current))];
     if let Some(error) = model.entries.error(current) {
@@ -280,9 +280,9 @@ fn side(app: &mut App, ui: &mut egui::Ui) {
         for line in numbers(&mut app.model) {
             ui.label(RichText::new(line).monospace().size(10.5));
         }
-        if let Some(picture) = app.model.entries.picture(current) {
+        if let Some(image) = app.model.entries.image(current) {
             ui.separator();
-            ui.label(RichText::new(info::text(picture)).monospace().size(10.5));
+            ui.label(RichText::new(info::text(image)).monospace().size(10.5));
         }
     });
 }
@@ -385,11 +385,7 @@ fn boxes(app: &mut App, painter: &egui::Painter) {
     if let Some(text) = error {
         write(area.center(), Align2::CENTER_CENTER, &text);
     } else if app.model.entries.len() == 0 {
-        write(
-            area.center(),
-            Align2::CENTER_CENTER,
-            "iv  \u{b7}  drop pictures here  \u{b7}  ? lists the keys",
-        );
+        write(area.center(), Align2::CENTER_CENTER, "iv  \u{b7}  drop images here  \u{b7}  ? lists the keys");
     }
     if let Some(note) = app.model.entries.live_info(current).and_then(|i| i.note.clone()) {
         write(area.center_top() + egui::Vec2::new(0.0, 10.0), Align2::CENTER_TOP, &note);

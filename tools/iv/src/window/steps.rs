@@ -121,11 +121,11 @@ impl App {
 
     /// Returns the status line, the side panel, the message and the times as text.
     fn everything_said(&mut self, ppp: f32) -> String {
-        let [first, complete] = self.first_picture.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
+        let [first, complete] = self.first_image.map(|d| d.map_or(0.0, |d| d.as_secs_f64()));
         let mut lines = vec![panels::status(self, ppp)];
         lines.extend(panels::numbers(&mut self.model));
         lines.extend(self.model.message.as_ref().map(|(text, _)| text.clone()));
-        lines.push(format!("first picture after {first:.3} s, complete after {complete:.3} s"));
+        lines.push(format!("first image after {first:.3} s, complete after {complete:.3} s"));
         lines.join("\n") + "\n"
     }
 

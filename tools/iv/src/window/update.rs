@@ -62,7 +62,7 @@ impl eframe::App for App {
             panels::around(self, ui);
         }
         self.area = ui.available_rect_before_wrap();
-        self.show_picture(ui);
+        self.show_image(ui);
         panels::over(self, ui);
         if let Some(command) = self.model.pending.take() {
             self.run(command, &ctx);

@@ -4,7 +4,7 @@ use crate::Packed;
 
 /// The options for converting a database over (s, t) to an image.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PictureOptions {
+pub struct ImageOptions {
     /// The numbers of pixels across and down.
     pub resolution: [u32; 2],
     /// The data format: "8", "16", "half" or "float". Other values select the default of the file format for floats.
@@ -13,7 +13,7 @@ pub struct PictureOptions {
     pub filter_width: f32,
 }
 
-impl Default for PictureOptions {
+impl Default for ImageOptions {
     /// Returns 1024 x 1024 pixels and a filter 2 pixels wide.
     fn default() -> Self {
         Self { resolution: [1024, 1024], data_format: String::new(), filter_width: 2.0 }
@@ -28,7 +28,7 @@ pub(crate) const LARGEST: u32 = 1 << 16;
 ///
 /// A pixel is the mean of the records around its centre, weighted by `(1 - (d / r)^2)^2`. The radius `r` is one
 /// pixel, or larger, up to half of `filter_width`, until a record is found. Pixels without any record are 0.
-pub fn picture(records: &Packed, options: &PictureOptions) -> Vec<f32> {
+pub fn image(records: &Packed, options: &ImageOptions) -> Vec<f32> {
     let schema = records.schema();
     let (width, height) = (options.resolution[0] as usize, options.resolution[1] as usize);
     let (key, channels) = (schema.key.numbers(), schema.value.numbers());
@@ -100,18 +100,18 @@ mod tests {
 
     const SCHEMA: Schema = Schema { key: Key::Surface, value: Value::Color };
 
-    fn options(width: u32, height: u32, filter_width: f32) -> PictureOptions {
-        PictureOptions { resolution: [width, height], filter_width, ..PictureOptions::default() }
+    fn options(width: u32, height: u32, filter_width: f32) -> ImageOptions {
+        ImageOptions { resolution: [width, height], filter_width, ..ImageOptions::default() }
     }
 
     #[test]
-    fn a_record_in_each_pixel_is_the_picture() {
+    fn a_record_in_each_pixel_is_the_image() {
         let record = |i: usize| {
             let (x, y) = (i % 4, i / 4);
             [(x as f32 + 0.5) / 4.0, (y as f32 + 0.5) / 3.0, x as f32, y as f32, 7.0]
         };
         let packed = Packed::new(SCHEMA, &(0..12).flat_map(record).collect::<Vec<f32>>());
-        let got = picture(&packed, &options(4, 3, 2.0));
+        let got = image(&packed, &options(4, 3, 2.0));
         for i in 0..12 {
             assert_eq!(got[3 * i..][..3], [(i % 4) as f32, (i / 4) as f32, 7.0]);
         }
@@ -121,13 +121,13 @@ mod tests {
     fn gaps_are_filled_as_far_as_the_filter_goes() {
         let packed = Packed::new(SCHEMA, &[0.5 / 16.0, 0.5, 1.0, 2.0, 3.0]);
         let lit = |filter_width| {
-            let got = picture(&packed, &options(16, 1, filter_width));
+            let got = image(&packed, &options(16, 1, filter_width));
             got.chunks(3).filter(|p| (p[2] - 3.0).abs() < 1e-5).count()
         };
         assert_eq!((lit(0.0), lit(2.0), lit(8.0), lit(64.0)), (1, 1, 4, 16));
         // Records outside, or no records at all, give black.
         let outside = Packed::new(SCHEMA, &[-0.1, 0.5, 1.0, 1.0, 1.0]);
-        assert!(picture(&outside, &options(4, 4, 2.0)).iter().all(|v| *v == 0.0));
-        assert!(picture(&Packed::new(SCHEMA, &[]), &options(4, 4, 9.0)).iter().all(|v| *v == 0.0));
+        assert!(image(&outside, &options(4, 4, 2.0)).iter().all(|v| *v == 0.0));
+        assert!(image(&Packed::new(SCHEMA, &[]), &options(4, 4, 9.0)).iter().all(|v| *v == 0.0));
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// The first level of the first image of a file.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
+pub struct Image {
     /// The column of the first pixel in the whole image of which this is a part.
     pub x: i32,
     /// The row of the first pixel in the whole image.
@@ -20,7 +20,7 @@ pub struct Picture {
     pub values: Vec<f32>,
 }
 
-impl Picture {
+impl Image {
     /// Reads any image that the suite's own formats read.
     ///
     /// # Errors
@@ -186,7 +186,7 @@ impl Picture {
     }
 
     /// Returns `8 |a - b|`, opaque, for the report.
-    pub fn difference_picture(&self, other: &Self) -> Self {
+    pub fn difference_image(&self, other: &Self) -> Self {
         let values = self.values.iter().zip(&other.values).enumerate().map(|(i, (a, b))| {
             let is_alpha = self.channels == 4 && i % 4 == 3;
             if is_alpha { 1.0 } else { ((a - b).abs() * 8.0).min(1.0) }

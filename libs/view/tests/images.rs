@@ -5,7 +5,7 @@
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelRect, PixelType, Pixels};
 use granita_texture::make::{MakeOptions, Mode, make};
 use granita_view::{
-    Around, Arrangement, Background, Display, Mix, Picture, Shown, StoreLimits, TILE, TileStore, View, ascii,
+    Around, Arrangement, Background, Display, Image, Mix, Shown, StoreLimits, TILE, TileStore, View, ascii,
     draw, save_canvas, save_pixels, statistics, suited, thumbnail,
 };
 use std::path::{Path, PathBuf};
@@ -28,8 +28,8 @@ fn write(path: &Path, format: &str, spec: &ImageSpec, value: impl Fn(u32, u32, u
 }
 
 /// Draws all of the first page, with one screen pixel for each of its pixels.
-fn look(picture: &Picture, display: &Display) -> granita_view::Canvas {
-    let page = &picture.pages[0];
+fn look(image: &Image, display: &Display) -> granita_view::Canvas {
+    let page = &image.pages[0];
     let sheet = page.sheet(page.arrangement(), 0);
     let [left, top, right, bottom] = sheet.bounds;
     let view = View {
@@ -46,8 +46,8 @@ fn look(picture: &Picture, display: &Display) -> granita_view::Canvas {
     canvas
 }
 
-fn open(path: &Path) -> Picture {
-    Picture::open(path, &formats(), &TileStore::default()).unwrap()
+fn open(path: &Path) -> Image {
+    Image::open(path, &formats(), &TileStore::default()).unwrap()
 }
 
 #[test]
@@ -99,9 +99,9 @@ fn smaller_levels_are_means_whatever_the_file_has() {
     ] {
         let path = folder.path().join(name);
         write(&path, "exr", &spec, value);
-        let picture = open(&path);
+        let image = open(&path);
         let display = Display { srgb: false, ..Display::default() };
-        let canvas = thumbnail(&picture.pages[0], 0, &display, 128).unwrap();
+        let canvas = thumbnail(&image.pages[0], 0, &display, 128).unwrap();
         assert_eq!((canvas.width, canvas.height), (128, 64));
         assert!(canvas.bytes.chunks(4).all(|p| p[..3] == [128; 3]), "{name}: {:?}", canvas.at(64, 32));
     }
@@ -113,9 +113,9 @@ fn threads_and_what_was_read_before_change_nothing() {
     let path = folder.path().join("a.exr");
     let value = |x: u32, y: u32, c: usize| (x as f32 * 0.01).sin() + y as f32 * 0.003 + c as f32;
     write(&path, "exr", &ImageSpec::new(700, 500, 4, PixelType::Float).tiled(32, 32), value);
-    let picture = |store: &TileStore| Picture::open(&path, &formats(), store).unwrap();
-    let shot = |picture: &Picture, threads: usize| {
-        let page = &picture.pages[0];
+    let image = |store: &TileStore| Image::open(&path, &formats(), store).unwrap();
+    let shot = |image: &Image, threads: usize| {
+        let page = &image.pages[0];
         let sheet = page.sheet(Arrangement::Stored, 0);
         let mut view = View::fit(333, 222, sheet.bounds);
         view.zoom_at(100.0, 30.0, 0.77);
@@ -127,12 +127,12 @@ fn threads_and_what_was_read_before_change_nothing() {
             draw(shown, None, Mix::First, &view).unwrap()
         })
     };
-    let roomy = picture(&TileStore::default());
-    let narrow = picture(&TileStore::new(StoreLimits { others: 1 << 20, spare: 0 }));
+    let roomy = image(&TileStore::default());
+    let narrow = image(&TileStore::new(StoreLimits { others: 1 << 20, spare: 0 }));
     statistics(&roomy.pages[0], 0, PixelRect::at(0, 0, 700, 500)).unwrap();
     let first = shot(&roomy, 1);
     assert_eq!(first, shot(&roomy, 4));
-    assert_eq!(first.bytes, shot(&picture(&TileStore::default()), 3).bytes);
+    assert_eq!(first.bytes, shot(&image(&TileStore::default()), 3).bytes);
     let little = shot(&narrow, 2);
     assert!(!little.complete || little.bytes == first.bytes);
 }
@@ -143,14 +143,14 @@ fn values_that_are_no_numbers_are_seen_at_any_zoom() {
     let path = folder.path().join("a.exr");
     let spec = ImageSpec::new(1000, 1000, 3, PixelType::Float);
     write(&path, "exr", &spec, |x, y, _| if (x, y) == (700, 300) { f32::NAN } else { 0.5 });
-    let picture = open(&path);
-    let canvas = thumbnail(&picture.pages[0], 0, &Display::default(), 100).unwrap();
+    let image = open(&path);
+    let canvas = thumbnail(&image.pages[0], 0, &Display::default(), 100).unwrap();
     assert!(canvas.bytes.chunks(4).any(|p| p == [255, 0, 255, 255]));
-    let s = statistics(&picture.pages[0], 0, PixelRect::at(0, 0, 1000, 1000)).unwrap();
+    let s = statistics(&image.pages[0], 0, PixelRect::at(0, 0, 1000, 1000)).unwrap();
     assert_eq!((s[0].nan, s[0].count, s[0].mean), (1, 999_999, 0.5));
-    let s = statistics(&picture.pages[0], 0, PixelRect::at(699, 299, 3, 3)).unwrap();
+    let s = statistics(&image.pages[0], 0, PixelRect::at(699, 299, 3, 3)).unwrap();
     assert_eq!((s[2].nan, s[2].count), (1, 8));
-    let s = statistics(&picture.pages[0], 0, PixelRect::at(-50, 990, 60, 500)).unwrap();
+    let s = statistics(&image.pages[0], 0, PixelRect::at(-50, 990, 60, 500)).unwrap();
     assert_eq!(s[1].count, 100, "only what is inside counts");
 }
 
@@ -174,12 +174,12 @@ fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
     let display = Display { srgb: false, ..Display::default() };
     let mut ahead = Vec::new();
     for (mode, format) in [(Mode::EnvCube, "tiff"), (Mode::EnvCube, "exr"), (Mode::EnvLatLong, "exr")] {
-        let picture = open(&textures(folder.path(), mode, format));
-        let page = &picture.pages[0];
+        let image = open(&textures(folder.path(), mode, format));
+        let page = &image.pages[0];
         assert!(page.is_panorama());
         if mode == Mode::EnvCube {
             let size = page.layout.unwrap().face_size(page.spec()).unwrap().0;
-            let canvas = look(&picture, &display);
+            let canvas = look(&image, &display);
             assert_eq!((canvas.width, canvas.height), (4 * size, 3 * size));
             // Colours continue across each edge of the cross.
             let close = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 8);
@@ -222,10 +222,10 @@ fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
 #[test]
 fn faces_alone_are_parts_of_the_cross() {
     let folder = tempfile::tempdir().unwrap();
-    let picture = open(&textures(folder.path(), Mode::EnvCube, "tiff"));
-    let page = &picture.pages[0];
+    let image = open(&textures(folder.path(), Mode::EnvCube, "tiff"));
+    let page = &image.pages[0];
     let size = page.layout.unwrap().face_size(page.spec()).unwrap().0;
-    let cross = look(&picture, &Display::default());
+    let cross = look(&image, &Display::default());
     let sheet = page.sheet(Arrangement::Face(4), 0);
     let view = View { zoom: 1.0, ..View::fit(size, size, sheet.bounds) };
     let display = Display::default();
@@ -243,19 +243,19 @@ fn shadow_maps_are_scaled_to_what_is_in_them() {
     let mut spec = ImageSpec::new(64, 64, 1, PixelType::Float);
     spec.channels = vec!["Z".to_owned()];
     write(&path, "exr", &spec, |x, y, _| if y < 8 { 1e30 } else { 100.0 + x as f32 });
-    let picture = open(&path);
-    let display = suited(&picture.pages[0], 0, &Display::default()).unwrap();
-    let canvas = look(&picture, &display);
+    let image = open(&path);
+    let display = suited(&image.pages[0], 0, &Display::default()).unwrap();
+    let canvas = look(&image, &display);
     assert_eq!((canvas.at(0, 20)[0], canvas.at(0, 0)[0]), (255, 0));
     let far = canvas.at(63, 20)[0];
     assert!((20..60).contains(&far), "the farthest is dark, not black: {far}");
     // A computed level keeps the nearest depths.
-    let small = thumbnail(&picture.pages[0], 0, &display, 8).unwrap();
+    let small = thumbnail(&image.pages[0], 0, &display, 8).unwrap();
     assert!(small.at(0, 4)[0] > 235, "{:?}", small.at(0, 4));
 }
 
 #[test]
-fn two_pictures_against_each_other() {
+fn two_images_against_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (folder.path().join("a.exr"), folder.path().join("b.png"));
     write(&a, "exr", &ImageSpec::new(64, 64, 4, PixelType::Half), |x, _, c| match c {
@@ -288,14 +288,14 @@ fn two_pictures_against_each_other() {
 }
 
 #[test]
-fn saved_pictures_come_back() {
+fn saved_images_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let mut spec = ImageSpec::new(200, 150, 5, PixelType::Half);
     spec.channels = ["R", "G", "B", "A", "Z"].map(str::to_owned).to_vec();
     write(&path, "exr", &spec, |x, y, c| (x + y) as f32 / 350.0 + c as f32);
-    let picture = open(&path);
-    let page = &picture.pages[0];
+    let image = open(&path);
+    let page = &image.pages[0];
     let copy = folder.path().join("b.exr");
     save_pixels(page, None, &copy, &formats()).unwrap();
     let all = |p: &Path| formats().open(p).unwrap().read_level(0, 0).unwrap();
@@ -305,7 +305,7 @@ fn saved_pictures_come_back() {
     assert_eq!(formats().open(&layer).unwrap().spec(0, 0).unwrap().nchannels(), 1);
     assert!(save_pixels(page, None, &folder.path().join("d.png"), &formats()).is_err(), "five channels");
     let png = folder.path().join("e.png");
-    let canvas = look(&picture, &Display::default());
+    let canvas = look(&image, &Display::default());
     save_canvas(&canvas, &png, &formats()).unwrap();
     assert_eq!(look(&open(&png), &Display::default()).bytes, canvas.bytes);
     assert!(save_canvas(&canvas, &folder.path().join("f.nothing"), &formats()).is_err());
@@ -315,7 +315,7 @@ fn saved_pictures_come_back() {
 }
 
 #[test]
-fn large_pictures_in_rows_are_read_in_bands() {
+fn large_images_in_rows_are_read_in_bands() {
     // The image is large only in size. Its content packs well.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
@@ -328,8 +328,8 @@ fn large_pictures_in_rows_are_read_in_bands() {
     }
     file.close().unwrap();
     let store = TileStore::new(StoreLimits { others: 16 << 20, spare: 1 << 20 });
-    let picture = Picture::open(&path, &formats(), &store).unwrap();
-    let page = &picture.pages[0];
+    let image = Image::open(&path, &formats(), &store).unwrap();
+    let page = &image.pages[0];
     let sheet = page.sheet(Arrangement::Stored, 0);
     let display = Display::default();
     let shown = Shown { page, sheet: &sheet, layer: 0, display: &display };
@@ -346,14 +346,14 @@ fn large_pictures_in_rows_are_read_in_bands() {
 }
 
 #[test]
-fn a_rough_picture_comes_first() {
+fn a_rough_image_comes_first() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.exr");
     let spec = ImageSpec::new(2048, 1100, 3, PixelType::Half);
     write(&path, "exr", &spec, |x, y, c| [x as f32 / 2048.0, y as f32 / 1100.0, 0.25][c]);
     let display = Display { srgb: false, ..Display::default() };
-    let look = |picture: &Picture, all: bool| {
-        let page = &picture.pages[0];
+    let look = |image: &Image, all: bool| {
+        let page = &image.pages[0];
         let sheet = page.sheet(page.arrangement(), 0);
         let view = View::fit(512, 275, sheet.bounds);
         let shown = Shown { page, sheet: &sheet, layer: 0, display: &display };
@@ -370,9 +370,9 @@ fn a_rough_picture_comes_first() {
     let whole = look(&plain, true);
     assert!(whole.complete && whole.covered);
 
-    let picture = open(&path);
-    picture.pages[0].pyramid.sketch_first();
-    let rough = look(&picture, false);
+    let image = open(&path);
+    image.pages[0].pyramid.sketch_first();
+    let rough = look(&image, false);
     assert!(rough.covered && !rough.complete);
     for (i, (a, b)) in rough.bytes.iter().zip(&whole.bytes).enumerate() {
         let y = i / 4 / 512;
@@ -380,7 +380,7 @@ fn a_rough_picture_comes_first() {
         let far = if (18..257).contains(&y) { 4 } else { 20 };
         assert!(a.abs_diff(*b) <= far, "{} {y}: {a} instead of {b}", i / 4 % 512);
     }
-    assert!(look(&picture, true) == whole, "nothing of it is left");
+    assert!(look(&image, true) == whole, "nothing of it is left");
 
     // When a part cannot be read, there is no rough image, because missing parts are not invented.
     let bytes = std::fs::read(&path).unwrap();

@@ -55,7 +55,7 @@ pub struct Page {
 
 /// An open file.
 #[derive(Debug)]
-pub struct Picture {
+pub struct Image {
     /// Its name.
     pub path: PathBuf,
     /// The format of the file.
@@ -153,7 +153,7 @@ impl Page {
     }
 }
 
-impl Picture {
+impl Image {
     /// Opens a file of any format. `file#2` is its third image. No pixels are read.
     ///
     /// # Errors
@@ -165,7 +165,7 @@ impl Picture {
         let pages: Vec<Arc<Page>> =
             (0..input.images()).filter_map(|image| Page::open(&input, image, store)).map(Arc::new).collect();
         if pages.is_empty() {
-            let what = format!("{}: there is no picture in it that can be shown", path.display());
+            let what = format!("{}: there is no image in it that can be shown", path.display());
             return Err(ViewError::Misuse { what });
         }
         Ok(Self { path: path.to_owned(), format: input.format_name(), pages, stamp })

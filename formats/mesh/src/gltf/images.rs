@@ -20,19 +20,19 @@ use std::sync::{Arc, OnceLock};
 ///
 /// Images may be in a buffer view, in a `data:` URI, or in a file beside it.
 #[derive(Debug)]
-pub struct GltfPictures {
+pub struct GltfImages {
     /// The formats that images may have.
     formats: FormatRegistry,
 }
 
-impl GltfPictures {
+impl GltfImages {
     /// Returns the format. `formats` read the images themselves.
     pub fn new(formats: FormatRegistry) -> Self {
         Self { formats }
     }
 }
 
-impl Format for GltfPictures {
+impl Format for GltfImages {
     fn name(&self) -> &'static str {
         "gltf"
     }
@@ -67,13 +67,13 @@ impl Format for GltfPictures {
         let document = Document::parse(&json, &mut Faults::new(&silent, name)).map_err(malformed)?;
         let count = document.images.len();
         if count == 0 {
-            let what = "it holds no pictures".to_owned();
+            let what = "it holds no images".to_owned();
             return Err(ImageError::Unsupported { path: path.to_owned(), what });
         }
         limits.within(path, "number of images", count as u64, u64::from(limits.images))?;
         let folder = path.parent().map(Path::to_path_buf);
         let buffers = Buffers::new(stream, chunk, folder.clone(), limits.files.clone(), silent.clone());
-        Ok(Box::new(Pictures {
+        Ok(Box::new(Images {
             path: path.to_owned(),
             folder,
             formats: self.formats.clone(),
@@ -95,7 +95,7 @@ impl Format for GltfPictures {
 }
 
 /// An open file.
-struct Pictures {
+struct Images {
     path: PathBuf,
     folder: Option<PathBuf>,
     formats: FormatRegistry,
@@ -105,8 +105,8 @@ struct Pictures {
     open: Vec<OnceLock<std::result::Result<Box<dyn ImageInput>, String>>>,
 }
 
-impl Pictures {
-    fn picture(&self, image: usize) -> Result<&dyn ImageInput> {
+impl Images {
+    fn input(&self, image: usize) -> Result<&dyn ImageInput> {
         let unsupported = |what: String| ImageError::Unsupported { path: self.path.clone(), what };
         let Some(slot) = self.open.get(image) else {
             return Err(unsupported(format!("there is no image {image}")));
@@ -149,7 +149,7 @@ impl Pictures {
     }
 }
 
-impl ImageInput for Pictures {
+impl ImageInput for Images {
     fn format_name(&self) -> &'static str {
         "gltf"
     }
@@ -159,19 +159,19 @@ impl ImageInput for Pictures {
     }
 
     fn levels(&self, image: usize) -> usize {
-        self.picture(image).map_or(0, |p| p.levels(0))
+        self.input(image).map_or(0, |p| p.levels(0))
     }
 
     fn spec(&self, image: usize, level: usize) -> Option<&ImageSpec> {
-        self.picture(image).ok()?.spec(0, level)
+        self.input(image).ok()?.spec(0, level)
     }
 
     fn read_rows(&self, image: usize, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
-        self.picture(image)?.read_rows(0, level, y0, y1)
+        self.input(image)?.read_rows(0, level, y0, y1)
     }
 
     fn read_tile(&self, image: usize, level: usize, tx: u32, ty: u32) -> Result<Pixels> {
-        self.picture(image)?.read_tile(0, level, tx, ty)
+        self.input(image)?.read_tile(0, level, tx, ty)
     }
 
     fn bytes_read(&self) -> u64 {

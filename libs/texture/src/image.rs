@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// An image of floats, with rows from the top and channels interleaved.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Picture {
+pub(crate) struct Image {
     pub(crate) width: usize,
     pub(crate) height: usize,
     pub(crate) channels: usize,
@@ -160,7 +160,7 @@ pub(crate) fn make_finite(values: &mut [f32]) -> u64 {
     nans
 }
 
-impl Picture {
+impl Image {
     /// Returns a black image.
     pub(crate) fn new(width: usize, height: usize, channels: usize) -> Self {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
@@ -305,15 +305,15 @@ impl Picture {
 mod tests {
     use super::*;
 
-    fn noise(width: usize, height: usize) -> Picture {
-        let mut p = Picture::new(width, height, 1);
+    fn noise(width: usize, height: usize) -> Image {
+        let mut p = Image::new(width, height, 1);
         for (i, v) in p.data.iter_mut().enumerate() {
             *v = granita_base::hash::unit(granita_base::hash::words(&[i as u32]));
         }
         p
     }
 
-    fn mean(p: &Picture) -> f64 {
+    fn mean(p: &Image) -> f64 {
         p.data.iter().map(|v| f64::from(*v)).sum::<f64>() / p.data.len() as f64
     }
 
@@ -321,7 +321,7 @@ mod tests {
     fn sizes_of_levels() {
         assert_eq!(level_count(1, 1), 1);
         assert_eq!(level_count(300, 7), 9);
-        let levels = Picture::new(300, 7, 2).pyramid(Filter::Box, (Wrap::Black, Wrap::Black));
+        let levels = Image::new(300, 7, 2).pyramid(Filter::Box, (Wrap::Black, Wrap::Black));
         let sizes: Vec<_> = levels.iter().map(|p| (p.width, p.height)).collect();
         assert_eq!(sizes, [(300, 7), (150, 3), (75, 1), (37, 1), (18, 1), (9, 1), (4, 1), (2, 1), (1, 1)]);
     }
@@ -341,7 +341,7 @@ mod tests {
     fn constants_stay_exact_under_every_filter_and_wrap() {
         for filter in Filter::ALL {
             for wrap in Wrap::ALL {
-                let mut p = Picture::new(13, 10, 3);
+                let mut p = Image::new(13, 10, 3);
                 p.data.fill(0.3);
                 for q in [p.resized(16, 16, filter, (wrap, wrap)), p.halved(filter, (wrap, wrap))] {
                     assert!(q.data.iter().all(|v| *v == 0.3), "{filter:?} {wrap:?}");
@@ -352,7 +352,7 @@ mod tests {
 
     #[test]
     fn enlarging_a_ramp_gives_a_ramp() {
-        let mut p = Picture::new(100, 1, 1);
+        let mut p = Image::new(100, 1, 1);
         for (x, v) in p.data.iter_mut().enumerate() {
             *v = (x as f32 + 0.5) / 100.0;
         }
@@ -364,7 +364,7 @@ mod tests {
 
     #[test]
     fn filters_do_not_ring() {
-        let mut p = Picture::new(32, 1, 1);
+        let mut p = Image::new(32, 1, 1);
         p.data[16..].fill(1.0);
         for filter in Filter::ALL {
             let q = p.resized(40, 1, filter, (Wrap::Clamp, Wrap::Clamp));
@@ -375,7 +375,7 @@ mod tests {
     #[test]
     fn rectangles() {
         let p = noise(8, 6);
-        let mut q = Picture::new(8, 6, 1);
+        let mut q = Image::new(8, 6, 1);
         for (x, y) in [(0, 0), (4, 0), (0, 3), (4, 3)] {
             q.paste(&p.cropped(x, y, 4, 3), x, y);
         }
