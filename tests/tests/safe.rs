@@ -320,7 +320,7 @@ const ROUTES: &[Route] = &[
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.sdb\")\n",
     ),
     with(
-        "database as a image",
+        "database as an image",
         &[("e.gsl", SAVE_IMAGE)],
         "",
         "Shader (\"surface\", \"e\", \"string n\", \"{out}/new.tif\")\n",

@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn headers() {
-        let (spec, at) = header(b"P6 # a image\n# of\n3 2\n65535\n....").unwrap();
+        let (spec, at) = header(b"P6 # a picture\n# of\n3 2\n65535\n....").unwrap();
         assert_eq!((spec.width, spec.height, spec.nchannels(), at), (3, 2, 3, 30));
         assert_eq!(spec.pixel_type, PixelType::U16);
         let (spec, at) = header(b"P7\nWIDTH 3\nHEIGHT 2\nDEPTH 4\nMAXVAL 255\nENDHDR\n").unwrap();

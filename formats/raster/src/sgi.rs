@@ -74,7 +74,7 @@ fn read_header(source: &FileSource, limits: &Limits) -> Result<(ImageSpec, SgiRo
         1 => (height, planes) = (1, 1),
         2 => planes = 1,
         3 => {}
-        n => return Err(source.malformed(format!("a image of {n} dimensions"))),
+        n => return Err(source.malformed(format!("an image of {n} dimensions"))),
     }
     let map = u32::from_be_bytes([head[104], head[105], head[106], head[107]]);
     if map != 0 {

@@ -37,7 +37,7 @@ fn decode_stream(
     let limits = DecoderOptions::default().set_max_width(1 << 16).set_max_height(1 << 16);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(stream), limits);
     decoder.decode_headers().map_err(fault)?;
-    let info = decoder.info().ok_or("JPEG data without a image")?;
+    let info = decoder.info().ok_or("JPEG data without an image")?;
     let (w, h, n) = (usize::from(info.width), usize::from(info.height), usize::from(info.components));
     // The last strip may be as high as the others.
     if w != width || h < height || n != samples || w * h * n > out.len().saturating_mul(64) {

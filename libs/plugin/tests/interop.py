@@ -1,6 +1,6 @@
 """The other side of interop.rs: OpenImageIO compares what we wrote, and writes what we shall read.
 
-check LIST: every line of LIST is a image, its level, width, height, channels, a file of the floats expected, and
+check LIST: every line of LIST is an image, its level, width, height, channels, a file of the floats expected, and
 by how much they may differ. Prints a line for every image that is not as expected.
 
 make FOLDER: writes images, and beside each level a file of its floats; prints lines as LIST has them.
@@ -43,7 +43,7 @@ def check(listing):
 
 
 def dump(path, levels, tolerance):
-    """Lines for the levels of a image, with its pixels as OpenImageIO sees them."""
+    """Lines for the levels of an image, with its pixels as OpenImageIO sees them."""
     for level in range(levels):
         pixels, error = read(path, level)
         if pixels is None:

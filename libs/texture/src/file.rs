@@ -117,7 +117,7 @@ impl TextureFile {
                     Some(level) => levels.push(level),
                     None if levels.is_empty() => {
                         return Err(format!(
-                            "a image of {} x {} pixels cannot hold six square faces",
+                            "an image of {} x {} pixels cannot hold six square faces",
                             s.width, s.height
                         ));
                     }

@@ -31,7 +31,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! # let folder = tempfile::tempdir()?;
 //! let formats = granita_plugin::bundled_formats(Limits::default());
-//! // A image of 2 x 1 pixels, made into a texture that repeats ...
+//! // An image of 2 x 1 pixels, made into a texture that repeats ...
 //! let (image, texture) = (folder.path().join("a.tif"), folder.path().join("a.tx"));
 //! let spec = ImageSpec::new(2, 1, 1, PixelType::Float);
 //! let mut file = formats.create(&image, "tiff", &CreateOptions::new(&spec, 1))?;

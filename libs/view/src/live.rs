@@ -199,7 +199,7 @@ impl Live {
         let within = |what, asked: u64, max: u64| {
             if asked <= max { Ok(()) } else { Err(ViewError::Limit { what, asked, max }) }
         };
-        within("bytes of a image's name", name.len() as u64, limits.name_bytes as u64)?;
+        within("bytes of an image's name", name.len() as u64, limits.name_bytes as u64)?;
         within("pixels of a side", u64::from(width.max(height)), u64::from(limits.dimension))?;
         within("channels", channels.len() as u64, limits.channels as u64)?;
         for channel in channels {
@@ -207,7 +207,7 @@ impl Live {
         }
         if width == 0 || height == 0 || channels.is_empty() {
             return Err(misuse(format!(
-                "a image of {width} x {height} pixels with {} channels",
+                "an image of {width} x {height} pixels with {} channels",
                 channels.len()
             )));
         }

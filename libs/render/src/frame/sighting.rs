@@ -84,9 +84,9 @@ impl<S: FrameShader> Frame<'_, S> {
         } else {
             boxes.iter().map(|b| eye.projector.raster_box(b)).fold(NOWHERE, union)
         };
-        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When the
-        // surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with the
-        // pieces.
+        // The bound of a surface that faces the camera is as wide as the surface, even for a small piece of it. When
+        // the surface is larger than the image, its turned points are bounded instead, so that the bound shrinks with
+        // the pieces.
         let [width, height] = [region.width() as f32, region.height() as f32];
         let wide = piece
             .raster_width()

@@ -449,7 +449,7 @@ fn the_grid_and_the_ray() {
 #[test]
 fn random_numbers() {
     let a = floats("r = random ();");
-    assert_eq!(a, floats("r = random ();"), "a image can be computed again");
+    assert_eq!(a, floats("r = random ();"), "an image can be computed again");
     assert!(a.iter().all(|x| (0.0..1.0).contains(x)) && a[0] != a[1]);
     let two = floats("r = random (); float other = random (); r = r == other;");
     assert_eq!(two, [0.0; 6]);

@@ -136,7 +136,7 @@ fn faces_of(input: &Input) -> Result<[Image; 6]> {
     if n == 0 || n > step_y || (input.exr && step_y != n) {
         return Err(malformed(
             input,
-            format!("a image of {} x {} pixels cannot hold six square faces", p.width, p.height),
+            format!("an image of {} x {} pixels cannot hold six square faces", p.width, p.height),
         ));
     }
     let cell = |face: usize| {
