@@ -95,15 +95,15 @@ const STUCK: [(&str, &str); 6] = [
         "echo granita-worker 0.0.1 2; exec sleep 1000",
         "it is \"granita-worker 0.0.1 2\", and this is \"granita-worker",
     ),
-    // The worker announces a billion bytes, and sends none.
+    // The worker announces four billion bytes, and sends none.
     (
-        "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\001\\000\\000\\000\\377\\377\\377\\017'; exec sleep 1000",
+        "$GELATO \"$@\" | head -c 25; printf 'P\\377\\377\\377\\377'; exec sleep 1000",
         "it has been silent for 2 s",
     ),
     // The worker announces more images than there are.
     (
-        "$GELATO \"$@\" | head -c 25; printf '\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
-        "its answer has 4294967294 images, and there are less than 65536",
+        "$GELATO \"$@\" | head -c 25; printf 'P\\014\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
+        "its answer is malformed",
     ),
 ];
 

@@ -43,6 +43,12 @@ pub fn put_text(text: &str, out: &mut Vec<u8>) {
     out.extend(text.as_bytes());
 }
 
+/// Appends numbers and their count, which has 32 bits.
+pub fn put_floats(numbers: &[f32], out: &mut Vec<u8>) {
+    out.extend((numbers.len() as u32).to_le_bytes());
+    out.extend(numbers.iter().flat_map(|f| f.to_le_bytes()));
+}
+
 /// Appends the values of a parameter, or the mark for no values.
 pub fn put_value(value: Option<&Param>, out: &mut Vec<u8>) {
     let Some(param) = value else { return out.push(b'N') };
@@ -68,8 +74,7 @@ pub fn put_value(value: Option<&Param>, out: &mut Vec<u8>) {
         }
         ParamData::Float(v) => {
             out.push(b'F');
-            out.extend((v.len() as u32).to_le_bytes());
-            v.iter().for_each(|f| out.extend(f.to_le_bytes()));
+            put_floats(v, out);
         }
         ParamData::String(v) => {
             out.push(b'S');
@@ -106,6 +111,13 @@ impl<'a> Frame<'a> {
         self.bytes(n).map(|b| String::from_utf8_lossy(b).into_owned())
     }
 
+    /// Takes numbers that are preceded by their count.
+    pub fn floats(&mut self) -> Option<Vec<f32>> {
+        let n = self.word()? as usize;
+        let words = self.bytes(n.checked_mul(4)?)?.as_chunks().0;
+        Some(words.iter().map(|b| f32::from_le_bytes(*b)).collect())
+    }
+
     /// Returns the rest as text.
     pub fn rest(&mut self) -> String {
         String::from_utf8_lossy(self.0).into_owned()
@@ -130,16 +142,12 @@ impl<'a> Frame<'a> {
             b'i' => Value::Int(i64::from_le_bytes(self.array()?)),
             b'f' => Value::Float(f64::from_le_bytes(self.array()?)),
             b's' => Value::Str(self.text()?.into()),
-            code @ (b'I' | b'F') => {
+            b'I' => {
                 let n = self.word()? as usize;
-                let data = self.bytes(n.checked_mul(4)?)?;
-                let words = data.chunks_exact(4).map(|b| [b[0], b[1], b[2], b[3]]);
-                Value::Seq(if code == b'I' {
-                    Seq::Ints(words.map(i32::from_le_bytes).collect())
-                } else {
-                    Seq::Floats(words.map(f32::from_le_bytes).collect())
-                })
+                let words = self.bytes(n.checked_mul(4)?)?.as_chunks().0;
+                Value::Seq(Seq::Ints(words.iter().map(|b| i32::from_le_bytes(*b)).collect()))
             }
+            b'F' => Value::Seq(Seq::Floats(self.floats()?)),
             b'S' => {
                 let n = self.word()?;
                 let words = (0..n).map(|_| self.text().map(Arc::from)).collect::<Option<Vec<Arc<str>>>>()?;

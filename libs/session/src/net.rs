@@ -5,15 +5,19 @@
 //! the commands and frames that they reach, and the worker is never ahead. It waits at a command until the
 //! coordinator has run it, and at a frame until buckets of it are requested.
 //!
-//! The coordinator sends lines:
-//! - `commands N`: this number of commands of the scene is done.
-//! - `frame N`: the frames before this one are over.
-//! - `bucket F I`: render bucket I of frame F. Frames are counted from 0.
+//! The worker first sends a line with [`GREETING`] and its number of threads. Everything else is messages of
+//! [`granita_pyg::frames`]. All numbers have 32 bits.
 //!
-//! The worker first sends a line with [`GREETING`] and its number of threads. Its answers are binary and little-endian.
-//! An answer with pixels consists of the bucket, the frame, the number of its images, and for each image the number of
-//! its values and the values. An answer without pixels consists of the bucket, the frame, [`NO_IMAGES`], the length of
-//! a text and the text. All counts have 32 bits.
+//! The coordinator sends:
+//! - [`COMMANDS`] N: this number of commands of the scene is done.
+//! - [`FRAME`] N: the frames before this one are over.
+//! - [`BUCKET`] F I: render bucket I of frame F. Frames are counted from 0.
+//!
+//! The worker sends:
+//! - [`PIXELS`]: the bucket, the frame, the number of its images, and for each image the number of its values and the
+//!   values.
+//! - [`NO_PIXELS`]: the bucket, the frame, and the reason as text.
+//! - [`ALIVE`]: a sign of life.
 //!
 //! As long as a worker has buckets to render, a separate thread sends [`ALIVE`] twice a second. This distinguishes
 //! a slow worker from a stopped one. When nothing arrives for the seconds of "net:timeout", the worker is ended,
@@ -28,6 +32,7 @@ use crate::SessionOptions;
 use crate::patient::{Patience, Patient};
 use granita_base::process::Process;
 use granita_base::{Reporter, Severity};
+use granita_pyg::frames::{Frame, receive, send};
 use granita_render::{BucketPixels, Buckets, Workers};
 use parking_lot::Mutex;
 use std::io::{self, Read, Write};
@@ -38,19 +43,17 @@ use std::sync::mpsc::{Sender, channel};
 use std::time::Duration;
 
 /// The first line of a worker, which contains the version of the suite and of this protocol.
-const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/2");
+const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/3");
 
-/// Sent in place of a bucket to show that the worker is running.
-const ALIVE: u32 = u32::MAX;
+/// The kinds of messages to a worker.
+const COMMANDS: u8 = b'C';
+const FRAME: u8 = b'F';
+const BUCKET: u8 = b'B';
 
-/// Sent in place of a number of images when there are none.
-const NO_IMAGES: u32 = u32::MAX;
-
-/// The largest number of values of a bucket.
-const MOST_VALUES: u32 = 1 << 28;
-
-/// The largest number of images of a frame.
-const MOST_IMAGES: u32 = 1 << 16;
+/// The kinds of messages of a worker.
+const PIXELS: u8 = b'P';
+const NO_PIXELS: u8 = b'E';
+const ALIVE: u8 = b'A';
 
 /// The time in which a worker without output must end.
 const ENDING: Duration = Duration::from_secs(1);
@@ -78,8 +81,8 @@ struct Worker {
     name: String,
     /// Its process, which is ended when this is dropped.
     process: Process,
-    /// The lines to send to it.
-    to: Sender<String>,
+    /// The messages to send to it.
+    to: Sender<Vec<u8>>,
     from: Patient,
     /// The number of its threads; 0 before its greeting.
     threads: usize,
@@ -113,7 +116,8 @@ impl Net {
                     Ok(worker) => {
                         // A worker that has ended is reported when it is needed.
                         let _ = worker
-                            .say(&format!("commands {}\nframe {}\n", progress.commands, progress.frame));
+                            .send(&message(COMMANDS, &[progress.commands]))
+                            .and_then(|()| worker.send(&message(FRAME, &[progress.frame])));
                         workers.push(Arc::new(Mutex::new(Some(worker))));
                     }
                     Err(error) => self
@@ -138,15 +142,16 @@ impl Net {
     pub(crate) fn command_done(&self) {
         let mut state = self.state.lock();
         state.commands += 1;
-        let line = format!("commands {}\n", state.commands);
+        let commands = message(COMMANDS, &[state.commands]);
         drop(state);
-        self.tell(&line);
+        self.send(&commands);
     }
 
-    fn tell(&self, line: &str) {
+    /// Sends a message to all workers.
+    fn send(&self, message: &[u8]) {
         for worker in self.workers.lock().iter() {
             // A worker that has ended is reported when it is needed.
-            let _ = worker.lock().as_ref().map(|worker| worker.say(line));
+            let _ = worker.lock().as_ref().map(|worker| worker.send(message));
         }
     }
 }
@@ -172,9 +177,9 @@ impl Workers for Net {
     fn end(&self) {
         let mut state = self.state.lock();
         state.frame += 1;
-        let line = format!("frame {}\n", state.frame);
+        let frame = message(FRAME, &[state.frame]);
         drop(state);
-        self.tell(&line);
+        self.send(&frame);
     }
 }
 
@@ -191,19 +196,19 @@ impl Worker {
         let (Some(mut to), Some(from)) = (process.take_stdin(), process.take_stdout()) else {
             return Err(io::Error::other("it has no streams"));
         };
-        let (sender, lines) = channel::<String>();
+        let (sender, messages) = channel::<Vec<u8>>();
         std::thread::Builder::new().name("net".to_owned()).spawn(move || {
             // The thread ends with the worker, or with its process.
-            while let Ok(line) = lines.recv()
-                && to.write_all(line.as_bytes()).and_then(|()| to.flush()).is_ok()
+            while let Ok(message) = messages.recv()
+                && to.write_all(&message).and_then(|()| to.flush()).is_ok()
             {}
         })?;
         let from = Patient::new(from, patience.clone())?;
         Ok(Self { name: server.to_owned(), process, to: sender, from, threads: 0 })
     }
 
-    fn say(&self, line: &str) -> Result<(), String> {
-        self.to.send(line.to_owned()).map_err(|_| "it does not listen".to_owned())
+    fn send(&self, message: &[u8]) -> Result<(), String> {
+        self.to.send(message.to_vec()).map_err(|_| "it does not listen".to_owned())
     }
 
     /// Reads the greeting once. Returns false when there is no more work for it.
@@ -247,7 +252,7 @@ impl Worker {
             // Two buckets per thread are sent, so that no thread waits for the connection.
             while waiting < 2 * self.threads {
                 let Some(index) = buckets.take(waiting == 0) else { break };
-                self.say(&format!("bucket {frame} {index}\n"))?;
+                self.send(&message(BUCKET, &[frame, index]))?;
                 waiting += 1;
             }
             if waiting == 0 || !self.from.wait(&|| buckets.is_over()).map_err(|e| e.to_string())? {
@@ -266,37 +271,11 @@ impl Worker {
 
     /// Returns a bucket, its frame and its pixels; `None` for a sign of life.
     fn answer(&mut self) -> io::Result<Option<Answer>> {
-        let index = number(&mut self.from)?;
-        if index == ALIVE {
+        let (kind, payload) = receive(&mut self.from)?;
+        if kind == ALIVE {
             return Ok(None);
         }
-        let (frame, images) = (number(&mut self.from)? as usize, number(&mut self.from)?);
-        let mut read = |size: u64| {
-            let mut bytes = Vec::new();
-            if (&mut self.from).take(size).read_to_end(&mut bytes)? as u64 != size {
-                return Err(io::Error::from(io::ErrorKind::UnexpectedEof));
-            }
-            Ok(bytes)
-        };
-        let count = |bytes: &[u8]| bytes.try_into().map_or(u32::MAX, u32::from_le_bytes);
-        let too_much = |n: u32, what: &str, most: u32| match n < most {
-            true => Ok(n),
-            false => {
-                Err(io::Error::other(format!("its answer has {n} {what}, and there are less than {most}")))
-            }
-        };
-        if images == NO_IMAGES {
-            let size = too_much(count(&read(4)?), "bytes of text", 1 << 16)?;
-            let text = String::from_utf8_lossy(&read(size.into())?).into_owned();
-            return Ok(Some((index as usize, frame, Err(text))));
-        }
-        let mut pixels = Vec::new();
-        for _ in 0..too_much(images, "images", MOST_IMAGES)? {
-            let size = too_much(count(&read(4)?), "values", MOST_VALUES)?;
-            let bytes = read(u64::from(size) * 4)?;
-            pixels.push(bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect());
-        }
-        Ok(Some((index as usize, frame, Ok(pixels))))
+        answer(kind, &payload).map(Some).ok_or_else(|| io::Error::other("its answer is malformed"))
     }
 }
 
@@ -342,10 +321,33 @@ fn start_command(
 /// A bucket, its frame, and its pixels or the reason why there are none.
 type Answer = (usize, usize, Result<BucketPixels, String>);
 
-fn number(from: &mut impl Read) -> io::Result<u32> {
-    let mut bytes = [0; 4];
-    from.read_exact(&mut bytes)?;
-    Ok(u32::from_le_bytes(bytes))
+/// Returns the answer of a worker; `None` when it is malformed.
+fn answer(kind: u8, payload: &[u8]) -> Option<Answer> {
+    let mut from = Frame(payload);
+    let (index, frame) = (from.word()? as usize, from.word()? as usize);
+    let pixels = match kind {
+        PIXELS => {
+            let images = from.word()?;
+            let pixels: BucketPixels = (0..images).map_while(|_| from.floats()).collect();
+            Ok((pixels.len() == images as usize && from.0.is_empty()).then_some(pixels)?)
+        }
+        NO_PIXELS => Err(from.rest()),
+        _ => return None,
+    };
+    Some((index, frame, pixels))
+}
+
+/// Returns a message of some numbers.
+fn message(kind: u8, numbers: &[usize]) -> Vec<u8> {
+    let payload: Vec<u8> = numbers.iter().flat_map(|n| word(*n)).collect();
+    let mut message = Vec::new();
+    send(&mut message, kind, &[&payload]).expect("invariant: a short message can be written to memory");
+    message
+}
+
+/// Returns the bytes of a number. Numbers are far below the limit.
+fn word(n: usize) -> [u8; 4] {
+    u32::try_from(n).unwrap_or(u32::MAX).to_le_bytes()
 }
 
 /// Returns a word for a shell.
@@ -363,6 +365,21 @@ pub(crate) fn refuse(reporter: &Reporter, why: &str) {
 mod tests {
     use super::*;
     use std::path::PathBuf;
+
+    #[test]
+    fn answers_go_around_and_malformed_ones_are_refused() {
+        let pixels =
+            [&[3, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0][..], &[1, 0, 0, 0], &1.5_f32.to_le_bytes(), &[0; 4]];
+        let pixels = pixels.concat();
+        assert_eq!(answer(PIXELS, &pixels), Some((3, 1, Ok(vec![vec![1.5], vec![]]))));
+        for n in 0..pixels.len() {
+            assert_eq!(answer(PIXELS, &pixels[..n]), None, "{n}");
+        }
+        assert_eq!(answer(PIXELS, &[&pixels[..], &[0]].concat()), None);
+        let reason = [&[3, 0, 0, 0, 1, 0, 0, 0][..], b"no"].concat();
+        assert_eq!(answer(NO_PIXELS, &reason), Some((3, 1, Err("no".to_owned()))));
+        assert_eq!(answer(b'?', &reason), None);
+    }
 
     #[test]
     fn workers_elsewhere_start_in_the_folder_that_the_options_name() {

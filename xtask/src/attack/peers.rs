@@ -25,10 +25,10 @@ const CASES: [Case; 19] = [
         p.net("\"$GELATO\" \"$@\" & child=$!; sleep 0.4; kill -STOP $child; sleep 1000", true)
     }),
     ("net-absurd-counts", |p| {
-        p.net("echo granita-worker 0.1.0 4; head -c 64 /dev/zero | tr '\\0' '\\377'; sleep 1000", true)
+        p.net("echo granita-worker 0.1.0/3 4; head -c 64 /dev/zero | tr '\\0' '\\377'; sleep 1000", true)
     }),
     ("net-wrong-pixels-count", |p| {
-        p.net("echo granita-worker 0.1.0 2; printf '\\0\\0\\0\\0\\1\\0\\0\\0\\5\\0\\0\\0'; sleep 1000", true)
+        p.net("echo granita-worker 0.1.0/3 2; printf 'P\\14\\0\\0\\0\\0\\0\\0\\0\\1\\0\\0\\0\\5\\0\\0\\0'; sleep 1000", true)
     }),
     ("viewer-silent", |p| p.display(|_| ())),
     ("viewer-garbage", |p| {

@@ -1,12 +1,13 @@
 //! The worker's side of the connection.
 
-use super::{ALIVE, GREETING, NO_IMAGES, Progress};
+use super::{ALIVE, BUCKET, COMMANDS, FRAME, GREETING, NO_PIXELS, PIXELS, Progress, word};
 use crate::patient::PULSE;
 use granita_base::Reporter;
+use granita_pyg::frames::{Frame, put_floats, receive, send};
 use granita_render::{BucketPixels, Coordinator};
 use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, BufWriter, Read, Write};
+use std::io::{BufReader, BufWriter, Read, Write};
 use std::sync::Arc;
 
 /// The connection of a worker to its coordinator.
@@ -74,19 +75,18 @@ impl WorkerCoordinator {
 
 impl Shared {
     fn listen(&self, input: Box<dyn Read + Send>) {
-        for line in BufReader::new(input).lines() {
-            let Ok(line) = line else { break };
-            let mut words = line.split_whitespace();
-            let Some(word) = words.next() else { continue };
-            let numbers: Vec<usize> = words.map_while(|number| number.parse().ok()).collect();
+        let mut input = BufReader::new(input);
+        while let Ok((kind, payload)) = receive(&mut input) {
+            let mut numbers = Frame(&payload);
+            let mut number = || numbers.word().map(|n| n as usize);
             let mut said = self.said.lock();
-            match (word, &numbers[..]) {
-                ("commands", [number]) => said.progress.commands = *number,
-                ("frame", [number]) => {
-                    said.progress.frame = *number;
-                    said.buckets.retain(|(frame, _)| frame >= number);
+            match (kind, number(), number()) {
+                (COMMANDS, Some(number), _) => said.progress.commands = number,
+                (FRAME, Some(number), _) => {
+                    said.progress.frame = number;
+                    said.buckets.retain(|(frame, _)| *frame >= number);
                 }
-                ("bucket", [frame, number]) => said.buckets.push_back((*frame, *number)),
+                (BUCKET, Some(frame), Some(number)) => said.buckets.push_back((frame, number)),
                 _ => (),
             }
             drop(said);
@@ -106,7 +106,7 @@ impl Shared {
                 return;
             }
             let mut output = output.lock();
-            if works && output.write_all(&ALIVE.to_le_bytes()).and_then(|()| output.flush()).is_err() {
+            if works && send(&mut *output, ALIVE, &[]).is_err() {
                 return self.hang_up();
             }
         }
@@ -143,29 +143,23 @@ impl Coordinator for WorkerCoordinator {
     }
 
     fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>) {
-        let count = |n: usize| u32::try_from(n).unwrap_or(NO_IMAGES).to_le_bytes();
         let mut said = self.shared.said.lock();
         let at = said.rendering.iter().position(|(_, number)| *number == index);
         let frame = at.map_or(0, |at| said.rendering.swap_remove(at).0);
         drop(said);
-        let mut bytes = [count(index), count(frame)].concat();
-        match pixels {
+        let mut bytes = [word(index), word(frame)].concat();
+        let kind = match pixels {
             Ok(images) => {
-                bytes.extend(count(images.len()));
-                for values in images {
-                    bytes.extend(count(values.len()));
-                    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-                }
+                bytes.extend(word(images.len()));
+                images.iter().for_each(|values| put_floats(values, &mut bytes));
+                PIXELS
             }
             Err(text) => {
-                bytes.extend(NO_IMAGES.to_le_bytes());
-                let text = &text.as_bytes()[..text.len().min(1000)];
-                bytes.extend(count(text.len()));
-                bytes.extend(text);
+                bytes.extend(text.bytes());
+                NO_PIXELS
             }
-        }
-        let mut output = self.output.lock();
-        if output.write_all(&bytes).and_then(|()| output.flush()).is_err() {
+        };
+        if send(&mut *self.output.lock(), kind, &[&bytes]).is_err() {
             // The connection has ended.
             self.shared.hang_up();
         }
