@@ -3,6 +3,7 @@
 use crate::View;
 use crate::draw::Canvas;
 use granita_image::Draw;
+use tiny_skia::{Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, PixmapMut, Stroke, Transform};
 
 /// The width of lines in screen pixels.
 const LINE: f32 = 2.0;
@@ -13,17 +14,6 @@ const MOST_STEPS: u64 = 1 << 23;
 
 type Point = [f32; 2];
 
-/// An edge of a filled area, directed downward, in sample lines. `turn` is 1 when it was directed downward before, else
-/// -1.
-struct Edge {
-    top: f32,
-    bottom: f32,
-    /// The x coordinate in pixels at sample line 0, and the step from line to line.
-    at: f32,
-    slope: f32,
-    turn: i32,
-}
-
 /// Draws `steps` over the view of an image whose data window begins at `origin` of the sheet.
 ///
 /// Lines are two screen pixels wide at any zoom. Paths are filled by the nonzero rule. Colours are screen colours,
@@ -32,153 +22,88 @@ struct Edge {
 pub fn paint(canvas: &mut Canvas, view: &View, origin: (f64, f64), steps: &[Draw]) {
     let point = |[x, y]: Point| -> Option<Point> {
         let (x, y) = view.to_screen(origin.0 + f64::from(x), origin.1 + f64::from(y));
-        // The exact position does not matter far outside of the screen.
+        // The exact position of a point far outside of the screen has no effect.
         (x.is_finite() && y.is_finite()).then(|| [x.clamp(-1e6, 1e6) as f32, y.clamp(-1e6, 1e6) as f32])
     };
+    let height = canvas.height;
+    let Some(mut screen) = PixmapMut::from_bytes(&mut canvas.bytes, canvas.width, height) else { return };
     let mut colors = [[1.0; 4]; 2];
     let mut kept = Vec::new();
-    let mut path: Vec<Vec<Point>> = Vec::new();
+    let mut parts: Vec<Vec<Point>> = Vec::new();
     let mut budget = MOST_STEPS;
     for step in steps {
-        if matches!(step, Draw::Fill | Draw::Stroke) {
-            let points: u64 = path.iter().map(|part| part.len() as u64).sum();
-            if points >= budget {
-                return;
-            }
-            budget -= points;
-        }
         match step {
             Draw::Save => kept.push(colors),
             Draw::Restore => colors = kept.pop().unwrap_or(colors),
             Draw::FillColor(color) => colors[0] = *color,
             Draw::StrokeColor(color) => colors[1] = *color,
-            Draw::BeginPath => path.clear(),
-            Draw::MoveTo(to) => path.extend(point(*to).map(|to| vec![to])),
-            Draw::LineTo(to) => match (path.last_mut(), point(*to)) {
+            Draw::BeginPath => parts.clear(),
+            Draw::MoveTo(to) => parts.extend(point(*to).map(|to| vec![to])),
+            Draw::LineTo(to) => match (parts.last_mut(), point(*to)) {
                 (Some(part), Some(to)) => part.push(to),
-                (None, Some(to)) => path.push(vec![to]),
+                (None, Some(to)) => parts.push(vec![to]),
                 (_, None) => {}
             },
-            Draw::Fill => {
-                let mut edges = Vec::new();
-                path.iter().for_each(|part| outline(part, &mut edges));
-                fill(canvas, edges, colors[0], &mut budget);
-            }
-            Draw::Stroke => {
-                let mut edges = Vec::new();
-                for pair in path.iter().flat_map(|part| part.windows(2)) {
-                    line(pair[0], pair[1], &mut edges);
-                }
-                fill(canvas, edges, colors[1], &mut budget);
-            }
-        }
-    }
-}
-
-/// Appends the edges of a closed polygon.
-fn outline(points: &[Point], edges: &mut Vec<Edge>) {
-    for (i, a) in points.iter().enumerate() {
-        let b = &points[(i + 1) % points.len()];
-        let (up, down, turn) = if a[1] <= b[1] { (a, b, 1) } else { (b, a, -1) };
-        let (top, bottom) = (up[1] * LINES as f32, down[1] * LINES as f32);
-        if top < bottom {
-            let slope = (down[0] - up[0]) / (bottom - top);
-            edges.push(Edge { top, bottom, at: up[0] - top * slope, slope, turn });
-        }
-    }
-}
-
-/// Appends a line as a rectangle. All rectangles turn the same way. Each end is extended by a square so that corners
-/// are whole.
-fn line(a: Point, b: Point, edges: &mut Vec<Edge>) {
-    let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
-    let length = dx.hypot(dy);
-    let (ux, uy) = if length > 0.0 { (dx / length, dy / length) } else { (1.0, 0.0) };
-    let (x, y) = (ux * LINE / 2.0, uy * LINE / 2.0);
-    outline(
-        &[
-            [a[0] - x + y, a[1] - y - x],
-            [b[0] + x + y, b[1] + y - x],
-            [b[0] + x - y, b[1] + y + x],
-            [a[0] - x - y, a[1] - y + x],
-        ],
-        edges,
-    );
-}
-
-/// Fills the area that edges enclose.
-fn fill(canvas: &mut Canvas, mut edges: Vec<Edge>, color: [f32; 4], budget: &mut u64) {
-    let lines = canvas.height as usize * LINES;
-    edges.retain(|e| e.bottom > 0.5 && e.top < lines as f32 - 0.5);
-    let cost = |e: &Edge| (e.bottom.min(lines as f32) - e.top.max(0.0)) as u64 + 1;
-    let steps: u64 = edges.iter().map(cost).sum();
-    if steps > *budget {
-        *budget = 0;
-        return;
-    }
-    *budget -= steps;
-    edges.sort_by(|a, b| a.top.total_cmp(&b.top));
-    let width = canvas.width as usize;
-    let (mut active, mut next) = (Vec::<usize>::new(), 0);
-    let mut crossings: Vec<(f32, i32)> = Vec::new();
-    let mut cover = vec![0.0_f32; width + 1];
-    for y in 0..canvas.height as usize {
-        if active.is_empty() && edges.get(next).is_none_or(|e| e.top > ((y + 1) * LINES) as f32) {
-            if next == edges.len() {
-                return;
-            }
-            continue;
-        }
-        let (mut first, mut last) = (width, 0);
-        for n in y * LINES..(y + 1) * LINES {
-            let middle = n as f32 + 0.5;
-            while edges.get(next).is_some_and(|e| e.top <= middle) {
-                active.push(next);
-                next += 1;
-            }
-            active.retain(|i| edges[*i].bottom > middle);
-            crossings.clear();
-            crossings
-                .extend(active.iter().map(|i| (edges[*i].at + edges[*i].slope * middle, edges[*i].turn)));
-            crossings.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let mut turns = 0;
-            for pair in crossings.windows(2) {
-                turns += pair[0].1;
-                if turns != 0 {
-                    let (from, to) = (pair[0].0.clamp(0.0, width as f32), pair[1].0.clamp(0.0, width as f32));
-                    span(&mut cover, from, to);
-                    if from < to {
-                        (first, last) = (first.min(from as usize), last.max((to.ceil() as usize).min(width)));
-                    }
+            Draw::Fill | Draw::Stroke => {
+                let fills = *step == Draw::Fill;
+                let Some(left) = budget.checked_sub(cost(&parts, fills, height)) else { return };
+                budget = left;
+                let Some(path) = path(&parts, fills) else { continue };
+                if fills {
+                    let paint = solid(colors[0]);
+                    screen.fill_path(&path, &paint, FillRule::Winding, Transform::identity(), None);
+                } else {
+                    let stroke = Stroke {
+                        width: LINE,
+                        line_cap: LineCap::Square,
+                        line_join: LineJoin::Miter,
+                        ..Stroke::default()
+                    };
+                    screen.stroke_path(&path, &solid(colors[1]), &stroke, Transform::identity(), None);
                 }
             }
         }
-        let row = &mut canvas.bytes[4 * y * width..][..4 * width];
-        for x in first..last {
-            let share = cover[x].min(1.0) * color[3].clamp(0.0, 1.0);
-            cover[x] = 0.0;
-            for (byte, c) in row[4 * x..4 * x + 3].iter_mut().zip(color) {
-                let below = f32::from(*byte);
-                *byte = (below + share * (255.0 * c.clamp(0.0, 1.0) - below) + 0.5) as u8;
-            }
-        }
     }
 }
 
-/// Adds a sample line from `from` to `to` to the coverage of each pixel.
-fn span(cover: &mut [f32], from: f32, to: f32) {
-    const SHARE: f32 = 1.0 / LINES as f32;
-    if from >= to {
-        return;
+/// Returns the cost of a fill or a stroke: its points, and the sample lines of the screen that its edges cross. A line
+/// has two edges.
+fn cost(parts: &[Vec<Point>], fills: bool, height: u32) -> u64 {
+    let lines = height as f32 * LINES as f32;
+    let edge = |a: &Point, b: &Point| {
+        let (top, bottom) = (a[1].min(b[1]) * LINES as f32, a[1].max(b[1]) * LINES as f32);
+        let crossed = bottom.min(lines) - top.max(0.0);
+        if crossed >= 0.0 { crossed as u64 + 1 } else { 0 }
+    };
+    let points: u64 = parts.iter().map(|part| part.len() as u64).sum();
+    let open: u64 = parts.iter().flat_map(|part| part.windows(2)).map(|pair| edge(&pair[0], &pair[1])).sum();
+    if !fills {
+        return points + 2 * open;
     }
-    let (a, b) = (from as usize, to as usize);
-    if a == b {
-        cover[a] += (to - from) * SHARE;
-        return;
+    let closing: u64 = parts.iter().filter_map(|part| Some(edge(part.last()?, part.first()?))).sum();
+    points + open + closing
+}
+
+/// Returns the path of these points; `None` when it has no extent.
+fn path(parts: &[Vec<Point>], closed: bool) -> Option<Path> {
+    let mut path = PathBuilder::new();
+    for part in parts.iter().filter(|part| part.len() > 1) {
+        let ([x, y], rest) = (part[0], &part[1..]);
+        path.move_to(x, y);
+        rest.iter().for_each(|[x, y]| path.line_to(*x, *y));
+        if closed {
+            path.close();
+        }
     }
-    cover[a] += (a as f32 + 1.0 - from) * SHARE;
-    cover[a + 1..b].iter_mut().for_each(|c| *c += SHARE);
-    cover[b] += (to - b as f32) * SHARE;
+    path.finish()
+}
+
+/// Returns the paint of a colour with alpha.
+fn solid(color: [f32; 4]) -> Paint<'static> {
+    let [r, g, b, a] = color.map(|c| if c.is_nan() { 0.0 } else { c.clamp(0.0, 1.0) });
+    let mut paint = Paint { anti_alias: true, ..Paint::default() };
+    paint.set_color(Color::from_rgba(r, g, b, a).unwrap_or(Color::TRANSPARENT));
+    paint
 }
 
 #[cfg(test)]
