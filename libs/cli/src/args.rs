@@ -1,8 +1,12 @@
 //! Command line options with one dash or two.
 
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
+use granita_base::suggestion;
+use std::borrow::Cow;
 use std::ffi::{OsStr, OsString};
+use std::io::Write;
 
 /// Parses a command line that begins with the tool's name, as in [`std::env::args_os`]. After an error, `-help` or
 /// `-version` it prints and exits (with status 2, 0, 0).
@@ -16,21 +20,110 @@ pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
 /// another process.
 pub fn parse_with_given<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> (T, Vec<Given>) {
     crate::files::raise_limit();
-    try_parse(words).unwrap_or_else(|error| error.exit())
+    try_parse(words).unwrap_or_else(|refusal| refusal.exit())
+}
+
+/// The reason why a command line was not parsed.
+#[derive(Debug)]
+pub struct Refusal {
+    error: clap::Error,
+    /// The message about a usage error; empty for `-help` and `-version`.
+    text: String,
+}
+
+impl std::fmt::Display for Refusal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.text.is_empty() { self.error.fmt(f) } else { f.write_str(&self.text) }
+    }
+}
+
+impl std::error::Error for Refusal {}
+
+impl Refusal {
+    fn new(command: &Command, error: clap::Error, words: &[Word]) -> Self {
+        let text = if error.use_stderr() { usage_error(command, &error, words) } else { String::new() };
+        Self { error, text }
+    }
+
+    fn exit(&self) -> ! {
+        if self.text.is_empty() {
+            self.error.exit();
+        }
+        // Without a standard error the status still counts.
+        let _ = writeln!(std::io::stderr().lock(), "{}", self.text);
+        std::process::exit(crate::Status::Failed.code().into())
+    }
+}
+
+/// A word of the command line, as it was typed and as clap reads it.
+struct Word {
+    typed: OsString,
+    read: OsString,
+}
+
+/// Returns the message about a usage error. It begins with the name of the tool, and shows options as they were typed.
+fn usage_error(command: &Command, error: &clap::Error, words: &[Word]) -> String {
+    let typed = |option: &str| -> String {
+        let is_it = |word: &&Word| word.read.to_str().is_some_and(|read| name_of(read) == option);
+        let typed = words.iter().find(is_it).map(|word| name_of(&word.typed.to_string_lossy()).to_owned());
+        typed.unwrap_or_else(|| {
+            option.strip_prefix('-').filter(|o| o.starts_with('-')).unwrap_or(option).to_owned()
+        })
+    };
+    let unknown = match (error.kind(), error.get(ContextKind::InvalidArg)) {
+        (ErrorKind::UnknownArgument, Some(ContextValue::String(option))) => Some(option),
+        _ => None,
+    };
+    let what = match unknown {
+        Some(option) => {
+            let shown = typed(option);
+            let dashes = shown.len() - shown.trim_start_matches('-').len();
+            let longs = || command.get_arguments().filter_map(|arg| arg.get_long());
+            let near = suggestion(shown.trim_start_matches('-'), longs().chain(["help", "version"]));
+            let near =
+                near.map_or(String::new(), |near| format!("; did you mean {}{near}?", "-".repeat(dashes)));
+            format!("there is no option {shown}{near}")
+        }
+        None => {
+            let text = error.to_string();
+            let text = text.split("\n\n").next().unwrap_or_default();
+            let mut text = Cow::from(text.strip_prefix("error: ").unwrap_or(text));
+            for long in command.get_arguments().filter_map(|arg| arg.get_long()) {
+                let read = format!("--{long}");
+                let shown = typed(&read);
+                for end in ["'", " ", "="] {
+                    if text.contains(&format!("{read}{end}")) {
+                        text = text.replace(&format!("{read}{end}"), &format!("{shown}{end}")).into();
+                    }
+                }
+            }
+            text.into_owned()
+        }
+    };
+    let name = command.get_name();
+    let usage = command.clone().render_usage();
+    format!("{name}: error: {what}\n{usage}\nAll options: {name} -help")
+}
+
+/// Returns an option without its value.
+fn name_of(word: &str) -> &str {
+    word.split_once('=').map_or(word, |(name, _)| name)
 }
 
 /// Parses a command line like [`parse_with_given`], without printing and without an effect on the process.
 ///
 /// # Errors
-/// An error when the command line is invalid, and for `-help` and `-version`.
+/// Returns a [`Refusal`] when the command line is invalid, and for `-help` and `-version`.
 pub fn try_parse<T: CommandFactory + FromArgMatches>(
     words: Vec<OsString>,
-) -> Result<(T, Vec<Given>), clap::Error> {
+) -> Result<(T, Vec<Given>), Refusal> {
     let command = prepared(T::command());
-    let args = with_two_dashes(&command, words.into_iter());
-    let matches = command.clone().try_get_matches_from(args)?;
+    let words = with_two_dashes(&command, words.into_iter());
+    let refused = |error: clap::Error| Refusal::new(&command, error, &words);
+    let read = words.iter().map(|word| &word.read);
+    let matches = command.clone().try_get_matches_from(read).map_err(refused)?;
     let given = given(&command, &matches);
-    Ok((T::from_arg_matches(&matches)?, given))
+    Ok((T::from_arg_matches(&matches).map_err(refused)?, given))
 }
 
 /// An option of a command line.
@@ -84,14 +177,15 @@ fn prepared(command: Command) -> Command {
     command.version(VERSION).disable_help_subcommand(true).max_term_width(100)
 }
 
-/// Rewrites `-name` to `--name` where it is a long option. Values are not changed.
-fn with_two_dashes(command: &Command, args: impl Iterator<Item = OsString>) -> Vec<OsString> {
+/// Reads `-name` as `--name` where it is a long option. Values are not changed.
+fn with_two_dashes(command: &Command, args: impl Iterator<Item = OsString>) -> Vec<Word> {
     let long = |name: &str| {
         command.get_arguments().find(|a| {
             a.get_long() == Some(name) || a.get_all_aliases().is_some_and(|all| all.contains(&name))
         })
     };
     let is_long = |name: &str| long(name).is_some() || matches!(name, "help" | "version");
+    let same = |arg: OsString| Word { typed: arg.clone(), read: arg };
     let short = |c: char| command.get_arguments().find(|a| a.get_short() == Some(c));
     let values = |arg: &clap::Arg| match arg.get_action() {
         ArgAction::Set | ArgAction::Append => arg.get_num_args().map_or(1, |n| n.min_values()),
@@ -103,7 +197,7 @@ fn with_two_dashes(command: &Command, args: impl Iterator<Item = OsString>) -> V
     for arg in args {
         let Some(text) = arg.to_str().filter(|_| skip == 0 && !literal) else {
             skip = usize::saturating_sub(skip, 1);
-            out.push(arg);
+            out.push(same(arg));
             continue;
         };
         literal = text == "--";
@@ -115,19 +209,21 @@ fn with_two_dashes(command: &Command, args: impl Iterator<Item = OsString>) -> V
         };
         let first = body.chars().next();
         let number = first.is_some_and(|c| c.is_ascii_digit() || c == '.');
-        if dashes == 0 || body.is_empty() || number {
-            out.push(arg);
+        let is_help = dashes == 1 && matches!(body, "h" | "V");
+        if dashes == 0 || body.is_empty() || number || is_help {
+            out.push(same(arg));
             continue;
         }
         let as_long = dashes > 1 || is_long(name) || first.is_some_and(|c| short(c).is_none());
         if as_long {
             skip = if has_value { 0 } else { long(name).map_or(0, values) };
-            out.push(format!("--{body}").into());
+            let read = format!("--{body}").into();
+            out.push(Word { typed: arg, read });
         } else {
             // A lone short option takes its values from the next words.
             let alone = body.chars().count() == 1;
             skip = if alone { first.and_then(short).map_or(0, values) } else { 0 };
-            out.push(arg);
+            out.push(same(arg));
         }
     }
     out
@@ -155,7 +251,7 @@ mod tests {
         files: Vec<String>,
     }
 
-    fn tool(line: &str) -> Result<Tool, clap::Error> {
+    fn tool(line: &str) -> Result<Tool, Refusal> {
         try_parse(line.split(' ').map(OsString::from).collect()).map(|(tool, _)| tool)
     }
 
@@ -185,6 +281,21 @@ mod tests {
 
     #[test]
     fn misspelling_gets_a_suggestion() {
-        assert!(tool("x -envcub").unwrap_err().to_string().contains("--envcube"));
+        let said = |line: &str| tool(line).unwrap_err().to_string();
+        let first = |line: &str| said(line).lines().next().unwrap_or_default().to_owned();
+        let tool = Tool::command().get_name().to_owned();
+        for (line, expected) in [
+            ("x -envcub", "there is no option -envcub; did you mean -envcube?"),
+            ("x --flter=box", "there is no option --flter; did you mean --filter?"),
+            ("x -nothing", "there is no option -nothing"),
+            ("x -tile 3", "2 values required for '-tile <TILE> <TILE>' but 1 was provided"),
+            ("x --bias y", "invalid value 'y' for '--bias <BIAS>': invalid float literal"),
+        ] {
+            assert_eq!(first(line), format!("{tool}: error: {expected}"));
+        }
+        assert!(said("x -nothing").ends_with(&format!("All options: {tool} -help")));
+        for (line, expected) in [("x -h", "Usage:"), ("x -help", "Usage:"), ("x -V", VERSION)] {
+            assert!(said(line).contains(expected) && !said(line).contains("error"), "{line}");
+        }
     }
 }

@@ -9,7 +9,7 @@ use granita_cli::try_parse;
 /// Values that at least one option accepts.
 const VALUES: [&str; 5] = ["0.5", "3", "A=B", "localhost:14158", "defaultsurface"];
 
-fn parsed(words: &[String]) -> Result<(Options, Vec<Given>), clap::Error> {
+fn parsed(words: &[String]) -> Result<(Options, Vec<Given>), granita_cli::Refusal> {
     try_parse([&["gelato".to_owned()], words].concat().into_iter().map(OsString::from).collect())
 }
 
