@@ -145,7 +145,7 @@ attributes! {
         "shade rays anew when what they see changed", Hint;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
         "files to look at again before re-rendering", Hint;
-    LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]), "threads that work on the frame";
+    LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]), "number of threads that render; `gelato` renders with one per core when it is not set";
     LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "most points shaded at once";
     LIMITS_PRIMITIVEPOINTS: Global, i32 = "4.3.4", "limits:primitivepoints", Ints(&[250_000_000]),
         "most points that a primitive may be diced into in a frame; 0 for any number";
