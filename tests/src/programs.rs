@@ -3,6 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// The variable that `cargo xtask ci` sets where the tests of the whole workspace run. The tools are then built as a
+/// part of it, which takes seconds. Alone they need other features of their dependencies, which takes minutes.
+const WHOLE: &str = "GRANITA_WHOLE_WORKSPACE";
+
 /// The tools of this build.
 #[derive(Clone, Debug)]
 pub struct Tools {
@@ -44,14 +48,16 @@ impl Tools {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
         let mut command = Command::new(cargo);
         command.current_dir(repository()).args(["build", "--quiet", "--bins", "--target-dir"]).arg(target);
-        if !libraries.is_empty() {
-            command.arg("--lib");
-        }
-        for name in libraries {
-            command.args(["--package", name]);
-        }
-        for name in Self::NAMES {
-            command.args(["--package", name]);
+        if std::env::var_os(WHOLE).is_some() {
+            // The features of dependencies are then those that the tests were built with.
+            command.args(["--workspace", "--lib", "--tests"]);
+        } else {
+            if !libraries.is_empty() {
+                command.arg("--lib");
+            }
+            for name in libraries.iter().chain(&Self::NAMES) {
+                command.args(["--package", name]);
+            }
         }
         if folder.ends_with("release") {
             command.arg("--release");

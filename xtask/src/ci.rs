@@ -60,6 +60,8 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     let start = Instant::now();
     let mut cargo = Command::new(cargo());
     cargo.current_dir(root).args(arguments).env("RUSTDOCFLAGS", "-D warnings").stderr(Stdio::piped());
+    // See `granita_tests::Tools`.
+    cargo.env("GRANITA_WHOLE_WORKSPACE", "1");
     let mut child = cargo.spawn().map_err(|e| format!("cargo: {e}"))?;
     let mut skipped = BTreeSet::new();
     if let Some(mut lines) = child.stderr.take().map(BufReader::new) {
