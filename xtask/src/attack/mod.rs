@@ -113,9 +113,14 @@ impl Attack {
         let root = Workspace::load()?.root;
         let mut command = Command::new(cargo());
         command.current_dir(&root).args(["build", "--quiet", "--bins"]);
-        TOOLS.iter().for_each(|tool| {
-            command.args(["--package", tool]);
-        });
+        if options.fixed {
+            // The tests of the whole workspace were built before, with these features of dependencies.
+            command.args(["--workspace", "--lib", "--tests"]);
+        } else {
+            TOOLS.iter().for_each(|tool| {
+                command.args(["--package", tool]);
+            });
+        }
         if !options.debug {
             command.arg("--release");
         }
