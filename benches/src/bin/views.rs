@@ -67,6 +67,9 @@ fn run() -> Result<(), String> {
                 let cost = measure(1, || {
                     let mut command = Command::new(&gelato);
                     command.current_dir(place.path()).arg("-silent").args(*options).arg(scene);
+                    if !options.contains(&"-threads") {
+                        command.args(["-threads", "1"]);
+                    }
                     command
                 })?;
                 *best = (*best).min(if ratio.wall { cost.wall } else { processor(&cost) });
