@@ -35,6 +35,10 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) compare: bool,
 
+    /// Print the output of -info, -stats or -compare as JSON
+    #[arg(long, help_heading = "Without a window", requires = "still", conflicts_with_all = ["thumbnail", "ascii"])]
+    pub(crate) json: bool,
+
     /// Write a small image, in the format of its extension; for several files, into the folder of that name
     #[arg(long, value_name = "FILE", help_heading = "Without a window", group = "still")]
     pub(crate) thumbnail: Option<PathBuf>,

@@ -7,6 +7,7 @@
 
 mod args;
 mod info;
+mod json;
 mod listen;
 mod serve;
 mod still;

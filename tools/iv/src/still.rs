@@ -1,7 +1,7 @@
 //! The actions of `iv` without a window.
 
 use crate::args::Args;
-use crate::info;
+use crate::{info, json};
 use granita_base::files::is_same_file;
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
@@ -10,6 +10,7 @@ use granita_view::{
     Comparison, Display, Image, Page, Statistics, TileStore, ascii, compare, expand, save_canvas, statistics,
     suited, thumbnail,
 };
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -40,14 +41,21 @@ impl Still<'_> {
         Some(if args.compare {
             self.compare(&files)
         } else {
-            let done = files.iter().filter(|file| match self.one(file, files.len()) {
-                Ok(()) => true,
-                Err(what) => {
-                    self.reporter.error(what);
-                    false
+            let mut found = Vec::new();
+            let mut failed = 0;
+            for file in &files {
+                match self.one(file, files.len()) {
+                    Ok(value) => found.extend(value),
+                    Err(what) => {
+                        self.reporter.error(what);
+                        failed += 1;
+                    }
                 }
-            });
-            match files.len() - done.count() {
+            }
+            if args.json {
+                print_json(&Value::Array(found));
+            }
+            match failed {
                 0 => Status::Done,
                 failed if failed == files.len() => Status::Failed,
                 _ => Status::WithErrors,
@@ -76,10 +84,14 @@ impl Still<'_> {
         Ok((page, layer, display))
     }
 
-    fn one(&self, file: &Path, files: usize) -> Result<(), String> {
+    /// Does what is requested with a file. Returns what `-json` prints of it.
+    fn one(&self, file: &Path, files: usize) -> Result<Option<Value>, String> {
         let args = self.args;
         let image = self.open(file)?;
-        if args.info {
+        let mut found = None;
+        if args.json {
+            found = Some(if args.info { json::info(&image) } else { json::stats(&image)? });
+        } else if args.info {
             self.say(info::text(&image));
         } else if args.stats {
             self.say(stats_text(&image)?);
@@ -115,7 +127,7 @@ impl Still<'_> {
                 self.reporter.warning(format!("image {i} could not be read completely: {fault}"));
             }
         }
-        Ok(())
+        Ok(found)
     }
 
     fn compare(&self, files: &[PathBuf]) -> Status {
@@ -143,6 +155,7 @@ impl Still<'_> {
         let limits = &self.args.limits;
         let options = limits.options(self.args.look.exposure);
         let mut alike = true;
+        let mut pages = Vec::new();
         for (i, (p, q)) in one.pages.iter().zip(&two.pages).enumerate() {
             let found = compare(p, q, &options).map_err(|e| format!("{pair}: {e}"))?;
             for (file, page) in [(a, p), (b, q)] {
@@ -151,13 +164,22 @@ impl Still<'_> {
                     return Err(format!("{}: not all of it can be read: {fault}", file.display()));
                 }
             }
+            let faults = self.beyond(&found);
+            alike &= faults.is_empty();
+            if self.args.json {
+                pages.push(json::comparison(&found, &faults));
+                continue;
+            }
             if one.pages.len() > 1 {
                 self.say(format!("image {i}\n"));
             }
-            let faults = self.beyond(&found);
             self.say(comparison_text(&found));
             faults.iter().for_each(|fault| self.say(format!("  beyond: {fault}\n")));
-            alike &= faults.is_empty();
+        }
+        if self.args.json {
+            let files = [a, b].map(|file| file.display().to_string());
+            print_json(&json!({ "files": files, "alike": alike, "images": pages }));
+            return Ok(alike);
         }
         self.say(if alike { "alike\n".to_owned() } else { "different\n".to_owned() });
         Ok(alike)
@@ -202,6 +224,10 @@ impl Still<'_> {
         }
         faults
     }
+}
+
+fn print_json(value: &Value) {
+    granita_cli::print(&format!("{value:#}\n"));
 }
 
 /// Returns the index of the layer with a name or an index; the first layer without one.

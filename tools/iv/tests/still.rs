@@ -208,3 +208,41 @@ fn mistakes_are_told() {
         assert!(status == wanted && error.contains(words), "{arguments:?}: {status}: {error}");
     }
 }
+
+#[test]
+fn json_has_what_the_texts_have() {
+    let folder = images();
+    let json = |arguments: &[&str]| {
+        let (status, out, error) = iv(folder.path(), arguments);
+        let value: serde_json::Value =
+            serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {out} {error}"));
+        (status, value)
+    };
+    let (status, info) = json(&["-json", "-info", "a.png", "c.exr"]);
+    assert_eq!((status, info.as_array().unwrap().len()), (0, 2));
+    let page = &info[1]["images"][0];
+    assert_eq!((&info[1]["file"], &info[1]["format"]), (&"c.exr".into(), &"exr".into()));
+    assert_eq!(
+        (page["width"].as_u64(), &page["type"], page["tile"][0].as_u64()),
+        (Some(2), &"float".into(), Some(16))
+    );
+    assert_eq!(page["channels"].as_array().unwrap().len(), 5);
+    let (status, stats) = json(&["-json", "-stats", "c.exr", "nosuch.exr"]);
+    assert_eq!((status, stats.as_array().unwrap().len()), (1, 1));
+    let channels = stats[0]["images"][0]["channels"].as_array().unwrap();
+    let nan: u64 = channels.iter().map(|c| c["nan"].as_u64().unwrap()).sum();
+    let infinite: u64 = channels.iter().map(|c| c["infinite"].as_u64().unwrap()).sum();
+    assert_eq!((nan, infinite), (1, 1));
+    let (status, same) = json(&["-json", "-compare", "a.png", "a.png"]);
+    assert_eq!(
+        (status, &same["alike"], &same["images"][0]["psnr"]),
+        (0, &true.into(), &serde_json::Value::Null)
+    );
+    let (status, other) = json(&["-json", "-compare", "a.png", "b.png"]);
+    assert_eq!((status, &other["alike"]), (1, &false.into()));
+    assert_eq!(other["images"][0]["pixels_beyond"].as_u64(), Some(1));
+    assert!(!other["images"][0]["beyond"].as_array().unwrap().is_empty());
+    for wrong in [&["-json", "a.png"][..], &["-json", "-ascii", "a.png"]] {
+        assert_eq!(iv(folder.path(), wrong).0, 2);
+    }
+}
