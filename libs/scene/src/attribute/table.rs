@@ -57,27 +57,27 @@ attributes! {
     NEAR: Camera, f32 = "4.1", "near", Floats(&[0.1]), "near clipping plane, along z of the camera";
     FAR: Camera, f32 = "4.1", "far", Floats(&[1.0e6]), "far clipping plane, along z of the camera";
     SHUTTER: Camera, [f32; 2] = "4.1", "shutter", Floats(&[0.0, 0.0]),
-        "times at which the shutter opens and closes";
+        "opening and closing time of the shutter";
     FSTOP: Camera, f32 = "4.1", "fstop", Floats(&[1.0e30]),
-        "focal length over lens diameter; 1e30 is a pinhole";
+        "focal length divided by the lens diameter; 1e30 is a pinhole";
     FOCALLENGTH: Camera, Option<f32> = "4.1", "focallength", Unset,
         "focal length of the lens in units of the camera's space";
     FOCALDISTANCE: Camera, Option<f32> = "4.1", "focaldistance", Unset,
-        "distance of sharp focus in units of the camera's space";
+        "distance in focus in units of the camera's space";
     SPATIALQUALITY: Camera, [i32; 2] = "4.1", "spatialquality", Ints(&[4, 4]),
-        "least number of regions per pixel against jagged edges";
+        "least number of samples per pixel along x and y";
     TEMPORALQUALITY: Camera, i32 = "4.1", "temporalquality", Ints(&[16]),
-        "least number of times sampled for motion blur";
+        "least number of time samples for motion blur";
     DOFQUALITY: Camera, i32 = "4.1", "dofquality", Ints(&[16]),
-        "least number of lens positions sampled for depth of field";
+        "least number of lens samples for depth of field";
     LIMITS_BUCKETSIZE: Camera, [i32; 2] = "4.1", "limits:bucketsize", Ints(&[32, 32]),
         "size of a bucket in pixels";
     BUCKETORDER: Camera, Arc<str> = "4.1", "bucketorder", OneOf(&["horizontal", "vertical", "spiral"]),
         "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top";
     LIMITS_BUCKETBLOCKSIZE: Camera, i32 = "4.1", "limits:bucketblocksize", Ints(&[2]),
-        "buckets along each side of the clusters that are done one after the other";
+        "number of buckets along each side of a cluster; clusters are rendered one after the other";
     LIMITS_AUTOPASSREDUCTION: Camera, bool = "4.1", "limits:autopassreduction", Ints(&[1]),
-        "take fewer samples where nothing blurs";
+        "reduce the samples where nothing blurs";
     PREVIEW: Camera, f32 = "4.1", "preview", Floats(&[0.0]),
         "shading quality of preview mode; 0 is no preview";
     PREVIEW_SPATIALQUALITY: Camera, [i32; 2] = "4.1", "preview:spatialquality", Ints(&[1, 1]),
@@ -90,22 +90,22 @@ attributes! {
     PREVIEW_DICECURVATURE: Camera, f32 = "4.1", "preview:dicecurvature", Floats(&[90.0]),
         "dice:curvature in preview mode";
     PREVIEW_THINCURVES: Camera, i32 = "4.1", "preview:thincurves", Ints(&[10]),
-        "in preview mode, draw one of so many curves";
+        "in preview mode, the number of curves of which one is drawn";
     PREVIEW_THINPOINTS: Camera, i32 = "4.1", "preview:thinpoints", Ints(&[10]),
-        "in preview mode, draw one of so many points";
+        "in preview mode, the number of points of which one is drawn";
     PREVIEW_LIMITPIXELSIZE: Camera, f32 = "4.1", "preview:limitpixelsize", Floats(&[0.0]),
         "in preview mode, objects that cover fewer pixels are drawn as boxes";
     PREVIEW_LIMITDISTANCE: Camera, f32 = "4.1", "preview:limitdistance", Floats(&[1.0e38]),
-        "in preview mode, objects farther away are boxes";
+        "in preview mode, objects beyond this distance are drawn as boxes";
     HIDER: Camera, Arc<str> = "4.1", "hider", OneOf(&["default"]), "hidden surface method";
     SHADERTYPE: Camera, Arc<str> = "4.1", "shadertype", OneOf(&["gsl", "defaultsurface", "keyfillrim"]),
         "shading system";
     STEREO_SEPARATION: Camera, f32 = "4.1", "stereo:separation", Floats(&[0.0]),
-        "distance of the two views along x; 0 is no stereo";
+        "distance of the two views along x; 0 renders one view";
     STEREO_CONVERGENCE: Camera, f32 = "4.1", "stereo:convergence", Floats(&[0.0]),
         "depth at which the two views coincide";
     STEREO_PROJECTION: Camera, Arc<str> = "4.1", "stereo:projection", OneOf(&["off-axis", "parallel", "toe-in"]),
-        "how the two views converge";
+        "method by which the two views converge";
     STEREO_SHADE: Camera, Arc<str> = "4.1", "stereo:shade", OneOf(&["center", "left", "right"]),
         "view from which stereo is shaded";
     // 4.2 Output attributes
@@ -140,100 +140,100 @@ attributes! {
         "seconds or frames in one unit of the times of Motion and shutter";
     RERENDER: Global, bool = "4.3.3", "rerender", Ints(&[0]), "allow changes and further calls of Render";
     RERENDER_MEMORY: Global, i32 = "4.3.3", "rerender:memory", Ints(&[0]),
-        "memory for re-rendering in KB; 0 for what there is", Hint;
+        "memory limit of re-rendering in KB; 0 for all memory", Hint;
     RERENDER_RESHADERAYS: Global, bool = "4.3.3", "rerender:reshaderays", Ints(&[1]),
-        "shade rays anew when what they see changed", Hint;
+        "shade rays again when a surface that they hit has changed", Hint;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
-        "files to look at again before re-rendering", Hint;
+        "files that are read again before re-rendering", Hint;
     LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]), "number of threads that render; `gelato` renders with one per core when it is not set";
-    LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "most points shaded at once";
+    LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "largest number of points that are shaded at once";
     LIMITS_PRIMITIVEPOINTS: Global, i32 = "4.3.4", "limits:primitivepoints", Ints(&[250_000_000]),
-        "most points that a primitive may be diced into in a frame; 0 for any number";
+        "largest number of points of a diced primitive in a frame; 0 for any number";
     LIMITS_TEXTUREMEMORY: Global, i32 = "4.3.4", "limits:texturememory", Ints(&[20480]),
         "size of the texture cache in KB";
     LIMITS_TEXTUREFILES: Global, i32 = "4.3.4", "limits:texturefiles", Ints(&[1000]),
-        "texture files open at once";
+        "largest number of open texture files";
     TRIMCURVE_QUALITY: Global, f32 = "4.3.4", "trimcurve:quality", Floats(&[1.0]),
-        "scale on the quality of trim curves";
+        "factor of the quality of trim curves";
     LIMITS_TRIMCURVEMEMORY: Global, i32 = "4.3.4", "limits:trimcurvememory", Ints(&[10240]),
-        "size of the trim curve cache in KB; none is needed: curves become polygons once", Hint;
+        "size of the trim curve cache in KB; it has no effect, because curves are converted to polygons once", Hint;
     LIMITS_TRANSPARENTLAYERS: Global, i32 = "4.3.4", "limits:transparentlayers", Ints(&[-1]),
-        "most transparent layers of a pixel; -1 for any";
+        "largest number of transparent layers of a pixel; -1 for any number";
     LIMITS_OPACITYTHRESHOLD: Global, Color = "4.3.4", "limits:opacitythreshold", Floats(&[1.0, 1.0, 1.0]),
-        "opacity that counts as fully opaque";
+        "opacity from which a surface counts as opaque";
     SHADOW_OPACITYTHRESHOLD: Global, Color = "4.3.4", "shadow:opacitythreshold", Floats(&[1.0, 1.0, 1.0]),
         "opacity from which a surface appears in shadow maps";
     LIMITS_TRANSPARENTGRIDS: Global, i32 = "4.3.4", "limits:transparentgrids", Ints(&[32]),
-        "layers of transparent grids done at once; there are no batches to tune", Hint;
+        "number of layers of transparent grids per batch; it has no effect", Hint;
     DICE_FIXEDUNAME: Global, Arc<str> = "4.3.4", "dice:fixeduname", Text("u"),
-        "variable that fixed dicing along u is measured by";
+        "variable that measures fixed dicing along u";
     DICE_FIXEDVNAME: Global, Arc<str> = "4.3.4", "dice:fixedvname", Text("v"),
-        "variable that fixed dicing along v is measured by";
-    RAY_MAXDEPTH: Global, i32 = "4.3.5", "ray:maxdepth", Ints(&[2]), "most bounces of a reflected ray";
+        "variable that measures fixed dicing along v";
+    RAY_MAXDEPTH: Global, i32 = "4.3.5", "ray:maxdepth", Ints(&[2]), "largest number of bounces of a ray";
     RAY_MAXDEPTHCOLOR: Global, Color = "4.3.5", "ray:maxdepthcolor", Floats(&[0.0, 0.0, 0.0]),
-        "colour seen by rays beyond the last bounce";
+        "colour of rays beyond the last bounce";
     PATH_INPUT: Global, Arc<str> = "4.3.6", "path:input", Text(".:$GELATOHOME/inputs"),
-        "where scene files are looked for";
+        "search path of scene files";
     PATH_TEXTURE: Global, Arc<str> = "4.3.6", "path:texture", Text(".:$GELATOHOME/textures"),
-        "where textures are looked for";
+        "search path of textures";
     PATH_SHADER: Global, Arc<str> = "4.3.6", "path:shader", Text(".:$GELATOHOME/shaders"),
-        "where shaders are looked for";
+        "search path of shaders";
     PATH_GENERATOR: Global, Arc<str> = "4.3.6", "path:generator", Text(".:$GELATOHOME/lib"),
-        "where generators are looked for";
+        "search path of generators";
     PATH_IMAGEIO: Global, Arc<str> = "4.3.6", "path:imageio", Text(".:$GELATOHOME/lib"),
-        "where image plugins are looked for";
+        "search path of image plugins";
     VERBOSITY: Global, i32 = "4.3.7", "verbosity", Ints(&[1]),
-        "how much is told: 0 errors, 1 warnings, 2 everything";
+        "level of messages: 0 errors, 1 also warnings, 2 all";
     ERROR_FILENAME: Global, Arc<str> = "4.3.7", "error:filename", Text(""),
         "file for messages; standard error when empty";
-    STATISTICS_LEVEL: Global, i32 = "4.3.7", "statistics:level", Ints(&[0]), "how many statistics are told";
+    STATISTICS_LEVEL: Global, i32 = "4.3.7", "statistics:level", Ints(&[0]), "level of statistics; 0 prints none";
     STATISTICS_FILENAME: Global, Arc<str> = "4.3.7", "statistics:filename", Text(""),
         "file for statistics; standard output when empty";
     DEBUG_DSO: Global, bool = "4.3.7", "debug:dso", Ints(&[0]), "tell about every plugin looked at";
     DEBUG_FILESREAD: Global, Arc<str> = "4.3.7", "debug:filesread", Text(""),
         "file for the names of all files read";
-    DEBUG_SHADERNAN: Global, bool = "4.3.7", "debug:shadernan", Ints(&[0]), "look for NaN in running shaders";
+    DEBUG_SHADERNAN: Global, bool = "4.3.7", "debug:shadernan", Ints(&[0]), "report NaN in shaders";
     RANDOM_SEED: Global, i32 = "5.8.6", "random:seed", Ints(&[0]),
         "seed of random () and randomgrid () in shaders";
     GRIDDUMP_FILENAME: Global, Arc<str> = "4.3.7", "griddump:filename", Text(""),
         "file for all shaded grids, as Pyg";
     GRIDDUMP_BINARY: Global, bool = "4.3.7", "griddump:binary", Ints(&[0]), "write the grids as binary Pyg";
     TEXTURE_SUBSTTEXTURE: Global, Arc<str> = "4.3.8", "texture:substtexture", Text(""),
-        "texture that stands for all textures";
+        "texture that replaces all textures";
     TEXTURE_SUBSTENV: Global, Arc<str> = "4.3.8", "texture:substenv", Text(""),
-        "map that stands for all environment maps";
+        "map that replaces all environment maps";
     TEXTURE_AUTOMIPMAP: Global, bool = "4.3.8", "texture:automipmap", Ints(&[1]),
-        "make a mip-map of textures that are none";
+        "make MIP maps of images that are used as textures";
     SPATIALDB_WRITE: Global, Option<Arc<[Arc<str>]>> = "4.3.9", "spatialdb:write", Unset,
         "spatial databases written after rendering";
     SPATIALDB_READ: Global, Option<Arc<[Arc<str>]>> = "4.3.9", "spatialdb:read", Unset,
-        "spatial databases loaded when first asked";
+        "spatial databases that are loaded at the first query";
     SPATIALDB_READONLY: Global, Option<Arc<[Arc<str>]>> = "4.3.9", "spatialdb:readonly", Unset,
-        "spatial databases loaded and never added to";
+        "spatial databases that are loaded and never extended";
     SPATIALDB_WRITEONLY: Global, Option<Arc<[Arc<str>]>> = "4.3.9", "spatialdb:writeonly", Unset,
-        "spatial databases written and never asked";
+        "spatial databases that are written and never queried";
     RENDERER_NAME: ReadOnly, Arc<str> = "4.3.10", "renderer:name", Text("Granita"), "name of the renderer";
     RENDERER_VERSION: ReadOnly, Option<[i32; 4]> = "4.3.10", "renderer:version", Unset,
         "major, minor, release and patch number";
     RENDERER_VERSIONSTRING: ReadOnly, Option<Arc<str>> = "4.3.10", "renderer:versionstring", Unset,
         "the four numbers of the version, as \"2.1.0.0\"";
     RENDER_PROGRESS: ReadOnly, f32 = "4.3.10", "render:progress", Floats(&[0.0]),
-        "part of the frame that is done; 1 is all";
+        "finished part of the frame, 0 to 1";
     RENDER_SUCCESS: ReadOnly, bool = "4.3.10", "render:success", Ints(&[0]),
-        "whether the last frame was finished";
+        "1 when the last frame was finished, else 0";
     NET_WORKERS: Global, Arc<str> = "4.3.11", "net:workers", Text(""),
         "machines that share the work, as `gelato -net`; \"local\" is this one";
     NET_WORKERCMD: Global, Arc<str> = "4.3.11", "net:workercmd", Text(""),
-        "how `gelato` is called on them; empty is by that name";
+        "command that runs `gelato` on them; empty for that name";
     NET_TIMEOUT: Global, f32 = "4.3.11", "net:timeout", Floats(&[60.0]),
-        "seconds of silence, at least 2, after which others do the part of one that has work to do";
+        "seconds without an answer, at least 2, after which the work of a machine is given to others";
     NET_TINT: Global, i32 = "4.3.11", "net:tint", Ints(&[0]), "tint buckets by worker, with this seed";
     PYG_BINARY: Writer, bool = "4.3.12", "pyg:binary", Ints(&[0]), "write large arrays in binary";
     PYG_SEPARATEPARAMS: Writer, bool = "4.3.12", "pyg:separateparams", Ints(&[0]),
-        "write parameters as calls of their own";
+        "write parameters as separate calls";
     PYG_INDENT: Writer, i32 = "4.3.12", "pyg:indent", Ints(&[0]), "blanks added to the indentation";
     LIMITS_INPUTLEVELS: Writer, i32 = "4.3.12", "limits:inputlevels", Ints(&[0]),
-        "levels of Input that are expanded";
+        "number of levels of Input that are expanded";
     // 4.4 Per-object attributes
     TRANSFORM: ReadOnly, Option<[f32; 16]> = "4.4.1", "transform", Unset,
         "object space to world when the shutter opens";
@@ -243,61 +243,61 @@ attributes! {
     COLOR: Object, Color = "4.4.4", "C", Floats(&[1.0, 1.0, 1.0]), "surface colour";
     OPACITY: Object, Color = "4.4.4", "opacity", Floats(&[1.0, 1.0, 1.0]), "surface opacity";
     HOLDOUT: Object, i32 = "4.4.4", "holdout", Ints(&[0]),
-        "0 ordinary, 1 holdout matte, 2 shaded holdout matte";
+        "0 visible, 1 holdout matte, 2 shaded holdout matte";
     ORIENTATION: Object, Arc<str> = "4.4.4", "orientation", OneOf(&["outside", "inside", "lh", "rh", "reverse"]),
-        "which way normals point; faces whose own normals are all on the other side follow these";
+        "side to which normals point; faces whose given normals are all on the other side follow the given ones";
     TWOSIDED: Object, bool = "4.4.4", "twosided", Ints(&[1]), "visible from both sides";
     SHADINGQUALITY: Object, f32 = "4.4.4", "shadingquality", Floats(&[1.0]),
-        "shading points per pixel distance";
+        "number of shading points per pixel of distance";
     DICE_BINARY: Object, bool = "4.4.5", "dice:binary", Ints(&[0]), "dice by powers of two";
     DICE_CURVATURE: Object, f32 = "4.4.5", "dice:curvature", Floats(&[10.0]),
         "angle in degrees that forces finer dicing";
     DICE_HIGHCURVATURE: Object, f32 = "4.4.5", "dice:highcurvature", Floats(&[120.0]),
         "angle in degrees that forces finer dicing at any size";
     DICE_MOTIONFACTOR: Object, f32 = "4.4.5", "dice:motionfactor", Floats(&[1.0]),
-        "how much coarser moving objects are diced";
+        "factor by which moving objects are diced more coarsely";
     DICE_KEEPCREASES: Object, bool = "4.4.5", "dice:keepcreases", Ints(&[0]),
-        "split curves at every crease; pieces of patches and meshes always end there";
+        "split curves at every crease; patches and meshes are always split there";
     DICE_RASTERORIENT: Object, bool = "4.4.5", "dice:rasterorient", Ints(&[1]),
-        "dice by the size in the image, seen as it lies";
+        "dice by the projected size in the image";
     DICE_FIXED: Object, [f32; 2] = "4.4.5", "dice:fixed", Floats(&[0.0, 0.0]),
-        "facets per unit of u and v; 0 0 is off";
+        "number of facets per unit of u and v; 0 0 disables fixed dicing";
     DICE_THINCURVE: Object, f32 = "4.4.5", "dice:thincurve", Floats(&[1.0]),
-        "curves thinner than this in pixels are simplified";
-    CULL_OCCLUSION: Object, bool = "4.4.5", "cull:occlusion", Ints(&[1]), "do not shade what is hidden";
+        "width in pixels below which curves are simplified";
+    CULL_OCCLUSION: Object, bool = "4.4.5", "cull:occlusion", Ints(&[1]), "cull hidden surfaces before shading";
     DISPLACE_MAXRADIUS: Object, f32 = "4.4.6", "displace:maxradius", Floats(&[0.0]), "largest displacement";
     DISPLACE_MAXSPACE: Object, Arc<str> = "4.4.6", "displace:maxspace", Text("common"),
         "space in which displace:maxradius is measured";
     SHADING_VIEW: Object, Arc<str> = "4.4.7", "shading:view", OneOf(&["camera", "outside", "inside"]),
-        "what I is on camera grids";
+        "meaning of I on grids that the camera sees";
     TRIMCURVE_SENSE: Object, Arc<str> = "4.4.8", "trimcurve:sense", OneOf(&["inside", "outside"]),
-        "which side of trim curves is discarded";
+        "side of trim curves that is discarded";
     TRIMCURVE_CURVATURE: Object, f32 = "4.4.8", "trimcurve:curvature", Floats(&[10.0]),
         "angle in degrees that forces more segments of trim curves";
-    LIGHT_NSAMPLES: Object, i32 = "2.4", "light:nsamples", Ints(&[1]), "samples of an area light";
+    LIGHT_NSAMPLES: Object, i32 = "2.4", "light:nsamples", Ints(&[1]), "number of samples of an area light";
     RAY_OPAQUESHADOWS: Object, bool = "4.4.9", "ray:opaqueshadows", Ints(&[0]),
-        "opaque to shadow rays without asking the shader";
+        "opaque to shadow rays, whatever the shader computes";
     RAY_MOTION: Object, bool = "4.4.9", "ray:motion", Ints(&[0]), "rays from it see motion blur";
-    RAY_DISPLACE: Object, bool = "4.4.9", "ray:displace", Ints(&[1]), "rays see true displacement";
+    RAY_DISPLACE: Object, bool = "4.4.9", "ray:displace", Ints(&[1]), "rays hit displaced surfaces instead of bumps";
     SHADOW_BIAS: Object, f32 = "4.4.9", "shadow:bias", Floats(&[0.01]), "bias of shadow maps and rays";
     INDIRECT_MAXERROR: Object, f32 = "4.4.10", "indirect:maxerror", Floats(&[0.25]),
         "largest error of interpolated indirect light";
     INDIRECT_MAXPIXELDIST: Object, f32 = "4.4.10", "indirect:maxpixeldist", Floats(&[20.0]),
-        "largest distance in pixels of indirect samples";
+        "largest distance in pixels between indirect samples";
     INDIRECT_MINSAMPLES: Object, i32 = "4.4.10", "indirect:minsamples", Ints(&[3]),
-        "least number of indirect samples interpolated";
+        "least number of indirect samples that are interpolated";
     INDIRECT_SPATIALDB: Object, Arc<str> = "4.4.10", "indirect:spatialdb", Text("indirect.sdb"),
         "spatial database of indirect light";
     OCCLUSION_MAXERROR: Object, f32 = "4.4.11", "occlusion:maxerror", Floats(&[0.25]),
         "largest error of interpolated occlusion";
     OCCLUSION_MAXPIXELDIST: Object, f32 = "4.4.11", "occlusion:maxpixeldist", Floats(&[20.0]),
-        "largest distance in pixels of occlusion samples";
+        "largest distance in pixels between occlusion samples";
     OCCLUSION_MINSAMPLES: Object, i32 = "4.4.11", "occlusion:minsamples", Ints(&[3]),
-        "least number of occlusion samples interpolated";
+        "least number of occlusion samples that are interpolated";
     OCCLUSION_SPATIALDB: Object, Arc<str> = "4.4.11", "occlusion:spatialdb", Text("occlusion.sdb"),
         "spatial database of occlusion";
     RERENDER_LOCKED: Object, bool = "4.4.12", "rerender:locked", Ints(&[0]),
-        "keeps its shading when re-rendering", Hint;
+        "keep the shading of the object when re-rendering", Hint;
     RERENDER_CACHELIGHTS: Object, bool = "4.4.12", "rerender:cachelights", Ints(&[1]),
-        "lights keep their results when re-rendering", Hint;
+        "keep the results of lights when re-rendering", Hint;
 }
