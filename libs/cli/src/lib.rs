@@ -56,15 +56,28 @@ impl From<Status> for ExitCode {
     }
 }
 
-/// Prints to standard output. A reader that is gone is not a failure.
+/// Prints the result of a tool to standard output. The tool ends when nothing reads it, successfully after a closed
+/// pipe.
 #[expect(clippy::exit, reason = "a closed pipe ends the tool, quietly and successfully")]
 pub fn print(text: &str) {
+    if let Err(error) = written(text) {
+        std::process::exit(if error.kind() == std::io::ErrorKind::BrokenPipe { 0 } else { 2 });
+    }
+}
+
+/// Prints a message of a tool whose result is a file to standard output. Text for a closed pipe is dropped, and the work
+/// goes on. Another error ends the tool.
+#[expect(clippy::exit, reason = "output that a disk does not take is lost, which must not pass for success")]
+pub(crate) fn print_or_drop(text: &str) {
+    if written(text).is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe) {
+        std::process::exit(2);
+    }
+}
+
+fn written(text: &str) -> std::io::Result<()> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
-    if let Err(error) = out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        let code = if error.kind() == std::io::ErrorKind::BrokenPipe { 0 } else { 2 };
-        std::process::exit(code);
-    }
+    out.write_all(text.as_bytes()).and_then(|()| out.flush())
 }
 
 /// Returns the process's environment, for the libraries that take it as a value.

@@ -106,9 +106,9 @@ impl Bar {
 }
 
 /// Returns a reporter that prints to the terminal, above `bar`. Messages go to standard output, and the rest to
-/// standard error after the tool's name.
+/// standard error after the tool's name. Messages for a closed pipe are dropped.
 pub fn console_reporter(tool: &'static str, bar: &Bar) -> Reporter {
-    reporter_with(tool, bar, crate::print)
+    reporter_with(tool, bar, crate::print_or_drop)
 }
 
 /// Does the same as [`console_reporter`], with messages passed to `say` instead of standard output.

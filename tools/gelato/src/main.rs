@@ -28,7 +28,7 @@ const TOOLS: [(&str, Tool); 5] = [
 
 fn main() -> ExitCode {
     let mut words: Vec<OsString> = std::env::args_os().collect();
-    let named = words.get(1).is_some_and(|word| word == "--as");
+    let named = words.get(1).is_some_and(|word| word == "-as" || word == "--as");
     let name = if named { words.get(2).cloned() } else { Some("gelato".into()) };
     match TOOLS.iter().find(|(tool, _)| name.as_deref().is_some_and(|n| n == *tool)) {
         Some((_, tool)) => {
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
         }
         None => {
             granita_cli::console_reporter("gelato", &granita_cli::Bar::new(false))
-                .error("--as needs the name of a tool of the suite");
+                .error("-as needs the name of a tool: gelato, maketx, gslc, gsoinfo or topyg");
             Status::Failed.into()
         }
     }

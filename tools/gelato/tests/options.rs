@@ -367,3 +367,37 @@ fn files_that_files_read_are_listed() {
     names.sort_unstable();
     assert_eq!(names, ["all.pyg", "inner.rib", "m.mtl", "part.rib", "t.bin", "t.gltf", "t.obj"]);
 }
+
+/// A reader of the messages that has gone does not cost the image.
+#[test]
+fn a_closed_pipe_drops_the_messages_of_shaders_and_no_image() {
+    let place = Place::new();
+    place.write("loud.gsl", "surface loud () { printf (\"%f %f\\n\", u, v); }\n");
+    place.write("loud.pyg", &SCENE.replace("\"plastic\"", "\"loud\""));
+    let mut child = Command::new(env!("CARGO_BIN_EXE_gelato"))
+        .arg("loud.pyg")
+        .current_dir(place.path())
+        .env_remove("GELATOHOME")
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
+    assert!(place.has("out.tif") && place.has("normals.tif"));
+}
+
+#[test]
+fn another_tool_runs_by_one_dash_or_two() {
+    for option in ["-as", "--as"] {
+        let ran = |tool: &str| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
+            command.args([option, tool, "-version"]).output().unwrap()
+        };
+        let out = ran("maketx");
+        assert!(out.status.success() && out.stdout.starts_with(b"maketx "), "{option}");
+        assert_eq!(ran("nosuch").status.code(), Some(2));
+    }
+}
