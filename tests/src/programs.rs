@@ -48,8 +48,8 @@ impl Tools {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
         let mut command = Command::new(cargo);
         command.current_dir(repository()).args(["build", "--quiet", "--bins", "--target-dir"]).arg(target);
-        // The libraries for C++ are tested under valgrind as they are built alone. The workspace has the feature `union`
-        // of `smallvec`, which the texts of `exr` are made of. valgrind takes its unused bytes for an error.
+        // The libraries for C++ are tested under valgrind as they are built alone. The workspace has the feature
+        // `union` of `smallvec`, which the texts of `exr` are made of. valgrind takes its unused bytes for an error.
         if libraries.is_empty() && std::env::var_os(WHOLE).is_some() {
             // The features of dependencies are then those that the tests were built with.
             command.args(["--workspace", "--lib", "--tests"]);

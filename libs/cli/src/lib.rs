@@ -65,8 +65,8 @@ pub fn print(text: &str) {
     }
 }
 
-/// Prints a message of a tool whose result is a file to standard output. Text for a closed pipe is dropped, and the work
-/// goes on. Another error ends the tool.
+/// Prints a message of a tool whose result is a file to standard output. Text for a closed pipe is dropped, and the
+/// work goes on. Another error ends the tool.
 #[expect(clippy::exit, reason = "output that a disk does not take is lost, which must not pass for success")]
 pub(crate) fn print_or_drop(text: &str) {
     if written(text).is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe) {

@@ -42,7 +42,7 @@ struct Options {
     #[arg(long, value_name = "FILE")]
     statistics_json: Option<PathBuf>,
 
-    /// Number of threads that render; by default that of the scene, or one per core
+    /// Number of threads that render; by default that of the scene, or 1
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     threads: usize,
 
@@ -348,7 +348,6 @@ fn session_options(
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
         }),
         threads: options.threads,
-        default_threads: std::thread::available_parallelism().map_or(1, Into::into),
         open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
         statistics: i32::from(options.statistics),
