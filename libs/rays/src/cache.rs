@@ -5,9 +5,9 @@
 //! affects the time of a render and never its result.
 
 use crate::mesh::{Level, RayMesh};
+use granita_base::Lru;
 use granita_trace::Tracer;
 use parking_lot::{Mutex, MutexGuard};
-use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -51,8 +51,6 @@ impl Tessellation {
 #[derive(Debug, Default)]
 struct Slot {
     made: OnceLock<Arc<Tessellation>>,
-    /// The number of the last request, counted over all tessellations.
-    used: AtomicU64,
     /// True when the tessellation is part of the sums of [`Kept`] and may be evicted. It changes only under their
     /// lock.
     counted: AtomicBool,
@@ -60,10 +58,21 @@ struct Slot {
 
 #[derive(Debug, Default)]
 struct Kept {
-    slots: HashMap<Key, Arc<Slot>>,
-    /// The number of bytes of the tessellations that are counted.
-    bytes: u64,
+    /// The weights are the bytes of the tessellations that are counted.
+    slots: Lru<Key, Arc<Slot>>,
     triangles: u64,
+}
+
+impl Kept {
+    /// Returns the slot of a key, which is a new one when there is none.
+    fn slot(&mut self, key: Key) -> Arc<Slot> {
+        if let Some(slot) = self.slots.get(&key) {
+            return slot.clone();
+        }
+        let slot = Arc::<Slot>::default();
+        self.slots.insert(key, slot.clone(), 0);
+        slot
+    }
 }
 
 /// Tessellations by their keys. The cache is shared between threads.
@@ -71,7 +80,6 @@ struct Kept {
 pub struct TessellationCache {
     limit: AtomicU64,
     kept: Mutex<Kept>,
-    clock: AtomicU64,
     made: AtomicU64,
     given_up: AtomicU64,
     peak: AtomicU64,
@@ -99,7 +107,6 @@ impl TessellationCache {
         Self {
             limit: AtomicU64::new(limit),
             kept: Mutex::default(),
-            clock: zero(),
             made: zero(),
             given_up: zero(),
             peak: zero(),
@@ -123,8 +130,7 @@ impl TessellationCache {
     /// Returns the tessellation of this key, made by `make` unless it exists. Other threads that request it meanwhile
     /// wait.
     pub fn get(&self, key: Key, make: impl FnOnce() -> Tessellation) -> Arc<Tessellation> {
-        let slot = self.kept().slots.entry(key).or_default().clone();
-        slot.used.store(self.clock.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
+        let slot = self.kept().slot(key);
         let mut new = false;
         let found = slot.made.get_or_init(|| {
             new = true;
@@ -140,31 +146,16 @@ impl TessellationCache {
     /// Counts the new tessellation of a slot, and evicts the least recently used ones when the limit is exceeded.
     /// Other threads may already find the tessellation before this call, and they leave it in place.
     fn keep(&self, key: Key, slot: &Arc<Slot>, new: &Tessellation) {
-        let mut kept = self.kept();
-        debug_assert!(kept.slots.get(&key).is_some_and(|own| Arc::ptr_eq(own, slot)));
+        let kept = &mut *self.kept();
+        debug_assert!(kept.slots.peek(&key).is_some_and(|own| Arc::ptr_eq(own, slot)));
         slot.counted.store(true, Ordering::Relaxed);
-        kept.bytes += new.bytes();
+        kept.slots.set_weight(&key, new.bytes());
         kept.triangles += new.triangles();
-        self.peak.fetch_max(kept.bytes, Ordering::Relaxed);
-        let limit = self.limit();
-        if kept.bytes <= limit {
-            return;
-        }
-        // Several tessellations are evicted at once, because the search for the oldest takes time.
-        let wanted = limit - limit / 8;
-        let made = kept.slots.iter().filter(|(_, slot)| slot.counted.load(Ordering::Relaxed));
-        let mut by_age: Vec<(u64, Key)> =
-            made.map(|(key, slot)| (slot.used.load(Ordering::Relaxed), *key)).collect();
-        by_age.sort_unstable();
-        for (_, key) in by_age {
-            if kept.bytes <= wanted {
-                break;
-            }
-            let Some(old) = kept.slots.remove(&key).and_then(|slot| slot.made.get().cloned()) else {
-                continue;
-            };
-            kept.bytes -= old.bytes();
-            kept.triangles -= old.triangles();
+        self.peak.fetch_max(kept.slots.weight(), Ordering::Relaxed);
+        while kept.slots.weight() > self.limit() {
+            let counted = |_: &Key, slot: &Arc<Slot>| slot.counted.load(Ordering::Relaxed);
+            let Some((_, old)) = kept.slots.evict(counted) else { break };
+            kept.triangles -= old.made.get().map_or(0, |old| old.triangles());
             self.given_up.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -176,7 +167,7 @@ impl TessellationCache {
             made: self.made.load(Ordering::Relaxed),
             given_up: self.given_up.load(Ordering::Relaxed),
             triangles: kept.triangles,
-            bytes: kept.bytes,
+            bytes: kept.slots.weight(),
             peak_bytes: self.peak.load(Ordering::Relaxed),
         }
     }
@@ -198,14 +189,14 @@ mod tests {
     /// Returns the number of bytes of all tessellations that exist.
     fn held(cache: &TessellationCache) -> u64 {
         let made = |slot: &Arc<Slot>| slot.made.get().map_or(0, |made| made.bytes());
-        cache.kept().slots.values().map(made).sum()
+        cache.kept().slots.iter().map(|(_, slot)| made(slot)).sum()
     }
 
     #[test]
     fn what_is_made_and_not_yet_counted_is_not_given_up() {
         let cache = TessellationCache::new(3 * tessellation().bytes());
         // One thread has made a tessellation, and other threads run before its next step.
-        let slot = cache.kept().slots.entry(key(0)).or_default().clone();
+        let slot = cache.kept().slot(key(0));
         let made = slot.made.get_or_init(|| Arc::new(tessellation())).clone();
         for part in 1..20 {
             cache.get(key(part), tessellation);

@@ -10,23 +10,14 @@ use crate::tiles::{Cell, Layout, Tile, from_raw};
 use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform, Vec3};
 use granita_image::{ImageInput, Limits, PixelType, Pixels};
-use parking_lot::Mutex;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-
-/// An open file; `None` while it is closed.
-pub(crate) type Handle = Mutex<Option<Arc<dyn ImageInput>>>;
 
 /// The source of the texels.
 pub(crate) enum Source {
     /// The tiles of the file, read one by one.
-    Tiles {
-        /// The open file. It is closed when too many are open.
-        handle: Handle,
-        /// The time when it was last read from.
-        stamp: AtomicU64,
-    },
+    Tiles,
     /// The levels are in memory. They are made from the whole file when they are first used, with one block per level.
     Memory(Lack, OnceLock<Vec<Arc<Cell>>>),
     /// The tiles are made on demand, without a file.
@@ -36,7 +27,7 @@ pub(crate) enum Source {
 impl std::fmt::Debug for Source {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            Self::Tiles { .. } => "Tiles",
+            Self::Tiles => "Tiles",
             Self::Memory(..) => "Memory",
             Self::Made => "Made",
         })
@@ -95,7 +86,7 @@ impl TextureFile {
     pub(crate) fn open(
         index: u32,
         path: PathBuf,
-        input: Box<dyn ImageInput>,
+        input: &dyn ImageInput,
     ) -> Result<(Self, Option<Lack>), String> {
         let Some(spec) = input.spec(0, 0).filter(|s| s.width > 0 && s.height > 0 && s.nchannels() > 0) else {
             return Err("it has no pixels".to_owned());
@@ -172,9 +163,7 @@ impl TextureFile {
             path,
             source: match lack {
                 Some(lack) => Source::Memory(lack, OnceLock::new()),
-                None => {
-                    Source::Tiles { handle: Mutex::new(Some(Arc::from(input))), stamp: AtomicU64::new(0) }
-                }
+                None => Source::Tiles,
             },
         };
         Ok((file, lack))

@@ -1,19 +1,18 @@
 //! The state that all lookups of a cache share: files, tiles, open handles, counters.
 
-use crate::file::{Handle, Source, TextureFile};
+use crate::file::{Source, TextureFile};
 use crate::files::Files;
 use crate::made::{MadeShadow, TileMaker};
 use crate::statistics::{Counters, add};
 use crate::tiles::{Cell, Tile, TileCache, TileKey};
 use crate::volume::EMPTY;
 use crate::{CacheOptions, TextureId};
-use granita_base::{Location, Reporter, SearchPath, Severity};
+use granita_base::{Location, Lru, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, ImageError, ImageInput, Pixels};
 use parking_lot::{Condvar, Mutex, MutexGuard};
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering, fence};
+use std::sync::atomic::{AtomicUsize, Ordering, fence};
 
 /// The state of a [`crate::TextureCache`].
 #[derive(Debug)]
@@ -31,8 +30,6 @@ pub(crate) struct Shared {
     opened: Condvar,
     /// The number of threads that wait for `opened`.
     waiting: AtomicUsize,
-    /// The number of reads, which shows the handle that was used last.
-    clock: AtomicU64,
     /// The files that cannot be used and that no lookup has needed so far, with the reason.
     unusable: Mutex<BTreeMap<String, String>>,
     /// The number of entries in `unusable`.
@@ -40,14 +37,29 @@ pub(crate) struct Shared {
 }
 
 /// The files that are open.
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct Open {
-    /// The indices of the files with a handle.
-    files: Vec<u32>,
+    /// The inputs of files that are read by tiles, by the index of the file. An input is idle while this is its only
+    /// owner.
+    files: Lru<u32, Arc<dyn ImageInput>>,
     /// The number of files that are being opened, or read as a whole.
     more: usize,
     /// The largest permitted number of open files. It is the option, or less after the system refused to open one more.
     most: usize,
+}
+
+impl std::fmt::Debug for Open {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Open({} files of {})", self.files.len() + self.more, self.most)
+    }
+}
+
+impl Open {
+    /// Closes the file that was read from longest ago, among those that no thread reads from. Returns true when there
+    /// was one.
+    fn close_oldest(&mut self) -> bool {
+        self.files.evict(|_, input| Arc::strong_count(input) == 1).is_some()
+    }
 }
 
 /// The permission to have one more file open.
@@ -109,14 +121,6 @@ fn too_many_files(error: &ImageError) -> bool {
     matches!(error, ImageError::Io { source, .. } if source.raw_os_error().is_some_and(|code| CODES.contains(&code)))
 }
 
-/// Returns the handle of a file that is read by tiles, and the time when it was used last.
-fn handle(file: &TextureFile) -> Option<(&Handle, &AtomicU64)> {
-    match &file.source {
-        Source::Tiles { handle, stamp } => Some((handle, stamp)),
-        Source::Memory(..) | Source::Made => None,
-    }
-}
-
 impl Shared {
     pub(crate) fn new(
         registry: FormatRegistry,
@@ -137,7 +141,6 @@ impl Shared {
             open: Mutex::new(Open { most: most_files, ..Open::default() }),
             opened: Condvar::new(),
             waiting: AtomicUsize::new(0),
-            clock: AtomicU64::new(1),
             unusable: Mutex::default(),
             untold: AtomicUsize::new(0),
         }
@@ -152,7 +155,7 @@ impl Shared {
     fn leave(&self) -> Leave<'_> {
         let mut open = self.open();
         while open.files.len() + open.more >= open.most {
-            if !self.close_oldest(&mut open) {
+            if !open.close_oldest() {
                 self.wait(&mut open);
             }
         }
@@ -166,26 +169,10 @@ impl Shared {
         self.waiting.fetch_add(1, Ordering::Relaxed);
         fence(Ordering::SeqCst);
         // This is checked once more, because a read that ended before this thread was counted did not notify it.
-        if !self.close_oldest(open) {
+        if !open.close_oldest() {
             self.opened.wait(open);
         }
         self.waiting.fetch_sub(1, Ordering::Relaxed);
-    }
-
-    /// Closes the file that was read from longest ago, among those that no thread reads from. Returns true when there
-    /// was one.
-    fn close_oldest(&self, open: &mut Open) -> bool {
-        let stamp_of =
-            |i: u32| self.files.get(i).and_then(handle).map_or(0, |(_, stamp)| stamp.load(Ordering::Relaxed));
-        let mut by_age: BinaryHeap<Reverse<(u64, usize)>> =
-            open.files.iter().enumerate().map(|(at, &i)| Reverse((stamp_of(i), at))).collect();
-        while let Some(Reverse((_, at))) = by_age.pop() {
-            if self.close(open.files[at]) {
-                open.files.swap_remove(at);
-                return true;
-            }
-        }
-        false
     }
 
     /// Runs `with_files`, which opens files. Where the system refuses one because too many are open, files of the cache
@@ -204,22 +191,11 @@ impl Shared {
             let spare = (open.files.len() / 8).max(2);
             open.most = open.most.min((open.files.len() + open.more).saturating_sub(spare)).max(1);
             while open.files.len() + open.more > open.most && !open.files.is_empty() {
-                if !self.close_oldest(&mut open) {
+                if !open.close_oldest() {
                     self.wait(&mut open);
                 }
             }
         }
-    }
-
-    /// Closes a file unless a thread reads from it. Returns true when it is closed.
-    fn close(&self, index: u32) -> bool {
-        let Some((handle, _)) = self.files.get(index).and_then(handle) else { return true };
-        let mut handle = handle.lock();
-        let idle = handle.as_ref().is_none_or(|input| Arc::strong_count(input) == 1);
-        if idle {
-            *handle = None;
-        }
-        idle
     }
 
     /// Returns the index of the file of this name, whose texels are needed. Reports one error when it cannot be used.
@@ -252,16 +228,15 @@ impl Shared {
     }
 
     fn look_for(&self, name: &str) -> Option<u32> {
-        let mut leave = None;
+        let mut opened = None;
         let index = self.files.find(name, |index| {
-            leave = Some(self.leave());
-            self.open_new(index, name)
+            let leave = self.leave();
+            let (file, input) = self.open_new(index, name)?;
+            opened = Some((leave, input));
+            Some(file)
         });
-        if let (Some(_leave), Some(index)) = (leave, index)
-            && self.files.get(index).and_then(handle).is_some()
-        {
-            // The handle of the file was left open.
-            self.open().files.push(index);
+        if let (Some((_leave, Some(input))), Some(index)) = (opened, index) {
+            self.keep_open(index, input);
         }
         index
     }
@@ -277,7 +252,19 @@ impl Shared {
         index.filter(|_| new)
     }
 
-    fn open_new(&self, index: u32, name: &str) -> Option<TextureFile> {
+    /// Keeps a file open that is read by tiles. Returns the input from which to read, which is another one when another
+    /// thread has opened the file meanwhile.
+    fn keep_open(&self, index: u32, input: Arc<dyn ImageInput>) -> Arc<dyn ImageInput> {
+        let files = &mut self.open().files;
+        if let Some(input) = files.get(&index) {
+            return input.clone();
+        }
+        files.insert(index, input.clone(), 1);
+        input
+    }
+
+    /// Opens the file of a name. Returns its input, too, if it is read by tiles.
+    fn open_new(&self, index: u32, name: &str) -> Option<(TextureFile, Option<Arc<dyn ImageInput>>)> {
         let refuse = |text: String| {
             add(&self.counters.missing, 1);
             self.unusable().insert(name.to_owned(), text);
@@ -302,7 +289,7 @@ impl Shared {
         };
         add(&self.counters.files_opened, 1);
         self.reporter.file_read(&read);
-        let (file, lack) = match TextureFile::open(index, path, input) {
+        let (file, lack) = match TextureFile::open(index, path, &*input) {
             Ok((file, lack)) => (file.nearby(self.options.common_origin), lack),
             Err(what) => return refuse(format!("texture \"{name}\": {what}")),
         };
@@ -312,7 +299,8 @@ impl Shared {
             return refuse(text);
         }
         add(&self.counters.files, 1);
-        Some(file)
+        let tiled = matches!(file.source, Source::Tiles);
+        Some((file, tiled.then(|| Arc::from(input))))
     }
 
     /// Returns the tile of this key, of `file`. Without a file `maker` makes it, and without a maker it is empty.
@@ -322,7 +310,7 @@ impl Shared {
                 let levels = made.get_or_init(|| self.make_levels(file));
                 levels[key.level as usize].clone()
             }
-            Source::Tiles { .. } => {
+            Source::Tiles => {
                 let bytes = file.tile_bytes(key.level as usize);
                 self.tiles.get(key, bytes, &self.counters, || self.read_tile(file, key))
             }
@@ -418,25 +406,16 @@ impl Shared {
     /// Returns the open file, which is opened again if it was closed.
     fn reading(&self, file: &TextureFile) -> granita_image::Result<Reading<'_>> {
         let reading = |input| Reading { shared: self, input: Some(input) };
-        let Some((handle, stamp)) = handle(file) else {
+        if !matches!(file.source, Source::Tiles) {
             return self.registry.open(&file.path).map(Arc::from).map(reading);
-        };
-        stamp.store(self.clock.fetch_add(1, Ordering::Relaxed), Ordering::Relaxed);
-        if let Some(input) = &*handle.lock() {
+        }
+        if let Some(input) = self.open().files.get(&file.index) {
             return Ok(reading(input.clone()));
         }
         let _leave = self.leave();
-        let input: Arc<dyn ImageInput> = Arc::from(self.retried(|| self.registry.open(&file.path))?);
+        let input = self.retried(|| self.registry.open(&file.path))?;
         add(&self.counters.files_opened, 1);
-        let mut open = self.open();
-        let mut handle = handle.lock();
-        if let Some(input) = &*handle {
-            // Another thread opened it meanwhile.
-            return Ok(reading(input.clone()));
-        }
-        *handle = Some(input.clone());
-        open.files.push(file.index);
-        Ok(reading(input))
+        Ok(reading(self.keep_open(file.index, Arc::from(input))))
     }
 
     fn failed(&self, file: &TextureFile, what: &str) {

@@ -3,11 +3,10 @@
 use crate::gaussian::Gaussian;
 use crate::simd::{LANES, Row, Rows, Run, Sums, Texel};
 use crate::statistics::{Counters, add as count};
-use granita_base::hash;
+use granita_base::{Lru, hash};
 use granita_image::{PixelType, Pixels};
 use half::f16;
 use parking_lot::Mutex;
-use rustc_hash::FxHashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -336,50 +335,12 @@ impl Cell {
     }
 }
 
-struct Slot {
-    key: TileKey,
-    cell: Arc<Cell>,
-    /// True when it was requested since the clock algorithm last checked it.
-    used: bool,
-}
+/// A part of the tiles, with a lock of its own.
+type Shard = Lru<TileKey, Arc<Cell>>;
 
-#[derive(Default)]
-struct Shard {
-    index: FxHashMap<TileKey, usize>,
-    slots: Vec<Slot>,
-    hand: usize,
-}
-
-impl Shard {
-    fn find(&mut self, key: TileKey) -> Option<Arc<Cell>> {
-        let slot = &mut self.slots[*self.index.get(&key)?];
-        slot.used = true;
-        Some(slot.cell.clone())
-    }
-
-    fn insert(&mut self, key: TileKey, cell: Arc<Cell>) {
-        self.index.insert(key, self.slots.len());
-        self.slots.push(Slot { key, cell, used: true });
-    }
-
-    /// Removes the next tile that was not requested lately (the clock algorithm) and that no thread holds.
-    fn evict(&mut self) -> Option<Arc<Cell>> {
-        for _ in 0..2 * self.slots.len() {
-            self.hand %= self.slots.len();
-            let slot = &mut self.slots[self.hand];
-            if std::mem::take(&mut slot.used) || Arc::strong_count(&slot.cell) > 1 {
-                self.hand += 1;
-                continue;
-            }
-            let gone = self.slots.swap_remove(self.hand);
-            self.index.remove(&gone.key);
-            if let Some(moved) = self.slots.get(self.hand) {
-                self.index.insert(moved.key, self.hand);
-            }
-            return Some(gone.cell);
-        }
-        None
-    }
+/// Removes the tile that was requested longest ago, among those that no thread holds.
+fn evict(shard: &mut Shard) -> Option<(TileKey, Arc<Cell>)> {
+    shard.evict(|_, cell| Arc::strong_count(cell) == 1)
 }
 
 const SHARDS: usize = 32;
@@ -424,7 +385,7 @@ impl TileCache {
             tile
         };
         let home = key.hash() as usize % SHARDS;
-        let found = self.shards[home].lock().find(key);
+        let found = self.shards[home].lock().get(&key).cloned();
         let cell = match found {
             Some(cell) => cell,
             None => {
@@ -433,9 +394,9 @@ impl TileCache {
                 };
                 let mut shard = self.shards[home].lock();
                 // Another thread may have inserted it meanwhile.
-                shard.find(key).unwrap_or_else(|| {
+                shard.get(&key).cloned().unwrap_or_else(|| {
                     let cell = Arc::new(Cell { tile: OnceLock::new(), _room: Some(room) });
-                    shard.insert(key, cell.clone());
+                    shard.insert(key, cell.clone(), bytes);
                     cell
                 })
             }
@@ -456,9 +417,10 @@ impl TileCache {
         let room = (tile.bytes() < bytes).then(|| self.make_room(home, tile.bytes(), counters)).flatten();
         let Some(room) = room else { return Arc::new(Cell::of(tile)) };
         let mut shard = self.shards[home].lock();
-        shard.find(key).unwrap_or_else(|| {
+        shard.get(&key).cloned().unwrap_or_else(|| {
+            let weight = tile.bytes();
             let cell = Arc::new(Cell { tile: OnceLock::from(tile), _room: Some(room) });
-            shard.insert(key, cell.clone());
+            shard.insert(key, cell.clone(), weight);
             cell
         })
     }
@@ -475,7 +437,7 @@ impl TileCache {
             if bytes > self.max_bytes || empty == SHARDS {
                 return None;
             }
-            let gone = self.shards[(home + empty) % SHARDS].lock().evict();
+            let gone = evict(&mut self.shards[(home + empty) % SHARDS].lock());
             empty += usize::from(gone.is_none());
         }
     }

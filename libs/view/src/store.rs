@@ -1,8 +1,9 @@
 //! The tiles in memory, within a bound. The least recently used ones are dropped first.
 
 use crate::tile::Tile;
+use granita_base::Lru;
 use parking_lot::{Mutex, MutexGuard};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// The key of a tile.
@@ -34,12 +35,6 @@ impl Default for StoreLimits {
     }
 }
 
-#[derive(Debug)]
-struct Held {
-    tile: Arc<Tile>,
-    used: u64,
-}
-
 #[derive(Debug, Default)]
 struct PageUse {
     bytes: u64,
@@ -52,12 +47,9 @@ struct PageUse {
 
 #[derive(Debug, Default)]
 struct Inner {
-    tiles: HashMap<TileKey, Held>,
-    /// The tiles by the time of their last use. The first one is dropped first.
-    order: BTreeMap<u64, TileKey>,
+    /// The weights are bytes.
+    tiles: Lru<TileKey, Arc<Tile>>,
     pages: BTreeMap<u64, PageUse>,
-    bytes: u64,
-    clock: u64,
     next_page: u64,
     most: u64,
 }
@@ -109,19 +101,12 @@ impl TileStore {
 
     /// Returns a tile that is in memory. This counts as a use.
     pub fn get(&self, key: TileKey) -> Option<Arc<Tile>> {
-        let inner = &mut *self.lock();
-        inner.clock += 1;
-        let clock = inner.clock;
-        let held = inner.tiles.get_mut(&key)?;
-        inner.order.remove(&held.used);
-        held.used = clock;
-        inner.order.insert(clock, key);
-        Some(held.tile.clone())
+        self.lock().tiles.get(&key).cloned()
     }
 
     /// True when a tile is in memory. This does not count as a use.
     pub fn has(&self, key: TileKey) -> bool {
-        self.lock().tiles.contains_key(&key)
+        self.lock().tiles.peek(&key).is_some()
     }
 
     /// Adds tiles, and drops others to stay within the bound.
@@ -154,39 +139,39 @@ impl TileStore {
     /// Returns the bytes of all tiles, now and at most so far.
     pub fn bytes(&self) -> (u64, u64) {
         let inner = self.lock();
-        (inner.bytes, inner.most)
+        (inner.tiles.weight(), inner.most)
     }
 }
 
 impl Inner {
     fn add(&mut self, key: TileKey, tile: Arc<Tile>) {
-        self.clock += 1;
-        let (bytes, used) = (tile.bytes(), self.clock);
+        let bytes = tile.bytes();
         // Tiles of a page that was dropped meanwhile are not stored.
         let Some(page) = self.pages.get_mut(&key.page) else { return };
         page.bytes += bytes;
-        self.bytes += bytes;
-        if let Some(old) = self.tiles.insert(key, Held { tile, used }) {
-            self.order.remove(&old.used);
-            page.bytes -= old.tile.bytes();
-            self.bytes -= old.tile.bytes();
+        if let Some(old) = self.tiles.insert(key, tile, bytes) {
+            page.bytes -= old.bytes();
         }
-        self.order.insert(used, key);
-        self.most = self.most.max(self.bytes);
+        self.most = self.most.max(self.tiles.weight());
     }
 
-    fn remove(&mut self, key: TileKey) {
-        let Some(old) = self.tiles.remove(&key) else { return };
-        self.order.remove(&old.used);
-        self.bytes -= old.tile.bytes();
+    /// Drops the least recently used tile of those that `permitted` names; false when there is none.
+    fn evict(&mut self, permitted: impl Fn(&BTreeMap<u64, PageUse>, &TileKey) -> bool) -> bool {
+        let Some((key, tile)) = self.tiles.evict(|key, _| permitted(&self.pages, key)) else { return false };
         if let Some(page) = self.pages.get_mut(&key.page) {
-            page.bytes -= old.tile.bytes();
+            page.bytes -= tile.bytes();
         }
+        true
     }
 
     fn remove_if(&mut self, gone: impl Fn(&TileKey) -> bool) {
-        let list: Vec<TileKey> = self.order.values().copied().filter(|key| gone(key)).collect();
-        list.into_iter().for_each(|key| self.remove(key));
+        self.tiles.retain(|key, tile| {
+            let gone = gone(key);
+            if gone && let Some(page) = self.pages.get_mut(&key.page) {
+                page.bytes -= tile.bytes();
+            }
+            !gone
+        });
     }
 
     /// Drops tiles until every visible page, and all others together, are within their bounds.
@@ -196,17 +181,12 @@ impl Inner {
             .map(|(page, p)| (*page, p.visible + (p.visible / 2).min(limits.spare.max(p.visible / 3))))
             .collect();
         for (page, most) in shown {
-            while self.pages.get(&page).is_some_and(|p| p.bytes > most) {
-                let Some(oldest) = self.order.values().copied().find(|key| key.page == page) else { break };
-                self.remove(oldest);
+            while self.pages.get(&page).is_some_and(|p| p.bytes > most) && self.evict(|_, key| key.page == page) {
             }
         }
         let others = |inner: &Self| inner.pages.values().filter(|p| !p.shown).map(|p| p.bytes).sum::<u64>();
-        while others(self) > limits.others {
-            let hidden = |key: &TileKey| self.pages.get(&key.page).is_none_or(|p| !p.shown);
-            let Some(oldest) = self.order.values().copied().find(hidden) else { break };
-            self.remove(oldest);
-        }
+        let hidden = |pages: &BTreeMap<u64, PageUse>, key: &TileKey| pages.get(&key.page).is_none_or(|p| !p.shown);
+        while others(self) > limits.others && self.evict(hidden) {}
     }
 }
 
