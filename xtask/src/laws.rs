@@ -4,7 +4,7 @@ use crate::workspace::{Crate, Purpose, Workspace};
 use std::path::Path;
 
 /// The floors by folder. A crate imports strictly lower floors only (law 1).
-const FLOORS: [(&str, u8); 31] = [
+const FLOORS: [(&str, u8); 32] = [
     ("libs/base", 0),
     ("libs/bundled", 0),
     ("libs/cli", 0),
@@ -22,6 +22,7 @@ const FLOORS: [(&str, u8); 31] = [
     ("libs/dicing", 3),
     ("libs/plugin", 3),
     ("libs/view", 3),
+    ("libs/inputs", 4),
     ("libs/hider", 4),
     ("libs/rays", 4),
     ("tests/fixture", 4),
@@ -50,10 +51,11 @@ const SAME_FLOOR: [(&str, &str); 5] = [
 ];
 
 /// The crates that may name a format crate (law 2).
-const FORMAT_USERS: [(&str, &str); 8] = [
+const FORMAT_USERS: [(&str, &str); 9] = [
     ("granita-plugin", ""),
     ("granita-tests", ""),
     ("granita-fuzz", ""),
+    ("granita-inputs", "granita-pyg"),
     ("granita-session", "granita-pyg"),
     ("topyg", "granita-pyg"),
     ("libgelato", "granita-pyg"),

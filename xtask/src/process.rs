@@ -42,7 +42,7 @@ const EXCEPTIONS: [(&str, &str, &str); 5] = [
         "stderr",
         "given to programs that a scene starts, as an option asks for",
     ),
-    ("libs/session/src/inputs.rs", "stdin", "what the user names by \"-\""),
+    ("libs/inputs/src/inputs.rs", "stdin", "what the user names by \"-\""),
     ("libs/plugin/src/errors.rs", "stderr", "an error manager of C++ that has no session prints"),
 ];
 

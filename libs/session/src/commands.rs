@@ -2,9 +2,10 @@
 
 use crate::SessionOptions;
 use granita_base::{Location, ParamData, Params, Reporter, Severity};
+use granita_inputs::{prepare, program, shell};
 use granita_render::{PixelRect, Priority};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -123,7 +124,7 @@ impl Running<'_> {
 
     /// Runs the first form, a line for the shell.
     fn shell(&self, line: &str) {
-        let mut command = shell(line, self.options);
+        let mut command = shell(line, &self.options.run);
         self.start(&mut command, line, true);
     }
 
@@ -140,9 +141,9 @@ impl Running<'_> {
             );
         };
         let line = words.iter().map(|w| &**w).collect::<Vec<_>>().join(" ");
-        let mut command = program(&words[0], self.options);
+        let mut command = program(&words[0], &self.options.run);
         command.args(words[1..].iter().map(|w| &**w));
-        prepare(&mut command, self.options);
+        prepare(&mut command, &self.options.run);
         if self.params.int("echo").is_some_and(|e| e != 0) {
             self.say(Severity::Message, format!("{line}\n"));
         }
@@ -150,10 +151,10 @@ impl Running<'_> {
     }
 
     fn start(&self, command: &mut Command, line: &str, wait: bool) {
-        if self.options.safe {
+        if self.options.run.safe {
             return self.say(Severity::Error, format!("programs are not allowed: \"{line}\" is not run"));
         }
-        let supervisor = &self.options.supervisor;
+        let supervisor = &self.options.run.supervisor;
         let ran =
             supervisor.spawn(command, format!("running \"{line}\"")).and_then(|mut process| match wait {
                 true => process.wait().map(Some),
@@ -185,7 +186,7 @@ impl Running<'_> {
             return self
                 .say(Severity::Error, format!("Command \"{word}\" needs the parameter \"string name\""));
         };
-        if self.options.safe {
+        if self.options.run.safe {
             return self.say(Severity::Error, format!("Command \"{word}\" \"{name}\" is not allowed"));
         }
         if let Err(error) = act(name) {
@@ -194,56 +195,11 @@ impl Running<'_> {
     }
 }
 
-/// Returns a command line for the default shell.
-pub(crate) fn shell(line: &str, options: &SessionOptions) -> Command {
-    let mut command = if cfg!(windows) {
-        let mut command = Command::new("cmd");
-        command.arg("/C").arg(line);
-        command
-    } else {
-        let mut command = Command::new("/bin/sh");
-        command.arg("-c").arg(format!("{}{line}", shell_functions(options)));
-        command
-    };
-    prepare(&mut command, options);
-    command
-}
-
-/// Returns shell functions with the names of the suite's own tools, which also work in pipelines and lists.
-fn shell_functions(options: &SessionOptions) -> String {
-    let Some(own) = &options.own_tools else { return String::new() };
-    let program = format!("'{}'", own.program.to_string_lossy().replace('\'', "'\\''"));
-    own.names.iter().map(|name| format!("{name}() {{ {program} --as {name} \"$@\"; }}\n")).collect()
-}
-
-/// Returns the command for a program by name. It is one of the suite's own tools, or a program of `PATH`.
-fn program(name: &str, options: &SessionOptions) -> Command {
-    match &options.own_tools {
-        Some(own) if own.names.iter().any(|n| n == name) => {
-            let mut command = Command::new(&own.program);
-            command.args(["--as", name]);
-            command
-        }
-        _ => Command::new(name),
-    }
-}
-
-/// Sets the session's variables for a program.
-fn prepare(command: &mut Command, options: &SessionOptions) {
-    command.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
-    // Standard input may be the scene. A program that is not in the foreground of a terminal is stopped when it
-    // reads there.
-    command.stdin(Stdio::null());
-    if options.programs_print_to_stderr {
-        command.stdout(std::io::stderr());
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::OwnTools;
     use granita_base::Param;
+    use granita_inputs::{OwnTools, RunOptions};
 
     fn context() -> (CommandContext, Arc<parking_lot::Mutex<Vec<granita_base::report::Message>>>) {
         let (reporter, kept) = Reporter::collecting();
@@ -317,7 +273,7 @@ mod tests {
             assert!(file.exists(), "{name}");
         }
         assert_eq!(command("system exit 3", Params::new(), &options).1, 1);
-        let safe = SessionOptions { safe: true, ..options };
+        let safe = SessionOptions { run: RunOptions { safe: true, ..options.run }, ..options };
         assert_eq!(command("system true", Params::new(), &safe).1, 1);
     }
 
@@ -327,13 +283,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("it's here");
         let own = OwnTools { program: "/bin/echo".into(), names: vec!["maketx".to_owned()] };
-        let options = SessionOptions { own_tools: Some(own), ..SessionOptions::default() };
+        let run = RunOptions { own_tools: Some(own), ..RunOptions::default() };
+        let options = SessionOptions { run, ..SessionOptions::default() };
         let line = format!("system true && maketx 'a  b' c | cat > \"{}\"", file.display());
         assert_eq!(command(&line, Params::new(), &options), (true, 0));
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "--as maketx a  b c\n");
-        let arguments: Vec<_> = program("maketx", &options).get_args().map(|a| a.to_owned()).collect();
-        assert_eq!(arguments, ["--as", "maketx"]);
-        assert_eq!(program("true", &options).get_program(), "true");
         assert_eq!(command("nosuchcommand", Params::new(), &options), (false, 0));
     }
 }

@@ -8,9 +8,8 @@
 //! Search order:
 //! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones
 //! - scene files: as named, then in the folders of "path:input"; then the bundled ones
-//! - generators: those of [`SessionOptions::plugins`]; the bundled ones; `NAME.generator.so` in the folders of
-//!   "path:generator"; then programs in those folders
-//! - image formats: those of [`SessionOptions::plugins`]; the bundled ones; then plugins in the absolute folders of
+//! - generators: see [`granita_inputs`]
+//! - image formats: those of [`granita_inputs::RunOptions::plugins`]; the bundled ones; then plugins in the absolute folders of
 //!   "path:imageio"
 //! - textures: in the folders of "path:texture"
 //!
@@ -31,7 +30,6 @@
 mod archive;
 mod commands;
 mod error;
-mod inputs;
 mod net;
 mod options;
 mod outputs;
@@ -45,8 +43,7 @@ mod shaders;
 
 pub use archive::archive_calls;
 pub use error::SessionError;
-pub use inputs::{Input, InputError, Inputs};
-pub use options::{ExtraOutput, FindViewer, OwnTools, SessionOptions, Viewer};
+pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};
 pub use records::FrameRecord;
 pub use remote::{Remote, RemoteEnds, Told};
 pub use session::{Outcome, Session, SharedProgress};

@@ -192,7 +192,7 @@ impl Worker {
         patience: &Patience,
     ) -> io::Result<Self> {
         let mut start = start_command(server, command, arguments, options)?;
-        let mut process = options.supervisor.spawn(&mut start, format!("rendering with {server}"))?;
+        let mut process = options.run.supervisor.spawn(&mut start, format!("rendering with {server}"))?;
         let (Some(mut to), Some(from)) = (process.take_stdin(), process.take_stdout()) else {
             return Err(io::Error::other("it has no streams"));
         };
@@ -286,7 +286,7 @@ fn start_command(
     arguments: &[String],
     options: &SessionOptions,
 ) -> io::Result<Command> {
-    let mut start = match (server, &options.own_tools) {
+    let mut start = match (server, &options.run.own_tools) {
         ("local" | "localhost", Some(own)) if command.is_empty() => {
             let mut start = Command::new(&own.program);
             start.arg("-worker").args(arguments);
@@ -313,7 +313,7 @@ fn start_command(
             start
         }
     };
-    start.envs(options.program_environment.iter().map(|(k, v)| (k, v)));
+    start.envs(options.run.program_environment.iter().map(|(k, v)| (k, v)));
     start.stdin(Stdio::piped()).stdout(Stdio::piped());
     Ok(start)
 }

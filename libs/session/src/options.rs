@@ -1,7 +1,6 @@
 //! The options of a session.
 
-use granita_base::{Environment, Supervisor};
-use granita_plugin::PluginRules;
+use granita_inputs::RunOptions;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -17,15 +16,6 @@ pub struct ExtraOutput {
     /// written as `name-1.ext` and so on, or for the format "iv" as images of their own names. Any other value, such as
     /// "rgba", is data of `Output`.
     pub data: String,
-}
-
-/// The suite's own tools, all in one program.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct OwnTools {
-    /// Runs any of them as `program --as NAME ARGUMENT ...`.
-    pub program: PathBuf,
-    /// The names that run this program, even when `PATH` contains other programs of these names.
-    pub names: Vec<String>,
 }
 
 /// Finds a viewer for images of the format "iv". Returns its address, or the reason why there is none.
@@ -44,17 +34,10 @@ impl std::fmt::Debug for Viewer {
 /// All inputs of a session from outside.
 #[derive(Clone, Debug, Default)]
 pub struct SessionOptions {
-    /// The variables: `GELATOHOME`, `HOME`, `PYG_...`, and those of search paths.
-    pub environment: Environment,
+    /// What the session takes from its process.
+    pub run: RunOptions,
     /// The current folder for relative names, for workers on other machines; empty when it is not known.
     pub current_folder: PathBuf,
-    /// Variables that programs started by the scene get in addition to those of this process.
-    pub program_environment: Vec<(String, String)>,
-    /// True when standard output has another use. Output of programs that the scene starts then goes to standard
-    /// error.
-    pub programs_print_to_stderr: bool,
-    /// The suite's own tools, which take precedence when a scene runs a program by name.
-    pub own_tools: Option<OwnTools>,
     /// The number of threads to render with. 0 takes "limits:threads" of the scene.
     pub threads: usize,
     /// The number of files that the process may have open at once; `None` when there is no limit. Textures use only
@@ -76,20 +59,9 @@ pub struct SessionOptions {
     pub viewer: Viewer,
     /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.
     pub no_startup_files: bool,
-    /// True for untrusted scenes. Scripts, programs and plugins are refused. Files are read only beneath the
-    /// folders of the scene files, of `$GELATOHOME` and of the user's search paths, and written only beneath one
-    /// folder (see [`granita_base::Confinement`]).
-    pub safe: bool,
-    /// Plugins that the user named (`-plugins`), which are libraries or folders of libraries.
-    pub plugins: Vec<PathBuf>,
-    /// True when generators and shader functions that a scene names may also come from relative folders of search
-    /// paths.
-    pub plugins_from_current_folder: bool,
-    /// The folder for files that a scene writes under `safe`. The default is a folder beside the scene, such as `a.out`
+    /// The folder for files that a scene writes under [`RunOptions::safe`]. The default is a folder beside the scene, such as `a.out`
     /// for `a.pyg`.
     pub safe_output: Option<PathBuf>,
-    /// Tracks the work of the session and the processes that it started.
-    pub supervisor: Supervisor,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
     /// Machines that share the work on each frame ("net:workers"), "local" for this one. An empty list takes those of
@@ -98,15 +70,4 @@ pub struct SessionOptions {
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,
-}
-
-impl SessionOptions {
-    /// Returns the rules for loading plugins.
-    pub(crate) fn plugin_rules(&self) -> PluginRules {
-        PluginRules {
-            none: self.safe,
-            named: self.plugins.clone(),
-            current_folder: self.plugins_from_current_folder,
-        }
-    }
 }

@@ -1,13 +1,13 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
-use crate::inputs::Inputs;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
+use granita_inputs::Inputs;
 use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
@@ -97,9 +97,9 @@ impl SessionRenderer {
         finished: Finished,
         master: Option<WorkerCoordinator>,
     ) -> Self {
-        let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
+        let plugins = Plugins::new(reporter.clone(), options.run.plugin_rules());
         let mut registry = granita_plugin::bundled_formats(Limits {
-            files: options.environment.files().clone(),
+            files: options.run.environment.files().clone(),
             ..Limits::default()
         });
         registry.find_with(Arc::new(plugins.clone()));
@@ -117,7 +117,7 @@ impl SessionRenderer {
                 stop: Arc::default(),
                 priority: Arc::default(),
             },
-            inputs: Inputs::with_plugins(options.clone(), reporter.clone(), plugins.clone()),
+            inputs: Inputs::with_plugins(Arc::new(options.run.clone()), reporter.clone(), plugins.clone()),
             plugins,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             viewer: OnceLock::new(),
@@ -144,14 +144,18 @@ impl SessionRenderer {
                 records::write_whole(
                     Path::new(&*file),
                     &self.statistics,
-                    self.options.environment.files(),
+                    self.options.run.environment.files(),
                     &self.reporter,
                 );
             }
         }
         let list = scene.get(attr::DEBUG_FILESREAD);
         if !list.is_empty() {
-            records::write_files_read(Path::new(&*list), self.options.environment.files(), &self.reporter);
+            records::write_files_read(
+                Path::new(&*list),
+                self.options.run.environment.files(),
+                &self.reporter,
+            );
         }
         self.finished.0.frames().push(record);
     }
@@ -164,7 +168,7 @@ impl SessionRenderer {
         if file.is_empty() {
             self.reporter.set_log(None);
         } else {
-            match records::error_log(Path::new(&**file), self.options.environment.files()) {
+            match records::error_log(Path::new(&**file), self.options.run.environment.files()) {
                 Ok(log) => self.reporter.set_log(Some(log)),
                 Err(error) => return self.reporter.error(format!("\"error:filename\" {error}")),
             }
@@ -173,7 +177,7 @@ impl SessionRenderer {
     }
 
     fn search_path(&self, scene: &Scene, key: Key<scope::Global, Arc<str>>) -> SearchPath {
-        SearchPath::parse(&scene.get(key), &SearchPath::default(), &self.options.environment)
+        SearchPath::parse(&scene.get(key), &SearchPath::default(), &self.options.run.environment)
     }
 
     /// Returns the inputs, with this session's plugins.
@@ -208,7 +212,7 @@ impl SessionRenderer {
                 self.reporter.clone(),
             )),
             texture_path: self.search_path(scene, attr::PATH_TEXTURE),
-            variables: self.options.environment.clone(),
+            variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),
             progress: self.progress.clone(),
             threads: self.options.threads,
@@ -249,7 +253,7 @@ impl SessionRenderer {
             return Spread::Alone;
         }
         let patience = scene.get(attr::NET_TIMEOUT);
-        if self.options.safe {
+        if self.options.run.safe {
             net::refuse(&self.reporter, "programs are not allowed");
         } else if self.net.start(&servers, &scene.get(attr::NET_WORKERCMD), patience) {
             self.net.set_alone(self.databases.hold_memory());
@@ -278,7 +282,7 @@ impl FrameRenderer for SessionRenderer {
     /// lights' cameras have images.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
         let begin = Instant::now();
-        let supervisor = self.options.supervisor.clone();
+        let supervisor = self.options.run.supervisor.clone();
         let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
         self.commands.stop.store(false, Ordering::SeqCst);
         if supervisor.has_ended() {
@@ -293,7 +297,7 @@ impl FrameRenderer for SessionRenderer {
         let camera = camera.filter(has_images);
         let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
         // Workers show no images.
-        let safe = self.options.safe;
+        let safe = self.options.run.safe;
         if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
             scene = outputs::without_viewers(&scene, &self.reporter);
         }
@@ -328,7 +332,7 @@ impl FrameRenderer for SessionRenderer {
             // The coordinator runs it.
             return if master.command() { Ok(true) } else { Err(Stop::Exit) };
         }
-        if self.options.supervisor.has_ended() {
+        if self.options.run.supervisor.has_ended() {
             return Err(Stop::Exit);
         }
         let known = commands::run(name, params, at, &self.options, &self.commands);

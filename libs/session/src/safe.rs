@@ -36,7 +36,7 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
     let formats = granita_plugin::bundled_formats(Limits::default());
     let written = formats.formats().iter().filter(|format| format.supports("write"));
     let endings = written.flat_map(|format| format.extensions().iter().copied()).chain(ENDINGS);
-    let home = options.environment.get("GELATOHOME").filter(|home| !home.is_empty()).map(PathBuf::from);
+    let home = options.run.environment.get("GELATOHOME").filter(|home| !home.is_empty()).map(PathBuf::from);
     let files = Files::confined(Confinement {
         scene: scene
             .map_or("<stdin>".to_owned(), |path| path.to_string_lossy().replace(['\t', '\n', '\r'], "?")),
@@ -47,7 +47,7 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
     scenes.iter().for_each(|file| files.grant(file));
     options.extra_outputs.iter().for_each(|output| files.grant_output(Path::new(&output.name)));
     for variable in ["GELATOHOME", "HOME"] {
-        if let Some(folder) = options.environment.get(variable) {
+        if let Some(folder) = options.run.environment.get(variable) {
             files.grant(&Path::new(folder).join(".gelato.pyg"));
         }
     }
@@ -61,9 +61,9 @@ fn absolute(path: PathBuf) -> PathBuf {
 
 /// Permits scenes to read beneath the absolute folders of the search paths that startup files have set.
 pub(crate) fn add_search_paths(options: &SessionOptions, state: &State) {
-    let files = options.environment.files();
+    let files = options.run.environment.files();
     for key in PATHS {
-        let path = SearchPath::parse(&key.ask(state), &SearchPath::default(), &options.environment);
+        let path = SearchPath::parse(&key.ask(state), &SearchPath::default(), &options.run.environment);
         path.folders().iter().filter(|f| f.is_absolute()).for_each(|f| files.add_root(f));
     }
 }

@@ -2,8 +2,9 @@
 
 use crate::net::WorkerCoordinator;
 use crate::renderer::{Finished, SessionRenderer};
-use crate::{FrameRecord, Input, InputError, Inputs, SessionError, SessionOptions, inputs, safe};
+use crate::{FrameRecord, SessionError, SessionOptions, safe};
 use granita_base::{Files, Location, Reporter, Severity};
+use granita_inputs::{Input, InputError, Inputs};
 use granita_plugin::Plugins;
 use granita_pyg::PygError;
 use granita_pyg::{PygOptions, PygSource, Scripts};
@@ -103,15 +104,15 @@ impl Session {
             reporter.set_verbosity(verbosity);
         }
         let mut options = options;
-        if options.safe && !options.environment.files().is_confined() {
+        if options.run.safe && !options.run.environment.files().is_confined() {
             let files = safe::files(&options);
-            options.environment.set_files(files);
+            options.run.environment.set_files(files);
         }
-        if let Some(folder) = options.environment.get("GELATOTEMP").filter(|folder| !folder.is_empty()) {
+        if let Some(folder) = options.run.environment.get("GELATOTEMP").filter(|folder| !folder.is_empty()) {
             let folder = PathBuf::from(folder);
             if folder.is_dir() {
-                let files = options.environment.files().clone().with_temporary(&folder);
-                options.environment.set_files(files);
+                let files = options.run.environment.files().clone().with_temporary(&folder);
+                options.run.environment.set_files(files);
             } else {
                 reporter.warning(format!(
                     "GELATOTEMP: \"{}\" is no folder; temporary files lie beside the results",
@@ -142,7 +143,7 @@ impl Session {
         session.read_startup_files();
         // Startup files are not a part of the scene.
         session.scripts = Scripts::default();
-        if session.options.safe {
+        if session.options.run.safe {
             safe::add_search_paths(&session.options, &session.state);
         }
         session
@@ -153,7 +154,7 @@ impl Session {
             return;
         }
         for variable in ["GELATOHOME", "HOME"] {
-            let Some(folder) = self.options.environment.get(variable).filter(|f| !f.is_empty()) else {
+            let Some(folder) = self.options.run.environment.get(variable).filter(|f| !f.is_empty()) else {
                 continue;
             };
             let path = Path::new(folder).join(".gelato.pyg");
@@ -194,7 +195,7 @@ impl Session {
         let source = PygSource::Stream { name: name.into(), stream };
         let reporter = self.reporter.clone();
         let read = |state: &mut State| granita_pyg::read(source, state, &options, &reporter);
-        self.state.read(name, name, read).map_err(|error| failed(inputs::pyg_error(error)))
+        self.state.read(name, name, read).map_err(|error| failed(InputError::from(error)))
     }
 
     /// Executes calls from a program that started this one, until its stream ends. Answers go to `output` (see
@@ -271,7 +272,7 @@ impl Session {
 
     /// Returns the object that opens its files.
     pub fn files(&self) -> &Files {
-        self.options.environment.files()
+        self.options.run.environment.files()
     }
 
     /// Returns a flag that ends the current frame as soon as possible. Any thread may set it.

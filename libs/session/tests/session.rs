@@ -4,6 +4,7 @@
 
 use granita_base::{Environment, Reporter};
 use granita_image::Limits;
+use granita_inputs::RunOptions;
 use granita_session::{ExtraOutput, Outcome, Session, SessionError, SessionOptions};
 use std::path::Path;
 
@@ -165,7 +166,8 @@ fn startup_files_come_first_and_missing_scenes_are_named() {
     let text = text.replace("Attribute (\"int[2] resolution\", (32, 24))\n", "");
     let mut environment = Environment::empty();
     environment.set("HOME", folder.path().to_str().unwrap());
-    let with_startup = SessionOptions { environment, ..SessionOptions::default() };
+    let run_options = RunOptions { environment, ..RunOptions::default() };
+    let with_startup = SessionOptions { run: run_options, ..SessionOptions::default() };
     run(&text, with_startup);
     assert_eq!(middle(&image).0, 8);
 
@@ -304,7 +306,8 @@ fn temporary_files_lie_where_the_environment_says() {
             environment.set("GELATOTEMP", value.to_str().unwrap());
         }
         let (reporter, kept) = Reporter::collecting();
-        let options = SessionOptions { environment, safe, ..options() };
+        let run = RunOptions { environment, safe, ..RunOptions::default() };
+        let options = SessionOptions { run, ..options() };
         let session = Session::new(options, reporter, Default::default());
         assert_eq!(session.files().is_confined(), safe);
         (session.files().temporary_folder(), kept.lock().len())

@@ -181,11 +181,13 @@ impl Inner {
             .map(|(page, p)| (*page, p.visible + (p.visible / 2).min(limits.spare.max(p.visible / 3))))
             .collect();
         for (page, most) in shown {
-            while self.pages.get(&page).is_some_and(|p| p.bytes > most) && self.evict(|_, key| key.page == page) {
-            }
+            while self.pages.get(&page).is_some_and(|p| p.bytes > most)
+                && self.evict(|_, key| key.page == page)
+            {}
         }
         let others = |inner: &Self| inner.pages.values().filter(|p| !p.shown).map(|p| p.bytes).sum::<u64>();
-        let hidden = |pages: &BTreeMap<u64, PageUse>, key: &TileKey| pages.get(&key.page).is_none_or(|p| !p.shown);
+        let hidden =
+            |pages: &BTreeMap<u64, PageUse>, key: &TileKey| pages.get(&key.page).is_none_or(|p| !p.shown);
         while others(self) > limits.others && self.evict(hidden) {}
     }
 }

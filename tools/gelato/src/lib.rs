@@ -12,9 +12,9 @@ use granita_cli::{
     Bar, Ending, Fence, Given, Status, console_reporter, environment, fence, parse_with_given, reporter_with,
     seconds,
 };
+use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
-    ExtraOutput, Outcome, OwnTools, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
-    archive_calls,
+    ExtraOutput, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer, archive_calls,
 };
 use parking_lot::Mutex;
 use progress::ShownProgress;
@@ -337,16 +337,23 @@ fn session_options(
         true => Viewer(None),
         false => Viewer(Some(Arc::new(find))),
     };
-    SessionOptions {
+    let run = RunOptions {
         environment: surroundings.variables,
-        // An unknown folder has an empty path. Starting a worker there is then an error.
-        current_folder: std::env::current_dir().unwrap_or_default(),
         program_environment: surroundings.of_programs,
         programs_print_to_stderr: options.stream || options.worker || options.remote,
         own_tools: std::env::current_exe().ok().map(|program| OwnTools {
             program,
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
         }),
+        plugins: options.plugins.clone(),
+        plugins_from_current_folder: true,
+        safe: options.safe,
+        supervisor,
+    };
+    SessionOptions {
+        run,
+        // An unknown folder has an empty path. Starting a worker there is then an error.
+        current_folder: std::env::current_dir().unwrap_or_default(),
         threads: options.threads,
         open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
@@ -357,11 +364,7 @@ fn session_options(
         extra_outputs: options.output.iter().map(extra).chain(options.shown()).collect(),
         viewer,
         no_startup_files: false,
-        plugins: options.plugins.clone(),
-        plugins_from_current_folder: true,
-        safe: options.safe,
         safe_output: options.safeout.clone(),
-        supervisor,
         scene_files: options.files.clone(),
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given),

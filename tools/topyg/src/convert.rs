@@ -3,9 +3,10 @@
 use crate::output::Output;
 use granita_base::{Location, Param, Params, Reporter, Severity};
 use granita_cli::Status;
+use granita_inputs::{Input, InputError, Inputs, RunOptions};
 use granita_pyg::{Writer, WriterOptions};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, attr};
-use granita_session::{Input, InputError, Inputs, SessionOptions};
+
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -19,14 +20,14 @@ pub(crate) struct Job {
     /// The search path of generators, which is a list of folders.
     pub(crate) generators: String,
     pub(crate) writer: WriterOptions,
-    pub(crate) session: SessionOptions,
+    pub(crate) run: RunOptions,
 }
 
 /// Converts all inputs, one after the other.
 pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
     let mut echo = Echo {
         job,
-        finder: Inputs::new(Arc::new(job.session.clone()), reporter.clone()),
+        finder: Inputs::new(Arc::new(job.run.clone()), reporter.clone()),
         chain: Vec::new(),
         reporter,
         writer: Writer::with_options(output, job.writer),
@@ -44,7 +45,7 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
             }
         }
     }
-    if job.session.supervisor.has_ended() {
+    if job.run.supervisor.has_ended() {
         // The input is incomplete, so no file appears.
         return Status::Failed;
     }
@@ -108,7 +109,7 @@ impl Echo<'_> {
     /// the call must be written instead.
     fn expand(&mut self, command: &str, bound: Option<[f32; 6]>, at: &Location) -> Result<bool, Stop> {
         // "limits:inputlevels" of an untrusted scene is ignored.
-        let asked = if self.job.session.safe { 0 } else { self.writer.input_levels().max(0) as u32 };
+        let asked = if self.job.run.safe { 0 } else { self.writer.input_levels().max(0) as u32 };
         let depth = self.job.depth.max(asked);
         if self.level >= depth {
             return Ok(false);

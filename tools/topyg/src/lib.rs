@@ -9,8 +9,8 @@ use clap::Parser;
 use granita_base::files::is_same_file;
 use granita_base::{Environment, Files, Reporter, Severity, Supervisor};
 use granita_cli::{Bar, Ending, Status};
+use granita_inputs::RunOptions;
 use granita_pyg::WriterOptions;
-use granita_session::SessionOptions;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -78,12 +78,12 @@ pub fn main(words: Vec<OsString>) -> Status {
         depth: args.depth,
         generators: generator_path(args.path.as_deref(), &environment),
         writer: WriterOptions { binary: args.binary, separate_params: args.separateparams, indent: 0 },
-        session: SessionOptions {
+        run: RunOptions {
             environment,
             supervisor: ending.supervisor().clone(),
             safe: args.safe,
             plugins: args.plugins,
-            ..SessionOptions::default()
+            ..RunOptions::default()
         },
     };
     if args.safe && !args.nofence {
@@ -103,7 +103,7 @@ pub fn main(words: Vec<OsString>) -> Status {
         reporter.error(format!("{source} is read, and is not overwritten"));
         return Status::Failed;
     }
-    let status = match output::Output::open(args.output.as_deref(), job.session.environment.files()) {
+    let status = match output::Output::open(args.output.as_deref(), job.run.environment.files()) {
         Ok(output) => convert::run(&job, output, &reporter),
         Err(error) => {
             reporter.error(error.to_string());

@@ -2,10 +2,11 @@
 
 use crate::object;
 use granita_base::{BaseType, Environment, Location, Param, ParamType, Reporter};
+use granita_inputs::{OwnTools, RunOptions};
 use granita_plugin::{GeneratorObject, InterfaceHost, InterfaceObject, Meanwhile, Messages, Plugins};
 use granita_render::Progress;
 use granita_scene::{Call, SceneSink, Stop};
-use granita_session::{OwnTools, Session, SessionOptions, SharedProgress};
+use granita_session::{Session, SessionOptions, SharedProgress};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -61,15 +62,16 @@ fn session(reporter: &Reporter) -> (Session, During) {
     let environment: Environment = std::env::vars_os().collect();
     let tool = environment.get("GELATOHOME").map(|home| Path::new(home).join("bin/gelato"));
     let names = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
-    let options = SessionOptions {
+    let run = RunOptions {
         plugins_from_current_folder: true,
         own_tools: tool
             .filter(|t| t.is_file())
             .map(|program| OwnTools { program, names: names.iter().map(|n| (*n).to_owned()).collect() }),
         environment,
-        current_folder: std::env::current_dir().unwrap_or_default(),
-        ..SessionOptions::default()
+        ..RunOptions::default()
     };
+    let current_folder = std::env::current_dir().unwrap_or_default();
+    let options = SessionOptions { run, current_folder, ..SessionOptions::default() };
     let progress = Arc::new(Done::default());
     let session = Session::new(options, reporter.clone(), SharedProgress(progress.clone()));
     let during = During { progress, stop: session.stop() };

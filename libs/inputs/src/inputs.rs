@@ -1,6 +1,6 @@
 //! Resolves the names of `Input` (reference 2.9) to scene files, generators, programs and strings.
 
-use crate::{SessionOptions, commands};
+use crate::{RunOptions, shell};
 use granita_base::process::Process;
 use granita_base::{Files, Location, Reporter, SearchPath, Severity, Supervisor};
 use granita_plugin::Plugins;
@@ -61,7 +61,7 @@ pub enum InputError {
 /// Finds inputs by the names of scenes and command lines.
 #[derive(Clone, Debug)]
 pub struct Inputs {
-    options: Arc<SessionOptions>,
+    options: Arc<RunOptions>,
     generators: GeneratorRegistry,
     plugins: Plugins,
     reporter: Reporter,
@@ -104,15 +104,14 @@ impl std::fmt::Debug for Kind {
 }
 
 impl Inputs {
-    /// Returns inputs with the bundled generators. Of the options, the variables, the suite's own tools and `safe`
-    /// are used.
-    pub fn new(options: Arc<SessionOptions>, reporter: Reporter) -> Self {
+    /// Returns inputs with the bundled generators.
+    pub fn new(options: Arc<RunOptions>, reporter: Reporter) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.plugin_rules());
         Self::with_plugins(options, reporter, plugins)
     }
 
     /// Returns inputs that also have the generators of `plugins`.
-    pub fn with_plugins(options: Arc<SessionOptions>, reporter: Reporter, plugins: Plugins) -> Self {
+    pub fn with_plugins(options: Arc<RunOptions>, reporter: Reporter, plugins: Plugins) -> Self {
         Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
     }
 
@@ -214,7 +213,7 @@ impl Inputs {
     }
 
     /// Returns the options for reading a scene as Pyg.
-    pub(crate) fn pyg_options(&self) -> PygOptions {
+    pub fn pyg_options(&self) -> PygOptions {
         let set = |name: &str| self.options.environment.get(name).is_some();
         PygOptions {
             always_pyglet: set("PYG_ALWAYS_PYGLET"),
@@ -290,7 +289,7 @@ impl Input {
     }
 
     /// Returns the input as a part of a scene whose parts share the definitions of their scripts.
-    pub(crate) fn sharing(self, scripts: Scripts) -> Self {
+    pub fn sharing(self, scripts: Scripts) -> Self {
         Self { scripts: Some(scripts), ..self }
     }
 
@@ -328,7 +327,7 @@ impl Input {
         let Some(generator) = generator else {
             let options = PygOptions { scripts, ..inputs.pyg_options() };
             return granita_pyg::read(from.pyg(&inputs.options)?, sink, &options, reporter)
-                .map_err(pyg_error);
+                .map_err(InputError::from);
         };
         if let Origin::File(path) = &from {
             reporter.file_read(path);
@@ -358,7 +357,7 @@ impl Input {
     }
 
     /// Returns the input for the graphics state. An error that prevents reading is reported when it is read.
-    pub(crate) fn found(self, command: &str, at: &Location) -> FoundInput {
+    pub fn found(self, command: &str, at: &Location) -> FoundInput {
         let reporter = self.inputs.reporter.clone();
         let (command, at) = (command.to_owned(), at.clone());
         FoundInput {
@@ -406,7 +405,7 @@ impl Origin {
         })
     }
 
-    fn pyg(self, options: &SessionOptions) -> Result<PygSource, InputError> {
+    fn pyg(self, options: &RunOptions) -> Result<PygSource, InputError> {
         let name = self.name();
         Ok(match self {
             Self::File(path) => PygSource::Path(path),
@@ -414,7 +413,7 @@ impl Origin {
             Self::Bytes(name, bytes) => PygSource::Bytes { name: name.into(), bytes: bytes.to_vec() },
             Self::Standard => PygSource::Stream { name: name.into(), stream: Box::new(io::stdin()) },
             Self::Program(line) => {
-                let stream = Output::start(commands::shell(&line, options), line, &options.supervisor)
+                let stream = Output::start(shell(&line, options), line, &options.supervisor)
                     .map_err(|source| InputError::Io { path: name.clone(), source })?;
                 PygSource::Stream { name: name.into(), stream: Box::new(stream) }
             }
@@ -422,12 +421,14 @@ impl Origin {
     }
 }
 
-pub(crate) fn pyg_error(error: PygError) -> InputError {
-    match error {
-        PygError::Io { path, source } => InputError::Io { path, source },
-        PygError::Stopped(stop) => InputError::Stopped(stop),
-        PygError::Unsupported(text) => InputError::Unsupported(text),
-        PygError::Malformed { what, at } => InputError::Scene { what, at },
+impl From<PygError> for InputError {
+    fn from(error: PygError) -> Self {
+        match error {
+            PygError::Io { path, source } => Self::Io { path, source },
+            PygError::Stopped(stop) => Self::Stopped(stop),
+            PygError::Unsupported(text) => Self::Unsupported(text),
+            PygError::Malformed { what, at } => Self::Scene { what, at },
+        }
     }
 }
 
@@ -496,7 +497,7 @@ mod tests {
         }
     }
 
-    fn inputs(options: SessionOptions) -> Inputs {
+    fn inputs(options: RunOptions) -> Inputs {
         Inputs::new(Arc::new(options), Reporter::silent())
     }
 
@@ -504,7 +505,7 @@ mod tests {
         let path = folder.to_str().unwrap();
         let mut kept = Kept::default();
         let input =
-            inputs(SessionOptions::default()).find(command, InputPaths { input: path, generator: path })?;
+            inputs(RunOptions::default()).find(command, InputPaths { input: path, generator: path })?;
         input.read(&mut kept)?;
         Ok(kept.0.join(" "))
     }
@@ -551,7 +552,7 @@ mod tests {
         assert!(matches!(read("grass 1", folder.path()), Err(InputError::Missing { .. })));
         let path = folder.path().to_str().unwrap();
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
-        let safe = inputs(SessionOptions { safe: true, ..SessionOptions::default() });
+        let safe = inputs(RunOptions { safe: true, ..RunOptions::default() });
         for command in ["grass 1", "pyg < ls", "it's grass"] {
             let refused = safe.find(command, InputPaths { input: path, generator: path });
             assert!(matches!(refused, Err(InputError::Refused(_))), "{command}");
@@ -563,7 +564,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.pyg"), "").unwrap();
         let path = folder.path().to_str().unwrap();
-        let all = inputs(SessionOptions::default());
+        let all = inputs(RunOptions::default());
         let found = all.find("a.pyg", InputPaths { input: path, generator: "." }).unwrap();
         let paths = InputPaths { input: path, generator: "." };
         let other = all.file(&folder.path().join(".").join("a.pyg"), paths).unwrap();
