@@ -101,16 +101,21 @@ fn straight(length: f32, width: f32) -> Vec<Piece> {
     build(&ShapeDesc::Curves { basis: CurveBasis::Linear, ncurves: 1, nverts: 2 }, &params)
 }
 
+/// Returns the knots of a quadratic curve of two segments, which meet at the double knot 1.
+fn two_arcs() -> KnotSpan {
+    let knots = [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0].into();
+    KnotSpan { n: 5, order: 3, knots, min: 0.0, max: 2.0 }
+}
+
+/// Returns the knots of a linear curve of one segment.
+fn one_line() -> KnotSpan {
+    KnotSpan { n: 2, order: 2, knots: [0.0, 0.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 }
+}
+
 /// Returns half of a cylinder around y, of radius `r` and height `r`.
 fn half_pipe(r: f32) -> Vec<Piece> {
-    let k = KnotSpan {
-        n: 5,
-        order: 3,
-        knots: [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0].into(),
-        min: 0.0,
-        max: 2.0,
-    };
-    let line = KnotSpan { n: 2, order: 2, knots: [0.0, 0.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 };
+    let k = two_arcs();
+    let line = one_line();
     let w = std::f32::consts::FRAC_1_SQRT_2;
     let mut pw = Vec::new();
     for y in [0.0, r] {
@@ -335,14 +340,8 @@ fn curves_are_split_at_creases_on_demand() {
 #[test]
 fn patches_always_end_at_creases() {
     // The shape is a roof: a quadratic spline with a double knot at 1.
-    let u = KnotSpan {
-        n: 5,
-        order: 3,
-        knots: [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0].into(),
-        min: 0.0,
-        max: 2.0,
-    };
-    let v = KnotSpan { n: 2, order: 2, knots: [0.0, 0.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 };
+    let u = two_arcs();
+    let v = one_line();
     let row =
         |y: f32| [[0.0, y, 0.0], [0.21, y, 0.2], [0.33, y, 0.37], [0.5, y, 0.2], [0.7, y, 0.0]].concat();
     let p = [row(0.0), row(0.4)].concat();
