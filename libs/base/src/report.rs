@@ -5,8 +5,10 @@
 //! that was read ([`Reporter::file_read`]), so that a frame can list the files that it depends on.
 
 mod message;
+mod order;
 
 pub use message::{Location, Message, Severity, printable};
+pub use order::{MessageOrder, Part};
 
 use parking_lot::Mutex;
 use std::collections::{BTreeSet, HashMap};
@@ -44,6 +46,17 @@ struct Inner {
     /// The number of messages that were shown, without [`Severity::Message`].
     shown: AtomicUsize,
     files: Mutex<BTreeSet<PathBuf>>,
+    threads: order::Threads,
+}
+
+/// A message, and how it is compared with those before it.
+#[derive(Debug)]
+struct Report {
+    /// The cause; `None` when the message itself is compared.
+    cause: Option<String>,
+    /// True when repetitions of the cause are counted.
+    is_counted: bool,
+    message: Message,
 }
 
 /// The state of the thread that holds [`Inner::turn`].
@@ -89,13 +102,6 @@ const MOST_SHOWN: usize = 2000;
 /// The largest number of repeated messages that a summary lists.
 const LISTED: usize = 20;
 
-impl Said {
-    fn new_entry(&mut self, message: &Message) -> usize {
-        self.again.push(Again { severity: message.severity, shown: message.to_string(), times: 0 });
-        self.again.len() - 1
-    }
-}
-
 impl fmt::Debug for Reporter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Reporter({} errors)", self.errors())
@@ -115,6 +121,7 @@ impl Reporter {
             counts: Default::default(),
             shown: AtomicUsize::new(0),
             files: Mutex::default(),
+            threads: order::Threads::default(),
         }))
     }
 
@@ -169,45 +176,50 @@ impl Reporter {
     /// Reports a message, which is shown if the verbosity permits it. A warning or an error that was already reported
     /// with the same text and location is only counted.
     pub fn say(&self, severity: Severity, at: &Location, text: impl Into<String>) {
-        let message = Message::new(severity, at, text.into());
-        if severity >= Severity::Warning {
-            let look = message.to_string();
-            let mut said = self.0.said.lock();
-            if let Some(&entry) = said.looks.get(&look) {
-                said.again[entry].times += 1;
-                return;
-            }
-            if said.looks.len() < MANY {
-                let entry = said.new_entry(&message);
-                said.looks.insert(look, entry);
-            }
-        }
-        self.pass(&message);
+        self.report(Report { cause: None, is_counted: true, message: Message::new(severity, at, text.into()) });
     }
 
     /// Reports a message only the first time for this `cause`, even when the texts differ. Repetitions are not
     /// counted, because their number has no meaning for some causes.
     pub fn once(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
-        self.first(cause, severity, at, text, 0);
+        let message = Message::new(severity, at, text.into());
+        self.report(Report { cause: Some(cause.to_owned()), is_counted: false, message });
     }
 
     /// Does the same as [`Reporter::once`], and the summary contains the number of repetitions. It is for errors of a
     /// scene.
     pub fn counted(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>) {
-        self.first(cause, severity, at, text, 1);
+        let message = Message::new(severity, at, text.into());
+        self.report(Report { cause: Some(cause.to_owned()), is_counted: true, message });
     }
 
-    fn first(&self, cause: &str, severity: Severity, at: &Location, text: impl Into<String>, counts: usize) {
-        let message = Message::new(severity, at, text.into());
-        {
-            let mut said = self.0.said.lock();
-            if let Some(&entry) = said.index.get(cause) {
-                said.again[entry].times += counts;
+    fn report(&self, report: Report) {
+        if let Some(report) = self.0.threads.hold(report) {
+            self.pass_on(report);
+        }
+    }
+
+    /// Returns the parts of ordered work that threads are at work on.
+    fn threads(&self) -> &order::Threads {
+        &self.0.threads
+    }
+
+    /// Shows or counts a message.
+    fn pass_on(&self, report: Report) {
+        let Report { cause, is_counted, message } = report;
+        let is_compared = cause.is_some() || message.severity >= Severity::Warning;
+        if is_compared {
+            let mut guard = self.0.said.lock();
+            let said = &mut *guard;
+            let index = if cause.is_some() { &mut said.index } else { &mut said.looks };
+            let key = cause.unwrap_or_else(|| message.to_string());
+            if let Some(&entry) = index.get(&key) {
+                said.again[entry].times += usize::from(is_counted);
                 return;
             }
-            if said.index.len() < MANY {
-                let entry = said.new_entry(&message);
-                said.index.insert(cause.to_owned(), entry);
+            if index.len() < MANY {
+                index.insert(key, said.again.len());
+                said.again.push(Again { severity: message.severity, shown: message.to_string(), times: 0 });
             }
         }
         self.pass(&message);

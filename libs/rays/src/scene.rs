@@ -20,6 +20,7 @@ use crate::cache::{Key, Tessellation};
 use crate::mesh::{self, Level, Member, MeshHit, OnDemandMesh, RayMesh, StaticMesh};
 use crate::request::{Leaving, RayRequest};
 use crate::{GridShader, GridShaders, RayDisplacement, RayObject};
+use granita_base::report::MessageOrder;
 use granita_base::{Bound, Vec3, parallel_map};
 use granita_trace::{BoxScratch, BoxTree, Hit, Ray, RayScratch, Tracer, TracerBuilder};
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -185,11 +186,13 @@ impl<O: RayObject> RayScene<O> {
         motion: bool,
     ) -> Self {
         let seen = shaders.ray_frame();
+        let order = MessageOrder::new(seen.reporter);
         let made = parallel_map(
-            members,
+            members.iter().enumerate(),
             threads,
             || shaders.thread(),
-            |thread, member| {
+            |thread, (number, member)| {
+                let _part = order.begin(number);
                 let primitive = &seen.scene.primitives[*member as usize];
                 let object = shaders.object(primitive);
                 mesh::prepare(primitive, &object, motion, &mut **thread)

@@ -20,6 +20,7 @@ use crate::priority::{Priority, Turns};
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::{CameraView, PixelRect, RenderError};
+use granita_base::report::MessageOrder;
 use granita_base::{Location, Reporter, Severity, parallel_map};
 use granita_dicing::camera::is_moving;
 use granita_dicing::{Measure, SceneDicing};
@@ -322,11 +323,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     fn jobs(&self, scene: &Scene, threads: usize) -> Jobs<S::Object> {
         let visible: Vec<&Arc<Primitive>> = scene.primitives.iter().filter(|p| self.is_visible(p)).collect();
         add(&self.counters.primitives, visible.len());
+        let order = MessageOrder::new(self.options.reporter);
         let made = parallel_map(
-            visible,
+            visible.into_iter().enumerate(),
             threads,
             || None,
-            |thread, primitive| {
+            |thread, (number, primitive)| {
+                let _part = order.begin(number);
                 let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive, thread)));
                 job.unwrap_or_else(|panic| {
                     let (shape, what) = (primitive.shape.call_name(), panic_text(&*panic));
@@ -369,20 +372,22 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     ) -> usize {
         let total = list.len();
         let (done, failed) = (AtomicU64::new(0), AtomicUsize::new(0));
-        let turns = Mutex::new(Turns::new(list.iter().copied(), self.priority()));
+        let turns = Mutex::new((Turns::new(list.iter().copied(), self.priority()), 0..));
+        let order = MessageOrder::new(self.options.reporter);
         let next = || {
             self.hear(canvases);
             if self.options.stop.load(Ordering::Relaxed) {
                 return None;
             }
-            let mut turns = turns.lock();
-            turns.next(&self.buckets, self.priority())
+            let (turns, numbers) = &mut *turns.lock();
+            turns.next(&self.buckets, self.priority()).zip(numbers.next())
         };
         std::thread::scope(|scope| {
             for _ in 0..threads.min(total) {
                 scope.spawn(|| {
                     let mut thread = self.thread();
-                    while let Some(index) = next() {
+                    while let Some((index, number)) = next() {
+                        let _part = order.begin(number);
                         self.begin(canvases, index);
                         let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
                         match result {
