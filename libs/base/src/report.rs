@@ -176,7 +176,11 @@ impl Reporter {
     /// Reports a message, which is shown if the verbosity permits it. A warning or an error that was already reported
     /// with the same text and location is only counted.
     pub fn say(&self, severity: Severity, at: &Location, text: impl Into<String>) {
-        self.report(Report { cause: None, is_counted: true, message: Message::new(severity, at, text.into()) });
+        self.report(Report {
+            cause: None,
+            is_counted: true,
+            message: Message::new(severity, at, text.into()),
+        });
     }
 
     /// Reports a message only the first time for this `cause`, even when the texts differ. Repetitions are not

@@ -227,6 +227,11 @@ impl Scene {
     pub fn get<T: AttributeValue>(&self, key: Key<scope::Global, T>) -> T {
         key.of(self.globals.get(key.name()))
     }
+
+    /// Returns the value of a scene-wide attribute, if it was set.
+    pub fn given<T: AttributeValue>(&self, key: Key<scope::Global, T>) -> Option<T> {
+        T::read(&self.globals.get(key.name())?.data)
+    }
 }
 
 impl Camera {

@@ -40,6 +40,9 @@ pub struct SessionOptions {
     pub current_folder: PathBuf,
     /// The number of threads to render with. 0 takes "limits:threads" of the scene.
     pub threads: usize,
+    /// The number of threads to render with when `threads` is 0 and the scene does not set "limits:threads". 0 counts
+    /// as 1.
+    pub default_threads: usize,
     /// The number of files that the process may have open at once; `None` when there is no limit. Textures use only
     /// a part of them.
     pub open_files: Option<usize>,

@@ -215,7 +215,7 @@ impl SessionRenderer {
             variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),
             progress: self.progress.clone(),
-            threads: self.options.threads,
+            threads: self.threads(scene),
             open_files: self.options.open_files,
             stop: self.commands.stop.clone(),
             crop: self.options.crop,
@@ -223,6 +223,15 @@ impl SessionRenderer {
             scene_files: self.options.scene_files.clone(),
             spread: self.spread(scene),
             priority: self.commands.priority.clone(),
+        }
+    }
+
+    /// Returns the number of threads to render a scene with.
+    fn threads(&self, scene: &Scene) -> usize {
+        let of_scene = || scene.given(attr::LIMITS_THREADS).map(|n| usize::try_from(n).unwrap_or(1).max(1));
+        match self.options.threads {
+            0 => of_scene().unwrap_or(self.options.default_threads).max(1),
+            threads => threads,
         }
     }
 

@@ -90,7 +90,8 @@ impl Session {
         input: Box<dyn Read + Send>,
         output: Box<dyn Write + Send>,
     ) -> Self {
-        let master = WorkerCoordinator::new(input, output, options.threads.max(1), &reporter);
+        let threads = if options.threads > 0 { options.threads } else { options.default_threads.max(1) };
+        let master = WorkerCoordinator::new(input, output, threads, &reporter);
         Self::with_master(options, reporter, SharedProgress::default(), Some(master))
     }
 

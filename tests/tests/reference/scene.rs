@@ -42,9 +42,14 @@ fn depths_are_of_what_is_opaque_enough() {
 #[test]
 fn threads_are_as_many_as_asked_for() {
     let small = "Attribute (\"int[2] limits:bucketsize\", (4, 4))\n";
-    let threads = |line: &str| Place::new().quiet(&scene(&format!("{small}{line}"), SQUARE)).counts().threads;
-    assert_eq!(threads(""), 1);
-    assert_eq!(threads("Attribute (\"int limits:threads\", 3)"), 3);
+    let rendered = |line: &str, threads: usize, default_threads: usize| {
+        let options = SessionOptions { threads, default_threads, ..SessionOptions::default() };
+        Place::new().render_with(&scene(&format!("{small}{line}"), SQUARE), options).counts().threads
+    };
+    let set = |n: i32| format!("Attribute (\"int limits:threads\", {n})");
+    assert_eq!([rendered("", 0, 0), rendered(&set(3), 0, 0)], [1, 3]);
+    // The default of the program applies to scenes that do not set the number, and an option to all.
+    assert_eq!([rendered("", 0, 4), rendered(&set(1), 0, 4), rendered(&set(3), 2, 4)], [4, 1, 2]);
 }
 
 /// Writes an image of one colour that is not a MIP map.

@@ -64,7 +64,12 @@ impl Place {
 
     /// Reads a scene, in which `@` stands for this folder, and renders its frames.
     pub(crate) fn render(&self, scene: &str) -> Rendered {
-        let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
+        self.render_with(scene, SessionOptions::default())
+    }
+
+    /// Does the same with options.
+    pub(crate) fn render_with(&self, scene: &str, options: SessionOptions) -> Rendered {
+        let options = SessionOptions { no_startup_files: true, ..options };
         let (reporter, kept) = Reporter::collecting();
         let mut session = Session::new(options, reporter, Default::default());
         let text = std::io::Cursor::new(self.placed(scene).into_bytes());

@@ -42,7 +42,7 @@ struct Options {
     #[arg(long, value_name = "FILE")]
     statistics_json: Option<PathBuf>,
 
-    /// Number of threads that render; by default that of the scene, or 1
+    /// Number of threads that render; by default that of the scene, or one per core
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     threads: usize,
 
@@ -355,6 +355,7 @@ fn session_options(
         // An unknown folder has an empty path. Starting a worker there is then an error.
         current_folder: std::env::current_dir().unwrap_or_default(),
         threads: options.threads,
+        default_threads: std::thread::available_parallelism().map_or(1, Into::into),
         open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
         statistics: i32::from(options.statistics),

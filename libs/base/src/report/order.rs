@@ -177,14 +177,19 @@ mod tests {
         for threads in [1, 2, 7] {
             let (reporter, kept) = Reporter::collecting();
             let order = MessageOrder::new(&reporter);
-            crate::parallel_map(0..60, threads, || (), |(), i| {
-                let _part = order.begin(i);
-                reporter.error(format!("{i} a"));
-                // Early parts take longer than late ones.
-                std::thread::sleep(std::time::Duration::from_micros(if i % 7 == 0 { 900 } else { 30 }));
-                reporter.error(format!("{i} b"));
-                reporter.counted("one cause", Severity::Error, &Location::default(), "0 a");
-            });
+            crate::parallel_map(
+                0..60,
+                threads,
+                || (),
+                |(), i| {
+                    let _part = order.begin(i);
+                    reporter.error(format!("{i} a"));
+                    // Early parts take longer than late ones.
+                    std::thread::sleep(std::time::Duration::from_micros(if i % 7 == 0 { 900 } else { 30 }));
+                    reporter.error(format!("{i} b"));
+                    reporter.counted("one cause", Severity::Error, &Location::default(), "0 a");
+                },
+            );
             drop(order);
             // Of one cause the first is shown, here as a repetition of the first message.
             let shown: Vec<String> = texts(&kept).into_iter().filter(|text| text != "0 a").collect();

@@ -145,7 +145,8 @@ attributes! {
         "shade rays again when a surface that they hit has changed", Hint;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
         "files that are read again before re-rendering", Hint;
-    LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]), "number of threads that render";
+    LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]),
+        "number of threads that render; `gelato` renders with one per core when it is not set";
     LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "largest number of points that are shaded at once";
     LIMITS_PRIMITIVEPOINTS: Global, i32 = "4.3.4", "limits:primitivepoints", Ints(&[250_000_000]),
         "largest number of points of a diced primitive in a frame; 0 for any number";
