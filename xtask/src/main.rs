@@ -4,6 +4,7 @@
 //!   other in one direction, and the tests of the ledger;
 //! - `crates` draws `docs/crates.svg`, the crates on their floors;
 //! - `ci` runs all checks that a change must pass: the README's test command, format, lints, docs, `tidy`;
+//! - `book` writes the manual as HTML;
 //! - `bless [NAME]` accepts the current results of the suite's cases as their references;
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
 //! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
@@ -19,6 +20,7 @@
 #[cfg(target_os = "linux")]
 mod attack;
 mod attributes;
+mod book;
 mod ci;
 mod circles;
 mod comments;
@@ -57,6 +59,12 @@ enum Chore {
     Bless {
         /// `AREA/CASE`, or the beginning of it; all cases without a name.
         name: Option<String>,
+    },
+    /// Write the manual as HTML, by mdbook.
+    Book {
+        /// The folder; target/book without it.
+        #[arg(long, value_name = "FOLDER")]
+        out: Option<std::path::PathBuf>,
     },
     /// Write target/suite-report/index.html.
     Report,
@@ -100,6 +108,7 @@ fn main() -> ExitCode {
         Chore::Ci => ci::run(),
         Chore::Crates => crates::draw(),
         Chore::Bless { name } => suite::bless(name.as_deref()),
+        Chore::Book { out } => book::build(out.as_deref()),
         Chore::Report => suite::report(),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
@@ -134,6 +143,7 @@ fn tidy() -> Result<(), String> {
     faults.extend(process::check(&sources));
     faults.extend(attributes::check(&sources)?);
     faults.extend(circles::check(&workspace)?);
+    faults.extend(book::check(&workspace)?);
     let ledger = ledger::check(&workspace)?;
     faults.extend(ledger.faults);
     for fault in &faults {
