@@ -135,3 +135,18 @@ fn every_plugin_that_is_tried_has_a_line() {
         assert!(line.starts_with("dso: ") || line.starts_with(&format!("{tool}: dso: ")), "{tool}: {said}");
     }
 }
+
+#[test]
+fn the_name_of_each_written_image_is_printed_unless_the_run_is_silent() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let outputs =
+        "Output (\"a.tif\", \"tiff\", \"rgb\", \"c\")\nOutput (\"no/b.tif\", \"tiff\", \"z\", \"c\")\n";
+    std::fs::write(folder.path().join("s.pyg"), scene(outputs)).unwrap();
+    let printed = |options: &[&str]| {
+        tools.run(folder.path(), "gelato", &[options, &["s.pyg"]].concat()).unwrap().stdout
+    };
+    assert_eq!(printed(&[]), "wrote a.tif\n");
+    assert_eq!(printed(&["-o", "c.png"]), "wrote a.tif\nwrote c.png\n");
+    assert_eq!(printed(&["-silent"]), "");
+}

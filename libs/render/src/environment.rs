@@ -7,6 +7,7 @@ use granita_image::FormatRegistry;
 use granita_scene::Call;
 use granita_sdb::Databases;
 use granita_shading::{ShaderLibrary, ShadingEnvironment};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -15,12 +16,14 @@ pub type CallText = fn(Vec<Call>, bool) -> std::io::Result<Vec<u8>>;
 
 /// Receives the progress of a frame. Called from any thread.
 pub trait Progress: Send + Sync {
-    /// A frame of `total` steps starts.
-    fn begin(&self, total: u64);
+    /// An image of `total` steps starts. `image` is its file name, or that of the first of several images of a camera.
+    fn begin(&self, image: &Path, total: u64);
     /// The given number of steps is done. It never decreases.
     fn done(&self, steps: u64);
-    /// The frame has ended, complete or not.
+    /// The image has ended, complete or not.
     fn end(&self);
+    /// A file was written. By default nothing happens.
+    fn wrote(&self, _: &Path) {}
 }
 
 /// Ignores all progress.
@@ -28,7 +31,7 @@ pub trait Progress: Send + Sync {
 pub struct Silent;
 
 impl Progress for Silent {
-    fn begin(&self, _: u64) {}
+    fn begin(&self, _: &Path, _: u64) {}
     fn done(&self, _: u64) {}
     fn end(&self) {}
 }

@@ -33,6 +33,7 @@ use granita_shade::Grid;
 use job::{Job, Sighting};
 use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -241,7 +242,7 @@ pub(crate) fn render<S: FrameShader>(
         };
         if !left.is_empty() {
             let jobs = frame.jobs(scene, threads);
-            progress.begin(left.iter().map(|index| jobs.cost(*index)).sum());
+            progress.begin(frame.first_image(), left.iter().map(|index| jobs.cost(*index)).sum());
             failed = frame.run(&jobs, &canvases, threads, &left);
             progress.end();
         }
@@ -317,6 +318,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     fn thread(&self) -> S::Thread<'a> {
         let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
         if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() }
+    }
+
+    /// Returns the file name of the first image.
+    fn first_image(&self) -> &Path {
+        self.outputs.images.first().map_or(Path::new(""), |image| &image.path)
     }
 
     /// Builds the primitives that this camera sees, for their bounds, and sorts them into buckets.

@@ -281,7 +281,10 @@ impl<'r> FrameInProgress<'r> {
                     None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
                 };
                 match written {
-                    Ok(()) => self.report.images.push(image.path.clone()),
+                    Ok(()) => {
+                        environment.progress.wrote(&image.path);
+                        self.report.images.push(image.path.clone());
+                    }
                     Err(error) => {
                         environment.reporter.error(format!("output \"{}\": {error}", image.path.display()));
                         self.report.complete = false;

@@ -50,10 +50,10 @@ struct Tracked {
 }
 
 impl Progress for Tracked {
-    fn begin(&self, total: u64) {
+    fn begin(&self, image: &Path, total: u64) {
         self.total.store(total, Ordering::Relaxed);
         self.done.store(0, Ordering::Relaxed);
-        self.inner.begin(total);
+        self.inner.begin(image, total);
     }
 
     fn done(&self, steps: u64) {
@@ -63,6 +63,10 @@ impl Progress for Tracked {
 
     fn end(&self) {
         self.inner.end();
+    }
+
+    fn wrote(&self, path: &Path) {
+        self.inner.wrote(path);
     }
 }
 

@@ -1,9 +1,12 @@
-//! The progress of a frame: a bar on a terminal, or lines of information (`-verbosity 2`) without one.
+//! The progress of each image: a bar on a terminal, or lines of information (`-verbosity 2`) without one; then the name
+//! of its file.
 
-use granita_base::Reporter;
+use granita_base::report::{VERBOSITY_INFO, VERBOSITY_NORMAL, printable};
+use granita_base::{Location, Reporter, Severity};
 use granita_cli::{Bar, time_left};
 use granita_render::Progress;
 use parking_lot::{Mutex, MutexGuard};
+use std::path::Path;
 use std::time::Instant;
 
 /// The distance of progress lines, in percent.
@@ -12,6 +15,8 @@ const STEP_PERCENT: u64 = 10;
 /// Shows a frame's progress with an estimate of the time that is left.
 pub(crate) struct ShownProgress {
     reporter: Reporter,
+    /// True when the names of written files are printed.
+    names_files: bool,
     shown: Mutex<Shown>,
 }
 
@@ -24,10 +29,15 @@ struct Shown {
     told: u64,
 }
 
+/// Returns a text that fits before a bar.
+fn one_line(text: &str) -> String {
+    printable(text).replace(['\n', '\t'], " ").trim_end().to_owned()
+}
+
 impl ShownProgress {
-    pub(crate) fn new(bar: Bar, reporter: Reporter) -> Self {
+    pub(crate) fn new(bar: Bar, reporter: Reporter, names_files: bool) -> Self {
         let shown = Shown { bar, begin: Instant::now(), total: 0, done: 0, told: 0 };
-        Self { reporter, shown: Mutex::new(shown) }
+        Self { reporter, names_files, shown: Mutex::new(shown) }
     }
 
     fn shown(&self) -> MutexGuard<'_, Shown> {
@@ -36,10 +46,11 @@ impl ShownProgress {
 }
 
 impl Progress for ShownProgress {
-    fn begin(&self, total: u64) {
+    fn begin(&self, image: &Path, total: u64) {
         let mut shown = self.shown();
         (shown.begin, shown.total, shown.done, shown.told) = (Instant::now(), total, 0, 0);
-        shown.bar.begin("rendering", total);
+        let name = image.file_name().unwrap_or_default().to_string_lossy();
+        shown.bar.begin(&one_line(&format!("rendering {name}")), total);
     }
 
     fn done(&self, steps: u64) {
@@ -51,7 +62,7 @@ impl Progress for ShownProgress {
         if shown.bar.is_shown()
             || percent < shown.told + STEP_PERCENT
             || percent == 100
-            || self.reporter.verbosity() < granita_base::report::VERBOSITY_INFO
+            || self.reporter.verbosity() < VERBOSITY_INFO
         {
             return;
         }
@@ -66,5 +77,12 @@ impl Progress for ShownProgress {
         shown.bar.end();
         let seconds = shown.begin.elapsed().as_secs_f64();
         self.reporter.info(format!("rendered in {seconds:.1} s"));
+    }
+
+    fn wrote(&self, path: &Path) {
+        if self.names_files && self.reporter.verbosity() >= VERBOSITY_NORMAL {
+            let text = format!("{}\n", one_line(&format!("wrote {}", path.display())));
+            self.reporter.say(Severity::Message, &Location::default(), text);
+        }
     }
 }

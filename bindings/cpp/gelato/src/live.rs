@@ -19,7 +19,7 @@ struct Done {
 }
 
 impl Progress for Done {
-    fn begin(&self, total: u64) {
+    fn begin(&self, _: &Path, total: u64) {
         self.done.store(0, Ordering::Relaxed);
         self.total.store(total, Ordering::Relaxed);
     }

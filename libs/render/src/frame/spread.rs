@@ -100,7 +100,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let total = self.buckets.order.len();
         let queue = Queue::new(total, self.priority());
         let done = AtomicU64::new(0);
-        self.options.progress.begin(total as u64);
+        self.options.progress.begin(self.first_image(), total as u64);
         // A dump of grids needs all of them in this process.
         let count = if self.options.dump.is_some() { 0 } else { workers.begin() };
         std::thread::scope(|scope| {

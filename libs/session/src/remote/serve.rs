@@ -151,7 +151,7 @@ mod tests {
         // A frame that begins drops earlier requests, but not those for itself.
         let forgotten = Arc::new(Priority::default());
         told.set_frame_priority(forgotten.clone());
-        told.begin(10);
+        told.begin(std::path::Path::new(""), 10);
         assert_eq!(forgotten.current(), (None, Some(rectangle)));
     }
 }

@@ -10,6 +10,7 @@ use granita_pyg::frames::send;
 use granita_render::{Priority, Progress};
 use parking_lot::Mutex;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
@@ -147,7 +148,7 @@ impl Write for Told {
 }
 
 impl Progress for Told {
-    fn begin(&self, total: u64) {
+    fn begin(&self, _: &Path, total: u64) {
         self.0.total.store(total, Ordering::Relaxed);
         self.0.share.store(0, Ordering::Relaxed);
         self.pass_end_on();
