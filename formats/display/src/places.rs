@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn silent_connections_give_way() {
+    fn a_silent_connection_is_closed_when_all_places_are_taken() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let places = Places::new(3, 2);
         let from = |text: &str| SocketAddr::new(text.parse().unwrap(), 9);
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn few_messages() {
+    fn repeated_messages_are_limited_and_the_omitted_ones_counted() {
         let mut sparingly = Sparingly::new(2, Duration::from_secs(60));
         let begin = Instant::now();
         let mut at = |seconds| sparingly.say(begin + Duration::from_secs(seconds), "x");

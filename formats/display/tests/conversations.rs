@@ -95,7 +95,7 @@ fn quick() -> Patience {
 }
 
 #[test]
-fn our_client_and_our_server_know_each_other() {
+fn the_server_receives_what_the_client_sends() {
     let (listener, from, sink) = listen(ServerLimits::default());
     let format = IvFormat::default();
     let mut image = create(&format, "a", listener.address(), [8, 4]);
@@ -149,7 +149,7 @@ fn our_client_and_our_server_know_each_other() {
 }
 
 #[test]
-fn rows_and_tiles_are_rectangles_too() {
+fn rows_and_tiles_are_sent_as_rectangles() {
     let (listener, from, _) = listen(ServerLimits::default());
     let format = IvFormat::default();
     let mut spec = ImageSpec::new(5, 3, 1, PixelType::U8);
@@ -215,7 +215,7 @@ fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
 }
 
 #[test]
-fn a_viewer_that_reads_nothing_stops_nobody() {
+fn a_viewer_that_reads_nothing_does_not_block_the_writer() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::new(quick());
     let mut image = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
@@ -240,7 +240,7 @@ fn a_viewer_that_reads_nothing_stops_nobody() {
 }
 
 #[test]
-fn what_waits_is_bounded() {
+fn the_queue_of_unsent_pixels_is_bounded() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::new(Patience { queue_bytes: 1 << 20, ..quick() });
     let mut image = create(&format, "pic", server.local_addr().unwrap(), [512, 512]);
@@ -251,7 +251,7 @@ fn what_waits_is_bounded() {
 }
 
 #[test]
-fn nobody_there_is_an_error_and_no_delay() {
+fn a_missing_viewer_is_reported_without_delay() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let format = IvFormat::default();
     let begin = Instant::now();
@@ -266,7 +266,7 @@ fn nobody_there_is_an_error_and_no_delay() {
 }
 
 #[test]
-fn a_viewer_that_dies_is_noticed_and_one_that_babbles_is_not_believed() {
+fn invalid_replies_are_ignored_and_a_closed_connection_is_an_error() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let format = IvFormat::default();
     let mut image = create(&format, "pic", server.local_addr().unwrap(), [4, 4]);
@@ -309,7 +309,7 @@ impl Raw {
 }
 
 #[test]
-fn clients_that_talk_nonsense() {
+fn clients_that_send_malformed_packets_are_disconnected() {
     let limits = ServerLimits {
         silence: Duration::from_millis(300),
         mistakes: 5,
@@ -387,7 +387,7 @@ fn clients_that_talk_nonsense() {
 
 /// There are more clients than places. They send nothing, or a byte at intervals.
 #[test]
-fn silent_clients_keep_nobody_out() {
+fn silent_clients_do_not_block_active_ones() {
     let limits = ServerLimits {
         clients: 8,
         clients_of_address: 6,
@@ -435,7 +435,7 @@ fn silent_clients_keep_nobody_out() {
 
 /// The client sends random bytes in pieces of every size.
 #[test]
-fn random_bytes_never_harm_the_server() {
+fn the_server_survives_random_bytes() {
     let (listener, from, _) = listen(ServerLimits { mistakes: 50, ..ServerLimits::default() });
     let mut seed = 1_u64;
     let mut random = move |below: usize| {
@@ -472,7 +472,7 @@ fn random_bytes_never_harm_the_server() {
 }
 
 #[test]
-fn addresses() {
+fn listen_addresses_are_parsed_or_refused() {
     let listen = |text| listen_address(text).map(|a| a.to_string()).map_err(|e| e.to_string());
     assert_eq!(listen("14158").unwrap(), "127.0.0.1:14158");
     assert_eq!(listen(":1").unwrap(), "127.0.0.1:1");

@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn orders() {
+    fn channels_are_ordered_by_convention_or_by_attribute() {
         assert_eq!(ordered(&["A", "B", "G", "R", "Z"], None), ["R", "G", "B", "A", "Z"]);
         assert_eq!(ordered(&["A", "Y"], None), ["Y", "A"]);
         assert_eq!(
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn custom_attributes_come_back() {
+    fn custom_attributes_survive_write_and_read() {
         let mut spec = ImageSpec::new(1, 1, 1, granita_image::PixelType::Half);
         let m: Vec<f32> = (0..16).map(|i| i as f32).collect();
         for p in [

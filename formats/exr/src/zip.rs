@@ -58,7 +58,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn bytes_come_back(seed in prop::collection::vec(0u8..4, 0..40), n in 1usize..700) {
+        fn decompression_restores_the_bytes(seed in prop::collection::vec(0u8..4, 0..40), n in 1usize..700) {
             let bytes: Vec<u8> = (0..n).map(|i| seed.get(i % 50).copied().unwrap_or(i as u8)).collect();
             if let Some(packed) = compress(&bytes) {
                 prop_assert!(packed.len() < n);
@@ -68,13 +68,13 @@ mod tests {
         }
 
         #[test]
-        fn damaged_data_is_refused(data in prop::collection::vec(any::<u8>(), 0..100), n in 0usize..300) {
+        fn decompressing_random_data_does_not_panic(data in prop::collection::vec(any::<u8>(), 0..100), n in 0usize..300) {
             let _ = decompress(&data, n);
         }
     }
 
     #[test]
-    fn what_does_not_shrink_is_left() {
+    fn data_that_does_not_shrink_is_not_compressed() {
         assert_eq!(compress(&[]), None);
         assert_eq!(compress(&[7]), None);
         assert_eq!(compress(&[7, 200, 3]), None);

@@ -51,7 +51,7 @@ proptest! {
     // The number of cases is small, because every written file is synchronised with the disk.
     #![proptest_config(ProptestConfig::with_cases(100))]
     #[test]
-    fn identity(
+    fn images_survive_write_and_read(
         (width, height, channels) in (1u32..70, 1u32..70, 1usize..12),
         pixel_type in prop::sample::select(&TYPES[..]),
         tile in prop::sample::select(vec![0u32, 8, 16, 48, 64]),
@@ -107,7 +107,7 @@ fn pyramid(
 }
 
 #[test]
-fn levels() {
+fn mip_levels_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let levels = pyramid(300, 150, 4, PixelType::Half, 32);
@@ -124,7 +124,7 @@ fn levels() {
 }
 
 #[test]
-fn levels_must_be_those_of_the_format() {
+fn levels_of_wrong_sizes_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let first = ImageSpec::new(8, 8, 1, PixelType::Half).tiled(8, 8);
@@ -145,7 +145,7 @@ fn levels_must_be_those_of_the_format() {
 }
 
 #[test]
-fn lossy_compressions_come_close() {
+fn lossy_compressions_stay_within_their_tolerance() {
     let dir = tempfile::tempdir().unwrap();
     for (compression, tolerance) in
         [("pxr24", 1e-4), ("b44", 0.05), ("b44a", 0.05), ("dwaa", 0.05), ("dwab:30", 0.05)]
@@ -172,7 +172,7 @@ fn lossy_compressions_come_close() {
 }
 
 #[test]
-fn windows_names_and_attributes() {
+fn windows_channel_names_and_attributes_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let matrix: Vec<f32> = (0..16).map(|i| i as f32 * 0.5 - 3.0).collect();
@@ -215,7 +215,7 @@ fn the_same_image_gives_the_same_bytes() {
 }
 
 #[test]
-fn one_tile_reads_few_bytes() {
+fn reading_one_tile_reads_few_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let mut levels = pyramid(512, 512, 3, PixelType::Half, 64);
@@ -234,7 +234,7 @@ fn one_tile_reads_few_bytes() {
 }
 
 #[test]
-fn files_of_other_writers() {
+fn files_of_other_writers_are_read() {
     // The file has parts of different types, as the crate's own writer makes them.
     use exr::prelude::*;
     let dir = tempfile::tempdir().unwrap();
@@ -279,7 +279,7 @@ fn smallvec_of<T>(list: Vec<T>) -> exr::prelude::SmallVec<[T; 2]> {
 }
 
 #[test]
-fn the_reference_implementation_reads_ours() {
+fn exrheader_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     write(&path, &pyramid(100, 60, 4, PixelType::Half, 64), 60);
@@ -296,7 +296,7 @@ fn the_reference_implementation_reads_ours() {
 
 /// The shape of the pixels is stored in the attribute of the format.
 #[test]
-fn pixels_that_are_not_square() {
+fn the_pixel_aspect_ratio_survives_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.exr");
     let mut spec = ImageSpec::new(4, 3, 3, PixelType::Half);

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_go_around() {
+    fn values_survive_encoding_in_frames() {
         for (declaration, data) in [
             ("int n", ParamData::from(-3)),
             ("float f", ParamData::from(0.1)),
@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_go_around() {
+    fn frames_survive_send_and_receive_and_truncated_ones_are_errors() {
         let mut bytes = Vec::new();
         send(&mut bytes, b'x', &[b"ab", b"", b"c"]).unwrap();
         assert_eq!(receive(&mut &bytes[..]).unwrap(), (b'x', b"abc".to_vec()));

@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn statements_keep_their_blocks() {
+    fn scripts_are_split_between_whole_statements() {
         let text = b"def f(x):\n    a = (1,\n2)\n\n    return x\n# c\nb = 1\nif b:\n  pass\nelse:\n  pass\nelsewhere = 2\n@d\n@e\ndef g(): pass\nz\n";
         let got = pieces(text);
         assert_eq!(got[0], "def f(x):\n    a = (1,\n2)\n\n    return x\n");
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn strings_hide_brackets() {
+    fn brackets_in_strings_and_comments_do_not_count() {
         assert_eq!(pieces(b"a = '(' # (\nb = \"\"\"(\n'\"\"\"\nc = '\\'('\n").len(), 3);
         assert_eq!(pieces("é = '\u{80}'\nb\n".as_bytes()).len(), 2);
     }

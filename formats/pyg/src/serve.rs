@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn calls_questions_and_mistakes() {
+    fn calls_and_attribute_queries_are_answered_and_errors_counted() {
         let input = [
             frame(b'F', b"a.py"),
             call(3, "World"),

@@ -71,7 +71,7 @@ fn script(text: &str) -> Option<Outcome> {
 }
 
 #[test]
-fn spellings_of_one_thing() {
+fn all_spellings_of_a_call_are_read_alike() {
     let want = flat("Translate (1, 2, 3)");
     for text in [
         "Translate(1,2,3)",
@@ -102,7 +102,7 @@ fn spellings_of_one_thing() {
 }
 
 #[test]
-fn matrices_as_exporters_write_them() {
+fn matrices_are_read_with_and_without_nested_brackets() {
     let numbers = "1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, -6, 4.6, 1.0";
     let want = flat(&format!("SetTransform (({numbers}))"));
     assert_eq!(flat(&format!("SetTransform ({numbers})")), want);
@@ -110,7 +110,7 @@ fn matrices_as_exporters_write_them() {
 }
 
 #[test]
-fn layers_and_parameters() {
+fn layer_names_and_parameters_are_told_apart() {
     let shader = |text: &str| match &flat(text)[0] {
         Call::Shader { name, layer, params, .. } | Call::Light { shader: name, layer, params, .. } => {
             (name.as_deref().map(str::to_owned), layer.as_deref().map(str::to_owned), params.0.len())
@@ -129,7 +129,7 @@ fn layers_and_parameters() {
 }
 
 #[test]
-fn types_of_values() {
+fn undeclared_values_take_their_type_from_the_literal() {
     let data = |text: &str| match &flat(text)[0] {
         Call::Attribute(p) => p.data.clone(),
         other => panic!("{other:?}"),
@@ -147,7 +147,7 @@ fn types_of_values() {
 }
 
 #[test]
-fn binary_arrays() {
+fn binary_arrays_are_read_in_both_byte_orders() {
     let mut text = b"Attribute (\"float[2] a\", ".to_vec();
     text.extend([0x82, 2, 0, 0, 0]);
     text.extend(1.5f32.to_le_bytes());
@@ -169,7 +169,7 @@ fn binary_arrays() {
 }
 
 #[test]
-fn mistakes_of_single_calls() {
+fn each_invalid_call_is_reported_with_its_reason() {
     let table = [
         ("Sphere (1, -1, 1)", "Sphere is called without thetamax"),
         ("Sphere (1, -1, 1, 'a')", "Sphere wants a number for thetamax"),
@@ -201,7 +201,7 @@ fn mistakes_of_single_calls() {
 }
 
 #[test]
-fn lines_are_counted() {
+fn calls_have_the_lines_where_they_begin() {
     let text =
         "World ()\n\nMotion (0,\n 1)\n\"\"\"\n\n\"\"\"\n# c\nScale (1, 1, 1); Scale \\\n(1, 1, 1)\nRender ()";
     let got = read_with(text.as_bytes(), &PygOptions::default());
@@ -209,7 +209,7 @@ fn lines_are_counted() {
 }
 
 #[test]
-fn scripts_need_permission_and_an_interpreter() {
+fn scripts_are_refused_without_permission_or_an_interpreter() {
     let text = b"World ()\nx = 3\n";
     let flat_only = PygOptions { always_pyglet: true, ..PygOptions::default() };
     let got = read_with(text, &flat_only);
@@ -238,7 +238,7 @@ fn scripts_need_permission_and_an_interpreter() {
 }
 
 #[test]
-fn statements_have_a_limit() {
+fn statements_longer_than_the_limit_are_errors() {
     let options = PygOptions { statement_limit: 1 << 20, always_pyglet: true, ..PygOptions::default() };
     let long = format!("Attribute ('float[9] x', ({}))", "1, ".repeat(1_000_000));
     assert!(matches!(read_with(long.as_bytes(), &options).error, Some(PygError::Io { .. })));
@@ -255,7 +255,7 @@ fn statements_have_a_limit() {
 }
 
 #[test]
-fn long_statements_are_not_kept() {
+fn statements_too_long_for_python_are_read_if_flat() {
     // The statement is longer than what is kept for Python. It can be read when it is flat. A name in it is an error
     // with its line.
     let mut text = b"Points (1800000, \"vertex point P\", (\n".to_vec();
@@ -270,7 +270,7 @@ fn long_statements_are_not_kept() {
 }
 
 #[test]
-fn whole_scripts_are_executed_in_pieces() {
+fn scripts_run_in_batches_and_keep_their_line_numbers() {
     // Every statement is passed to Python, in batches. The lines are those of the file.
     let mut text = "# a scene\n\n".to_owned();
     for _ in 0..20_000 {
@@ -288,7 +288,7 @@ fn whole_scripts_are_executed_in_pieces() {
 }
 
 #[test]
-fn the_sink_can_stop() {
+fn the_sink_can_stop_the_reader() {
     let mut recorder = Recorder { stop_at: Some(2), ..Recorder::default() };
     let source = PygSource::Bytes { name: "t".into(), bytes: b"World ()\nWorld ()\nWorld ()".to_vec() };
     let result = read(source, &mut recorder, &PygOptions::default(), &Reporter::silent());
@@ -340,7 +340,7 @@ fn flat_and_python_pass_the_same_values() {
 }
 
 #[test]
-fn scripts_ask_and_print() {
+fn scripts_query_attributes_and_print() {
     let text = r#"
 import math
 x, y = GetAttribute ("int[2] resolution")
@@ -363,7 +363,7 @@ Sphere (math.sqrt (4), -1, 1, 360, "vertex color c", ((i, i, i) for i in xrange 
 }
 
 #[test]
-fn mistakes_of_scripts_have_their_line() {
+fn errors_of_scripts_name_their_line() {
     let table = [
         ("import math\nWorld ()\nmath.sqrt (-1)\nWorld ()", "t.pyg:3: error: ValueError: math domain error"),
         (
@@ -432,7 +432,7 @@ fn script_with(text: &str, options: &PygOptions) -> Option<Outcome> {
 }
 
 #[test]
-fn exceptions_cost_the_statement_they_are_in() {
+fn an_exception_skips_only_its_statement() {
     let text = "\
 import math
 def ball(r):
@@ -498,7 +498,7 @@ Render ()
 }
 
 #[test]
-fn calls_that_cannot_be_read_are_passed_over() {
+fn unreadable_calls_are_skipped_and_reported() {
     // Without Python, strings and brackets without their end are reported.
     let text = "World ()\nTranslate (0, 0,\n# so\nScale (1, 1, 1)\nShader (\"surface\", \"plastic)\nRotate (1, 0, 0, 1)\nSphere (1,";
     let (reporter, said) = Reporter::collecting();
@@ -530,7 +530,7 @@ fn calls_that_cannot_be_read_are_passed_over() {
 }
 
 #[test]
-fn scripts_that_close_their_streams_go_on() {
+fn scripts_that_close_their_standard_streams_continue() {
     for close in [
         "import os\nos.close (1)",
         "import sys\nsys.stdout.close ()",
@@ -552,7 +552,7 @@ fn scripts_that_close_their_streams_go_on() {
 }
 
 #[test]
-fn scripts_may_rename_calls() {
+fn scripts_may_redefine_the_names_of_calls() {
     let text = "x = 2\nOld = Sphere\ndef Sphere(r):\n    Old (r, -r, r, 360)\nSphere (1)\nSphere (x)\n";
     let Some(got) = script(text) else { return };
     assert!(got.error.is_none(), "{:?}", got.error);
@@ -560,7 +560,7 @@ fn scripts_may_rename_calls() {
 }
 
 #[test]
-fn programs_that_scripts_run_do_not_disturb() {
+fn programs_that_scripts_run_cannot_disturb_the_stream() {
     let text =
         "import os, sys\nos.system ('cat; echo loud 1>&2')\nassert sys.stdin.read () == ''\nWorld ()\n";
     let Some(got) = script(text) else { return };
@@ -569,7 +569,7 @@ fn programs_that_scripts_run_do_not_disturb() {
 }
 
 #[test]
-fn scripts_import_what_lies_beside_them() {
+fn scripts_import_modules_from_their_own_folder() {
     if !has_python() {
         return;
     }
@@ -587,7 +587,7 @@ fn scripts_import_what_lies_beside_them() {
 }
 
 #[test]
-fn the_reference_s_cylinder() {
+fn the_cylinder_script_of_the_reference_is_read() {
     let Some(got) = script(include_str!("cyl.pyg")) else { return };
     assert!(got.error.is_none() && got.told.is_empty());
     let names: Vec<_> = got.calls.iter().map(|(_, c)| c.name()).collect();
@@ -599,7 +599,7 @@ fn the_reference_s_cylinder() {
 
 /// Scenes that share their scripts behave like one scene that contains them all. Other scenes do not share definitions.
 #[test]
-fn scenes_may_share_what_their_scripts_define() {
+fn scenes_share_definitions_when_they_share_their_scripts() {
     if !has_python() {
         return;
     }

@@ -278,7 +278,7 @@ impl FrameRenderer for Blank {
 
 /// A layer may have a blank in its name. Only a type before a name makes it a parameter without a value.
 #[test]
-fn layers_with_blanks_in_their_names() {
+fn layer_names_may_contain_blanks() {
     let (back, told) = read_back(b"Shader (\"surface\", \"matte\", \"base \")\n".to_vec());
     assert!(told.is_empty(), "{told:?}");
     assert!(
@@ -293,7 +293,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 
     #[test]
-    fn what_is_written_reads_back(calls in prop::collection::vec(call(), 1..8), indent in 0usize..3) {
+    fn written_text_reads_back_as_the_same_calls(calls in prop::collection::vec(call(), 1..8), indent in 0usize..3) {
         let text = written(&calls, WriterOptions { indent, ..WriterOptions::default() });
         prop_assert!(text.is_ascii());
         let (back, told) = read_back(text.clone());
@@ -302,7 +302,7 @@ proptest! {
     }
 
     #[test]
-    fn binary_reads_back(calls in prop::collection::vec(call(), 1..8)) {
+    fn written_binary_arrays_read_back_as_the_same_calls(calls in prop::collection::vec(call(), 1..8)) {
         let text = written(&calls, WriterOptions { binary: true, ..WriterOptions::default() });
         let (back, told) = read_back(text);
         prop_assert!(told.is_empty(), "{told:?}");
@@ -310,7 +310,7 @@ proptest! {
     }
 
     #[test]
-    fn separate_parameters_read_back(calls in prop::collection::vec(call(), 1..8)) {
+    fn separate_parameters_read_back_as_the_same_calls(calls in prop::collection::vec(call(), 1..8)) {
         let text = written(&calls, WriterOptions { separate_params: true, ..WriterOptions::default() });
         let (back, told) = read_back(text);
         prop_assert!(told.is_empty(), "{told:?}");
@@ -318,7 +318,7 @@ proptest! {
     }
 
     #[test]
-    fn no_calls_upset_the_state_machine(before in prop::collection::vec(call(), 0..12), after in prop::collection::vec(call(), 0..24), again: bool) {
+    fn random_calls_never_fail_in_the_state(before in prop::collection::vec(call(), 0..12), after in prop::collection::vec(call(), 0..24), again: bool) {
         let mut state = State::new(Box::new(Blank), Reporter::silent());
         let rerender = Call::Attribute(Param::declared("int rerender", i32::from(again)).unwrap());
         let calls = std::iter::once(rerender).chain(before).chain([Call::World]).chain(after);
@@ -331,12 +331,12 @@ proptest! {
     }
 
     #[test]
-    fn random_bytes_do_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+    fn random_bytes_do_not_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         read_back(bytes);
     }
 
     #[test]
-    fn scene_like_soup_does_no_harm(pieces in prop::collection::vec(
+    fn random_scene_tokens_do_not_panic(pieces in prop::collection::vec(
         prop::sample::select(vec![
             "Sphere", "Attribute", "Patch", "Mesh", "Shader", "Parameter", "Motion", "TrimCurve", "Input", "Light",
             "(", ")", "[", "]", ",", "\"", "'", "\"\"\"", "\\", "\n", " ", "#", "-", "+", "*", "/", "1", "2.5", "1e9", "0x1f",
@@ -346,7 +346,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_scenes_do_no_harm(calls in prop::collection::vec(call(), 1..6), binary: bool,
+    fn damaged_scenes_do_not_panic(calls in prop::collection::vec(call(), 1..6), binary: bool,
                                  damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
                                  cut in any::<prop::sample::Index>()) {
         let mut text = written(&calls, WriterOptions { binary, ..WriterOptions::default() });
@@ -360,7 +360,7 @@ proptest! {
 }
 
 #[test]
-fn every_float_survives() {
+fn floats_of_all_exponents_survive_write_and_read() {
     // The values cover all exponents with many mantissas, with both signs.
     let mut values = Vec::new();
     let mut bits = 1u32;
@@ -384,7 +384,7 @@ fn separate_parameters_come_before_their_call() {
 }
 
 #[test]
-fn parameters_go_into_their_call_unless_they_are_to_be_separate() {
+fn parameters_are_written_in_their_call_unless_separate_is_set() {
     let param = |name: &str, value: f32| Call::Parameter(Param::declared(name, value).unwrap());
     let set = |value: i32| Call::Attribute(Param::declared("int pyg:separateparams", value).unwrap());
     let own: Params = [Param::declared("float Ks", 2.0).unwrap()].into_iter().collect();
@@ -431,7 +431,7 @@ fn attributes_control_the_writer() {
 }
 
 #[test]
-fn golden_text() {
+fn written_text_equals_the_golden_text() {
     let calls = [
         Call::Comment("a scene".into()),
         Call::Attribute(Param::declared("int[2] resolution", &[640, 480][..]).unwrap()),

@@ -199,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn masks() {
+    fn channel_masks_are_scaled_to_the_whole_range() {
         assert_eq!(scaled(0xf800, 0xf800, 255), 255);
         assert_eq!(scaled(0x0000, 0xf800, 255), 0);
         assert_eq!(scaled(0x8000, 0xf800, 255), 132);
@@ -211,7 +211,7 @@ mod tests {
     /// The block of two colours of BC1 is computed from the format's description. It has red and blue, and two mixtures
     /// by thirds.
     #[test]
-    fn a_block_by_hand() {
+    fn bc1_and_bc4_blocks_decode_to_computed_texels() {
         let block = [0x00, 0xf8, 0x1f, 0x00, 0b1110_0100, 0b1110_0100, 0b1110_0100, 0b1110_0100];
         let Pixels::U8(texels) = decode_block(Block::Bc1, &block) else { panic!() };
         assert_eq!(texels[..4], [255, 0, 0, 255]);

@@ -65,7 +65,7 @@ mod tests {
     use granita_image::{ImageSpec, Pixels};
 
     #[test]
-    fn the_ending_says_which_format() {
+    fn the_file_extension_chooses_the_format() {
         let folder = tempfile::tempdir().expect("a folder");
         let spec = ImageSpec::new(2, 1, 3, PixelType::U8);
         for (name, format) in

@@ -524,7 +524,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn planes_come_back(v in prop::collection::vec(0u8..3, 1..600), step in 1usize..5) {
+        fn unpacking_restores_packed_planes(v in prop::collection::vec(0u8..3, 1..600), step in 1usize..5) {
             let mut packed = Vec::new();
             pack(&v, &mut packed);
             packed.push(9);

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn marks_of_the_end() {
+    fn the_end_of_image_mark_is_found_or_missed() {
         let begin = [0xff, 0xd8, 0xff, 0xe0, 0, 5, 0xff, 0xd9, 7, 0xff, 0xda, 0, 3, 9, 1, 2, 0xff, 0, 3];
         let with = |rest: &[u8]| [&begin[..], rest].concat();
         assert_eq!(ending(&with(&[0xff, 0xd3, 4, 0xff, 0xd9])), Ending::Marked);

@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn headers() {
+    fn pnm_headers_are_parsed_or_refused() {
         let (spec, at) = header(b"P6 # a picture\n# of\n3 2\n65535\n....").unwrap();
         assert_eq!((spec.width, spec.height, spec.nchannels(), at), (3, 2, 3, 30));
         assert_eq!(spec.pixel_type, PixelType::U16);

@@ -267,7 +267,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn rows_come_back(v in prop::collection::vec(0u16..3, 1..400)) {
+        fn unpacking_restores_packed_rows(v in prop::collection::vec(0u16..3, 1..400)) {
             let n = v.len();
             let row = Pixels::U16(v.clone());
             prop_assert_eq!(unpack(pack(&row), PixelType::U16, n), Some(row));
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_rows() {
+    fn damaged_rows_are_refused() {
         assert_eq!(unpack(vec![3, 7, 0], PixelType::U8, 3), Some(Pixels::U8(vec![7; 3])));
         for (bad, width) in
             [(vec![4, 7, 0], 3), (vec![2, 7, 0], 3), (vec![0x83, 1, 2], 3), (vec![3], 3), (vec![], 1)]

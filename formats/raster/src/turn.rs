@@ -67,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_row_and_column_are_where_exif_says() {
+    fn images_are_turned_as_the_exif_orientation_says() {
         // There are three columns and two rows. The first row is 1 2 3, and the first column 1 4.
         let stored = || Pixels::U8(vec![1, 2, 3, 4, 5, 6]);
         for (number, upright) in [

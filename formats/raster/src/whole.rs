@@ -384,7 +384,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn division_by_alpha() {
+    fn division_by_alpha_is_rounded_and_clamped() {
         let mut p = Pixels::U8(vec![10, 20, 0, 20, 7, 0, 100, 255]);
         divide_by_alpha(&mut p, 2);
         assert_eq!(p, Pixels::U8(vec![128, 20, 0, 20, 7, 0, 100, 255]));

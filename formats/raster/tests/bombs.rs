@@ -31,7 +31,7 @@ fn tga(kind: u8, width: u16, height: u16, bits: u8, body: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn promises_are_compared_with_what_there_is() {
+fn headers_that_claim_more_pixels_than_the_data_are_refused() {
     let gif =
         [b"GIF89a\xff\xff\xff\x7f\0\0\0," as &[u8], &[0, 0, 0, 0, 1, 0, 1, 0, 0], b"\x02\x02\x44\x01\0;"];
     let bmp = {
@@ -60,7 +60,7 @@ fn promises_are_compared_with_what_there_is() {
 
 /// The screen of the GIF is small, but its image is not. The file is refused before memory is allocated for the image.
 #[test]
-fn images_larger_than_their_screens_are_compared_as_well() {
+fn gif_images_larger_than_their_screen_are_refused() {
     let screen: &[u8] = b"GIF89a\x20\0\x18\0\x80\0\0\0\0\0\xff\xff\xff";
     let gif = |width: u16, height: u16| {
         let size = [width.to_le_bytes(), height.to_le_bytes()].concat();
@@ -74,7 +74,7 @@ fn images_larger_than_their_screens_are_compared_as_well() {
 
 /// Small images may lack any part, so that the available part can be read.
 #[test]
-fn small_ones_are_opened_in_any_case() {
+fn small_images_open_even_if_data_is_missing() {
     assert!(open("a.tga", &tga(2, 1000, 1000, 32, &[0; 8])).is_ok());
     assert!(open("a.pbm", b"P4\n4000 4000\n\0\0\0\0").is_ok());
 }
@@ -88,7 +88,7 @@ fn chunk(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
 
 /// Texts and colour profiles that unpack to a thousand times their length need neither time nor memory.
 #[test]
-fn packed_texts_are_bounded() {
+fn compressed_texts_and_profiles_are_limited() {
     let deflated = |bytes: &[u8]| {
         let mut out = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::best());
         std::io::Write::write_all(&mut out, bytes).unwrap();
@@ -137,7 +137,7 @@ fn iff(width: u32, height: u32, tiles: &[([u16; 4], &[u8])]) -> Vec<u8> {
 }
 
 #[test]
-fn tiles_that_cover_each_other_are_refused() {
+fn overlapping_tiles_are_refused() {
     let run = [0xff, 9].repeat(4 * 16);
     let tile = |n: usize| vec![([0, 0, 31, 63], run.as_slice()); n];
     let file = iff(32, 64, &tile(1));

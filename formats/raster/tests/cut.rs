@@ -46,7 +46,7 @@ fn check(name: &str, whole: &[u8], cut: usize, same: bool) -> u32 {
 }
 
 #[test]
-fn jpeg_in_one_pass() {
+fn truncated_sequential_jpegs_give_their_first_rows() {
     for file in [SEQUENTIAL, RESTARTS] {
         assert_eq!(check("jpeg", file, file.len(), true), 64);
         // Without the end mark all rows are still available.
@@ -64,7 +64,7 @@ fn jpeg_in_one_pass() {
 }
 
 #[test]
-fn jpeg_in_passes() {
+fn truncated_progressive_jpegs_always_miss_a_row() {
     let file = PROGRESSIVE;
     assert_eq!(check("jpeg", file, file.len(), true), 64);
     // The later passes of the available rows may still be missing. Some row is always reported as missing.
@@ -77,7 +77,7 @@ fn jpeg_in_passes() {
 }
 
 #[test]
-fn radiance() {
+fn truncated_radiance_files_give_their_first_rows() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.hdr");
     let mut spec = ImageSpec::new(96, 64, 3, PixelType::Float);

@@ -52,7 +52,7 @@ const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
     #[test]
-    fn identity((width, height, rows) in (1u32..50, 1u32..50, 1u32..60), seed in any::<u32>()) {
+    fn lossless_formats_survive_write_and_read((width, height, rows) in (1u32..50, 1u32..50, 1u32..60), seed in any::<u32>()) {
         let dir = tempfile::tempdir().unwrap();
         for (name, types, channels) in LOSSLESS {
             for pixel_type in types {
@@ -76,7 +76,7 @@ proptest! {
 }
 
 #[test]
-fn lossy_formats_come_close() {
+fn lossy_formats_stay_within_their_tolerance() {
     let dir = tempfile::tempdir().unwrap();
     for n in [1, 3, 4] {
         let path = dir.path().join("a.jpg");
@@ -138,7 +138,7 @@ fn what_a_format_cannot_hold_is_refused_by_name() {
 }
 
 #[test]
-fn nothing_appears_before_all_is_there() {
+fn no_file_appears_before_all_rows_are_written() {
     let dir = tempfile::tempdir().unwrap();
     for f in formats().iter().filter(|f| f.supports("write")) {
         let path = dir.path().join(f.name());
@@ -152,7 +152,7 @@ fn nothing_appears_before_all_is_there() {
 }
 
 #[test]
-fn alpha_is_divided_out() {
+fn alpha_is_divided_out_on_write() {
     let dir = tempfile::tempdir().unwrap();
     for name in ["png", "webp", "qoi"] {
         let path = dir.path().join(name);
@@ -165,7 +165,7 @@ fn alpha_is_divided_out() {
 }
 
 #[test]
-fn texts_of_png() {
+fn texts_of_png_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let mut spec = ImageSpec::new(1, 1, 1, PixelType::U16);
@@ -180,7 +180,7 @@ fn texts_of_png() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
     #[test]
-    fn damage_is_survived(cut in 0.0f64..1.0, flips in prop::collection::vec((0.0f64..1.0, 0u8..8), 1..4)) {
+    fn damaged_files_do_not_panic(cut in 0.0f64..1.0, flips in prop::collection::vec((0.0f64..1.0, 0u8..8), 1..4)) {
         let dir = tempfile::tempdir().unwrap();
         let limits = Limits { dimension: 4096, pixels: 1 << 20, bytes: 4 << 20, ..Limits::default() };
         for f in formats().iter().filter(|f| f.supports("write")) {
@@ -208,7 +208,7 @@ proptest! {
 }
 
 #[test]
-fn marks() {
+fn formats_are_recognised_by_their_first_bytes() {
     let find =
         |head: &[u8]| formats().iter().filter(|f| f.recognizes(head)).map(|f| f.name()).collect::<Vec<_>>();
     assert_eq!(find(b"\x89PNG\r\n\x1a\n...."), ["png"]);
@@ -238,7 +238,7 @@ fn exif(orientation: u8, big_endian: bool) -> Vec<u8> {
 /// The table has the corner of the upright image that is the first stored pixel, for all eight orientations, as (right,
 /// bottom). It also has whether the first row became a column (Exif, tag 274).
 #[test]
-fn jpeg_stands_upright() {
+fn jpeg_files_are_turned_upright() {
     let dir = tempfile::tempdir().unwrap();
     let (plain, path) = (dir.path().join("plain.jpg"), dir.path().join("turned.jpg"));
     let spec = ImageSpec::new(32, 16, 1, PixelType::U8);
@@ -292,7 +292,7 @@ fn jpeg_stands_upright() {
 
 /// Programs that read .ppm and .pgm expect P6 and P5.
 #[test]
-fn pnm_is_what_its_name_says() {
+fn the_extension_chooses_the_pnm_kind() {
     let dir = tempfile::tempdir().unwrap();
     let format = format("pnm");
     for (name, n, head, kept) in [

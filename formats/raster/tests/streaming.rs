@@ -36,7 +36,7 @@ fn write(path: &Path, format: &dyn Format, levels: &[(ImageSpec, Pixels)]) {
 }
 
 #[test]
-fn a_few_rows_are_read_without_the_rest() {
+fn a_few_rows_are_read_without_reading_the_whole_file() {
     let dir = tempfile::tempdir().unwrap();
     // The list has the format, the type, and the largest share of the file that may be read for 8 of 1024 rows in its
     // middle.
@@ -70,7 +70,7 @@ fn a_few_rows_are_read_without_the_rest() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
     #[test]
-    fn any_order_of_rows(ranges in prop::collection::vec((0u32..70, 0u32..70), 1..12)) {
+    fn rows_are_read_in_any_order(ranges in prop::collection::vec((0u32..70, 0u32..70), 1..12)) {
         let dir = tempfile::tempdir().unwrap();
         for (name, pixel_type) in [
             ("pfm", PixelType::Float),
@@ -101,7 +101,7 @@ proptest! {
 }
 
 #[test]
-fn levels_and_types_of_dds() {
+fn dds_stores_all_types_and_mip_levels() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.dds");
     for (pixel_type, counts) in [
@@ -137,7 +137,7 @@ fn levels_and_types_of_dds() {
 }
 
 #[test]
-fn multiplied_alpha_of_dds() {
+fn dds_records_whether_alpha_is_multiplied_in() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.dds");
     let spec = ImageSpec::new(1, 1, 4, PixelType::U8);
@@ -155,7 +155,7 @@ fn multiplied_alpha_of_dds() {
 }
 
 #[test]
-fn depth_and_texts_of_iff() {
+fn iff_stores_depth_and_texts() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.iff");
     for colors in [3, 4] {
@@ -185,7 +185,7 @@ fn depth_and_texts_of_iff() {
 }
 
 #[test]
-fn name_and_compression_of_sgi() {
+fn sgi_stores_the_image_name_and_the_compression() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.sgi");
     let mut sizes = Vec::new();
@@ -214,7 +214,7 @@ fn bomb_dds() -> Vec<u8> {
 }
 
 #[test]
-fn headers_that_claim_a_million_pixels_a_side() {
+fn headers_that_claim_a_million_pixels_a_side_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let million = 1_000_000u32;
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();

@@ -208,7 +208,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parameters_are_themselves() {
+    fn basis_parameters_vary_linearly_along_the_bezier_curve() {
         for (name, n) in [("bezier", 7), ("b-spline", 6), ("catmull-rom", 5), ("hermite", 6), ("power", 8)] {
             let basis = Basis::named(name).unwrap();
             let values: Vec<f32> = basis.parameter(n, false).unwrap().iter().map(|v| *v as f32).collect();
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn all_bases_become_the_same_curve() {
+    fn conversion_to_bezier_keeps_the_curve_for_all_bases() {
         let values = [1.0_f32, -2.0, 0.5, 4.0, 3.0, -1.0, 2.0, 0.0, 1.5, 2.5];
         for name in ["bezier", "b-spline", "catmull-rom", "hermite", "power"] {
             let basis = Basis::named(name).unwrap();
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn matrices_are_recognised() {
+    fn known_bases_are_recognised_by_their_matrix() {
         let rows: Vec<f32> =
             Basis::named("b-spline").unwrap().matrix.iter().flatten().map(|x| *x as f32).collect();
         assert_eq!(Basis::of(&rows, 1).unwrap().native, Some(CurveBasis::BSpline));

@@ -241,7 +241,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn expressions() {
+    fn conditions_are_evaluated_or_refused() {
         let lookup = |name: &str| match name {
             "user:pass" => Some(Value::Text("shadow".into())),
             "user:n" => Some(Value::Number(3.0)),
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn patterns() {
+    fn wildcard_patterns_match() {
         for (text, pattern) in
             [("", "*"), ("abc", "a*c"), ("abc", "*b*"), ("aXbXc", "a*b?c"), ("a*", "a\u{2a}")]
         {

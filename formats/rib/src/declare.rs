@@ -250,7 +250,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn declarations() {
+    fn declarations_have_class_type_and_array_length() {
         let all = Declarations::default();
         let (d, name) = all.find("uniform float[3] weights").unwrap();
         assert_eq!((d.class, d.width(), name), (Class::Uniform, 3, "weights"));
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn lists() {
+    fn parameter_lists_are_read_and_flaws_reported() {
         let all = Declarations::default();
         let s = |t: &str| Arg::String(t.into());
         let mut told = Vec::new();

@@ -365,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn text() {
+    fn text_is_split_into_tokens() {
         let s = |t: &str| Token::String(t.to_owned());
         let w = |t: &str| Token::Word(t.to_owned());
         let all = tokens(
@@ -390,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn encoded() {
+    fn binary_encodings_become_tokens() {
         let bytes = [
             &[0x80, 0xff][..],                                    // -1 in one byte
             &[0x81, 0x01, 0x00],                                  // 256 in two
@@ -430,13 +430,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
+        fn random_bytes_end_in_at_most_one_token_per_byte(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
             let n = tokens(&bytes).len();
             prop_assert!(n <= bytes.len() + 1);
         }
 
         #[test]
-        fn numbers_come_back(values in proptest::collection::vec(any::<i32>(), 0..20), f in any::<f32>()) {
+        fn printed_numbers_are_read_as_the_same_tokens(values in proptest::collection::vec(any::<i32>(), 0..20), f in any::<f32>()) {
             let text: String = values.iter().map(|v| format!("{v} ")).collect();
             let expected: Vec<Token> = values.iter().map(|v| Token::Int(*v)).collect();
             prop_assert_eq!(tokens(text.as_bytes()), expected);
@@ -447,7 +447,7 @@ mod tests {
         }
 
         #[test]
-        fn words_and_strings_come_back(word in "[A-Za-z_][A-Za-z0-9_]{0,20}", string in "[ -~]{0,40}") {
+        fn printed_words_and_strings_are_read_as_the_same_tokens(word in "[A-Za-z_][A-Za-z0-9_]{0,20}", string in "[ -~]{0,40}") {
             let quoted = string.replace('\\', "\\\\").replace('"', "\\\"");
             let got = tokens(format!("{word} \"{quoted}\"").as_bytes());
             prop_assert_eq!(got, vec![Token::Word(word), Token::String(string)]);

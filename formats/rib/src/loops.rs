@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn holes_are_cut_in() {
+    fn holes_are_connected_to_the_outline() {
         // A square has two square holes, with the orientation of the outline.
         let square = |x: f32, y: f32, s: f32| [[x, y], [x + s, y], [x + s, y + s], [x, y + s]];
         let corners = [square(0.0, 0.0, 10.0), square(6.0, 6.0, 2.0), square(2.0, 2.0, 2.0)];

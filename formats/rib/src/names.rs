@@ -129,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sorted_and_found() {
+    fn request_names_are_sorted_and_recognised() {
         assert!(REQUESTS.windows(2).all(|w| w[0] < w[1]));
         for good in ["  Sphere 1", "WorldEnd", "WorldEnd\n", "\tColor[1 1 1]", "Surface\"a\""] {
             assert!(begins_request(good.as_bytes()), "{good}");

@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn heights_and_limits() {
+    fn quadrics_have_the_requested_heights_and_limits() {
         let z = |s: &(ShapeDesc, Param)| {
             points(s).iter().fold([f64::MAX, f64::MIN], |a, p| [a[0].min(p[2]), a[1].max(p[2])])
         };

@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn arguments() {
+    fn requests_carry_their_arguments_and_line() {
         let all = requests("# first\nSphere 1 -1 1.5 360\nColor [1 0 .5] \"a\" [ \"b\" \"c\" ]\nWorldEnd");
         assert_eq!(all.len(), 3);
         assert_eq!((all[0].name.as_str(), all[0].line, all[0].args.len()), ("Sphere", 2, 4));
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_cost_one_request() {
+    fn malformed_arguments_spoil_only_their_request() {
         let all = requests("3 4 Color [1 2 Sphere 1 ] 2 @ 3\nPoints [1 \"a\"]\nEnd");
         let told: Vec<_> = all.iter().map(|r| (r.name.as_str(), r.mistake.is_some())).collect();
         assert_eq!(told, [("", false), ("Color", true), ("Sphere", true), ("Points", true), ("End", false)]);

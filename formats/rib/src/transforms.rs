@@ -89,7 +89,7 @@ mod tests {
     use granita_base::{Transform, Vec3};
 
     #[test]
-    fn shears() {
+    fn skew_keeps_the_perpendicular_plane_fixed() {
         // y is turned towards x by 45 degrees. Its y coordinate does not change.
         let m = skew(45.0, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]).unwrap();
         let p = Transform::from_rows(&m).point(Vec3::new(0.0, 1.0, 0.0));

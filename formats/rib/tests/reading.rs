@@ -146,7 +146,7 @@ fn options_become_a_camera() {
 }
 
 #[test]
-fn defaults_are_those_of_the_interface() {
+fn options_default_to_those_of_the_interface() {
     let mut sink = Recorder::default();
     run(b"WorldBegin WorldEnd", &mut sink).0.unwrap();
     let get = |name: &str| floats(attribute(&sink.calls, name).as_ref());
@@ -160,7 +160,7 @@ fn defaults_are_those_of_the_interface() {
 }
 
 #[test]
-fn attributes_and_transformations() {
+fn attributes_and_transformations_become_calls() {
     let calls = clean(
         "AttributeBegin Color 1 0.5 0 Opacity [.5 .5 .5] Sides 1 Matte 1 ReverseOrientation ShadingRate 4\n\
          Attribute \"identifier\" \"name\" [\"ball\"] Attribute \"displacementbound\" \"sphere\" [2]\n\
@@ -183,7 +183,7 @@ fn attributes_and_transformations() {
 }
 
 #[test]
-fn shaders_and_lights() {
+fn shaders_and_lights_become_calls() {
     let calls = clean(
         "Declare \"bumps\" \"uniform float[2]\"\n\
          Surface \"plastic\" \"Kd\" .7 \"specularcolor\" [1 0 0] \"bumps\" [1 2] \"varying color tint\" [1 1 1]\n\
@@ -213,7 +213,7 @@ fn shaders_and_lights() {
 }
 
 #[test]
-fn polygons() {
+fn polygons_become_meshes() {
     let square = "\"P\" [0 0 0 1 0 0 1 1 0 0 1 0]";
     let text = format!("Polygon {square} \"Cs\" [1 0 0 1 0 0 1 0 0 1 0 0] \"uniform float k\" [2]");
     let calls = clean(&text);
@@ -248,7 +248,7 @@ fn polygons() {
 }
 
 #[test]
-fn patches() {
+fn patches_and_patch_meshes_become_patches() {
     let calls = clean(&format!("Patch \"bilinear\" {} \"st\" [0 0 1 0 0 1 1 1]", p(4)));
     let (shape, params) = only(&calls);
     assert!(matches!(shape, ShapeDesc::Patch { nu: 2, nv: 2, .. }));
@@ -278,7 +278,7 @@ fn patches() {
 }
 
 #[test]
-fn curves_and_points() {
+fn curves_and_points_become_shapes() {
     let calls = clean(&format!(
         "Curves \"linear\" [2 3 3] \"nonperiodic\" {} \"uniform float id\" [7 8 9]\n\
          \"varying float width\" [1 2 3 4 5 6 7 8]",
@@ -303,7 +303,7 @@ fn curves_and_points() {
 }
 
 #[test]
-fn quadrics_and_texture_coordinates() {
+fn quadrics_become_shapes_with_texture_coordinates() {
     let calls =
         clean("TextureCoordinates 0 0 2 0 0 3 2 3 Sphere 1 -1 1 360 \"Cs\" [1 0 0 0 1 0 0 0 1 1 1 1]");
     let (shape, params) = only(&calls);
@@ -323,7 +323,7 @@ fn quadrics_and_texture_coordinates() {
 }
 
 #[test]
-fn motion() {
+fn motion_blocks_become_motion_calls() {
     let calls = clean("MotionBegin [0 1] Translate 0 0 0 Translate 1 0 0 MotionEnd");
     assert_eq!(names(&calls), "Motion Translate Translate");
     let calls = clean("MotionBegin [0 .5] Sphere 1 -1 1 360 Sphere 2 -2 2 360 MotionEnd");
@@ -337,7 +337,7 @@ fn motion() {
 }
 
 #[test]
-fn objects_and_instances() {
+fn object_instances_repeat_the_calls_of_the_object() {
     let calls =
         clean("ObjectBegin 5 Translate 1 0 0 Sphere 1 -1 1 360 ObjectEnd ObjectInstance 5 ObjectInstance 5");
     let one = "PushAttributes Translate Sphere PopAttributes";
@@ -347,7 +347,7 @@ fn objects_and_instances() {
 }
 
 #[test]
-fn frames() {
+fn options_and_state_are_restored_after_each_frame() {
     let text = "Format 8 8 1 Display \"all.tif\" \"file\" \"rgb\" Surface \"matte\"\n\
         FrameBegin 1 Display \"one.tif\" \"file\" \"rgb\" Translate 0 0 1 WorldBegin Sphere 1 -1 1 360 WorldEnd FrameEnd\n\
         MakeTexture \"one.tif\" \"one.tx\" \"periodic\" \"clamp\" \"gaussian\" 2 2\n\
@@ -376,7 +376,7 @@ fn frames() {
 }
 
 #[test]
-fn parts_of_other_scenes() {
+fn files_that_are_read_after_world_add_objects_only() {
     let mut sink = Recorder { world: true, ..Recorder::default() };
     let (_, said) = run(b"Translate 1 0 0 Color 1 0 0 Sphere 1 -1 1 360", &mut sink);
     assert!(said.is_empty());
@@ -389,7 +389,7 @@ fn parts_of_other_scenes() {
 }
 
 #[test]
-fn archives_and_procedurals() {
+fn archives_and_procedurals_are_read() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &[u8]| {
         std::fs::write(folder.path().join(name), text).unwrap();
@@ -438,7 +438,7 @@ fn archives_and_procedurals() {
 }
 
 #[test]
-fn binary_and_compressed() {
+fn binary_and_compressed_files_are_read() {
     let mut bytes = b"WorldBegin ".to_vec();
     bytes.extend([0xcc, 1, 0x96]);
     bytes.extend(b"Sphere");
@@ -457,7 +457,7 @@ fn binary_and_compressed() {
 }
 
 #[test]
-fn mistakes_cost_one_request() {
+fn an_invalid_request_is_skipped_with_a_message() {
     let bad = [
         ("Sphere 1 2", "Sphere: wants 4 numbers, not 2: the request is left out"),
         ("Polygon \"P\" [0 0 0 1]", "Polygon: parameter \"P\" has 4 values, not a multiple of 3"),
@@ -511,7 +511,7 @@ fn mistakes_cost_one_request() {
 }
 
 #[test]
-fn conditionals() {
+fn conditionals_choose_their_requests() {
     let text = "\
 Option \"user\" \"string pass\" [\"shadow\"]
 IfBegin \"$user:pass == 'shadow'\"
@@ -582,7 +582,7 @@ Sphere 3 -3 3 360";
 }
 
 #[test]
-fn creases_and_corners() {
+fn creases_corners_and_holes_become_mesh_parameters() {
     let points = "\"P\" [0 0 0 1 0 0 1 1 0 0 1 0]";
     let text = format!(
         "SubdivisionMesh \"catmull-clark\" [4] [0 1 2 3] [\"crease\" \"corner\" \"crease\" \"hole\"] \
@@ -627,7 +627,7 @@ fn each_light_source_adds_a_light() {
 }
 
 #[test]
-fn parameters_of_other_renderers_warn() {
+fn parameters_of_other_renderers_give_warnings() {
     let text = "Attribute \"render\" \"casts_shadows\" [\"opaque\"] \"jitter\" 1\n\
         Attribute \"identifier\" \"shadinggroup\" [\"a\"] \"name\" [\"ball\"] Attribute \"visibility\" \"camera\" [0]\n\
         Attribute \"light\" \"nsamples\" 4";
@@ -660,7 +660,7 @@ fn parameters_of_other_renderers_warn() {
 }
 
 #[test]
-fn displays_of_variables() {
+fn displays_of_variables_become_outputs_with_their_type() {
     let mut sink = Recorder::default();
     let text = b"Display \"a\" \"tiff\" \"N\" Display \"+b\" \"tiff\" \"Cs\" Display \"+c\" \"tiff\" \"s\" Display \"+d\" \"tiff\" \"Ci\"\n\
         Display \"+e\" \"tiff\" \"varying normal N\" Display \"+f\" \"tiff\" \"varying float depth\" WorldBegin WorldEnd";
@@ -680,7 +680,7 @@ fn displays_of_variables() {
 }
 
 #[test]
-fn archives_of_the_file_itself() {
+fn archives_defined_in_the_file_are_read() {
     let text = "ArchiveBegin \"ball\"\nSphere 1 -1 1 360\nColor 1 2\nArchiveBegin \"cone\" Cone 1 1 360 ArchiveEnd\nArchiveEnd\n\
         Translate 1 0 0\nReadArchive \"ball\"\nReadArchive \"cone\" ReadArchive \"cone\"\n\
         Procedural \"DelayedReadArchive\" [\"cone\"] [-1 1 -1 1 -1 1]";
@@ -708,7 +708,7 @@ fn archives_of_the_file_itself() {
 }
 
 #[test]
-fn heights_over_the_parameters() {
+fn heights_become_points_over_the_unit_square() {
     // The heights form a plane over the unit square, for any basis.
     let z = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>().join(" ");
     let calls =
@@ -729,7 +729,7 @@ fn heights_over_the_parameters() {
 }
 
 #[test]
-fn quadrics_that_open_keep_their_vertices() {
+fn moving_quadrics_have_the_same_vertex_count_at_all_times() {
     for (a, b) in [
         ("Cylinder 1 -1 1 90", "Cylinder 1 -1 1 360"),
         ("Torus 2 1 0 90 30", "Torus 2 1 0 360 360"),
@@ -792,7 +792,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
     #[test]
-    fn soup_does_no_harm(words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)) {
+    fn random_requests_do_not_panic(words in proptest::collection::vec(proptest::sample::select(&PIECES[..]), 0..60)) {
         let mut sink = Recorder { several: true, ..Recorder::default() };
         let _ = run(words.join(" ").as_bytes(), &mut sink);
     }

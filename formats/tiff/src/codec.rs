@@ -346,7 +346,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn compressed_bytes_come_back(data in prop::collection::vec(prop_oneof![Just(0u8), Just(7), any::<u8>()], 1..600), row in 1usize..70) {
+        fn decompression_restores_the_bytes(data in prop::collection::vec(prop_oneof![Just(0u8), Just(7), any::<u8>()], 1..600), row in 1usize..70) {
             for c in ALL {
                 let packed = c.encode(&data, row, EFFORT).unwrap();
                 let mut out = vec![1; data.len()];
@@ -356,14 +356,14 @@ mod tests {
         }
 
         #[test]
-        fn damaged_data_ends(data in prop::collection::vec(any::<u8>(), 0..300), n in 0usize..2000) {
+        fn decompressing_random_data_ends_without_panic(data in prop::collection::vec(any::<u8>(), 0..300), n in 0usize..2000) {
             for c in ALL.into_iter().chain([Compression::Zstd]) {
                 let _ = c.decode(&data, &mut vec![0; n]);
             }
         }
 
         #[test]
-        fn floating_prediction_comes_back(v in prop::collection::vec(any::<u32>(), 24)) {
+        fn floating_point_prediction_is_undone_exactly(v in prop::collection::vec(any::<u32>(), 24)) {
             let bytes: Vec<u8> = v.iter().flat_map(|v| v.to_le_bytes()).collect();
             for (width, step, size) in [(12, 3, 4), (24, 1, 4), (24, 4, 2), (6, 2, 4)] {
                 let mut b = bytes.clone();
@@ -376,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn packbits_example() {
+    fn the_packbits_example_of_tiff_6_decodes() {
         // The example of TIFF 6.0, section 9 (after Apple's technical note).
         let packed = [0xfe, 0xaa, 2, 0x80, 0, 0x2a, 0xfd, 0xaa, 3, 0x80, 0, 0x2a, 0x22, 0xf7, 0xaa];
         let mut out = [0; 24];
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn bits_spread() {
+    fn packed_bits_are_unpacked_and_scaled() {
         assert_eq!(unpack_bits(&[0b1010_0000], 3, 1, true), [255, 0, 255]);
         assert_eq!(unpack_bits(&[0x1f, 0x20], 3, 4, false), [1, 15, 2]);
         assert_eq!(unpack_bits(&[0b0001_1011], 4, 2, true), [0, 85, 170, 255]);

@@ -198,7 +198,7 @@ mod tests {
     ];
 
     #[test]
-    fn the_primaries_are_where_they_should_be() {
+    fn lab_primaries_become_rgb_primaries() {
         for (lab, rgb) in PRIMARIES {
             let got = lab_to_rgb(lab).map(|v| (v * 255.0).round() as i32);
             assert!(got.iter().zip(rgb).all(|(a, b)| (a - i32::from(b)).abs() <= 1), "{lab:?}: {got:?}");
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_to_store_lab_are_one_colour() {
+    fn cie_and_icc_lab_give_the_same_colour() {
         let (l, a, b) = (54, 80, -70);
         let cie = Pixels::U8(vec![(l as f32 * 2.55) as u8, a as u8, b as u8, 9]);
         let icc = Pixels::U8(vec![(l as f32 * 2.55) as u8, (a + 128) as u8, (b + 128) as u8, 9]);
@@ -220,14 +220,14 @@ mod tests {
     }
 
     #[test]
-    fn inks_take_light_away() {
+    fn cmyk_becomes_rgb() {
         let inks = Pixels::U8(vec![0, 0, 0, 0, 7, 255, 0, 51, 0, 8, 0, 0, 0, 255, 9]);
         let rgb = Pixels::U8(vec![255, 255, 255, 7, 0, 255, 204, 8, 0, 0, 0, 9]);
         assert_eq!(Colors::Cmyk.to_rgb(&inks, 5), rgb);
     }
 
     #[test]
-    fn differences_are_shared_by_blocks() {
+    fn colour_differences_are_shared_by_the_pixels_of_a_block() {
         let tags = YCbCr {
             luma: [0.299, 0.587, 0.114],
             reference: [0.0, 255.0, 128.0, 255.0, 128.0, 255.0],

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_image_is_refused() {
+    fn invalid_jpeg_data_is_refused() {
         let mut out = [0; 12];
         for data in [&b""[..], b"\xff\xd8", b"\xff\xd8\xff\xd9", b"\0\0\0\0\0\0"] {
             for tables in [None, Some(&b"\xff\xd8\xff\xd9"[..]), Some(b"x")] {

@@ -65,7 +65,7 @@ fn every_truncation_is_an_error() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
     #[test]
-    fn flipped_bits_are_survived(
+    fn files_with_flipped_bits_do_not_panic(
         flips in prop::collection::vec((0.0f64..1.0, 0u8..8), 1..5),
         directories_only in any::<bool>(),
         kind in 0usize..16,
@@ -126,7 +126,7 @@ fn data_at(entries: usize) -> u32 {
 }
 
 #[test]
-fn kinds_of_files_that_we_do_not_write() {
+fn layouts_that_are_only_read_are_decoded() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let read = |bytes: Vec<u8>| {
@@ -182,7 +182,7 @@ fn kinds_of_files_that_we_do_not_write() {
 }
 
 #[test]
-fn what_is_not_handled_is_named() {
+fn unsupported_features_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     for (tag, value, word) in [
@@ -217,7 +217,7 @@ fn what_is_not_handled_is_named() {
 }
 
 #[test]
-fn what_a_header_claims_is_checked_before_memory_is_taken() {
+fn sizes_in_headers_are_checked_before_memory_is_allocated() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let open = |entries: &[(u16, u16, u32, u32)]| {

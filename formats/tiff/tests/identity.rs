@@ -57,7 +57,7 @@ fn write(path: &Path, levels: &[ImageSpec], rows_at_once: u32) -> Vec<Pixels> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
     #[test]
-    fn identity(
+    fn images_survive_write_and_read(
         (width, height, channels) in (1u32..70, 1u32..70, 1usize..7),
         pixel_type in prop::sample::select(&TYPES[..]),
         tile in prop::sample::select(vec![0u32, 8, 16, 48, 64]),
@@ -118,7 +118,7 @@ fn pyramid(side: u32, channels: usize, pixel_type: PixelType, tile: u32) -> Vec<
 }
 
 #[test]
-fn levels_and_their_tags() {
+fn mip_levels_and_their_tags_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tx");
     let levels = pyramid(300, 4, PixelType::Half, 32);
@@ -138,7 +138,7 @@ fn levels_and_their_tags() {
 }
 
 #[test]
-fn one_tile_reads_few_bytes() {
+fn reading_one_tile_reads_few_bytes() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tx");
     let mut levels = pyramid(1024, 3, PixelType::U8, 64);
@@ -167,7 +167,7 @@ fn one_tile_reads_few_bytes() {
 }
 
 #[test]
-fn tiles_in_any_order_each_once() {
+fn tiles_are_written_in_any_order_but_only_once() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let spec = ImageSpec::new(40, 40, 1, PixelType::Float).tiled(16, 16);
@@ -187,7 +187,7 @@ fn tiles_in_any_order_each_once() {
 }
 
 #[test]
-fn nothing_appears_before_all_is_there() {
+fn no_file_appears_before_all_rows_are_written() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     std::fs::write(&path, "old").unwrap();
@@ -215,7 +215,7 @@ fn the_same_image_gives_the_same_bytes() {
 }
 
 #[test]
-fn metadata_windows_and_matrices() {
+fn metadata_windows_and_matrices_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let matrix: Vec<f32> = (0..16).map(|i| i as f32 * 0.5 - 3.0).collect();
@@ -239,7 +239,7 @@ fn metadata_windows_and_matrices() {
 }
 
 #[test]
-fn shadow_maps() {
+fn shadow_maps_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.sm");
     let matrix: Vec<f32> = (0..16).map(|i| i as f32).collect();
@@ -287,7 +287,7 @@ fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
 
 /// The private tags of reference 9.2, which are read without the tested reader.
 #[test]
-fn tags_have_the_numbers_of_the_reference() {
+fn private_tags_have_the_numbers_of_the_reference() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.env");
     let matrix = |k: f32| (0..16).map(|i| i as f32 * k).collect::<Vec<_>>();

@@ -166,7 +166,7 @@ fn ycbcr(block: (u64, u64), compression: u64) -> Vec<u8> {
 }
 
 #[test]
-fn shared_color_differences_are_those_of_libtiff() {
+fn subsampled_colour_differences_decode_as_in_libtiff() {
     for (h, v) in [(1, 1), (2, 1), (2, 2), (4, 1), (4, 4), (4, 2)] {
         for compression in [1, 5, 8, 50000] {
             let bytes = ycbcr((h, v), compression);
@@ -206,7 +206,7 @@ fn shared_color_differences_are_those_of_libtiff() {
 }
 
 #[test]
-fn luminance_has_the_range_that_the_file_says() {
+fn ycbcr_uses_the_reference_range_of_the_file() {
     let file = File::new((2, 1), 3, 8).with(262, &[6]).with(530, &[1, 1]);
     let mut file = File { tile: Some((16, 16)), ..file };
     let range: Vec<u64> = [16, 235, 128, 240, 128, 240].into_iter().flat_map(|n| [n, 1]).collect();
@@ -217,7 +217,7 @@ fn luminance_has_the_range_that_the_file_says() {
 
 /// The files were made by libtiff's tools (`fuzz/corpus/tiff`).
 #[test]
-fn fax_webp_and_reversed_bits() {
+fn fax_webp_and_reversed_bits_are_decoded() {
     let (channels, bilevel) = read(&corpus("bilevel.tif")).unwrap();
     assert_eq!(channels, ["Y"]);
     assert!(bilevel.to_floats().contains(&0.0) && bilevel.to_floats().contains(&1.0));
@@ -270,7 +270,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 #[test]
-fn files_that_end_early_are_errors() {
+fn truncated_files_are_errors() {
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in samples() {
         let path = folder.path().join(name);
@@ -306,18 +306,18 @@ fn survive_changes(per_kind: u32) {
 }
 
 #[test]
-fn changed_files_are_survived() {
+fn changed_files_do_not_panic() {
     survive_changes(150);
 }
 
 #[test]
 #[ignore = "a minute; the shorter one runs always"]
-fn many_changed_files_are_survived() {
+fn many_changed_files_do_not_panic() {
     survive_changes(2000);
 }
 
 #[test]
-fn what_a_image_inside_claims_is_checked() {
+fn the_size_claimed_by_embedded_images_is_checked() {
     let bytes = std::fs::read(corpus("webp_lossless.tif")).unwrap();
     // A lossless image begins with its width and height in 14 bits each, after a mark.
     let at = bytes.windows(4).position(|w| w == b"VP8L").unwrap() + 9;

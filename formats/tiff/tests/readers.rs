@@ -24,7 +24,7 @@ fn write(path: &Path, spec: &ImageSpec) -> Pixels {
 }
 
 #[test]
-fn the_tiff_crate_reads_ours() {
+fn the_tiff_crate_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     for pixel_type in [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float] {
@@ -56,7 +56,7 @@ fn the_tiff_crate_reads_ours() {
 }
 
 #[test]
-fn we_read_the_tiff_crate() {
+fn files_of_the_tiff_crate_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     for big in [false, true] {
@@ -86,7 +86,7 @@ fn we_read_the_tiff_crate() {
 
 /// The files were made by libtiff from one image (`fuzz/corpus/tiff`), with the compressions that are only read.
 #[test]
-fn compressions_that_are_only_read() {
+fn compressions_that_are_only_read_are_decoded() {
     let read = |name: &str| {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/tiff").join(name);
         let input = TiffFormat.open(&path, &Limits::default()).unwrap();
@@ -105,7 +105,7 @@ fn compressions_that_are_only_read() {
 }
 
 #[test]
-fn libtiff_reads_ours() {
+fn libtiff_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     let spec = ImageSpec::new(100, 60, 4, PixelType::Half).tiled(64, 64);

@@ -31,7 +31,7 @@ fn channel(name: &str, offset: u64, stride: u64) -> Channel {
 }
 
 #[test]
-fn every_form_of_every_packet() {
+fn every_packet_type_and_version_is_decoded() {
     let open = |path: &str, selector: &str| Packet::OpenImage {
         path: path.to_owned(),
         selector: selector.to_owned(),
@@ -128,7 +128,7 @@ fn every_form_of_every_packet() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_its_place() {
+fn errors_of_malformed_packets_name_the_byte_offset() {
     let place = ints(&[0, 0, 2, 1]);
     for (packet, expected) in [
         (vec![], "malformed packet: its length is missing at byte 0"),
@@ -169,7 +169,7 @@ fn what_is_wrong_is_told_with_its_place() {
 }
 
 #[test]
-fn what_the_protocol_cannot_say_is_not_written() {
+fn packets_that_the_protocol_cannot_encode_are_refused() {
     let mut out = vec![7];
     let rect = PixelRect::at(0, 0, 2, 2);
     let update = |channels: Vec<Channel>, rect, n| Packet::UpdateImage {
@@ -276,7 +276,7 @@ fn packet() -> impl Strategy<Value = Packet> {
 
 proptest! {
     #[test]
-    fn what_is_written_is_read(packet in packet()) {
+    fn encoded_packets_decode_to_the_same_and_truncated_ones_are_errors(packet in packet()) {
         let mut out = Vec::new();
         packet.encode(&mut out).unwrap();
         let wide = PacketLimits { dimension: 70_000, ..PacketLimits::default() };
@@ -288,7 +288,7 @@ proptest! {
     }
 
     #[test]
-    fn rubbish_never_panics(kind in any::<u8>(), content in prop::collection::vec(any::<u8>(), 0..200)) {
+    fn decoding_random_bytes_never_panics(kind in any::<u8>(), content in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = decode(&bytes(kind, &[&content]));
         let _ = decode(&content);
     }
