@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bits_are_those_of_the_header() {
+    fn parameter_types_have_the_bits_of_the_header() {
         // The types are a point for each vertex, and four floats.
         let point = ParamType::of(BaseType::Point).with_interp(Interp::Vertex);
         assert_eq!(ParamType::from_bits(6 | 1 << 5 | 3 << 24).unwrap(), point);

@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn empty_behaves() {
+    fn an_empty_bound_stays_empty_until_a_point_is_added() {
         assert!(Bound::EMPTY.is_empty());
         assert!(Bound::EMPTY.padded(3.0).is_empty());
         assert!(Bound::EMPTY.transformed(&Transform::IDENTITY).is_empty());
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn transform_holds_all_corners() {
+    fn a_transformed_bound_contains_all_corners() {
         let b = Bound::around([Vec3::ZERO, Vec3::ONE]);
         let m = Transform::rotate(0.5, Vec3::Z);
         let t = b.transformed(&m);

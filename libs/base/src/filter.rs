@@ -118,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_support() {
+    fn filters_have_unique_words_and_are_zero_outside_of_their_width() {
         for f in Filter::ALL {
             assert_eq!(Filter::from_word(f.word()), Some(f));
             let w = f.natural_width();

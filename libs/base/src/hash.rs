@@ -42,7 +42,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn unit_is_uniform_enough() {
+    fn hashed_unit_values_are_uniform() {
         let n = 1 << 16;
         let mut bins = [0u32; 16];
         for i in 0..n {
@@ -55,7 +55,7 @@ mod tests {
     }
 
     #[test]
-    fn order_matters() {
+    fn hashes_depend_on_the_order_of_words() {
         assert_ne!(words(&[1, 2]), words(&[2, 1]));
         assert_ne!(words(&[0]), words(&[0, 0]));
         assert_eq!(bytes64(b"a"), 0xaf63_dc4c_8601_ec8c);

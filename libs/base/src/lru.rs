@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_recently_used_that_may_go_is_evicted() {
+    fn the_least_recently_used_evictable_entry_is_evicted() {
         let mut lru = Lru::default();
         for (key, value) in [(1, 'a'), (2, 'b'), (3, 'c'), (4, 'd')] {
             assert_eq!(lru.insert(key, value, 10), None);
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weight_is_the_sum_of_what_is_held() {
+    fn the_weight_is_the_sum_of_the_entries() {
         let mut lru = Lru::default();
         lru.insert(1, 'a', 5);
         lru.insert(2, 'b', 7);

@@ -63,7 +63,7 @@ mod tests {
 
     /// Two values are made at the same time. Each waits until the other has begun.
     #[test]
-    fn values_are_made_beside_each_other() {
+    fn values_of_different_keys_are_made_concurrently() {
         let (map, both) = (OnceMap::default(), Barrier::new(2));
         std::thread::scope(|scope| {
             for key in 0..2 {

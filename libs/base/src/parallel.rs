@@ -66,7 +66,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
-    fn results_come_in_the_order_of_items() {
+    fn parallel_results_have_the_order_of_the_items() {
         for threads in [0, 1, 2, 7, 100] {
             let states = AtomicUsize::new(0);
             let state = || states.fetch_add(1, Ordering::Relaxed);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_is_passed_on() {
+    fn a_panic_of_a_worker_reaches_the_caller() {
         let work = |(): &mut (), i| assert_ne!(i, 30);
         assert!(catch_unwind(|| parallel_map(0..40, 3, || (), work)).is_err());
     }

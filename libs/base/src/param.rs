@@ -389,7 +389,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn declarations() {
+    fn declarations_are_parsed_or_refused() {
         let (ty, name) = ParamType::parse("vertex point P").unwrap();
         assert_eq!((ty.base, ty.interp, name.as_str()), (BaseType::Point, Interp::Vertex, "P"));
         let (ty, name) = ParamType::parse("float[4] crop").unwrap();
@@ -405,14 +405,14 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_of_exporters_are_read() {
+    fn a_normal_named_p_is_read() {
         // Some exporters write the invalid "vertex normal P". The receiver handles it.
         let (ty, name) = ParamType::parse("vertex normal P").unwrap();
         assert_eq!((ty.base, name.as_str()), (BaseType::Normal, "P"));
     }
 
     #[test]
-    fn conversions() {
+    fn values_convert_between_numeric_types_only() {
         assert_eq!(ParamData::from(3).to_floats().unwrap()[0], 3.0);
         assert_eq!(ParamData::from(3.7).to_ints().unwrap()[0], 3);
         assert!(ParamData::from(f32::NAN).to_ints().is_none());
@@ -420,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn display_is_the_declaration() {
+    fn a_parameter_prints_its_declaration() {
         let p = Param::declared("linear color[2] Cs", &[0.0_f32; 6][..]).unwrap();
         assert_eq!(p.declaration(), "linear color[2] Cs");
     }

@@ -463,7 +463,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn the_guard_finds_a_child_that_was_being_started() {
+    fn the_guard_ends_a_child_that_was_being_started() {
         let start = format!("{}.guard-test", std::process::id());
         let began = |guard: &unix::Guard| {
             guard.tell(&format!("s {start}"));
@@ -486,7 +486,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_end_with_their_process() {
+    fn dropping_a_process_ends_its_process_group() {
         let supervisor = Supervisor::default();
         let (process, grandchild) = shell(&supervisor, "wait");
         assert!(alive(&grandchild));
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_in_the_background_ends_when_the_run_is_ended() {
+    fn background_programs_end_when_the_run_is_ended() {
         let supervisor = Supervisor::default();
         let (mut process, grandchild) = shell(&supervisor, "exit 0");
         assert!(process.wait().unwrap().success());
@@ -514,7 +514,7 @@ mod tests {
     }
 
     #[test]
-    fn the_guard_ends_what_is_left() {
+    fn the_guard_ends_the_programs_that_remain() {
         let supervisor = Supervisor::default();
         let (process, grandchild) = shell(&supervisor, "wait");
         let (other, kept) = shell(&supervisor, "exit 0");
@@ -527,7 +527,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_that_ends_by_itself_leaves_programs_alone() {
+    fn programs_continue_after_a_run_that_ends_by_itself() {
         let supervisor = Supervisor::default();
         let (other, kept) = shell(&supervisor, "exit 0");
         other.detach();

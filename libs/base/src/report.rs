@@ -349,7 +349,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn once_per_cause_and_verbosity() {
+    fn messages_appear_once_per_cause_and_by_verbosity() {
         let (r, kept) = Reporter::collecting();
         let at = Location::line(&"a.pyg".into(), 3);
         for _ in 0..3 {
@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_again_is_counted() {
+    fn repeated_messages_are_counted() {
         let (r, kept) = Reporter::collecting();
         assert_eq!(r.summary(), None);
         r.error("one");
@@ -397,7 +397,7 @@ mod tests {
     }
 
     #[test]
-    fn handlers_are_exchanged_and_logs_take_all_but_messages() {
+    fn sinks_are_replaced_and_logs_take_all_but_printed_messages() {
         let (r, kept) = Reporter::collecting();
         let codes = Arc::new(Mutex::new(Vec::new()));
         let mine = codes.clone();
@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sink_that_reports_each_message_comes_to_an_end() {
+    fn a_sink_that_reports_messages_is_not_called_for_them_again() {
         let (reporter, kept) = Reporter::collecting();
         let own = reporter.clone();
         let show = reporter.set_sink(Box::new(|_| ()));
@@ -463,7 +463,7 @@ mod tests {
     }
 
     #[test]
-    fn threads_pass_messages_one_at_a_time() {
+    fn messages_of_threads_reach_the_sink_one_at_a_time() {
         let busy = Arc::new(AtomicUsize::new(0));
         let (inside, most) = (busy.clone(), Arc::new(AtomicUsize::new(0)));
         let seen = most.clone();
@@ -482,7 +482,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_of_messages_is_counted() {
+    fn messages_beyond_the_limit_are_only_counted() {
         let (r, kept) = Reporter::collecting();
         (0..MOST_SHOWN + 100).for_each(|i| r.error(format!("mistake {i}")));
         r.say(Severity::Message, &Location::default(), "printed");
@@ -513,7 +513,7 @@ mod tests {
     }
 
     #[test]
-    fn causes_without_end_take_no_memory_without_end() {
+    fn the_memory_for_causes_is_limited() {
         let reporter = Reporter::silent();
         for k in 0..2 * MANY {
             reporter.once(&format!("cause {k}"), Severity::Warning, &Location::default(), "a warning");
@@ -526,7 +526,7 @@ mod tests {
     }
 
     #[test]
-    fn files_are_listed_once_in_order() {
+    fn files_that_were_read_are_listed_once_and_sorted() {
         let r = Reporter::silent();
         ["b.tx", "a.pyg", "b.tx", "./a.pyg"].iter().for_each(|f| r.file_read(Path::new(f)));
         assert_eq!(r.files_read(), [PathBuf::from("a.pyg"), PathBuf::from("b.tx")]);

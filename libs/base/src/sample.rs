@@ -90,7 +90,7 @@ mod tests {
 
     /// Compares the result with the recurrence of the direction numbers.
     #[test]
-    fn the_second_dimension_is_that_of_its_direction_numbers() {
+    fn the_second_sobol_dimension_equals_its_direction_numbers() {
         let by_numbers = |mut i: u32| {
             let (mut v, mut r) = (1_u32 << 31, 0);
             while i != 0 {
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn permutations_permute() {
+    fn permutations_contain_each_index_once() {
         for n in [1, 2, 3, 16, 17, 100] {
             for seed in [0, 5, 0xdead_beef] {
                 let mut all: Vec<u32> = (0..n).map(|i| permute(i, n, seed)).collect();

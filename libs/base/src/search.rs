@@ -164,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn expansion() {
+    fn environment_variables_are_expanded() {
         let mut env = Environment::empty();
         env.set("HOME", "/h");
         env.set("A_1", "x");
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn previous_path_and_order() {
+    fn search_paths_insert_the_previous_path() {
         let env = Environment::empty();
         let old = SearchPath::parse(".:/a", &SearchPath::default(), &env);
         let new = SearchPath::parse("/b::&:/a", &old, &env);
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn finding() {
+    fn files_are_found_along_the_search_path() {
         let here = SearchPath::parse("/nowhere:.", &SearchPath::default(), &Environment::empty());
         assert_eq!(here.find("Cargo.toml"), Some(PathBuf::from("Cargo.toml")));
         assert_eq!(here.find("no such file"), None);

@@ -352,7 +352,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn row_vectors_and_order() {
+    fn transforms_apply_to_row_vectors_in_order() {
         let m = Transform::translate(Vec3::X).then(&Transform::scale(Vec3::splat(3.0)));
         assert_eq!(m.point(Vec3::ZERO), Vec3::new(3.0, 0.0, 0.0));
         assert_eq!(m.to_rows()[12], 3.0);
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn what_rounding_takes_from_translations_is_kept() {
+    fn large_translations_keep_their_precision() {
         let eye = Vec3::new(1e7, 3e6, -2e7);
         let turned = Transform::rotate(0.3, Vec3::new(0.2, 1.0, 0.1));
         let to_camera = Transform::translate(-eye).then(&turned);
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn motion_blends_and_stands_still_outside() {
+    fn motion_is_blended_between_keys_and_constant_outside() {
         let m = MotionTransform::from_keys(vec![
             (1.0, Transform::translate(Vec3::X)),
             (0.0, Transform::IDENTITY),
@@ -412,7 +412,7 @@ mod tests {
     }
 
     #[test]
-    fn prepending_is_composing() {
+    fn prepending_equals_composing() {
         let first = Transform::scale(Vec3::new(1.0, 2.0, 3.0));
         for keys in [
             vec![(0.5, Transform::translate(Vec3::X))],
@@ -426,7 +426,7 @@ mod tests {
     }
 
     #[test]
-    fn handedness() {
+    fn mirroring_flips_handedness_and_rotation_does_not() {
         assert!(Transform::scale(Vec3::new(-1.0, 1.0, 1.0)).flips_handedness());
         assert!(!Transform::rotate(2.0, Vec3::ONE).flips_handedness());
     }

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_sorted_and_nothing_is_missing() {
+    fn all_files_are_bundled_and_their_names_sorted() {
         assert!(shader_names().is_sorted() && input_names().is_sorted());
         for (folder, extension, bundled) in [
             ("../../shaders", ".gsl", shader_names().map(str::to_owned).collect::<Vec<_>>()),
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn lookups() {
+    fn bundled_files_are_found_by_name() {
         assert!(shader("plastic").is_some_and(|s| s.contains("surface plastic")));
         assert!(shader("no such shader").is_none());
         assert!(input("teapot.pyg").is_some_and(|i| !i.is_empty()));

@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn given_options_mean_the_same_again() {
+    fn given_options_parse_to_the_same_values_again() {
         let line = "x a.tif --tile 32 64 -envcube -o out.tx --filter=-box -vv -tile 1 2";
         let words = |given: &[Given]| given.iter().flat_map(|g| g.words.clone()).collect::<Vec<_>>();
         let (tool, given) = try_parse::<Tool>(line.split(' ').map(OsString::from).collect()).unwrap();
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn one_dash_or_two() {
+    fn options_take_one_dash_or_two() {
         let t = tool("x -envcube -o out.tx -tile 32 64 -bias -0.5 -vv a.tif").unwrap();
         assert!(t.envcube && t.v == 2 && t.tile == [32, 64] && t.bias == Some(-0.5));
         assert_eq!((t.output.as_deref(), t.files), (Some("out.tx"), vec!["a.tif".to_owned()]));
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn misspelling_gets_a_suggestion() {
+    fn a_misspelled_option_gets_a_suggestion() {
         let said = |line: &str| tool(line).unwrap_err().to_string();
         let first = |line: &str| said(line).lines().next().unwrap_or_default().to_owned();
         let tool = Tool::command().get_name().to_owned();

@@ -40,7 +40,7 @@ mod tests {
     use rustix::process::{Resource, getrlimit};
 
     #[test]
-    fn the_soft_limit_becomes_the_hard_one() {
+    fn the_soft_limit_of_open_files_is_raised_to_the_hard_one() {
         raise_limit();
         let hard = getrlimit(Resource::Nofile).maximum.unwrap_or(MOST).min(MOST);
         assert!(open_files_limit().unwrap() as u64 >= hard);

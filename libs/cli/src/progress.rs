@@ -128,7 +128,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn estimates() {
+    fn the_remaining_time_is_estimated() {
         let left = |ms: u64, done, total| time_left(Duration::from_millis(ms), done, total);
         assert_eq!(left(1000, 0, 10), None);
         assert_eq!(left(100, 1, 10), None);

@@ -648,7 +648,7 @@ mod tests {
     }
 
     #[test]
-    fn the_default_camera() {
+    fn the_default_camera_has_the_values_of_the_reference() {
         let (camera, said) = view(&[]);
         assert_eq!((camera.resolution, said), ([640, 480], 0));
         assert_eq!(camera.crop, PixelRect { x0: 0, y0: 0, x1: 640, y1: 480 });
@@ -694,7 +694,7 @@ mod tests {
     }
 
     #[test]
-    fn the_widest_line_of_sight() {
+    fn the_widest_angle_is_that_of_the_image_corners() {
         let (camera, _) = view(&[("int[2] resolution", &[300.0, 400.0]), ("float fov", &[90.0])]);
         assert!((camera.widest_tangent().unwrap() - 1.25).abs() < 1e-6);
         let parallel = Params(vec![Param::declared("string projection", "orthographic").unwrap()]);
@@ -704,7 +704,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbouring_crops_meet() {
+    fn neighbouring_crops_share_their_border() {
         let resolution = [640, 481];
         let crop = |c: [f32; 4]| CameraView::crop_pixels(c, resolution);
         for edge in [0.1, 0.25, 1.0 / 3.0, 0.5, 0.7, 0.999] {
@@ -721,7 +721,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_reported_and_replaced() {
+    fn invalid_camera_values_are_reported_and_replaced() {
         let (camera, said) = view(&[
             ("float fov", &[200.0]),
             ("int[2] resolution", &[0.0, 10.0]),

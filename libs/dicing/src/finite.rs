@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_is_found_and_replaced() {
+    fn values_that_are_not_finite_are_found_and_replaced() {
         assert_eq!(mended(Color::new(-LARGEST, 0.0, LARGEST)), None);
         let found = mended(Color::new(f32::NAN, 0.5, 2.0 * LARGEST));
         assert_eq!(found, Some(Color::new(0.0, 0.5, 0.0)));

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_face_stays() {
+    fn a_flat_face_is_not_lifted() {
         let p = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE - Vec3::Z];
         let face = SmoothFace { p, n: [Vec3::Z; 4] };
         let at = Vec3::new(0.25, 0.5, 0.0);
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_face_lift_as_the_whole_does() {
+    fn parts_of_a_face_are_lifted_like_the_whole() {
         // The grids are the whole face in 5 x 5 points, and the part of it from its middle on.
         let whole = of_sphere(0.3);
         let grid = |from: f32| {

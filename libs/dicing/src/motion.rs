@@ -217,7 +217,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_cut_to_the_shutter() {
+    fn motion_times_are_clipped_to_the_shutter() {
         let moving = MotionTransform::from_keys(vec![
             (0.0, Transform::IDENTITY),
             (0.25, Transform::IDENTITY),
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_blend_and_stand_still_outside() {
+    fn motion_keys_blend_and_are_constant_outside() {
         assert_eq!(key_at(&[0.0, 1.0], -1.0), (0, 0, 0.0));
         assert_eq!(key_at(&[0.0, 1.0], 0.25), (0, 1, 0.25));
         assert_eq!(key_at(&[0.0, 1.0], 2.0), (1, 1, 0.0));

@@ -218,7 +218,7 @@ fn curvature_adds_segments_where_length_asks_for_few() {
 }
 
 #[test]
-fn high_curvature_counts_at_any_size() {
+fn high_curvature_adds_segments_at_any_size() {
     // The half pipe is a thousandth of a pixel across.
     let along_u = |list: &[(&str, ParamData)]| {
         Rig::new(list).rates(half_pipe(1e-4)).iter().map(|r| r[0] - 1).sum::<usize>()
@@ -230,7 +230,7 @@ fn high_curvature_counts_at_any_size() {
 }
 
 #[test]
-fn orientation_counts_unless_told_otherwise() {
+fn orientation_affects_rates_unless_switched_off() {
     // The rectangle is seen from its edge: 16 pixels wide and 8 pixels deep.
     let turned =
         Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X).then(&Transform::translate(Vec3::Z * 10.0));
@@ -267,7 +267,7 @@ fn moving_objects_are_coarser_along_their_motion() {
 /// the coarsening once had none either. One segment reached from beside the eye to the horizon and crossed the image
 /// as a sliver.
 #[test]
-fn motion_beside_the_image_coarsens_no_more_than_in_it() {
+fn motion_outside_of_the_image_coarsens_no_more_than_inside() {
     let mut params = Params::new();
     params.set(param("string projection", "perspective"));
     params.set(param("int[2] resolution", &[32.0_f32, 24.0][..]));
@@ -301,7 +301,7 @@ fn motion_beside_the_image_coarsens_no_more_than_in_it() {
 }
 
 #[test]
-fn moving_outlines_stay_round() {
+fn moving_outlines_keep_their_segments() {
     let keys = vec![
         (0.0, Transform::translate(Vec3::Z * 20.0)),
         (1.0, Transform::translate(Vec3::new(8.0, 0.0, 20.0))),
@@ -383,7 +383,7 @@ fn thin_curves_have_one_segment_across() {
 }
 
 #[test]
-fn settings_that_are_no_numbers_are_the_defaults() {
+fn settings_that_are_not_finite_become_the_defaults() {
     let rig =
         Rig::new(&[("float dice:curvature", f(f32::NAN)), ("float dice:motionfactor", f(f32::INFINITY))]);
     assert_eq!(rig.rates(rectangle([2.0, 1.0], &[])), [[17, 9]]);
@@ -447,7 +447,7 @@ fn field(n: usize, subdivide: bool) -> Vec<Piece> {
 }
 
 #[test]
-fn grids_share_all_edges() {
+fn neighbouring_grids_share_all_edges() {
     let mut camera = camera();
     for perspective in [false, true] {
         if perspective {

@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn points_and_values_come_out_as_they_went_in() {
+    fn dicing_a_lattice_gives_its_points_and_values() {
         let piece = &built(5, 4)[0];
         assert_eq!(piece.lattice(), Some([5, 4]));
         let dice = piece.dice(100, 2);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_share_the_points_between_them() {
+    fn parts_of_a_lattice_share_their_border_points() {
         let mut stack = built(7, 6);
         let mut cells = 0;
         while let Some(piece) = stack.pop() {
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_lattices_are_refused_and_bad_points_kept() {
+    fn invalid_lattices_are_refused_and_infinite_points_kept() {
         let params = grid(3, 3);
         let keys = [ShapeKey { time: 0.0, params: &params }];
         for counts in [[3, 4], [1, 9], [0, 0], [usize::MAX, 2]] {

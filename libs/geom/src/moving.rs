@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_that_deform_are_no_change_of_variables() {
+    fn deforming_shapes_do_not_count_as_moving_variables() {
         let key = |z: f32| {
             let p: Vec<f32> = SQUARE.iter().map(|x| x + z).collect();
             params(&[("vertex point P", &p), ("normal N", &[0.0, z, 1.0]), ("float width", &[z])])
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn spheres_move_by_their_arguments() {
+    fn spheres_interpolate_their_arguments() {
         let built = |first: [f32; 4], last: [f32; 4]| {
             let [radius, zmin, zmax, thetamax_deg] = first;
             let [a, b] = [first, last].map(|list| params(&[("float[4] __arguments", &list)]));

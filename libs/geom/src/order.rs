@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn is_a_permutation_and_separates() {
+    fn spatial_order_is_a_permutation_that_separates_halves() {
         let centres: Vec<Vec3> = (0..101).map(|i| Vec3::new((i * 37 % 101) as f32, 0.0, 0.0)).collect();
         let order = spatial_order(&centres);
         let mut sorted = order.clone();

@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_polygons_do_not_hang() {
+    fn degenerate_polygons_are_triangulated() {
         assert_eq!(triangulate(&[[0.0; 3]; 7]).len(), 5);
         let line: Vec<[f64; 3]> = (0..6).map(|i| [i as f64, 0.0, 0.0]).collect();
         assert_eq!(triangulate(&line).len(), 4);
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_million_corners_take_no_time() {
+    fn a_million_corners_are_triangulated_quickly() {
         let n = 1_000_000;
         let round = |i: usize, r: f64| {
             let t = i as f64 / n as f64 * std::f64::consts::TAU;
@@ -273,7 +273,7 @@ mod tests {
 
     /// The corners of any polygon are tested at most some hundred times each.
     #[test]
-    fn no_shape_takes_long() {
+    fn no_shape_of_polygon_takes_quadratic_time() {
         const N: usize = 90_000;
         let at = |i: usize, r: f64| {
             let (y, x) = (i as f64 / N as f64 * std::f64::consts::TAU).sin_cos();
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn arrowheads_are_concave() {
+    fn arrowheads_are_concave_and_squares_are_not() {
         let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
         assert!(!is_concave(&square));
         let arrow = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 2.0, 0.0]];
@@ -313,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn no_corner_of_a_round_polygon_has_a_fan() {
+    fn no_corner_of_a_round_polygon_has_many_triangles() {
         const N: usize = 1000;
         let points: Vec<[f64; 3]> = (0..N)
             .map(|i| (i as f64 * std::f64::consts::TAU / N as f64).sin_cos())

@@ -109,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn halves_share_places_with_the_whole() {
+    fn points_of_halves_are_points_of_the_whole() {
         let whole = Range::whole(1);
         let (left, right) = whole.halves().unwrap();
         for i in 0..=6 {
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn reversal_is_exact() {
+    fn reversed_ranges_have_the_same_points() {
         let range = Range::whole(3).halves().unwrap().1;
         for n in 2..20 {
             for i in 0..n {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn several_segments() {
+    fn ranges_of_several_segments_end_at_segment_borders() {
         let range = Range::whole(4);
         assert_eq!(range.place(0, 5), Place { segment: 0, a: 1.0, b: 0.0 });
         assert_eq!(range.place(2, 5), Place { segment: 2, a: 1.0, b: 0.0 });

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn every_end_is_taken_and_order_kept() {
+    fn spread_coordinates_contain_every_end_in_order() {
         let own = Range::whole(1);
         for steps in 1..12_usize {
             let ends: Vec<Place> = (0..=steps).map(|i| own.place(i, steps + 1)).collect();

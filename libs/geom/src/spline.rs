@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uniform_knots_are_a_uniform_bspline() {
+    fn uniform_knots_give_the_uniform_bspline_matrix() {
         let span =
             KnotSpan { n: 6, order: 4, knots: (0..10).map(|i| i as f32).collect(), min: 3.0, max: 6.0 };
         let s = Spline::nurbs("Patch", "along u", &span).unwrap();
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn bezier_knots_are_the_identity() {
+    fn bezier_knots_give_the_identity_matrix() {
         let span = KnotSpan {
             n: 4,
             order: 4,
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_knots_are_errors() {
+    fn invalid_knots_are_errors() {
         let good =
             KnotSpan { n: 3, order: 3, knots: [0.0, 0.0, 0.0, 1.0, 1.0, 1.0].into(), min: 0.0, max: 1.0 };
         assert!(Spline::nurbs("Patch", "", &good).is_ok());

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn simple_polygons_are_covered() {
+    fn simple_polygons_are_triangulated_completely() {
         let comb = |n: usize| {
             let teeth = (0..n).map(|i| [1.0 - i as f64 / n as f64, if i % 2 == 0 { 0.0 } else { 1.0 }]);
             [[0.0, -1.0], [1.0, -1.0]].into_iter().chain(teeth).collect::<Vec<_>>()
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn what_crosses_itself_is_left() {
+    fn self_intersecting_polygons_are_refused() {
         assert!(triangulate(&[[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]).is_none());
         assert!(triangulate(&[[0.0; 2]; 9]).is_none());
         assert!(triangulate(&[[0.0, 0.0], [1.0, 0.0], [f64::NAN, 1.0]]).is_none());
@@ -339,12 +339,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn stars_of_any_radii(radii in prop::collection::vec(0.01..1.0, 3..200)) {
+        fn star_polygons_of_any_radii_are_triangulated(radii in prop::collection::vec(0.01..1.0, 3..200)) {
             prop_assert!(triangulate(&round(radii.len(), |i| radii[i])).is_some());
         }
 
         #[test]
-        fn anything_ends(points in prop::collection::vec([-3i32..4, -3i32..4], 0..40)) {
+        fn triangulation_of_random_points_ends(points in prop::collection::vec([-3i32..4, -3i32..4], 0..40)) {
             let points: Vec<[f64; 2]> = points.iter().map(|p| p.map(f64::from)).collect();
             if let Some(triangles) = triangulate(&points) {
                 prop_assert_eq!(triangles.len(), points.len() - 2);

@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn the_references_example_is_a_round_region() {
+    fn the_trim_example_of_the_reference_is_a_disc() {
         let trim = trim(&circle());
         assert!(trim.contains(0.5, 0.5));
         assert!(!trim.contains(0.01, 0.01) && !trim.contains(0.99, 0.99));
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn regions_have_the_area_of_their_curves() {
+    fn trimmed_regions_have_the_area_of_their_curves() {
         let exact = std::f64::consts::PI / 4.0;
         let area = |curvature_deg, quality| {
             Trim::new(Trimming { desc: &circle(), curvature_deg, quality }).unwrap().area()
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_are_finer_than_micropolygons() {
+    fn masks_have_several_samples_per_micropolygon() {
         let axis: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
         for (quality, per_side) in [(1.0, 4_usize), (2.0, 8), (0.1, 1), (50.0, 16)] {
             let trim = Trim::new(Trimming { desc: &circle(), curvature_deg: 1.0, quality }).unwrap();
@@ -432,7 +432,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_curves_are_errors() {
+    fn invalid_trim_curves_are_errors() {
         let good = circle();
         for bad in [
             TrimDesc { ncurves: [2].into(), ..good.clone() },

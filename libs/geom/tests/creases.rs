@@ -47,7 +47,7 @@ fn creased(p: &[f32], border: i32, edges: &[i32], sharpness: f32) -> Params {
 }
 
 #[test]
-fn a_cube_with_sharp_edges_is_a_cube() {
+fn a_cube_with_sharp_creases_has_flat_faces() {
     let (shape, p, edges) = cube();
     assert_eq!(edges.len(), 24);
     let pieces = diceable(build(&shape, &creased(&p, 0, &edges, 10.0)));
@@ -66,7 +66,7 @@ fn a_cube_with_sharp_edges_is_a_cube() {
 }
 
 #[test]
-fn a_crease_is_where_two_borders_meet() {
+fn a_sharp_crease_equals_the_borders_of_two_meshes() {
     // The mesh has 5 columns of vertices and is creased along the third. The surface is the same as that of two
     // meshes of 3 columns.
     let (shape, p) = grid(0, 5, 4);
@@ -89,7 +89,7 @@ fn a_crease_is_where_two_borders_meet() {
 }
 
 #[test]
-fn sharpness_leads_from_round_to_sharp() {
+fn sharpness_interpolates_between_smooth_and_sharp() {
     let (shape, p, edges) = cube();
     let corner = |params: &Params| {
         let pieces = diceable(build(&shape, params));
@@ -118,7 +118,7 @@ fn sharpness_leads_from_round_to_sharp() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn invalid_creases_are_reported() {
     let (shape, p, _) = cube();
     for (params, expected) in [
         (creased(&p, 0, &[0, 7], 1.0), "1 creased edges and 0 corners that the mesh does not have"),

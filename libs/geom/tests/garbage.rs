@@ -163,7 +163,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 
     #[test]
-    fn nothing_panics(
+    fn random_primitives_do_not_panic(
         shape in shape(),
         first in any_params(),
         second in prop::option::of(any_params()),

@@ -41,7 +41,7 @@ fn cube() -> (ShapeDesc, Vec<f32>) {
 }
 
 #[test]
-fn the_references_grid_is_a_bspline_patch() {
+fn the_subdivided_grid_of_the_reference_is_a_bspline_patch() {
     let (shape, p) = grid(4);
     let pieces = diceable(build(&shape, &params(&[("P", &p), ("vertex float a", &p[..16])])));
     assert_eq!(pieces.len(), 1);
@@ -64,7 +64,7 @@ fn the_references_grid_is_a_bspline_patch() {
 }
 
 #[test]
-fn borders() {
+fn borders_of_subdivision_meshes_are_interpolated() {
     let (shape, p) = grid(4);
     let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]);
     for border in [1, 2] {
@@ -86,7 +86,7 @@ fn borders() {
 }
 
 #[test]
-fn cube_is_closed_smooth_and_in_its_limit_positions() {
+fn a_subdivided_cube_is_closed_and_in_its_limit_positions() {
     let (shape, p) = cube();
     let pieces = diceable(build(&shape, &params(&[("P", &p)])));
     assert_eq!(pieces.len(), 6);
@@ -118,7 +118,7 @@ fn cube_is_closed_smooth_and_in_its_limit_positions() {
 }
 
 #[test]
-fn faces_of_any_number_of_corners() {
+fn faces_of_any_number_of_corners_are_subdivided() {
     // The mesh is a pyramid over a pentagon, with "linear" corners.
     let mut p = vec![0.0, 0.0, 2.0];
     for i in 0..5 {
@@ -202,7 +202,7 @@ fn refinement_approximates_the_limit_well() {
 }
 
 #[test]
-fn odd_meshes_do_not_fall_over() {
+fn irregular_meshes_do_not_panic() {
     let p = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.5, 1.0, 0.5, 0.5, -1.0];
     let cases: &[(&[i32], &[i32])] = &[
         // The meshes have three faces on one edge, faces of opposite windings, a vertex twice in a face, and two fans
@@ -230,7 +230,7 @@ fn odd_meshes_do_not_fall_over() {
 }
 
 #[test]
-fn deformation_and_holes() {
+fn subdivision_meshes_deform_and_have_holes() {
     let (shape, p) = cube();
     let moved: Vec<f32> = p.iter().map(|x| x * 2.0).collect();
     let mut first = params(&[("P", &p)]);
@@ -264,7 +264,7 @@ fn disk(n: usize) -> (ShapeDesc, Vec<f32>) {
 }
 
 #[test]
-fn limit_positions_at_any_valence() {
+fn limit_positions_are_exact_at_any_valence() {
     for n in (3..=12).chain([17, 25, 50]) {
         let (shape, p) = disk(n);
         let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]).as_dvec3();
@@ -316,7 +316,7 @@ fn borders_follow_the_splines_of_their_vertices() {
 }
 
 #[test]
-fn edges_of_three_faces_are_told_and_sharp() {
+fn edges_of_three_faces_are_reported_and_sharp() {
     let p = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.5, 0.5, 1.0, 0.5, 0.5, -1.0];
     let shape = mesh(&[3, 3, 3], &[0, 1, 2, 1, 0, 3, 0, 1, 4]);
     let (pieces, said) = try_build(&shape, &[&with_border(&p, 1)], None);
@@ -326,7 +326,7 @@ fn edges_of_three_faces_are_told_and_sharp() {
 }
 
 #[test]
-fn a_vertex_of_a_hundred_thousand_faces() {
+fn a_vertex_of_a_hundred_thousand_faces_is_subdivided_quickly() {
     let n = 100_000;
     let mut p = vec![0.0, 0.0, 1.0];
     for i in 0..n {
@@ -355,7 +355,7 @@ fn largest_kink(pieces: &[Piece]) -> f32 {
 }
 
 #[test]
-fn normals_pass_over_edges_without_a_kink() {
+fn normals_are_continuous_over_edges() {
     let (shape, p) = cube();
     assert!(largest_kink(&diceable(build(&shape, &params(&[("P", &p)])))) < 2e-3);
     // The valences go up to 12, with triangles and pentagons.
@@ -387,7 +387,7 @@ fn sector(n: usize, angle: f32) -> (ShapeDesc, Vec<f32>) {
 }
 
 #[test]
-fn normals_pass_over_edges_that_end_at_borders() {
+fn normals_are_continuous_over_edges_that_end_at_borders() {
     for border in [1, 2] {
         for (n, angle) in [(2, 3.0), (3, 3.0), (4, 3.3), (5, 2.5), (3, 4.7), (7, 6.0)] {
             let (shape, p) = sector(n, angle);

@@ -15,7 +15,7 @@ fn patch(u: CurveBasis, v: CurveBasis, nu: usize, nv: usize) -> ShapeDesc {
 }
 
 #[test]
-fn sphere_is_round_and_points_outward() {
+fn a_sphere_is_round_and_faces_outward() {
     let pieces = build(&SPHERE, &params(&[]));
     assert_eq!(pieces.len(), 1);
     let dice = pieces[0].dice(17, 9);
@@ -34,7 +34,7 @@ fn sphere_is_round_and_points_outward() {
 }
 
 #[test]
-fn partial_spheres() {
+fn partial_spheres_have_their_bounds_and_variables() {
     let shape = ShapeDesc::Sphere { radius: 1.0, zmin: 0.0, zmax: 0.5, thetamax_deg: 90.0 };
     let pieces = build(&shape, &params(&[("linear float s", &[0.0, 1.0, 2.0, 3.0])]));
     let dice = pieces[0].dice(3, 3);
@@ -52,7 +52,7 @@ fn partial_spheres() {
 }
 
 #[test]
-fn bilinear_patch_in_closed_form() {
+fn a_bilinear_patch_equals_its_closed_form() {
     let p = params(&[
         ("vertex point P", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 1.0, 2.0, 4.0]),
         ("vertex float a", &[0.0, 1.0, 2.0, 3.0]),
@@ -195,7 +195,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn patches_split_bound_and_join((shape, values) in any_patch()) {
+    fn split_patches_stay_inside_bounds_and_share_borders((shape, values) in any_patch()) {
         let pieces = diceable(build(&shape, &params(&[("vertex point P", &values)])));
         for piece in pieces.iter().take(4) {
             check_bounds(piece, &piece.dice(8, 8));
@@ -208,7 +208,7 @@ proptest! {
     }
 
     #[test]
-    fn sphere_parts_agree(u in 0_usize..4, v in 0_usize..4, zmin in -2.0_f32..0.0, theta in 1.0_f32..360.0) {
+    fn parts_of_a_sphere_equal_the_whole(u in 0_usize..4, v in 0_usize..4, zmin in -2.0_f32..0.0, theta in 1.0_f32..360.0) {
         let shape = ShapeDesc::Sphere { radius: 2.0, zmin, zmax: 2.0, thetamax_deg: theta };
         let mut piece = build(&shape, &params(&[])).remove(0);
         check_split(&piece);
@@ -220,7 +220,7 @@ proptest! {
 }
 
 #[test]
-fn neighbouring_bezier_patches_join_in_any_direction() {
+fn neighbouring_bezier_patches_share_borders_in_any_direction() {
     // The two patches are separate and share a border that runs in the opposite direction in the second.
     let a: Vec<[f32; 3]> =
         (0..16).map(|i| [(i % 4) as f32 * 1.1, (i / 4) as f32 * 0.9, ((i * 7) % 5) as f32 * 0.37]).collect();
@@ -262,7 +262,7 @@ fn collapsed_edges_have_normals() {
 }
 
 #[test]
-fn deformation_carries_all_keys() {
+fn deformation_keeps_all_keys() {
     let (a, b) = ([0.0; 12], [1.0; 12]);
     let shape = patch(CurveBasis::Linear, CurveBasis::Linear, 2, 2);
     let (pieces, _) = try_build(&shape, &[&params(&[("P", &a)]), &params(&[("P", &b)])], None);
@@ -277,7 +277,7 @@ fn deformation_carries_all_keys() {
 }
 
 #[test]
-fn trimmed_patch_masks_micropolygons() {
+fn a_trimmed_patch_masks_its_micropolygons() {
     let trim = TrimDesc {
         ncurves: [1].into(),
         n: [5].into(),
@@ -308,7 +308,7 @@ fn cube() -> (ShapeDesc, Vec<f32>) {
 }
 
 #[test]
-fn cube_faces_point_outward_and_join() {
+fn cube_faces_point_outward_and_share_edges() {
     let (shape, p) = cube();
     let face: Vec<f32> = (0..6).map(|i| i as f32).collect();
     let corner: Vec<f32> = (0..24).map(|i| i as f32).collect();
@@ -342,7 +342,7 @@ fn cube_faces_point_outward_and_join() {
 }
 
 #[test]
-fn polygons_with_many_corners() {
+fn polygons_of_many_corners_are_covered() {
     // The faces are a concave pentagon, a triangle and a hexagon.
     let p = [
         [0.0, 0.0, 0.0],
@@ -369,7 +369,7 @@ fn polygons_with_many_corners() {
 }
 
 #[test]
-fn mistakes_are_reported_and_survived() {
+fn invalid_meshes_are_reported_and_skipped() {
     let (shape, p) = cube();
     let ShapeDesc::Mesh { verts, .. } = &shape else { panic!() };
     let with = |nverts: &[i32], verts: &[i32]| ShapeDesc::Mesh {
@@ -466,7 +466,7 @@ proptest! {
 }
 
 #[test]
-fn facets_of_flat_meshes_are_what_dicing_gives() {
+fn facets_of_flat_meshes_equal_the_diced_ones() {
     // The faces are a quadrilateral, a triangle, a concave face and one of five corners.
     let p: Vec<f32> = (0..17_u32)
         .flat_map(|i| {

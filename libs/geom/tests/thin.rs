@@ -54,7 +54,7 @@ fn a_straight_curve_is_a_strip_that_faces_the_viewer() {
 }
 
 #[test]
-fn normals_make_ribbons() {
+fn curves_with_normals_are_ribbons() {
     let n: Vec<f32> = [[0.0, 0.0, 1.0]; 4].concat();
     let pieces = build(
         &curves(CurveBasis::BSpline, 1, 4),
@@ -73,7 +73,7 @@ fn normals_make_ribbons() {
 }
 
 #[test]
-fn many_curves_split_into_single_ones() {
+fn a_set_of_curves_splits_into_single_curves() {
     let mut p = Vec::new();
     for i in 0..37 {
         for k in 0..5 {
@@ -138,7 +138,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
     #[test]
-    fn curves_split_and_bound(values in prop::collection::vec(-5.0_f32..5.0, 21), width in 0.0_f32..2.0, which in 0_usize..3) {
+    fn split_curves_stay_equal_and_inside_their_bounds(values in prop::collection::vec(-5.0_f32..5.0, 21), width in 0.0_f32..2.0, which in 0_usize..3) {
         let basis = [CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom][which];
         let p = params(&[("P", &values), ("width", &[width])]);
         let piece = build(&curves(basis, 1, 7), &p).remove(0);
@@ -196,7 +196,7 @@ fn particles_are_disks_that_face_the_viewer() {
 }
 
 #[test]
-fn raster_widths_take_the_size_of_a_pixel() {
+fn raster_widths_are_multiples_of_a_pixel() {
     let list: &[(&str, &[f32])] = &[("P", &[1.0, 2.0, 3.0]), ("float rasterwidth", &[4.0])];
     let piece = build(&ShapeDesc::Points { n: 1 }, &params(list)).remove(0);
     assert!(piece.raster_width() >= 4.0 && piece.bound(0).size().max_element() < 1e-5);
@@ -226,7 +226,7 @@ fn moving_particles_keep_their_frame() {
 }
 
 #[test]
-fn mistakes_are_survived() {
+fn invalid_curves_and_points_are_reported_and_skipped() {
     let count = |shape: &ShapeDesc, list: &[(&str, &[f32])]| {
         let (pieces, said) = try_build(shape, &[&params(list)], None);
         (pieces.map(|p| diceable(p).len()), said.len())

@@ -233,7 +233,7 @@ mod tests {
     use crate::{CompileOptions, compile};
 
     #[test]
-    fn numbers_as_c_prints_them() {
+    fn numbers_are_printed_like_c_does() {
         for (x, text) in [
             (1.0, "1"),
             (0.5, "0.5"),
@@ -273,7 +273,7 @@ mod tests {
         ) { C = c; n = N; }"#;
 
     #[test]
-    fn short_text() {
+    fn the_short_description_lists_parameters_and_defaults() {
         let args =
             GsoArgs::from_module(&compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module);
         assert_eq!(
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn verbose_text() {
+    fn the_verbose_description_lists_metadata() {
         let args =
             GsoArgs::from_module(&compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module);
         let text = args.describe(true);
@@ -343,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn the_example_of_the_reference() {
+    fn plastic_is_described_as_in_the_reference() {
         let source = granita_bundled::shader("plastic").unwrap();
         let args =
             GsoArgs::from_module(&compile(source, "plastic.gsl", &CompileOptions::default()).unwrap().module);

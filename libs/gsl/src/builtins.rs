@@ -568,7 +568,7 @@ mod tests {
     }
 
     #[test]
-    fn forms_are_told_apart() {
+    fn forms_of_functions_are_unique() {
         let mut forms: Vec<_> = overloads().map(|o| o.form).collect();
         forms.sort();
         let count = forms.len();
@@ -579,7 +579,7 @@ mod tests {
     }
 
     #[test]
-    fn no_row_stands_twice() {
+    fn no_row_of_the_table_is_repeated() {
         for (i, a) in TABLE.iter().enumerate() {
             for b in &TABLE[i + 1..] {
                 assert!(a.func != b.func || a.args != b.args || a.rest != b.rest, "{}", a.spell());
@@ -588,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_sound() {
+    fn rows_of_the_table_are_consistent() {
         for s in TABLE {
             let same = s.args.iter().any(|a| matches!(a, Arg::Same(_) | Arg::SameArray(_)))
                 || matches!(s.rest, Rest::Same(_));

@@ -671,7 +671,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "the tables of the format are complete")]
-    fn what_is_in_no_table_is_not_written() {
+    fn encoding_a_value_outside_of_the_table_panics() {
         Encoder::default().place(&TYPES[..3], &ValueType::Matrix);
     }
 }

@@ -159,7 +159,7 @@ mod tests {
     use crate::token::scan;
 
     #[test]
-    fn arithmetic_of_conditions() {
+    fn preprocessor_conditions_are_evaluated() {
         let value = |text: &str| evaluate(&scan(text, 0)).map_err(|e| e.1);
         for (text, expected) in [
             ("1 + 2 * 3 == 7", 1),

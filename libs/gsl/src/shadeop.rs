@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn declarations_of_the_reference() {
+    fn shadeop_declarations_of_the_reference_are_read() {
         for (text, ret, flags) in [
             ("float foo (float)", ValueType::Float, "-i"),
             ("vector bar (float, point, string)", ValueType::Vector, "-iii"),

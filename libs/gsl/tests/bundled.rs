@@ -20,7 +20,7 @@ fn bundled_shaders_compile_without_warnings() {
 }
 
 #[test]
-fn write_and_read_give_the_same_module() {
+fn modules_survive_write_and_read() {
     for name in granita_bundled::shader_names() {
         let source = granita_bundled::shader(name).unwrap();
         let module = compile(source, name, &CompileOptions::default()).unwrap().module;

@@ -192,7 +192,7 @@ const BODIES: &[(&str, &str)] = &[
 ];
 
 #[test]
-fn bodies() {
+fn errors_in_bodies_have_their_message_and_place() {
     let mut wrong = String::new();
     for (body, expected) in BODIES {
         let found = said(&format!("surface t (float k = 1) {{\n{body}}}"));
@@ -206,7 +206,7 @@ fn bodies() {
 }
 
 #[test]
-fn files() {
+fn errors_in_files_have_their_message_and_place() {
     for (source, expected) in [
         ("", "1:1: error: there is no shader in this file"),
         ("float f () { return 1; }", "1:25: error: there is no shader in this file"),
@@ -262,7 +262,7 @@ fn files() {
 }
 
 #[test]
-fn printed_form() {
+fn errors_are_printed_with_the_source_line_and_a_suggestion() {
     let source = "surface t ()\n{\n\tC = opacty * 2;\n}\n";
     let list = compile(source, "dir/t.gsl", &CompileOptions::default()).unwrap_err();
     assert_eq!(
@@ -272,7 +272,7 @@ fn printed_form() {
 }
 
 #[test]
-fn too_many() {
+fn errors_beyond_the_limit_are_counted() {
     let body: String = (0..40).map(|i| format!("C = x{i};\n")).collect();
     let found = said(&format!("surface t () {{\n{body}}}"));
     assert_eq!(found.lines().count(), 26);
@@ -293,7 +293,7 @@ fn with_files(source: &str, files: &[(&str, &str)]) -> String {
 }
 
 #[test]
-fn preprocessor() {
+fn the_preprocessor_chooses_lines_and_reports_errors() {
     for (source, expected) in [
         (
             "#if GELATO && ONE == 1 && TWO == 2 && defined (ONE) && defined TWO && !defined NO\nsurface t () { }\n#else\nno\n#endif",

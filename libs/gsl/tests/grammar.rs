@@ -105,7 +105,7 @@ const STATEMENTS: &[&str] = &[
 ];
 
 #[test]
-fn statements() {
+fn all_statements_compile() {
     for body in STATEMENTS {
         module(&format!(
             "surface t (output float f = 0, output float g = 0, output color c = 0, output point p = 0,
@@ -115,7 +115,7 @@ fn statements() {
 }
 
 #[test]
-fn files() {
+fn all_kinds_of_files_compile() {
     for source in [
         "surface a () { }",
         "surface a (float x = 1) { C = x; }",
@@ -143,7 +143,7 @@ fn files() {
 }
 
 #[test]
-fn listings() {
+fn listings_show_the_expected_operations() {
     let listing = |body: &str| {
         let m = module(&format!(
             "surface t (output float f = 0, output float g = 0, output color c = 0) {{ {body} }}"
@@ -218,7 +218,7 @@ fn renumbered(text: &str) -> String {
 }
 
 #[test]
-fn what_a_module_says_about_itself() {
+fn a_module_knows_its_reads_writes_and_derivatives() {
     use granita_gsl::ir::Global;
     let m = module("surface t (float x = u) { lights (P) { C += Cl * dot (L, N); } N = 1; opacity = x; }");
     assert_eq!(m.reads, [Global::P, Global::N, Global::u, Global::L, Global::Cl, Global::C]);
@@ -233,7 +233,7 @@ fn what_a_module_says_about_itself() {
 }
 
 #[test]
-fn overloads_take_what_fits_best() {
+fn the_best_fitting_overload_is_chosen() {
     let calls = |body: &str| {
         let m = module(&format!(
             "surface t (output float f = 0, output color c = 0, output point p = 0) {{ {body} }}"

@@ -10,7 +10,7 @@ fn about(body: &str) -> String {
 }
 
 #[test]
-fn functions_come_before_their_calls() {
+fn functions_are_declared_before_their_calls() {
     assert_eq!(
         said("float f () { return g (); } float g () { return 1; } surface t () { C = f (); }"),
         "1:21: error: unknown function `g`"
@@ -23,7 +23,7 @@ fn functions_come_before_their_calls() {
 }
 
 #[test]
-fn names_are_told_apart_by_case() {
+fn names_are_case_sensitive() {
     module(
         "surface t () { float variable = 1, Variable = 2, VariAble = 3; C = variable + Variable + VariAble; }",
     );
@@ -32,7 +32,7 @@ fn names_are_told_apart_by_case() {
 }
 
 #[test]
-fn keywords_and_reserved_words_are_no_names() {
+fn keywords_and_reserved_words_are_refused_as_names() {
     let keywords = "break color continue do else emit float for if lights matrix normal point output return string trace \
                     vector void while";
     let reserved = "bool case char class const default double enum extern false friend inline int long private protected \
@@ -79,7 +79,7 @@ fn arrays_have_one_dimension_and_functions_return_none() {
 }
 
 #[test]
-fn scopes_end_where_they_are_written() {
+fn variables_end_with_their_scope() {
     for body in [
         "for (float i = 0; i < 3; ++i) C = i; opacity = i;",
         "{ float f () { return 1; } C = f (); } opacity = f ();",
@@ -96,7 +96,7 @@ fn scopes_end_where_they_are_written() {
 }
 
 #[test]
-fn relations_and_conditions() {
+fn relations_and_conditions_accept_the_types_of_the_reference() {
     for ty in ["color", "point", "vector", "normal", "matrix"] {
         for relation in ["<", "<=", ">", ">="] {
             assert!(
@@ -116,7 +116,7 @@ fn relations_and_conditions() {
 }
 
 #[test]
-fn casts() {
+fn casts_convert_the_types_of_the_reference() {
     let triples = ["color", "point", "vector", "normal"];
     for a in triples {
         for b in triples {
@@ -207,7 +207,7 @@ fn parameters_are_read_only_without_output() {
 }
 
 #[test]
-fn defaults_and_metadata() {
+fn defaults_and_metadata_are_compiled() {
     // Defaults are expressions of globals, functions and the parameters before them.
     module(
         "float f (float x) { return 2 * x; } surface t (float a = u, float b = f (a) + noise (P), point p = P, \
@@ -226,7 +226,7 @@ fn defaults_and_metadata() {
 }
 
 #[test]
-fn functions_of_one_name() {
+fn overloaded_functions_are_chosen_by_arguments_and_result() {
     // The function is chosen by the number, type and shape of arguments, and by the expected result.
     let functions = "float f (float x) { return 1; } float f (float x, float y) { return 2; } \
                      float f (color x) { return 3; } float f (string x) { return 4; } float f (float x[]) { return 5; } \
@@ -270,7 +270,7 @@ fn functions_of_one_name() {
 }
 
 #[test]
-fn lighting_statements_stand_where_they_may() {
+fn lighting_statements_are_allowed_in_their_shader_types_only() {
     for (source, ok) in [
         ("surface t () { lights (P) C = Cl; }", true),
         ("volume t () { lights (P) C = Cl; }", true),

@@ -38,7 +38,7 @@ fn of_body(body: &str, func: Func) -> Vec<&'static str> {
 }
 
 #[test]
-fn functions_of_the_source_are_further_forms_of_built_in_ones() {
+fn functions_of_the_source_add_forms_to_built_in_functions() {
     // The library defines `max` of three numbers by that of two, and `fresnel` of five arguments by that of seven.
     let library = "float max (float x, float y, float z) { return max (x, max (y, z)); }
         void fresnel (vector I, normal N, float eta, output float Kr, output float Kt) \
@@ -101,7 +101,7 @@ fn forms_that_make_an_expression_invalid_are_left_out() {
 }
 
 #[test]
-fn factors_are_floats_and_textures_are_colors() {
+fn overloads_are_floats_as_factors_and_colors_otherwise() {
     for (body, expected) in [
         ("c *= 0.2 + 0.8 * noise (x);", "float"),
         ("c *= noise (P);", "float"),

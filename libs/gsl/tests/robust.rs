@@ -39,7 +39,7 @@ fn deep_nesting_is_an_error() {
 }
 
 #[test]
-fn as_deep_as_may_be() {
+fn nesting_up_to_the_limit_compiles() {
     // Everything that the parser accepts must pass through the later stages as well.
     let ok = |source: &str| {
         let compiled = compile(source, "t.gsl", &CompileOptions::default());
@@ -56,7 +56,7 @@ fn as_deep_as_may_be() {
 }
 
 #[test]
-fn long_is_not_deep() {
+fn long_sequences_are_not_limited_by_the_nesting_limit() {
     // A sequence is not nesting, whatever its length is.
     let n = 10_000;
     let ok = |source: &str| {
@@ -92,7 +92,7 @@ fn long_is_not_deep() {
 }
 
 #[test]
-fn nested_choices_take_no_time() {
+fn nested_conditional_expressions_compile_quickly() {
     // Exponential time results if each level determines the possible types of the next one twice.
     let n = 60;
     let source = format!("surface t () {{ C = {}noise (P){}; }}", "u ? ".repeat(n), " : 1".repeat(n));
@@ -100,7 +100,7 @@ fn nested_choices_take_no_time() {
 }
 
 #[test]
-fn messages_are_short() {
+fn messages_about_long_expressions_are_short() {
     let words = |source: &str| said(source).len();
     let long = " + u".repeat(10_000);
     assert!(words(&format!("surface t () {{ C = u{long} + unknown{long}; }}")) < 400);
@@ -112,7 +112,7 @@ fn messages_are_short() {
 }
 
 #[test]
-fn growth_is_bounded() {
+fn growth_by_inlining_is_limited() {
     // Each function calls the previous one twice.
     let mut source = String::from("float f0 (float x) { return x + 1; }\n");
     for i in 1..60 {
@@ -147,7 +147,7 @@ fn growth_is_bounded() {
 }
 
 #[test]
-fn cut_and_altered_files_are_refused() {
+fn truncated_and_changed_files_are_refused() {
     let source = granita_bundled::shader("spotlight").unwrap();
     let module = compile(source, "spotlight.gsl", &CompileOptions::default()).unwrap().module;
     for encrypt in [false, true] {
@@ -181,7 +181,7 @@ fn cut_and_altered_files_are_refused() {
 }
 
 #[test]
-fn encrypted_files_hide_names_of_variables_and_show_parameters() {
+fn encrypted_files_hide_variable_names_but_not_parameters() {
     let source = "surface t (float visible = 1) { float hidden = u * visible; C = hidden; }";
     let module = compile(source, "t.gsl", &CompileOptions::default()).unwrap().module;
     let has = |bytes: &[u8], word: &str| bytes.windows(word.len()).any(|w| w == word.as_bytes());
@@ -273,20 +273,20 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn random_text(text in ".{0,200}") {
+    fn random_text_does_not_panic(text in ".{0,200}") {
         let _ = compile(&text, "t.gsl", &CompileOptions::default());
         let _ = compile(&format!("surface t () {{ {text} }}"), "t.gsl", &CompileOptions::default());
     }
 
     #[test]
-    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+    fn random_bytes_do_not_panic(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
         let _ = compile(&String::from_utf8_lossy(&bytes), "t.gsl", &CompileOptions::default());
         prop_assert!(gso::read(&bytes, "t").is_err());
         prop_assert!(GsoArgs::from_bytes(&bytes, "t").is_err());
     }
 
     #[test]
-    fn random_tokens(pieces in prop::collection::vec(prop::sample::select(PIECES), 0..60)) {
+    fn random_tokens_do_not_panic(pieces in prop::collection::vec(prop::sample::select(PIECES), 0..60)) {
         let text = pieces.join(" ");
         for source in [
             text.clone(),
@@ -303,7 +303,7 @@ proptest! {
     }
 
     #[test]
-    fn bundled_shaders_with_a_piece_changed(
+    fn changed_bundled_shaders_do_not_panic(
         which in any::<prop::sample::Index>(),
         at in any::<prop::sample::Index>(),
         cut in 0usize..30,
@@ -322,7 +322,7 @@ proptest! {
 }
 
 #[test]
-fn changed_modules_are_checked_again() {
+fn changed_modules_are_validated_again() {
     use granita_gsl::ir::{
         ConstValue, Op, OpCode, SourcePos, Stmt, Symbol, SymbolId, SymbolKind, SymbolType, ValueType,
     };

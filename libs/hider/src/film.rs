@@ -262,7 +262,7 @@ mod tests {
     const PIXELS: PixelRect = PixelRect { x0: 10, y0: 20, x1: 14, y1: 23 };
 
     #[test]
-    fn a_constant_stays_exactly_constant() {
+    fn a_filtered_constant_is_exactly_constant() {
         for shape in Filter::ALL {
             for width in [1.0, 1.5, 2.0, 3.0, 4.0] {
                 let spec = FilterSpec { filter: PixelFilter::Weighted(shape), width: [width, width] };
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_stays_a_ramp_within_noise() {
+    fn a_filtered_ramp_is_a_ramp_within_noise() {
         let samples = samples(PIXELS.grown(1));
         let spec = FilterSpec { filter: PixelFilter::Weighted(Filter::Gaussian), width: [2.0, 2.0] };
         let values = samples.x.clone();
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_filters() {
+    fn depth_filters_take_the_minimum_maximum_or_average() {
         let samples = samples(PIXELS);
         let mut values = vec![f32::INFINITY; samples.len()];
         let n = samples.per_pixel;
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn margins() {
+    fn filter_margins_are_whole_pixels() {
         let margin = |w: f32| FilterSpec { filter: PixelFilter::Min, width: [w, 1.0] }.margin();
         assert_eq!([1.0, 1.5, 2.0, 3.0, 3.1, 4.0].map(|w| margin(w)[0]), [0, 1, 1, 1, 2, 2]);
     }

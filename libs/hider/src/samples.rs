@@ -377,7 +377,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strata_are_filled_in_two_and_in_one_dimension() {
+    fn samples_are_stratified_in_two_and_in_one_dimension() {
         let strata = [4, 3];
         for seed in [0, 1, 99] {
             let points: Vec<_> = (0..12).map(|s| jittered(s, strata, seed)).collect();
@@ -393,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn the_disk_is_filled_evenly() {
+    fn samples_of_the_disk_are_uniform() {
         let mut inside = 0;
         for i in 0..10_000 {
             let (a, b) = sample::square(i, 5);

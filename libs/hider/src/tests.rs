@@ -61,7 +61,7 @@ fn grid(camera: &CameraView, times: &[f32], at: &dyn Fn(f32, f32, f32) -> Vec3) 
 }
 
 #[test]
-fn what_moves_far_is_found_by_all_samples_that_hit_it() {
+fn the_bounds_of_moving_grids_miss_no_hit() {
     for lens in [false, true] {
         let camera = camera(lens);
         let pattern = SamplePattern::new(&camera, true);

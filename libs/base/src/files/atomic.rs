@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn dropped_leaves_nothing_and_keeps_the_old() {
+    fn a_dropped_file_leaves_nothing_and_keeps_the_old_file() {
         both(|dir, create| {
             let path = dir.join("a.tif");
             create(&path).write_all(b"half").unwrap();
@@ -402,7 +402,7 @@ mod tests {
     }
 
     #[test]
-    fn committed_replaces() {
+    fn a_committed_file_replaces_the_old_file() {
         both(|dir, create| {
             let path = dir.join("a.tif");
             for old in [None, Some("old")] {
@@ -422,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn several_writers_do_not_disturb_each_other_and_abandoned_files_go() {
+    fn concurrent_writers_are_independent_and_abandoned_files_removed() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.tif");
         let create = || AtomicFile::begin(&path, false).unwrap();
@@ -446,7 +446,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn files_without_names_show_nowhere() {
+    fn unnamed_files_are_not_visible_before_the_commit() {
         let dir = tempfile::tempdir().unwrap();
         if unnamed_file(&Dir::open_ambient_dir(dir.path(), ambient_authority()).unwrap()).is_none() {
             return assert!(AtomicFile::create(&dir.path().join("a")).is_ok(), "a file system without them");
@@ -468,7 +468,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn links_are_followed_and_rights_are_usual() {
+    fn symbolic_links_are_followed_and_permissions_are_usual() {
         use std::os::unix::fs::PermissionsExt;
         both(|dir, create| {
             let (file, link) = (dir.join("real"), dir.join("link"));
@@ -494,7 +494,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn a_pipe_without_a_reader_is_an_error_and_no_wait_for_ever() {
+    fn a_pipe_without_a_reader_is_an_error_without_waiting() {
         let dir = tempfile::tempdir().unwrap();
         let pipe = dir.path().join("pipe");
         rustix::fs::mknodat(

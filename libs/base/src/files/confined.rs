@@ -405,7 +405,7 @@ mod tests {
     }
 
     #[test]
-    fn reads_beneath_roots_alone() {
+    fn confined_files_are_read_only_beneath_the_roots() {
         let place = Place::new();
         let files = place.files("s");
         for good in [
@@ -432,7 +432,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn links_that_lead_out_and_pipes_are_refused() {
+    fn links_out_of_the_roots_and_pipes_are_refused() {
         let place = Place::new();
         let files = place.files("s");
         let link = |from: &str, to: &str| {
@@ -465,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn writes_beneath_one_folder_and_replaces_what_is_its_own() {
+    fn confined_files_are_written_beneath_one_folder_only() {
         let place = Place::new();
         let files = place.files("s");
         for bad in [
@@ -510,7 +510,7 @@ mod tests {
     }
 
     #[test]
-    fn looking_leaves_nothing() {
+    fn checking_a_path_creates_no_file() {
         let place = Place::new();
         let files = place.files("s");
         files.check_create(Path::new("x.tif")).unwrap();

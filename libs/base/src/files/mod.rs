@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     #[cfg(target_os = "linux")]
-    fn files_that_vanish_lie_beside_results_or_where_they_are_told() {
+    fn temporary_files_are_beside_the_results_or_in_the_named_folder() {
         use std::os::fd::AsRawFd;
         let dir = tempfile::tempdir().unwrap();
         let (results, temporary) = (dir.path().join("results"), dir.path().join("temporary"));
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn files_appear_with_the_time_that_was_asked_for() {
+    fn files_have_the_requested_modification_time() {
         use std::io::Write;
         let dir = tempfile::tempdir().unwrap();
         let then = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(1_000_000_000);
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn one_file_has_many_names() {
+    fn different_names_of_one_file_are_recognised() {
         let dir = tempfile::tempdir().unwrap();
         let (a, b) = (dir.path().join("a"), dir.path().join("b"));
         assert!(!is_same_file(&a, &a), "nothing is there");

@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn disparities_have_their_closed_form() {
+    fn disparities_equal_the_closed_form() {
         // The number of pixels per unit at depth 1 is half the height times the cotangent of half the field of view.
         let scale = 240.0 / 20.0_f32.to_radians().tan();
         for z in [1.0_f32, 3.9, 4.0, 7.0, 1000.0] {
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn without_separation_there_is_one_view() {
+    fn without_separation_stereo_has_one_view() {
         let (camera, said) = view("off-axis", &[("float stereo:convergence", 3.0)]);
         assert!(camera.eyes().is_none() && said == 0 && camera.shading_view() == camera);
         let (camera, _) = view("toe-in", &USUAL);
@@ -199,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_sense_is_said_once() {
+    fn invalid_stereo_values_are_reported_once() {
         let parallel = view("parallel", &USUAL[..1]).0.eyes();
         let (camera, said) = view("off-axis", &USUAL[..1]);
         assert_eq!((camera.eyes(), said), (parallel, 1));
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn shading_looks_from_where_it_is_told() {
+    fn shading_uses_the_view_that_the_attribute_names() {
         let (mut camera, _) = view("off-axis", &USUAL);
         let [left, right] = camera.eyes().unwrap();
         let x = |view: &CameraView| view.position_world().x;
