@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sink_that_reports_messages_is_not_called_for_them_again() {
+    fn a_sink_that_reports_each_message_does_not_recurse_endlessly() {
         let (reporter, kept) = Reporter::collecting();
         let own = reporter.clone();
         let show = reporter.set_sink(Box::new(|_| ()));

@@ -64,7 +64,7 @@ fn the_subdivided_grid_of_the_reference_is_a_bspline_patch() {
 }
 
 #[test]
-fn borders_of_subdivision_meshes_are_interpolated() {
+fn border_modes_place_corners_and_share_edges() {
     let (shape, p) = grid(4);
     let at = |i: usize| Vec3::new(p[i * 3], p[i * 3 + 1], p[i * 3 + 2]);
     for border in [1, 2] {
@@ -202,7 +202,7 @@ fn refinement_approximates_the_limit_well() {
 }
 
 #[test]
-fn irregular_meshes_do_not_panic() {
+fn irregular_meshes_give_finite_points() {
     let p = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.5, 0.5, 1.0, 0.5, 0.5, -1.0];
     let cases: &[(&[i32], &[i32])] = &[
         // The meshes have three faces on one edge, faces of opposite windings, a vertex twice in a face, and two fans

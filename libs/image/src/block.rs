@@ -157,7 +157,7 @@ mod tests {
     use std::convert::Infallible;
 
     #[test]
-    fn rows_to_tiles_and_back() {
+    fn rows_survive_conversion_to_tiles_and_back() {
         for (w, h, tw, th, step) in [(10, 7, 4, 3, 1), (10, 7, 4, 3, 2), (10, 7, 16, 16, 7), (1, 1, 8, 8, 1)]
         {
             let spec = ImageSpec::new(w, h, 2, PixelType::U16).tiled(tw, th);

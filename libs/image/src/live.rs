@@ -138,7 +138,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rectangles_at_the_ends_of_what_coordinates_hold() {
+    fn rectangles_at_the_limits_of_coordinates_do_not_overflow() {
         let all = PixelRect::EVERYWHERE;
         assert_eq!(all.width(), u32::MAX as usize);
         assert_eq!(all.pixels(), u64::from(u32::MAX) * u64::from(u32::MAX));

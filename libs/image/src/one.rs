@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names() {
+    fn image_names_are_split_into_file_and_number() {
         assert_eq!(split_image_name("./a b.glb#12"), Some(("./a b.glb", 12)));
         assert_eq!(split_image_name("a#1#0"), Some(("a#1", 0)));
         for name in ["a.tif", "a#", "#1", "a#x1", "a#-1", "a#1 ", "a#1234567"] {

@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn every_byte_survives_every_type() {
+    fn bytes_survive_conversion_to_every_type() {
         let all = Pixels::U8((0..=255).collect());
         for t in [PixelType::U16, PixelType::Half, PixelType::Float] {
             assert_eq!(all.clone().converted(t).converted(PixelType::U8), all, "{t:?}");
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_as_floats_are_those_of_single_values() {
+    fn ranges_convert_to_floats_like_single_values() {
         let values: Vec<f32> = (0..=65535_u16).map(|bits| f16::from_bits(bits).to_f32()).collect();
         let mut room = vec![f32::NAN; 3];
         for t in [PixelType::U8, PixelType::U16, PixelType::U32, PixelType::Half, PixelType::Float] {
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_rounded_one_like_all() {
+    fn halves_are_rounded_alike_singly_and_in_bulk() {
         // The values are between half floats, including ties, from values that underflow to infinite ones.
         let values: Vec<f32> =
             (0..1 << 17).map(|i: u32| f32::from_bits(i.wrapping_mul(0x7fff_0011))).collect();
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn planes() {
+    fn planes_are_taken_and_set() {
         let mut p = Pixels::U8(vec![1, 2, 3, 4, 5, 6]);
         let second = p.plane(1, 3);
         assert_eq!(second, Pixels::U8(vec![2, 5]));
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn clamps_and_survives_nan() {
+    fn floats_beyond_the_range_are_clamped_and_nan_is_zero() {
         let p = Pixels::from_floats(PixelType::U8, &[-1.0, 2.0, f32::NAN, f32::INFINITY]);
         assert_eq!(p, Pixels::U8(vec![0, 255, 0, 255]));
     }

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn types_follow_max() {
+    fn the_pixel_type_follows_the_largest_value() {
         let q = |zero, one, min, max| Quantize { zero, one, min, max, ..Quantize::default() }.pixel_type();
         assert_eq!(q(0, 255, 0, 255), PixelType::U8);
         assert_eq!(q(0, 127, 0, 127), PixelType::U8);
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn dither_keeps_the_mean_and_does_not_depend_on_the_cut() {
+    fn dither_keeps_the_mean_and_does_not_depend_on_batches() {
         let values = vec![0.3f32; 64 * 64];
         let q = Quantize::default();
         let Pixels::U8(all) = q.apply(&values, &at(64, 1, None), PixelType::U8) else { panic!() };
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_breaks_on_odd_numbers() {
+    fn values_that_are_not_finite_are_quantized_within_limits() {
         let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -3.0, 1e30];
         let q = Quantize { zero: 16, one: 235, min: 1, max: 254, dither: 0.0, ..Quantize::default() };
         let Pixels::U8(got) = q.apply(&odd, &at(5, 1, None), PixelType::U8) else { panic!() };
@@ -218,14 +218,14 @@ mod tests {
     }
 
     #[test]
-    fn alpha_is_not_exposed() {
+    fn exposure_does_not_change_alpha() {
         let q = Quantize { gain: 0.5, gamma: 2.0, ..Quantize::FLOAT };
         let got = q.apply(&[0.5, 0.5, -1.0, 0.5], &at(2, 2, Some(1)), PixelType::Float);
         assert_eq!(got, Pixels::Float(vec![0.5, 0.5, -0.5, 0.5]));
     }
 
     #[test]
-    fn parameters() {
+    fn quantization_is_read_from_parameters() {
         let mut p = Params::new();
         p.set(Param::declared("int[4] quantize", &[0, 65535, 0, 65535][..]).unwrap());
         p.set(Param::declared("float dither", 0.0).unwrap());

@@ -124,7 +124,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reads_counts_and_refuses() {
+    fn a_source_counts_bytes_and_refuses_reads_beyond_its_end() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("f");
         std::fs::write(&path, b"0123456789").unwrap();
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_are_no_files() {
+    fn folders_are_refused_as_files() {
         let dir = tempfile::tempdir().unwrap();
         assert!(matches!(
             FileSource::open(dir.path(), "TEST", &Files::default()),

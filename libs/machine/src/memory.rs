@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lists_in_large_pages_are_lists() {
+    fn lists_in_large_pages_keep_their_values() {
         for n in [0, 10, 5 << 20] {
             let mut list: Vec<u32> = with_large_pages(n);
             list.extend(0..n as u32);

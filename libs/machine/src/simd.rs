@@ -392,7 +392,7 @@ mod tests {
     }
 
     #[test]
-    fn all_machines_agree_to_the_bit() {
+    fn wide_and_portable_vectors_agree_to_the_bit() {
         let a = [0.0, -0.0, 1.5, f32::NAN, f32::INFINITY, -2.5, 1e-40, 3.4e38];
         let b = [-0.0, 0.0, f32::NAN, 1.0, -1.0, 0.3, 1e-40, 3.4e38];
         for (a, b) in [(a, b), (b, a), (a, a)] {
@@ -403,14 +403,14 @@ mod tests {
 
     #[test]
     #[cfg(target_arch = "x86_64")]
-    fn the_portable_vectors_are_taken_where_they_are_asked_for() {
+    fn the_variable_selects_the_portable_vectors() {
         let asked = cfg!(debug_assertions) && std::env::var_os("GRANITA_PORTABLE").is_some();
         let wide = pulp::x86::V3::try_new().is_some() && !asked;
         assert_eq!(Vectors::widest().wide.is_some(), wide);
     }
 
     #[test]
-    fn halves_are_what_the_standard_says() {
+    fn halves_convert_as_the_standard_says() {
         assert_eq!([0x3c00, 0xc000, 0x0001, 0x7bff].map(half), [1.0, -2.0, 5.960_464_5e-8, 65504.0]);
     }
 }

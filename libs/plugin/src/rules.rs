@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn relative_folders_count_when_they_are_asked_for() {
+    fn relative_folders_are_searched_when_the_rules_allow_it() {
         let path = [PathBuf::from("."), PathBuf::from("/lib")];
         let looked = |rules: &PluginRules, named: bool| -> Vec<bool> {
             rules.folders(&path, named).map(|(_, yes)| yes).collect()

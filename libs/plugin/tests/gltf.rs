@@ -20,7 +20,7 @@ fn error(registry: &FormatRegistry, path: &Path) -> String {
 }
 
 #[test]
-fn images_are_images_by_number() {
+fn embedded_images_are_opened_by_their_number() {
     let registry = bundled_formats(Limits::default());
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cards.glb");
@@ -47,7 +47,7 @@ fn images_are_images_by_number() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_of_embedded_images_name_their_cause() {
     let registry = bundled_formats(Limits { bytes: 1 << 20, ..Limits::default() });
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.gltf");
@@ -74,7 +74,7 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
-fn damage_does_no_harm() {
+fn damaged_glb_files_do_not_panic() {
     let registry = bundled_formats(Limits { bytes: 1 << 22, ..Limits::default() });
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("cards.glb");

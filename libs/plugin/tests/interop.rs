@@ -183,7 +183,7 @@ fn blocks(folder: &Path, list: &mut String) {
 }
 
 #[test]
-fn openimageio_reads_ours() {
+fn openimageio_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
     let mut list = String::new();
     write_tiffs(dir.path(), &mut list);
@@ -197,7 +197,7 @@ fn openimageio_reads_ours() {
 }
 
 #[test]
-fn we_read_openimageio() {
+fn files_of_openimageio_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let Some(text) = script("make", dir.path()) else { return };
     let registry = bundled_formats(Limits::default());
@@ -248,7 +248,7 @@ fn continue_with(count: &mut usize) -> String {
 
 /// The suite reads strips and tiles that libtiff's copying tool compressed from one of its images.
 #[test]
-fn we_read_what_libtiff_compresses() {
+fn files_compressed_by_libtiff_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = |name: &str| dir.path().join(name);
     let registry = bundled_formats(Limits::default());
@@ -281,7 +281,7 @@ fn we_read_what_libtiff_compresses() {
 }
 
 #[test]
-fn the_tools_of_libtiff_and_openexr_read_ours() {
+fn the_tools_of_libtiff_and_openexr_read_our_files() {
     let dir = tempfile::tempdir().unwrap();
     let mut list = String::new();
     write_tiffs(dir.path(), &mut list);

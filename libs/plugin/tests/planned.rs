@@ -13,7 +13,7 @@ fn tile(level: usize, tx: u32, ty: u32) -> Pixels {
 }
 
 #[test]
-fn levels_in_any_order() {
+fn tiles_of_levels_are_written_in_any_order() {
     FORMATS.into_iter().for_each(in_any_order);
 }
 
@@ -59,7 +59,7 @@ fn in_any_order(format: &str) {
 }
 
 #[test]
-fn a_missing_tile_of_any_level_is_told() {
+fn a_missing_tile_of_any_level_is_an_error() {
     FORMATS.into_iter().for_each(missing_tile);
 }
 

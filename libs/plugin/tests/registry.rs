@@ -88,7 +88,7 @@ fn types_that_a_format_lacks_are_replaced() {
 }
 
 #[test]
-fn errors_help() {
+fn errors_of_opening_name_the_file_and_the_reason() {
     let dir = tempfile::tempdir().unwrap();
     let all = registry();
     let open = |name: &str, bytes: &[u8]| {
@@ -114,7 +114,7 @@ fn errors_help() {
 }
 
 #[test]
-fn metadata_comes_back() {
+fn metadata_survives_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let all = registry();
     for (format, pixel_type, names) in [
@@ -209,7 +209,7 @@ fn files_do_not_depend_on_the_number_of_threads() {
 
 /// OpenEXR stores halves unless floats are requested. IFF supports only its own quantization (reference 7.4.4, 7.4.6).
 #[test]
-fn formats_have_their_own_ideas_of_numbers() {
+fn formats_have_their_own_default_quantization() {
     use granita_image::{PixelType, Quantize};
     let registry = granita_plugin::bundled_formats(granita_image::Limits::default());
     let of = |format: &str, params: &[granita_base::Param]| {

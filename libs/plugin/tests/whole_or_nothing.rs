@@ -31,7 +31,7 @@ fn imagecopy() -> PathBuf {
 }
 
 #[test]
-fn a_full_disk() {
+fn a_full_disk_leaves_no_file() {
     let dir = tempfile::tempdir().unwrap();
     let input = dir.path().join("noise.tif");
     noise(&input, 128);
@@ -58,7 +58,7 @@ fn a_full_disk() {
 }
 
 #[test]
-fn a_device_without_room() {
+fn a_device_without_room_is_an_error() {
     for format in writers() {
         let spec = ImageSpec::new(64, 64, 3, format.output_type(PixelType::U8));
         let write = || -> granita_image::Result<()> {
@@ -73,7 +73,7 @@ fn a_device_without_room() {
 }
 
 #[test]
-fn a_killed_program() {
+fn a_killed_program_leaves_the_old_file() {
     let dir = tempfile::tempdir().unwrap();
     let input = dir.path().join("noise.tif");
     noise(&input, 1024);

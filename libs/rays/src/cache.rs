@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_made_and_not_yet_counted_is_not_given_up() {
+    fn tessellations_in_use_are_not_evicted_before_they_are_counted() {
         let cache = TessellationCache::new(3 * tessellation().bytes());
         // One thread has made a tessellation, and other threads run before its next step.
         let slot = cache.kept().slot(key(0));
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn sums_stay_true_when_threads_give_up_what_others_make() {
+    fn the_cache_size_stays_correct_under_concurrent_eviction() {
         let cache = TessellationCache::new(2 * tessellation().bytes());
         std::thread::scope(|scope| {
             for thread in 0..8 {

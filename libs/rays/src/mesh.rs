@@ -409,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn a_polygon_is_two_triangles() {
+    fn a_flat_polygon_is_stored_as_a_static_mesh() {
         let mut f = Fixture::new(&[]);
         let floor = f.attributes("", &["set"], &[]);
         let floor = f.rectangle([-1.0, -2.0], [3.0, 2.0], 0.5, floor);
@@ -420,7 +420,7 @@ mod tests {
     }
 
     #[test]
-    fn hits_interpolate_variables_and_know_their_derivatives() {
+    fn hits_interpolate_variables_and_have_their_derivatives() {
         let mut f = Fixture::new(&[]);
         let p = [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 2.0, 0.0, 0.0, 2.0, 0.0_f32];
         let s = [0.0, 1.0, 1.0, 0.0_f32];

@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn means_are_those_of_the_distributions() {
+    fn sampled_directions_have_the_mean_of_their_distribution() {
         let n = 4096;
         let mean = |d: Distribution, angle: f32| {
             (0..n).map(|i| in_cone(Vec3::Y, angle, d, i, 7).y).sum::<f32>() / n as f32
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_stay_in_their_cone() {
+    fn sampled_directions_stay_in_their_cone() {
         for i in 0..256 {
             for d in [Distribution::Cosine, Distribution::Uniform] {
                 let v = in_cone(-Vec3::Z, 0.3, d, i, 1);

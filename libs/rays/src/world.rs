@@ -147,7 +147,7 @@ mod tests {
     use granita_fixture::Fixture;
 
     #[test]
-    fn sets_of_equal_members_share_and_cameras_have_none() {
+    fn sets_of_equal_members_share_a_scene_and_camera_sets_have_none() {
         let mut f = Fixture::new(&[]);
         for sets in [&["camera", "a", "b"][..], &["cam", "a", "b", "c"][..]] {
             let attributes = f.attributes("", sets, &[]);

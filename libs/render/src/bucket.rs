@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn touching_finds_exactly_the_overlaps() {
+    fn buckets_touching_a_rectangle_are_its_overlaps() {
         let buckets = Buckets::new(&CROP, [32, 16], BucketOrder::plain("spiral"), 16);
         let everything = PixelRect { x0: i32::MIN, y0: i32::MIN, x1: i32::MAX, y1: i32::MAX };
         for rect in [
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn orders() {
+    fn bucket_orders_begin_as_documented() {
         let crop = PixelRect { x0: 0, y0: 0, x1: 96, y1: 96 };
         let corners = |word, block| {
             let buckets = Buckets::new(&crop, [32, 32], BucketOrder { word, block }, 1);

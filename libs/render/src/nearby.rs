@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn common_space_begins_near_cameras_that_are_far() {
+    fn the_common_space_has_its_origin_near_far_cameras() {
         let of = |x: f32, y: f32, z: f32| common_origin(&camera(Vec3::new(x, y, z), Params::new()));
         assert_eq!(of(3e4, -3e4, 3e4), Vec3::ZERO);
         assert_eq!(of(1e7, -33.0, 31.0), Vec3::new(1e7, -64.0, 0.0));
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn points_that_are_far_in_their_own_space_come_near() {
+    fn far_points_of_object_space_are_moved_near_the_origin() {
         let mut f = Fixture::new(&[]);
         let points = |x: f32| Params(vec![param("vertex point P", &[x, 2.0, 3.0][..])]);
         let at = |x: f32| AttributeSet {

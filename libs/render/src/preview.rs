@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_few_or_wrong_or_not_in_preview_stays() {
+    fn few_or_invalid_primitives_are_not_simplified() {
         let same = |p: Arc<Primitive>, camera: &[(&str, f32)]| {
             Arc::ptr_eq(&simple(vec![p.clone()], camera).primitives[0], &p)
         };
@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_stand_for_what_is_small_or_far() {
+    fn boxes_replace_small_or_far_objects() {
         // 100 pixels over 90 degrees: at depth z the box covers (2 * 50 / (z - 1))^2.
         let objects = || vec![sphere(5.0), sphere(50.0), sphere(0.0)];
         let boxed = |limit: (&str, f32)| -> Vec<bool> {

@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spiral_around_a_pixel_and_a_rectangle_first() {
+    fn buckets_near_a_requested_pixel_or_rectangle_come_first() {
         let (buckets, priority) = (buckets(), Priority::default());
         let mut turns = Turns::new(0..12, Some(&priority));
         assert_eq!([0, 1].map(|_| turns.next(&buckets, Some(&priority))), [Some(0), Some(1)]);
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn every_bucket_has_its_turn_once_whatever_is_wanted() {
+    fn every_bucket_is_rendered_once_for_any_requests() {
         let (buckets, priority) = (buckets(), Priority::default());
         let far = [i32::MIN, -1, 0, 59, i32::MAX];
         let mut seen = Vec::new();
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_wanted_before_does_not_count() {
+    fn a_reset_removes_earlier_requests() {
         let (buckets, priority) = (buckets(), Priority::default());
         priority.center(70, 50);
         priority.reset();

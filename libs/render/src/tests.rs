@@ -82,7 +82,7 @@ fn image_within(fixture: &Fixture, threads: usize, bucket: i32, limit: u64) -> (
 }
 
 #[test]
-fn a_image_with_rays_does_not_show_threads_or_buckets() {
+fn ray_traced_images_do_not_depend_on_threads_or_buckets() {
     let glossy = "surface glossy () {
         C *= diffuse (normalize (N)) +
              environment (\"all\", reflect (normalize (I), normalize (N)), \"blur\", 0.2, \"samples\", 2);

@@ -170,7 +170,7 @@ mod tests {
     use granita_base::BaseType;
 
     #[test]
-    fn rows_are_consistent() {
+    fn rows_of_the_attribute_table_are_consistent() {
         let mut seen = std::collections::BTreeSet::new();
         for row in TABLE {
             assert!(seen.insert(row.name), "{} twice", row.name);
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn lookups_give_set_values_then_defaults() {
+    fn lookups_return_the_set_value_or_the_default() {
         let mut set = std::collections::BTreeMap::new();
         assert_eq!(lookup(set.get("shadingquality"), "shadingquality").unwrap().data, ParamData::from(1.0));
         set.insert(Arc::from("shadingquality"), Param::declared("float shadingquality", 2.0).unwrap());

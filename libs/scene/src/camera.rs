@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_of_the_image() {
+    fn image_corners_map_to_raster_and_ndc_corners() {
         let c = camera(&[
             Param::declared("int[2] resolution", &[200, 100][..]).unwrap(),
             Param::declared("float fov", 90.0).unwrap(),

@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lights_are_in_order() {
+    fn lights_are_iterated_in_order() {
         let mut lights: LightSet = [3, 1, 2].map(LightId).into_iter().collect();
         let before = lights.clone();
         lights.switch(LightId(0), true);

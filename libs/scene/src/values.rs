@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn copies_differ_and_share() {
+    fn copies_are_independent_and_share_memory() {
         let mut all = Values::default();
         let mut copies = Vec::new();
         for i in 0..1000 {

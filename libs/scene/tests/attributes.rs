@@ -107,7 +107,7 @@ fn default_of(row: &AttributeRow, text: &str) -> Option<ParamData> {
 }
 
 #[test]
-fn every_attribute_is_set_got_and_put_back() {
+fn every_attribute_is_set_read_and_restored() {
     let mut settable = 0;
     for (_, row, default) in list() {
         if matches!(row.scope, Scope::ReadOnly | Scope::Output) {
@@ -254,7 +254,7 @@ fn every_attribute_refuses_the_wrong_type() {
 }
 
 #[test]
-fn scopes_are_kept() {
+fn attributes_are_refused_outside_of_their_scope() {
     for (_, row, default) in list() {
         let mut run = Run::new();
         run.call(Call::World);
@@ -277,7 +277,7 @@ fn scopes_are_kept() {
 }
 
 #[test]
-fn cameras_and_outputs_take_theirs_and_no_others() {
+fn cameras_refuse_other_attributes_and_outputs_keep_them() {
     for (_, row, _) in list() {
         let params = || Params(vec![param(row, other(row))]);
         let mut run = Run::new();
@@ -299,7 +299,7 @@ fn cameras_and_outputs_take_theirs_and_no_others() {
 }
 
 #[test]
-fn what_may_be_set_is_set_without_a_word() {
+fn valid_attribute_values_give_no_message() {
     for row in TABLE {
         let mut run = Run::new();
         let call = |run: &mut Run, data: ParamData| match row.scope {

@@ -111,7 +111,7 @@ mod tests {
     use granita_base::hash;
 
     #[test]
-    fn sums_are_of_all_records_however_they_are_taken() {
+    fn sums_of_clusters_contain_all_records() {
         let schema = Schema { key: Key::Oriented, value: Value::Color };
         for count in [0_u32, 1, 16, 17, 700] {
             let numbers: Vec<f32> = (0..count * 9).map(|i| hash::unit(hash::words(&[i, 3]))).collect();

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_record_in_each_pixel_is_the_image() {
+    fn one_record_per_pixel_gives_the_image() {
         let record = |i: usize| {
             let (x, y) = (i % 4, i / 4);
             [(x as f32 + 0.5) / 4.0, (y as f32 + 0.5) / 3.0, x as f32, y as f32, 7.0]
@@ -118,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn gaps_are_filled_as_far_as_the_filter_goes() {
+    fn gaps_are_filled_within_the_filter_width() {
         let packed = Packed::new(SCHEMA, &[0.5 / 16.0, 0.5, 1.0, 2.0, 3.0]);
         let lit = |filter_width| {
             let got = image(&packed, &options(16, 1, filter_width));

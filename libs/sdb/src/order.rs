@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn order_is_of_the_records_alone() {
+    fn the_order_depends_on_the_records_only() {
         let schema = Schema { key: Key::Surface, value: Value::Float };
         let records = [0.5, 0.5, 1.0, 0.1, 0.2, 2.0, 0.5, 0.5, -1.0, 0.1, 0.2, 2.0, 0.9, 0.0, 3.0];
         let mut extent = Extent::EMPTY;

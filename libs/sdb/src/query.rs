@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_are_found_as_by_brute_force() {
+    fn the_nearest_records_equal_brute_force() {
         let schema = Schema { key: Key::Point, value: Value::Float };
         for count in [1_u32, 2, 15, 16, 17, 255, 257, 3000] {
             let records: Vec<f32> =
@@ -332,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn even_density_is_found() {
+    fn a_uniform_density_is_estimated() {
         let packed = plane(100_000);
         let (mut sum, mut n) = (0.0_f64, 0);
         for q in 0..400 {
@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn density_keeps_to_its_side_and_reach() {
+    fn density_counts_records_of_its_side_within_the_distance() {
         let packed = plane(1000);
         let how = Density { minsamples: 5, maxdist: 0.2, maxerror: 0.25 };
         let at = |p, n| packed.density(&Probe { p, n: Some(n) }, &how);
@@ -361,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn values_are_those_near() {
+    fn values_come_from_the_nearest_records() {
         let packed = plane(500);
         let how = Between { minsamples: 3, maxdist: 0.2, maxerror: 0.25, always: false };
         let p = [0.4, 0.6, 0.0];
@@ -381,7 +381,7 @@ mod tests {
     }
 
     #[test]
-    fn values_go_over_smoothly() {
+    fn interpolated_values_are_continuous() {
         let schema = Schema { key: Key::Surface, value: Value::Float };
         let records: Vec<f32> = (0..400).flat_map(|i| [unit(i, 0), unit(i, 1), unit(i, 0)]).collect();
         let packed = Packed::new(schema, &records);
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn at_a_record_alone_its_value() {
+    fn at_a_record_the_result_is_its_value() {
         let schema = Schema { key: Key::Surface, value: Value::Float };
         let packed = Packed::new(schema, &[0.5, 0.5, 7.0, 0.6, 0.5, 9.0]);
         let how = Between { minsamples: 1, maxdist: 0.3, maxerror: 0.25, always: false };

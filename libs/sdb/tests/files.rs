@@ -40,7 +40,7 @@ fn name(folder: &tempfile::TempDir, file: &str) -> String {
 }
 
 #[test]
-fn files_hold_what_was_saved_whatever_the_order_and_the_memory() {
+fn files_do_not_depend_on_the_order_of_records_or_the_memory() {
     let folder = tempfile::tempdir().unwrap();
     let all = records(5000);
     let mut bytes: Vec<Vec<u8>> = Vec::new();
@@ -128,7 +128,7 @@ fn broken_files_are_refused_by_name() {
 }
 
 #[test]
-fn what_cannot_be_written_leaves_what_was_there() {
+fn a_failed_write_keeps_the_old_file() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "no/such/folder.sdb");
     let (databases, _) = databases();
@@ -153,7 +153,7 @@ const FOLDER: &str = "GRANITA_TEST_OF_A_FULL_DISK";
 /// Files that cannot grow simulate a full disk. Each database is named, and the previous files stay.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_full_disk_leaves_what_was_there() {
+fn a_full_disk_keeps_the_old_files() {
     if let Some(folder) = std::env::var_os(FOLDER) {
         return on_a_full_disk(Path::new(&folder));
     }
@@ -167,7 +167,7 @@ fn a_full_disk_leaves_what_was_there() {
     let before = ["a.sdb", "b.sdb", "small.sdb"].map(bytes);
     // When the signal is ignored, the write returns an error instead.
     let limited =
-        "trap '' XFSZ; ulimit -f 32; exec \"$0\" --exact a_full_disk_leaves_what_was_there --nocapture";
+        "trap '' XFSZ; ulimit -f 32; exec \"$0\" --exact a_full_disk_keeps_the_old_files --nocapture";
     let ran = std::process::Command::new("sh")
         .args(["-c", limited])
         .arg(std::env::current_exe().unwrap())
@@ -202,7 +202,7 @@ fn on_a_full_disk(folder: &Path) {
 }
 
 #[test]
-fn modes_say_what_is_seen_and_what_is_kept() {
+fn modes_choose_which_records_are_read_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "m.sdb");
     let count = |databases: &Databases, word: &str| {
@@ -240,7 +240,7 @@ fn modes_say_what_is_seen_and_what_is_kept() {
 }
 
 #[test]
-fn attributes_stand_in_for_modes() {
+fn attributes_replace_omitted_modes() {
     let attributes = Attributes {
         read: vec!["a".to_owned()],
         write: vec!["a".to_owned(), "c".to_owned()],
@@ -259,7 +259,7 @@ fn attributes_stand_in_for_modes() {
 }
 
 #[test]
-fn records_that_do_not_belong_are_told() {
+fn records_of_another_type_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "a.sdb");
     let (databases, texts) = databases();
@@ -283,7 +283,7 @@ fn records_that_do_not_belong_are_told() {
 }
 
 #[test]
-fn surfaces_become_images() {
+fn surface_records_are_written_as_images() {
     let folder = tempfile::tempdir().unwrap();
     let schema = Schema { key: Key::Surface, value: Value::Color };
     let ramp: Vec<f32> =
@@ -317,7 +317,7 @@ proptest! {
 
     /// For any records the file gives the same results as memory, to the bit.
     #[test]
-    fn a_file_answers_as_memory(
+    fn files_give_the_same_results_as_memory(
         numbers in prop::collection::vec(prop::num::f32::NORMAL | prop::num::f32::ZERO | prop::num::f32::SUBNORMAL, 0..900),
         at in prop::array::uniform3(-2.0_f32..2.0),
     ) {

@@ -55,7 +55,7 @@ SaveAttributes ("inner space")
 const SPECKLE: &str = "surface speckle () { C *= diffuse (normalize (N)) * random (); }";
 
 #[test]
-fn inline_at_once_and_put_off_are_the_same_to_the_bit() {
+fn inline_and_deferred_inputs_give_the_same_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     file("speckle.gsl", SPECKLE);
@@ -89,7 +89,7 @@ fn inline_at_once_and_put_off_are_the_same_to_the_bit() {
 }
 
 #[test]
-fn what_nobody_sees_is_not_read_unless_rays_may_meet_it() {
+fn invisible_inputs_are_read_only_if_rays_may_hit_them() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     file("far.pyg", "Sphere (1, -1, 1, 360)\n");
@@ -119,7 +119,7 @@ fn what_nobody_sees_is_not_read_unless_rays_may_meet_it() {
 }
 
 #[test]
-fn programs_wait_as_well() {
+fn programs_as_inputs_are_deferred() {
     let folder = tempfile::tempdir().unwrap();
     let ran = folder.path().join("ran");
     let command = format!("pyg < touch '{}'; echo 'Sphere (1, -1, 1, 360)'", ran.display());
@@ -131,7 +131,7 @@ fn programs_wait_as_well() {
 }
 
 #[test]
-fn traces_stay_inside() {
+fn errors_inside_of_an_input_stay_inside() {
     let folder = tempfile::tempdir().unwrap();
     let text = "Attribute (\"string name\", \"inner\")\nPushAttributes ()\nTranslate (1, 2, 3)\nPopAttributes ()\n\
                 PopAttributes ()\nRender ()\nPushTransform ()\n";
@@ -150,7 +150,7 @@ fn traces_stay_inside() {
 }
 
 #[test]
-fn a_file_that_reads_itself_is_found_out() {
+fn a_file_that_reads_itself_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     file("a.pyg", "Input (\"b.pyg\")\n");

@@ -50,7 +50,7 @@ fn scene(folder: &Path) -> (String, std::path::PathBuf) {
 }
 
 #[test]
-fn a_scene_becomes_a_file() {
+fn a_scene_is_rendered_to_a_file() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());
     let (outcome, said) = run(&text, options());
@@ -91,7 +91,7 @@ fn a_named_camera_is_rendered_alone_if_it_has_images() {
 }
 
 #[test]
-fn extra_outputs_and_crops() {
+fn extra_outputs_and_crops_of_the_options_are_applied() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());
     let extra = folder.path().join("extra.png");
@@ -243,7 +243,7 @@ fn shading_systems_bypass_the_scenes_shaders() {
 }
 
 #[test]
-fn every_command_is_known() {
+fn every_command_runs() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let text = format!(
@@ -298,7 +298,7 @@ fn files_share_the_variables_of_their_scripts() {
 }
 
 #[test]
-fn temporary_files_lie_where_the_environment_says() {
+fn temporary_files_are_in_the_folder_of_the_variable() {
     let folder = tempfile::tempdir().unwrap();
     let place = |value: Option<&Path>, safe: bool| {
         let mut environment = Environment::empty();

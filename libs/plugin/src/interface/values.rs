@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_that_do_not_fit_are_told() {
+    fn values_of_wrong_types_are_refused_with_a_reason() {
         let float = ParamType::of(BaseType::Float);
         let floats = [1.0f32, 2.0];
         let source = Source::Floats(floats.as_ptr());

@@ -70,7 +70,7 @@ fn closed() -> Vec<(&'static str, Fixture, f32)> {
 }
 
 #[test]
-fn nothing_leaks_at_any_level() {
+fn no_ray_passes_through_closed_meshes_at_any_level() {
     for (name, f, inner) in closed() {
         let frame = Frame::new(&f, bumps);
         let set = frame.rays.scene("set", &frame).unwrap();
@@ -106,7 +106,7 @@ fn nothing_leaks_at_any_level() {
 }
 
 #[test]
-fn sides_of_parts_meet_in_the_same_points() {
+fn edges_of_neighbouring_parts_share_their_points() {
     for (name, f, _) in closed() {
         let frame = Frame::new(&f, bumps);
         let set = frame.rays.scene("set", &frame).unwrap();
@@ -175,7 +175,7 @@ fn everywhere(n: u32) -> Vec<RayRequest> {
 }
 
 #[test]
-fn what_is_kept_does_not_show() {
+fn hits_do_not_depend_on_cache_threads_or_order() {
     let f = mixed();
     let requests = everywhere(600);
     let trace = |limit: u64, threads: usize, backwards: bool| {
@@ -224,7 +224,7 @@ fn what_is_kept_does_not_show() {
 }
 
 #[test]
-fn wide_rays_make_few_triangles_and_only_where_they_go() {
+fn wide_rays_tessellate_coarsely_and_only_where_they_pass() {
     let triangles = |width: f32, one_side: bool| {
         let mut f = Fixture::new(&[]);
         let own = bumpy(&f, 4.0);
@@ -298,7 +298,7 @@ fn tessellations_stay_in_the_boxes_of_their_parts() {
 }
 
 #[test]
-fn what_asks_for_too_many_triangles_is_left_out_alone() {
+fn a_primitive_of_too_many_triangles_is_skipped_alone() {
     let mut f = Fixture::new(&[]);
     let own = [param("float displace:maxradius", 0.3), param("float dice:highcurvature", 1e-20_f32)];
     let displacement = Some(shader("bumps", &[], Transform::IDENTITY));

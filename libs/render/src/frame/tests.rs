@@ -327,7 +327,7 @@ fn pixels_do_not_depend_on_threads_buckets_or_crops() {
 }
 
 #[test]
-fn depths_do_not_depend_on_buckets_either() {
+fn depths_do_not_depend_on_buckets() {
     let build = busy();
     let shader = Painted { paint: flat, displace: None };
     for data in ["z", "avgz", "normal N"] {
@@ -394,7 +394,7 @@ fn coverage_error(exact: f64, shape: impl Fn(&mut Build, MotionTransform)) -> (f
 }
 
 #[test]
-fn areas_have_no_bias() {
+fn rendered_areas_have_no_bias() {
     // A triangle that is not aligned with anything.
     let triangle = [-1.3, -0.7, 0.0, 1.1, -1.2, 0.0, 0.2, 1.4, 0.0];
     let exact = 0.5 * ((2.4 * 2.1) - (1.5 * -0.5)) * 64.0;
@@ -498,7 +498,7 @@ fn circles_of_confusion_have_their_radius() {
 }
 
 #[test]
-fn depths_of_a_plane() {
+fn depths_of_a_plane_are_exact() {
     let mut build = flat_camera();
     build.square(2.0, &[], at(0.0, 0.0, 7.25));
     build.square(1.0, &[], at(0.0, 0.0, 3.5));
@@ -549,7 +549,7 @@ fn transparent_layers_composite_front_to_back() {
 }
 
 #[test]
-fn limits_of_transparency() {
+fn limits_of_transparency_end_the_compositing() {
     let mut build = flat_camera();
     for z in [3.0, 4.0, 5.0] {
         build.square(2.0, &[("color opacity", &[0.5; 3])], at(0.0, 0.0, z));
@@ -594,7 +594,7 @@ fn a_filtered_constant_is_constant() {
 }
 
 #[test]
-fn what_is_clipped_or_not_in_the_set_is_not_seen() {
+fn clipped_objects_and_those_outside_of_the_set_are_invisible() {
     let mut build = flat_camera();
     build.camera.extend([("float near", vec![2.0]), ("float far", vec![6.0])]);
     build.square(1.0, &[], at(0.0, 0.0, 1.0));
@@ -626,7 +626,7 @@ fn a_floor_that_passes_under_the_camera_reaches_the_lower_edge() {
 }
 
 #[test]
-fn what_passes_through_the_near_plane_is_cut_there() {
+fn surfaces_are_clipped_at_the_near_plane() {
     // A wall along the axis reaches from z = -2 to z = 6, slightly to the right. The near plane is at 0.5.
     let mut build = Build {
         camera: vec![("int[2] resolution", vec![64.0, 64.0]), ("float near", vec![0.5])],
@@ -647,7 +647,7 @@ fn what_passes_through_the_near_plane_is_cut_there() {
 /// the plane of the eye would require. Before, it was left out because it required more points than a primitive may
 /// have.
 #[test]
-fn ground_around_the_eye_is_diced_for_what_is_seen() {
+fn ground_around_the_eye_is_diced_by_its_visible_part() {
     for moves in [false, true] {
         let mut build = Build {
             camera: vec![
@@ -676,7 +676,7 @@ fn ground_around_the_eye_is_diced_for_what_is_seen() {
 }
 
 #[test]
-fn depth_of_field_spares_the_focus() {
+fn depth_of_field_keeps_the_focus_sharp() {
     let mut build = Build {
         camera: vec![
             ("int[2] resolution", vec![64.0, 64.0]),
@@ -716,7 +716,7 @@ fn variables_of_the_shader_become_images() {
 }
 
 #[test]
-fn degenerate_primitives_are_harmless() {
+fn degenerate_primitives_give_finite_pixels() {
     let mut build = flat_camera();
     build.sphere(0.0, &[], at(0.0, 0.0, 3.0));
     build.sphere(f32::NAN, &[], at(0.0, 0.0, 3.0));
@@ -729,7 +729,7 @@ fn degenerate_primitives_are_harmless() {
 }
 
 #[test]
-fn a_panic_costs_one_bucket() {
+fn a_panic_of_a_shader_loses_only_its_bucket() {
     let mut build = flat_camera();
     build.square(9.0, &[], at(0.0, 0.0, 3.0));
     let view = build.view(&[]);
@@ -758,7 +758,7 @@ fn a_panic_costs_one_bucket() {
 }
 
 #[test]
-fn what_is_hidden_is_never_split_nor_shaded() {
+fn hidden_surfaces_are_neither_split_nor_shaded() {
     let shader = Painted { paint: flat, displace: None };
     // There are 20 layers, the nearest one last. The second scene has a hole in all but the farthest one, so that
     // nothing is in front of its right half.

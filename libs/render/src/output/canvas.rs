@@ -217,7 +217,7 @@ mod tests {
     use granita_image::Limits;
 
     #[test]
-    fn images_written_row_by_row_are_those_written_at_once() {
+    fn images_written_by_rows_equal_those_written_at_once() {
         let folder = tempfile::tempdir().unwrap();
         let registry = granita_plugin::bundled_formats(Limits::default());
         let camera = granita_scene::Camera {

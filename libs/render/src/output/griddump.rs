@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_cover_what_is_left_of_a_grid_once() {
+    fn parts_cover_the_kept_cells_of_a_grid_once() {
         let (nu, nv) = (9, 7);
         let mut state = 5_u32;
         for density in [0_u32, 20, 50, 90, 100] {
@@ -406,7 +406,7 @@ mod tests {
     }
 
     #[test]
-    fn a_patch_carries_what_was_computed() {
+    fn a_dumped_patch_has_the_computed_variables() {
         let camera = camera();
         let variables = [("id".into(), ValueType::Float)];
         let mut grid = grid(3, 2, vec![false, true]);
@@ -429,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_arrival_does_not_show() {
+    fn the_dump_does_not_depend_on_the_order_of_grids() {
         let folder = tempfile::tempdir().unwrap();
         let camera = camera();
         let write = |name: &str, order: &[u32]| {
@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn a_dump_that_fails_leaves_what_was_there() {
+    fn a_failed_dump_keeps_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("grids");
         std::fs::write(&path, "old").unwrap();

@@ -749,7 +749,7 @@ mod tests {
     }
 
     #[test]
-    fn images_share_what_they_want() {
+    fn outputs_share_the_variables_that_they_request() {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let (reporter, kept) = Reporter::collecting();
         let outputs = [
@@ -783,7 +783,7 @@ mod tests {
     }
 
     #[test]
-    fn arrays_are_channels_side_by_side() {
+    fn arrays_become_channels() {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let (reporter, kept) = Reporter::collecting();
         let outputs = [
@@ -802,7 +802,7 @@ mod tests {
     }
 
     #[test]
-    fn parameters_that_are_spelled_wrong_are_told() {
+    fn misspelled_parameters_are_reported_with_a_suggestion() {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let (reporter, kept) = Reporter::collecting();
         let param = |declaration: &str| Param::declared(declaration, 2.0).unwrap();
@@ -821,7 +821,7 @@ mod tests {
     }
 
     #[test]
-    fn one_file_has_one_output() {
+    fn two_names_of_one_output_file_are_recognised() {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
@@ -842,7 +842,7 @@ mod tests {
     }
 
     #[test]
-    fn files_hold_the_crop_its_place_and_the_parameters() {
+    fn files_store_the_crop_window_and_the_parameters() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.tif");
         let registry = granita_plugin::bundled_formats(Limits::default());

@@ -149,7 +149,7 @@ fn render(
 }
 
 #[test]
-fn a_viewer_sees_what_the_file_holds() {
+fn a_viewer_receives_the_pixels_of_the_file() {
     let viewer = Arc::new(Viewer::default());
     let (complete, file, complaints) = render(&viewer, 2);
     assert!(complete.unwrap() && complaints.is_empty(), "{complaints:?}");
@@ -159,7 +159,7 @@ fn a_viewer_sees_what_the_file_holds() {
 }
 
 #[test]
-fn what_a_viewer_asks_for_changes_the_order_and_no_pixel() {
+fn requests_of_a_viewer_change_the_order_and_no_pixel() {
     let plain = render(&Arc::default(), 1).1;
     let asks = vec![
         (2, Request::Center { x: 55, y: 45 }),
@@ -194,7 +194,7 @@ fn a_viewer_may_stop_the_frame() {
 }
 
 #[test]
-fn a_viewer_that_is_gone_is_a_warning() {
+fn a_disconnected_viewer_is_a_warning() {
     let plain = render(&Arc::default(), 1).1;
     let viewer = Arc::new(Viewer { fails_after: Some(3), ..Viewer::default() });
     let (complete, file, complaints) = render(&viewer, 2);

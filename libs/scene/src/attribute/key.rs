@@ -257,7 +257,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_give_what_was_set_then_defaults() {
+    fn typed_keys_return_the_set_value_or_the_default() {
         let key = attr::SHADINGQUALITY;
         assert_eq!((key.of(None), key.default()), (1.0, 1.0));
         assert_eq!(key.of(Some(&key.param(2.0))), 2.0);

@@ -376,7 +376,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn geometry_set_lists() {
+    fn geometry_set_lists_are_replaced_or_changed() {
         let old: Vec<Arc<str>> = vec!["camera".into()];
         let names = |c: &str| changed_sets(&old, c).join(" ");
         assert_eq!(names("+reflections"), "camera reflections");
@@ -389,7 +389,7 @@ mod tests {
     }
 
     #[test]
-    fn conversion_to_the_declared_type() {
+    fn values_convert_to_the_declared_type_or_are_refused() {
         let row = attribute_row("resolution").unwrap();
         let ok = convert(&Param::declared("float[2] resolution", &[640.0, 480.0][..]).unwrap(), row).unwrap();
         assert_eq!(ok.data, ParamData::from(&[640, 480][..]));
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn typed_parameters() {
+    fn parameters_of_wrong_lengths_are_refused() {
         let p = |d: &str, v: &[f32]| typed(&Param::declared(d, v).unwrap());
         assert!(p("vertex point P", &[0.0; 6]).is_ok());
         assert!(p("vertex point P", &[0.0; 7]).unwrap_err().contains("multiple of 3"));

@@ -331,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn basic_regular_expressions() {
+    fn basic_regular_expressions_are_converted() {
         let cases = [
             ("obj2", "an obj2 here", true),
             ("^obj2$", "obj21", false),

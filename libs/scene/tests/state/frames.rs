@@ -27,7 +27,7 @@ fn without_a_camera_the_frame_begins_in_camera_space() {
 }
 
 #[test]
-fn with_a_camera_it_begins_in_world_space() {
+fn with_a_camera_the_frame_begins_in_world_space() {
     let mut run = Run::new();
     run.calls([
         Call::PushTransform,
@@ -47,7 +47,7 @@ fn with_a_camera_it_begins_in_world_space() {
 }
 
 #[test]
-fn transformations_prepend() {
+fn transformations_are_prepended() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -61,7 +61,7 @@ fn transformations_prepend() {
 }
 
 #[test]
-fn stacks_restore_and_imbalance_is_told() {
+fn stacks_restore_the_state_and_imbalance_is_reported() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -112,7 +112,7 @@ fn stacks_restore_and_imbalance_is_told() {
 }
 
 #[test]
-fn calls_out_of_place() {
+fn calls_out_of_order_are_errors() {
     let group = || [Call::World, Call::ShaderGroupBegin];
     let table: Vec<(Vec<Call>, &str)> = vec![
         (vec![sphere()], "Sphere before World"),
@@ -207,7 +207,7 @@ fn attribute_sets_are_shared() {
 }
 
 #[test]
-fn lights_switch_replace_and_vanish() {
+fn lights_are_switched_replaced_and_removed() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -236,7 +236,7 @@ fn lights_switch_replace_and_vanish() {
 }
 
 #[test]
-fn shader_groups_and_connections() {
+fn shader_groups_have_their_layers_and_connections() {
     let connect = |from: &str, to: &str| Call::ConnectShaders {
         source_layer: from.into(),
         source: "out".into(),

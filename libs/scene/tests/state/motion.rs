@@ -5,7 +5,7 @@ use granita_base::{Param, Params, ShapeDesc, Vec3};
 use granita_scene::{Call, TransformTarget};
 
 #[test]
-fn motion_blocks_of_transformations() {
+fn motion_blocks_make_moving_transformations() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -46,7 +46,7 @@ fn motion_blocks_of_transformations() {
 }
 
 #[test]
-fn motion_of_every_kind_and_several_segments() {
+fn every_transformation_moves_over_several_segments() {
     let shift = |x: f32| {
         let mut m = Box::new([0.0; 16]);
         (0..4).for_each(|i| m[5 * i] = 1.0);
@@ -95,7 +95,7 @@ fn motion_of_every_kind_and_several_segments() {
 }
 
 #[test]
-fn motion_blocks_of_primitives() {
+fn motion_blocks_make_moving_primitives() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -116,7 +116,7 @@ fn motion_blocks_of_primitives() {
 }
 
 #[test]
-fn spheres_may_change_all_their_arguments() {
+fn moving_spheres_may_change_all_their_arguments() {
     let ball = |radius: f32, zmin: f32, thetamax_deg: f32| Call::Shape {
         shape: Box::new(ShapeDesc::Sphere { radius, zmin, zmax: radius, thetamax_deg }),
         params: Params::new(),
@@ -136,7 +136,7 @@ fn spheres_may_change_all_their_arguments() {
 }
 
 #[test]
-fn orientation_and_handedness() {
+fn orientation_and_handedness_flip_normals() {
     let flip = |calls: Vec<Call>| {
         let mut run = Run::new();
         // The camera's world is mirrored. lh and rh refer to camera space.

@@ -6,7 +6,7 @@ use granita_scene::{Call, SceneSink, Stop, TransformTarget, attr};
 use std::sync::Arc;
 
 #[test]
-fn cameras_outputs_and_render() {
+fn cameras_and_outputs_are_rendered_with_their_attributes() {
     let output = |name: &str, format: &str, camera: &str| Call::Output {
         name: name.into(),
         format: format.into(),
@@ -53,7 +53,7 @@ fn cameras_outputs_and_render() {
 }
 
 #[test]
-fn after_render() {
+fn after_render_calls_are_errors_unless_rerendering() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -86,7 +86,7 @@ fn after_render() {
 }
 
 #[test]
-fn attributes_can_be_asked_for() {
+fn attributes_can_be_read_back() {
     let mut run = Run::new();
     run.calls([
         attr("float fov", 30.0),
@@ -117,7 +117,7 @@ fn attributes_can_be_asked_for() {
 }
 
 #[test]
-fn inputs_with_a_bound_leave_no_traces() {
+fn inputs_with_a_bound_do_not_change_the_state() {
     let input = |bound| Call::Input { command: "move".into(), bound };
     let mut run = Run::new();
     run.calls([Call::World, input(Some([0.0; 6])), sphere(), input(None), sphere()]);
@@ -126,7 +126,7 @@ fn inputs_with_a_bound_leave_no_traces() {
 }
 
 #[test]
-fn named_spaces() {
+fn set_transform_accepts_named_spaces() {
     let named = |n: &str| Call::SetTransform(TransformTarget::Named(n.into()));
     let mut run = Run::new();
     run.calls([
@@ -169,7 +169,7 @@ fn trim_curves_are_checked() {
 }
 
 #[test]
-fn undeclared_parameters_of_primitives() {
+fn undeclared_parameters_of_primitives_have_standard_types() {
     let params = |list: &[(&str, &[f32])]| {
         list.iter().map(|(d, v)| Param::declared(d, *v).unwrap()).collect::<Params>()
     };
@@ -187,7 +187,7 @@ fn undeclared_parameters_of_primitives() {
 }
 
 #[test]
-fn faces_with_attributes_of_their_own() {
+fn faces_take_saved_attributes() {
     let save = |name: &str, items: Option<&str>| Call::SaveAttributes {
         name: name.into(),
         attributes: items.map(Into::into),
@@ -246,7 +246,7 @@ fn faces_with_attributes_of_their_own() {
 }
 
 #[test]
-fn a_singular_camera_is_told() {
+fn a_singular_camera_is_reported() {
     let mut run = Run::new();
     run.calls([Call::Scale([1.0, 1.0, 0.0]), Call::World, sphere()]);
     assert!(run.message().contains("cannot be inverted"));
@@ -255,7 +255,7 @@ fn a_singular_camera_is_told() {
 }
 
 #[test]
-fn exit_stops() {
+fn the_exit_command_stops_the_scene() {
     let mut run = Run::new();
     let exit = Call::Command { name: "exit".into(), params: Params::new() };
     assert!(matches!(run.state.call(exit, &Location::default()), Err(Stop::Exit)));
@@ -263,7 +263,7 @@ fn exit_stops() {
 
 /// Compares the table with the names, types and defaults of the reference's list.
 #[test]
-fn the_table_is_the_reference_s() {
+fn the_attribute_table_equals_the_reference() {
     use granita_scene::attribute::{DefaultValue, Scope};
     let list = include_str!("../data/attributes.tsv");
     let mut seen = 0;

@@ -11,7 +11,7 @@ fn user(set: &AttributeSet, name: &str) -> f32 {
 }
 
 #[test]
-fn saving_and_restoring() {
+fn saved_attributes_are_restored() {
     let save = |name: &str, items: Option<&str>| Call::SaveAttributes {
         name: name.into(),
         attributes: items.map(Into::into),
@@ -66,7 +66,7 @@ fn saving_and_restoring() {
 }
 
 #[test]
-fn parts_of_the_state_are_saved_apart() {
+fn parts_of_the_state_are_saved_separately() {
     let trim = || TrimDesc {
         ncurves: [1].into(),
         n: [4].into(),
@@ -141,7 +141,7 @@ fn parts_of_the_state_are_saved_apart() {
 }
 
 #[test]
-fn modify_everything_and_what_comes_later() {
+fn modify_without_a_pattern_changes_all_objects() {
     let mut run = Run::new();
     let save = |n: &str| Call::SaveAttributes { name: n.into(), attributes: None };
     run.calls([
@@ -185,7 +185,7 @@ fn modify_everything_and_what_comes_later() {
 }
 
 #[test]
-fn modify_reaches_declared_objects() {
+fn modify_changes_declared_objects_that_match() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -218,7 +218,7 @@ fn modify_reaches_declared_objects() {
 }
 
 #[test]
-fn modify_reaches_lights_and_shader_spaces() {
+fn modify_changes_lights_and_shader_spaces() {
     let mut run = Run::new();
     run.calls([
         Call::World,
@@ -266,7 +266,7 @@ fn modify_reaches_lights_and_shader_spaces() {
 }
 
 #[test]
-fn a_camera_that_a_geometryset_takes_off_the_list_is_warned_about() {
+fn a_set_that_removes_objects_from_the_camera_gives_a_warning() {
     let set = |value: &str| attr("string geometryset", value);
     let shown = |calls: Vec<Call>| {
         let mut run = Run::new();

@@ -241,7 +241,7 @@ fn run(seeds: std::ops::Range<u32>) {
 }
 
 #[test]
-fn those_that_had_holes_before() {
+fn surfaces_that_once_had_holes_have_none() {
     // These are subdivided meshes that are displaced along normals that differ from patch to patch.
     let seeds = [
         364, 596, 1131, 2810, 3173, 3428, 3818, 4371, 5358, 6209, 6262, 6461, 7352, 7537, 7986, 8322, 9787,
@@ -263,7 +263,7 @@ fn ten_thousand_surfaces_have_no_holes() {
 
 #[test]
 #[ignore = "takes minutes"]
-fn twenty_thousand_others_have_no_holes() {
+fn twenty_thousand_other_surfaces_have_no_holes() {
     run(1_000_000..1_020_000);
 }
 

@@ -11,7 +11,7 @@ fn alpha(image: &[f32]) -> f32 {
 }
 
 #[test]
-fn what_moves_towards_the_camera_stays() {
+fn displacement_towards_the_camera_does_not_move_the_image() {
     let mut build = flat_camera();
     build.square(2.0, &[], at(0.0, 0.0, 5.0));
     let view = build.view(&[]);
@@ -25,7 +25,7 @@ fn what_moves_towards_the_camera_stays() {
 }
 
 #[test]
-fn a_displaced_sphere_is_a_larger_one() {
+fn a_displaced_sphere_equals_a_larger_one() {
     let mut small = flat_camera();
     small.sphere(1.0, &[], at(0.0, 0.0, 5.0));
     let mut large = flat_camera();

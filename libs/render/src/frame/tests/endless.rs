@@ -39,7 +39,7 @@ fn covered(build: &Build) -> (f32, Vec<String>) {
 }
 
 #[test]
-fn one_vertex_far_away() {
+fn one_vertex_far_away_does_not_change_the_image() {
     let directions = [[1.0, 1.0, 0.0], [1.0, 0.3, 0.7], [1.0, 0.5, -1.0], [0.0, 0.0, 1.0], [-0.2, 0.1, -1.0]];
     for d in directions {
         let with = |mesh: bool, size: f32| {
@@ -60,7 +60,7 @@ fn one_vertex_far_away() {
 }
 
 #[test]
-fn one_bezier_vertex_far_away() {
+fn one_bezier_vertex_far_away_does_not_panic() {
     for size in [1e10_f32, 1e20, 1e30] {
         let mut build = small();
         let mut points: Vec<f32> =
@@ -73,7 +73,7 @@ fn one_bezier_vertex_far_away() {
 }
 
 #[test]
-fn fields_of_view_next_to_nothing() {
+fn tiny_fields_of_view_are_rendered_and_reported() {
     for fov in [1e-3, 1e-5, 1e-6, 1e-10, 1e-30, f32::NAN] {
         let mut build = small();
         build.camera.push(("float fov", vec![fov]));
@@ -85,7 +85,7 @@ fn fields_of_view_next_to_nothing() {
 }
 
 #[test]
-fn rates_have_limits() {
+fn dicing_rates_are_limited_and_reported() {
     let sphere = |quality: f32| {
         let mut build = small();
         build.sphere(0.1, &[("float shadingquality", &[quality])], at(0.0, 0.0, 4.0));
@@ -105,7 +105,7 @@ fn rates_have_limits() {
 }
 
 #[test]
-fn what_asks_for_too_much_is_left_out_alone() {
+fn a_primitive_of_too_many_points_is_skipped_alone() {
     for (name, value) in
         [("float[2] dice:fixed", &[1e20_f32, 1e20][..]), ("float dice:highcurvature", &[1e-20])]
     {
@@ -121,7 +121,7 @@ fn what_asks_for_too_much_is_left_out_alone() {
 }
 
 #[test]
-fn transformations_that_are_no_numbers() {
+fn objects_with_invalid_transformations_are_skipped_and_reported() {
     let mut rows = Transform::IDENTITY.to_rows();
     rows[3] = 1.0;
     let through_zero = Transform::from_rows(&rows).then(&Transform::translate(Vec3::Z * 4.0));
@@ -145,7 +145,7 @@ fn transformations_that_are_no_numbers() {
 }
 
 #[test]
-fn vertices_that_are_no_numbers() {
+fn objects_with_infinite_vertices_are_skipped_and_reported() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         for mesh in [false, true] {
             let mut build = small();

@@ -17,7 +17,7 @@ fn area(image: &[f32]) -> f32 {
 }
 
 #[test]
-fn narrow_and_wide_fields_of_view() {
+fn narrow_and_wide_fields_of_view_show_the_exact_area() {
     // The field of view of 0.01 degrees has 32 / tan (0.005 degrees) pixels per unit at depth 1.
     for (fov, z, radius) in [(0.01_f32, 1000.0, 0.05_f32), (0.01, 4.0e5, 20.0)] {
         let mut build = square_image();
@@ -42,7 +42,7 @@ fn narrow_and_wide_fields_of_view() {
 }
 
 #[test]
-fn clipping_planes_next_to_nothing_and_far_beyond() {
+fn extreme_clipping_planes_show_the_scene() {
     let mut build = square_image();
     build.camera.extend([("float near", vec![1e-6]), ("float far", vec![1e30])]);
     let floor = Transform::rotate(std::f32::consts::FRAC_PI_2, Vec3::X)
@@ -66,7 +66,7 @@ fn clipping_planes_next_to_nothing_and_far_beyond() {
 }
 
 #[test]
-fn cameras_inside_of_objects_see_nothing_else() {
+fn a_camera_inside_of_an_object_sees_only_this_object() {
     for radius in [0.2_f32, 1.0, 1e6] {
         let mut build = square_image();
         build.camera.extend([("float near", vec![1e-3]), ("float far", vec![1e8])]);
@@ -80,7 +80,7 @@ fn cameras_inside_of_objects_see_nothing_else() {
 }
 
 #[test]
-fn scenes_of_any_size() {
+fn scenes_of_any_size_show_the_exact_area() {
     for size in [1e-6_f32, 1e-3, 1.0, 1e8] {
         let mut build = square_image();
         build.camera.extend([("float near", vec![0.1 * size]), ("float far", vec![1e3 * size])]);
@@ -92,7 +92,7 @@ fn scenes_of_any_size() {
 }
 
 #[test]
-fn objects_too_far_from_the_origin_are_told() {
+fn objects_too_far_from_the_origin_are_reported() {
     let said = |offset: f32| {
         let mut build = square_image();
         build.world_to_camera = Transform::translate(Vec3::new(-offset, 0.0, 0.0)).into();
@@ -112,7 +112,7 @@ fn objects_too_far_from_the_origin_are_told() {
 }
 
 #[test]
-fn parameters_that_are_no_numbers_are_replaced() {
+fn parameters_that_are_not_finite_are_replaced() {
     // The image is small because it is rendered often.
     let mut build = Build {
         camera: vec![
@@ -162,7 +162,7 @@ fn parameters_that_are_no_numbers_are_replaced() {
 }
 
 #[test]
-fn opacities_and_colours_of_any_size_make_pixels() {
+fn opacities_and_colours_of_any_size_give_finite_pixels() {
     // Each of several layers is more opaque than possible. Nothing behind the first one is seen.
     for (opacity, color) in [(1e20_f32, 0.5_f32), (1.5, 0.5), (-1e20, 0.5), (0.5, 3e38), (1e20, 3e38)] {
         let mut build = square_image();

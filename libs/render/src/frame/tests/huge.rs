@@ -99,7 +99,7 @@ fn ground_reaches_the_horizon() {
 }
 
 #[test]
-fn ground_under_cameras_that_look_down() {
+fn ground_reaches_the_horizon_of_tilted_cameras() {
     // The horizon is a straight line in the image, tan (pitch) above its middle.
     let pitch = 0.35_f32;
     for kind in ALL {
@@ -115,7 +115,7 @@ fn ground_under_cameras_that_look_down() {
 }
 
 #[test]
-fn ground_that_is_displaced_moves_or_is_out_of_focus() {
+fn displaced_moving_or_blurred_ground_reaches_the_horizon() {
     let moving = MotionTransform::from_keys(vec![
         (0.0, Transform::translate(Vec3::new(-0.3, 0.0, 0.2))),
         (1.0, Transform::translate(Vec3::new(0.4, 0.0, -0.5))),
@@ -145,7 +145,7 @@ fn ground_that_is_displaced_moves_or_is_out_of_focus() {
 }
 
 #[test]
-fn cameras_far_from_the_origin_see_the_same() {
+fn cameras_far_from_the_origin_show_the_same_image() {
     let eye = Vec3::new(1e7, 3e6, -2e7);
     let looks = Transform::rotate(0.3, Vec3::new(0.2, 1.0, 0.1));
     let scene = |from: Vec3, moves: f32| {

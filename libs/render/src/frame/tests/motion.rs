@@ -58,7 +58,7 @@ fn variables_are_blended_at_the_time_of_each_sample() {
 }
 
 #[test]
-fn one_instant_shows_what_exists_then_as_it_is_then() {
+fn one_instant_shows_the_state_of_that_time() {
     let mut build = open_shutter();
     moving_square(&mut build, &[(0.5, [0.0, 0.2, 1.0]), (1.0, [0.0, 1.0, 1.0])], at(0.0, 0.0, 5.0));
     for (time, wanted) in [(0.25, [0.0, 0.0]), (0.5, [0.2, 1.0]), (0.75, [0.6, 1.0]), (2.0, [0.0, 0.0])] {

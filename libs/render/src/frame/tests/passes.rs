@@ -22,7 +22,7 @@ fn with(build: &Build, more: &[(&'static str, Vec<f32>)]) -> Vec<f32> {
 }
 
 #[test]
-fn still_parts_have_the_spatial_quality_and_moving_ones_all_of_it() {
+fn still_pixels_take_spatial_samples_and_moving_ones_all() {
     let build = half_moving();
     let many = ("int temporalquality", vec![64.0]);
     let reduced = with(&build, std::slice::from_ref(&many));
@@ -47,7 +47,7 @@ fn still_parts_have_the_spatial_quality_and_moving_ones_all_of_it() {
 }
 
 #[test]
-fn without_samples_to_spare_only_what_blurs_invisibly_changes() {
+fn pass_reduction_changes_only_invisible_blur() {
     let off = ("int limits:autopassreduction", vec![0.0]);
     let build = half_moving();
     assert!(with(&build, &[]) == with(&build, std::slice::from_ref(&off)), "what stands still is the same");
@@ -87,7 +87,7 @@ fn reduced_pixels_do_not_depend_on_buckets_or_crops() {
 }
 
 #[test]
-fn depth_passes_take_the_scenes_word_for_what_is_opaque() {
+fn depth_passes_trust_the_attribute_for_opacity() {
     let counted = |list: &[(&str, &[f32])], data: &str| {
         let mut build = flat_camera();
         build.square(2.0, list, at(0.0, 0.0, 5.0));

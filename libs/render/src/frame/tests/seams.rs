@@ -29,7 +29,7 @@ fn seams_of(subdivide: bool, faces: usize, normals: Option<[[f32; 3]; 6]>) -> Ve
 }
 
 #[test]
-fn smooth_meshes_go_on_beyond_their_faces_and_flat_ones_do_not() {
+fn smooth_edges_are_shared_edges_and_flat_ones_are_not() {
     let flat = |x: f32| [x, 0.0, -1.0];
     assert!(seams_of(false, 2, None).iter().all(|s| *s == [false; 4]));
     assert!(seams_of(true, 2, None).iter().all(|s| *s == [true; 4]));

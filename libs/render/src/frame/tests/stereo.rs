@@ -40,7 +40,7 @@ fn stereo_images(build: &Build, stereo: Stereo) -> Vec<Vec<f32>> {
 }
 
 #[test]
-fn eyes_in_one_place_see_what_one_camera_sees() {
+fn eyes_at_the_camera_give_the_image_of_the_camera() {
     let build = busy();
     let shader = Painted { paint: wavy, displace: Some(0.02) };
     let view = build.view(&[]);
@@ -53,7 +53,7 @@ fn eyes_in_one_place_see_what_one_camera_sees() {
 }
 
 #[test]
-fn both_images_do_not_depend_on_threads_buckets_or_crops() {
+fn stereo_images_do_not_depend_on_threads_buckets_or_crops() {
     let build = busy();
     let shader = Painted { paint: wavy, displace: Some(0.02) };
     for projection in [EyeProjection::OffAxis, EyeProjection::ToeIn] {
@@ -91,7 +91,7 @@ fn middle(image: &[f32], width: usize) -> f32 {
 }
 
 #[test]
-fn what_is_seen_lies_apart_by_its_disparity() {
+fn objects_are_apart_by_their_disparity() {
     // The image is 64 pixels high and covers 90 degrees, which is 32 pixels per unit at depth 1.
     let base = || Build {
         camera: vec![("int[2] resolution", vec![96.0, 64.0]), ("int[2] spatialquality", vec![16.0, 16.0])],
@@ -130,7 +130,7 @@ fn what_is_seen_lies_apart_by_its_disparity() {
 }
 
 #[test]
-fn what_only_one_eye_sees_is_there() {
+fn objects_that_one_eye_alone_sees_are_rendered() {
     // The frustum of the middle ends at x = 3 at this depth, and that of the right eye at 3.5.
     let mut build = Build {
         camera: vec![("int[2] resolution", vec![64.0, 64.0]), ("int[2] limits:bucketsize", vec![16.0, 16.0])],
@@ -161,7 +161,7 @@ fn grids_are_shaded_once_for_both_eyes() {
 }
 
 #[test]
-fn eyes_far_apart_and_odd_ones_do_no_harm() {
+fn extreme_stereo_values_give_finite_pixels() {
     let build = busy();
     let shader = Painted { paint: flat, displace: None };
     let odd = [1e-30, 1e30, f32::MAX, -3.0, 1e-3];
