@@ -70,7 +70,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn uneven_points_differ_as_even_ones_do() {
+    fn derivatives_do_not_depend_on_the_spacing_of_points() {
         // A plane over a grid whose border points were moved, some of them onto each other.
         let (nu, nv) = (5, 4);
         let even = |place: fn(usize, usize) -> usize| (0..20).map(|lane| place(lane, nu) as f32).collect();

@@ -113,7 +113,7 @@ const SOURCE: &str =
 }";
 
 #[test]
-fn no_allocation_per_grid() {
+fn shading_a_grid_does_not_allocate() {
     let module = compile(SOURCE, "t.gsl", &CompileOptions::default()).unwrap().module;
     let params = Params::new();
     for optimize in [false, true] {

@@ -350,7 +350,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn textures_leave_files_for_outputs() {
+    fn the_texture_cache_leaves_open_files_for_outputs() {
         assert_eq!(texture_files(1000, None), 1000);
         assert_eq!(texture_files(1000, Some(64)), 48);
         assert_eq!(texture_files(10, Some(64)), 10);

@@ -750,7 +750,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn points_in_one_place_are_known() {
+    fn coincident_lanes_share_their_lane_seeds() {
         // A triangle is a rectangle whose first column is one point, here beside a rectangle.
         let tip = Vec3::new(1.0, 2.0, 3.0);
         let p: Vec<Vec3> = (0..12)

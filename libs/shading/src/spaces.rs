@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn undeclared_units_convert_among_themselves_only() {
+    fn undeclared_units_convert_only_among_themselves() {
         let u = Units::new(&Scene::default());
         assert!(u.scale("m", "common").is_none() && u.scale("common", "s").is_none());
         assert_eq!(u.scale("m", "mm"), Some(1000.0));

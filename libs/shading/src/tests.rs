@@ -80,7 +80,7 @@ fn a_shadow_ends_where_geometry_says() {
 }
 
 #[test]
-fn shadows_of_clear_things_are_coloured() {
+fn shadows_of_transparent_objects_are_coloured() {
     let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
     let params = [param("string shadowname", "shadow")];
     f.light("pointlight", &params, Transform::translate(Vec3::Z * 2.0));
@@ -116,7 +116,7 @@ fn a_mirror_shows_exactly_the_colour_of_what_it_sees() {
 }
 
 #[test]
-fn mirrors_in_mirrors_end_with_the_depth_colour() {
+fn mirrors_in_mirrors_end_with_the_colour_of_the_maximum_depth() {
     let mut f = Fixture::new(&[MIRROR]);
     f.global("int ray:maxdepth", 3);
     f.global("color ray:maxdepthcolor", &[0.1_f32, 0.2, 0.3][..]);
@@ -129,7 +129,7 @@ fn mirrors_in_mirrors_end_with_the_depth_colour() {
 }
 
 #[test]
-fn a_reflected_surface_is_seen_through_what_is_clear() {
+fn a_reflected_surface_is_seen_through_transparent_ones() {
     let mut f = Fixture::new(&[CONSTANT, MIRROR]);
     let floor = f.attributes("mirror", &["reflection"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
@@ -162,7 +162,7 @@ fn hits_carry_the_variables_of_their_faces() {
 }
 
 #[test]
-fn occlusion_under_an_endless_lid_is_whole_and_in_the_open_none() {
+fn occlusion_is_one_under_an_infinite_plane_and_zero_in_the_open() {
     let source = "surface occ () { C = occlusion (\"lid\", P, N, 1.2, \"samples\", 64); }";
     let mut f = Fixture::new(&[CONSTANT, source]);
     let floor = f.attributes("occ", &[], &[]);
@@ -190,7 +190,7 @@ fn indirect_light_in_a_white_furnace_is_one() {
 }
 
 #[test]
-fn what_is_missing_is_said_once_with_its_object() {
+fn missing_shaders_are_reported_once_with_their_object() {
     let mut f = Fixture::new(&[CONSTANT]);
     f.light("nolight", &[], Transform::IDENTITY);
     let named = [param("string name", "ball")];
@@ -208,7 +208,7 @@ fn what_is_missing_is_said_once_with_its_object() {
 }
 
 #[test]
-fn a_missing_texture_is_said_once_and_gives_fill() {
+fn a_missing_texture_is_reported_once_and_gives_the_fill_value() {
     let source = "surface tex () { C = (color) texture (\"no.tx\", u, v, \"fill\", 0.25); }";
     let mut f = Fixture::new(&[source]);
     let floor = f.attributes("tex", &[], &[]);
@@ -222,7 +222,7 @@ fn a_missing_texture_is_said_once_and_gives_fill() {
 }
 
 #[test]
-fn noisy_rays_are_the_same_from_any_thread() {
+fn random_rays_do_not_depend_on_threads() {
     let mut f = Fixture::new(&[MATTE, POINT, MIRROR]);
     f.light("pointlight", &[], Transform::translate(Vec3::Z * 4.0));
     let mirror = f.attributes("", &["reflection"], &[]);
@@ -261,7 +261,7 @@ fn noisy_rays_are_the_same_from_any_thread() {
 }
 
 #[test]
-fn no_ray_builds_nothing() {
+fn sets_without_rays_are_not_built() {
     let mut f = Fixture::new(&[CONSTANT]);
     let floor = f.attributes("constant", &["camera", "reflection", "shadow"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
@@ -276,7 +276,7 @@ fn no_ray_builds_nothing() {
 }
 
 #[test]
-fn displaced_things_are_met_where_they_moved_to() {
+fn rays_hit_displaced_surfaces_where_they_moved_to() {
     let lift = "displacement lift () { displace (1); }";
     let probe = "surface probe () {
         float d = 0; vector n = 0;
@@ -296,7 +296,7 @@ fn displaced_things_are_met_where_they_moved_to() {
 }
 
 #[test]
-fn shaders_know_the_spaces() {
+fn shaders_transform_between_named_spaces() {
     let source = "surface where (string space = \"object\") { C = (color) (vector) transform (space, P); }";
     let ask = |space: &str| {
         let mut f = Fixture::new(&[source]);
@@ -356,7 +356,7 @@ fn a_distant_light_falls_with_the_cosine_and_its_shadow_does_not_spread() {
 }
 
 #[test]
-fn ambient_light_attributes_and_holdouts() {
+fn shaders_read_ambient_light_attributes_and_holdouts() {
     let ambient = "light sky () { Cl = 0.25; }";
     let asks = "surface asks () {
         float bias = 0, weight = 0; string who = \"\";
@@ -404,7 +404,7 @@ fn a_trace_loop_counts_what_it_hits() {
 }
 
 #[test]
-fn hits_ask_the_shader_whose_ray_meets_them() {
+fn hits_read_messages_of_the_shader_that_traced_the_ray() {
     let listens = "surface listens () {
         float x = -1; color k = 0; string who = \"\";
         float got = getmessage (\"parent\", \"x\", x) + 10 * getmessage (\"parent\", \"k\", k)
@@ -450,7 +450,7 @@ fn hits_ask_the_shader_whose_ray_meets_them() {
 }
 
 #[test]
-fn shadows_stay_off_the_surface_that_throws_them() {
+fn lit_surfaces_do_not_shadow_themselves() {
     // A matte ball is lit from the camera's side. No point that faces the light is in the ball's own shadow.
     let mut f = Fixture::new(&[MATTE, POINT]);
     let params = [param("string shadowname", "shadow")];
@@ -481,7 +481,7 @@ fn shadows_stay_off_the_surface_that_throws_them() {
 }
 
 #[test]
-fn an_area_light_shines_from_its_surface() {
+fn an_area_light_emits_from_its_surface() {
     // A small rectangle that faces down shines like a point. A light of many samples is their mean.
     let source = "light panel (string geometry = \"\") {
         point from = Pl;
@@ -512,7 +512,7 @@ fn an_area_light_shines_from_its_surface() {
 }
 
 #[test]
-fn samples_of_an_area_light_draw_numbers_of_their_own() {
+fn samples_of_an_area_light_use_different_random_numbers() {
     // Under the edge of a wall a wide shadow ray is blocked or not. Sixteen of them rarely agree.
     let source = "light panel (string geometry = \"\") {
         point from = Pl;

@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_grow_in_an_order_that_does_not_depend_on_arrival() {
+    fn text_files_do_not_depend_on_the_order_of_arrival() {
         let folder = tempfile::tempdir().unwrap();
         let name = folder.path().join("log.txt");
         let name = name.to_str().unwrap();

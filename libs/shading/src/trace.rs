@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn values_follow_their_rays() {
+    fn primitive_variables_follow_their_rays() {
         let ty = granita_base::ParamType::of(granita_base::BaseType::Color);
         let value = |values: &[f32], varying| Primvar {
             name: "x".into(),
@@ -446,7 +446,7 @@ mod tests {
     };
 
     #[test]
-    fn hits_of_a_sphere_are_where_they_belong() {
+    fn hits_of_a_sphere_lie_on_the_sphere() {
         let mut f = Fixture::new(&[]);
         let center = Vec3::new(0.0, 1.0, 0.0);
         let ball = f.attributes("", &["set"], &[]);
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_see_motion_only_when_asked() {
+    fn rays_see_motion_only_with_the_attribute() {
         for motion in [0, 1] {
             let mut f = Fixture::new(&[]);
             let shutter = param("float[2] shutter", &[0.0_f32, 1.0][..]);
@@ -507,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_meet_primitives_while_they_exist() {
+    fn rays_hit_primitives_only_while_they_exist() {
         // Times of the motion keys; whether rays at 0.25 and 0.75 hit, without "ray:motion" and with it.
         let cases = [
             ([0.5, 1.0], [false, false], [false, true]),

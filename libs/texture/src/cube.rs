@@ -195,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn handedness_of_the_tables() {
+    fn cube_layouts_have_their_handedness() {
         for (layout, sign) in [(CubeLayout::Mosaic, 1.0), (CubeLayout::Column, -1.0)] {
             for f in layout.faces() {
                 assert_eq!(f.right.cross(f.up), f.forward * sign);
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn directions_come_back() {
+    fn directions_survive_projection_to_faces_and_back() {
         for layout in [CubeLayout::Mosaic, CubeLayout::Column] {
             for face in 0..6 {
                 for (s, t) in [(0.5, 0.5), (0.1, 0.8), (0.99, 0.01)] {
@@ -218,7 +218,7 @@ mod tests {
 
     /// Every border texel and its neighbour across the edge are neighbours of each other, and lie side by side.
     #[test]
-    fn edges_are_mutual() {
+    fn neighbours_across_cube_edges_are_mutual() {
         for layout in [CubeLayout::Mosaic, CubeLayout::Column] {
             for n in [1, 2, 5, 64] {
                 for face in 0..6 {
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_have_no_texel() {
+    fn cube_corners_have_no_diagonal_neighbour() {
         assert!(texel_across(CubeLayout::Mosaic, 0, -1, -1, 4).is_none());
         assert!(texel_across(CubeLayout::Mosaic, 0, 4, -1, 4).is_none());
     }

@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn places_follow_each_other() {
+    fn file_indices_map_to_consecutive_slots() {
         assert_eq!(place(0), (0, 0));
         assert_eq!(place(63), (0, 63));
         assert_eq!(place(64), (1, 0));

@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes() {
+    fn footprint_axes_are_those_of_the_ellipse() {
         let mut s = Spread::default();
         s.add(3.0, 0.0);
         s.add(0.0, 4.0);
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn any_numbers_give_an_ellipse() {
+    fn any_derivatives_give_a_finite_ellipse() {
         let odd = [0.0, 1.0, -1e-30, 1e30, f32::MAX, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
         for a in odd {
             for b in odd {
@@ -196,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn probes_have_the_deviation_of_the_ellipse() {
+    fn probes_have_the_standard_deviation_of_the_ellipse() {
         let mut s = Spread::default();
         s.add(10.0, 0.0);
         s.add(0.0, 1.0);

@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn sizes_of_levels() {
+    fn mip_levels_have_halved_sizes() {
         assert_eq!(level_count(1, 1), 1);
         assert_eq!(level_count(300, 7), 9);
         let levels = Image::new(300, 7, 2).pyramid(Filter::Box, (Wrap::Black, Wrap::Black));
@@ -363,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn filters_do_not_ring() {
+    fn filters_stay_within_the_range_of_the_image() {
         let mut p = Image::new(32, 1, 1);
         p.data[16..].fill(1.0);
         for filter in Filter::ALL {
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn rectangles() {
+    fn rectangles_are_cropped_pasted_and_rotated() {
         let p = noise(8, 6);
         let mut q = Image::new(8, 6, 1);
         for (x, y) in [(0, 0), (4, 0), (0, 3), (4, 3)] {

@@ -578,7 +578,7 @@ mod tests {
     }
 
     #[test]
-    fn powers_of_two() {
+    fn exp2_is_accurate() {
         for i in -2400..=2400 {
             let x = i as f32 * 0.05;
             let (got, exact) = (exp2_of(x), f64::from(x).exp2());
@@ -588,7 +588,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_what_the_library_says() {
+    fn halves_convert_like_the_library() {
         for bits in 0..=u16::MAX {
             let half = f16::from_bits(bits);
             if half.is_finite() {
@@ -598,7 +598,7 @@ mod tests {
     }
 
     #[test]
-    fn texels_are_the_same_on_all_machines() {
+    fn texels_are_the_same_on_wide_and_portable_vectors() {
         fn same<T: Texel + std::fmt::Debug>(values: [T; LANES]) {
             struct Stored<T>([T; LANES]);
 
@@ -623,7 +623,7 @@ mod tests {
     }
 
     #[test]
-    fn lobes_are_the_same_on_all_machines() {
+    fn lobes_are_the_same_on_wide_and_portable_vectors() {
         let sums = Sums::new(0.0, false);
         let portable = Sums { vectors: Vectors::PORTABLE, ..sums };
         for i in 0..200 {
@@ -654,7 +654,7 @@ mod tests {
 
     /// The sums are the same to the bit for all splits into runs, and on all machines.
     #[test]
-    fn runs_and_machines_change_nothing() {
+    fn sums_do_not_depend_on_runs_or_the_machine() {
         let values: Vec<f32> = (0..3 * 100).map(noise).collect();
         let exponents = Exponents { a: -0.003, b: 0.01, c: -0.2 };
         let sum = |cuts: &[usize], portable: bool| {

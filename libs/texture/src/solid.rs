@@ -310,7 +310,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn intervals() {
+    fn ray_intervals_are_clipped() {
         assert_eq!(interval(-1.0, 0.0, 0.25, (-1.0, 1.0)), Some((-0.5, 0.5)));
         assert_eq!(interval(-1.0, 0.0, -0.25, (-1.0, 1.0)), None);
         assert_eq!(interval(-1.0, 2.0, 0.0, (-1.0, 1.0)), Some((0.0, 1.0)));

@@ -279,7 +279,7 @@ mod tests {
 
     /// The result is that of the whole image for all portions of rows.
     #[test]
-    fn portions_do_not_matter() {
+    fn resampling_does_not_depend_on_the_batches_of_rows() {
         for (w, h, to) in
             [(16, 8, (8, 4)), (13, 9, (6, 4)), (5, 12, (16, 16)), (1, 7, (1, 3)), (6, 2, (3, 1))]
         {
@@ -311,7 +311,7 @@ mod tests {
 
     /// Where an image repeats, preloaded rows of its end result in the same rows, to the bit, and only a few are held.
     #[test]
-    fn a_repeating_image_is_not_held() {
+    fn a_repeating_image_is_resampled_without_holding_all_rows() {
         for (from, to, filter) in [
             ((6, 300), (8, 512), Filter::CatmullRom),
             ((5, 100), (5, 128), Filter::CatmullRom),
@@ -345,7 +345,7 @@ mod tests {
 
     /// The forecast equals what is held.
     #[test]
-    fn forecasts_hold() {
+    fn the_predicted_number_of_rows_is_held() {
         for wrap in [Wrap::Clamp, Wrap::Periodic] {
             let shape = Resample {
                 from: (4, 200),
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_needed_is_kept() {
+    fn only_needed_rows_are_held() {
         let shape = Resample {
             from: (4, 64),
             to: (2, 32),

@@ -456,7 +456,7 @@ mod tests {
     }
 
     #[test]
-    fn keeps_within_its_bound() {
+    fn the_tile_cache_stays_within_its_limit() {
         let (cache, counters) = (TileCache::new(16 * 10), Counters::default());
         for round in 0..3 {
             for i in 0..100 {
@@ -473,7 +473,7 @@ mod tests {
     }
 
     #[test]
-    fn too_large_a_tile_is_read_every_time() {
+    fn a_tile_larger_than_the_cache_is_read_every_time() {
         let (cache, counters) = (TileCache::new(15), Counters::default());
         for n in 1..4 {
             cache.get(key(0), 16, &counters, || tile(0.0));
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn a_black_tile_of_any_size_is_small_and_kept() {
+    fn a_black_tile_takes_little_memory() {
         let side = 65_535;
         let black = || Tile::black(PixelType::U16, side, 4);
         assert_eq!(black().bytes(), 2 * side as u64);
@@ -519,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn one_read_for_many_threads() {
+    fn a_tile_is_read_once_for_many_threads() {
         let (cache, counters) = (TileCache::new(1 << 20), Counters::default());
         std::thread::scope(|scope| {
             for _ in 0..8 {

@@ -135,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn opacity_of_a_texel() {
+    fn a_volume_texel_has_its_opacity_by_depth() {
         // The texel is opaque at 10. Its transparent part is 0.5 from 2 to 6, half of it at 3.
         let v = [10.0, 0.5, 2.0, 3.0, 6.0];
         for (z, a) in
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_is_the_mean_of_its_samples() {
+    fn a_volume_pixel_is_the_mean_of_its_samples() {
         let mut pixel = VolumePixel::default();
         let mut texel = [0.0; 6];
         // The pixel has no samples, and then a sample without surfaces.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn thresholds_of_a_fog_are_where_its_opacity_says() {
+    fn thresholds_of_a_fog_are_at_its_depths_of_opacity() {
         // The layers of a fog of optical depth 2 lie from 1 to 5, with a separate offset for each sample. At optical
         // depth tau the opacity is `1 - exp (-tau)`.
         const N: usize = 400;

@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn indices() {
+    fn wrapped_indices_follow_their_mode() {
         let row = |w: Wrap| (-4..8).map(|i| w.index(i, 3).map_or(-1, |x| x)).collect::<Vec<_>>();
         assert_eq!(row(Wrap::Black), [-1, -1, -1, -1, 0, 1, 2, -1, -1, -1, -1, -1]);
         assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 0, 1, 2, 2, 2, 2, 2, 2]);
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn words() {
+    fn wrap_modes_are_read_from_words() {
         for w in Wrap::ALL {
             assert_eq!(Wrap::from_word(w.word()), Some(w));
         }

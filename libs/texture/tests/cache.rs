@@ -47,7 +47,7 @@ fn answer(cache: &TextureCache, i: u32) -> Vec<u32> {
 const N: u32 = 2000;
 
 #[test]
-fn memory_and_file_bounds_change_nothing() {
+fn lookups_do_not_depend_on_memory_and_file_limits() {
     let folder = folder();
     let all = folder.cache(CacheOptions { memory_bytes: 1 << 30, ..CacheOptions::default() });
     let expected: Vec<_> = (0..N).map(|i| answer(&all, i)).collect();
@@ -68,7 +68,7 @@ fn memory_and_file_bounds_change_nothing() {
 }
 
 #[test]
-fn many_threads_are_one() {
+fn lookups_do_not_depend_on_threads() {
     let folder = folder();
     let one = folder.cache(CacheOptions::default());
     let expected: Vec<_> = (0..N).map(|i| answer(&one, i)).collect();
@@ -91,7 +91,7 @@ fn many_threads_are_one() {
 }
 
 #[test]
-fn only_tiles_that_are_looked_at_are_read() {
+fn only_needed_tiles_are_read() {
     let folder = Folder::new();
     folder.image("big.tif", (512, 512), 1, |x, _, _| x as f32);
     folder.make(&["big.tif"], "big.tx", &MakeOptions::default()).unwrap();
@@ -105,7 +105,7 @@ fn only_tiles_that_are_looked_at_are_read() {
 }
 
 #[test]
-fn a_damaged_tile_is_black_and_said_once() {
+fn a_damaged_tile_is_black_and_reported_once() {
     let folder = Folder::new();
     folder.image("d.tif", (128, 128), 1, |x, y, _| random(x, y));
     folder.make(&["d.tif"], "d.tx", &MakeOptions::default()).unwrap();
@@ -126,7 +126,7 @@ fn a_damaged_tile_is_black_and_said_once() {
 }
 
 #[test]
-fn information() {
+fn information_about_textures_is_returned() {
     let folder = Folder::new();
     folder.image("i.tif", (64, 32), 3, |_, _, _| 0.5);
     folder.make(&["i.tif"], "i.tx", &MakeOptions::default()).unwrap();
@@ -144,7 +144,7 @@ fn information() {
 /// Some files have headers that declare far more data than the file holds. Their texels are black, they need hardly any
 /// time or memory, and one message reports each.
 #[test]
-fn a_broken_file_of_any_size_is_black() {
+fn a_truncated_file_of_any_claimed_size_is_black() {
     const SIDE: u16 = 65535;
     let folder = Folder::new();
     let row = vec![7_u8; 3 * usize::from(SIDE)];
@@ -201,7 +201,7 @@ fn png_sum(bytes: &[u8]) -> [u8; 4] {
 
 /// Levels made in memory are always kept, so a thread that reads two of them keeps both.
 #[test]
-fn levels_in_memory_do_not_push_each_other_out() {
+fn levels_in_memory_do_not_evict_each_other() {
     let folder = Folder::new();
     for name in ["a.tif", "b.tif"] {
         folder.image(name, (600, 600), 3, |x, y, _| random(x, y));
@@ -288,7 +288,7 @@ impl Format for Scarce {
 /// there is no message.
 #[cfg(unix)]
 #[test]
-fn files_that_the_system_refuses_are_opened_later() {
+fn files_that_the_system_refuses_to_open_are_opened_later() {
     let mut folder = folder();
     let one = folder.cache(CacheOptions::default());
     let expected: Vec<_> = (0..N / 4).map(|i| answer(&one, i)).collect();
@@ -316,7 +316,7 @@ fn files_that_the_system_refuses_are_opened_later() {
 
 /// A texture that a lookup needs and that does not exist is an error, once. A query about it is not an error.
 #[test]
-fn what_is_missing_is_an_error_and_what_is_asked_for_is_not() {
+fn a_missing_texture_is_an_error_for_lookups_but_not_queries() {
     let folder = Folder::new();
     let cache = folder.cache(CacheOptions::default());
     for _ in 0..3 {

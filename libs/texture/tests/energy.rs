@@ -118,7 +118,7 @@ fn the_mean_over_the_sphere_is_the_same_in_every_level() {
 /// Levels keep the mean for sizes that are not powers of two, and for pixels that are halves. Levels of halves are
 /// checked down to the size at which the rounding of one texel is significant.
 #[test]
-fn odd_sizes_and_halves_keep_it_too() {
+fn odd_sizes_and_halves_keep_the_mean_over_the_sphere() {
     let folder = Folder::new();
     folder.image("ll.tif", (300, 150), 1, |x, y, _| contrast(x + 300 * y, 3));
     for (i, name) in FACES.iter().enumerate() {
@@ -141,7 +141,7 @@ fn odd_sizes_and_halves_keep_it_too() {
 
 /// The light is one texel on an edge between faces, at a corner, at a pole, and on the seam.
 #[test]
-fn small_lights_stay_and_keep_their_light() {
+fn small_lights_keep_their_place_and_energy() {
     let folder = Folder::new();
     let check = |name: &str, cube: bool, texels: f32| {
         let all = levels(&folder, name, cube);
@@ -185,7 +185,7 @@ fn small_lights_stay_and_keep_their_light() {
 /// One bright texel in the middle of each face is seen in the direction of table 9.3. This holds for cubes of faces in
 /// either format, and for the maps converted from them.
 #[test]
-fn faces_look_where_the_table_says() {
+fn cube_faces_have_the_directions_of_the_reference() {
     let folder = Folder::new();
     for (lit, [forward, up, right]) in FRAMES.iter().enumerate() {
         // The texel is slightly above the middle and twice as much to its right, so that a rotated face is detected
@@ -220,7 +220,7 @@ fn faces_look_where_the_table_says() {
 
 /// The conversion of a latitude-longitude map to a cube and back, through files, keeps values within 1 percent.
 #[test]
-fn conversions_come_back() {
+fn map_files_survive_conversion_to_cubes_and_back() {
     let folder = Folder::new();
     let (w, h) = (256_u32, 128_u32);
     // A latitude-longitude map keeps the convention of its source file. A cube becomes a latitude-longitude map in the

@@ -57,7 +57,7 @@ fn latlong_of(folder: &Folder, (w, h): (u32, u32), f: impl Fn(Vec3, usize) -> f3
 }
 
 #[test]
-fn directions_are_found() {
+fn environment_lookups_find_their_direction() {
     let folder = Folder::new();
     cube_of(&folder, 64, &options(Mode::EnvCube), sky);
     latlong_of(&folder, (256, 128), sky);
@@ -109,7 +109,7 @@ fn widths_scale_the_footprint() {
 
 /// With a blur over the whole sphere, both maps are near the mean of the sky. A wide cone at +x contains more of +x.
 #[test]
-fn blur_is_an_angle() {
+fn environment_blur_averages_over_its_angle() {
     let folder = Folder::new();
     cube_of(&folder, 64, &options(Mode::EnvCube), sky);
     latlong_of(&folder, (256, 128), sky);
@@ -164,7 +164,7 @@ fn constants_are_exact_in_all_directions() {
 /// The sum of many quick lookups is that of exact ones, in cubes and latitude-longitude maps, and each is near its
 /// exact one.
 #[test]
-fn quick_lookups_add_up() {
+fn quick_lookups_have_the_mean_of_exact_ones() {
     let folder = Folder::new();
     let spotted = |d: Vec3, c: usize| sky(d, c) + if d.normalize().dot(Vec3::X) > 0.9 { 4.0 } else { 0.0 };
     cube_of(&folder, 64, &options(Mode::EnvCube), spotted);
@@ -286,7 +286,7 @@ fn town(d: Vec3, c: usize) -> f32 {
 
 /// The footprints are ellipses of all sizes, ratios and directions, over edges, corners, the seam and the poles.
 #[test]
-fn footprints_are_filtered_as_by_brute_force() {
+fn environment_footprints_equal_brute_force() {
     let folder = Folder::new();
     const N: u32 = 64;
     cube_of(&folder, N, &options(Mode::EnvCube), town);
@@ -342,7 +342,7 @@ fn footprints_are_filtered_as_by_brute_force() {
 }
 
 #[test]
-fn orientation_of_latlong_maps() {
+fn latlong_maps_have_their_orientation() {
     let folder = Folder::new();
     latlong_of(&folder, (64, 32), sky);
     let (cache, id) = folder.open("ll.env");
@@ -420,7 +420,7 @@ fn maps_of_one_panorama_show_the_same_directions_in_all_formats() {
 }
 
 #[test]
-fn odd_directions_are_black_and_do_no_harm() {
+fn invalid_directions_are_black() {
     let folder = Folder::new();
     cube_of(&folder, 8, &options(Mode::EnvCube), sky);
     latlong_of(&folder, (16, 8), sky);
@@ -494,7 +494,7 @@ fn vertical_cross_and_light_probe_show_the_same_sky() {
 }
 
 #[test]
-fn inputs_that_do_not_fit_are_refused() {
+fn inputs_of_wrong_sizes_are_refused() {
     let folder = Folder::new();
     for (i, name) in FACES.iter().enumerate() {
         folder.image(name, (8, if i == 3 { 9 } else { 8 }), 1, |_, _, _| 0.0);

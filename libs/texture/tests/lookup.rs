@@ -75,7 +75,7 @@ fn without_footprint_texels_are_exact() {
 }
 
 #[test]
-fn a_ramp_filtered_is_the_ramp() {
+fn a_filtered_ramp_is_the_ramp() {
     let folder = Folder::new();
     folder.image("r.tif", (256, 256), 1, |x, y, _| (x as f32 + 2.0 * y as f32 + 1.5) / 256.0);
     folder.make(&["r.tif"], "r.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
@@ -101,7 +101,7 @@ fn a_ramp_filtered_is_the_ramp() {
 }
 
 #[test]
-fn a_checker_goes_grey_as_the_footprint_grows() {
+fn a_checkerboard_becomes_grey_as_the_footprint_grows() {
     let folder = Folder::new();
     folder.image("k.tif", (256, 256), 1, |x, y, _| ((x / 8 + y / 8) % 2) as f32);
     folder.make(&["k.tif"], "k.tx", &wrapped(Wrap::Periodic, Wrap::Periodic)).unwrap();
@@ -138,7 +138,7 @@ fn footprints_are_anisotropic() {
 }
 
 #[test]
-fn wrap_modes() {
+fn wrap_modes_apply_in_each_direction() {
     let folder = Folder::new();
     let row = [1.0, 2.0, 3.0, 4.0];
     folder.image("w.tif", (4, 1), 1, |x, _, _| row[x as usize]);
@@ -159,7 +159,7 @@ fn wrap_modes() {
 }
 
 #[test]
-fn blur_and_width() {
+fn blur_and_width_enlarge_the_footprint() {
     let folder = Folder::new();
     folder.image("b.tif", (128, 128), 1, |x, _, _| if x < 64 { 0.0 } else { 1.0 });
     folder.make(&["b.tif"], "b.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
@@ -180,7 +180,7 @@ fn blur_and_width() {
 }
 
 #[test]
-fn channels_and_fill() {
+fn missing_channels_have_the_fill_value() {
     let folder = Folder::new();
     folder.image("f.tif", (8, 8), 6, |_, _, c| c as f32);
     folder.make(&["f.tif"], "f.tx", &wrapped(Wrap::Clamp, Wrap::Clamp)).unwrap();
@@ -198,7 +198,7 @@ fn channels_and_fill() {
 }
 
 #[test]
-fn broken_numbers_have_defined_results() {
+fn invalid_texels_and_coordinates_give_finite_results() {
     let folder = Folder::new();
     folder.image("x.tif", (32, 32), 1, |x, y, _| if (x, y) == (3, 3) { f32::NAN } else { 0.5 });
     folder.make(&["x.tif"], "x.tx", &wrapped(Wrap::Periodic, Wrap::Clamp)).unwrap();
@@ -222,7 +222,7 @@ fn broken_numbers_have_defined_results() {
 }
 
 #[test]
-fn automipmap_is_maketx_without_resizing() {
+fn automatic_mip_maps_equal_maketx_without_resizing() {
     let folder = Folder::new();
     folder.image("a.tif", (100, 60), 3, |x, y, c| random(x + 100 * y, c as u32));
     let o = MakeOptions { resize: false, ..options() };

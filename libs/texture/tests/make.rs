@@ -18,7 +18,7 @@ fn options() -> MakeOptions {
 }
 
 #[test]
-fn levels_tiles_and_attributes() {
+fn textures_have_levels_tiles_and_attributes() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(300, 100, 3, PixelType::U8);
     let m: [f32; 16] = std::array::from_fn(|i| i as f32);
@@ -69,7 +69,7 @@ fn noresize_keeps_the_size_and_the_texels() {
 
 /// With the box filter every level of an image whose sizes are powers of two has the mean of the first.
 #[test]
-fn levels_keep_the_energy() {
+fn levels_keep_the_mean() {
     let folder = Folder::new();
     folder.image("a.tif", (128, 64), 1, |x, y, _| random(x + 128 * y, 0) * 10.0);
     folder.make(&["a.tif"], "a.tx", &options()).unwrap();
@@ -99,7 +99,7 @@ fn threads_do_not_change_a_byte() {
 }
 
 #[test]
-fn gammas_are_each_others_inverse_and_levels_are_linear() {
+fn levels_are_averaged_in_linear_light_between_the_gammas() {
     let folder = Folder::new();
     folder.image("a.tif", (16, 16), 4, |x, _, c| if c == 3 { 0.5 } else { (x % 2) as f32 });
     let o = MakeOptions { ingamma: 2.2, outgamma: 2.2, ..options() };
@@ -192,7 +192,7 @@ impl ImageOutput for WatchedOutput {
 }
 
 #[test]
-fn an_updated_file_appears_with_its_time() {
+fn an_updated_texture_has_the_time_of_its_input() {
     let mut folder = Folder::new();
     let times = Arc::new(Mutex::new(Vec::new()));
     let tiff = folder.registry.by_name("tiff").unwrap();
@@ -209,7 +209,7 @@ fn an_updated_file_appears_with_its_time() {
 }
 
 #[test]
-fn broken_texels_and_small_tiles_are_told() {
+fn invalid_texels_and_changed_tile_sizes_are_noted() {
     let folder = Folder::new();
     folder.image("a.tif", (4, 4), 1, |x, _, _| if x == 0 { f32::NAN } else { f32::INFINITY });
     let o = MakeOptions { tile_size: (8, 8), ..options() };
@@ -223,7 +223,7 @@ fn broken_texels_and_small_tiles_are_told() {
 }
 
 #[test]
-fn mistakes_leave_no_file() {
+fn a_failed_texture_leaves_no_file() {
     let folder = Folder::new();
     folder.image("a.tif", (4, 4), 1, |_, _, _| 0.0);
     let fails = |o: MakeOptions, what: &str| {
@@ -242,7 +242,7 @@ fn mistakes_leave_no_file() {
 }
 
 #[test]
-fn the_display_window_is_what_counts() {
+fn textures_cover_the_display_window() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(4, 4, 1, PixelType::Float);
     (spec.x, spec.y, spec.full_width, spec.full_height) = (4, 0, 8, 8);
@@ -259,7 +259,7 @@ fn the_display_window_is_what_counts() {
 /// The bound `memory_bytes` holds for images that repeat as well. Rows of their other end are read ahead, and the file
 /// is the same. Where all rows are needed, no texture is made.
 #[test]
-fn memory_is_bounded_for_images_that_repeat() {
+fn memory_is_limited_for_repeating_images() {
     let folder = Folder::new();
     let spec = ImageSpec::new(2000, 1100, 3, PixelType::U8);
     folder.image_of("a.tif", spec, |x, y, c| random(x + 5000 * y, c as u32));

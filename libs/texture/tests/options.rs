@@ -26,7 +26,7 @@ fn notes(made: Made) -> Vec<String> {
 
 /// Levels of bytes are means of bytes, correctly rounded, for any number of levels.
 #[test]
-fn levels_of_bytes_are_exact() {
+fn levels_of_bytes_are_correctly_rounded_means() {
     let folder = Folder::new();
     folder.image_of("a.tif", ImageSpec::new(256, 256, 3, PixelType::U8), |x, y, c| {
         (random(x + 256 * y, c as u32) * 255.0).floor() / 255.0
@@ -52,7 +52,7 @@ fn levels_of_bytes_are_exact() {
 }
 
 #[test]
-fn types_are_stored_or_the_nearest_is_told() {
+fn pixel_types_are_stored_or_replaced_with_a_note() {
     let folder = Folder::new();
     folder.image_of("a.tif", ImageSpec::new(16, 16, 1, PixelType::U8), |x, _, _| x as f32 / 15.0);
     let stored = |o: MakeOptions| {
@@ -79,7 +79,7 @@ fn types_are_stored_or_the_nearest_is_told() {
 }
 
 #[test]
-fn colours_are_averaged_as_light() {
+fn colours_are_averaged_in_linear_light() {
     let folder = Folder::new();
     folder.image_of("a.tif", ImageSpec::new(4, 4, 4, PixelType::U8), |x, _, c| {
         if c == 3 { 1.0 } else { (x % 2) as f32 }
@@ -101,7 +101,7 @@ fn colours_are_averaged_as_light() {
 /// Colours that are not multiplied by alpha are multiplied as linear light. The file no longer declares that they are
 /// not.
 #[test]
-fn straight_alpha_is_multiplied_in() {
+fn unassociated_alpha_is_multiplied_in() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(2, 2, 4, PixelType::Float);
     spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
@@ -118,7 +118,7 @@ fn straight_alpha_is_multiplied_in() {
 }
 
 #[test]
-fn broken_values_are_refused_or_mended() {
+fn invalid_values_are_refused_or_replaced() {
     let folder = Folder::new();
     folder.image("a.tif", (8, 8), 2, |x, y, c| match (x, y, c) {
         (3, 2, 1) => f32::NAN,
@@ -147,7 +147,7 @@ fn broken_values_are_refused_or_mended() {
 }
 
 #[test]
-fn hashes_follow_the_pixels() {
+fn hashes_change_with_the_pixels() {
     let folder = Folder::new();
     let paint = |name: &str, v: f32| {
         folder.image(name, (20, 20), 3, |x, y, _| if (x, y) == (9, 9) { v } else { 0.5 })
@@ -197,7 +197,7 @@ fn constant_images_take_one_tile() {
 
 /// A streamed texture does not depend on the permitted memory. The error of any other one names the option.
 #[test]
-fn little_memory() {
+fn a_memory_limit_does_not_change_the_texture() {
     let folder = Folder::new();
     folder.image("a.tif", (700, 900), 3, |x, y, c| random(x + 700 * y, c as u32));
     let bytes = |o: &MakeOptions| {
@@ -219,7 +219,7 @@ fn little_memory() {
 
 /// Streaming results in the same pixels as the same operations on the whole image, for all filters, wraps and formats.
 #[test]
-fn wraps_reach_over_the_border() {
+fn levels_are_filtered_over_the_border_by_wrap_mode() {
     let folder = Folder::new();
     folder.image("a.tif", (24, 40), 1, |_, y, _| f32::from(y >= 38));
     for filter in Filter::ALL {
@@ -237,7 +237,7 @@ fn wraps_reach_over_the_border() {
 
 /// Every kind of map can be made in every format, for any size of the input. Faces get a side that the format can tile.
 #[test]
-fn every_mode_goes_with_every_format_and_size() {
+fn every_mode_works_with_every_format_and_size() {
     let folder = Folder::new();
     let grey = |x: u32, y: u32, _: usize| 0.25 + 0.01 * ((x + y) % 7) as f32;
     for (name, size) in [

@@ -17,7 +17,7 @@ fn repeating() -> MakeOptions {
 /// The error is less than one code value of 255 on a photograph of bricks, with footprints of all directions and ratios
 /// up to 64 : 1.
 #[test]
-fn a_photograph_is_filtered_as_by_brute_force() {
+fn filtering_a_photograph_equals_brute_force() {
     let folder = Folder::new();
     let photo = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/first/brick.png");
     let formats: FormatRegistry = granita_plugin::bundled_formats(Limits::default());
@@ -40,7 +40,7 @@ fn a_photograph_is_filtered_as_by_brute_force() {
 
 /// A checker of single texels, seen from farther and farther away, at all angles, is grey without any pattern.
 #[test]
-fn the_finest_checker_becomes_grey_without_moire() {
+fn the_finest_checkerboard_becomes_grey_without_moire() {
     let folder = Folder::new();
     folder.image("k.tif", (128, 128), 1, |x, y, _| ((x + y) % 2) as f32);
     folder.make(&["k.tif"], "k.tx", &repeating()).unwrap();
@@ -69,7 +69,7 @@ fn the_finest_checker_becomes_grey_without_moire() {
 
 /// The tiles that a reader holds do not change the result of any lookup.
 #[test]
-fn readers_answer_as_the_cache() {
+fn readers_give_the_results_of_the_cache() {
     let folder = Folder::new();
     for name in ["a", "b"] {
         folder.image("p.tif", (200, 150), 3, |x, y, c| random(x + 200 * y, c as u32 + name.len() as u32));

@@ -44,7 +44,7 @@ fn half_blocked(folder: &Folder) {
 }
 
 #[test]
-fn the_edge_is_where_it_is() {
+fn shadow_edges_are_in_place() {
     let folder = Folder::new();
     half_blocked(&folder);
     let (cache, id) = folder.open("z.sm");
@@ -78,7 +78,7 @@ fn the_edge_is_where_it_is() {
 }
 
 #[test]
-fn up_in_the_world_is_up_in_the_map() {
+fn shadow_maps_have_the_orientation_of_the_world() {
     let folder = Folder::new();
     depth_image(&folder, "z.tif", 64, true, |_, y| if y < 32 { 5.0 } else { 1e30 });
     folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap();
@@ -88,7 +88,7 @@ fn up_in_the_world_is_up_in_the_map() {
 }
 
 #[test]
-fn penumbra_of_a_blur_is_linear_and_as_wide_as_it_says() {
+fn a_blurred_shadow_has_a_linear_penumbra_of_the_blur_width() {
     let folder = Folder::new();
     half_blocked(&folder);
     let (cache, id) = folder.open("z.sm");
@@ -109,7 +109,7 @@ fn penumbra_of_a_blur_is_linear_and_as_wide_as_it_says() {
 }
 
 #[test]
-fn a_footprint_is_averaged() {
+fn shadow_lookups_average_their_footprint() {
     let folder = Folder::new();
     half_blocked(&folder);
     let (cache, id) = folder.open("z.sm");
@@ -126,7 +126,7 @@ fn a_footprint_is_averaged() {
 }
 
 #[test]
-fn matrices_are_needed_and_can_be_given() {
+fn shadow_maps_need_matrices_which_options_can_give() {
     let folder = Folder::new();
     depth_image(&folder, "z.tif", 16, false, |_, _| 5.0);
     let error = folder.make(&["z.tif"], "z.sm", &options(Mode::Shadow)).unwrap_err().to_string();
@@ -160,7 +160,7 @@ fn shadow_cube(folder: &Folder, names: &[&str; 6]) {
 }
 
 #[test]
-fn cubes_of_shadow_maps() {
+fn cube_shadow_maps_cast_shadows_in_all_directions() {
     let folder = Folder::new();
     shadow_cube(&folder, &FACES);
     let (cache, id) = folder.open("cube.sm");
@@ -188,7 +188,7 @@ fn cubes_of_shadow_maps() {
 /// The map has round objects between a light and a ball around it. Their shadows are continuous over the edges and
 /// corners of the cube, sharp and blurred.
 #[test]
-fn no_edge_of_a_cube_shows() {
+fn cube_shadows_are_continuous_over_edges() {
     let folder = Folder::new();
     const N: u32 = 64;
     let balls = [Vec3::new(1.0, 1.0, 1.0), Vec3::new(-1.0, 1.0, 0.3), Vec3::new(0.2, -1.0, -1.0)];
@@ -240,7 +240,7 @@ fn no_edge_of_a_cube_shows() {
 /// The map is a ball of fog around a light, with opacity 0.5 at its surface, in a cube of volume maps. Opacity grows
 /// evenly from radius 2 to 6 on all faces, and no edge is visible.
 #[test]
-fn cubes_of_volume_maps() {
+fn cube_volume_maps_are_continuous_over_edges() {
     let folder = Folder::new();
     const N: u32 = 64;
     for (name, [forward, up, right]) in FACES.iter().zip(FRAMES) {
@@ -321,7 +321,7 @@ fn empty_faces_cast_no_shadow() {
 }
 
 #[test]
-fn volume_maps() {
+fn volume_shadow_maps_have_their_opacity_by_depth() {
     let folder = Folder::new();
     let mut spec = ImageSpec::new(64, 64, 5, PixelType::Float);
     spec.attributes.set(matrix("worldtocamera", &camera().to_rows()));

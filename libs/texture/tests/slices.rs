@@ -56,7 +56,7 @@ fn at(x: f32, y: f32, z: f32) -> Lookup3d {
 }
 
 #[test]
-fn texels_are_where_they_are() {
+fn texels_of_volumes_are_found_at_their_coordinates() {
     let folder = Folder::new();
     write(&folder, "v.tif", &[(4, 3); 5], |x, y, z| (x + 10 * y + 100 * z) as f32);
     let (cache, id) = folder.open("v.tif");
@@ -78,7 +78,7 @@ fn texels_are_where_they_are() {
 
 /// A ramp stays a ramp under any footprint that is inside. Noise becomes grey as footprints grow, in every direction.
 #[test]
-fn footprints_are_means() {
+fn footprints_of_volumes_average_texels() {
     let folder = Folder::new();
     write(&folder, "ramp.tif", &[(32, 32); 32], |x, y, z| x as f32 + 2.0 * y as f32 + 3.0 * z as f32);
     write(&folder, "noise.tif", &[(32, 32); 32], |x, y, z| random(x + 32 * y + 1024 * z, 5));
@@ -104,7 +104,7 @@ fn footprints_are_means() {
 }
 
 #[test]
-fn slices_that_do_not_fit_are_told() {
+fn slices_of_different_sizes_are_reported() {
     let folder = Folder::new();
     write(&folder, "v.tif", &[(4, 3), (4, 4)], |x, _, _| x as f32);
     let (cache, id) = folder.open("v.tif");
@@ -119,7 +119,7 @@ fn slices_that_do_not_fit_are_told() {
 
 /// The volume has bands of eight texels across x and across y. A blur along one direction does not change the other.
 #[test]
-fn blurs_of_the_directions_are_apart() {
+fn blur_of_each_axis_is_independent() {
     let folder = Folder::new();
     let band = |x: u32| f32::from((x / 8).is_multiple_of(2));
     write(&folder, "x.tif", &[(32, 32); 32], |x, _, _| band(x));

@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_the_boxes_that_a_test_of_all_finds() {
+    fn the_box_tree_finds_the_boxes_of_a_linear_search() {
         let boxes: Vec<Bound> = (0..300)
             .map(|i| {
                 let (a, size) = (point(i, 0) * 10.0, point(i, 3) * point(i, 3));
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beyond_the_answer_is_left_out() {
+    fn boxes_beyond_the_returned_distance_are_skipped() {
         let boxes: Vec<Bound> = (0..100)
             .map(|i| Bound { min: Vec3::new(i as f32, 0.0, 0.0), max: Vec3::new(i as f32 + 0.5, 1.0, 1.0) })
             .collect();

@@ -199,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn links_hold_what_they_are_given_and_refuse_the_rest() {
+    fn links_hold_valid_indices_and_refuse_larger_ones() {
         let most = Link::FIRST as usize;
         assert_eq!(Link::leaf(most - 7, 3).moved(99, 7).blocks(), most..most + 3);
         assert_eq!(Link::node(5).moved(1 << 20, 7).0, 5 + (1 << 20));

@@ -127,7 +127,7 @@ fn odd_ray(seed: u32, i: u32) -> Ray {
 }
 
 #[test]
-fn a_million_rays_find_what_all_triangles_have() {
+fn a_million_rays_equal_brute_force() {
     let mut found = 0;
     for seed in 0..8 {
         let tracer = soup(seed, 40);
@@ -147,7 +147,7 @@ fn a_million_rays_find_what_all_triangles_have() {
 }
 
 #[test]
-fn wide_is_portable_to_the_bit() {
+fn wide_and_portable_traversal_agree_to_the_bit() {
     let tracer = soup(99, 500);
     let rays: Vec<Ray> = (0..20_000).map(|i| odd_ray(99, i)).collect();
     let batch = Batch { scene: &tracer.scene, rays: &rays, order: None };
@@ -218,7 +218,7 @@ fn trees_do_not_depend_on_threads() {
 }
 
 #[test]
-fn trees_of_items_that_nothing_tells_apart_are_shallow() {
+fn trees_of_indistinguishable_items_are_shallow() {
     // The sizes are all equal, or each is a thousandth of the one before.
     for scale in [1.0, 1e-3] {
         let size = |i: u32| 1e18_f32 * f32::powi(scale, (i % 12) as i32);
@@ -280,7 +280,7 @@ fn rays_at_edges(mesh: &TriangleMesh, count: u32) -> Vec<Ray> {
 }
 
 #[test]
-fn nothing_passes_between_triangles_that_share_an_edge() {
+fn no_ray_passes_between_triangles_that_share_an_edge() {
     let mesh = ball(40);
     let rays = rays_at_edges(&mesh, 300_000);
     let whole = {
@@ -317,7 +317,7 @@ fn nothing_passes_between_triangles_that_share_an_edge() {
 }
 
 #[test]
-fn triangles_that_lie_elsewhere_are_met_as_others() {
+fn triangles_of_borrowed_meshes_are_hit_like_own_ones() {
     struct Lent<'a>(&'a TriangleMesh);
     impl crate::Triangles for Lent<'_> {
         fn count(&self) -> usize {

@@ -135,7 +135,7 @@ proptest! {
 }
 
 #[test]
-fn ties_go_to_the_smallest_number() {
+fn equal_hits_resolve_to_the_smallest_index() {
     let square = vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
     // The same triangles are repeated many times in several meshes.
     let many: Vec<[u32; 3]> = (0..50).flat_map(|_| [[0, 1, 2], [0, 2, 3]]).collect();
@@ -188,7 +188,7 @@ fn moving_triangles_are_hit_where_they_are() {
 }
 
 #[test]
-fn odd_rays_and_odd_meshes() {
+fn invalid_rays_and_triangles_are_never_hit() {
     let empty = build(vec![]);
     assert!(!closest(&empty, ray(Vec3::ZERO, Vec3::Z)).is_hit());
     assert!(empty.bound().is_empty());
@@ -227,7 +227,7 @@ fn odd_rays_and_odd_meshes() {
 }
 
 #[test]
-fn directions_of_any_length() {
+fn ray_directions_may_have_any_length() {
     let p = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
     let tracer = build(vec![still(p, vec![[0, 1, 2]])]);
     for exp in [-37, -30, -10, 0, 10, 30, 37] {
@@ -240,7 +240,7 @@ fn directions_of_any_length() {
 }
 
 #[test]
-fn scenes_of_any_size() {
+fn rays_hit_scenes_of_any_size() {
     for exp in [-36, -20, 0, 20, 36] {
         let s = 10.0_f32.powi(exp);
         let mut mesh = sphere(12);
@@ -289,7 +289,7 @@ fn double(p: [Vec3; 3], ray: &Ray) -> Option<(f64, f64)> {
 }
 
 #[test]
-fn hits_are_those_of_double_precision() {
+fn hits_equal_those_of_double_precision() {
     let mut mesh = sphere(24);
     // The surface has waves, so that rays pass through it several times.
     for (i, p) in mesh.positions[0].iter_mut().enumerate() {
@@ -313,7 +313,7 @@ fn hits_are_those_of_double_precision() {
 }
 
 #[test]
-fn nothing_passes_between_triangles() {
+fn no_ray_passes_between_triangles() {
     let n = 96;
     let mut mesh = sphere(n);
     for (i, p) in mesh.positions[0].iter_mut().enumerate() {

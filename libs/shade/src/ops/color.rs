@@ -169,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn known_colors() {
+    fn color_conversions_give_known_values() {
         let table = [
             (ColorSpace::Hsv, [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]),
             (ColorSpace::Hsv, [0.0, 0.5, 0.0], [1.0 / 3.0, 1.0, 0.5]),
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn there_and_back() {
+    fn colors_survive_conversion_and_back() {
         for space in [ColorSpace::Hsv, ColorSpace::Hsl, ColorSpace::Yiq, ColorSpace::Xyz] {
             for k in 0..125 {
                 let c = Vec3::new((k % 5) as f32, (k / 5 % 5) as f32, (k / 25) as f32) * 0.25;

@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_neighbours_are_left_out() {
+    fn inactive_neighbours_are_skipped_in_differences() {
         let v = [0.0, 1.0, f32::NAN, 9.0, 16.0, 25.0];
         let on = [true, true, false, true, true, true];
         let mut out = [0.0; 6];
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn short_lines() {
+    fn differences_of_short_lines_are_constant() {
         let mut out = [7.0; 2];
         line_difference(&[1.0], 0, 1, 1, &mut out[..1]);
         assert_eq!(out[0], 0.0);

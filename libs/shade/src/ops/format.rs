@@ -205,7 +205,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn conversions() {
+    fn format_conversions_print_like_c() {
         let cases: [(&str, &[f32], &str); 24] = [
             ("%f", &[1.0], "1.000000"),
             ("%.2f|", &[-1.005], "-1.00|"),
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn strings_and_mistakes() {
+    fn format_prints_strings_and_reports_wrong_types() {
         let text = |t: &str| fill(t, [Item::Text("wood"), Item::Numbers(&[4.0])]);
         assert_eq!(text("%s.%04d.tx"), "wood.0004.tx");
         assert_eq!(text("%6s|%-3d|"), "  wood|4  |");

@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn segments() {
+    fn distances_to_segments_are_exact() {
         let (a, b) = (Vec3::ZERO, Vec3::X * 2.0);
         assert_eq!(segment_distance(a, b, Vec3::new(1.0, 3.0, 0.0)), 3.0);
         assert_eq!(segment_distance(a, b, Vec3::new(5.0, 4.0, 0.0)), 5.0);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn refraction_and_reflectance() {
+    fn refraction_and_reflectance_equal_the_formulas() {
         let n = Vec3::Z;
         // At normal incidence there is no refraction, and the reflectance is ((n1 - n2) / (n1 + n2))^2.
         assert!((refract(-n, n, 1.0 / 1.5) + n).length() < 1e-6);

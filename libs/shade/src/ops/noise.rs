@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn mean_zero_and_within_bounds() {
+    fn noise_has_mean_zero_and_stays_within_bounds() {
         for (d, (mean, deviation, low, high)) in
             [(1, statistics::<1>()), (2, statistics::<2>()), (3, statistics::<3>()), (4, statistics::<4>())]
         {
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_hold_without_the_clamp() {
+    fn noise_stays_within_bounds_without_the_clamp() {
         // The worst gradients all point at the point: search a cell for the largest sum.
         let worst = |d: usize, t: &[f32]| -> f32 {
             (0..1 << d)
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn continuous_and_zero_on_the_lattice() {
+    fn noise_is_continuous_and_zero_on_the_lattice() {
         for k in -20..20 {
             let x = k as f32;
             assert_eq!(snoise([x, 3.0, -7.0], [0; 4], 1), 0.0);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn periods() {
+    fn periodic_noise_repeats() {
         for x in points::<4>(500, 40.0) {
             let p = [3, 5, 1, 7];
             let shifted = [x[0] + 3.0, x[1] - 10.0, x[2] + 4.0, x[3] + 7.0];
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn components_are_not_correlated() {
+    fn noise_components_are_not_correlated() {
         let (mut xy, mut xx) = (0.0, 0.0);
         for p in points::<3>(20_000, 500.0) {
             let (a, b) = (snoise(p, [0; 4], 0), snoise(p, [0; 4], 1));
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn cells() {
+    fn cell_noise_is_constant_in_cells_and_uniform() {
         assert_eq!(cellnoise(&[2.1, -3.9], 0), cellnoise(&[2.9, -3.1], 0));
         assert_ne!(cellnoise(&[2.9], 0), cellnoise(&[3.0], 0));
         assert_ne!(cellnoise(&[2.9], 0), cellnoise(&[2.9], 1));
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_comes_in_a_number_comes_out() {
+    fn noise_of_any_input_is_finite() {
         for x in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, 2_147_483_648.0] {
             let v = snoise([x, 0.5, x], [0; 4], 0);
             assert!((-1.0..=1.0).contains(&v), "{x} {v}");

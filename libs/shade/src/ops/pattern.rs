@@ -247,7 +247,7 @@ mod tests {
     const FILTERS: [Filter; 4] = [Filter::Box, Filter::Triangle, Filter::Gaussian, Filter::CatmullRom];
 
     #[test]
-    fn steps_are_integrals_of_their_kernels() {
+    fn filtered_steps_are_integrals_of_their_kernels() {
         for filter in FILTERS {
             let step = |x: f32| filtered_step(filter, 0.0, x, 2.0);
             assert!(step(-1.0).abs() < 1e-6 && (step(1.0) - 1.0).abs() < 1e-6, "{filter:?}");
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn no_width_is_a_step() {
+    fn a_filter_without_width_is_a_step() {
         for ds in [0.0, f32::NAN] {
             assert_eq!(filtered_step(Filter::Box, 1.0, 1.0, ds), 1.0);
             assert_eq!(filtered_step(Filter::Box, 1.0, 0.99, ds), 0.0);

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn highlights() {
+    fn highlights_have_the_values_of_the_formula() {
         let n = Vec3::Z;
         assert_eq!(brdf(n, n, n, 0.1), 1.0);
         // H at 45 degrees: cos^16 is 1/256 at roughness 0.5, cos^8 is 1/16 at 1.

@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn values_at_knots() {
+    fn splines_have_known_values_at_knots() {
         let y = [0.0, 1.0, 4.0, 2.0, 7.0];
         assert_eq!(value("catmull-rom", 0.0, &y), 1.0);
         assert_eq!(value("catmull-rom", 0.5, &y), 4.0);
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn solving_is_the_inverse() {
+    fn solving_a_spline_inverts_its_evaluation() {
         let rising = [0.0, 0.1, 0.4, 0.5, 0.9, 1.0, 1.2];
         for word in ["catmull-rom", "linear", "bspline", "bezier"] {
             for y in [rising, rising.map(|v| 3.0 - v)] {
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_values() {
+    fn splines_of_too_few_values_are_zero() {
         assert_eq!(value("catmull-rom", 0.5, &[1.0, 2.0, 3.0]), 0.0);
         assert!(basis("cubic").is_none());
     }

@@ -180,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn substrings() {
+    fn substrings_accept_any_start_and_length() {
         for (start, length, expected) in [
             (0.0, Some(2.0), "he"),
             (1.0, Some(3.0), "ell"),

@@ -386,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_as_documented() {
+    fn errors_of_approximations_are_as_documented() {
         let both = [1.0, -1.0];
         let table = [
             ("sin, to 100", worst((1e-6, 100.0), &both, sin_near, f64::sin), 2.0e3),
@@ -418,7 +418,7 @@ mod tests {
     }
 
     #[test]
-    fn powers() {
+    fn powers_are_exact_to_one_ulp() {
         let mut most = 0.0_f64;
         for i in 1..600 {
             for j in -60..60 {
@@ -437,7 +437,7 @@ mod tests {
     }
 
     #[test]
-    fn floors() {
+    fn floors_equal_the_library() {
         for x in [
             0.0,
             -0.0,
@@ -459,7 +459,7 @@ mod tests {
     }
 
     #[test]
-    fn quadrants() {
+    fn atan2_is_correct_in_all_quadrants() {
         for (y, x) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0), (0.1, -7.0), (3.0, 0.001)] {
             let got = atan2_plain(y, x);
             assert!((got - libm::atan2f(y, x)).abs() < 3e-7, "{y} {x}: {got}");

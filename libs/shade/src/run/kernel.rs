@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_mixture_of_strides_agrees() {
+    fn kernels_agree_for_every_mixture_of_strides() {
         let data: [Vec<f32>; 3] = [vec![2.0; 5], vec![3.0; 5], vec![5.0; 5]];
         for k in 0..8 {
             let lane = |j: usize| {

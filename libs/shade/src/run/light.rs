@@ -461,7 +461,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn categories() {
+    fn light_categories_match_expressions() {
         let light = |c: &str| LightInfo { ambient: false, category: c.into() };
         for (expression, category, expected) in [
             ("blue", "red,blue", true),
@@ -485,7 +485,7 @@ mod tests {
     }
 
     #[test]
-    fn cones() {
+    fn directions_are_inside_or_outside_of_cones() {
         assert!(in_cone(Vec3::X, Vec3::X * 3.0, 0.0));
         assert!(in_cone(Vec3::new(1.0, 0.9, 0.0), Vec3::X, std::f32::consts::FRAC_PI_4));
         assert!(!in_cone(Vec3::new(1.0, 1.1, 0.0), Vec3::X, std::f32::consts::FRAC_PI_4));

@@ -340,7 +340,7 @@ mod tests {
 
     /// Wide, narrow and one by one: the same to the bit.
     #[test]
-    fn all_ways_agree() {
+    fn noise_is_the_same_in_wide_narrow_and_single_lanes() {
         let mut values: Vec<f32> = (0..75).map(|k| (k as f32 - 37.0) * 1.37).collect();
         values.extend([0.0, -0.0, 1.0, -1.0, 1e-30, 3e9, -3e9, 1e30, f32::MAX]);
         values.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 16_777_217.0, -2_147_483_648.0]);
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn remainders() {
+    fn wrapping_equals_the_euclidean_remainder() {
         for i in [0, 1, -1, 5, -5, 17, 1_000_003, -1_000_003, i32::MAX, i32::MIN, i32::MIN + 1] {
             for p in [1, 2, 3, 7, 100, 65_536, 1_000_000_007, i32::MAX] {
                 assert_eq!(wrap(i, p as u32), i.rem_euclid(p), "{i} {p}");

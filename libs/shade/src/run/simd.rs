@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn wide_is_narrow_is_alone() {
+    fn wide_narrow_and_single_lanes_agree_to_the_bit() {
         let x = numbers();
         let y: Vec<f32> = x.iter().rev().copied().collect();
         let z: Vec<f32> = x.iter().map(|v| v * 0.25).collect();

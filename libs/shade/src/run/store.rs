@@ -269,7 +269,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn masks() {
+    fn masks_keep_their_active_lanes() {
         let mut a = Mask::default();
         a.fill(4);
         let mut b = Mask::default();

@@ -261,7 +261,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_and_texts() {
+    fn strings_are_interned_with_stable_ids() {
         let mut known = Strings::default();
         let a = known.intern(&"a".into());
         assert_eq!(
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn room_for_strings_is_bounded() {
+    fn the_memory_for_strings_is_limited() {
         let (known, mut made) = (Strings::default(), StringTable::default());
         let long = |k: usize| format!("{k} {}", "x".repeat(MAX_TEXT - 8));
         let most = MAX_BYTES / MAX_TEXT;
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn registers_hold_ids_that_floats_do_not_count_to() {
+    fn registers_hold_ids_beyond_the_integers_of_floats() {
         // 2^24 + 1 is the first whole number that a float cannot represent.
         for id in [0, 1, 16_777_216, 16_777_217, 16_777_219, u32::MAX].map(StringId) {
             assert_eq!(StringId::from_register(id.to_register()), id);
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn unix_regular_expressions() {
+    fn unix_regular_expressions_match() {
         let mut r = Regexes::default();
         let mut m = |p: &str, s: &str| r.matches(&p.into(), s).unwrap();
         for (pattern, subject, expected) in [

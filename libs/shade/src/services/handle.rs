@@ -26,7 +26,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_found_stays() {
+    fn a_handle_keeps_the_map_that_was_found() {
         let handle = MapHandle::default();
         assert_eq!(handle.get_or_find(|| None::<u32>), None);
         assert_eq!(handle.get_or_find(|| Some(3_u32)), Some(&3));

@@ -172,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_name_may_set_two_options() {
+    fn one_option_name_may_set_two_fields() {
         let mut o = TextureOptions::<u32, &str>::default();
         o.set("blur", Some(1), None);
         o.set("tblur", Some(2), None);
@@ -186,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_know_their_names() {
+    fn option_tables_know_their_names() {
         type Shadow = ShadowOptions<(), ()>;
         let takes_text = <Shadow as OptionTable<(), ()>>::takes_text;
         assert_eq!(["bias", "wrap", ""].map(takes_text), [Some(false), None, None]);

@@ -43,7 +43,7 @@ const SHADERS: [&str; 7] = [
 ];
 
 #[test]
-fn nothing_shows_who_was_joined_with_whom() {
+fn batched_grids_give_the_results_of_single_grids() {
     let grids: Vec<Grid> = [(2, 2), (3, 3), (2, 5), (4, 3), (1, 3), (3, 3)]
         .iter()
         .zip(0..)
@@ -70,7 +70,7 @@ fn nothing_shows_who_was_joined_with_whom() {
 }
 
 #[test]
-fn rectangles_know_their_lanes() {
+fn rectangles_of_batched_grids_have_their_lanes() {
     let grids = [grid(2, 3, 0), grid(3, 3, 1), grid(2, 2, 2)];
     let batched = Grid::batched(&grids);
     assert_eq!(batched.len(), 19);
@@ -88,7 +88,7 @@ fn rectangles_know_their_lanes() {
 }
 
 #[test]
-fn only_grids_that_are_alike_join() {
+fn only_compatible_grids_are_batched() {
     let one = grid(2, 2, 0);
     assert!(one.may_batch(&grid(3, 2, 5)));
     let change = |f: &dyn Fn(&mut Grid)| {
@@ -108,7 +108,7 @@ fn only_grids_that_are_alike_join() {
 }
 
 #[test]
-fn what_sees_a_grid_as_a_whole_says_so() {
+fn groups_that_use_whole_grids_are_marked() {
     let is = |body: &str| {
         let source = format!("surface t (string file = \"\", string mode = \"\") {{ {body} }}");
         let group = link(&[(&source, Params::new())], &[]);

@@ -41,7 +41,7 @@ fn finite(lanes: &Lanes3) -> bool {
 }
 
 #[test]
-fn every_shader_runs() {
+fn every_bundled_shader_runs() {
     let lights = [
         "light p () { emit (point (0, 0, -2)) { Cl = 4 / dot (L, L); } }",
         "light s () { emit (vector (0, 0, 1), 0) { Cl = 1; } }",
@@ -88,7 +88,7 @@ fn every_shader_runs() {
 /// Prints the time per point. This is not a benchmark.
 #[test]
 #[ignore = "prints times"]
-fn what_a_point_costs() {
+fn the_time_per_point_is_printed() {
     let mut executor = Executor::new();
     for (name, source) in shaders() {
         let group = link(&[(&source, Params::new())], &[]);

@@ -4,7 +4,7 @@ use crate::fixture::*;
 
 /// In these tests u is 0, 0.5, 1 in both rows.
 #[test]
-fn conditions_nest() {
+fn nested_conditions_choose_per_lane() {
     assert_eq!(floats("if (u < 0.7) { if (u > 0.2) r = 1; else r = 2; } else r = 3;")[..3], [2.0, 1.0, 3.0]);
     assert_eq!(floats("r = 0; if (u > 5) r = 1;"), [0.0; 6]);
     assert_eq!(floats("float a = 4; if (u > 0.2) a = 5; if (u > 0.7) a += 1; r = a;")[..3], [4.0, 5.0, 6.0]);
@@ -45,7 +45,7 @@ fn loops_run_until_each_lane_is_done() {
 }
 
 #[test]
-fn functions_return_per_lane() {
+fn functions_return_values_per_lane() {
     let f = |body: &str, call: &str| {
         let source =
             format!("float f (float x) {{ {body} }} surface t (output float r = -1) {{ r = {call}; }}");
@@ -110,7 +110,7 @@ fn variables_are_not_shared_by_lanes_across_loops() {
 }
 
 #[test]
-fn an_empty_grid_is_nothing() {
+fn an_empty_grid_is_shaded_without_effect() {
     let group = link(&[("surface t () { C = P[0]; }", granita_base::Params::new())], &[]);
     let mut grid = granita_shade::Grid::new(granita_shade::Topology::Scattered { n: 0 });
     let out = granita_shade::Executor::new().run(&group, &mut grid, &mut Double::default(), &[]);
@@ -119,7 +119,7 @@ fn an_empty_grid_is_nothing() {
 
 /// Long chains are flat. Neither linking nor running them needs stack or much time.
 #[test]
-fn long_chains_choose_as_short_ones_do() {
+fn long_chains_of_conditions_choose_correctly() {
     let n = 2000;
     let arms: Vec<String> = (0..n).map(|k| format!("if (u * {n} <= {k}) r = {k};")).collect();
     let half = (n / 2) as f32;
@@ -145,7 +145,7 @@ fn long_chains_choose_as_short_ones_do() {
 }
 
 #[test]
-fn long_sums_are_the_sums_of_their_parts() {
+fn long_sums_are_computed_correctly() {
     let n = 5000;
     assert_eq!(floats(&format!("r = u{};", " + u".repeat(n)))[..3], [0.0, 2500.5, 5001.0]);
     assert_eq!(floats(&format!("r = 1{};", " && u < 0.7".repeat(n)))[..3], [1.0, 1.0, 0.0]);
@@ -157,7 +157,7 @@ fn long_sums_are_the_sums_of_their_parts() {
 }
 
 #[test]
-fn unused_code_is_found_at_once() {
+fn long_unused_code_is_removed_quickly() {
     // Each value is read by the next one alone, and the last is not read.
     let n = 20_000;
     let body = format!("float a = u; {} r = 1;", "a = a * 2 + v; ".repeat(n));

@@ -21,7 +21,7 @@ fn linear_functions_have_the_same_difference_everywhere() {
 }
 
 #[test]
-fn quadratic_functions_have_no_seam_between_grids() {
+fn derivatives_agree_across_borders_of_grids() {
     // Two grids share the column x = 1. The slope at it is the same from both sides.
     let at = |x0: f32, k: usize| {
         let mut grid = square(5, 2);
@@ -35,7 +35,7 @@ fn quadratic_functions_have_no_seam_between_grids() {
 }
 
 #[test]
-fn filter_widths_and_areas() {
+fn filter_widths_and_areas_are_exact_on_planes() {
     let mut grid = square(3, 3);
     let w = on(&mut grid, "r = filterwidth (u + v);");
     assert!(w.iter().all(|x| (x - (0.5_f32 * 0.5 * 2.0).sqrt()).abs() < 1e-5), "{w:?}");
@@ -44,7 +44,7 @@ fn filter_widths_and_areas() {
 }
 
 #[test]
-fn hits_take_their_neighbour_lanes() {
+fn derivatives_of_hits_use_their_neighbour_lanes() {
     let mut grid = Grid::new(Topology::Triplets { n: 2 });
     grid.u = vec![1.0, 2.0, 1.5, 2.25, 1.0, 2.0];
     grid.v = vec![5.0, 6.0, 5.0, 6.0, 5.125, 6.5];
@@ -66,7 +66,7 @@ fn inactive_neighbours_do_not_count() {
 }
 
 #[test]
-fn surface_normals_face_as_the_surface_does() {
+fn surface_normals_follow_the_orientation() {
     let n = on(&mut square(3, 3), "normal n = normalize (surfacenormal (P)); r = n[2];");
     assert!(n.iter().all(|z| (z + 1.0).abs() < 1e-5), "{n:?}");
     let mut grid = square(3, 3);
@@ -76,7 +76,7 @@ fn surface_normals_face_as_the_surface_does() {
 }
 
 #[test]
-fn poles_have_normals() {
+fn normals_at_poles_are_finite() {
     // The first row of points is one point, the tip of a cone.
     let mut grid = square(5, 4);
     for j in 0..4 {
@@ -129,7 +129,7 @@ fn displacement_moves_along_the_normal() {
 }
 
 #[test]
-fn slopes_turn_normals() {
+fn displacement_slopes_tilt_normals() {
     for body in [
         "displace (u);",
         "bump (u);",
@@ -149,7 +149,7 @@ fn slopes_turn_normals() {
 }
 
 #[test]
-fn interpolated_normals_stay_interpolated() {
+fn interpolated_normals_stay_without_displacement() {
     // The facet has normals of the curved surface that it represents. Without displacement they do not change.
     let mut grid = square(3, 3);
     for i in 0..9 {

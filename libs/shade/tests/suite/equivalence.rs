@@ -128,7 +128,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn uniform_is_varying(
+    fn uniform_and_varying_values_give_the_same_results(
         body in prop::collection::vec(statement(), 1..5),
         inputs in [-2.0..2.0_f32, -2.0..2.0_f32, -2.0..2.0_f32],
         mixture in 1..8_u32,

@@ -60,7 +60,7 @@ const INF: f32 = f32::INFINITY;
 const PI: f32 = std::f32::consts::PI;
 
 #[test]
-fn mathematics() {
+fn mathematical_functions_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -158,7 +158,7 @@ fn constants_have_their_values() {
 }
 
 #[test]
-fn operators() {
+fn operators_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -192,7 +192,7 @@ fn operators() {
 }
 
 #[test]
-fn geometry() {
+fn geometric_functions_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -278,7 +278,7 @@ fn geometry() {
 }
 
 #[test]
-fn colors() {
+fn color_functions_have_known_values() {
     check(
         ValueType::Color,
         &[
@@ -296,7 +296,7 @@ fn colors() {
 }
 
 #[test]
-fn matrices() {
+fn matrix_functions_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -340,7 +340,7 @@ fn matrices() {
 }
 
 #[test]
-fn patterns() {
+fn pattern_functions_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -393,7 +393,7 @@ fn patterns() {
 }
 
 #[test]
-fn strings() {
+fn string_functions_have_known_values() {
     check(
         ValueType::Float,
         &[
@@ -416,7 +416,7 @@ fn strings() {
 }
 
 #[test]
-fn units() {
+fn units_convert_as_declared() {
     check(
         ValueType::Float,
         &[
@@ -432,7 +432,7 @@ fn units() {
 }
 
 #[test]
-fn the_grid_and_the_ray() {
+fn grid_and_ray_functions_have_known_values() {
     let n = floats("r = gridn () * 100 + gridnu () * 10 + gridnv ();");
     assert_eq!(n[0], 632.0);
     assert_eq!(floats("r = gridindex ();"), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
@@ -447,7 +447,7 @@ fn the_grid_and_the_ray() {
 }
 
 #[test]
-fn random_numbers() {
+fn random_numbers_are_repeatable_and_differ_by_point() {
     let a = floats("r = random ();");
     assert_eq!(a, floats("r = random ();"), "an image can be computed again");
     assert!(a.iter().all(|x| (0.0..1.0).contains(x)) && a[0] != a[1]);
@@ -459,7 +459,7 @@ fn random_numbers() {
 }
 
 #[test]
-fn fresnel() {
+fn fresnel_equals_the_formula() {
     let source = |what: &str| {
         format!(
             "float kr = 0, kt = 0; vector R = 0, T = 0; \
@@ -474,7 +474,7 @@ fn fresnel() {
 }
 
 #[test]
-fn mistakes_are_reported_once_and_have_substitutes() {
+fn errors_are_reported_once_and_have_substitutes() {
     for (body, text, value) in [
         ("float a[2] = {5, 6}; r = a[u * 10];", "index 5 is outside of 0 to 1", 6.0),
         ("float a[2] = {5, 6}; a[-3 - v] = 7; r = a[0];", "index -3 is outside of 0 to 1", 7.0),
@@ -501,7 +501,7 @@ fn mistakes_are_reported_once_and_have_substitutes() {
 }
 
 #[test]
-fn what_is_missing_says_so_once() {
+fn unsupported_functions_are_reported_once() {
     let mut services = Double::default();
     floats_with(
         "float x = 0; r = spatialdbquery (\"missing\", P, x); r = spatialdbquery (\"missing\", P, x); \

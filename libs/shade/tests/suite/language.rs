@@ -46,14 +46,14 @@ fn operators_bind_as_in_c() {
 }
 
 #[test]
-fn logic_stops_where_the_result_is_known() {
+fn logical_operators_evaluate_no_more_than_needed() {
     assert_eq!(first("float k = 0; r = 0 && ++k; r = 1 || ++k; r = k;"), 0.0);
     assert_eq!(first("float k = 0; r = 1 && ++k; r = 0 || ++k; r = k;"), 2.0);
     assert_eq!(first("float k = 0; r = 1 ? 7 : ++k; r += k;"), 7.0);
 }
 
 #[test]
-fn conditions_of_every_type() {
+fn values_of_every_type_are_conditions() {
     for (condition, wanted) in [
         ("0", 0.0),
         ("-0.5", 1.0),
@@ -80,7 +80,7 @@ fn conditions_of_every_type() {
 }
 
 #[test]
-fn relations_are_numbers() {
+fn relations_give_the_number_zero_or_one() {
     assert_eq!(
         first("float x = 1 < 2; color c = 1 < 2; matrix m = 2 < 1; r = x + c[1] * 10 + m[0][0] * 100;"),
         11.0
@@ -88,7 +88,7 @@ fn relations_are_numbers() {
 }
 
 #[test]
-fn indices_round_down_and_stay_inside() {
+fn indices_are_rounded_down_and_clamped() {
     assert_eq!(first("color c = color (1, 2, 3); r = c[1.9] + 10 * c[0.5];"), 12.0);
     for (body, text, value) in [
         ("color c = color (1, 2, 3); float k = 3 + u; r = c[k];", "index 3 is outside of 0 to 2", 3.0),
@@ -117,7 +117,7 @@ fn strings_keep_their_escapes() {
 }
 
 #[test]
-fn arguments_are_other_names_of_the_variables() {
+fn arguments_are_passed_by_reference() {
     // The arguments are two names of one variable, elements and components, and arrays.
     assert_eq!(calling("void f (float a, float b) { a = 1; b += a; }", "float x = 5; f (x, x); r = x;"), 2.0);
     assert_eq!(
@@ -219,7 +219,7 @@ fn the_arguments_and_the_result_choose_a_function() {
 }
 
 #[test]
-fn returns_end_functions_and_shaders() {
+fn return_ends_functions_and_shaders() {
     assert_eq!(calling("void f (float x) { x = 1; return; x = 2; }", "float y = 0; f (y); r = y;"), 1.0);
     assert_eq!(
         calling(
@@ -233,7 +233,7 @@ fn returns_end_functions_and_shaders() {
 }
 
 #[test]
-fn emit_starts_dark_and_outside_of_the_cone_nothing_runs() {
+fn emit_starts_with_black_and_runs_inside_of_its_cone_only() {
     let light = "light l () { Cl = 5; emit (point (0, 0, -2)) { Cl += 0.25; } }";
     assert_eq!(floats_with("r = 0; lights (P) r += Cl[1];", &mut Double::with_lights(&[light]))[0], 0.25);
     let light = "light l () { emit (point (0, 0, -2), vector (0, 0, 1), 0.1) { Cl = 1; printf (\"lit\"); } }";
@@ -244,7 +244,7 @@ fn emit_starts_dark_and_outside_of_the_cone_nothing_runs() {
 }
 
 #[test]
-fn categories_are_read_from_left_to_right() {
+fn category_expressions_are_evaluated_from_left_to_right() {
     let all = ["red", "blue", "red,blue", ""].map(|c| {
         format!("light l (string __category = \"{c}\") {{ emit (vector (0, 0, 1), 0) {{ Cl = 1; }} }}")
     });
@@ -275,7 +275,7 @@ fn categories_are_read_from_left_to_right() {
 }
 
 #[test]
-fn trace_loops_nest_and_messages_are_of_the_nearest() {
+fn nested_trace_loops_read_messages_of_the_innermost() {
     let body = "r = 0; trace (\"a\", P, N, 1, 2) { float d = 0; getmessage (\"trace\", \"hitdist\", d); \
                 trace (\"b\", P, N, 1, 3) { float e = 0; getmessage (\"trace\", \"hitdist\", e); r += 10 * e; } \
                 float again = 0; getmessage (\"trace\", \"hitdist\", again); r += d == again; } \

@@ -19,7 +19,7 @@ fn run1(group: &Group, name: &str, ty: ValueType) -> Vec<f32> {
 }
 
 #[test]
-fn defaults_see_globals_and_earlier_parameters() {
+fn defaults_read_globals_and_earlier_parameters() {
     let group = link(
         &[(
             "surface t (float a = 3, float b = a / 4, float s = u, output float r = b + s + N[2]) { }",
@@ -32,7 +32,7 @@ fn defaults_see_globals_and_earlier_parameters() {
 }
 
 #[test]
-fn instance_values_convert_and_spatial_ones_leave_shader_space() {
+fn instance_values_convert_in_type_and_space() {
     let source = "surface t (float f = 0, color c = 0, point p = 0, vector v = 0, string s = \"\", \
                   float list[] = {1, 2}, matrix m = 1, output point r = 0) \
                   { r = p + v + f + (point) c + arraylength (list) * 1000 + list[2] + m[3][0] * 100; if (s != \"x\") r = 0; }";
@@ -54,7 +54,7 @@ fn instance_values_convert_and_spatial_ones_leave_shader_space() {
 }
 
 #[test]
-fn what_does_not_fit_is_reported_and_the_default_holds() {
+fn unusable_instance_values_are_reported_and_replaced_by_defaults() {
     let source =
         "surface t (float f = 7, color c = 1, string s = \"d\", output float r = 0) { r = f + c[2]; }";
     let given = params(&[
@@ -77,7 +77,7 @@ fn what_does_not_fit_is_reported_and_the_default_holds() {
 }
 
 #[test]
-fn primitive_variables_come_first() {
+fn primitive_variables_override_instance_values() {
     let source = "surface t (color Cs = 0, float f = 0, string tex = \"\", output color r = 0) \
                   { r = Cs + f; if (tex == \"a.tx\") r += 100; }";
     let group = link(
@@ -170,7 +170,7 @@ const GIVER: &str = "surface g (output float f = 2, output color c = 0, output f
                      output string s = \"yes\") { c = color (u, 5, 6); C = 0.5; }";
 
 #[test]
-fn connections_of_every_shape() {
+fn connections_convert_between_types_and_components() {
     let taker = |decl: &str, body: &str| format!("surface t ({decl}, output float r = -1) {{ r = {body}; }}");
     for (decl, body, from, to, expected) in [
         ("float x = 0", "x", "f", "x", 2.0),
@@ -206,7 +206,7 @@ fn connected_globals_are_those_of_the_source_layer() {
 }
 
 #[test]
-fn connections_that_cannot_be_made() {
+fn impossible_connections_are_reported() {
     let taker =
         "surface t (float x = 4, string s = \"\", float list[2] = {0, 0}, output float r = -1) { r = x; }";
     for (connection, why) in [
@@ -228,7 +228,7 @@ fn connections_that_cannot_be_made() {
 }
 
 #[test]
-fn layers_share_globals_and_run_even_if_nothing_hangs_on_them() {
+fn layers_share_globals_and_run_even_if_unconnected() {
     let layers = [
         ("surface a () { C = 0.25; opacity = 0.5; exit (); C = 7; }", Params::new()),
         ("surface b () { C *= 2; }", Params::new()),
@@ -241,7 +241,7 @@ fn layers_share_globals_and_run_even_if_nothing_hangs_on_them() {
 }
 
 #[test]
-fn wanted_results() {
+fn requested_results_come_from_the_last_layer_that_has_them() {
     let layers = [
         ("surface a (output float f = 1, float g = 5) { C = P[0] * 0; }", Params::new()),
         (
@@ -288,7 +288,7 @@ fn generic_shaders_keep_the_rules_of_their_usage() {
 }
 
 #[test]
-fn groups_that_cannot_be() {
+fn invalid_groups_are_refused() {
     assert!(matches!(Group::link(&[], &[], &mut |_, _| ()), Err(ShadeError::Misuse { .. })));
     let none = Params::new();
     let layer = |source| LayerSource { module: module(source), params: &none, name: None };
@@ -297,7 +297,7 @@ fn groups_that_cannot_be() {
 }
 
 #[test]
-fn strings_that_can_be_told() {
+fn constant_string_parameters_are_known_without_running() {
     let source = "light l (string __category = \"key,soft\", string map = \"\", string x = concat (\"a\", \"b\")) { emit () { } }";
     let group = link(&[(source, params(&[("string map", "m.sm".into())]))], &[]);
     let told = |name: &str| group.param_string(name).map(|s| s.to_string());
@@ -307,7 +307,7 @@ fn strings_that_can_be_told() {
 }
 
 #[test]
-fn layers_that_feed_the_next_twice_are_looked_at_once() {
+fn linking_layers_with_many_paths_is_quick() {
     // Whether a layer can be omitted depends on those that it feeds. There are 2 to the power of 60 ways to the last.
     let source = "surface t (float a = 1, float b = 2, output float c = 0, output float d = 0) { c = a + b; d = a - b; }";
     let names: Vec<String> = (0..60).map(|k| format!("l{k}")).collect();

@@ -16,7 +16,7 @@ fn corner(lights: &[&str], body: &str) -> f32 {
 }
 
 #[test]
-fn emission() {
+fn lights_emit_with_their_direction_and_colour() {
     assert_eq!(corner(&[POINT], "r = 0; lights (P) { r += Cl[0]; }"), 1.0);
     assert_eq!(corner(&[POINT], "r = 0; lights (P) { r += L[2] * 10 + Pl[2]; }"), -22.0);
     assert_eq!(corner(&[SUN], "r = 0; lights (P) { r += L[2] * 10 + Cl[1]; }"), -9.5);
@@ -38,7 +38,7 @@ fn emission() {
 }
 
 #[test]
-fn lights_take_the_surface_and_the_query() {
+fn lights_read_the_globals_of_the_surface_and_the_query() {
     let asks = "light q () { emit (point (0)) { Cl = color (Ps[0], Ns[1], N[2]); } }";
     let body = "r = 0; lights (P + vector (5, 0, 0), vector (0, 7, 0), PI) { r = Cl[0] * 100 + Cl[1] * 10 + Cl[2]; }";
     assert_eq!(corner(&[asks], body), 569.0);
@@ -59,7 +59,7 @@ fn cones_and_categories_choose_lights() {
 }
 
 #[test]
-fn the_body_keeps_to_lanes_that_have_not_left() {
+fn bodies_of_light_loops_skip_lanes_that_have_left() {
     let two = [SUN, SUN];
     let body = "r = 0; lights (P) { r += 1; if (u > 0.7) exit (); } r += 10;";
     assert_eq!(floats_with(body, &mut Double::with_lights(&two))[..3], [12.0, 12.0, 1.0]);
@@ -74,7 +74,7 @@ fn the_body_keeps_to_lanes_that_have_not_left() {
 }
 
 #[test]
-fn diffuse_specular_ambient() {
+fn diffuse_specular_and_ambient_sum_the_lights() {
     let near = |a: f32, b: f32| assert!((a - b).abs() < 1e-6, "{a} {b}");
     near(corner(&[SUN, BEHIND, AMBIENT], "color c = diffuse (N); r = c[1];"), 0.5);
     near(corner(&[SUN], "color c = diffuse (normalize (N + vector (0, 1, 0))); r = c[0];"), 0.5_f32.sqrt());
@@ -93,7 +93,7 @@ fn diffuse_specular_ambient() {
 }
 
 #[test]
-fn lights_may_keep_out_of_diffuse_and_specular() {
+fn lights_may_exclude_themselves_from_diffuse_and_specular() {
     let partly = "light p (output float __nondiffuse = 0.25, float __nonspecular = 1) { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
     assert_eq!(corner(&[partly], "color c = diffuse (N); r = c[0];"), 0.75);
     assert_eq!(corner(&[partly], "color c = specular (N, -I, 0.1); r = c[0];"), 0.0);
@@ -113,7 +113,7 @@ fn lights_run_for_the_active_lanes_only() {
 }
 
 #[test]
-fn layered_lights() {
+fn layered_lights_pass_values_between_layers() {
     let layers = [
         ("light a (output float k = 0) { k = 3; }", Params::new()),
         ("light b (float k = 1) { emit (point (0, 0, -1)) { Cl = k; } }", Params::new()),
@@ -126,7 +126,7 @@ fn layered_lights() {
 }
 
 #[test]
-fn lights_know_when_only_what_is_in_front_counts() {
+fn lights_know_when_only_the_front_hemisphere_counts() {
     // A variable angle may vary on grids that are shaded together and be the same for all points of one of them.
     for (body, expected) in [
         ("color c = diffuse (N); r = c[0];", true),
@@ -145,7 +145,7 @@ fn lights_know_when_only_what_is_in_front_counts() {
 }
 
 #[test]
-fn shadows_know_where_the_light_is() {
+fn shadow_queries_have_the_position_of_the_light() {
     let shadowed = |emit: &str| format!("light s () {{ {emit} {{ Cl = 1 - shadow (\"set\", Ps); }} }}");
     let mut services = Double::with_lights(&[
         &shadowed("emit (point (0, 0, -2))"),
@@ -169,7 +169,7 @@ fn shadows_know_where_the_light_is() {
 }
 
 #[test]
-fn rays() {
+fn trace_loops_and_ray_functions_give_their_results() {
     let body = "r = 0; trace (\"set\", P, N, 0.5, 3) { float h = 0, d = 0; color c = 0; \
                 getmessage (\"trace\", \"hit\", h); getmessage (\"trace\", \"hitdist\", d); \
                 getmessage (\"trace\", \"Cl\", c); r += h * 100 + d + c[1]; }";

@@ -18,7 +18,7 @@ fn limited(body: &str) -> (f32, Vec<String>) {
 }
 
 #[test]
-fn strings_end_somewhere() {
+fn strings_are_cut_at_the_limit_with_a_message() {
     let cut = "test.gsl:3: shader \"t\": a string is cut after 65536 bytes";
     for doubled in ["concat (s, s)", "format (\"%s%s\", s, s)", "format (\"%s and %50s\", s, s)"] {
         for start in ["\"seed\"", "format (\"%g\", u + 10)"] {
@@ -41,7 +41,7 @@ fn strings_end_somewhere() {
 }
 
 #[test]
-fn all_strings_of_a_run_have_room_for_so_many() {
+fn the_memory_for_all_strings_of_a_run_is_limited() {
     let body = "string s = \"x\"; for (float k = 0; k < 15; ++k) s = concat (s, s);
         string t = \"\"; for (float k = 0; k < 5000; ++k)
             t = format (\"%g %s\", k, s);
@@ -51,7 +51,7 @@ fn all_strings_of_a_run_have_room_for_so_many() {
 }
 
 #[test]
-fn patterns_are_short() {
+fn long_patterns_are_refused_and_matching_takes_linear_time() {
     let body = "string s = \"[[:\"; for (float k = 0; k < 11; ++k) s = concat (s, s);
         r = match (s, \"a\");
         s = concat (s, \"a\");
@@ -66,7 +66,7 @@ fn patterns_are_short() {
 }
 
 #[test]
-fn loops_end() {
+fn endless_loops_end_when_the_frame_is_stopped() {
     let source = "surface t (output float r = 0) { while (1) { r += 1; while (1) r += 1; } }";
     let group = link(&[(source, Params::new())], &[]);
     let mut services = Double { is_stopped: true, ..Double::default() };
@@ -77,7 +77,7 @@ fn loops_end() {
 }
 
 #[test]
-fn loops_that_do_not_end_end_the_shader() {
+fn loops_beyond_the_limit_end_the_shader_for_their_lanes() {
     // Lanes outside the loop continue. Those in it end, also in the loops around it.
     let body = "r = 1; if (u < 0.2)
         while (1)

@@ -13,7 +13,7 @@ fn textures_give_floats_or_colors() {
 }
 
 #[test]
-fn differentials_are_given_or_taken() {
+fn texture_differentials_are_given_or_computed() {
     assert_eq!(floats("color c = texture (\"d\", u, v); r = c[0] + c[1] * 10 + c[2] * 100;"), [10.5; 6]);
     assert_eq!(
         floats("color c = texture (\"d\", u, v, 1, 2, 3, 4); r = c[0] + c[1] * 10 + c[2] * 100;"),
@@ -32,7 +32,7 @@ fn options_reach_the_lookup() {
 }
 
 #[test]
-fn names_of_options_may_be_known_only_when_they_run() {
+fn option_names_may_be_computed_at_run_time() {
     let body =
         |option: &str| format!("string option = {option}; r = texture (\"blur\", u, v, option, 0.25);");
     assert_eq!(floats(&body("u > 5 ? \"fill\" : \"blur\"")), [0.25; 6]);
@@ -42,7 +42,7 @@ fn names_of_options_may_be_known_only_when_they_run() {
 }
 
 #[test]
-fn options_that_no_call_has_are_reported_where_they_run() {
+fn unknown_options_are_reported_with_their_line() {
     let calls = [
         (
             "r = texture (\"blur\", u, v, \"bluur\", 1, \"blur\", 0.5, \"wild\", 2);",
@@ -66,7 +66,7 @@ fn options_that_no_call_has_are_reported_where_they_run() {
 }
 
 #[test]
-fn constant_names_have_a_place_for_what_is_found() {
+fn maps_of_constant_names_are_found_once() {
     let kept = |body: &str| {
         let mut services = Double::default();
         let source = format!("surface t (string map = \"st\", string other = \"st\") {{ {body} }}");
@@ -85,7 +85,7 @@ fn constant_names_have_a_place_for_what_is_found() {
 }
 
 #[test]
-fn lookups_touch_active_lanes_only() {
+fn lookups_change_active_lanes_only() {
     assert_eq!(floats("r = 7; if (u > 0.2) r = texture (\"st\", u, v);")[..3], [7.0, 0.5, 1.0]);
     // Texture names may differ from point to point. Each name is one call.
     let mut services = Double::default();
@@ -96,7 +96,7 @@ fn lookups_touch_active_lanes_only() {
 }
 
 #[test]
-fn environments() {
+fn environment_lookups_take_directions_and_positions() {
     assert_eq!(floats("r = environment (\"map\", vector (1, 2, 3));")[..3], [1.0, 51.0, 101.0]);
     assert_eq!(floats("r = environment (\"map\", point (2), vector (1, 2, 3));"), [201.0; 6]);
     assert_eq!(
@@ -124,7 +124,7 @@ fn environments() {
 }
 
 #[test]
-fn queries_bring_what_their_rays_tell() {
+fn queries_carry_messages_to_and_from_their_rays() {
     let mut services = Double::default();
     let source = "surface t (float Kd = 0.5) {
         setmessage (\"tag\", 2);

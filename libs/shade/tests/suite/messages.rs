@@ -6,7 +6,7 @@ use granita_gsl::ir::{ShaderKind, ValueType};
 use granita_shade::{Executor, Primvar, PrimvarData};
 
 #[test]
-fn attributes() {
+fn getattribute_returns_values_and_whether_they_exist() {
     assert_eq!(floats("float x = 0; r = getattribute (\"limits:eye\", x) * 100 + x;"), [107.0; 6]);
     assert_eq!(floats("float x = 3; r = getattribute (\"nothing\", x) * 100 + x;"), [3.0; 6]);
     assert_eq!(
@@ -27,7 +27,7 @@ fn attributes() {
 }
 
 #[test]
-fn printing() {
+fn printf_error_and_fprintf_print_per_point() {
     let mut services = Double::default();
     floats_with(
         "printf (\"%s %d\\n\", \"once\", 3); if (u > 0.7) { printf (\"%.1f\", v); error (\"bad %g\", u); } \
@@ -41,7 +41,7 @@ fn printing() {
 }
 
 #[test]
-fn messages_between_layers() {
+fn messages_pass_between_layers() {
     let layers = [
         (
             "surface a (float depth = 4) { setmessage (\"m\", u); if (u > 0.7) setmessage (\"m\", 9); setmessage (\"s\", \"hi\"); }",
@@ -60,7 +60,7 @@ fn messages_between_layers() {
 }
 
 #[test]
-fn messages_between_usages_travel_with_the_grid() {
+fn messages_pass_between_displacement_and_surface() {
     let displacement = link(
         &[(
             "displacement d (output float bumps = 0) { bumps = u; setmessage (\"tag\", color (1, 2, 3)); }",
@@ -89,7 +89,7 @@ fn messages_between_usages_travel_with_the_grid() {
 }
 
 #[test]
-fn messages_of_lights_and_primitives() {
+fn messages_of_lights_and_primitives_are_read() {
     let light =
         "light l (float intensity = 2, string kind = \"sun\") { emit (vector (0, 0, 1), 0) { Cl = 1; } }";
     let body = "r = 0; float x = 5; lights (P) { string k = \"\"; r = getmessage (\"light\", \"intensity\", x) * 10 + x; \
@@ -131,7 +131,7 @@ fn messages_of_lights_and_primitives() {
 }
 
 #[test]
-fn lights_tell_messages_and_parameters_that_vary() {
+fn messages_and_parameters_of_lights_may_vary() {
     let light = "light l (output float far = 0, output color tint = 0, float list[2] = { 1, 2 }) {
         setmessage (\"place\", 2 * Ps);
         emit (point (0, 0, -1)) { far = Ps[0]; tint = color (Ps[1], 0, 0); Cl = 1; } }";
@@ -148,7 +148,7 @@ fn lights_tell_messages_and_parameters_that_vary() {
 }
 
 #[test]
-fn lights_ask_the_surface_and_the_primitive() {
+fn lights_read_messages_of_the_surface_and_the_primitive() {
     let light = "light l () { float k = 0, id = 0, d = 0; color tag = 0;
         float found = getmessage (\"surface\", \"Kd\", k) + getmessage (\"surface\", \"tag\", tag)
             + getmessage (\"primitive\", \"id\", id) + getmessage (\"displacement\", \"depth\", d)
@@ -174,7 +174,7 @@ fn lights_ask_the_surface_and_the_primitive() {
 }
 
 #[test]
-fn a_layer_that_is_asked_by_name_runs() {
+fn a_layer_whose_parameter_is_read_by_name_runs() {
     // No layer is connected to the first one, which only computes a parameter.
     let layers = [
         ("surface a (output float o = 0) { o = 2 * u; }", Params::new()),
@@ -194,7 +194,7 @@ fn a_layer_that_is_asked_by_name_runs() {
 }
 
 #[test]
-fn elements_of_output_arrays() {
+fn elements_of_output_arrays_are_results() {
     let source = "surface t (output float list[3] = { 1, 2, 3 }, output color pair[2] = { 0, 0 }, float own[2] = { 1, 2 }) {
         list[1] = u; pair[1] = color (u, 5, 7); C = own[0]; }";
     let group = link(&[(source, Params::new())], &[]);
@@ -211,7 +211,7 @@ fn elements_of_output_arrays() {
 }
 
 #[test]
-fn a_seed_changes_what_is_random_and_nothing_else() {
+fn a_seed_changes_only_random_functions() {
     let source = "surface t (output float r = 0, output float g = 0, output float h = 0) \
                   { r = random (); g = randomgrid (); h = random (P); }";
     let group = link(&[(source, Params::new())], &[]);
@@ -235,7 +235,7 @@ fn a_seed_changes_what_is_random_and_nothing_else() {
 }
 
 #[test]
-fn what_is_stored_is_compared() {
+fn strings_from_attributes_and_messages_compare_equal() {
     assert_eq!(
         floats(
             "string s = \"\"; float g = getattribute (\"user:name\", s); r = 5; if (s != \"fred\") r = g;"

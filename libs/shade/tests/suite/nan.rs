@@ -5,7 +5,7 @@ use granita_base::{Params, Severity};
 use granita_shade::Executor;
 
 #[test]
-fn nan_is_told_with_shader_line_and_values() {
+fn nan_is_reported_with_shader_line_and_values() {
     let source = "surface t (float a = -4) {
         float x = u - 2;
         float y = 0;

@@ -45,7 +45,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn optimised_is_unoptimised(
+    fn optimised_groups_give_the_same_results(
         body in prop::collection::vec(statement(), 1..6),
         default in prop_oneof!["1", "b", "u \\+ a", "noise \\(b\\)", "sin \\(a\\) \\* b", "a < b \\? 2 : v"],
         inputs in [-2.0..2.0_f32, -2.0..2.0_f32, -2.0..2.0_f32],
@@ -79,7 +79,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_known_is_folded_and_what_is_dead_is_gone() {
+fn constants_are_folded_and_dead_code_is_removed() {
     let source = "surface t (float a = 2, string mode = \"x\", output float r = 0) {
         float b = a * 3;
         float once = noise (P * b), twice = noise (P * b);
@@ -105,7 +105,7 @@ fn what_is_known_is_folded_and_what_is_dead_is_gone() {
 }
 
 #[test]
-fn layers_that_nobody_takes_from_do_not_run() {
+fn unused_layers_without_side_effects_do_not_run() {
     let source = "surface a (output float o = 0) { o = noise (P * 3); }";
     let speaks = "surface b (output float o = 0) { o = 1; printf (\"b\"); }";
     let last = "surface c (float x = 0.25) { C = x; }";
@@ -124,7 +124,7 @@ fn layers_that_nobody_takes_from_do_not_run() {
 }
 
 #[test]
-fn draws_keep_their_order() {
+fn random_calls_keep_their_order() {
     let source = "surface t (float on = 0, output float r = 0) {
         float unused = random ();
         if (on > 0) r += random ();
@@ -137,7 +137,7 @@ fn draws_keep_their_order() {
 }
 
 #[test]
-fn bundled_shaders_are_the_same() {
+fn optimised_bundled_shaders_give_the_same_results() {
     let lights =
         ["light p () { emit (point (0, 0, -2)) { Cl = 4 / dot (L, L); } }", "light a () { Cl = 0.125; }"];
     for (name, source) in crate::bundled::shaders() {

@@ -52,7 +52,7 @@ fn results(group: &Group, mut grid: Grid) -> Vec<Vec<u32>> {
 }
 
 #[test]
-fn strips_are_one_by_one() {
+fn fused_kernels_equal_the_generic_interpreter() {
     // The numbers are of all kinds and vary along the grid.
     let kinds = "float x = u * 3 - 1, y = v * second - first;
         if (u > 0.9) x = 0; if (v > 0.95) y = x / (u - u); if (u < 0.02) x = y * 1e-38; if (v < 0.03) y = 1e30 * x;";

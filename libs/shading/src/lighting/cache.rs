@@ -225,7 +225,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn records_come_back_from_their_numbers() {
+    fn irradiance_records_survive_encoding() {
         let v = |k: f32| Vec3::new(k, k + 0.25, -k);
         for kind in [Kind::Irradiance, Kind::Occlusion] {
             let n = kind.channels();
@@ -245,7 +245,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cache_keeps_what_is_asked_for_and_no_more_than_its_limit() {
+    fn the_irradiance_cache_keeps_used_records_within_its_limit() {
         let cache = IrradianceCache::default();
         cache.set_limit(RECORD_BYTES * PARTS * 2 * 10);
         let spot = |k: u32| [k, 0, 0, 0, 0, 0, 0, 0];

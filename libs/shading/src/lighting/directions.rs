@@ -357,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_found_as_by_looking_at_all() {
+    fn parts_are_sampled_as_by_linear_search() {
         let pdfs: [f32; 64] =
             std::array::from_fn(|k| if k % 7 < 3 { 0.0 } else { (k * k % 31) as f32 + 1e-3 });
         let mut sum = 0.0;
@@ -379,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_before_a_surface_is_all_that_it_gathers() {
+    fn sampling_the_front_hemisphere_gives_the_same_integral() {
         let sun = Vec3::new(0.3, -0.5, 0.2).normalize();
         let directions = EnvironmentSampler::new(2, &|| {
             |d: Vec3, _| [if d.dot(sun) > 0.999 { 1e3 } else { 1.0 + d.x }; 4]
@@ -399,7 +399,7 @@ mod tests {
     }
 
     #[test]
-    fn an_even_sky_is_exact() {
+    fn a_uniform_sky_is_integrated_exactly() {
         let directions = EnvironmentSampler::new(1, &|| |_, _| [3.0; 4]);
         let (mean, deviation) = integral(&directions, 4096, |_, seen| seen[1]);
         assert!((mean / (12.0 * PI) - 1.0).abs() < 1e-4 && deviation < 1e-3 * mean, "{mean} {deviation}");

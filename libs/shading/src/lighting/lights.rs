@@ -164,13 +164,13 @@ mod tests {
     use granita_shade::Batch;
 
     #[test]
-    fn subsets() {
+    fn subsets_of_lanes_are_recognised() {
         assert!(is_subset(&[], &[]) && is_subset(&[1, 3], &[0, 1, 2, 3]) && is_subset(&[2], &[2]));
         assert!(!is_subset(&[1], &[]) && !is_subset(&[1, 4], &[1, 2, 3]));
     }
 
     #[test]
-    fn memory_answers_the_same_question_only() {
+    fn light_results_are_reused_for_the_same_query_only() {
         let ps = Lanes3::from_points(&[Vec3::X, Vec3::Y, Vec3::Z]);
         let mut ns = Lanes3::from_points(&[Vec3::ONE; 3]);
         let all = Batch { lanes: 3, active: &[0, 1, 2], layer: 0 };

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn albedo_from_black_to_white_loses_and_makes_no_light() {
+    fn the_total_reflectance_grows_with_albedo_and_stays_below_one() {
         let mut before = 0.0;
         for albedo in [0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999] {
             let dipole = Dipole::new(Vec3::splat(albedo), Vec3::splat(1.0 - albedo), 1.3);
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn profiles_are_kept_while_the_material_stays() {
+    fn profiles_are_reused_for_the_same_material() {
         let mut profiles = Profiles::default();
         let one = profiles.get("beam", Vec3::ONE, Vec3::splat(0.1), 1.3).reflectance(0.5);
         assert_eq!(profiles.get("beam", Vec3::ONE, Vec3::splat(0.1), 1.3).reflectance(0.5), one);
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn odd_materials_are_finite() {
+    fn invalid_materials_give_finite_profiles() {
         for scattering in [-1.0, 0.0, 1e-20, 1e20] {
             for absorption in [-1.0, 0.0, 1e-20, 1e20] {
                 for eta in [0.0, 1.0, 3.0] {

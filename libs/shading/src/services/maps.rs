@@ -262,7 +262,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parallax_meets_the_sphere() {
+    fn parallax_directions_hit_the_sphere() {
         // From the centre, the direction is kept; off centre, it bends towards the near wall.
         let r = on_sphere(Vec3::ZERO, Vec3::X * 3.0, 2.0);
         assert!((r - Vec3::X * 2.0).length() < 1e-6);

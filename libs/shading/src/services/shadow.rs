@@ -312,7 +312,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn hairs_are_lines_and_faces_are_not() {
+    fn grids_of_curves_are_lines_and_faces_are_not() {
         let line = |nu: usize, nv: usize, du: f32, dv: f32| {
             let place = |k: usize| Vec3::new((k % nu) as f32 * du, (k / nu) as f32 * dv, 0.0);
             is_line(&Rect { first: 0, nu, nv }, place)
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn neighbours_are_of_the_rectangle() {
+    fn neighbours_of_a_lane_are_in_its_rectangle() {
         let rect = Rect { first: 4, nu: 3, nv: 2 };
         let mut active = vec![true; 12];
         let all = |lane: usize, active: &[bool]| {

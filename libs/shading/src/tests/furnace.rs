@@ -115,7 +115,7 @@ fn surface_of(f: &Fixture, name: &str, params: &[Param], sets: &[&str]) -> Attri
 }
 
 #[test]
-fn every_bundled_surface_is_in_the_furnace() {
+fn every_bundled_surface_has_a_furnace_test() {
     let list = surfaces();
     for name in granita_bundled::shader_names() {
         let is_surface = source(name).lines().any(|line| line.starts_with("surface "));
@@ -125,7 +125,7 @@ fn every_bundled_surface_is_in_the_furnace() {
 }
 
 #[test]
-fn ambient_light_comes_back_as_it_is() {
+fn surfaces_reflect_ambient_light_unchanged() {
     for (name, params, kept) in surfaces() {
         let mut f = Fixture::new(&[AMBIENT, source(name)]);
         f.light("everywhere", &[], Transform::IDENTITY);
@@ -137,7 +137,7 @@ fn ambient_light_comes_back_as_it_is() {
 }
 
 #[test]
-fn a_dome_of_lights_gives_no_more_than_it_has() {
+fn surfaces_under_a_dome_of_lights_reflect_no_more_than_it_emits() {
     // The lights are distributed over the upper half sphere with equal brightness. Their cosines sum to 1.
     let lamp = "light lamp (float bright = 1) { emit (vector (\"shader\", 0, 0, -1), 0) { Cl = bright; } }";
     let count = 400;
@@ -163,7 +163,7 @@ fn a_dome_of_lights_gives_no_more_than_it_has() {
 }
 
 #[test]
-fn reflected_and_refracted_surroundings_come_back_as_they_are() {
+fn uniform_surroundings_are_reflected_and_refracted_unchanged() {
     let f = |name: &str, x: f32| param(&format!("float {name}"), x);
     let all = || param("string envname", "all");
     let cases: [(&str, Vec<Param>, Kept); 8] = [

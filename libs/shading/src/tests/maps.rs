@@ -62,7 +62,7 @@ fn close(got: Color, direction: Vec3) {
 }
 
 #[test]
-fn environments_are_in_their_space_and_as_far_away_as_they_say() {
+fn environment_lookups_apply_their_space_and_radius() {
     let folder = tempfile::tempdir().unwrap();
     let file = directions(folder.path());
     let plain = "surface plain (string file = \"\") { C = environment (file, vector (1, 2, -2)); }";
@@ -98,7 +98,7 @@ fn environments_are_in_their_space_and_as_far_away_as_they_say() {
 
 /// Directions sampled from a map return its light, on a surface that faces +z.
 #[test]
-fn directions_drawn_by_a_map_bring_its_light() {
+fn directions_sampled_from_a_map_carry_its_light() {
     let folder = tempfile::tempdir().unwrap();
     let source = |samples: u32| {
         format!(
@@ -138,7 +138,7 @@ fn directions_drawn_by_a_map_bring_its_light() {
 /// A light samples directions in the region where light is gathered. This is in front of the surface, behind it, or the
 /// whole sphere.
 #[test]
-fn lights_draw_directions_where_they_are_gathered() {
+fn lights_sample_directions_where_light_is_gathered() {
     let folder = tempfile::tempdir().unwrap();
     let sky = "light sky (string file = \"\", float n = 16) {
         float k;
@@ -184,7 +184,7 @@ fn lights_draw_directions_where_they_are_gathered() {
 
 /// Directions that were sampled in advance for one query are not used for another query.
 #[test]
-fn directions_are_kept_for_their_question() {
+fn sampled_directions_are_reused_for_the_same_query_only() {
     let folder = tempfile::tempdir().unwrap();
     let a = texture(folder.path(), "a.env", (64, 32), Mode::EnvLatLong, |_, _| Color::new(2.0, 1.0, 0.5));
     let b = texture(folder.path(), "b.env", (64, 32), Mode::EnvLatLong, |_, _| Color::splat(4.0));
@@ -210,7 +210,7 @@ fn directions_are_kept_for_their_question() {
 }
 
 #[test]
-fn what_is_missing_is_filled_told_once_and_replaced_by_substitutes() {
+fn missing_maps_are_filled_reported_once_and_substituted() {
     let folder = tempfile::tempdir().unwrap();
     let file = texture(folder.path(), "grey.tx", (16, 16), Mode::Plain, |_, _| Color::splat(0.5));
     let missing = folder.path().join("nothing.tx");

@@ -35,7 +35,7 @@ const DIFFICULT: &str = "light difficult (float intensity = 1, point from = poin
 const BRIGHT: &str = "light bright (float intensity = 1) { Cl = intensity; }";
 
 #[test]
-fn lights_of_no_number_stay_dark_and_are_named() {
+fn lights_with_invalid_values_stay_dark_and_are_reported() {
     let text = "warning: light \"light0\": its shader gave a colour or direction that is no number or is larger than 1e30; 0 is used";
     let odd = [
         param("float intensity", f32::NAN),
@@ -67,7 +67,7 @@ fn lights_of_no_number_stay_dark_and_are_named() {
 }
 
 #[test]
-fn rays_bring_numbers_back() {
+fn values_of_hits_are_finite() {
     let mirror = "surface mirror () { C = environment (\"box\", vector (0, 0, 1)); opacity = 1; }";
     for (value, what) in [("log (-1)", "colour"), ("1 / (u - u)", "colour"), ("exp (80) * exp (8)", "colour")]
     {
@@ -90,7 +90,7 @@ fn rays_bring_numbers_back() {
 }
 
 #[test]
-fn opacities_of_objects_are_from_0_to_1() {
+fn opacities_of_objects_are_clamped_from_0_to_1() {
     let shows = "surface shows () { C = opacity; }";
     for (given, counts) in
         [([1e20_f32, 0.5, -3.0], [1.0_f32, 0.5, 0.0]), ([f32::NAN, 1.0, 0.0], [1.0, 1.0, 0.0])]

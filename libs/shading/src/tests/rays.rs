@@ -45,7 +45,7 @@ fn white() -> Param {
 }
 
 #[test]
-fn a_ray_between_two_mirrors_loses_as_much_at_each() {
+fn a_ray_between_mirrors_is_attenuated_equally_at_each() {
     // Two mirrors of reflectance r face each other, with a wall beyond their end. A ray that climbs 1 over a
     // distance of t hits as many mirrors as fit, and returns r to that power.
     let mirror = "surface mirror (color r = color (0.9, 0.8, 0.5)) {
@@ -108,7 +108,7 @@ fn a_mirror_box_darkens_to_the_colour_of_the_deepest_ray() {
 }
 
 #[test]
-fn depth_takes_memory_and_no_stack() {
+fn deep_reflections_do_not_overflow_the_stack() {
     // Two mirrors face each other, and a ray is reflected between them without end.
     let mirror = "surface mirror (float r = 0.999) {
         C = r * environment (\"box\", reflect (normalize (I), normalize (N))) + r * 0.001;
@@ -146,7 +146,7 @@ fn depth_takes_memory_and_no_stack() {
 }
 
 #[test]
-fn rays_end_when_the_frame_is_to_end() {
+fn rays_end_when_the_frame_is_stopped() {
     // Each hit traces two rays, which would be 2 to the power of 60 rays in all.
     let glass = "surface glass () {
         C = environment (\"box\", reflect (normalize (I), normalize (N))) + environment (\"box\", -normalize (I)) + 1;
@@ -171,7 +171,7 @@ fn rays_end_when_the_frame_is_to_end() {
 }
 
 #[test]
-fn a_glass_ball_bends_rays_as_snell_says() {
+fn a_glass_ball_refracts_rays_by_snells_law() {
     // A ray that hits a ball of index n at height b turns by asin (b) - asin (b / n) at each side.
     let bends = "surface bends (float eta = 1.5) {
         vector V = normalize (I);
@@ -205,7 +205,7 @@ fn a_glass_ball_bends_rays_as_snell_says() {
 }
 
 #[test]
-fn fresnel_weights_are_those_of_the_formula() {
+fn fresnel_weights_equal_the_formula() {
     // Inside of glass, reflected and refracted light have these weights. Beyond the critical angle there is only
     // reflection.
     let glass = "surface glass (float eta = 1.5) {
@@ -244,7 +244,7 @@ fn fresnel_weights_are_those_of_the_formula() {
 }
 
 #[test]
-fn a_traced_lens_blurs_an_edge_as_its_circle_of_confusion() {
+fn a_traced_lens_blurs_an_edge_by_its_circle_of_confusion() {
     // A lens of radius a is in focus at distance f. A point at distance d is blurred over a disc of radius a |1 - d
     // / f|.
     let lens = "surface lens (float radius = 0.2, float focus = 4, float rings = 64) {
@@ -283,7 +283,7 @@ fn a_traced_lens_blurs_an_edge_as_its_circle_of_confusion() {
 }
 
 #[test]
-fn cones_of_reflections_and_shadows_cover_what_their_angle_says() {
+fn cones_of_reflections_and_shadows_cover_their_solid_angle() {
     // A ball of angular radius b in a cone of half angle a covers (1 - cos b) / (1 - cos a) of it.
     let looks = "surface looks (float blur = 0) {
         float alpha = 0;
@@ -319,7 +319,7 @@ fn cones_of_reflections_and_shadows_cover_what_their_angle_says() {
 }
 
 #[test]
-fn options_of_environment_are_followed() {
+fn options_of_environment_set_their_results() {
     // A veil lies at height 1 and a wall at height 3.
     let asks = |options: &str| {
         let source = format!(
@@ -374,7 +374,7 @@ fn options_of_environment_are_followed() {
 }
 
 #[test]
-fn what_is_opaque_throws_its_shadow_without_being_shaded() {
+fn opaque_objects_cast_shadows_without_being_shaded() {
     let sheer = "surface sheer () { opacity = 0.25; C *= opacity; }";
     let solid = "surface solid () { opacity = 1; C *= opacity; }";
     // Each case holds the surface, its attributes, the share of light that passes, and the number of shaded hits.
@@ -407,7 +407,7 @@ fn what_is_opaque_throws_its_shadow_without_being_shaded() {
 }
 
 #[test]
-fn a_broad_sun_has_a_penumbra() {
+fn a_wide_sun_casts_a_penumbra() {
     // Rays spread over the cone of the sun. Half of it is behind the edge of a half plane.
     let sun = "light sun (float spread = 0) {
         emit (vector (0, 0, -1), spread) {
@@ -433,7 +433,7 @@ fn a_broad_sun_has_a_penumbra() {
 }
 
 #[test]
-fn trace_loops_ask_what_was_hit() {
+fn trace_loops_read_values_of_the_hit_surface() {
     let talks = "surface talks (float Kx = 0.25, output color tint = 0) {
         tint = color (0.1, 0.2, Kx);
         setmessage (\"said\", P[0]);
@@ -484,7 +484,7 @@ fn trace_loops_ask_what_was_hit() {
 
 /// Shadow rays are as wide as the distance of their points, whether a shader sets a number of samples or not.
 #[test]
-fn shadows_of_curved_things_are_as_coarse_as_their_rays() {
+fn shadow_rays_tessellate_curved_objects_by_their_width() {
     let built = |options: &str| {
         let light = format!(
             "light lamp () {{ emit (vector (0, 0, -1), 0) {{ Cl = 1 - (color) shadow (\"set\", Ps{options}); }} }}"

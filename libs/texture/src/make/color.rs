@@ -215,7 +215,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spaces_come_back() {
+    fn color_spaces_survive_encoding_and_decoding() {
         for space in ColorSpace::ALL {
             assert_eq!(ColorSpace::from_word(&space.word().to_uppercase()), Some(space));
             for i in -20..=40 {
@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn conversion_spares_alpha_and_signs() {
+    fn conversion_keeps_alpha_and_signs() {
         let options = MakeOptions { ingamma: 2.0, outgamma: 2.0, ..MakeOptions::default() };
         let c = options.conversion(Some(3), false);
         let mut v = [0.5, -0.5, 1.0, 0.5];
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_and_floats_agree() {
+    fn conversions_of_bytes_and_floats_agree() {
         let options = MakeOptions {
             color_convert: Some((ColorSpace::Srgb, ColorSpace::AcesCg)),
             ..MakeOptions::default()

@@ -117,7 +117,7 @@ mod tests {
     /// A band-limited map that is converted to a cube and back is the same within 1 percent (root mean square, over its
     /// range).
     #[test]
-    fn there_and_back() {
+    fn maps_survive_conversion_to_cubes_and_back() {
         let (w, h) = (256, 128);
         for up in [Up::Y, Up::Z] {
             let mut p = Image::new(w, h, 1);
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_agree() {
+    fn converted_maps_keep_their_directions() {
         let mut p = Image::new(64, 32, 3);
         for y in 0..32 {
             for x in 0..64 {

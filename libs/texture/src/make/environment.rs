@@ -292,7 +292,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn angular_map() {
+    fn angular_maps_place_known_directions() {
         let close = |d: Vec3, u: f32, v: f32| {
             let (a, b) = angular(d);
             assert!((a - u).abs() < 1e-6 && (b - v).abs() < 1e-6, "{d}: {a} {b}");

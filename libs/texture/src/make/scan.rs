@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn constants_hashes_and_means() {
+    fn scans_find_constants_hashes_and_means() {
         let mut a = Scan::new((2, 2), 2, PixelType::U8, true);
         assert!(a.push(&Pixels::U8(vec![51, 255, 51, 255])));
         assert!(a.constant);

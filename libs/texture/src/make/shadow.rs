@@ -193,7 +193,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn like_texels_combine_to_themselves() {
+    fn equal_texels_combine_to_themselves() {
         let t = [9.0, 0.5, 2.0, 3.0, 6.0];
         let c = combine(&[&t, &t, &t, &t], 0.05);
         for (a, b) in c.iter().zip(t) {
@@ -204,13 +204,13 @@ mod tests {
     }
 
     #[test]
-    fn near_surfaces_are_one() {
+    fn near_surfaces_combine_to_one() {
         let c = combine(&[&[5.0, 0.0, EMPTY, EMPTY], &[5.04, 0.0, EMPTY, EMPTY]], 0.05);
         assert!((c[0] - 5.02).abs() < 1e-5 && c[1] == 0.0, "{c:?}");
     }
 
     #[test]
-    fn far_surfaces_are_a_step_and_a_surface() {
+    fn distant_surfaces_combine_to_a_step_and_a_surface() {
         let c = combine(&[&[5.0, 0.0, EMPTY, EMPTY], &[8.0, 0.0, EMPTY, EMPTY]], 0.05);
         assert_eq!((c[0], c[1]), (8.0, 0.5));
         assert!((c[2] - 5.0).abs() < 1e-4 && (c[3] - 5.0).abs() < 1e-4, "{c:?}");

@@ -431,7 +431,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn integers_come_back_in_either_unit() {
+    fn integers_survive_conversion_in_either_unit() {
         for units in [Units::Fractions, Units::Stored] {
             let bytes = Pixels::U8((0..=255).collect());
             assert_eq!(pixels(floats(&bytes, 1, units, None), 1, PixelType::U8, units, None), bytes);

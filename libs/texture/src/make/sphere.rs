@@ -318,7 +318,7 @@ mod tests {
     }
 
     #[test]
-    fn solid_angles_add_up() {
+    fn solid_angles_of_texels_add_up_to_the_sphere() {
         for n in [1, 2, 7, 64] {
             let face: f64 = (0..n).flat_map(|y| row_angles(n, y)).sum();
             assert!((face * 6.0 - 4.0 * std::f64::consts::PI).abs() < 1e-12);
@@ -327,7 +327,7 @@ mod tests {
 
     /// Every level has the mean of the first over the sphere, for every filter, also at odd sizes.
     #[test]
-    fn every_level_keeps_the_mean() {
+    fn every_cube_level_keeps_the_mean_over_the_sphere() {
         for filter in Filter::ALL {
             for n in [1, 8, 13, 32] {
                 let faces = std::array::from_fn(|f| noise(n, n, f as u32));
@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn constants_stay_exact() {
+    fn constants_stay_exact_in_every_cube_level() {
         let mut p = Image::new(16, 16, 3);
         p.data.fill(0.3);
         for filter in Filter::ALL {
@@ -366,7 +366,7 @@ mod tests {
 
     /// All levels show a bright texel at the same place, with the same total light.
     #[test]
-    fn a_small_light_stays_in_place() {
+    fn a_small_light_stays_in_place_in_every_level() {
         let n = 32;
         for filter in [Filter::Box, Filter::Gaussian, Filter::BSpline] {
             // The texels are in the middle of a face, at an edge and at a corner.

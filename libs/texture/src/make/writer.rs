@@ -161,7 +161,7 @@ mod tests {
     use granita_image::PixelType;
 
     #[test]
-    fn portions_make_the_same_tiles() {
+    fn batches_of_rows_make_the_same_tiles() {
         let spec = ImageSpec::new(10, 7, 2, PixelType::U16).tiled(4, 3);
         let all = Pixels::U16((1..=140).collect());
         let whole = Shelf::new(&spec).push(&all);

@@ -410,7 +410,7 @@ fn check_rows(rows: Vec<Row>) {
 }
 
 #[test]
-fn every_form_has_a_reference() {
+fn every_form_of_a_function_has_a_reference() {
     let here: Vec<&str> = [scalars::rows(), spatial::rows(), patterns::rows(), others::rows()]
         .iter()
         .flatten()
@@ -426,28 +426,28 @@ fn every_form_has_a_reference() {
 }
 
 #[test]
-fn scalar_forms() {
+fn scalar_functions_equal_their_references() {
     check_rows(scalars::rows());
 }
 
 #[test]
-fn spatial_forms() {
+fn spatial_functions_equal_their_references() {
     check_rows(spatial::rows());
 }
 
 #[test]
-fn pattern_forms() {
+fn pattern_functions_equal_their_references() {
     check_rows(patterns::rows());
 }
 
 #[test]
-fn other_forms() {
+fn other_functions_equal_their_references() {
     check_rows(others::rows());
 }
 
 /// Operators, comparisons, casts and constructors are not functions.
 #[test]
-fn operators_and_casts() {
+fn operators_and_casts_equal_their_references() {
     for n in scalars::operators() {
         let types = match n.only {
             Some(only) => vec![only],

@@ -147,7 +147,7 @@ fn periodic(list: &mut Vec<Row>, forms: [&'static str; 4], word: &str, unsigned:
 
 /// A shift by a whole number of periods does not change the result, to the bit, where the sum is exact.
 #[test]
-fn periods_are_exact() {
+fn noise_repeats_exactly_after_whole_periods() {
     for (x, shift) in [(0.25, 3.0), (-2.75, -9.0), (7.5, 300.0)] {
         for word in ["pnoise", "pnnoise", "psnoise"] {
             let moved = x + shift;

@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn turning_the_normal_is_foreseen() {
+    fn the_rotational_gradient_predicts_tilted_normals() {
         // The wall alone is seen, from slightly turned normals: what is below the floor does not count here.
         let n = 60;
         let mean = |turn: f32, f: &dyn Fn(&Record) -> f32| {
@@ -359,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn even_light_has_no_derivatives() {
+    fn uniform_light_has_zero_gradients() {
         let strata = Strata::new(64, FRAC_PI_2, true);
         let seen: Vec<Seen> = directions(&strata, Vec3::Z, 3)
             .into_iter()
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[test]
-    fn strata_fill_their_cone() {
+    fn strata_cover_their_cone() {
         for (samples, angle) in [(1, 0.3_f32), (7, 1.0), (64, FRAC_PI_2), (250, 0.2), (3, 0.0), (9, f32::NAN)]
         {
             let strata = Strata::new(samples, angle, true);

@@ -80,7 +80,7 @@ fn even(nu: usize, nv: usize, lo: [f32; 2], hi: [f32; 2]) -> Grid {
 const FAR: f32 = 5000.0;
 
 #[test]
-fn a_corner_of_walls_blocks_three_quarters() {
+fn a_corner_of_walls_occludes_three_quarters() {
     let mut f = Fixture::new(&[CONSTANT, &occlusion(", \"samples\", 1024, \"adaptive\", 0")]);
     let asked = floor(&mut f);
     wall(&mut f, [[0.0, -FAR, 0.0], [0.0, FAR, 0.0], [0.0, FAR, FAR], [0.0, -FAR, FAR]], None);
@@ -97,7 +97,7 @@ fn a_corner_of_walls_blocks_three_quarters() {
 }
 
 #[test]
-fn an_endless_plane_blocks_half_under_its_edge_and_all_far_inside() {
+fn a_half_plane_occludes_half_under_its_edge_and_all_inside() {
     let mut f = Fixture::new(&[CONSTANT, &occlusion(", \"samples\", 1024")]);
     let asked = floor(&mut f);
     wall(&mut f, [[-FAR, -FAR, 1.0], [0.0, -FAR, 1.0], [0.0, FAR, 1.0], [-FAR, FAR, 1.0]], None);
@@ -112,7 +112,7 @@ fn an_endless_plane_blocks_half_under_its_edge_and_all_far_inside() {
 }
 
 #[test]
-fn a_dome_blocks_all_and_falls_off_as_the_modes_say() {
+fn a_dome_occludes_all_and_falls_off_by_the_falloff_mode() {
     let at_centre = |options: &str| {
         let mut f = Fixture::new(&[CONSTANT, &occlusion(&format!(", \"samples\", 64{options}"))]);
         let asked = floor(&mut f);
@@ -133,7 +133,7 @@ fn a_dome_blocks_all_and_falls_off_as_the_modes_say() {
 }
 
 #[test]
-fn occlusion_is_a_portion_of_rays_and_indirect_light_what_a_facing_light_would_be() {
+fn occlusion_is_a_share_of_rays_and_indirect_light_is_irradiance() {
     // A disc above fills a cone of 45 degrees around the axis. It blocks half of the rays that are distributed by
     // the cosine, and 1 - cos 45 degrees of the solid angle.
     let blocked = |distribution: &str| {
@@ -156,7 +156,7 @@ fn occlusion_is_a_portion_of_rays_and_indirect_light_what_a_facing_light_would_b
 }
 
 #[test]
-fn discs_exchange_light_by_their_form_factor() {
+fn light_between_discs_equals_their_form_factor() {
     // Two parallel discs of radii 1 and 1.5, 2 apart: X = 1 + (1 + R2^2) / R1^2 with radii over the distance.
     let (r1, r2) = (0.5_f32, 0.75_f32);
     let x = 1.0 + (1.0 + r2 * r2) / (r1 * r1);
@@ -182,7 +182,7 @@ fn discs_exchange_light_by_their_form_factor() {
 }
 
 #[test]
-fn a_wall_bends_the_normal_away() {
+fn a_wall_tilts_the_mean_open_direction_away() {
     let mut f = Fixture::new(&[CONSTANT, &occlusion(", \"samples\", 1024")]);
     let asked = floor(&mut f);
     wall(&mut f, [[0.0, -FAR, 0.0], [0.0, FAR, 0.0], [0.0, FAR, FAR], [0.0, -FAR, FAR]], None);
@@ -193,7 +193,7 @@ fn a_wall_bends_the_normal_away() {
 }
 
 #[test]
-fn adaptive_sampling_spares_rays_where_they_agree() {
+fn adaptive_sampling_traces_fewer_rays_where_they_agree() {
     let rays = |options: &str| {
         let mut f = Fixture::new(&[CONSTANT, &occlusion(&format!(", \"samples\", 256{options}"))]);
         let asked = floor(&mut f);
@@ -209,7 +209,7 @@ fn adaptive_sampling_spares_rays_where_they_agree() {
 }
 
 #[test]
-fn objects_say_how_exact_they_are() {
+fn attributes_of_objects_set_the_accuracy() {
     let of = |source: &dyn Fn(&str) -> String, values: &[(&str, f32)], options: &str| {
         let mut f = Fixture::new(&[CONSTANT, &source(&format!(", \"samples\", 16{options}"))]);
         let values: Vec<_> = values
@@ -245,7 +245,7 @@ fn objects_say_how_exact_they_are() {
 }
 
 #[test]
-fn grids_that_meet_agree_and_share() {
+fn grids_agree_on_shared_edges_and_share_records() {
     let mut f = Fixture::new(&[CONSTANT, &indirect(", \"samples\", 64")]);
     let asked = floor(&mut f);
     wall(&mut f, [[2.0, -2.0, 0.0], [2.0, 3.0, 0.0], [2.0, 3.0, 3.0], [2.0, -2.0, 3.0]], Some(0.7));
@@ -279,7 +279,7 @@ fn grids_that_meet_agree_and_share() {
 }
 
 #[test]
-fn borders_against_walls_see_them() {
+fn points_on_borders_against_walls_receive_their_light() {
     // The floor ends in the walls of a closed white room, and is sampled at its very corner.
     let mut f = Fixture::new(&[CONSTANT, &indirect(", \"samples\", 64")]);
     let asked = floor(&mut f);
@@ -302,7 +302,7 @@ fn borders_against_walls_see_them() {
 }
 
 #[test]
-fn points_without_normals_or_places_see_nothing() {
+fn points_without_normal_or_position_receive_nothing() {
     let mut f = Fixture::new(&[CONSTANT, &occlusion(", \"samples\", 16")]);
     let asked = floor(&mut f);
     let dome = f.attributes("constant", &["walls"], &[]);
@@ -321,7 +321,7 @@ fn points_without_normals_or_places_see_nothing() {
 }
 
 #[test]
-fn sky_over_a_turned_floor_is_foreseen_over_normals() {
+fn the_rotational_gradient_predicts_light_on_bumps() {
     // Bumps on a floor under half a sky.
     let mut f = Fixture::new(&[CONSTANT, &indirect(", \"samples\", 1024")]);
     let asked = floor(&mut f);

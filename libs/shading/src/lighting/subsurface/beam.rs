@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn inner_reflection_is_fresnels() {
+    fn the_internal_reflectance_equals_fresnel() {
         // Twice the first moment is the mean reflectance: 0.596 for glass, and 0 for an index of 1.
         let [first, _] = moments(1.5);
         assert!((2.0 * first - 0.596).abs() < 2e-3, "{first}");
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn light_is_neither_made_nor_lost() {
+    fn the_beam_profile_reflects_at_most_all_light() {
         let mut before = 0.0;
         for albedo in [0.1_f32, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999] {
             let whole = total(&Beam::new(Vec3::splat(albedo), Vec3::splat(1.0 - albedo), 1.3));
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_is_the_formula() {
+    fn the_profile_table_equals_the_formula() {
         let beam = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4);
         let m = moments(1.4);
         for radius in [0.01, 0.07, 0.33, 1.0, 2.7, 6.0_f64] {
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_scale() {
+    fn the_profile_scales_with_length() {
         let fine = Beam::new(Vec3::splat(20.0), Vec3::splat(5.0), 1.4).reflectance(0.01).x;
         let coarse = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4).reflectance(1.0).x;
         assert!((fine / coarse / 100.0 - 1.0).abs() < 1e-3);

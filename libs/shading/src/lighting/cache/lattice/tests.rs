@@ -46,7 +46,7 @@ fn filled(
 const USUAL: Tolerance = Tolerance { maxerror: 0.25, maxpixeldist: 1000.0, minsamples: 3 };
 
 #[test]
-fn what_is_straight_needs_corners_only() {
+fn linear_functions_need_records_at_corners_only() {
     let points = flat(17, 13, [0.0, 0.0], [1.0, 1.0]);
     let f = |p: Vec3| 1.0 + 0.3 * p.x - 0.2 * p.y;
     let (known, records) = filled(&points, &f, USUAL);
@@ -80,7 +80,7 @@ fn errors_follow_the_bound() {
 }
 
 #[test]
-fn sides_are_the_same_from_both_grids() {
+fn shared_edges_are_interpolated_alike_from_both_grids() {
     // Two grids of different fineness lie side by side, one of them reversed. Their shared edge has points of its
     // own.
     let f = |p: Vec3| 1.0 + (4.0 * p.x * p.y).sin();
@@ -96,7 +96,7 @@ fn sides_are_the_same_from_both_grids() {
 }
 
 #[test]
-fn repeated_points_of_a_side_take_part_once() {
+fn repeated_points_of_an_edge_count_once() {
     // Every second point of the lower side coincides with its neighbour, as where a finer grid borders a coarser
     // one.
     let f = |p: Vec3| 1.0 + (4.0 * p.x).sin() * 0.5;
@@ -113,7 +113,7 @@ fn repeated_points_of_a_side_take_part_once() {
 }
 
 #[test]
-fn lines_and_cells_meet_without_steps() {
+fn lattice_cells_of_different_sizes_join_continuously() {
     // The function varies quickly at one corner, so large cells border small ones. Neighbouring points differ by as
     // much as the function does.
     let points = flat(65, 65, [0.01, 0.01], [1.0, 1.0]);
@@ -130,7 +130,7 @@ fn lines_and_cells_meet_without_steps() {
 }
 
 #[test]
-fn points_that_are_off_are_left_alone() {
+fn inactive_points_are_skipped() {
     let mut points = flat(9, 9, [0.0, 0.0], [1.0, 1.0]);
     let f = |p: Vec3| 1.0 + p.x;
     for k in [0, 10, 40, 80] {
@@ -150,7 +150,7 @@ fn points_that_are_off_are_left_alone() {
 }
 
 #[test]
-fn small_grids_are_grids() {
+fn small_grids_are_filled() {
     let f = |p: Vec3| 1.0 + p.x * p.x;
     for (nu, nv) in [(1, 1), (1, 5), (5, 1), (2, 2), (2, 9)] {
         let points = flat(nu, nv, [0.0, 0.0], [1.0, 1.0]);
@@ -163,7 +163,7 @@ fn small_grids_are_grids() {
 }
 
 #[test]
-fn bumps_are_followed_by_the_gradient_over_normals() {
+fn the_rotational_gradient_interpolates_bumps() {
     // Light comes from a sky that is brighter at the top. The irradiance (1 + n . up) / 2 is linear in the normal.
     let mut points = flat(17, 17, [0.0, 0.0], [1.0, 1.0]);
     for (k, n) in points.n.iter_mut().enumerate() {
