@@ -157,7 +157,7 @@ fn table() -> Vec<(Vec<&'static str>, Call)> {
 }
 
 #[test]
-fn every_call_is_there_in_every_form() {
+fn every_spelling_of_every_call_is_read() {
     let flat = PygOptions { always_pyglet: true, ..PygOptions::default() };
     let mut names: Vec<&str> = Vec::new();
     for (forms, call) in table() {
@@ -175,7 +175,7 @@ fn every_call_is_there_in_every_form() {
 }
 
 #[test]
-fn python_makes_the_same_calls() {
+fn python_scripts_make_the_same_calls() {
     if !has("python3") {
         return;
     }
@@ -195,7 +195,7 @@ fn python_makes_the_same_calls() {
 }
 
 #[test]
-fn every_call_survives_writing() {
+fn every_call_survives_write_and_read() {
     let flat = PygOptions { always_pyglet: true, ..PygOptions::default() };
     let all: Vec<Call> =
         table().into_iter().map(|(_, call)| call).filter(|c| c.name() != "Comment").collect();
@@ -285,7 +285,7 @@ fn script(text: &str) -> (String, Vec<String>) {
 }
 
 #[test]
-fn scripts_ask_for_every_attribute() {
+fn scripts_read_every_attribute() {
     if !has("python3") {
         return;
     }

@@ -41,7 +41,7 @@ fn key(name: &str) -> String {
 }
 
 #[test]
-fn the_table_knows_what_has_an_effect() {
+fn the_attribute_table_lists_hints_correctly() {
     let mut text = String::new();
     for folder in [
         "libs/dicing/src",

@@ -6,7 +6,7 @@
 use granita_tests::{Image, Tools, copy_first};
 
 #[test]
-fn the_first_image_is_the_same_to_the_bit() {
+fn the_first_image_of_the_manual_is_the_same_to_the_bit() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();

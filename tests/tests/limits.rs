@@ -18,7 +18,7 @@ fn texture(tools: &Tools, place: &Path) {
 
 /// A frame with many textures is rendered while few files may be open. All textures and the image must be complete.
 #[test]
-fn many_textures_and_few_files() {
+fn many_textures_are_rendered_with_few_open_files() {
     const TEXTURES: usize = 150;
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();

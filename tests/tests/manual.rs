@@ -22,7 +22,7 @@ fn numbers<T: Copy + Into<f64>>(list: &[T]) -> String {
 }
 
 #[test]
-fn attributes() {
+fn the_manual_lists_every_attribute() {
     let mut text = String::from(
         "# Attributes\n\nOne row for each attribute, from the table that the programs themselves use. `Attribute (\"TYPE \
          NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \

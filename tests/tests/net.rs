@@ -35,7 +35,7 @@ fn render(tools: &Tools, place: &Path, servers: &[&str]) -> (Image, String) {
 }
 
 #[test]
-fn frames_of_several_processes() {
+fn frames_of_several_processes_equal_those_of_one() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
@@ -61,7 +61,7 @@ fn frames_of_several_processes() {
 }
 
 #[test]
-fn what_shaders_save_is_whole() {
+fn databases_saved_by_workers_are_complete() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
@@ -108,7 +108,7 @@ const STUCK: [(&str, &str); 6] = [
 ];
 
 #[test]
-fn workers_that_are_stuck_do_not_hold_a_frame_up() {
+fn hanging_workers_do_not_block_a_frame() {
     let tools = Tools::build().unwrap();
     let whole = tempfile::tempdir().unwrap();
     copy_first(whole.path()).unwrap();
@@ -144,7 +144,7 @@ fn workers_that_are_stuck_do_not_hold_a_frame_up() {
 
 /// "net:workers" distributes frames without options on the command line. With "net:tint" each worker has a colour.
 #[test]
-fn workers_of_an_attribute_tint_their_buckets() {
+fn workers_named_by_an_attribute_tint_their_buckets() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();

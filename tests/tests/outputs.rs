@@ -14,7 +14,7 @@ fn scene(outputs: &str) -> String {
 }
 
 #[test]
-fn outputs_that_cannot_be_written_are_found_before_the_first_bucket() {
+fn unwritable_outputs_are_reported_before_the_first_bucket() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let run = |outputs: &str| {
@@ -58,7 +58,7 @@ fn png() -> Vec<u8> {
 }
 
 #[test]
-fn no_tool_writes_over_what_it_reads() {
+fn no_tool_overwrites_its_input() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let shader = "surface s () { C = 1; }\n";
@@ -85,7 +85,7 @@ fn no_tool_writes_over_what_it_reads() {
 
 /// A name that ends in a slash is a folder, which is created. The textures in it have the names of their inputs.
 #[test]
-fn maketx_makes_the_folder_of_its_textures() {
+fn maketx_creates_the_output_folder() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("x.png"), png()).unwrap();
@@ -105,7 +105,7 @@ fn maketx_makes_the_folder_of_its_textures() {
 
 /// "debug:dso" and `-debugdso` print one line for each file that is tried.
 #[test]
-fn every_plugin_that_is_tried_has_a_line() {
+fn debugdso_prints_a_line_for_every_plugin() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in [

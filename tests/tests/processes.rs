@@ -102,7 +102,7 @@ fn ignores_interrupts() -> bool {
 }
 
 #[test]
-fn a_run_that_is_killed_leaves_no_process() {
+fn a_killed_run_leaves_no_process() {
     let tools = Tools::build().unwrap();
     std::thread::scope(|scope| {
         for (what, scene, _) in scenes() {
@@ -132,7 +132,7 @@ fn a_run_that_is_killed_leaves_no_process() {
 }
 
 #[test]
-fn a_time_limit_ends_whatever_runs() {
+fn a_time_limit_ends_running_programs() {
     let tools = Tools::build().unwrap();
     std::thread::scope(|scope| {
         for (what, scene, running) in scenes() {
@@ -155,7 +155,7 @@ fn a_time_limit_ends_whatever_runs() {
 }
 
 #[test]
-fn a_conversion_ends_with_what_it_started() {
+fn a_killed_conversion_ends_its_programs() {
     let tools = Tools::build().unwrap();
     let words = ["-r", "1", "-o", "out.pyg", "scene.pyg"];
     std::thread::scope(|scope| {
@@ -232,7 +232,7 @@ fn a_time_limit_ends_frames_and_reading() {
 }
 
 #[test]
-fn a_pipe_without_a_reader_costs_its_own_image() {
+fn a_pipe_without_a_reader_fails_only_its_own_image() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path();
@@ -249,7 +249,7 @@ fn a_pipe_without_a_reader_costs_its_own_image() {
 }
 
 #[test]
-fn programs_that_are_not_waited_for_outlive_a_run_that_ends_by_itself() {
+fn background_programs_continue_after_a_normal_run() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let (_, scene, _) = scenes().swap_remove(1);
@@ -265,7 +265,7 @@ fn programs_that_are_not_waited_for_outlive_a_run_that_ends_by_itself() {
 }
 
 #[test]
-fn programs_do_not_read_the_scene() {
+fn programs_do_not_read_the_standard_input_of_the_scene() {
     let tools = Tools::build().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let text = "Command (\"system cat > eaten\")\nCommand (\"system echo read > on\")\n";

@@ -6,7 +6,7 @@ use granita_tests::{Tools, repository};
 use std::process::Command;
 
 #[test]
-fn the_package_works() {
+fn the_python_package_passes_its_tests() {
     if !granita_needs::has("python3") {
         return;
     }

@@ -473,7 +473,7 @@ impl Place {
 }
 
 #[test]
-fn no_route_leads_out() {
+fn scenes_with_safe_touch_no_file_outside() {
     let tools = Tools::build().unwrap();
     assert!(ROUTES.len() >= 60, "{} routes", ROUTES.len());
     let mut wrong = Vec::new();
@@ -511,7 +511,7 @@ fn no_route_leads_out() {
 }
 
 #[test]
-fn what_a_scene_makes_it_uses() {
+fn scenes_with_safe_read_the_files_that_they_made() {
     let tools = Tools::build().unwrap();
     let route = with("", &[("sub/t.ppm", "P3\n1 1\n255\n0 255 0\n")], "", "");
     let place = Place::new(&route);
@@ -548,7 +548,7 @@ fn what_a_scene_makes_it_uses() {
 }
 
 #[test]
-fn a_link_that_is_exchanged_leads_nowhere() {
+fn links_changed_during_a_safe_run_open_no_file_outside() {
     let tools = Tools::build().unwrap();
     let route = with("", &[("t.ppm", "P3\n1 1\n255\n0 255 0\n")], "", "");
     let place = Place::new(&route);
@@ -584,7 +584,7 @@ fn a_link_that_is_exchanged_leads_nowhere() {
 }
 
 #[test]
-fn topyg_and_maketx_keep_to_the_rules() {
+fn safe_confines_topyg_and_maketx_too() {
     let tools = Tools::build().unwrap();
     let route = with(
         "",

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[test]
-fn suite() {
+fn every_case_of_the_suite_gives_its_reference() {
     let tests = repository().join("tests");
     let all = cases(&tests.join("suite")).unwrap();
     let bless = std::env::var("GRANITA_BLESS").ok();

@@ -47,7 +47,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn what_topyg_makes_renders_to_the_same_bits() {
+fn scenes_converted_by_topyg_render_to_the_same_bits() {
     let mut all = Vec::new();
     for top in ["tests/suite", "examples"] {
         scenes(&repository().join(top), &mut all);
@@ -58,7 +58,7 @@ fn what_topyg_makes_renders_to_the_same_bits() {
 
 /// Tests external scenes in the folder that the variable names.
 #[test]
-fn scenes_from_elsewhere_do_too() {
+fn external_scenes_converted_by_topyg_render_to_the_same_bits() {
     let Some(top) = std::env::var_os("GRANITA_SCENES") else {
         return granita_needs::skip("GRANITA_SCENES (a folder of scenes besides those of the tree)");
     };

@@ -101,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_are_found() {
+    fn attribute_names_in_strings_are_found() {
         let table = "    FOV: Camera, f32 = \"4.1\", \"fov\", Floats(&[90.0]),\n        \"help\";\n    COLOR: Object, Color = \"4.4.4\", \"C\", X, \"y\";\n    \
                      CURVATURE: Object, f32 = \"4\", \"dice:curvature\", X, \"y\";\n";
         let names = names(table);

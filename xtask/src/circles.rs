@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn two_files_that_use_each_other_are_a_circle_and_one_direction_is_none() {
+    fn files_that_use_each_other_are_a_cycle() {
         let root = ("src/lib.rs", "mod a; mod b;");
         let a = ("src/a.rs", "use crate::b::B; pub struct A(B);");
         let b = ("src/b.rs", "pub struct B;");
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_circle_of_three_comes_apart_from_what_hangs_on_it() {
+    fn a_cycle_of_three_files_excludes_their_users() {
         let files = [
             ("src/main.rs", "mod a; mod b; mod c; mod d; fn main() { d::run() }"),
             ("src/a.rs", "pub fn a() { crate::b::b() }"),
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn a_parent_and_its_children_are_none_and_siblings_are_one() {
+    fn siblings_make_cycles_but_parents_and_children_do_not() {
         let root = ("src/lib.rs", "mod a;");
         let child = ("src/a/x.rs", "use super::A; pub struct X(A);");
         let other = ("src/a/y.rs", "pub struct Y;");
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_followed_through_the_root_globs_and_renames() {
+    fn names_are_resolved_through_root_globs_and_renames() {
         let files = [
             ("src/lib.rs", "mod a; mod b; mod c; pub use a::*; pub use b::B as Better;"),
             ("src/a.rs", "pub struct A; fn f(_: crate::Better) {}"),
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn tests_and_inner_modules_count_as_what_they_are() {
+    fn tests_are_ignored_and_inner_modules_count_as_their_file() {
         let root = ("src/lib.rs", "mod a; mod b;");
         let a = ("src/a.rs", "pub struct A; #[cfg(test)] mod tests { use crate::b::B; }");
         let b = ("src/b.rs", "pub struct B(crate::a::A);");
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn macros_are_read_and_moved_files_found() {
+    fn macros_are_read_and_path_attributes_followed() {
         let files = [
             ("x/main.rs", "#[path = \"../y/a.rs\"] mod a; mod b;"),
             ("y/a.rs", "pub fn a() { assert!(crate::b::Kind::Small == crate::b::Kind::Big) }"),
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_macro_defines_belongs_to_its_file() {
+    fn items_of_a_macro_belong_to_its_file() {
         let files = [
             ("lib.rs", "mod a; mod b;"),
             ("a.rs", "use crate::b; fn a() { b::made() } pub const A: u8 = 1;"),
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_are_told_with_the_lines_that_hold_them() {
+    fn cycles_are_reported_with_their_lines() {
         let files = [
             ("lib.rs", "mod a; mod b;"),
             ("a.rs", "pub struct A(crate::b::B);"),

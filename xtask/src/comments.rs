@@ -48,7 +48,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn wide_comments_are_found() {
+    fn comments_beyond_the_width_are_found() {
         let long = "word ".repeat(9);
         let text = format!(
             "//! {long}\n//! short\n//! | {long} |\n//! ```\n//! {long}\n//! ```\n    // {long}\nlet x = \"{long}\";\n\

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn each_crate_has_a_row_and_each_row_a_crate() {
+    fn missing_and_extra_rows_of_crates_are_reported() {
         let page = "| crate | purpose | types |\n|---|---|---|\n| base | words | `A` |\n| formats/tiff | images | `B` |\n\n\
                     | crate | for | rather than |\n|---|---|---|\n| `rustix` | files | libc |\n";
         assert!(check_table(page, &folders(&["libs/base", "formats/tiff"])).is_empty());
@@ -150,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_has_each_crate_on_its_floor() {
+    fn crates_missing_from_the_tree_are_reported() {
         let page = "## Tree\n```\ntools/    gelato iv   floor 8  what runs\nlibs/     base cli    floor 0\n          scene       floor 1\n\
                     bindings/ cpp (headers), python   floor 8\ntests/   crate\n```\n";
         let all = [

@@ -115,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn public_functions_say_when_they_fail() {
+    fn public_functions_without_an_errors_section_are_found() {
         let code = "/// A.\npub fn a() -> Result<()> {}\n/// B.\n///\n/// # Errors\n/// Never.\npub fn b() -> io::Result<()> {}\n\
                     pub(crate) fn c() -> Result<()> {}\npub fn d() -> Option<Result<()>> {}\n\
                     impl S {\n    pub fn e() -> fmt::Result {}\n}\npub trait T {\n    fn f() -> Result<()>;\n}\n\

@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_found_or_told() {
+    fn unknown_test_names_are_reported() {
         let tests = tests();
         for good in ["suite:area/name", "p::one", "p::a::one", "p::a::two", "p::b::two"] {
             assert_eq!(tests.problem(good), None, "{good}");
@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_without_tests_are_told() {
+    fn rows_without_tests_are_reported() {
         let row = |tests: &str| format!("area\titem{tests}\tx\t4.1\t{tests}\n");
         let text = |rows: &str| format!("# comment\n{}\n{rows}", COLUMNS.join("\t"));
         let faults = |rows: &str| check_text(&text(rows), &tests()).faults;

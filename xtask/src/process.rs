@@ -103,7 +103,7 @@ mod tests {
     use std::path::PathBuf;
 
     #[test]
-    fn every_way_to_the_process_is_found() {
+    fn every_use_of_the_process_environment_is_found() {
         let text = "use std::env::{self, current_dir};\nfn f() { std::env::temp_dir(); env::args(); }\n\
                     fn g() { println!(\"x\"); std::process::exit(1) }\nfn h() { std::env::consts::OS; io::stdout(); }\n\
                     #[cfg(test)]\nmod tests { fn f() { println!(\"x\") } }";

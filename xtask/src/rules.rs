@@ -83,7 +83,7 @@ mod tests {
                         | `libs/a` | x |\n| `libs/b/src/simd.rs` | y |\n\n| other | z |\n|---|---|\n| `libs/c` | x |\n";
 
     #[test]
-    fn the_page_is_read() {
+    fn rules_are_read_from_the_page() {
         let rules = Rules::read(TEXT).unwrap();
         assert_eq!((rules.lines, rules.lines_without_reason), (1000, 600));
         assert_eq!((rules.median, rules.comment_width), ([120, 250], 120));

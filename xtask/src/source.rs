@@ -269,13 +269,13 @@ mod tests {
     }
 
     #[test]
-    fn build_scripts_stand_beside_their_manifest() {
+    fn build_scripts_count_as_tests_beside_their_manifest() {
         assert!(is_test(Path::new("libs/plugin/build.rs")));
         assert!(!is_test(Path::new("libs/rays/src/mesh/build.rs")));
     }
 
     #[test]
-    fn comments_documentation_and_tests_are_left_out() {
+    fn comments_and_tests_are_not_searched_for_strings() {
         let code = "//! \"no\"\n/// \"no\"\nfn a() { f(\"a\"); /* \"no\" */ }\n#[cfg(test)]\nmod tests { fn a() { f(\"no\") } }\n\
                     fn b() { f(r#\"b\"#) }\n#[cfg(test)]\n#[allow(x)]\nfn c<A, B>(a: A) -> B { f(\"no\") }\nfn d() { f(\"d\") }\n\
                     struct S { #[cfg(test)] a: Vec<(A, B)>, b: B }\n#[cfg(not(test))]\nconst E: &str = \"e\";\n\
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn paths_are_read_through_braces() {
+    fn paths_in_braces_are_resolved() {
         let code = "use std::{env::{self, var}, io}; fn f() { std::process::exit(1); env::vars::<A>() }";
         let source = Source::new(PathBuf::from("src/a.rs"), code.to_owned()).unwrap();
         let paths: Vec<String> = paths(&source.code).into_iter().map(|(_, path)| path.join("::")).collect();
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_stand_on_the_line_or_right_above() {
+    fn marks_apply_to_their_line_and_the_next() {
         let text = "// tidy: x: why\n// more\na();\nb();\nc(); // tidy: x: why";
         let source = Source::new(PathBuf::from("src/a.rs"), text.to_owned()).unwrap();
         let marked: Vec<bool> = (3..6).map(|line| source.is_marked(line, "tidy: x: ")).collect();

@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn long_files_say_why() {
+    fn long_files_without_a_reason_are_reported() {
         let rules = Rules {
             lines: 10,
             lines_without_reason: 6,
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn the_median_is_the_length_in_the_middle() {
+    fn the_median_is_the_middle_length() {
         let file = |lines: usize| Source::new("src/a.rs".into(), "\n".repeat(lines)).unwrap();
         assert_eq!(median(&[file(500), file(100), file(200)]), 200);
         assert_eq!(median(&[]), 0);

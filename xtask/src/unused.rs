@@ -80,7 +80,7 @@ mod tests {
     use crate::workspace::Dependency;
 
     #[test]
-    fn a_dependency_is_named_where_it_is_for() {
+    fn unused_dependencies_are_reported_in_their_section() {
         let source = |file: &str, text: &str| Source::new(file.into(), text.to_owned()).unwrap();
         let files = [
             source(

@@ -179,7 +179,7 @@ fn rows_and_tiles_are_sent_as_rectangles() {
 
 /// The server never answers, like other viewers. Only packets of types up to 8 may reach it.
 #[test]
-fn a_viewer_that_does_not_answer_is_sent_plain_packets_only() {
+fn a_viewer_that_does_not_answer_receives_only_standard_packets() {
     let server = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = server.local_addr().unwrap();
     let hearing = std::thread::spawn(move || {

@@ -67,7 +67,7 @@ mod tests {
     use super::first_image;
 
     #[test]
-    fn images_are_found_behind_palettes_and_extensions() {
+    fn gif_images_are_found_after_palettes_and_extensions() {
         let screen = |flags: u8| [b"GIF89a\x20\0\x18\0" as &[u8], &[flags, 0, 0]].concat();
         let image: &[u8] = b",\x01\0\x02\0\x34\x12\x78\x56\0";
         let extension: &[u8] = b"!\xff\x03abc\x01d\0";

@@ -148,7 +148,7 @@ fn overlapping_tiles_are_refused() {
 
 /// A broken file is decoded once. Further requests for its rows do not read it again.
 #[test]
-fn broken_files_are_decoded_once() {
+fn truncated_files_are_decoded_once() {
     let folder = tempfile::tempdir().unwrap();
     let registry = granita_image::FormatRegistry::new(Limits::default());
     let registry = granita_raster::formats().into_iter().fold(registry, |mut registry, format| {

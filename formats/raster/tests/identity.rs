@@ -113,7 +113,7 @@ fn lossy_formats_stay_within_their_tolerance() {
 }
 
 #[test]
-fn what_a_format_cannot_hold_is_refused_by_name() {
+fn unsupported_types_and_channels_are_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a");
     for (name, n, pixel_type, word) in [

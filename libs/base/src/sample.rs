@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn squares_are_stratified() {
+    fn samples_of_the_square_are_stratified() {
         for seed in [0, 1, 77, u32::MAX] {
             // Of 16 points one is in each cell of 16x1, 8x2, 4x4, 2x8, 1x16.
             for (nx, ny) in [(16, 1), (8, 2), (4, 4), (2, 8), (1, 16)] {
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_stratified() {
+    fn samples_of_the_line_are_stratified() {
         let mut seen = [false; 64];
         for i in 0..64 {
             let cell = (line(i, 9) * 64.0) as usize;

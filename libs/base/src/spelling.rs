@@ -31,7 +31,7 @@ mod tests {
     use super::suggestion;
 
     #[test]
-    fn near_words_are_suggested() {
+    fn similar_words_are_suggested() {
         let names = || ["resolution", "fov", "opacity", "near", "far"];
         assert_eq!(suggestion("resolutoin", names()), Some("resolution"));
         assert_eq!(suggestion("FOV", names()), Some("fov"));

@@ -685,7 +685,7 @@ mod tests {
     }
 
     #[test]
-    fn the_resolution_alone_shapes_the_window() {
+    fn the_resolution_alone_determines_the_screen_window() {
         let (square, _) = view(&[("int[2] resolution", &[300.0, 200.0])]);
         let (wide, _) = view(&[("int[2] resolution", &[300.0, 200.0]), ("float pixelaspect", &[2.0])]);
         assert_eq!((square.screen, wide.screen), ([-1.5, 1.5, -1.0, 1.0], [-1.5, 1.5, -1.0, 1.0]));

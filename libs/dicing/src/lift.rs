@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_of_a_face_rises_towards_the_sphere() {
+    fn the_middle_of_a_face_is_lifted_towards_the_sphere() {
         for half in [0.05, 0.1, 0.3] {
             let face = of_sphere(half);
             let middle = Vec3::new(0.0, 0.0, face.p[0].z);

@@ -202,7 +202,7 @@ fn fixed_rates_follow_named_variables() {
 }
 
 #[test]
-fn curvature_adds_segments_where_length_asks_for_few() {
+fn curvature_adds_segments_where_length_needs_few() {
     // A half circle 8 pixels across has an arc of 12.6 pixels. A part of it is seen at a slant.
     let along_u = |list: &[(&str, ParamData)]| {
         Rig::new(list).rates(half_pipe(0.5)).iter().map(|r| r[0] - 1).sum::<usize>()

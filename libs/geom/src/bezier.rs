@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn restriction_keeps_the_curve() {
+    fn restricting_a_bezier_curve_keeps_its_shape() {
         let curve = [0.0, 2.0, -1.0, 5.0];
         let at = |net: &[f64], s: f64| {
             let mut w = [0.0; 4];

@@ -320,7 +320,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_of_a_settled_side_share_a_corner() {
+    fn halves_of_an_edge_with_fixed_rate_share_a_corner() {
         let whole = [Range::whole(1); 2];
         for steps in 1..9_u32 {
             let [left, right] = Settled::default().halves(&whole, 0, [Some(steps), None, None, None]);

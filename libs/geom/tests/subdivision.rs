@@ -151,7 +151,7 @@ fn faces_of_any_number_of_corners_are_subdivided() {
 }
 
 #[test]
-fn refinement_approximates_the_limit_well() {
+fn a_refined_cube_has_the_same_limit_surface() {
     // The surface of a cube that is refined once by hand must be the same.
     let (shape, p) = cube();
     let pieces = build(&shape, &params(&[("P", &p)]));

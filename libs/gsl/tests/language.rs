@@ -58,7 +58,7 @@ fn keywords_and_reserved_words_are_refused_as_names() {
 }
 
 #[test]
-fn arrays_have_one_dimension_and_functions_return_none() {
+fn arrays_have_one_dimension_and_functions_return_no_arrays() {
     for body in [
         "float a[2][3]; C = a[0][0];",
         "float[2] f () { return 1; } C = f ();",

@@ -74,7 +74,7 @@ fn functions_of_the_source_add_forms_to_built_in_functions() {
 }
 
 #[test]
-fn forms_that_make_an_expression_invalid_are_left_out() {
+fn forms_that_make_an_expression_invalid_are_not_chosen() {
     // A color times a vector is invalid, so the texture is a float.
     for body in [
         "P -= Km * texture (name, u, v) * normalize (N);",

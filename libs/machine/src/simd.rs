@@ -410,7 +410,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_convert_as_the_standard_says() {
+    fn halves_convert_to_their_ieee_values() {
         assert_eq!([0x3c00, 0xc000, 0x0001, 0x7bff].map(half), [1.0, -2.0, 5.960_464_5e-8, 65504.0]);
     }
 }

@@ -36,7 +36,7 @@ fn names_of_the_reference_and_extensions_find_formats() {
 }
 
 #[test]
-fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
+fn images_of_every_format_are_written_and_opened_by_content() {
     let dir = tempfile::tempdir().unwrap();
     let all = registry();
     let values: Vec<f32> = (0..20 * 10 * 3).map(|i| (i % 60) as f32 / 60.0).collect();
@@ -70,7 +70,7 @@ fn rendered_pixels_go_through_every_format_and_are_opened_by_content() {
 }
 
 #[test]
-fn types_that_a_format_lacks_are_replaced() {
+fn unsupported_pixel_types_are_replaced() {
     let all = registry();
     let stored = |format: &str, levels: [i32; 4]| {
         let mut params = Params::new();

@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn huge_buckets_are_divided() {
+    fn large_buckets_are_divided_between_threads() {
         let crop = PixelRect { x0: 0, y0: 0, x1: 2048, y1: 2048 };
         assert!(Buckets::new(&crop, [2048, 2048], BucketOrder::plain("horizontal"), 16).order.len() > 1);
     }

@@ -143,7 +143,7 @@ fn every_attribute_is_set_read_and_restored() {
 }
 
 #[test]
-fn indentation_is_relative() {
+fn the_indentation_attribute_is_relative() {
     let row = attribute_row("pyg:indent").unwrap();
     let mut run = Run::new();
     for (change, now) in [(4, 4), (2, 6), (-4, 2), (-9, 0)] {

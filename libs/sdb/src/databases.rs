@@ -380,7 +380,7 @@ mod tests {
     use crate::Value;
 
     #[test]
-    fn a_database_does_not_wait_for_another_one() {
+    fn databases_are_locked_independently() {
         let databases = Arc::new(Databases::new(FormatRegistry::default(), Reporter::silent()));
         let schema = Schema { key: Key::Point, value: Value::Float };
         let record = vec![0.5; schema.numbers()];

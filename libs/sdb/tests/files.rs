@@ -81,7 +81,7 @@ fn files_do_not_depend_on_the_order_of_records_or_the_memory() {
 }
 
 #[test]
-fn broken_files_are_refused_by_name() {
+fn damaged_files_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let file = name(&folder, "a.sdb");
     let (databases, _) = databases();

@@ -179,7 +179,7 @@ fn startup_files_come_first_and_missing_scenes_are_named() {
 }
 
 #[test]
-fn a_scene_may_end_itself() {
+fn the_exit_command_ends_a_scene_before_render() {
     let folder = tempfile::tempdir().unwrap();
     let (text, image) = scene(folder.path());
     let (outcome, _) = run(&text.replace("Render ()", "Command (\"exit\")\nRender ()"), options());
@@ -187,7 +187,7 @@ fn a_scene_may_end_itself() {
 }
 
 #[test]
-fn a_pass_for_shadows_writes_a_map() {
+fn a_shadow_pass_writes_a_shadow_map() {
     let folder = tempfile::tempdir().unwrap();
     let map = folder.path().join("shadow.sm");
     let text = format!(

@@ -247,7 +247,7 @@ mod tests {
     use granita_shade::Topology;
 
     #[test]
-    fn variables_of_the_primitive_are_those_before_shading() {
+    fn shading_does_not_change_primitive_variables() {
         let mut grid = Grid::new(Topology::Rect { nu: 2, nv: 1 });
         grid.u = vec![0.25, 0.75];
         grid.c = Lanes3::splat(Vec3::new(1.0, 0.5, 0.25), 2);

@@ -43,7 +43,7 @@ fn near(a: Color, b: Color) {
 }
 
 #[test]
-fn light_falls_off_with_the_square_and_the_cosine() {
+fn irradiance_falls_off_with_squared_distance_and_cosine() {
     let mut f = Fixture::new(&[MATTE, POINT]);
     f.light("pointlight", &[param("float intensity", 5.0)], Transform::translate(Vec3::Z * 2.0));
     let floor = f.attributes("matte", &[], &[]);
@@ -58,7 +58,7 @@ fn light_falls_off_with_the_square_and_the_cosine() {
 }
 
 #[test]
-fn a_shadow_ends_where_geometry_says() {
+fn a_shadow_ends_at_the_projected_edge() {
     let mut f = Fixture::new(&[MATTE, CONSTANT, POINT]);
     let params = [param("string shadowname", "shadow")];
     f.light("pointlight", &params, Transform::translate(Vec3::Z * 2.0));
@@ -99,7 +99,7 @@ fn shadows_of_transparent_objects_are_coloured() {
 }
 
 #[test]
-fn a_mirror_shows_exactly_the_colour_of_what_it_sees() {
+fn a_mirror_shows_the_exact_colour_of_the_reflected_surface() {
     let mut f = Fixture::new(&[CONSTANT, MIRROR]);
     let floor = f.attributes("mirror", &["reflection"], &[]);
     let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
@@ -331,7 +331,7 @@ fn shaders_transform_between_named_spaces() {
 }
 
 #[test]
-fn a_distant_light_falls_with_the_cosine_and_its_shadow_does_not_spread() {
+fn a_distant_light_has_cosine_falloff_and_parallel_shadows() {
     let sun = "light sun (string shadowname = \"\") {
         emit (vector (\"shader\", 0, 0, -1), 0) {
             Cl = 1;

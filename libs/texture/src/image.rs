@@ -351,7 +351,7 @@ mod tests {
     }
 
     #[test]
-    fn enlarging_a_ramp_gives_a_ramp() {
+    fn an_enlarged_ramp_is_a_ramp() {
         let mut p = Image::new(100, 1, 1);
         for (x, v) in p.data.iter_mut().enumerate() {
             *v = (x as f32 + 0.5) / 100.0;

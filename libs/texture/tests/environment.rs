@@ -513,7 +513,7 @@ fn inputs_of_wrong_sizes_are_refused() {
 
 /// OpenEXR stores cubes as columns, right handed. The same direction gives the same colour.
 #[test]
-fn openexr_maps_follow_their_own_conventions() {
+fn openexr_maps_use_the_openexr_orientation() {
     let folder = Folder::new();
     let exr = |mode| MakeOptions { format: "OpenEXR".to_owned(), ..options(mode) };
     cube_of(&folder, 32, &exr(Mode::EnvCube), sky);

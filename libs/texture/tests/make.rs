@@ -84,7 +84,7 @@ fn levels_keep_the_mean() {
 }
 
 #[test]
-fn threads_do_not_change_a_byte() {
+fn textures_do_not_depend_on_threads() {
     let folder = Folder::new();
     folder.image("a.tif", (150, 90), 3, |x, y, c| random(x + 150 * y, c as u32));
     let bytes = |threads: usize, filter: Filter| {

@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn closed_surfaces_do_not_leak(seed: u32, scale_exp in -30_i32..30, far in 0.0_f32..100.0) {
+    fn no_ray_passes_through_closed_surfaces(seed: u32, scale_exp in -30_i32..30, far in 0.0_f32..100.0) {
         let scale = 2.0_f32.powi(scale_exp);
         let shift = random_point(seed, 9) * far * scale;
         let mut mesh = sphere(24);
@@ -152,7 +152,7 @@ fn equal_hits_resolve_to_the_smallest_index() {
 }
 
 #[test]
-fn barycentric_weights_give_the_point() {
+fn barycentric_weights_give_the_hit_point() {
     let p = [Vec3::new(0.0, 0.0, 1.0), Vec3::new(2.0, 0.0, 2.0), Vec3::new(0.0, 3.0, 0.0)];
     let tracer = build(vec![still(p.to_vec(), vec![[0, 1, 2]])]);
     let r = ray(Vec3::new(0.4, 0.9, 5.0), Vec3::new(0.02, -0.03, -2.0));

@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn order_of_people() {
+    fn names_are_sorted_with_numbers_by_value() {
         let mut names = ["b10", "b9", "B1", "a", "b09x", "b", "b9"];
         names.sort_by(|a, b| in_order(a, b));
         assert_eq!(names, ["a", "b", "B1", "b9", "b9", "b09x", "b10"]);
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn sequences() {
+    fn image_sequences_are_grouped() {
         let names = ["d/x.1.exr", "d/x.2.exr", "d/x.3.exr", "d/a.png", "d/b2.png", "e/c.png"];
         let list: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
         let g = groups(&list);

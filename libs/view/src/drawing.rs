@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_enclosed_is_filled() {
+    fn enclosed_areas_are_filled() {
         let (mut canvas, view) = black(40);
         let mut steps = vec![Draw::FillColor([1.0, 0.0, 0.5, 1.0])];
         // The polygon is concave. Its notch reaches from above to the middle.
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_colors_and_alpha() {
+    fn lines_are_drawn_with_colour_and_alpha() {
         let (mut canvas, view) = black(40);
         let mut steps = vec![Draw::StrokeColor([0.0, 1.0, 0.0, 0.5]), Draw::Save];
         steps.push(Draw::StrokeColor([1.0, 0.0, 0.0, 1.0]));
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn a_drawing_costs_no_more_than_it_may() {
+    fn the_work_of_a_drawing_is_limited() {
         let white = |canvas: &Canvas| canvas.at(60, 60) == [255; 3];
         let square = path(&[[55.0, 55.0], [63.0, 55.0], [63.0, 63.0], [55.0, 63.0]]);
         // The long edges cross the whole screen beside the square.

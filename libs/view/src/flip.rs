@@ -203,7 +203,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_and_back() {
+    fn colours_survive_conversion_to_opponent_space_and_back() {
         let (inverse, w) = (from_xyz(), white());
         for rgb in [[0.2, 0.5, 0.9], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0]] {
             let back = from_opponent(opponent(rgb), &inverse, w);
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_images_do_not_differ_and_opposite_ones_do() {
+    fn flip_is_zero_for_equal_and_large_for_opposite_images() {
         let a: Vec<[f32; 3]> = (0..600).map(|i| [i as f32 / 600.0, 0.5, (i % 7) as f32 / 7.0]).collect();
         assert!(flip(&a, &a, 30, PIXELS_PER_DEGREE).iter().all(|v| *v == 0.0));
         let (black, white) = (vec![[0.0; 3]; 400], vec![[1.0; 3]; 400]);

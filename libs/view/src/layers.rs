@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn titles_are_short() {
+    fn titles_of_many_channels_are_abbreviated() {
         let title = |n: usize| {
             let names: Vec<String> = (0..n).map(|i| format!("z{i}")).collect();
             layers(&names.iter().map(|n| &**n).collect::<Vec<_>>(), TextureKind::Plain)[0].title(&names)
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn names_make_groups() {
+    fn channels_are_grouped_by_their_names() {
         let l = layers(
             &["R", "G", "B", "A", "Z", "N.x", "N.y", "N.z", "diffuse.R", "diffuse.G", "diffuse.B"],
             TextureKind::Plain,
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn few_channels() {
+    fn few_channels_are_shown_as_grey_or_colour() {
         assert_eq!(layers(&["Y"], TextureKind::Plain)[0].color, [Pick::Channel(0); 3]);
         assert_eq!(layers(&["A"], TextureKind::Plain)[0].color, [Pick::Channel(0); 3]);
         assert_eq!(layers(&["u", "v"], TextureKind::Plain)[0].color[2], Pick::Value(0.0));
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn volume_shadow_maps() {
+    fn volume_shadow_maps_have_named_layers() {
         let l = layers(&["R", "G", "B", "A", "channel4"], TextureKind::VolumeShadow);
         assert_eq!(l.len(), 5);
         assert_eq!((l[0].channels[0], l[1].meaning), (1, Meaning::Depth));

@@ -92,7 +92,7 @@ mod tests {
     use crate::{Display, LiveLimits, Mix, Shown, View, draw};
 
     #[test]
-    fn what_arrives_is_seen() {
+    fn updates_of_a_live_image_are_shown() {
         let live = Live::new(LiveLimits::default());
         let channels = ["R", "G", "B"].map(str::to_owned);
         live.create("a", 300, 200, &channels).unwrap();

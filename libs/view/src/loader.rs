@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wanted_comes_and_what_cannot_is_tried_once() {
+    fn requested_tiles_are_loaded_and_failing_ones_tried_once() {
         let store = TileStore::default();
         let pyramid = Arc::new(Pyramid::new(Arc::new(Striped), &store, vec![Reduce::Mean]));
         let loader = Loader::new(3, || ());

@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ends_and_order() {
+    fn colour_maps_have_their_ends_and_increase() {
         assert_eq!(ColorMap::Helix.at(0.0), [0, 0, 0]);
         assert_eq!(ColorMap::Helix.at(1.0), [255, 255, 255]);
         assert_eq!(ColorMap::Heat.at(1.0), [255, 255, 255]);

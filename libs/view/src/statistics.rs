@@ -245,7 +245,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odd_values_are_counted_apart() {
+    fn nan_infinite_and_negative_values_are_counted() {
         let v = [1.0, f32::NAN, -3.0, f32::INFINITY, 5.0, f32::NEG_INFINITY];
         let s = Statistics::of(v.into_iter());
         assert_eq!((s.count, s.nan, s.infinite, s.negative), (3, 1, 2, 1));
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_make_the_whole() {
+    fn statistics_of_parts_combine_to_the_whole() {
         let v: Vec<f32> = (0..1000).map(|i| (i as f32 * 0.37).sin() * 100.0 + 1e6).collect();
         let whole = Statistics::of(v.iter().copied());
         let parts = v.chunks(77).map(|c| Statistics::of(c.iter().copied()));
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing() {
+    fn statistics_of_no_values_are_zero() {
         let s = Statistics::of(std::iter::empty()).and(Statistics::default());
         assert_eq!((s.count, s.mean, s.deviation()), (0, 0.0, 0.0));
         assert!(s.min > s.max);

@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_looked_at_stays_and_the_rest_goes() {
+    fn tiles_of_visible_pages_stay_and_others_are_evicted() {
         let store = TileStore::new(StoreLimits { others: 4 * BYTES, spare: BYTES });
         let (a, b) = (store.new_page(false), store.new_page(false));
         store.look_at(&[(a, 6 * BYTES)]);
@@ -224,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn kept_pages_are_kept_while_in_sight() {
+    fn kept_pages_stay_while_visible() {
         let store = TileStore::new(StoreLimits { others: 0, spare: 0 });
         let a = store.new_page(true);
         store.look_at(&[(a, BYTES)]);

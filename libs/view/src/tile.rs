@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn reductions() {
+    fn tiles_are_reduced_by_mean_least_or_largest() {
         let a = tile(3, 2, vec![1.0, 2.0, 9.0, 3.0, 4.0, f32::NAN]);
         let one = |r| match Tile::reduced([Some(&a), None, None, None], 2, 1, &[r]).pixels {
             Pixels::Float(v) => v,
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn four_tiles_become_one() {
+    fn four_tiles_are_reduced_to_one() {
         let t = |v: f32| tile(TILE, TILE, vec![v; (TILE * TILE) as usize]);
         let (a, b, c, d) = (t(1.0), t(2.0), t(3.0), t(4.0));
         let r = Tile::reduced([Some(&a), Some(&b), Some(&c), Some(&d)], TILE, TILE, &[Reduce::Mean]);
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn picks() {
+    fn picks_choose_channels_and_constants() {
         let mut out = Vec::new();
         let t = tile(2, 1, vec![0.1, 0.2, 0.3, 0.4]);
         let pick = [Pick::Channel(1), Pick::Channel(1), Pick::Value(0.5), Pick::Value(1.0)];

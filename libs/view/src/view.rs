@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zoom_stays_at_the_cursor() {
+    fn zooming_keeps_the_point_under_the_cursor() {
         let mut view = View::fit(800, 600, [0.0, 0.0, 4000.0, 1000.0]);
         assert_eq!((view.zoom, view.center), (0.2, (2000.0, 500.0)));
         let at = view.to_sheet(100.0, 50.0);
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn degenerate_bounds() {
+    fn degenerate_bounds_give_a_finite_zoom() {
         for bounds in [[0.0; 4], [5.0, 5.0, 5.0, 9.0]] {
             let view = View::fit(0, 0, bounds);
             assert!(view.zoom > 0.0 && view.zoom.is_finite());
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn looking_around_wraps() {
+    fn panning_a_panorama_wraps_and_is_clamped() {
         let mut view = View { around: Some(Around::default()), ..View::fit(100, 75, [0.0, 0.0, 8.0, 4.0]) };
         view.pan(-200.0, 500.0);
         let around = view.around.unwrap();

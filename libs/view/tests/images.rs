@@ -90,7 +90,7 @@ fn every_format_shows_its_pixels() {
 }
 
 #[test]
-fn smaller_levels_are_means_whatever_the_file_has() {
+fn smaller_levels_are_means_for_rows_and_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let value = |x: u32, y: u32, _| if (x / 4 + y / 4).is_multiple_of(2) { 0.25 } else { 0.75 };
     for (name, spec) in [
@@ -108,7 +108,7 @@ fn smaller_levels_are_means_whatever_the_file_has() {
 }
 
 #[test]
-fn threads_and_what_was_read_before_change_nothing() {
+fn tiles_do_not_depend_on_threads_or_earlier_reads() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let value = |x: u32, y: u32, c: usize| (x as f32 * 0.01).sin() + y as f32 * 0.003 + c as f32;
@@ -138,7 +138,7 @@ fn threads_and_what_was_read_before_change_nothing() {
 }
 
 #[test]
-fn values_that_are_no_numbers_are_seen_at_any_zoom() {
+fn nan_pixels_are_visible_at_any_zoom() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let spec = ImageSpec::new(1000, 1000, 3, PixelType::Float);
@@ -169,7 +169,7 @@ fn textures(folder: &Path, mode: Mode, format: &str) -> PathBuf {
 }
 
 #[test]
-fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
+fn environment_crosses_and_panoramas_show_the_directions() {
     let folder = tempfile::tempdir().unwrap();
     let display = Display { srgb: false, ..Display::default() };
     let mut ahead = Vec::new();
@@ -220,7 +220,7 @@ fn crosses_have_no_seams_and_looking_around_sees_what_is_there() {
 }
 
 #[test]
-fn faces_alone_are_parts_of_the_cross() {
+fn single_faces_equal_their_part_of_the_cross() {
     let folder = tempfile::tempdir().unwrap();
     let image = open(&textures(folder.path(), Mode::EnvCube, "tiff"));
     let page = &image.pages[0];
@@ -237,7 +237,7 @@ fn faces_alone_are_parts_of_the_cross() {
 }
 
 #[test]
-fn shadow_maps_are_scaled_to_what_is_in_them() {
+fn depth_images_are_scaled_to_their_range() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let mut spec = ImageSpec::new(64, 64, 1, PixelType::Float);
@@ -255,7 +255,7 @@ fn shadow_maps_are_scaled_to_what_is_in_them() {
 }
 
 #[test]
-fn two_images_against_each_other() {
+fn two_images_are_compared_by_wipe_and_difference() {
     let folder = tempfile::tempdir().unwrap();
     let (a, b) = (folder.path().join("a.exr"), folder.path().join("b.png"));
     write(&a, "exr", &ImageSpec::new(64, 64, 4, PixelType::Half), |x, _, c| match c {
@@ -288,7 +288,7 @@ fn two_images_against_each_other() {
 }
 
 #[test]
-fn saved_images_come_back() {
+fn saved_images_have_the_shown_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
     let mut spec = ImageSpec::new(200, 150, 5, PixelType::Half);
@@ -346,7 +346,7 @@ fn large_images_in_rows_are_read_in_bands() {
 }
 
 #[test]
-fn a_rough_image_comes_first() {
+fn coarse_tiles_are_shown_until_fine_ones_arrive() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.exr");
     let spec = ImageSpec::new(2048, 1100, 3, PixelType::Half);

@@ -37,7 +37,7 @@ fn seen(path: &Path) -> Option<(f64, bool)> {
 }
 
 #[test]
-fn what_is_there_is_shown() {
+fn the_available_part_of_a_file_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     for (format, tiled) in [
         ("exr", false),
@@ -68,7 +68,7 @@ fn what_is_there_is_shown() {
 }
 
 #[test]
-fn nothing_breaks_wherever_a_file_ends() {
+fn files_truncated_anywhere_do_not_panic() {
     let folder = tempfile::tempdir().unwrap();
     for format in
         ["exr", "png", "tiff", "jpeg", "pnm", "hdr", "sgi", "iff", "dds", "qoi", "webp", "bmp", "tga"]
@@ -92,7 +92,7 @@ fn nothing_breaks_wherever_a_file_ends() {
 }
 
 #[test]
-fn changes_are_noticed() {
+fn changes_of_a_file_are_noticed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pnm");
     white(&path, "pnm", false);

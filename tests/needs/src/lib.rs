@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_is_said_in_one_line() {
+    fn a_skipped_test_prints_one_line() {
         assert_eq!(line("iv", "a_test", "Xvfb\n (a screen)"), "skipped: iv::a_test needs Xvfb (a screen)\n");
         assert!(has("sh") || cfg!(not(unix)));
     }
@@ -93,7 +93,7 @@ mod tests {
     /// Many threads write scripts and start them at the same time.
     #[cfg(unix)]
     #[test]
-    fn scripts_start_whatever_other_threads_start() {
+    fn scripts_start_while_other_threads_start_programs() {
         let folder = std::env::temp_dir().join(format!("granita needs {}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let folder = &folder;
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_needed_is_not_skipped() {
+    fn tests_whose_needs_are_required_are_not_skipped() {
         for (needed, what, expected) in [
             ("", "python3", false),
             ("all", "python3", true),

@@ -4,7 +4,7 @@ use crate::support::*;
 
 /// Writes every call of the scene interface as Pyg, and reports invalid calls.
 #[test]
-fn every_call_crosses() {
+fn every_call_works_from_cpp() {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), "calls.cpp");
     for compiler in compilers() {
@@ -34,7 +34,7 @@ fn every_call_crosses() {
 
 /// A patch may have two bases, one along u and one along v.
 #[test]
-fn patches_of_two_bases_cross() {
+fn patches_with_two_bases_work_from_cpp() {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), "patches.cpp");
     let ran = run(&program(compilers()[0], &source, "gelato"), folder.path(), &[]);
@@ -69,26 +69,26 @@ fn works(source: &str, plugins: &[(&str, &str)]) {
 
 /// Two renderers take calls in turns and keep their messages apart. One of them renders while the program continues.
 #[test]
-fn renderers_are_independent() {
+fn two_renderers_in_one_program_are_independent() {
     works("two.cpp", &[]);
 }
 
 /// A renderer in another process returns its results and messages. Its end does not end the program.
 #[test]
 #[cfg(target_os = "linux")]
-fn another_process_renders() {
+fn a_remote_renderer_returns_results_and_messages() {
     works("remote.cpp", &[]);
 }
 
 /// Programs read and write images through plugins and bundled formats.
 #[test]
-fn programs_make_images() {
+fn programs_read_and_write_images_through_plugins() {
     works("images.cpp", &[("chest.cpp", "chest.imageio.so")]);
 }
 
 /// Each invalid plugin causes one message that names the file, and the work continues.
 #[test]
-fn bad_plugins_are_refused() {
+fn invalid_plugins_are_reported_and_skipped() {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), "bad.cpp");
     let render = |format: &str| {
@@ -131,7 +131,7 @@ fn bad_plugins_are_refused() {
 
 /// A format in C is written in rectangles, read by other tools, and found through "path:imageio".
 #[test]
-fn a_format_in_c_goes_around() {
+fn a_format_plugin_in_c_reads_and_writes() {
     let folder = tempfile::tempdir().unwrap();
     let (at, library) = (folder.path(), folder.path().join("lib"));
     std::fs::create_dir(&library).unwrap();
@@ -177,7 +177,7 @@ fn a_format_in_c_goes_around() {
 
 /// A plugin adds a format with tiles and levels. It is found by its list of extensions, and by trying.
 #[test]
-fn a_format_goes_around() {
+fn a_format_plugin_in_cpp_reads_and_writes() {
     let folder = tempfile::tempdir().unwrap();
     let source = own(folder.path(), "chest.cpp");
     for compiler in compilers() {

@@ -5,7 +5,7 @@ use granita_tests::repository;
 use std::process::Command;
 
 #[test]
-fn examples_do_what_they_say() {
+fn the_cpp_examples_give_their_results() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for name in [

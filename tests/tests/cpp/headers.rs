@@ -18,7 +18,7 @@ const HEADERS: [&str; 10] = [
 ];
 
 #[test]
-fn each_header_stands_alone() {
+fn each_header_compiles_alone() {
     let folder = tempfile::tempdir().unwrap();
     for compiler in compilers() {
         for standard in ["c++98", "c++11", "c++17", "c++20"] {
@@ -42,7 +42,7 @@ fn each_header_stands_alone() {
 
 /// The order of the virtual functions is the binary interface (Itanium ABI) of reference A.
 #[test]
-fn the_order_of_virtual_functions_stays() {
+fn the_order_of_virtual_functions_is_that_of_the_reference() {
     if !compilers().contains(&"clang++") {
         return granita_needs::skip("clang++");
     }
@@ -92,7 +92,7 @@ fn the_order_of_virtual_functions_stays() {
 }
 
 #[test]
-fn types_of_parameters_read_and_write() {
+fn parameter_types_are_parsed_and_printed() {
     let folder = tempfile::tempdir().unwrap();
     let source = crate::support::own(folder.path(), "paramtype.cpp");
     for compiler in compilers() {

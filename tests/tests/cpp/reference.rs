@@ -12,7 +12,7 @@ fn pixels(path: &Path) -> (granita_image::ImageSpec, Vec<f32>) {
 
 /// 2.12: a cylinder under two lights, with 640 x 480 pixels.
 #[test]
-fn the_scene_of_chapter_2() {
+fn the_scene_of_chapter_2_renders() {
     let Some(text) = chapter("02-scene-api.txt") else { return };
     let source = listing(&text, "2.12 Example Scene", "#include <stdio.h>", None);
     let mut first: Option<Vec<f32>> = None;
@@ -36,7 +36,7 @@ fn the_scene_of_chapter_2() {
 
 /// 13.7: the program receives the pixels through its own image class.
 #[test]
-fn the_callback_of_chapter_13() {
+fn the_callback_of_chapter_13_receives_the_pixels() {
     let Some(text) = chapter("13-imageio-plugins.txt") else { return };
     let source = listing(&text, "13.7 Using ImageIO", "#include <stdio.h>", None);
     for compiler in compilers() {
@@ -58,7 +58,7 @@ fn the_callback_of_chapter_13() {
 
 /// 13.6: a JPEG plugin writes and reads files. `maketx` and a render use it.
 #[test]
-fn the_jpeg_plugin_of_chapter_13() {
+fn the_jpeg_plugin_of_chapter_13_reads_and_writes() {
     let Some(text) = chapter("13-imageio-plugins.txt") else { return };
     if !Path::new("/usr/include/jpeglib.h").is_file() {
         return granita_needs::skip("jpeglib.h");
@@ -103,7 +103,7 @@ fn the_jpeg_plugin_of_chapter_13() {
 
 /// 15.3: `gsoinfo` of the reference prints the same words as ours.
 #[test]
-fn gsoinfo_of_chapter_15() {
+fn gsoinfo_of_chapter_15_prints_the_same() {
     let Some(text) = chapter("15-gsoargs.txt") else { return };
     let source = listing(&text, "15.3 Example", "#include <iostream>", None);
     // The scan doubles backslashes.
@@ -148,7 +148,7 @@ fn gsoinfo_of_chapter_15() {
 
 /// 12: the skeleton of a generator for "obj" files, with a call added to its `run`.
 #[test]
-fn the_generator_of_chapter_12() {
+fn the_generator_of_chapter_12_makes_its_calls() {
     let Some(text) = chapter("12-generator-plugins.txt") else { return };
     let source = listing(&text, "So, for example", "class ObjReader", None);
     let source = source.replace("~~", "~");

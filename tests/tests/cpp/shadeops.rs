@@ -30,7 +30,7 @@ fn shaded_in(folder: &Path, shader: &str, name: &str, arguments: &[&str], world:
 
 /// 14.3: cubes of all types, polymorphic, interpreted and compiled.
 #[test]
-fn the_cube_of_chapter_14() {
+fn the_cube_of_chapter_14_compiles_and_runs() {
     let Some(text) = chapter("14-shadeops.txt") else { return };
     let source = listing(&text, "14.3 Basic Example", "#include \"shadeop.h\"", Some("14.4 Texture"));
     for compiler in compilers() {
@@ -65,7 +65,7 @@ fn the_cube_of_chapter_14() {
 
 /// 14.4: an unfiltered lookup in a shadow map.
 #[test]
-fn the_shadow_lookup_of_chapter_14() {
+fn the_shadow_lookup_of_chapter_14_compiles_and_runs() {
     let Some(text) = chapter("14-shadeops.txt") else { return };
     let source =
         listing(&text, "Below is an example of a DSO shadeop", "GELATO_EXPORT void", Some("14.4.2 Noise"));
@@ -96,7 +96,7 @@ fn the_shadow_lookup_of_chapter_14() {
 }
 
 #[test]
-fn shadeops_of_all_kinds() {
+fn shadeops_take_all_types_of_arguments() {
     for compiler in compilers() {
         let folder = tempfile::tempdir().unwrap();
         let source = own(folder.path(), "ops.cpp");

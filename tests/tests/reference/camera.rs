@@ -8,7 +8,7 @@ const SLANT: &str =
     "Mesh (\"linear\", (3,), (0, 1, 2), \"vertex point P\", (-1, -0.9, 0, 1, -0.7, 0, -0.8, 0.9, 0))\n";
 
 #[test]
-fn the_field_of_view_is_that_of_the_height() {
+fn the_field_of_view_applies_to_the_height() {
     let place = Place::new();
     // At depth 4 half the height is 4 tan 30 = 2.3094, and half the width is twice that.
     let scene = CAMERA
@@ -46,7 +46,7 @@ fn spatial_quality_smooths_edges() {
 }
 
 #[test]
-fn qualities_of_time_and_lens_take_grain_from_blur() {
+fn temporal_and_lens_quality_reduce_noise() {
     let place = Place::new();
     let moving = format!("Motion (0, 1)\nTranslate (-1, 0, 0)\nTranslate (1, 0, 0)\n{SQUARE}");
     // With a lens the projection is perspective. At depth 5 the view is five times as wide as at depth 1.
@@ -79,7 +79,7 @@ fn counted(attributes: &[(&str, &str)], world: &str) -> Rendered {
 }
 
 #[test]
-fn preview_is_the_quality_of_shading() {
+fn preview_sets_the_shading_quality() {
     let points = |list: &[(&str, &str)], world: &str| counted(list, world).counts().points_shaded;
     let full = points(&[], SQUARE);
     let half = points(&[("float preview", "0.5")], SQUARE);
@@ -93,7 +93,7 @@ fn preview_is_the_quality_of_shading() {
 }
 
 #[test]
-fn preview_has_an_angle_of_its_own() {
+fn preview_has_its_own_curvature_angle() {
     let ball = "Attribute (\"float dice:curvature\", 1)\nSphere (0.5, -0.5, 0.5, 360)\n";
     let points = |angle: &str| {
         let list = [("float preview", "0.5"), ("float preview:dicecurvature", angle)];
@@ -106,7 +106,7 @@ fn preview_has_an_angle_of_its_own() {
 }
 
 #[test]
-fn preview_has_samples_and_buckets_of_its_own() {
+fn preview_has_its_own_samples_and_buckets() {
     let moving = format!("Motion (0, 1)\nTranslate (-1, 0, 0)\nTranslate (1, 0, 0)\n{SQUARE}");
     let open = [("float[2] shutter", "(0, 1)"), ("int limits:autopassreduction", "0")];
     let lens = [
@@ -139,7 +139,7 @@ fn preview_has_samples_and_buckets_of_its_own() {
 }
 
 #[test]
-fn there_is_one_hider() {
+fn an_unknown_hider_is_reported_and_ignored() {
     let place = Place::new();
     let plain = place.seen("", SLANT);
     assert!(plain == place.seen("Attribute (\"string hider\", \"default\")", SLANT));

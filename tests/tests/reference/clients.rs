@@ -6,7 +6,7 @@ use granita_scene::SceneSink as _;
 use granita_session::{Session, SessionOptions};
 
 #[test]
-fn lights_have_the_defaults_of_old_clients() {
+fn lights_have_the_defaults_of_the_reference() {
     let place = Place::new();
     let lit = |world: &str| place.seen("", &format!("{world}\nShader (\"surface\", \"matte\")\n{SQUARE}"));
     // A point light falls off with the square of the distance.
@@ -25,7 +25,7 @@ fn lights_have_the_defaults_of_old_clients() {
 }
 
 #[test]
-fn the_version_has_four_numbers() {
+fn the_version_attribute_has_four_numbers() {
     let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
     let session = Session::new(options, Reporter::silent(), Default::default());
     let attribute = |name: &str| session.state_ref().attribute(name).unwrap().data;
@@ -36,7 +36,7 @@ fn the_version_has_four_numbers() {
 }
 
 #[test]
-fn a_camera_that_is_named_is_rendered_alone() {
+fn render_with_a_camera_name_renders_it_alone() {
     let place = Place::new();
     let render = |call: &str| {
         for name in ["a.tif", "b.tif"] {

@@ -30,7 +30,7 @@ fn distance(x: f32, y: f32) -> f32 {
 }
 
 #[test]
-fn ambient_light_is_everywhere() {
+fn ambient_light_is_uniform() {
     assert_lit("Light (\"a\", \"ambientlight\", \"float intensity\", 0.25)", 1e-6, |_, _| 0.25);
     let tinted =
         lit("Light (\"a\", \"ambientlight\", \"float intensity\", 0.5, \"color lightcolor\", (1, 0.5, 0))");
@@ -38,7 +38,7 @@ fn ambient_light_is_everywhere() {
 }
 
 #[test]
-fn point_lights_fall_off_as_they_say() {
+fn point_lights_fall_off_by_their_exponent() {
     for falloff in [0.0, 1.0, 2.0] {
         let light = format!(
             "Light (\"p\", \"pointlight\", \"float intensity\", 3, \"point from\", (0, 0, -2), \"float falloff\", {falloff})"
@@ -51,7 +51,7 @@ fn point_lights_fall_off_as_they_say() {
 }
 
 #[test]
-fn distant_lights_are_parallel() {
+fn distant_lights_have_parallel_rays() {
     let cos = 1.0 / 3.0_f32.sqrt();
     let light = "Light (\"d\", \"distantlight\", \"float intensity\", 2, \"point from\", (1, 1, -1), \"point to\", (0, 0, 0))";
     assert_lit(light, 1e-5, |_, _| 2.0 * cos);
@@ -90,7 +90,7 @@ const CARD: &str = "PushAttributes ()\nAttribute (\"string geometryset\", \"bloc
     Patch (\"linear\", 2, 2, \"vertex point P\", (-3, -3, -1, 0, -3, -1, -3, 3, -1, 0, 3, -1))\nPopAttributes ()\n";
 
 #[test]
-fn lights_throw_shadows_by_rays() {
+fn lights_cast_ray_traced_shadows() {
     for name in ["pointlight", "distantlight", "spotlight", "shadowspot", "uberlight"] {
         let to = if name == "pointlight" { "" } else { ", \"point to\", (0, 0, 0)" };
         let light = |more: &str| {
@@ -106,7 +106,7 @@ fn lights_throw_shadows_by_rays() {
 }
 
 #[test]
-fn the_light_that_does_everything_has_limits_and_colours() {
+fn uberlight_has_limits_and_colours() {
     let light = |more: &str| format!("Light (\"u\", \"uberlight\", \"point from\", (0, 0, -2){more})");
     assert_lit(&light(""), 1e-3, |x, y| 2.0 / distance(x, y));
     assert_lit(&light(", \"float falloff\", 2, \"float falloffdist\", 2"), 2e-3, |x, y| {
@@ -128,7 +128,7 @@ fn the_light_that_does_everything_has_limits_and_colours() {
 }
 
 #[test]
-fn area_lights_shine_from_their_geometry() {
+fn area_lights_emit_from_their_geometry() {
     // A small lamp at (0, 0, -2) faces the square. Its other side is dark.
     let lamp = |turned: &str, more: &str| {
         format!(

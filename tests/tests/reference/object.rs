@@ -3,7 +3,7 @@
 use crate::support::{Place, SHADERS, SQUARE, asks, scene};
 
 #[test]
-fn baking_looks_along_the_normal() {
+fn baking_views_along_the_normal() {
     let place = Place::new();
     let square = asks(
         &place,
@@ -39,7 +39,7 @@ fn bounds_grow_by_displacements_in_their_space() {
 }
 
 #[test]
-fn what_is_hidden_is_shaded_where_that_is_wanted() {
+fn hidden_surfaces_are_shaded_without_occlusion_culling() {
     let points = |line: &str| {
         let world = format!("{SQUARE}{line}\nTranslate (0, 0, 1)\nScale (0.9, 0.9, 1)\n{SQUARE}");
         Place::new().quiet(&scene("", &world)).counts().points_shaded
@@ -50,7 +50,7 @@ fn what_is_hidden_is_shaded_where_that_is_wanted() {
 }
 
 #[test]
-fn objects_name_the_databases_of_their_light() {
+fn attributes_name_the_databases_of_irradiance() {
     for (kind, call) in [
         ("indirect", "C = indirect (\"walls\", P, N, \"samples\", 16);"),
         ("occlusion", "C = 1 - occlusion (\"walls\", P, N, M_PI_2, \"samples\", 16);"),
@@ -72,7 +72,7 @@ fn objects_name_the_databases_of_their_light() {
 }
 
 #[test]
-fn rays_know_what_they_are_for() {
+fn shaders_know_the_kind_of_ray() {
     let place = Place::new();
     place.write(
         "told.gsl",

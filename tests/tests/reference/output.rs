@@ -13,7 +13,7 @@ fn output(file: &str, data: &str, more: &str) -> String {
 const ONE_PIXEL: &str = ", \"string filter\", \"box\", \"float[2] filterwidth\", (1, 1)";
 
 #[test]
-fn data_come_exactly_into_float_files() {
+fn float_files_store_the_exact_values() {
     let place = Place::new();
     let square = asks(
         &place,
@@ -106,7 +106,7 @@ fn each_filter_has_its_shape_and_width() {
 }
 
 #[test]
-fn the_width_of_a_filter_has_two_directions() {
+fn filter_widths_apply_per_direction() {
     let place = Place::new();
     let corner = "Patch (\"linear\", 2, 2, \"vertex point P\", (0, 0, 0, 0.125, 0, 0, 0, 0.125, 0, 0.125, 0.125, 0))\n";
     let filter = ", \"string filter\", \"box\", \"float[2] filterwidth\", (3, 1)";
@@ -121,7 +121,7 @@ fn the_width_of_a_filter_has_two_directions() {
 }
 
 #[test]
-fn near_depths_are_one_surface_of_a_volume() {
+fn near_depths_merge_to_one_volume_surface() {
     // Within each pixel the depth changes by 0.16 on the left, and by 0.02 on the right.
     let world = "Patch (\"linear\", 2, 2, \"vertex point P\", (-1, -1, -1.28, 0, -1, 0, -1, 1, -1.28, 0, 1, 0))\n\
                  Patch (\"linear\", 2, 2, \"vertex point P\", (0, -1, 0, 1, -1, 0.16, 0, 1, 0, 1, 1, 0.16))\n";

@@ -6,7 +6,7 @@ use granita_scene::SceneSink as _;
 use granita_session::{Session, SessionOptions};
 
 #[test]
-fn passes_are_told_to_shaders() {
+fn shaders_read_the_pass_attribute() {
     let place = Place::new();
     let square = asks(
         &place,
@@ -19,7 +19,7 @@ fn passes_are_told_to_shaders() {
 }
 
 #[test]
-fn depths_are_of_what_is_opaque_enough() {
+fn depths_skip_surfaces_below_the_opacity_threshold() {
     let place = Place::new();
     let depth = |line: &str, opacity: &str| {
         let out = "Output (\"@/z.tif\", \"tiff\", \"z\", \"camera\", \"int[4] quantize\", (0, 0, 0, 0), \"float dither\", 0)\n";
@@ -40,7 +40,7 @@ fn depths_are_of_what_is_opaque_enough() {
 }
 
 #[test]
-fn threads_are_as_many_as_asked_for() {
+fn the_attribute_sets_the_number_of_threads() {
     let small = "Attribute (\"int[2] limits:bucketsize\", (4, 4))\n";
     let rendered = |line: &str, threads: usize, default_threads: usize| {
         let options = SessionOptions { threads, default_threads, ..SessionOptions::default() };
@@ -85,7 +85,7 @@ fn textures_are_found_along_their_path() {
 }
 
 #[test]
-fn mip_maps_are_made_unless_that_is_not_wanted() {
+fn mip_maps_are_made_unless_switched_off() {
     let place = Place::new();
     image(&place, "t.ppm", [0, 0, 255]);
     let square = asks(&place, "", TEXTURED);
@@ -100,7 +100,7 @@ fn mip_maps_are_made_unless_that_is_not_wanted() {
 }
 
 #[test]
-fn little_memory_for_textures_is_kept_to() {
+fn the_texture_memory_limit_is_kept() {
     let place = Place::new();
     let noise = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
     let bytes = [b"P6 512 512 255\n".to_vec(), (0..512 * 512 * 3).map(noise).collect()].concat();
@@ -124,7 +124,7 @@ fn little_memory_for_textures_is_kept_to() {
 }
 
 #[test]
-fn substitutes_stand_for_all_textures_and_environments() {
+fn substitutes_replace_all_textures_and_environments() {
     let place = Place::new();
     image(&place, "t.ppm", [255, 0, 0]);
     image(&place, "grey.ppm", [128, 128, 128]);
@@ -157,7 +157,7 @@ fn substitutes_stand_for_all_textures_and_environments() {
 }
 
 #[test]
-fn grid_dumps_are_binary_where_that_is_wanted() {
+fn grid_dumps_are_text_or_binary() {
     let place = Place::new();
     let dumped = |line: &str| {
         let dump = format!("Attribute (\"string griddump:filename\", \"@/grids.pyg\")\n{line}");
@@ -170,7 +170,7 @@ fn grid_dumps_are_binary_where_that_is_wanted() {
 }
 
 #[test]
-fn programs_are_echoed_where_that_is_wanted() {
+fn programs_are_echoed_on_request() {
     let place = Place::new();
     let said = |more: &str| {
         place
@@ -198,7 +198,7 @@ fn database(place: &Place, attributes: &str, shader: &str) -> (Option<usize>, f3
 }
 
 #[test]
-fn attributes_say_which_databases_are_written_and_read() {
+fn attributes_choose_which_databases_are_written_and_read() {
     let place = Place::new();
     let says = |word: &str| format!("Attribute (\"string spatialdb:{word}\", \"@/rw.sdb\")\n");
     assert_eq!(database(&place, "", "saves").0, None, "nothing says that it is written");
@@ -222,7 +222,7 @@ fn attributes_say_which_databases_are_written_and_read() {
 }
 
 #[test]
-fn frames_say_whether_they_succeeded() {
+fn the_success_of_a_frame_can_be_read() {
     let place = Place::new();
     let success = |text: &str, wanted: i32| {
         let options = SessionOptions { no_startup_files: true, ..SessionOptions::default() };
@@ -245,7 +245,7 @@ fn frames_say_whether_they_succeeded() {
 /// "limits:transparentgrids" and "limits:trimcurvememory" affect only the speed. They can be read back, and no pixel
 /// depends on them.
 #[test]
-fn limits_of_work_change_no_pixel() {
+fn performance_limits_change_no_pixel() {
     let place = Place::new();
     let trim = "TrimCurve ((1,), (5,), (2,), (0, 0, 1, 2, 3, 4, 4), (0,), (4,), \
                 (0.2, 0.1, 1, 0.9, 0.3, 1, 0.8, 0.9, 1, 0.1, 0.6, 1, 0.2, 0.1, 1))\n";

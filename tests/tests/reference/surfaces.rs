@@ -16,7 +16,7 @@ fn surface(place: &Place, shader: &str) -> Image {
 
 /// Bundled surfaces equal their formulas, written as shaders.
 #[test]
-fn surfaces_are_their_formulas() {
+fn bundled_surfaces_equal_their_formulas() {
     const PLASTIC: &str =
         "C = opacity * (C * (Ka * ambient () + Kd * diffuse (Nf)) + Ks * tint * specular (Nf, V, 0.3));";
     let formula = "float Ka = 1, float Kd = 0.5, float Ks = 0.5, color tint = 1";
@@ -75,7 +75,7 @@ fn surfaces_are_their_formulas() {
 }
 
 #[test]
-fn a_texture_is_the_colour_of_what_it_covers() {
+fn painted_surfaces_have_the_colour_of_their_texture() {
     let place = Place::new();
     // The image runs from black to white along s.
     place.write("ramp.gsl", "surface ramp () { C = u; }");
@@ -95,7 +95,7 @@ fn a_texture_is_the_colour_of_what_it_covers() {
 }
 
 #[test]
-fn what_is_polished_reflects_what_is_around() {
+fn polished_surfaces_reflect_the_environment() {
     // A coloured sphere surrounds the scene.
     let sky = "PushAttributes ()\nAttribute (\"string geometryset\", \"sky\")\nAttribute (\"color C\", (0.2, 0.4, 0.8))\n\
                Shader (\"surface\", \"constant\")\nSphere (50, -50, 50, 360)\nPopAttributes ()\n";
@@ -159,7 +159,7 @@ fn range(values: &[f32]) -> (f32, f32) {
 }
 
 #[test]
-fn bumps_have_their_height_in_the_units_of_the_scene() {
+fn bumps_have_their_height_in_scene_units() {
     let place = Place::new();
     let bumps = |unit: &str, amp: f32| {
         let before = format!("Attribute (\"string units:length\", \"{unit}\")\n");
@@ -176,7 +176,7 @@ fn bumps_have_their_height_in_the_units_of_the_scene() {
 }
 
 #[test]
-fn dents_go_inward_only() {
+fn dents_displace_inward_only() {
     let place = Place::new();
     let dents =
         |km: f32| relief(&place, "", &format!("\"dented\", \"float Km\", {km}, \"float frequency\", 3"));
@@ -189,7 +189,7 @@ fn dents_go_inward_only() {
 }
 
 #[test]
-fn openness_is_what_no_wall_hides() {
+fn ambient_occlusion_measures_the_open_part_of_the_hemisphere() {
     let place = Place::new();
     let wall = "PushAttributes ()\nAttribute (\"string geometryset\", \"walls\")\n\
         Patch (\"linear\", 2, 2, \"vertex point P\", (0, -9000, -9000, 0, 9000, -9000, 0, -9000, 0, 0, 9000, 0))\nPopAttributes ()\n";
@@ -204,7 +204,7 @@ fn openness_is_what_no_wall_hides() {
 }
 
 #[test]
-fn baked_light_is_what_fell_on_the_surface_and_comes_out_again() {
+fn baked_light_is_read_back_as_subsurface_light() {
     let place = Place::new();
     let light = "Light (\"d\", \"distantlight\", \"color lightcolor\", (1, 0.5, 0.25))\nAttribute (\"string orientation\", \"inside\")\n";
     // The slab has 8 by 8 units, and its middle is seen. The coefficients are 5 per unit, so that little light is lost

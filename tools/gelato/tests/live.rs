@@ -95,7 +95,7 @@ fn plain_viewer() -> (String, std::thread::JoinHandle<Images>) {
 }
 
 #[test]
-fn a_viewer_gets_the_pixels_of_the_file_to_the_bit() {
+fn a_viewer_receives_the_pixels_of_the_file_to_the_bit() {
     let place = place(SCENE);
     let (address, viewer) = plain_viewer();
     let ran = gelato(place.path(), &["-threads", "2", "-display", &address, "scene.pyg"]);
@@ -108,7 +108,7 @@ fn a_viewer_gets_the_pixels_of_the_file_to_the_bit() {
 }
 
 #[test]
-fn all_data_are_pages_and_crops_are_what_they_hold() {
+fn all_data_are_sent_as_pages_of_the_crop() {
     let place = place(SCENE);
     let (address, viewer) = plain_viewer();
     let words = ["-display", &address, "-data", "all", "-crop", "0.25", "1", "0.5", "1", "scene.pyg"];
@@ -131,7 +131,7 @@ fn all_data_are_pages_and_crops_are_what_they_hold() {
 }
 
 #[test]
-fn scenes_may_ask_for_a_viewer_themselves() {
+fn scenes_may_name_a_viewer_as_output() {
     let own = r#"Output ("live", "iv", "rgba", "main", "float gain", 2)
 Camera ("main")"#;
     let place = place(&SCENE.replace("Camera (\"main\")", own));
@@ -158,7 +158,7 @@ Camera ("main")"#;
 }
 
 #[test]
-fn no_viewer_is_one_warning_and_no_error() {
+fn a_missing_viewer_is_one_warning_and_no_error() {
     let place = place(SCENE);
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     for (words, text) in [
@@ -176,7 +176,7 @@ fn no_viewer_is_one_warning_and_no_error() {
 /// A render with a viewer that hangs lasts longer by the time for which the viewer is waited for at the end. Its files
 /// are complete before that.
 #[test]
-fn a_viewer_that_reads_nothing_costs_nothing_but_a_farewell() {
+fn a_hanging_viewer_delays_only_the_end_of_the_run() {
     // The sphere is so near that it fills the image. Empty parts are sent as one pixel and would fit into the buffers
     // between the processes.
     let scene = SCENE.replace("(96, 64)", "(1536, 1024)").replace("(16, 16)", "(64, 64)");
@@ -224,7 +224,7 @@ impl Sink for Aborting {
 }
 
 #[test]
-fn a_viewer_may_end_the_render() {
+fn a_viewer_can_end_the_render() {
     // The frame has so many samples that the request arrives before it ends.
     let scene = SCENE
         .replace("(96, 64)", "(800, 600)")
@@ -252,7 +252,7 @@ fn a_viewer_may_end_the_render() {
 
 /// Workers make the same images and show nothing. The coordinator shows what they render.
 #[test]
-fn what_others_render_is_shown_as_well() {
+fn pixels_of_workers_are_shown() {
     let place = place(SCENE);
     let (address, viewer) = plain_viewer();
     let ran =
@@ -266,7 +266,7 @@ fn what_others_render_is_shown_as_well() {
 }
 
 #[test]
-fn our_own_viewer_is_told_what_begins_and_what_is_done() {
+fn our_viewer_receives_marks_of_begun_and_finished_buckets() {
     let place = place(SCENE);
     let sink = Arc::new(Recording::default());
     let listener = Listener::bind(([127, 0, 0, 1], 0).into(), ServerLimits::default(), sink.clone()).unwrap();

@@ -84,7 +84,7 @@ impl Place {
 }
 
 #[test]
-fn statistics_for_people_and_for_machines() {
+fn statistics_are_printed_and_written_as_json() {
     let place = Place::new();
     let ran = place.run(&["-statistics", "-statistics-json", "out.json", "scene.pyg"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
@@ -117,7 +117,7 @@ fn statistics_for_people_and_for_machines() {
 }
 
 #[test]
-fn attributes_that_write_files() {
+fn attributes_for_file_lists_and_logs_write_files() {
     let place = Place::new();
     place.write("other.gsl", "#include \"part.h\"\nsurface other () { C = GREY; }\n");
     place.write("part.h", "#define GREY 0.5\n");
@@ -157,7 +157,7 @@ Attribute ("float opactiy", 1)
 }
 
 #[test]
-fn messages_by_verbosity_and_counted() {
+fn messages_follow_the_verbosity_and_are_counted() {
     let place = Place::new();
     let twice = "Attribute (\"float opactiy\", 1)\nAttribute (\"string C\", \"red\")\n";
     place.write("scene.pyg", &format!("{twice}{twice}{twice}{SCENE}"));
@@ -183,7 +183,7 @@ fn messages_by_verbosity_and_counted() {
 }
 
 #[test]
-fn places_and_variables() {
+fn the_working_folder_and_variables_are_set() {
     let place = Place::new();
     std::fs::create_dir(place.path().join("inside")).unwrap();
     let text = SCENE
@@ -227,7 +227,7 @@ fn startup_files_are_read_in_order() {
 }
 
 #[test]
-fn a_folder_for_temporary_files_has_to_exist() {
+fn a_missing_folder_for_temporary_files_is_an_error() {
     let place = Place::new();
     place.write("dump.pyg", &format!("Attribute (\"string griddump:filename\", \"grids.pyg\"){SCENE}"));
     let ran = |folder: &str| {
@@ -247,7 +247,7 @@ fn a_folder_for_temporary_files_has_to_exist() {
 }
 
 #[test]
-fn images_in_addition() {
+fn options_add_output_images() {
     let place = Place::new();
     let ran = place.run(&["scene.pyg", "-o", "a.png", "-data", "first"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
@@ -261,7 +261,7 @@ fn images_in_addition() {
 }
 
 #[test]
-fn quick_looks() {
+fn options_for_quick_renders_change_the_image() {
     let place = Place::new();
     let image = |words: &[&str]| {
         let ran = place.run(&[words, &["scene.pyg"]].concat());
@@ -288,7 +288,7 @@ fn quick_looks() {
 }
 
 #[test]
-fn strangers_scenes_run_no_programs() {
+fn scenes_with_safe_run_no_programs() {
     let place = Place::new();
     let programs = "Command (\"system touch seen\")\nInput (\"pyg < touch seen\")\nCommand (\"mkdir\", \"string name\", \"seen\")\n";
     place.write("scene.pyg", &format!("{programs}{SCENE}"));
@@ -301,7 +301,7 @@ fn strangers_scenes_run_no_programs() {
 }
 
 #[test]
-fn scenes_from_everywhere() {
+fn scenes_are_read_from_files_generators_and_standard_input() {
     let place = Place::new();
     // Two files count as one, and either may be a generator with arguments.
     let (front, back) = SCENE.split_once("World").unwrap();
@@ -330,7 +330,7 @@ fn scenes_from_everywhere() {
 }
 
 #[test]
-fn progress_is_told_where_there_is_no_terminal() {
+fn progress_is_printed_in_lines_without_a_terminal() {
     let place = Place::new();
     place.write("small.pyg", &format!("Attribute (\"int[2] limits:bucketsize\", (4, 4))\n{SCENE}"));
     let ran = place.run(&["-verbosity", "2", "small.pyg"]);
@@ -343,7 +343,7 @@ fn progress_is_told_where_there_is_no_terminal() {
 }
 
 #[test]
-fn files_that_files_read_are_listed() {
+fn indirectly_read_files_are_listed() {
     let place = Place::new();
     place.write("m.mtl", "newmtl red\nKd 1 0 0\n");
     place.write("t.obj", "mtllib m.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -370,7 +370,7 @@ fn files_that_files_read_are_listed() {
 
 /// A reader of the messages that has gone does not cost the image.
 #[test]
-fn a_closed_pipe_drops_the_messages_of_shaders_and_no_image() {
+fn a_closed_pipe_drops_messages_but_not_the_image() {
     let place = Place::new();
     place.write("loud.gsl", "surface loud () { printf (\"%f %f\\n\", u, v); }\n");
     place.write("loud.pyg", &SCENE.replace("\"plastic\"", "\"loud\""));
@@ -390,7 +390,7 @@ fn a_closed_pipe_drops_the_messages_of_shaders_and_no_image() {
 }
 
 #[test]
-fn another_tool_runs_by_one_dash_or_two() {
+fn the_option_as_takes_one_dash_or_two() {
     for option in ["-as", "--as"] {
         let ran = |tool: &str| {
             let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));

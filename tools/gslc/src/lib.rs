@@ -236,7 +236,7 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn bytes_that_are_not_utf8_are_replaced_wherever_a_source_comes_from() {
+    fn bytes_that_are_not_utf8_are_replaced() {
         assert_eq!(super::text_of(&b"/* 90\xb0 */"[..]).unwrap_or_default(), "/* 90\u{fffd} */");
     }
 }

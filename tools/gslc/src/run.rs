@@ -397,7 +397,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parameters_and_sizes() {
+    fn parameters_and_sizes_are_parsed_or_refused() {
         let p = param("float Kd 0.5").unwrap();
         assert_eq!((&*p.name, p.data), ("Kd", ParamData::Float([0.5].into())));
         let p = param("color c 1 0 0.25").unwrap();

@@ -86,7 +86,7 @@ mod tests {
     use granita_gsl::{CompileOptions, compile};
 
     #[test]
-    fn everything_is_told() {
+    fn json_lists_all_parameters_and_metadata() {
         let source = "surface t [[ string description = \"d\" ]] (float a = 0.1 [[ color c = color (1, 2, 3) ]], \
             point p = point (\"shader\", 1, 2, 3), string n[] = { \"x\", \"y\" }, output float o = u) { o = a; }";
         let module = compile(source, "t.gsl", &CompileOptions::default()).unwrap().module;

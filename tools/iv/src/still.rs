@@ -346,7 +346,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
+    fn numbers_are_printed_shortly() {
         for (v, text) in [
             (0.0, "0"),
             (1.0, "1"),
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_line_up() {
+    fn columns_of_tables_are_aligned() {
         let rows = [vec!["a".to_owned(), "10".to_owned()], vec!["bcd".to_owned(), "2".to_owned()]];
         assert_eq!(table(&rows), "  a    10\n  bcd   2\n");
     }

@@ -195,7 +195,7 @@ fn shows(screen: &Screen, pixels: &[f32]) -> bool {
 }
 
 #[test]
-fn the_window_stays_after_the_render() {
+fn the_window_stays_open_after_the_render() {
     let Some(screen) = ready() else { return };
     let folder = place(4);
     let status = screen.gelato(folder.path(), &["-iv", "scene.pyg"]).wait().unwrap();
@@ -230,7 +230,7 @@ fn render_with(screen: &Screen, parameter: &str, color: [u8; 4]) -> tempfile::Te
 /// Tests that the viewer which gelato starts opens the image that an output names as its "background" (reference
 /// 7.4.3).
 #[test]
-fn a_background_is_seen_behind_the_render() {
+fn a_background_is_shown_behind_the_render() {
     let Some(screen) = ready() else { return };
     let folder = render_with(&screen, "background", [200, 10, 10, 255]);
     let pixels = file(folder.path());
@@ -250,7 +250,7 @@ fn a_background_is_seen_behind_the_render() {
 
 /// Tests that the viewer opens the image that an output names as its "foreground" (reference 7.4.3).
 #[test]
-fn a_foreground_is_seen_before_the_render() {
+fn a_foreground_is_shown_over_the_render() {
     let Some(screen) = ready() else { return };
     let folder = render_with(&screen, "foreground", [10, 200, 10, 255]);
     let seen =
@@ -259,7 +259,7 @@ fn a_foreground_is_seen_before_the_render() {
 }
 
 #[test]
-fn a_viewer_that_is_killed_does_not_harm_the_render() {
+fn a_killed_viewer_does_not_change_the_render() {
     let Some(screen) = ready() else { return };
     let folder = place(32);
     let mut alone = screen.gelato(folder.path(), &["scene.pyg"]);
@@ -276,7 +276,7 @@ fn a_viewer_that_is_killed_does_not_harm_the_render() {
 }
 
 #[test]
-fn a_render_that_is_killed_leaves_its_image_with_a_note() {
+fn a_killed_render_leaves_its_image_with_a_note() {
     let Some(screen) = ready() else { return };
     let folder = place(120);
     let mut render = screen.gelato(folder.path(), &["-threads", "1", "-iv", "scene.pyg"]);

@@ -46,7 +46,7 @@ fn images() -> tempfile::TempDir {
 /// Tests a format of a shared library in the folder where tools look for plugins by default.
 #[cfg(unix)]
 #[test]
-fn info_of_a_format_of_a_plugin() {
+fn info_reads_images_of_plugin_formats() {
     let folder = tempfile::tempdir().unwrap();
     let library = folder.path().join("lib");
     std::fs::create_dir(&library).unwrap();
@@ -82,7 +82,7 @@ fn info_of_a_format_of_a_plugin() {
 }
 
 #[test]
-fn info() {
+fn info_prints_size_channels_and_layers() {
     let folder = images();
     let (status, out, error) = iv(folder.path(), &["-info", "a.png", "c.exr"]);
     assert_eq!((status, &*error), (0, ""));
@@ -98,7 +98,7 @@ c.exr: exr
 }
 
 #[test]
-fn statistics() {
+fn stats_prints_a_table_of_channels() {
     let folder = images();
     let (status, out, _) = iv(folder.path(), &["--stats", "c.exr"]);
     assert_eq!(status, 0);
@@ -116,7 +116,7 @@ fn statistics() {
 }
 
 #[test]
-fn comparing_by_limits() {
+fn compare_applies_its_limits() {
     let folder = images();
     let run = |arguments: &[&str]| {
         let (status, out, error) = iv(folder.path(), &[&["-compare"], arguments].concat());
@@ -155,7 +155,7 @@ fn comparing_by_limits() {
 }
 
 #[test]
-fn a_image_that_is_cut_short_is_not_alike_to_black() {
+fn a_truncated_image_is_not_equal_to_black() {
     let folder = images();
     let spec = ImageSpec::new(64, 64, 3, PixelType::U8);
     // An image that cannot be compressed is cut in the middle.
@@ -170,7 +170,7 @@ fn a_image_that_is_cut_short_is_not_alike_to_black() {
 }
 
 #[test]
-fn thumbnails_and_characters() {
+fn thumbnails_and_character_images_are_made() {
     let folder = images();
     let (status, _, error) = iv(folder.path(), &["-thumbnail", "t.png", "-size", "2", "a.png"]);
     assert_eq!((status, &*error), (0, ""));
@@ -188,7 +188,7 @@ fn thumbnails_and_characters() {
 }
 
 #[test]
-fn mistakes_are_told() {
+fn errors_are_reported_with_their_exit_code() {
     let folder = images();
     std::fs::write(folder.path().join("text.txt"), "no image").unwrap();
     for (arguments, wanted, words) in [
@@ -210,7 +210,7 @@ fn mistakes_are_told() {
 }
 
 #[test]
-fn json_has_what_the_texts_have() {
+fn json_has_the_content_of_the_texts() {
     let folder = images();
     let json = |arguments: &[&str]| {
         let (status, out, error) = iv(folder.path(), arguments);

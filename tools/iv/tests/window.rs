@@ -106,7 +106,7 @@ fn pixel(path: &Path, x: u32, y: u32) -> [u8; 3] {
 
 /// When the server of the screen ends, the program ends with one message and without a trace of a panic.
 #[test]
-fn a_screen_that_goes_away_is_one_message() {
+fn a_lost_display_server_is_one_message() {
     let Some(mut screen) = Screen::start() else { return };
     let folder = images();
     for renderer in ["vulkan", "gl"] {
@@ -164,7 +164,7 @@ fn a_screen_that_goes_away_is_one_message() {
 }
 
 #[test]
-fn open_zoom_wipe_probe_and_save() {
+fn the_window_opens_zooms_compares_probes_and_saves() {
     let Some(screen) = Screen::start() else { return };
     let folder = images();
     let ran = screen.run(
@@ -260,7 +260,7 @@ fn files_that_change_are_read_again() {
 }
 
 #[test]
-fn what_cannot_be_shown_is_said_in_the_window() {
+fn errors_of_images_are_shown_in_the_window() {
     let Some(screen) = Screen::start() else { return };
     let folder = images();
     std::fs::write(folder.path().join("text.txt"), "no image at all").unwrap();
@@ -281,7 +281,7 @@ fn packet(kind: u8, content: &[u8]) -> Vec<u8> {
 }
 
 #[test]
-fn images_come_through_the_wire() {
+fn images_of_a_renderer_are_shown_in_the_window() {
     use std::io::{BufRead, BufReader, Write};
     let Some(screen) = Screen::start() else { return };
     let folder = tempfile::tempdir().unwrap();
@@ -356,7 +356,7 @@ fn images_come_through_the_wire() {
 }
 
 #[test]
-fn differences_are_seen_as_the_eye_weighs_them() {
+fn perceptual_differences_are_shown() {
     let Some(screen) = Screen::start() else { return };
     let folder = images();
     let compared = Command::new(env!("CARGO_BIN_EXE_iv"))
@@ -394,7 +394,7 @@ fn differences_are_seen_as_the_eye_weighs_them() {
 }
 
 #[test]
-fn either_graphics_library_draws() {
+fn both_graphics_libraries_draw() {
     let Some(screen) = Screen::start() else { return };
     for renderer in ["gl", "vulkan"] {
         let folder = images();
@@ -407,7 +407,7 @@ fn either_graphics_library_draws() {
 }
 
 #[test]
-fn without_a_driver_or_a_screen_it_says_so() {
+fn a_missing_driver_or_screen_is_reported() {
     let folder = images();
     let Some(screen) = Screen::start() else { return };
     let ran = |screen: &str, renderer: &str| {

@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn options_of_the_reference() {
+    fn options_of_the_reference_are_parsed() {
         let a = args("maketx --envcube --fov 100 a b c d e f -o x --mode clamp --tmode mirror --tilesize 32");
         let o = a.options(None).unwrap();
         assert_eq!((o.mode, o.fov_deg, a.inputs.len()), (Mode::EnvCube, 100.0, 6));
@@ -328,7 +328,7 @@ mod tests {
     }
 
     #[test]
-    fn two_modes_are_a_mistake() {
+    fn conflicting_options_are_refused() {
         assert!(Args::try_parse_from("maketx --shadow --envlatl a -o b".split(' ')).is_err());
         assert!(Args::try_parse_from("maketx --mode round a -o b".split(' ')).is_err());
         assert!(Args::try_parse_from("maketx --checknan --fixnan a -o b".split(' ')).is_err());
@@ -336,7 +336,7 @@ mod tests {
     }
 
     #[test]
-    fn options_of_today() {
+    fn further_options_are_parsed() {
         let a = args(
             "maketx -d half --colorconvert sRGB acescg --fixnan --hash --threads 3 --memory 100 -v --stats a -o b",
         );

@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn files_and_folders() {
+    fn output_names_follow_inputs_and_folders() {
         assert_eq!(of(&["a.png"], Some("b.tx"), Mode::Plain).unwrap(), ["b.tx <- 1"]);
         assert_eq!(of(&["x/a.b.png", "c"], None, Mode::Plain).unwrap(), ["x/a.b.tx <- 1", "c.tx <- 1"]);
         assert_eq!(
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_go() {
+    fn conflicting_outputs_are_refused() {
         assert!(of(&["a"; 6], None, Mode::ShadCube).unwrap_err().contains("-o"));
         assert!(of(&["a.png", "a.tif"], None, Mode::Plain).unwrap_err().contains("both become a.tx"));
         assert!(of(&["a.tx"], None, Mode::Plain).unwrap_err().contains("own input"));

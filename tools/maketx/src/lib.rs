@@ -252,7 +252,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extensions_name_formats() {
+    fn the_extension_of_the_output_chooses_the_format() {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let of = |name: &str| format_of(Path::new(name), &registry);
         assert_eq!(of("a/b.exr"), Ok(Some("exr".to_owned())));

@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_some() {
+    fn installed_and_peak_memory_are_measured() {
         let (installed, peak) = (installed_bytes().unwrap(), peak_bytes().unwrap());
         assert!(peak > 100_000 && installed > peak);
         assert_eq!(line("/proc/nothing", "X"), None);

@@ -22,7 +22,7 @@ fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
 }
 
 #[test]
-fn expands_inputs_to_the_depth_asked() {
+fn inputs_are_expanded_to_the_given_depth() {
     let dir = folder(&[
         ("a.pyg", "World ()\nInput ('b.pyg')\nInput (\"b.pyg\", (-1, 1, -1, 1, -1, 1))\nRender ()\n"),
         ("b.pyg", "Translate (1, 2, 3)\nInput ('c.pyg')\n"),
@@ -67,7 +67,7 @@ fn files_appear_whole_or_not_at_all() {
 }
 
 #[test]
-fn mistakes_have_exit_codes() {
+fn errors_set_the_exit_code() {
     let dir = folder(&[("a.pyg", "Sphere (1)\nWorld ()\n")]);
     let out = topyg(dir.path(), &["a.pyg"]);
     assert_eq!(out.status.code(), Some(1));
@@ -132,7 +132,7 @@ fn generators_are_found_along_the_option_and_the_variable() {
 }
 
 #[test]
-fn with_v_it_tells_what_it_reads() {
+fn verbose_prints_the_files_that_are_read() {
     let dir = folder(&[("a.pyg", "World ()\nSphere (1, -1, 1, 360)\n")]);
     let told = |args: &[&str]| String::from_utf8(topyg(dir.path(), args).stderr).unwrap();
     assert_eq!(told(&["a.pyg"]), "");
@@ -143,7 +143,7 @@ fn with_v_it_tells_what_it_reads() {
 /// much of a file it gets at once.
 #[cfg(unix)]
 #[test]
-fn variables_choose_who_reads() {
+fn environment_variables_choose_the_reader() {
     let dir = folder(&[
         ("flat.pyg", "World ()\n"),
         ("script.pyg", "World ()\nn = 2\nScale (n, n, n)\n"),

@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn changes_are_those_of_the_seed() {
+    fn mutations_are_determined_by_the_seed() {
         let (seed, other) = ("width 640 height -400.5\n".repeat(9).into_bytes(), vec![7; 300]);
         let all = |seed_number| -> Vec<Vec<u8>> {
             (0..500).map(|n| mutated(&seed, &other, &mut Random::new(seed_number, n))).collect()

@@ -299,7 +299,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn busy_runs_end_by_processor_time_and_waiting_ones_by_the_clock() {
+    fn runs_are_limited_by_processor_time_and_by_the_clock() {
         let root = std::env::temp_dir().join(format!("granita-attack-run-{}", std::process::id()));
         let place = Place::new(root.clone()).unwrap();
         let run = |script: &str, seconds: f64| {

@@ -104,7 +104,7 @@ mod tests {
     use crate::workspace::Dependency;
 
     #[test]
-    fn the_drawing_has_each_crate_and_the_shortest_lines() {
+    fn the_drawing_has_each_crate_and_minimal_edges() {
         let dependency = |name: &str| Dependency {
             name: name.to_owned(),
             name_in_code: name.replace('-', "_"),

@@ -460,7 +460,7 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_named() {
+    fn errors_about_missing_folders_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let error = AtomicFile::create(&dir.path().join("no/a.tif")).unwrap_err().to_string();
         assert!(error.contains("a.tif"), "{error}");

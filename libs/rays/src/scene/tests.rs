@@ -254,7 +254,7 @@ fn wide_rays_tessellate_coarsely_and_only_where_they_pass() {
 }
 
 #[test]
-fn tessellations_stay_in_the_boxes_of_their_parts() {
+fn tessellations_stay_inside_the_bounds_of_their_parts() {
     let f = {
         let mut f = mixed();
         let shutter = param("float[2] shutter", &[0.0_f32, 1.0][..]);

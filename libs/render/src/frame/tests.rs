@@ -432,7 +432,7 @@ fn rendered_areas_have_no_bias() {
 }
 
 #[test]
-fn a_moving_square_leaves_a_ramp() {
+fn a_moving_square_is_blurred_to_a_ramp() {
     let mut build = flat_camera();
     build.camera.push(("float[2] shutter", vec![0.0, 1.0]));
     build.camera.push(("int temporalquality", vec![64.0]));
@@ -704,7 +704,7 @@ fn depth_of_field_keeps_the_focus_sharp() {
 }
 
 #[test]
-fn variables_of_the_shader_become_images() {
+fn shader_variables_are_written_as_images() {
     let mut build = flat_camera();
     build.square(9.0, &[], at(0.0, 0.0, 3.0));
     let normal = image(&build, "normal N", &[]);

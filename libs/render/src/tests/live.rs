@@ -185,7 +185,7 @@ fn requests_of_a_viewer_change_the_order_and_no_pixel() {
 }
 
 #[test]
-fn a_viewer_may_stop_the_frame() {
+fn a_viewer_can_stop_the_frame() {
     let viewer = Arc::new(Viewer { asks: vec![(3, Request::Abort)], ..Viewer::default() });
     let (result, file, _) = render(&viewer, 1);
     assert!(matches!(result, Err(RenderError::Stopped)) && file.is_empty());

@@ -149,7 +149,7 @@ fn set_transform_accepts_named_spaces() {
 }
 
 #[test]
-fn trim_curves_are_checked() {
+fn invalid_trim_curves_are_refused() {
     let trim = |n: &[i32]| TrimDesc {
         ncurves: [1].into(),
         n: n.into(),

@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn format_prints_strings_and_reports_wrong_types() {
+    fn format_prints_strings_and_values_of_wrong_types() {
         let text = |t: &str| fill(t, [Item::Text("wood"), Item::Numbers(&[4.0])]);
         assert_eq!(text("%s.%04d.tx"), "wood.0004.tx");
         assert_eq!(text("%6s|%-3d|"), "  wood|4  |");

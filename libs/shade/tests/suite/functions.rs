@@ -139,7 +139,7 @@ const M_E: f32 = std::f32::consts::E;
 
 /// The constants are correct to the bit, and functions accept them.
 #[test]
-fn constants_have_their_values() {
+fn named_constants_have_their_values() {
     use std::f32::consts;
     for (name, value) in [
         ("M_PI", consts::PI),

@@ -22,7 +22,7 @@ fn texture_differentials_are_given_or_computed() {
 }
 
 #[test]
-fn options_reach_the_lookup() {
+fn texture_options_are_passed_to_the_lookup() {
     assert_eq!(floats("r = texture (\"blur\", u, v, \"blur\", u);")[..3], [0.0, 0.5, 1.0]);
     assert_eq!(floats("r = texture (\"blur\", u, v, 0, 0, 0, 0, \"sblur\", 0.25);"), [0.25; 6]);
     assert_eq!(floats("r = texture (\"blur\", u, v, \"tblur\", 0.25);"), [-1.0; 6]);

@@ -409,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn a_small_sun_takes_nearly_all_samples() {
+    fn a_small_sun_receives_nearly_all_samples() {
         // A disc of 1 degree, 10000 times as bright as the sky.
         let axis = Vec3::new(0.3, -0.5, 0.6).normalize();
         let cos = 0.5_f32.to_radians().cos();

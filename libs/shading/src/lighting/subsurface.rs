@@ -161,7 +161,7 @@ mod tests {
 
     /// An evenly lit plane in a database gathers to the closed form, more exactly for smaller angles.
     #[test]
-    fn a_lit_plane_reflects_its_albedo() {
+    fn an_evenly_lit_plane_reflects_its_albedo() {
         let schema = Schema { key: Key::Oriented, value: Value::Color };
         let (step, half) = (0.1_f32, 120);
         let record = |i: i32, j: i32| {

@@ -306,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_narrower_view_is_extended_and_a_wider_one_cut() {
+    fn environment_faces_are_extended_or_cropped_to_90_degrees() {
         let mut p = Image::new(64, 64, 1);
         for (i, v) in p.data.iter_mut().enumerate() {
             *v = ((i % 64) as f32 + 0.5) / 64.0;

@@ -444,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_values_are_counted_and_replaced() {
+    fn invalid_values_are_counted_and_replaced() {
         let mut p = Pixels::Half(vec![f16::NAN, f16::INFINITY, f16::ONE, f16::NEG_INFINITY]);
         assert_eq!(not_finite(&p), (1, 2));
         replace(&mut p);

@@ -8,7 +8,7 @@ fn ready(display: Display, encoded: bool) -> Prepared {
 }
 
 #[test]
-fn bytes_are_shown_as_they_are_stored() {
+fn bytes_are_displayed_unchanged() {
     let p = ready(Display::default(), true);
     for i in 0..=255_u8 {
         let v = f32::from(i) / 255.0;
@@ -17,7 +17,7 @@ fn bytes_are_shown_as_they_are_stored() {
 }
 
 #[test]
-fn light_is_encoded_exactly_enough() {
+fn srgb_encoding_is_exact_to_half_a_code_value() {
     let p = ready(Display::default(), false);
     for i in 0..10_000 {
         let v = i as f32 / 8000.0;
@@ -28,7 +28,7 @@ fn light_is_encoded_exactly_enough() {
 }
 
 #[test]
-fn a_stop_doubles() {
+fn an_exposure_of_one_stop_doubles_values() {
     let one = ready(Display { exposure: 1.0, ..Display::default() }, false);
     let none = ready(Display::default(), false);
     assert_eq!(one.show([0.1, 0.2, 0.4, 1.0], 0, 0), none.show([0.2, 0.4, 0.8, 1.0], 0, 0));
@@ -37,7 +37,7 @@ fn a_stop_doubles() {
 }
 
 #[test]
-fn odd_numbers_are_marked() {
+fn nan_infinite_and_negative_pixels_are_marked() {
     let all = ready(Display { marks: Marks::Negative, ..Display::default() }, false);
     let off = ready(Display { marks: Marks::Off, ..Display::default() }, false);
     for (v, mark) in
@@ -51,7 +51,7 @@ fn odd_numbers_are_marked() {
 }
 
 #[test]
-fn tables_are_made_once() {
+fn display_tables_are_reused() {
     let mut tables = Tables::default();
     let mut shown = |exposure: f32| {
         let display = Display { exposure, ..Display::default() };
@@ -128,7 +128,7 @@ fn any_display() -> impl Strategy<Value = Display> {
 proptest! {
     /// A row that is converted at once equals its pixels converted one by one.
     #[test]
-    fn rows_are_their_pixels(
+    fn rows_convert_like_their_single_pixels(
         display in any_display(),
         meaning in proptest::sample::select(vec![Meaning::Color, Meaning::Depth, Meaning::Number]),
         (encoded, unassociated) in any::<(bool, bool)>(),
@@ -151,7 +151,7 @@ proptest! {
 }
 
 #[test]
-fn over_backgrounds() {
+fn images_are_composited_over_backgrounds() {
     let p = |background, unassociated| {
         let d = Display { background, srgb: false, ..Display::default() };
         Prepared::new(&d, Meaning::Color, false, unassociated, &mut Tables::default())
@@ -164,7 +164,7 @@ fn over_backgrounds() {
 }
 
 #[test]
-fn depths_near_is_bright() {
+fn near_depths_are_bright() {
     let d = Display { range: Some((10.0, 2.0)), ..Display::default() };
     let p = Prepared::new(&d, Meaning::Depth, false, false, &mut Tables::default());
     let grey = |z: f32| p.show([z, z, z, 1.0], 0, 0)[0];

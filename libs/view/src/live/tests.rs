@@ -8,7 +8,7 @@ fn names(list: &[&str]) -> Vec<String> {
 }
 
 #[test]
-fn pixels_come_in_any_layout() {
+fn updates_accept_any_channel_layout() {
     let live = Live::default();
     live.create("a", 4, 3, &names(&["R", "G", "B"])).unwrap();
     let rect = PixelRect::at(1, 1, 2, 2);
@@ -30,7 +30,7 @@ fn pixels_come_in_any_layout() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn invalid_images_and_updates_are_refused() {
     let live = Live::new(LiveLimits { bytes: 4000, images: 2, ..LiveLimits::default() });
     let rgb = names(&["R", "G", "B"]);
     assert!(matches!(
@@ -67,7 +67,7 @@ fn what_does_not_fit_is_refused() {
 }
 
 #[test]
-fn changes_are_told_once_and_old_ones_as_the_whole() {
+fn changes_are_reported_once_and_old_ones_as_the_whole_image() {
     let live = Live::default();
     live.create("a", 64, 64, &names(&["Y"])).unwrap();
     let first = live.generation("a");
@@ -92,7 +92,7 @@ fn changes_are_told_once_and_old_ones_as_the_whole() {
 }
 
 #[test]
-fn marks_go_when_their_pixels_come() {
+fn marks_are_removed_when_their_pixels_arrive() {
     let live = Live::default();
     live.create("a", 64, 32, &names(&["Y"])).unwrap();
     let marks = || live.info("a").unwrap().marks;
@@ -112,7 +112,7 @@ fn marks_go_when_their_pixels_come() {
 }
 
 #[test]
-fn drawings_are_replaced_or_grow() {
+fn drawings_are_replaced_or_extended() {
     let live = Live::default();
     live.create("a", 4, 4, &names(&["Y"])).unwrap();
     let drawing = || live.info("a").unwrap().drawing.to_vec();
@@ -127,7 +127,7 @@ fn drawings_are_replaced_or_grow() {
 }
 
 #[test]
-fn requests_find_their_way_back_until_the_sender_is_lost() {
+fn requests_reach_the_renderer_until_it_disconnects() {
     let live = Live::default();
     live.create("a", 4, 4, &names(&["Y"])).unwrap();
     assert!(live.requests("a").is_none() && !live.info("a").unwrap().takes_requests);
@@ -143,7 +143,7 @@ fn requests_find_their_way_back_until_the_sender_is_lost() {
 }
 
 #[test]
-fn who_waits_is_woken() {
+fn waiting_threads_are_woken_by_changes() {
     let live = Live::default();
     let told = Arc::new(AtomicU64::new(0));
     let count = told.clone();
@@ -169,7 +169,7 @@ fn who_waits_is_woken() {
 proptest! {
     /// The pixels are those of the last accepted updates, whatever updates arrive.
     #[test]
-    fn updates_are_what_a_plain_image_would_hold(
+    fn random_updates_give_the_pixels_of_a_plain_image(
         updates in prop::collection::vec(
             (0_usize..3, 0_usize..3, 0_usize..4, -2_i32..9, -2_i32..7, 0_u32..9, 0_u32..7),
             1..20,

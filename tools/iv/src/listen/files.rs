@@ -61,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_images_too() {
+    fn files_are_opened_and_reloaded_as_live_images() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.pfm");
         std::fs::write(&path, [&b"PF\n2 1\n-1.0\n"[..], &[0, 0, 128, 63].repeat(6)].concat()).unwrap();

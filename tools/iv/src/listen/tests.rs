@@ -101,7 +101,7 @@ fn a_client_written_from_the_description_shows_its_pixels() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused_and_the_client_goes_on() {
+fn invalid_packets_are_refused_and_the_client_stays_connected() {
     let live = Live::new(LiveLimits { bytes: 1 << 20, ..LiveLimits::default() });
     let (listener, messages) = listening(&live, None);
     let mut client = TcpStream::connect(listener.address()).unwrap();
@@ -142,7 +142,7 @@ fn what_does_not_fit_is_refused_and_the_client_goes_on() {
 }
 
 #[test]
-fn files_are_opened_only_when_that_is_allowed() {
+fn files_are_opened_only_if_allowed() {
     let live = Live::default();
     let wanted = Arc::new(Mutex::new(Vec::new()));
     let kept = wanted.clone();
@@ -189,7 +189,7 @@ impl Ours {
 
 /// A viewer that was started for a render opens the layers that an image names, and no other files.
 #[test]
-fn layers_are_opened_where_they_are_allowed() {
+fn layers_are_opened_only_if_allowed() {
     for layers in [false, true] {
         let live = Live::default();
         let (reporter, _) = Reporter::collecting();
@@ -205,7 +205,7 @@ fn layers_are_opened_where_they_are_allowed() {
 }
 
 #[test]
-fn renders_of_one_name_are_images_of_their_own_and_take_requests() {
+fn renders_of_one_name_are_separate_images_with_requests() {
     let live = Live::default();
     let (listener, _) = listening(&live, None);
     let (mut first, mut second) = (Ours::new(&listener), Ours::new(&listener));

@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_sent_once() {
+    fn blocks_are_sent_once_unless_changed() {
         let info = info(9001, 40);
         let mut detail = asked(&info, 1, [300, 3, 300, 1], None).unwrap();
         assert_eq!(detail.range, PixelRect::at(256, 0, 512, 40));
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_asks_for_nothing() {
+    fn invalid_requests_for_detail_are_limited_or_ignored() {
         let large = info(20_000, 8000);
         assert_eq!(asked(&large, 1, [0, 0, 4097, 4097], None).unwrap().pending.len(), BLOCKS);
         let far = i64::from(i32::MAX);

@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn heads() {
+    fn request_headers_are_parsed() {
         let text = "GET /a/b?c=d HTTP/1.1\r\nHost:  x:1 \r\nX-Y: z\r\nContent-Length: 0\r\n\r\n";
         let (request, length) = parse(&format!("{text}more")).unwrap().unwrap();
         assert_eq!((&*request.method, &*request.path, length), ("GET", "/a/b", text.len()));
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn hosts() {
+    fn hosts_are_accepted_or_refused() {
         let at = |address: &str, names: &[&str]| {
             let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
             Hosts::new(address.parse().unwrap(), &names)

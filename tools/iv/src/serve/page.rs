@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_holds_what_the_image_holds() {
+    fn a_page_receives_the_pixels_of_the_image() {
         let live = Live::default();
         live.create("a", 700, 300, &names(&["R", "G", "B", "A", "Z"])).unwrap();
         let mut page = Page::new(live.clone());
@@ -371,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn large_images_come_reduced() {
+    fn large_images_are_sent_reduced() {
         let live = Live::default();
         live.create("a", 9001, 5, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();
@@ -391,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_in_sight_comes_in_full() {
+    fn visible_parts_are_sent_at_full_resolution() {
         let live = Live::default();
         live.create("a", 9001, 40, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 40).map(|v| (v % 9001) as f32 / 8.0).collect();
@@ -448,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_found_by_name() {
+    fn colour_channels_are_found_by_name() {
         assert_eq!(colors(&names(&["A", "B", "G", "R"])), [3, 2, 1, 0]);
         assert_eq!(colors(&names(&["R", "G", "B", "Z"])), [0, 1, 2]);
         assert_eq!((colors(&names(&["Z", "Y"])), colors(&names(&["Z"]))), (vec![1], vec![0]));

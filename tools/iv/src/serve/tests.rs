@@ -23,7 +23,7 @@ fn get(server: &Server, path: &str, headers: &str) -> String {
 }
 
 #[test]
-fn the_page_is_found_under_its_word_only() {
+fn the_page_is_served_only_under_its_token() {
     let live = Live::default();
     let server = serving(&live);
     let token = server.url().split('/').nth(3).unwrap();
@@ -81,7 +81,7 @@ fn the_page_is_found_under_its_word_only() {
 }
 
 #[test]
-fn half_requests_keep_no_browser_out() {
+fn incomplete_requests_do_not_block_browsers() {
     let live = Live::default();
     let server = serving(&live);
     let mut slow: Vec<TcpStream> = Vec::new();
@@ -113,7 +113,7 @@ fn is_closed(address: SocketAddr) {
 }
 
 #[test]
-fn a_server_of_all_addresses_ends() {
+fn a_server_on_all_addresses_ends() {
     let live = Live::default();
     let server = Server::start(([0, 0, 0, 0], 0).into(), &["box".to_owned()], live).unwrap();
     let port = server.address.port();
@@ -122,7 +122,7 @@ fn a_server_of_all_addresses_ends() {
 }
 
 #[test]
-fn a_browser_is_told_what_comes() {
+fn a_browser_receives_images_and_changes() {
     let live = Live::default();
     let server = serving(&live);
     live.create("a", 40, 30, &["R".to_owned(), "G".to_owned(), "B".to_owned()]).unwrap();

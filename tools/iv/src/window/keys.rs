@@ -237,7 +237,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_row_is_a_key_of_its_own() {
+    fn every_key_has_one_action() {
         let mut seen: Vec<(Key, Modifiers)> = Vec::new();
         for row in SECTIONS.iter().flat_map(|s| s.1) {
             for text in row.keys.split(", ") {
@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn the_manual_has_them_all() {
+    fn the_manual_lists_all_keys() {
         let manual = include_str!("../../../../docs/iv.md");
         for row in SECTIONS.iter().flat_map(|s| s.1).filter(|r| !r.text.is_empty()) {
             let keys =

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn servers_answer_or_do_not() {
+    fn display_servers_are_tested_for_an_answer() {
         // No server has such a number.
         assert!(!answers(":50001"));
         assert!(answers("nonsense") && answers(":x") && answers(":50001000"));

@@ -33,7 +33,7 @@ fn settle(model: &mut Model) {
 }
 
 #[test]
-fn the_next_image_is_read_before_it_is_looked_at() {
+fn the_next_image_is_preloaded() {
     let folder = tempfile::tempdir().unwrap();
     let mut model = model(folder.path(), &[(300, 200); 5], 10 << 20);
     settle(&mut model);
@@ -55,7 +55,7 @@ fn the_next_image_is_read_before_it_is_looked_at() {
 }
 
 #[test]
-fn what_would_take_too_much_memory_is_not_read_ahead() {
+fn images_beyond_the_memory_limit_are_not_preloaded() {
     let folder = tempfile::tempdir().unwrap();
     let mut model = model(folder.path(), &[(100, 100), (1000, 1000), (110, 100)], 1 << 20);
     settle(&mut model);
@@ -71,7 +71,7 @@ fn what_would_take_too_much_memory_is_not_read_ahead() {
 
 /// Tests "zoom" and "fullscreen" of a sender (reference 7.4.3).
 #[test]
-fn wishes_of_senders_are_shown_once() {
+fn zoom_and_fullscreen_of_senders_are_applied_once() {
     let live = Live::default();
     live.create("render", 8, 8, &["R".to_owned()]).unwrap();
     live.wish("render", Wishes { fullscreen: true, zoom: 3, ..Wishes::default() });
@@ -106,7 +106,7 @@ fn desk_of_a_render(wishes: Wishes) -> Model {
 
 /// Files that clients name are readable, although the user did not name any (reference 7.4.3).
 #[test]
-fn files_of_senders_are_seen_below_and_above() {
+fn backgrounds_and_foregrounds_of_senders_are_shown() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("layer.png");
     write(&path, &granita_plugin::bundled_formats(Limits::default()), (8, 8));

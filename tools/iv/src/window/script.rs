@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines() {
+    fn lines_of_scripts_are_parsed_or_refused() {
         assert_eq!(step("drag 1 2 3 4 Shift+"), Some(Step::Drag([1., 2., 3., 4.], "Shift+".to_owned())));
         assert_eq!(step("key Ctrl+S"), Some(Step::Key("Ctrl+S".to_owned())));
         assert_eq!(step("expect a b"), Some(Step::Expect("a b".to_owned())));

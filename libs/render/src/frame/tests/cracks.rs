@@ -315,7 +315,7 @@ fn covers(alpha: &[f32], area: f32, what: &str, distance: impl Fn(f32, f32) -> f
 }
 
 #[test]
-fn open_borders_of_displaced_surfaces_stay_where_they_are() {
+fn displacement_keeps_open_borders_in_place() {
     for quality in [1.0, 3.0] {
         // A sheared square keeps its area.
         let (shape, params) = square(2.0);

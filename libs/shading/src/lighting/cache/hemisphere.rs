@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_strip_has_its_closed_form_and_derivatives() {
+    fn irradiance_of_a_strip_equals_the_closed_form() {
         for height in [0.5, 1.0, 2.0] {
             let n = 20;
             let mean = |f: &dyn Fn(&Record) -> f32| {

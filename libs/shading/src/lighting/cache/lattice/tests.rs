@@ -62,7 +62,7 @@ fn linear_functions_need_records_at_corners_only() {
 }
 
 #[test]
-fn errors_follow_the_bound() {
+fn interpolation_errors_follow_the_error_bound() {
     let points = flat(65, 65, [0.0, 0.0], [2.0, 2.0]);
     let f = |p: Vec3| 1.0 + (1.5 * p.x).sin() * p.y.cos() * 0.5;
     let mut many = 0;
