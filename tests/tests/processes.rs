@@ -144,7 +144,10 @@ fn a_time_limit_ends_running_programs() {
                 let pids = children(what, folder.path());
                 let (output, said) = ended(process);
                 assert_eq!(output.status.code(), Some(1), "{what}: {said}");
-                assert!(said.starts_with("gelato: error: -timeout: 1.5 s are over while "), "{what}: {said}");
+                assert!(
+                    said.starts_with("gelato: error: -timeout: the limit of 1.5 s was exceeded while "),
+                    "{what}: {said}"
+                );
                 assert!(said.contains(running) && said.lines().count() == 1, "{what}: {said}");
                 for pid in pids {
                     soon(&format!("{what}: a child lives on"), || !runs(&pid));
@@ -176,7 +179,7 @@ fn a_killed_conversion_ends_its_programs() {
                     match signal {
                         "" => {
                             assert_eq!(output.status.code(), Some(1), "{what}: {said}");
-                            let limit = "topyg: error: -timeout: 1.5 s are over while ";
+                            let limit = "topyg: error: -timeout: the limit of 1.5 s was exceeded while ";
                             assert!(said.starts_with(limit) && said.contains(running), "{what}: {said}");
                         }
                         _ => assert!(output.status.signal().is_some() && said.is_empty(), "{what}: {said}"),

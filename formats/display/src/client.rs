@@ -237,7 +237,7 @@ impl ImageOutput for IvOutput {
     }
 
     fn next_level(&mut self, _: &ImageSpec) -> Result<()> {
-        Err(self.misuse("a viewer is shown one level".to_owned()))
+        Err(self.misuse("a viewer shows one level only".to_owned()))
     }
 
     fn close(mut self: Box<Self>) -> Result<()> {

@@ -189,7 +189,7 @@ impl Link {
         if state.bytes + bytes > self.shared.patience.queue_bytes {
             let behind = state.bytes >> 20;
             drop(state);
-            let what = format!("the viewer is {behind} MiB behind, and is sent nothing more");
+            let what = format!("the viewer is {behind} MiB behind and receives nothing more");
             self.shared.give_up(what.clone());
             return Err(what);
         }
@@ -400,7 +400,9 @@ fn write(shared: &Shared, socket: &mut TcpStream, bytes: &[u8]) -> std::result::
                 }
                 if last.elapsed() >= shared.patience.stall {
                     let seconds = shared.patience.stall.as_secs_f32();
-                    return Err(format!("the viewer took nothing for {seconds} s, and is sent nothing more"));
+                    return Err(format!(
+                        "the viewer accepted nothing for {seconds} s and receives nothing more"
+                    ));
                 }
             }
             Err(error) => return Err(format!("the viewer is gone ({error})")),

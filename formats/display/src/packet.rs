@@ -535,7 +535,7 @@ impl Take<'_> {
         let rest = &self.bytes[self.at..];
         let bytes = usize::try_from(count).ok().and_then(|n| n.checked_mul(4));
         let Some(bytes) = bytes.and_then(|n| rest.get(..n)) else {
-            return Err(self.wrong(format!("{count} values are wanted, and {} bytes are there", rest.len())));
+            return Err(self.wrong(format!("{count} values are needed, and {} bytes came", rest.len())));
         };
         self.at += bytes.len();
         Ok(bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect())

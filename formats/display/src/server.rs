@@ -235,7 +235,7 @@ fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::R
     match packet {
         Packet::Hello { .. } | Packet::Request { .. } => Err("a packet that clients do not send".to_owned()),
         Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } if !client.is_two_way() => {
-            Err("a packet of our own before a greeting".to_owned())
+            Err("a packet of the extension before a greeting".to_owned())
         }
         packet => shared.sink.packet(client, packet),
     }
@@ -314,7 +314,7 @@ impl Clock {
             return late.then_some("it sent nothing");
         }
         if self.last.elapsed() >= limits.silence {
-            return Some("it fell silent in the middle of a packet");
+            return Some("it stopped in the middle of a packet");
         }
         let granted = limits.silence.as_secs_f64() + count as f64 / f64::from(limits.bytes_per_second.max(1));
         (self.begin.elapsed().as_secs_f64() > granted).then_some("its packet came too slowly")

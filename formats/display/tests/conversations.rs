@@ -351,7 +351,7 @@ fn clients_that_send_malformed_packets_are_disconnected() {
     client.send(112, b"a\0");
     assert_eq!(next(&from), Told::Trouble("unknown packet of type 77".to_owned()));
     assert_eq!(next(&from), Told::Trouble("not here".to_owned()));
-    assert_eq!(next(&from), Told::Trouble("a packet of our own before a greeting".to_owned()));
+    assert_eq!(next(&from), Told::Trouble("a packet of the extension before a greeting".to_owned()));
     assert_eq!(next(&from), Told::Packet(Packet::CloseImage { name: "b".to_owned() }));
     assert_eq!(next(&from), Told::Trouble("a packet that clients do not send".to_owned()));
     assert!(client.is_sent_away());

@@ -240,7 +240,7 @@ impl ExrOutput {
             || new.pixel_type != old.pixel_type
         {
             return Err(self.misuse(format!(
-                "level {} is {} x {} in tiles of {} x {}; OpenEXR wants {} x {} in tiles of {} x {}, and the same channels",
+                "level {} is {} x {} in tiles of {} x {}; OpenEXR needs {} x {} in tiles of {} x {}, and the same channels",
                 self.level + 1,
                 new.width,
                 new.height,

@@ -133,7 +133,7 @@ fn levels_of_wrong_sizes_are_refused() {
     let wrong = ImageSpec::new(3, 4, 1, PixelType::Half).tiled(8, 8);
     assert!(out.next_level(&wrong).unwrap_err().to_string().contains("incomplete"));
     out.write_rows(&Pixels::zeros(PixelType::Half, 64)).unwrap();
-    assert!(out.next_level(&wrong).unwrap_err().to_string().contains("wants 4 x 4"));
+    assert!(out.next_level(&wrong).unwrap_err().to_string().contains("needs 4 x 4"));
     assert!(out.close().unwrap_err().to_string().contains("level 1"));
     let flat = ImageSpec::new(8, 8, 1, PixelType::Half);
     assert!(ExrFormat.create(&path, &CreateOptions::new(&flat, 4)).is_err());

@@ -94,7 +94,7 @@ impl Parser {
                 Ok(statement) => Ok(statement),
                 Err(NotFlat::Why(why)) if self.bytes.has_dropped() => {
                     let text = format!(
-                        "line {}: {} in a statement of more than {} MB; so long a one must be flat",
+                        "line {}: {} in a statement of more than {} MB; a statement of this length must be flat",
                         why.line,
                         why.what,
                         KEPT >> 20
@@ -319,7 +319,7 @@ impl Parser {
                     _ => match self.constant(depth + 1)? {
                         Value::Int(i) => Ok(i.checked_neg().map_or(Value::Float(-(i as f64)), Value::Int)),
                         Value::Float(f) => Ok(Value::Float(-f)),
-                        _ => self.fail("\"-\" before something that is no number".into()),
+                        _ => self.fail("\"-\" before something that is not a number".into()),
                     },
                 }
             }
@@ -327,7 +327,7 @@ impl Parser {
                 self.bytes.advance();
                 match self.constant(depth + 1)? {
                     v @ (Value::Int(_) | Value::Float(_)) => Ok(v),
-                    _ => self.fail("\"+\" before something that is no number".into()),
+                    _ => self.fail("\"+\" before something that is not a number".into()),
                 }
             }
             Some(0x80..=0x83) => self.binary(),

@@ -99,7 +99,7 @@ impl Python {
         };
         match greeted {
             Event::Wait => Ok(python),
-            _ => Err(io::Error::other("it is no interpreter")),
+            _ => Err(io::Error::other("it is not an interpreter")),
         }
     }
 
@@ -115,7 +115,7 @@ impl Python {
         self.send(b'N', &[file.as_bytes()]).map_err(|error| self.died(error))?;
         match self.event()? {
             Event::Done { rebound } => Ok(rebound),
-            _ => Err(io::Error::other("the interpreter does not take another file")),
+            _ => Err(io::Error::other("the interpreter does not accept another file")),
         }
     }
 
@@ -133,7 +133,9 @@ impl Python {
     /// Waits for the next message of the child.
     pub(crate) fn event(&mut self) -> io::Result<Event> {
         match receive(&mut self.from) {
-            Ok(event) => event.ok_or_else(|| io::Error::other("the interpreter sent something unreadable")),
+            Ok(event) => {
+                event.ok_or_else(|| io::Error::other("the interpreter sent data that cannot be read"))
+            }
             Err(error) => Err(self.died(error)),
         }
     }

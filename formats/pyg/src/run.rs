@@ -300,7 +300,7 @@ impl Reader<'_> {
 
     /// Executes a piece of script and passes its calls on.
     fn execute(&mut self, line: u32, code: &[u8]) -> Result<Next, Failed> {
-        let why = Why { what: "what stands here".into(), line };
+        let why = Why { what: "this statement".into(), line };
         self.start(&why)?;
         let Some(mut python) = self.script.python.take() else { return Ok(Next::End) };
         let next = self.converse(&mut python, line, code);

@@ -65,7 +65,7 @@ pub fn serve(
                 let errors = u32::try_from(reporter.errors()).unwrap_or(u32::MAX);
                 send(output, b'W', &[&errors.to_le_bytes()]).map_err(failed)?;
             }
-            _ => return Err(malformed("the stream of calls makes no sense", &file)),
+            _ => return Err(malformed("the stream of calls is malformed", &file)),
         }
     }
 }

@@ -23,7 +23,7 @@ fn of_extension(path: &Path) -> Result<Arc<dyn Format>> {
     found.ok_or_else(|| ImageError::Unsupported {
         path: path.to_owned(),
         what: format!(
-            "\"DevIL\" stands for bmp, png, sgi and tga, by the ending of the name, not for \"{extension}\""
+            "\"DevIL\" writes bmp, png, sgi or tga, by the extension of the file name, not \"{extension}\""
         ),
     })
 }

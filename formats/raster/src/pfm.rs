@@ -75,17 +75,17 @@ impl Header {
             at += head[at..].iter().take_while(|b| b.is_ascii_whitespace()).count();
             let len = head[at..].iter().take_while(|b| !b.is_ascii_whitespace()).count();
             let text = std::str::from_utf8(&head[at..at + len]).ok().filter(|t| (1..=32).contains(&t.len()));
-            *word = text.ok_or_else(|| source.malformed(format!("{what} is no word")))?;
+            *word = text.ok_or_else(|| source.malformed(format!("{what} is not a word")))?;
             at += len;
         }
         let side = |text: &str| -> Result<u32> {
-            text.parse().map_err(|_| source.malformed(format!("\"{text}\" is no size")))
+            text.parse().map_err(|_| source.malformed(format!("\"{text}\" is not a valid size")))
         };
         let scale: f32 = words[3]
             .parse()
             .ok()
             .filter(|s: &f32| s.is_finite() && *s != 0.0)
-            .ok_or_else(|| source.malformed(format!("\"{}\" is no scale", words[3])))?;
+            .ok_or_else(|| source.malformed(format!("\"{}\" is not a valid scale", words[3])))?;
         let header = Self {
             width: side(words[1])?,
             height: side(words[2])?,

@@ -54,7 +54,7 @@ fn headers_that_claim_more_pixels_than_the_data_are_refused() {
     ];
     for (name, bytes) in files {
         let error = read(name, &bytes).unwrap_err().to_string();
-        assert!(error.contains("promises") || error.contains("exceeds"), "{error}");
+        assert!(error.contains("claims") || error.contains("exceeds"), "{error}");
     }
 }
 
@@ -67,9 +67,9 @@ fn gif_images_larger_than_their_screen_are_refused() {
         [screen, b",\0\0\0\0", &size, b"\0\x02\x02\x44\x01\0;"].concat()
     };
     let error = read("a.gif", &gif(44_000, 44_000)).unwrap_err().to_string();
-    assert!(error.contains("promises"), "{error}");
+    assert!(error.contains("claims"), "{error}");
     let error = read("a.gif", &gif(40, 30)).map(|_| String::new()).unwrap_or_else(|e| e.to_string());
-    assert!(!error.contains("promises"), "{error}");
+    assert!(!error.contains("claims"), "{error}");
 }
 
 /// Small images may lack any part, so that the available part can be read.

@@ -235,7 +235,7 @@ impl Declarations {
                     declared.width()
                 ))),
                 None => flaw(Flaw::Mistake(format!(
-                    "parameter \"{token}\" wants {}s, not {}",
+                    "parameter \"{token}\" needs {}s, not {}",
                     declared.base.word(),
                     value.kind()
                 ))),

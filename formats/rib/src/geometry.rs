@@ -165,9 +165,7 @@ impl Reader<'_> {
             "bilinear" => false,
             "catmull-clark" => true,
             other => {
-                self.once(format!(
-                    "SubdivisionMesh: \"{other}\" is not supported; catmull-clark stands for it"
-                ));
+                self.once(format!("SubdivisionMesh: \"{other}\" is not supported; catmull-clark is used"));
                 true
             }
         };

@@ -20,7 +20,7 @@ pub(crate) fn numbers(args: &[Arg]) -> Vec<f32> {
 pub(crate) fn exactly<const N: usize>(request: &Request) -> Result<[f32; N], Fault> {
     let all = numbers(&request.args);
     let n = all.len();
-    all.try_into().map_err(|_| Fault::Mistake(format!("wants {N} numbers, not {n}")))
+    all.try_into().map_err(|_| Fault::Mistake(format!("needs {N} numbers, not {n}")))
 }
 
 /// Returns the string of the argument with an index.
@@ -106,7 +106,7 @@ impl Reader<'_> {
                 if self.declarations.declare(&name, &declaration) {
                     Ok(())
                 } else {
-                    Err(Fault::Mistake(format!("\"{declaration}\" is no type")))
+                    Err(Fault::Mistake(format!("\"{declaration}\" is not a type")))
                 }
             }),
             // These requests have no visible effect.
@@ -135,7 +135,7 @@ impl Reader<'_> {
     fn pixel_filter(&mut self, request: &Request) -> Done {
         let name = string(request, 0)?;
         let width = numbers(request.args.get(1..).unwrap_or_default());
-        let [x, y] = width[..] else { return Err(Fault::Mistake("wants two widths".to_owned())) };
+        let [x, y] = width[..] else { return Err(Fault::Mistake("needs two widths".to_owned())) };
         let known = match &*name {
             "bessel" | "disk" | "lanczos" => "gaussian",
             "separable-catmull-rom" => "catmull-rom",
@@ -146,7 +146,7 @@ impl Reader<'_> {
             return Err(Fault::Mistake(format!("there is no filter \"{name}\"")));
         }
         if known != &*name && matches!(&*name, "bessel" | "disk" | "lanczos") {
-            self.once(format!("PixelFilter: \"{name}\" is not supported; gaussian stands for it"));
+            self.once(format!("PixelFilter: \"{name}\" is not supported; gaussian is used"));
         }
         self.options.filter = (known.to_owned(), [x, y]);
         Ok(())
@@ -156,7 +156,7 @@ impl Reader<'_> {
         let kind = string(request, 0)?;
         let values = numbers(request.args.get(1..).unwrap_or_default());
         let values: [f32; 4] =
-            values.try_into().map_err(|_| "wants one, min, max and amplitude".to_owned())?;
+            values.try_into().map_err(|_| "needs one, min, max and amplitude".to_owned())?;
         let kind = if &*kind == "rgb" { "rgba" } else { &*kind };
         self.options.quantize.insert(kind.to_owned(), values);
         Ok(())
@@ -205,7 +205,7 @@ impl Reader<'_> {
     fn color_samples(&mut self, request: &Request) -> Done {
         let arrays: Vec<_> = request.args.iter().filter_map(Arg::floats).filter(|f| f.len() > 1).collect();
         let to_rgb = arrays.first().filter(|a| a.len().is_multiple_of(3));
-        let to_rgb = to_rgb.ok_or_else(|| "wants two matrices of 3n numbers".to_owned())?;
+        let to_rgb = to_rgb.ok_or_else(|| "needs two matrices of 3n numbers".to_owned())?;
         self.color_samples =
             (to_rgb.len() != 9 || arrays.len() > 1).then(|| (to_rgb.len() / 3, to_rgb.to_vec()));
         Ok(())
@@ -220,7 +220,7 @@ impl Reader<'_> {
             return Ok([sum(0), sum(1), sum(2)]);
         }
         let n = values.len();
-        values.try_into().map_err(|_| Fault::Mistake(format!("wants 3 numbers, not {n}")))
+        values.try_into().map_err(|_| Fault::Mistake(format!("needs 3 numbers, not {n}")))
     }
 
     fn option(&mut self, request: &Request) -> Done {
@@ -314,7 +314,7 @@ impl Reader<'_> {
             let step = step.and_then(|s| s.ints()?.first().copied()).and_then(|s| usize::try_from(s).ok());
             let step = step
                 .filter(|s| (1..=4).contains(s))
-                .ok_or_else(|| "wants basis, step, basis, step".to_owned())?;
+                .ok_or_else(|| "needs basis, step, basis, step".to_owned())?;
             let basis = match matrix.and_then(Arg::strings).and_then(|s| s.first().cloned()) {
                 Some(name) => Basis::named(&name).map(|b| b.with_step(step)),
                 None => matrix.and_then(Arg::floats).and_then(|m| Basis::of(&m, step)),

@@ -188,7 +188,7 @@ impl Reader<'_> {
             let knots = request.args.get(at + 2).and_then(Arg::floats).unwrap_or_default();
             let end = |k: usize| request.args.get(at + k).and_then(|a| a.floats()?.first().copied());
             let (Some(min), Some(max)) = (end(3), end(4)) else {
-                return Err(Fault::Mistake("wants n, order, knots, min and max twice".to_owned()));
+                return Err(Fault::Mistake("needs n, order, knots, min and max twice".to_owned()));
             };
             if order < 1 || n < order || Some(knots.len()) != n.checked_add(order) {
                 return Err(Fault::Mistake(format!(
@@ -220,7 +220,7 @@ impl Reader<'_> {
     pub(crate) fn trim_curve(&mut self, request: &Request) -> Done {
         let floats = |at: usize| {
             let found = request.args.get(at).and_then(Arg::floats);
-            found.ok_or_else(|| Fault::Mistake("wants ncurves, order, knot, min, max, n, u, v, w".to_owned()))
+            found.ok_or_else(|| Fault::Mistake("needs ncurves, order, knot, min, max, n, u, v, w".to_owned()))
         };
         let (ncurves, order, n) = (ints(request, 0)?, ints(request, 1)?, ints(request, 5)?);
         let (knots, min, max) = (floats(2)?, floats(3)?, floats(4)?);

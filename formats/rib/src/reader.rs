@@ -514,7 +514,7 @@ impl<'a> Reader<'a> {
             })?;
         } else {
             if self.rendered > 0 && !self.sink.new_frame() {
-                self.once("WorldBegin: only one frame can be taken; later ones are left out".to_owned());
+                self.once("WorldBegin: only one frame can be read; later ones are left out".to_owned());
                 self.mode = Mode::Dropped;
                 self.blocks.push(block);
                 return Ok(());
@@ -628,7 +628,7 @@ impl<'a> Reader<'a> {
         }
         if keys.len() != times.len() {
             let text = format!("{} times, but {} requests between", times.len(), keys.len());
-            self.error(format!("MotionEnd: {text}; the first stands still"));
+            self.error(format!("MotionEnd: {text}; the first one is used without motion"));
             keys.truncate(1);
         }
         let moves = |call: &Call| {
@@ -645,7 +645,7 @@ impl<'a> Reader<'a> {
         let n = keys[0].len();
         if keys.iter().any(|k| k.len() != n || !k.iter().all(|(call, _)| moves(call))) {
             self.once(
-                "MotionBegin: only transformations and geometry of one kind move; the first stands still"
+                "MotionBegin: only transformations and geometry of one kind move; the first one is used without motion"
                     .to_owned(),
             );
             keys.truncate(1);

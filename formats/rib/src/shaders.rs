@@ -25,7 +25,7 @@ impl Reader<'_> {
                         let uses = self.lights.get(&handle).copied().unwrap_or(1);
                         self.emit(Call::LightSwitch { id: light_id(&handle, uses), on: on != 0 })
                     }
-                    _ => Err(Fault::Mistake("wants a light and 0 or 1".to_owned())),
+                    _ => Err(Fault::Mistake("needs a light and 0 or 1".to_owned())),
                 }
             }
             _ => return None,

@@ -60,8 +60,9 @@ impl Reader<'_> {
             "Scale" => exactly::<3>(request).map(Call::Scale),
             "Skew" => exactly::<7>(request).and_then(|[a, x1, y1, z1, x2, y2, z2]| {
                 let m = skew(a, [x1, y1, z1], [x2, y2, z2]);
-                m.map(|m| Call::AppendTransform(Box::new(m)))
-                    .ok_or_else(|| Fault::Mistake("the directions and the angle make no shear".to_owned()))
+                m.map(|m| Call::AppendTransform(Box::new(m))).ok_or_else(|| {
+                    Fault::Mistake("the directions and the angle do not define a skew".to_owned())
+                })
             }),
             "Perspective" => exactly::<1>(request).and_then(|[fov]| {
                 if !(fov > 0.0 && fov < 180.0) {

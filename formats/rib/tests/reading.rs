@@ -459,10 +459,10 @@ fn binary_and_compressed_files_are_read() {
 #[test]
 fn an_invalid_request_is_skipped_with_a_message() {
     let bad = [
-        ("Sphere 1 2", "Sphere: wants 4 numbers, not 2: the request is left out"),
+        ("Sphere 1 2", "Sphere: needs 4 numbers, not 2: the request is left out"),
         ("Polygon \"P\" [0 0 0 1]", "Polygon: parameter \"P\" has 4 values, not a multiple of 3"),
         ("Polygon", "Polygon: no \"P\""),
-        ("Color 1 2", "Color: wants 3 numbers"),
+        ("Color 1 2", "Color: needs 3 numbers"),
         ("Surface 3", "Surface: argument 1 should be a string"),
         ("Surface \"a\" \"b\" 1", "Surface: parameter \"b\" is not declared"),
         ("PointsPolygons [3] \"P\" [1 2 3]", "PointsPolygons: argument 2 should be integers"),
@@ -472,7 +472,7 @@ fn an_invalid_request_is_skipped_with_a_message() {
         ),
         ("NuPatch 4 4 [0 1] 0 1 4 4 [0 1] 0 1 \"P\" [1 2 3]", "4 vertices of order 4 with 2 knots"),
         ("Curves \"cubic\" [3] \"nonperiodic\" \"P\" [0 0 0]", "3 vertices make no whole curve"),
-        ("Basis \"bezier\" 9 \"bezier\" 3", "Basis: wants basis, step, basis, step"),
+        ("Basis \"bezier\" 9 \"bezier\" 3", "Basis: needs basis, step, basis, step"),
         ("AttributeEnd", "AttributeEnd: without AttributeBegin"),
         ("AttributeBegin TransformEnd AttributeEnd", "TransformEnd: AttributeBegin of line 3 is still open"),
         ("WorldBegin", "WorldBegin: inside of a world"),
@@ -481,10 +481,10 @@ fn an_invalid_request_is_skipped_with_a_message() {
         ("Blobby 1 [1] [1] []", "Blobby is not supported"),
         ("Color [1 0", "\"[\" without \"]\""),
         ("{ 1 2 }", "unexpected {"),
-        ("Skew 10 1 0 0 1 0 0", "make no shear"),
+        ("Skew 10 1 0 0 1 0 0", "do not define a skew"),
         ("Paraboloid 1 -1 1 360", "it has no surface"),
         ("MakeTexture \"a\"", "MakeTexture: argument 2 should be a string"),
-        ("Declare \"x\" \"nothing\"", "\"nothing\" is no type"),
+        ("Declare \"x\" \"nothing\"", "\"nothing\" is not a type"),
     ];
     for (text, expected) in bad {
         let (calls, said) = world(&format!("\n{text}\nTranslate 1 2 3"));
@@ -687,7 +687,7 @@ fn archives_defined_in_the_file_are_read() {
     let (calls, said) = world(text);
     assert_eq!(names(&calls), "Translate Sphere Patch Patch Patch");
     assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].starts_with("t.rib:4: error: Color: wants 3 numbers"), "{said:?}");
+    assert!(said[0].starts_with("t.rib:4: error: Color: needs 3 numbers"), "{said:?}");
     for (text, expected) in [
         ("ArchiveEnd", "ArchiveEnd: without ArchiveBegin"),
         ("ArchiveBegin \"a\" ReadArchive \"a\" ArchiveEnd ReadArchive \"a\"", "\"a\" would read itself"),

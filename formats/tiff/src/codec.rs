@@ -39,7 +39,7 @@ impl Compression {
             4 => return Ok(Self::Group4),
             2 => "CCITT run-length".into(),
             3 => "CCITT group 3".into(),
-            6 => "JPEG (the kind of 1992)".into(),
+            6 => "old-style JPEG (of 1992)".into(),
             34676 | 34677 => "LogLuv".into(),
             34712 => "JPEG 2000".into(),
             34887 => "LERC".into(),

@@ -20,7 +20,7 @@ pub(crate) fn decode(
     // The tables are an image without pixels. Its end mark is removed, and so is the start mark of the data.
     let stream = match tables {
         Some([front @ .., 0xff, 0xd9]) if data.starts_with(&[0xff, 0xd8]) => [front, &data[2..]].concat(),
-        Some(_) => return Err("its tables or its beginning are no JPEG".to_owned()),
+        Some(_) => return Err("its tables or its beginning are not JPEG data".to_owned()),
         None => data.to_vec(),
     };
     contained(|| decode_stream(&stream, out, size, samples, ycc))?
@@ -42,7 +42,7 @@ fn decode_stream(
     // The last strip may be as high as the others.
     if w != width || h < height || n != samples || w * h * n > out.len().saturating_mul(64) {
         return Err(format!(
-            "a JPEG of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are due"
+            "a JPEG of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are needed"
         ));
     }
     let stored = decoder.input_colorspace().unwrap_or(ColorSpace::Unknown);

@@ -110,7 +110,7 @@ impl Settings {
         let separate = match spec.string("planarconfig") {
             Some("separate") => true,
             Some("contig") => false,
-            Some(word) => return Err(unsupported(format!("\"{word}\" is no planar configuration"))),
+            Some(word) => return Err(unsupported(format!("\"{word}\" is not a planar configuration"))),
             None => inherited.is_some_and(|s| s.separate),
         };
         let rows = spec.attributes.int("rowsperstrip").filter(|n| *n > 0);

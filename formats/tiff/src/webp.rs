@@ -28,7 +28,7 @@ fn decode_image(
     // The size is declared by the header of the data, and the decoder allocates memory for it.
     if (w as usize, h as usize) != (width, height) || n > samples || samples > 4 {
         return Err(format!(
-            "a WebP image of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are due"
+            "a WebP image of {w} x {h} pixels with {n} channels where {width} x {height} with {samples} are needed"
         ));
     }
     if n == samples {

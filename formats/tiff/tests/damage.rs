@@ -189,7 +189,7 @@ fn unsupported_features_are_named() {
         (259, 2, "CCITT run-length"),
         (259, 3, "CCITT group 3"),
         (259, 4, "group4 data of 1 channels of 8 bits"),
-        (259, 6, "JPEG (the kind of 1992)"),
+        (259, 6, "old-style JPEG (of 1992)"),
         (259, 34676, "LogLuv"),
         (259, 34712, "JPEG 2000"),
         (259, 34887, "LERC"),

@@ -45,7 +45,7 @@ impl ParamType {
     /// Returns a message when the base type or the interpolation does not occur in scenes.
     pub fn from_bits(bits: u32) -> Result<Self, String> {
         let base = BaseType::from_number(bits & 31)
-            .ok_or_else(|| format!("scenes have no values of type number {}", bits & 31))?;
+            .ok_or_else(|| format!("type number {} is not a type of scene values", bits & 31))?;
         let number = bits >> 24 & 7;
         let interp = *INTERPS
             .get(number as usize)

@@ -300,7 +300,8 @@ impl Reporter {
             text += &format!("\n  {} more: {}", number(again.times, "time"), again.shown);
         }
         if repeated.len() > LISTED {
-            text += &format!("\n  and {} that came again", number(repeated.len() - LISTED, "other message"));
+            text +=
+                &format!("\n  and {} that were repeated", number(repeated.len() - LISTED, "other message"));
         }
         Some(text)
     }

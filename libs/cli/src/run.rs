@@ -51,7 +51,7 @@ impl Ending {
 
     /// Ends the run on signals and, when `caller` is true, when the program that it works for is gone.
     pub fn watch(&self, caller: bool, reporter: &Reporter) {
-        let warn = |error: std::io::Error| reporter.warning(format!("signals are not watched: {error}"));
+        let warn = |error: std::io::Error| reporter.warning(format!("signals cannot be handled: {error}"));
         let ending = self.clone();
         before_signals(move || ending.tidy()).unwrap_or_else(warn);
         if caller {
@@ -74,7 +74,7 @@ impl Ending {
             let running = ending.supervisor.running().join(", ");
             let running = if running.is_empty() { "starting or ending".to_owned() } else { running };
             ending.late.store(true, Ordering::SeqCst);
-            reporter.error(format!("-timeout: {seconds} s are over while {running}"));
+            reporter.error(format!("-timeout: the limit of {seconds} s was exceeded while {running}"));
             ending.tidy();
             if let Some(stop) = ending.stop.get() {
                 stop.store(true, Ordering::SeqCst);

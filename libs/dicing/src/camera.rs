@@ -169,7 +169,7 @@ impl Attributes<'_> {
             return world_to_camera.clone();
         }
         let text = format!(
-            "camera \"{name}\": its transformation has numbers that are not finite; it stands at the origin"
+            "camera \"{name}\": its transformation has numbers that are not finite; the camera is placed at the origin"
         );
         self.reporter.once(&text.clone(), Severity::Error, &Location::default(), text);
         MotionTransform::default()
@@ -268,7 +268,10 @@ impl CameraView {
         let perspective = matches!(projection, Projection::Perspective { .. });
         let (mut near, mut far) = (get.finite(attr::NEAR), get.finite(attr::FAR));
         if far <= near || perspective && near <= 0.0 {
-            get.complain(attr::NEAR, &format!("{near} and far {far} enclose nothing; 0.1 and 1e6 are used"));
+            get.complain(
+                attr::NEAR,
+                &format!("{near} and far {far} leave no range of depths; 0.1 and 1e6 are used"),
+            );
             (near, far) = (attr::NEAR.default(), attr::FAR.default());
         }
         let mut shutter = get.finite(attr::SHUTTER);

@@ -31,7 +31,7 @@ pub fn all_usable(values: &[f32]) -> bool {
 
 /// Returns the description of an unusable value of this kind, for messages.
 pub fn reason(what: &str) -> String {
-    format!("a {what} that is no number or is larger than {LARGEST:e}; 0 is used")
+    format!("a {what} that is not a number or is larger than {LARGEST:e}; 0 is used")
 }
 
 /// Returns the attribute "opacity", clamped to 0 to 1, with 1 in place of a component that is not a number.

@@ -26,10 +26,10 @@ pub fn build(
     let call = shape.call_name();
     let fail = |what: &str| GeomError::Malformed { call, what: what.into() };
     if keys.is_empty() {
-        return Err(fail("no motion keys"));
+        return Err(fail("there are no motion keys"));
     }
     if !keys.iter().all(|k| k.time.is_finite()) || keys.windows(2).any(|w| w[0].time >= w[1].time) {
-        return Err(fail("times of motion keys that do not increase"));
+        return Err(fail("the times of the motion keys do not increase"));
     }
     let merged = moving::with_later(keys);
     let mut keys = keys.to_vec();

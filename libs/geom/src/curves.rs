@@ -71,7 +71,7 @@ pub(crate) fn build(
         let bad = ncurves - good.len();
         report(
             Severity::Warning,
-            format!("{CALL}: {bad} curves of {ncurves} with vertices that are not finite"),
+            format!("{CALL}: {bad} of {ncurves} curves have vertices that are not finite and are left out"),
         );
     }
     let centres: Vec<Vec3> =

@@ -41,9 +41,9 @@ pub fn build_lattice(
 ) -> Result<Vec<Piece>, GeomError> {
     const CALL: &str = "Patch";
     let fail = |what: String| GeomError::Malformed { call: CALL, what };
-    let Some(first) = keys.first() else { return Err(fail("no motion keys".into())) };
+    let Some(first) = keys.first() else { return Err(fail("there are no motion keys".into())) };
     if keys.windows(2).any(|w| w[0].time >= w[1].time) {
-        return Err(fail("times of motion keys that do not increase".into()));
+        return Err(fail("the times of the motion keys do not increase".into()));
     }
     let have = vertex_count(CALL, keys, report)?;
     let n = nu.checked_mul(nv).filter(|n| nu >= 2 && nv >= 2 && *n <= have);

@@ -59,7 +59,7 @@ pub(crate) fn check(
         let corners = start..end;
         start = end;
         if count < 3 {
-            mistakes.note(index, || format!("{} corners, where 3 are the least", nverts[index]));
+            mistakes.note(index, || format!("it has {} corners, at least 3 are needed", nverts[index]));
             continue;
         }
         let in_range = |v: i32| usize::try_from(v).is_ok_and(|v| v < n);

@@ -41,7 +41,7 @@ pub(crate) fn build(
         return Err(fail(format!("control vertex {} is not finite", bad / control.channels)));
     }
     if control.dim == 4 && control.values.chunks_exact(control.channels).any(|v| v[3] <= 0.0) {
-        report(Severity::Warning, format!("{CALL}: control vertices with weights that are not positive"));
+        report(Severity::Warning, format!("{CALL}: some weights of the control vertices are not positive"));
     }
     let trim = match trim.map(Trim::new) {
         Some(Err(what)) => {

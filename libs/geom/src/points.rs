@@ -58,7 +58,10 @@ pub(crate) fn build(keys: &[ShapeKey<'_>], n: usize, report: Report<'_>) -> Resu
         .unwrap_or_else(|| vec![Widths::Constant(1.0); keys.len()]);
     let good: Vec<u32> = (0..n).filter(|&i| control.is_finite(i)).map(|i| i as u32).collect();
     if good.len() < n {
-        let text = format!("{CALL}: {} points of {n} with positions that are not finite", n - good.len());
+        let text = format!(
+            "{CALL}: {} of {n} points have positions that are not finite and are left out",
+            n - good.len()
+        );
         report(Severity::Warning, text);
     }
     if good.is_empty() {

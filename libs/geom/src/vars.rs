@@ -79,8 +79,7 @@ impl Vars {
                 Ok(0) => {}
                 Ok(n) => {
                     let (got, name) = (param.data.len(), param.declaration());
-                    let text =
-                        format!("{call}: \"{name}\" has {got} values, the last {n} of which nothing needs");
+                    let text = format!("{call}: \"{name}\" has {got} values, but only {} are used", got - n);
                     report(Severity::Warning, text);
                 }
                 Err(why) => {

@@ -281,7 +281,7 @@ impl Checker<'_> {
                 Init::None
             }
             (ast::Init::List(_, pos), None) => {
-                self.diags.error(pos, format!("`{}` is no array; it takes one value", name.text));
+                self.diags.error(pos, format!("`{}` is not an array; it takes one value", name.text));
                 Init::None
             }
             (ast::Init::List(list, pos), Some(n)) => {

@@ -367,7 +367,7 @@ impl Checker<'_> {
         }
         let pos = value.pos;
         if value.ty.array.is_some() {
-            self.diags.error(pos, format!("{} is no condition", describe(value.ty)));
+            self.diags.error(pos, format!("{} cannot be a condition", describe(value.ty)));
             return self.bad(pos, Some(ValueType::Float));
         }
         Expr { ty: float, kind: ExprKind::Unary(OpCode::Truth, Box::new(value)), pos }
@@ -556,7 +556,7 @@ impl Checker<'_> {
         let (space, numbers) = if named { args.split_at(1) } else { args.split_at(0) };
         let full = ty.components();
         if ty == ValueType::Float && named {
-            self.diags.error(pos, "a `float` is in no space");
+            self.diags.error(pos, "a `float` has no space");
             return self.bad(pos, Some(ty));
         }
         // `vector (P)` is read as a cast.
@@ -731,7 +731,7 @@ impl Checker<'_> {
             let choice = word.as_ref().and_then(|w| choices.iter().find(|c| *c.name == **w));
             if let (Some(word), None) = (&word, choice) {
                 let help = suggestion(word, choices.iter().map(|c| c.name));
-                let what = format!("`{function}` knows no option \"{word}\"");
+                let what = format!("`{function}` has no option \"{word}\"");
                 self.diags.warning_help(name_pos, what, help);
             }
             let (value, output) = match choice {

@@ -365,7 +365,7 @@ impl<'a> Decoder<'a> {
         match self.byte()? {
             0 => Ok(false),
             1 => Ok(true),
-            other => Err(format!("{other} is neither yes nor no")),
+            other => Err(format!("{other} is not a boolean")),
         }
     }
 
@@ -410,7 +410,7 @@ impl<'a> Decoder<'a> {
 
     fn place<T: Copy>(&mut self, table: &[T], what: &str) -> Decoded<T> {
         let i = self.byte()?;
-        table.get(i as usize).copied().ok_or_else(|| format!("{i} is no {what}"))
+        table.get(i as usize).copied().ok_or_else(|| format!("{i} is not a {what}"))
     }
 
     fn constant(&mut self) -> Decoded<ConstValue> {
@@ -423,7 +423,7 @@ impl<'a> Decoder<'a> {
                 ConstValue::Floats(list.into())
             }
             1 => ConstValue::Strings(self.list(Self::text)?.into()),
-            other => return Err(format!("{other} is no kind of constant")),
+            other => return Err(format!("{other} is not a kind of constant")),
         })
     }
 
@@ -439,7 +439,7 @@ impl<'a> Decoder<'a> {
 
     fn value_type(&mut self) -> Decoded<ValueType> {
         match self.place(&TYPES, "type")? {
-            ValueType::Void => Err("nothing can be `void`".to_owned()),
+            ValueType::Void => Err("a symbol cannot be `void`".to_owned()),
             other => Ok(other),
         }
     }
@@ -450,11 +450,11 @@ impl<'a> Decoder<'a> {
         let array = match flags {
             0 => None,
             1 | 3 => Some(self.number()?),
-            other => return Err(format!("{other} is no kind of array")),
+            other => return Err(format!("{other} is not a kind of array")),
         };
         let open = flags == 3;
         if array.is_some_and(|n| n > crate::check::MAX_ARRAY || (n == 0 && !open)) {
-            return Err("an array has a length that cannot be".to_owned());
+            return Err("an array has an invalid length".to_owned());
         }
         Ok(SymbolType { value, array, open })
     }
@@ -484,7 +484,7 @@ impl<'a> Decoder<'a> {
                     check_value(&ty, &value)?;
                     DefaultValue::Known { spaces, value }
                 }
-                other => return Err(format!("{other} is no kind of default")),
+                other => return Err(format!("{other} is not a kind of default")),
             };
             let metadata = d.metadata()?;
             let symbol = SymbolId(symbols.len() as u32);
@@ -516,7 +516,7 @@ impl<'a> Decoder<'a> {
                 2 => SymbolKind::Local,
                 3 => SymbolKind::Temp,
                 4 => SymbolKind::Const(d.constant()?),
-                other => return Err(format!("{other} is no kind of symbol")),
+                other => return Err(format!("{other} is not a kind of symbol")),
             };
             Ok(Symbol { name, ty, kind })
         })?;
@@ -524,7 +524,7 @@ impl<'a> Decoder<'a> {
             let symbol = self.id()?;
             let found = module.symbols.get(symbol.0 as usize);
             if found != header.get(i) {
-                return Err(format!("parameter {i} is not what the header says"));
+                return Err(format!("parameter {i} differs from the header"));
             }
             module.params[i].symbol = symbol;
             module.params[i].init = self.block(functions)?;
@@ -560,7 +560,7 @@ impl<'a> Decoder<'a> {
                     Some(code) => *code,
                     None => match functions.0.get(code - CODES.len()) {
                         Some(func) => OpCode::Call(*func),
-                        None => return Err(format!("{code} is no operation")),
+                        None => return Err(format!("{code} is not an operation")),
                     },
                 };
                 let dst = self.maybe()?;
@@ -600,7 +600,7 @@ impl<'a> Decoder<'a> {
                     1 => EmitForm::Point(self.id()?),
                     2 => EmitForm::Distant { axis: self.id()?, spread: self.id()? },
                     3 => EmitForm::Cone { from: self.id()?, axis: self.id()?, angle: self.id()? },
-                    other => return Err(format!("{other} is no form of emit")),
+                    other => return Err(format!("{other} is not a form of emit")),
                 };
                 let body = self.block(functions)?;
                 Stmt::Emit { form, body, at: self.at()? }
@@ -612,7 +612,7 @@ impl<'a> Decoder<'a> {
                 let body = self.block(functions)?;
                 Stmt::Trace { set, position, axis, angle, samples, options, body, at: self.at()? }
             }
-            other => return Err(format!("{other} is no statement")),
+            other => return Err(format!("{other} is not a statement")),
         })
     }
 }

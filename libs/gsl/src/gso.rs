@@ -89,9 +89,9 @@ fn open<'a>(bytes: &'a [u8], file: &str) -> Result<Parts<'a>, GslError> {
     if bytes.get(..8) != Some(&MAGIC) {
         let source = bytes.iter().take(200).all(|b| b.is_ascii_graphic() || b.is_ascii_whitespace());
         return Err(malformed(if source && !bytes.is_empty() {
-            "it is no compiled shader; is it source text?"
+            "it is not a compiled shader; it may be source text"
         } else {
-            "it is no compiled shader"
+            "it is not a compiled shader"
         }));
     }
     let number = |i: usize| {

@@ -392,7 +392,7 @@ impl<'a> Lowerer<'a> {
     fn emit_statement(&mut self, args: &'a [hir::Expr], body: &'a [hir::Stmt], pos: Pos) {
         self.lighting(access::emit(self.shader.kind), pos);
         if self.in_emit > 0 {
-            self.diags.error(pos, "`emit` stands within `emit`");
+            self.diags.error(pos, "`emit` is inside of `emit`");
         }
         let symbols: Vec<SymbolId> = args.iter().map(|a| self.expr(a)).collect();
         let form = match symbols[..] {

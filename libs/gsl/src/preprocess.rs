@@ -254,7 +254,8 @@ impl Preprocessor<'_> {
             return;
         }
         let Some(load) = self.options.loader else {
-            self.diags.error(directive.pos, format!("cannot include \"{name}\": there are no files here"));
+            self.diags
+                .error(directive.pos, format!("cannot include \"{name}\": this program does not read files"));
             return;
         };
         for path in self.places(&name, quoted, directive.pos) {

@@ -20,7 +20,7 @@ pub(crate) fn validate(module: &Module) -> Checked {
             SymbolKind::Local | SymbolKind::Temp => symbol.ty.open,
         };
         if bad || symbol.ty.value == ValueType::Void {
-            return Err(format!("symbol {i} is not what its kind says"));
+            return Err(format!("symbol {i} does not match its kind"));
         }
     }
     for (i, param) in module.params.iter().enumerate() {
@@ -54,7 +54,7 @@ impl Checker<'_> {
 
     /// Checks that a symbol is a single value with the components of a type.
     fn value(&self, id: SymbolId, ty: ValueType) -> Checked {
-        if like(self.ty(id)?, ty) { Ok(()) } else { Err(format!("symbol {} is no `{}`", id.0, ty.word())) }
+        if like(self.ty(id)?, ty) { Ok(()) } else { Err(format!("symbol {} is not a `{}`", id.0, ty.word())) }
     }
 
     fn block(&mut self, block: &Block) -> Checked {

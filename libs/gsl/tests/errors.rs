@@ -84,7 +84,10 @@ const BODIES: &[(&str, &str)] = &[
         "float a[2]; float b[3]; a = b; C = a[0] + b[0];",
         "2:27: error: cannot assign an array `float[3]` to an array `float[2]`",
     ),
-    ("if (1) { float a[2] = { 1 }; if (a) C = 1; }", "2:34: error: an array `float[2]` is no condition"),
+    (
+        "if (1) { float a[2] = { 1 }; if (a) C = 1; }",
+        "2:34: error: an array `float[2]` cannot be a condition",
+    ),
     ("C = color (1, 2);", "2:5: error: `color` takes 1 or 3 numbers, 2 given"),
     ("matrix m = matrix (1, 2); C = m[0][0];", "2:12: error: `matrix` takes 1 or 16 numbers, 2 given"),
     ("C = printf (\"x\");", "2:5: error: function `printf` returns no value"),
@@ -102,7 +105,7 @@ const BODIES: &[(&str, &str)] = &[
         "2:14: error: array `a` needs a list of values [write `= { value, value, ... }`]\n2:",
     ),
     ("float a[2] = { 1, 2, 3 }; C = a[0];", "2:14: error: 3 values for array `a` of 2 elements\n2:"),
-    ("float a = { 1 }; C = a;", "2:11: error: `a` is no array; it takes one value\n2:"),
+    ("float a = { 1 }; C = a;", "2:11: error: `a` is not an array; it takes one value\n2:"),
     ("C = C[3];", "2:7: error: subscript 3 of a color is outside [0..2]"),
     ("float a[2]; a[0] = 1; C = a[2];", "2:29: error: subscript 2 of an array is outside [0..1]"),
     ("C = C[0][1];", "2:5: error: `C` is a `color` and has no such subscript"),
@@ -117,7 +120,7 @@ const BODIES: &[(&str, &str)] = &[
     ),
     (
         "C = texture (\"x\", u, v, \"blr\", 1);",
-        "2:25: warning: `texture` knows no option \"blr\" [did you mean `blur`?]",
+        "2:25: warning: `texture` has no option \"blr\" [did you mean `blur`?]",
     ),
     ("C = texture (\"x\", u, v, \"blur\", \"1\");", "2:33: error: cannot convert a `string` to `float`"),
     ("C = texture (\"x\", u, v, \"blur\");", "2:5: error: an optional argument of `texture` has no value"),
@@ -240,7 +243,7 @@ fn errors_in_files_have_their_message_and_place() {
             "1:19: error: `diffuse` gathers light, which a light shader cannot",
         ),
         ("light t () { P = 1; }", "1:14: error: a light shader cannot change `P`"),
-        ("light t () { emit (P) { emit (P) Cl = 1; } }", "1:25: error: `emit` stands within `emit`"),
+        ("light t () { emit (P) { emit (P) Cl = 1; } }", "1:25: error: `emit` is inside of `emit`"),
         ("displacement t () { P += N * Cl[0]; }", "1:30: error: there is no `Cl` in a displacement shader"),
         ("displacement t () { C = 1; }", "1:21: error: a displacement shader cannot change `C`"),
         (

@@ -155,7 +155,7 @@ fn truncated_and_changed_files_are_refused() {
         for n in 0..bytes.len() {
             let error = gso::read(&bytes[..n], "s.gso").unwrap_err().to_string();
             let expected =
-                if n < 8 { "s.gso: it is no compiled shader" } else { "s.gso: the file ends too early" };
+                if n < 8 { "s.gso: it is not a compiled shader" } else { "s.gso: the file ends too early" };
             assert!(error.starts_with(expected), "{n}: {error}");
             assert!(GsoArgs::from_bytes(&bytes[..n], "s.gso").is_err());
         }
@@ -175,7 +175,7 @@ fn truncated_and_changed_files_are_refused() {
     }
     assert_eq!(
         gso::read(source.as_bytes(), "s.gsl").unwrap_err().to_string(),
-        "s.gsl: it is no compiled shader; is it source text?"
+        "s.gsl: it is not a compiled shader; it may be source text"
     );
     assert!(gso::read(&[], "s").is_err());
 }

@@ -14,7 +14,7 @@ pub fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(decode)).map_err(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
-        format!("the decoder gave up ({})", text.unwrap_or("no reason given"))
+        format!("the decoder failed ({})", text.unwrap_or("no reason given"))
     })
 }
 

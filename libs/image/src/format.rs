@@ -91,7 +91,7 @@ impl Limits {
             // Without this the compiler may remove an allocation that is not used.
             std::hint::black_box(&mut room);
             if !granted {
-                let text = format!("it needs {bytes} bytes of memory, which the system does not grant");
+                let text = format!("it needs {bytes} bytes of memory, which the system does not provide");
                 let source = std::io::Error::new(std::io::ErrorKind::OutOfMemory, text);
                 return Err(ImageError::Io { path: path.to_owned(), source });
             }
@@ -118,7 +118,7 @@ impl Limits {
             return Ok(());
         }
         let what = format!(
-            "the header promises {pixel_bytes} bytes of pixels, and {file_bytes} bytes of data hold at most {most}"
+            "the header claims {pixel_bytes} bytes of pixels, and {file_bytes} bytes of data hold at most {most}"
         );
         Err(ImageError::Malformed { path: path.to_owned(), format, what })
     }
@@ -256,7 +256,7 @@ pub trait ImageOutput: Send {
     /// An error when there is no receiver any more, and in other formats.
     fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
         let _ = (rect, pixels);
-        let what = "the format takes no rectangles".to_owned();
+        let what = "the format does not accept rectangles".to_owned();
         Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
     }
 

@@ -60,7 +60,7 @@ impl PluginGenerator {
                 let get: extern "C" fn() -> *const GeneratorTable = unsafe { std::mem::transmute(address) };
                 // SAFETY: tables of the interface are static, or NULL.
                 let table = unsafe { get().as_ref() }.filter(|t| t.abi == ABI && t.run.is_some());
-                Kind::Table(table.ok_or_else(|| format!("what {name} gives is no table of version {ABI}"))?)
+                Kind::Table(table.ok_or_else(|| format!("{name} does not return a table of version {ABI}"))?)
             }
             (Some(other), _) => {
                 return Err(format!("its generator_version is {other}, and this suite takes {VERSION}"));

@@ -374,7 +374,7 @@ impl<'a> Interface<'a> {
     fn count(&mut self, call: &str, n: c_int) -> Option<usize> {
         let count = usize::try_from(n).ok();
         if count.is_none() {
-            self.refuse(format!("{call}: {n} is no number of things"));
+            self.refuse(format!("{call}: {n} is not a valid count"));
         }
         count
     }

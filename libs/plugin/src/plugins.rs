@@ -148,7 +148,7 @@ impl Plugins {
 
     /// Reports that a folder of a search path is skipped.
     pub(crate) fn tell_passed_over(&self, folder: &Path) {
-        self.tell(folder, "passed over: a relative folder counts only when -plugins names it");
+        self.tell(folder, "skipped: a relative folder is used only when -plugins names it");
     }
 
     /// Keeps a program's generator until it is needed. Returns the name by which [`Plugins::generator`] finds it.
@@ -190,7 +190,7 @@ impl Plugins {
                     self.tell(&file, "found");
                     return Some(file);
                 }
-                self.tell(&file, "not there");
+                self.tell(&file, "does not exist");
             }
         }
         None
@@ -254,7 +254,7 @@ impl Plugins {
                     continue;
                 }
                 let Ok(entries) = std::fs::read_dir(folder) else {
-                    self.tell(folder, "is no folder that can be read");
+                    self.tell(folder, "is not a folder that can be read");
                     continue;
                 };
                 let mut here: Vec<PathBuf> = entries

@@ -497,7 +497,7 @@ impl Plugins {
             }
             for ending in endings() {
                 let file = folder.join(format!("{name}.{ending}"));
-                self.tell(&file, if file.is_file() { "found" } else { "not there" });
+                self.tell(&file, if file.is_file() { "found" } else { "does not exist" });
                 if file.is_file() {
                     list.push(file);
                 }

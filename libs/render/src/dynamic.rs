@@ -42,7 +42,7 @@ impl DynamicMaps {
             }
             if view.eyes().is_some() {
                 reporter.warning(format!(
-                    "output \"{}\": a dynamic shadow map has one eye; that of its camera is used",
+                    "output \"{}\": a dynamic shadow map has one view; that of its camera is used",
                     output.name
                 ));
             }
@@ -56,7 +56,7 @@ impl DynamicMaps {
             match textures.declare(&output.name, &made) {
                 Some(id) => maps.push((id, map)),
                 None => reporter.warning(format!(
-                    "output \"{}\": there are two dynamic shadow maps of this name; the first one stays",
+                    "output \"{}\": there are two dynamic shadow maps of this name; the first one is used",
                     output.name
                 )),
             }

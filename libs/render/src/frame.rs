@@ -205,7 +205,7 @@ pub(crate) fn render<S: FrameShader>(
         options.reporter.say(
             Severity::Warning,
             &Location::default(),
-            format!("\"bucketorder\" \"{order}\": an image this large is rendered from the top, to be written meanwhile"),
+            format!("\"bucketorder\" \"{order}\": an image of this size is rendered from the top, so that it is written while it is rendered"),
         );
         order = "horizontal";
     }

@@ -43,9 +43,9 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
                 let names = given.iter().filter(|g| g.output).map(|g| g.name.as_str()).chain(globals);
                 match suggestion(&name, names) {
                     Some(likely) => {
-                        format!("no surface or volume shader gives it; did you mean \"{likely}\"?")
+                        format!("no surface or volume shader computes it; did you mean \"{likely}\"?")
                     }
-                    None => "no surface or volume shader gives it".to_owned(),
+                    None => "no surface or volume shader computes it".to_owned(),
                 }
             }
         };

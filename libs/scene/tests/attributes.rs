@@ -262,7 +262,7 @@ fn attributes_are_refused_outside_of_their_scope() {
         let said = run.said();
         let refused = match row.scope {
             Scope::Camera | Scope::Global => "cannot be set after World",
-            Scope::ReadOnly => "can be asked for, not set",
+            Scope::ReadOnly => "can be read, not set",
             Scope::Output => "is a parameter of Output",
             Scope::Object | Scope::Writer => {
                 assert!(said.is_empty(), "{}: {said:?}", row.name);
@@ -345,5 +345,5 @@ fn user_attributes_need_a_type() {
     set("string user:a", "now a word".into());
     assert!(run.state.attribute("float user:a").is_none());
     run.set(Param::declared("float[3] user:d", 1.0).unwrap());
-    assert!(run.said()[0].contains("wants 3 values, not 1"));
+    assert!(run.said()[0].contains("needs 3 values, not 1"));
 }

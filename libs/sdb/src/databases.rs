@@ -325,7 +325,7 @@ impl Databases {
                 write_image(&path, &*format, self.formats.files(), &packed, &entry.image)?;
             }
             Some(_) => {
-                let what = format!("{} cannot become an image: only (s, t) can", schema.words());
+                let what = format!("{} cannot be written as an image: only (s, t) can", schema.words());
                 return Err(SdbError::Misuse { name: name.to_owned(), what });
             }
             None => saved.write(&path, self.formats.files())?,

@@ -67,15 +67,18 @@ pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
     let file = files.open(path).map_err(io)?;
     let length = file.metadata().map_err(io)?;
     if !length.is_file() {
-        return Err(bad("not a file".to_owned()));
+        return Err(bad("it is not a file".to_owned()));
     }
     if length.len() < HEADER as u64 {
-        return Err(bad(format!("no spatial database: {} bytes, fewer than a header has", length.len())));
+        return Err(bad(format!(
+            "it is not a spatial database: {} bytes are fewer than a header has",
+            length.len()
+        )));
     }
     let map = Map::open(&file).map_err(io)?;
     let head = &map.bytes()[..HEADER];
     if head[..8] != MAGIC {
-        return Err(bad("no spatial database: it begins with other bytes".to_owned()));
+        return Err(bad("it is not a spatial database: it begins with other bytes".to_owned()));
     }
     let word = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
     let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
@@ -91,12 +94,12 @@ pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
     let schema = Schema { key, value };
     let laid = usize::try_from(long(24)).ok().and_then(|count| layout(schema, count));
     let Some((levels, numbers)) = laid.filter(|_| word(20) == FAN as u32) else {
-        return Err(bad(format!("{} records, {} under each box, cannot be", long(24), word(20))));
+        return Err(bad(format!("{} records with {} under each box are not valid", long(24), word(20))));
     };
     let due = numbers as u64 * 4;
     let there = map.bytes().len() as u64 - HEADER as u64;
     if due != long(32) || there != due {
-        return Err(bad(format!("{there} bytes of records where {due} are due")));
+        return Err(bad(format!("{there} bytes of records where {due} are needed")));
     }
     if crc32fast::hash(&map.bytes()[HEADER..]) != word(40) {
         return Err(bad("the records were altered: their checksum does not match".to_owned()));
@@ -109,7 +112,7 @@ pub(crate) fn read_with(path: &Path, files: &Files) -> Result<Packed> {
             .collect();
         return Ok(Packed::new(schema, &floats[..count * schema.numbers()]));
     }
-    let map = map.at(HEADER).ok_or_else(|| bad("its numbers stand at odd addresses".to_owned()))?;
+    let map = map.at(HEADER).ok_or_else(|| bad("its numbers are not aligned".to_owned()))?;
     Ok(Packed::mapped(schema, count, levels, map))
 }
 

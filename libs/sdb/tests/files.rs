@@ -112,7 +112,7 @@ fn damaged_files_are_refused_by_name() {
         more words follow until there are enough of them"
         )
         .to_string()
-        .contains("no spatial database")
+        .contains("not a spatial database")
     );
     assert!(matches!(read(folder.path()), Err(SdbError::Malformed { .. } | SdbError::Io { .. })));
     assert!(matches!(read(&folder.path().join("none.sdb")), Err(SdbError::Io { .. })));

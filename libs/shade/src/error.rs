@@ -10,7 +10,7 @@ pub enum ShadeError {
         what: String,
     },
     /// The shaders are too large to run.
-    #[error("{what}: {asked} asked, {max} allowed")]
+    #[error("{what}: {asked} requested, {max} allowed")]
     Limit {
         /// The limited quantity.
         what: &'static str,

@@ -227,7 +227,7 @@ impl ShadingContext {
                 Severity::Warning,
                 &primitive.at,
                 format!(
-                    "object \"{name}\": \"opacity\" ({} {} {}) counts as ({} {} {}): it is from 0 to 1",
+                    "object \"{name}\": \"opacity\" ({} {} {}) is clamped to ({} {} {}): it must be from 0 to 1",
                     given.x, given.y, given.z, opacity.x, opacity.y, opacity.z
                 ),
             );

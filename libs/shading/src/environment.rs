@@ -23,7 +23,7 @@ pub trait ShaderLibrary: Send + Sync {
     /// # Errors
     /// Returns the reason why the function is not available.
     fn shadeop(&self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
-        Err(format!("shadeop {text}: this program loads none"))
+        Err(format!("shadeop {text}: this program loads no shadeops"))
     }
 }
 
@@ -40,7 +40,7 @@ pub enum NoShader {
 /// Compiled shaders in memory, by name.
 impl ShaderLibrary for BTreeMap<String, ValidModule> {
     fn load(&self, name: &str) -> Result<ValidModule, NoShader> {
-        self.get(name).cloned().ok_or_else(|| NoShader::Missing("looked nowhere".to_owned()))
+        self.get(name).cloned().ok_or_else(|| NoShader::Missing("no folder was searched".to_owned()))
     }
 }
 

@@ -184,10 +184,10 @@ pub(crate) fn kind(usage: ShaderUsage) -> ShaderKind {
 /// Describes what replaces a shader that cannot be used.
 fn substitute(usage: ShaderUsage) -> &'static str {
     match usage {
-        ShaderUsage::Surface => "\"defaultsurface\" takes its place",
-        ShaderUsage::Displacement => "the surface stays where it is",
-        ShaderUsage::Volume => "the volume stays clear",
-        ShaderUsage::Light => "the light stays dark",
+        ShaderUsage::Surface => "\"defaultsurface\" is used",
+        ShaderUsage::Displacement => "the surface is not displaced",
+        ShaderUsage::Volume => "there is no volume effect",
+        ShaderUsage::Light => "the light emits nothing",
     }
 }
 

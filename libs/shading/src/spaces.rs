@@ -106,8 +106,9 @@ impl Units {
     /// does not help.
     pub fn assumed(&self, from: &str, to: &str) -> Option<(f32, &'static str)> {
         const LENGTH: &str =
-            "\"units:length\" is not set: shaders take a unit of \"common\" space for a millimetre";
-        const TIME: &str = "\"units:time\" is not set: shaders take a unit of \"common\" time for a second";
+            "\"units:length\" is not set: shaders assume that a unit of \"common\" space is a millimetre";
+        const TIME: &str =
+            "\"units:time\" is not set: shaders assume that a unit of \"common\" time is a second";
         let whole =
             Self { length_m: self.length_m.or(Some(0.001)), time_s: self.time_s.or(Some(1.0)), ..*self };
         let factor = whole.scale(from, to)?;

@@ -88,7 +88,7 @@ impl ShadingStatistics {
             (
                 "  tessellations made",
                 format!(
-                    "{} ({} given up, at most {} KB at once)",
+                    "{} ({} evicted, at most {} KB at once)",
                     self.ray_tessellations,
                     self.ray_tessellations_given_up,
                     kb(self.ray_tessellation_bytes_peak)
@@ -107,9 +107,9 @@ impl ShadingStatistics {
             ),
             ("  lookups", self.texture_lookups.to_string()),
             (
-                "  tiles asked for",
+                "  tiles requested",
                 format!(
-                    "{}, {} not there and read ({} KB, at most {} KB at once)",
+                    "{}, {} not in the cache and read ({} KB, at most {} KB at once)",
                     self.texture_tile_requests,
                     self.texture_tiles_read,
                     kb(self.texture_bytes_read),

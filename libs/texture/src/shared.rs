@@ -347,7 +347,7 @@ impl Shared {
                     let what = lack.words();
                     self.warn_once(
                         file,
-                        &format!("{what}: made in memory, maketx would save time and memory"),
+                        &format!("{what}: its levels are made in memory; a file made by maketx takes less time and memory"),
                     );
                 }
                 levels
@@ -366,7 +366,7 @@ impl Shared {
     /// Opens a file once more, to be read as a whole.
     pub(crate) fn open_whole(&self, file: &TextureFile) -> Result<Whole<'_>, String> {
         if let Source::Made = file.source {
-            return Err("it is no file".to_owned());
+            return Err("it is not a file".to_owned());
         }
         let leave = self.leave();
         let input = self.retried(|| self.registry.open(&file.path)).map_err(|e| e.to_string())?;
@@ -387,7 +387,7 @@ impl Shared {
             }
             Ok(pixels) => {
                 let what = format!(
-                    "a tile of {} values ({:?}) where {} ({:?}) are due",
+                    "a tile of {} values ({:?}) where {} ({:?}) are needed",
                     pixels.len(),
                     pixels.pixel_type(),
                     texels * file.channels,

@@ -303,13 +303,9 @@ pub fn flip_page(a: &Page, b: &Page, options: &CompareOptions, store: &TileStore
     }
     let asked = u64::from(sa.width) * u64::from(sa.height);
     if asked > FLIP_PIXELS {
-        return Err(ViewError::Limit {
-            what: "pixels that are compared by their looks",
-            asked,
-            max: FLIP_PIXELS,
-        });
+        return Err(ViewError::Limit { what: "pixels of a perceptual comparison", asked, max: FLIP_PIXELS });
     }
-    let no_colors = || misuse("what has no colours cannot be compared by its looks".to_owned());
+    let no_colors = || misuse("a perceptual comparison needs colours".to_owned());
     let values = flip_map(a, b, options)?.ok_or_else(no_colors)?;
     let mut spec = ImageSpec::new(sa.width, sa.height, 1, PixelType::Float);
     spec.channels = vec!["FLIP".to_owned()];

@@ -87,7 +87,7 @@ pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &For
         None => (0..source.nchannels()).collect(),
     };
     let Some(format) = formats.by_name(extension).filter(|f| f.supports("write")) else {
-        let what = format!("{}: no format that can be written", path.display());
+        let what = format!("{}: its extension does not name a format that can be written", path.display());
         return Err(ViewError::Misuse { what });
     };
     let fits = |t: PixelType| match t {

@@ -20,11 +20,11 @@ fn every_call_works_from_cpp() {
         assert_eq!(written, std::fs::read_to_string(golden).unwrap());
         for mistake in [
             "Mesh: unknown interpolation \"spline\"",
-            "Patch: -2 is no number of things",
+            "Patch: -2 is not a valid count",
             "parameter \"P\" has no data (NULL)",
             "\"x\" needs a type",
             "cannot read declaration \"quux y\"",
-            "a generator that is NULL",
+            "the generator is NULL",
             "the generator's run threw an exception: no such luck",
         ] {
             assert!(said.contains(mistake), "{mistake}: {said}");
@@ -126,7 +126,7 @@ fn invalid_plugins_are_reported_and_skipped() {
     let err = render("bad");
     assert!(err.contains("bad.imageio.so is not used: it cannot be loaded"), "{err}");
     let err = render("0x1234");
-    assert!(err.contains("is no ImageOutput of the program"), "{err}");
+    assert!(err.contains("is not an ImageOutput of the program"), "{err}");
 }
 
 /// A format in C is written in rectangles, read by other tools, and found through "path:imageio".

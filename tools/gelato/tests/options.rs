@@ -172,7 +172,7 @@ fn messages_follow_the_verbosity_and_are_counted() {
     for quiet in [["-silent", "scene.pyg"].as_slice(), &["-verbosity", "0", "scene.pyg"]] {
         let ran = place.run(quiet);
         let lines: Vec<&str> = ran.said.lines().collect();
-        assert!(ran.status == 1 && lines.len() == 1 && lines[0].contains("\"C\" wants color"), "{lines:?}");
+        assert!(ran.status == 1 && lines.len() == 1 && lines[0].contains("\"C\" needs color"), "{lines:?}");
     }
     let much = place.run(&["-verbosity", "2", "scene.pyg"]);
     assert!(much.said.contains("info: compiling plastic.gsl"), "{}", much.said);

@@ -100,7 +100,7 @@ struct Options {
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
     if let Err(error) = before_signals(|| ()) {
-        say(&format!("gslc: warning: signals are not watched: {error}"));
+        say(&format!("gslc: warning: signals cannot be handled: {error}"));
     }
     if options.run { run::run(&options) } else { compile_file(&options) }
 }

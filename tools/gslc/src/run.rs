@@ -127,7 +127,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
     let side = |s: &str| s.trim().parse().ok().filter(|n| (1..=1 << 16).contains(n));
     match (side(w), side(h)) {
         (Some(w), Some(h)) if w * h <= 1 << 28 => Ok((w, h)),
-        _ => Err(format!("\"{text}\" is no grid size such as 512x512")),
+        _ => Err(format!("\"{text}\" is not a grid size such as 512x512")),
     }
 }
 
@@ -135,7 +135,7 @@ fn size(text: &str) -> Result<(usize, usize), String> {
 fn param(text: &str) -> Result<Param, String> {
     let mut words = text.split_whitespace();
     let (Some(ty), Some(name)) = (words.next(), words.next()) else {
-        return Err(format!("\"{text}\" is no parameter such as \"float Kd 0.5\""));
+        return Err(format!("\"{text}\" is not a parameter such as \"float Kd 0.5\""));
     };
     let (ty, name) = ParamType::parse(&format!("{ty} {name}")).map_err(|e| e.to_string())?;
     let data = if ty.base == BaseType::String {
@@ -147,7 +147,7 @@ fn param(text: &str) -> Result<Param, String> {
         };
         ParamData::String(list.into())
     } else {
-        let number = |w: &str| w.parse::<f32>().map_err(|_| format!("\"{text}\": \"{w}\" is no number"));
+        let number = |w: &str| w.parse::<f32>().map_err(|_| format!("\"{text}\": \"{w}\" is not a number"));
         ParamData::Float(words.map(number).collect::<Result<Vec<f32>, _>>()?.into())
     };
     Ok(Param { name: name.into(), ty, data })

@@ -45,7 +45,7 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
     }
     #[cfg(not(feature = "window"))]
     {
-        reporter.error("there is no window in this build: choose what to do without one (-help lists it)");
+        reporter.error("this build has no window: use an option that needs none (-help lists them)");
         Status::Failed
     }
 }
@@ -74,7 +74,7 @@ pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);
     let reporter = console_reporter("iv", &Bar::new(false));
     if let Err(error) = before_signals(|| ()) {
-        reporter.warning(format!("signals are not watched: {error}"));
+        reporter.warning(format!("signals cannot be handled: {error}"));
     }
     run(&args, &reporter)
 }

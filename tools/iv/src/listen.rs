@@ -135,8 +135,9 @@ fn start(
     let limits = ServerLimits { packet, ..ServerLimits::default() };
     let listener = Listener::bind(address, limits, Arc::new(feeder))?;
     if !address.ip().is_loopback() {
-        reporter
-            .warning(format!("{address} can be reached from other machines: anybody there may send images"));
+        reporter.warning(format!(
+            "{address} can be reached from other machines: every program there can send images"
+        ));
     }
     // The program that started this one waits for these words.
     let text = format!("iv: listening on {}\n", listener.address());
@@ -283,7 +284,7 @@ impl Sink for Feeder {
                 let name = here(&own);
                 match complete {
                     true => self.live.finish(&name),
-                    false => self.live.lost(&name, "it was stopped before it was done"),
+                    false => self.live.lost(&name, "the render was stopped before it was complete"),
                 }
                 let mut names = self.names();
                 names.makers.remove(&name);
@@ -314,8 +315,8 @@ impl Sink for Feeder {
         let note = match ending {
             // Other programs do not send the end of an image.
             Ending::Closed if !client.is_two_way() => None,
-            Ending::Closed => Some("the sender went away before it was done".to_owned()),
-            Ending::Broken(what) => Some(format!("the sender is lost: {what}")),
+            Ending::Closed => Some("the sender disconnected before the image was complete".to_owned()),
+            Ending::Broken(what) => Some(format!("the connection to the sender is lost: {what}")),
         };
         for name in gone {
             match &note {

@@ -200,7 +200,7 @@ impl Still<'_> {
                 faults.push(format!("{percent:.4} % of the pixels differ by more than {by}, {most} % may"));
             }
         } else if broken > 0 {
-            faults.push(format!("{broken} values are no finite numbers in one of them only"));
+            faults.push(format!("{broken} values are not finite in only one of them"));
         }
         if limits.maxrms.is_some_and(|most| found.rms > most) {
             faults.push(format!(
@@ -216,7 +216,7 @@ impl Still<'_> {
             match found.flip {
                 Some((mean, _)) if mean > most => faults.push(format!("FLIP {mean:.6} exceeds {most}")),
                 Some(_) => {}
-                None => faults.push("FLIP is only known of colours, of at most 64 Mi pixels".to_owned()),
+                None => faults.push("FLIP is computed for colours only, of at most 64 Mi pixels".to_owned()),
             }
         }
         if !found.single.is_empty() {
@@ -336,7 +336,7 @@ fn comparison_text(found: &Comparison) -> String {
         number(f64::from(found.max))
     );
     if found.decoded {
-        text.push_str("  one stores colours for a screen and was decoded\n");
+        text.push_str("  one stores encoded colours, which were decoded\n");
     }
     text
 }

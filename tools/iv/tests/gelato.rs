@@ -163,7 +163,7 @@ fn ready() -> Option<Screen> {
         .output()
         .unwrap();
     let error = String::from_utf8_lossy(&ran.stderr).into_owned();
-    if error.contains("there can be no window") {
+    if error.contains("the window cannot be opened") {
         granita_needs::skip(&format!("driver (under Xvfb: {error})"));
         return None;
     }

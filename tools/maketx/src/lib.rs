@@ -242,7 +242,7 @@ pub fn main(words: Vec<OsString>) -> Status {
     let reporter = console_reporter("maketx", &bar);
     reporter.set_verbosity(verbosity);
     if let Err(error) = before_signals(|| ()) {
-        reporter.warning(format!("signals are not watched: {error}"));
+        reporter.warning(format!("signals cannot be handled: {error}"));
     }
     run(&args, &bar, &reporter)
 }

@@ -148,7 +148,7 @@ fn errors_of_malformed_packets_name_the_byte_offset() {
         (bytes(4, &[b"\0a\0", &ints(&[1, 1, 257])]), "number of channels 257 exceeds the limit of 256"),
         (
             bytes(3, &[b"\0a\0R\0", &place, &floats(&[1.0])]),
-            "malformed packet: 2 values are wanted, and 4 bytes are there at byte 26",
+            "malformed packet: 2 values are needed, and 4 bytes came at byte 26",
         ),
         (
             bytes(6, &[b"\0a\0", &ints(&[1]), b"R\0", &place, &longs(&[-1, 1])]),

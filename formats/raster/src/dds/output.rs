@@ -159,7 +159,7 @@ impl ImageOutput for DdsOutput {
             || spec.is_tiled()
         {
             return Err(self.misuse(format!(
-                "level {} is {} x {}; DDS wants rows of {} x {} and the same channels",
+                "level {} is {} x {}; DDS needs rows of {} x {} and the same channels",
                 self.level + 1,
                 spec.width,
                 spec.height,

@@ -116,7 +116,8 @@ impl AtomicFile {
         let target = if special {
             Target::Direct(BufWriter::new(open_special(&destination)?))
         } else {
-            let name = destination.file_name().ok_or_else(|| io::Error::other("it is no name of a file"))?;
+            let name =
+                destination.file_name().ok_or_else(|| io::Error::other("it is not the name of a file"))?;
             let folder_path = match destination.parent() {
                 Some(p) if !p.as_os_str().is_empty() => p.to_owned(),
                 _ => PathBuf::from("."),
@@ -215,7 +216,7 @@ impl Place {
                 }
             }
         }
-        Err(io::Error::other(format!("{DRAFTS} programs are writing it")))
+        Err(io::Error::other(format!("{DRAFTS} programs write this file at the same time")))
     }
 
     /// Gives the finished file its name.
@@ -312,7 +313,7 @@ fn link(file: &File, folder: &Dir, name: &Path) -> io::Result<()> {
 
 #[cfg(not(target_os = "linux"))]
 fn link(_: &File, _: &Dir, _: &Path) -> io::Result<()> {
-    Err(io::Error::other("the system knows no files without names"))
+    Err(io::Error::other("the system does not support unnamed files"))
 }
 
 /// Opens a device or a pipe. A pipe that no program reads is an error, after a short time in which a reader may

@@ -247,7 +247,7 @@ impl Confined {
             name.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         if !self.rules.extensions.contains(&extension) {
             return Err(denied(format!(
-                "\".{extension}\" is not how images, textures, databases and logs end (-safe)"
+                "files with the extension \"{extension}\" are not written, only images, textures, databases and logs (-safe)"
             )));
         }
         Ok(name)
@@ -275,9 +275,11 @@ impl Confined {
         }
         match folder.symlink_metadata(last) {
             Ok(kind) if kind.is_symlink() => return Err(denied("no file is written through a link (-safe)")),
-            Ok(kind) if !kind.is_file() => return Err(denied("what is there is not a regular file (-safe)")),
+            Ok(kind) if !kind.is_file() => {
+                return Err(denied("the existing file is not a regular file (-safe)"));
+            }
             Ok(_) if !made.listed.contains(&name) => {
-                return Err(denied("there is such a file, which no run of this scene made (-safe)"));
+                return Err(denied("the existing file was not made by a run of this scene (-safe)"));
             }
             Ok(_) => (),
             Err(error) if error.kind() == io::ErrorKind::NotFound => (),
@@ -295,7 +297,7 @@ impl Confined {
             let mut options = OpenOptions::new();
             options.append(true).create(true);
             let mut list = folder.open_with(LIST, &options)?;
-            let text = name.to_str().ok_or_else(|| denied("names are text (-safe)"))?;
+            let text = name.to_str().ok_or_else(|| denied("the name is not valid text (-safe)"))?;
             list.write_all(format!("{}\t{text}\n", self.rules.scene).as_bytes())?;
         }
         made.now.insert(name.to_owned());
@@ -499,7 +501,9 @@ mod tests {
         // user put there.
         write(&place.files("s"), "x.tif", "four").unwrap();
         assert!(
-            write(&place.files("other"), "x.tif", "five").unwrap_err().contains("no run of this scene made")
+            write(&place.files("other"), "x.tif", "five")
+                .unwrap_err()
+                .contains("not made by a run of this scene")
         );
         std::fs::write(place.path("scene.out/mine.tif"), "mine").unwrap();
         assert!(write(&place.files("s"), "mine.tif", "x").is_err());

@@ -75,7 +75,8 @@ impl Stereo {
         };
         let convergence = get.finite(attr::STEREO_CONVERGENCE);
         if eyes != EyeProjection::Parallel && convergence <= 0.0 {
-            let what = format!("{convergence} is no depth before the camera; the two views are parallel");
+            let what =
+                format!("{convergence} is not a depth in front of the camera; the two views are parallel");
             get.complain(attr::STEREO_CONVERGENCE, &what);
             eyes = EyeProjection::Parallel;
         }

@@ -50,8 +50,8 @@ impl Plugins {
     pub fn make_image_output(&self, file: &str, format: Option<&str>) -> Result<*mut c_void, String> {
         let extension = Path::new(file).extension().map(|e| e.to_string_lossy().into_owned());
         let name = format.filter(|f| !f.is_empty()).map(str::to_owned).or(extension);
-        let name =
-            name.ok_or_else(|| format!("{file}: neither a format nor an extension says what to write"))?;
+        let name = name
+            .ok_or_else(|| format!("{file}: neither the format nor the extension names an image format"))?;
         if let Some(made) = self.image_named(&name).and_then(|plugin| plugin.cpp_writer()) {
             return made;
         }
@@ -249,7 +249,7 @@ unsafe extern "C" fn out_open(
         // SAFETY: the class over the table passes a string, a description and its parameters.
         let (name, spec, params) =
             unsafe { (ffi::text(name).unwrap_or_default(), &*spec, params(nparams, list)) };
-        let side = |n: c_int| u32::try_from(n).map_err(|_| format!("{n} is no size"));
+        let side = |n: c_int| u32::try_from(n).map_err(|_| format!("{n} is not a valid size"));
         let (quantize, stored) = if params.get(granita_scene::attr::QUANTIZE.name()).is_some() {
             Quantize::for_output(&*out.format, &params)
         } else {
@@ -310,7 +310,7 @@ unsafe fn gathered(
     strides: [c_int; 2],
 ) -> Result<Vec<f32>, String> {
     if data.is_null() {
-        return Err("pixels that are NULL".to_owned());
+        return Err("the pixels are NULL".to_owned());
     }
     let mut values = Vec::with_capacity(size[0] * size[1] * n);
     for y in 0..size[1] {
@@ -333,7 +333,7 @@ unsafe extern "C" fn out_scanline(
 ) -> c_int {
     on(this, message, |out: &mut Out| {
         let (Some(file), Some(spec)) = (&mut out.file, &out.spec) else {
-            return Err("it is not open".to_owned());
+            return Err("the file is not open".to_owned());
         };
         if i64::from(y) != i64::from(spec.y) + i64::from(out.row) {
             return Err(format!("scanline {y} comes after {}: they have to come in order", out.row));
@@ -365,7 +365,7 @@ unsafe extern "C" fn out_tile(
 ) -> c_int {
     on(this, message, |out: &mut Out| {
         let (Some(file), Some(spec)) = (&mut out.file, &out.spec) else {
-            return Err("it is not open".to_owned());
+            return Err("the file is not open".to_owned());
         };
         let tile = |at: c_int, begin: i32, size: u32| {
             let from = u32::try_from(i64::from(at) - i64::from(begin)).ok()?;
@@ -384,7 +384,7 @@ unsafe extern "C" fn out_tile(
 unsafe extern "C" fn out_close(this: *mut c_void, message: Message) -> c_int {
     on(this, message, |out: &mut Out| match out.file.take() {
         Some(file) => file.close().map_err(|e| e.to_string()),
-        None => Err("it is not open".to_owned()),
+        None => Err("the file is not open".to_owned()),
     })
 }
 
@@ -418,7 +418,7 @@ impl In {
     }
 
     fn spec(&self) -> Result<&ImageSpec, String> {
-        let file = self.file.as_ref().ok_or("it is not open")?;
+        let file = self.file.as_ref().ok_or("the file is not open")?;
         file.spec(self.at.0, self.at.1).ok_or_else(|| "there is no such image".to_owned())
     }
 
@@ -451,7 +451,7 @@ impl In {
 
     fn give(pixels: &granita_image::Pixels, data: *mut c_void) -> Result<(), String> {
         if data.is_null() {
-            return Err("room that is NULL".to_owned());
+            return Err("the buffer is NULL".to_owned());
         }
         let mut bytes = Vec::new();
         pixels.append_le_bytes(&mut bytes);
@@ -498,7 +498,7 @@ unsafe extern "C" fn in_scanline(
         let spec = input.spec()?;
         let row = u32::try_from(i64::from(y) - i64::from(spec.y)).ok().filter(|row| *row < spec.height);
         let (row, file) = (row.ok_or_else(|| format!("there is no scanline {y}"))?, input.file.as_ref());
-        let file = file.ok_or("it is not open")?;
+        let file = file.ok_or("the file is not open")?;
         let pixels = file.read_rows(input.at.0, input.at.1, row, row + 1).map_err(|e| e.to_string())?;
         In::give(&pixels, data)
     })
@@ -520,7 +520,7 @@ unsafe extern "C" fn in_tile(
         };
         let (tx, ty) = (tile(x, spec.x, spec.tile_width), tile(y, spec.y, spec.tile_height));
         let (Some(tx), Some(ty)) = (tx, ty) else { return Err(format!("there is no tile at {x}, {y}")) };
-        let file = input.file.as_ref().ok_or("it is not open")?;
+        let file = input.file.as_ref().ok_or("the file is not open")?;
         let pixels = file.read_tile(input.at.0, input.at.1, tx, ty).map_err(|e| e.to_string())?;
         In::give(&pixels, data)
     })

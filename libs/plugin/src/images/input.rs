@@ -123,7 +123,7 @@ fn description(
     reader: &mut Reader,
 ) -> Result<(ImageSpec, bool)> {
     let side = |what: &str, n: c_int| {
-        u32::try_from(n).map_err(|_| format.fault(path, format!("it says that the {what} is {n}")))
+        u32::try_from(n).map_err(|_| format.fault(path, format!("it reports {n} as the {what}")))
     };
     if spec.depth > 1 {
         return Err(ImageError::Unsupported {
@@ -141,7 +141,7 @@ fn description(
         15 => Some(PixelType::U16),
         5 | 12 | 14 | 16 | 17 => None,
         other => {
-            return Err(format.fault(path, format!("it says that the format of channels is number {other}")));
+            return Err(format.fault(path, format!("it reports number {other} as the format of channels")));
         }
     };
     let own = reader.converts(format);

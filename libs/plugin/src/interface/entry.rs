@@ -286,7 +286,7 @@ extern "C" fn value(
 ) {
     take(this, if attribute == 0 { "Parameter" } else { "Attribute" }, |i| {
         if name.is_null() {
-            return i.complain("a parameter or attribute without a name (NULL)");
+            return i.complain("a parameter or attribute has no name (NULL)");
         }
         // SAFETY: the name is a string that is not NULL, and the data is of the kind that was passed.
         let (name, source) = unsafe { (CStr::from_ptr(name), Source::new(kind, data)) };
@@ -387,7 +387,7 @@ fn span(i: &mut Interface<'_>, call: &str, knots: *const Knots) -> Option<KnotSp
         Some(KnotSpan { n, order, knots: all.into(), min: k.min, max: k.max })
     });
     if made.is_none() {
-        i.refuse(format!("{call}: knots are missing, or their number makes no sense"));
+        i.refuse(format!("{call}: the knots are missing, or their number is not valid"));
     }
     made
 }
@@ -482,7 +482,7 @@ extern "C" fn input_generator(this: *mut c_void, generator: *mut c_void, bound: 
     let generator = GeneratorObject(generator);
     take(this, "Input", |i| {
         if generator.0.is_null() {
-            return i.complain("Input: a generator that is NULL");
+            return i.complain("Input: the generator is NULL");
         }
         let given = values(bound, if bound.is_null() { 0 } else { 6 }).and_then(|b| b.try_into().ok());
         let bound = match given {

@@ -184,7 +184,7 @@ pub fn prepare<O: RayObject>(
         report(
             Severity::Error,
             format!(
-                "its {} asks for more than {most} points and is left out for rays; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
+                "its {} needs more than {most} points and is left out for rays; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
                 on_demand.primitive.shape.call_name()
             ),
         );

@@ -56,7 +56,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let (least, most) =
                 weights.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), w| (a.min(w), b.max(w)));
             (least <= 0.0 && most >= 0.0).then(|| {
-                format!("its transformation divides by numbers from {least} to {most}, 0 among them")
+                format!("its transformation divides by numbers from {least} to {most}, which include 0")
             })
         };
         let eyes = || self.eyes.iter().map(|eye| eye.camera).chain([self.options.dicing_camera]);
@@ -72,7 +72,7 @@ impl<S: FrameShader> Frame<'_, S> {
             Severity::Error,
             &primitive.at,
             format!(
-                "object \"{name}\": its {} asks for more than {most} points and is left out; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
+                "object \"{name}\": its {} needs more than {most} points and is left out; lower \"shadingquality\", or raise \"limits:primitivepoints\"",
                 primitive.shape.call_name()
             ),
         );

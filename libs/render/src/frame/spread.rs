@@ -33,11 +33,7 @@ impl<S: FrameShader> Share<'_, '_, S> {
         let eyes = self.frame.eyes.len();
         let right = pixels.len() == self.frame.outputs.images.len() * eyes
             && pixels.iter().zip(expected.cycle()).all(|(values, n)| values.len() == n);
-        if right {
-            Ok(())
-        } else {
-            Err("its buckets have other sizes: does it read the same scene?".to_owned())
-        }
+        if right { Ok(()) } else { Err("its buckets have other sizes; it may read another scene".to_owned()) }
     }
 }
 
@@ -59,8 +55,7 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
     fn put(&self, index: usize, pixels: Result<BucketPixels, String>) -> Result<(), String> {
         let frame = self.frame;
         let mut taken = self.taken.lock();
-        let at =
-            taken.iter().position(|i| *i == index).ok_or("it sent a bucket that it was not asked for")?;
+        let at = taken.iter().position(|i| *i == index).ok_or("it sent a bucket that was not requested")?;
         let rect = &frame.buckets.order[index];
         if let Ok(pixels) = &pixels {
             self.check(rect, pixels)?;

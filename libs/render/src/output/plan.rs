@@ -242,7 +242,7 @@ impl OutputSet {
         for (l, _) in left.images.iter().zip(&right.images).filter(|(l, r)| l.path == r.path) {
             let path = l.path.display();
             reporter.warning(format!(
-                "output \"{path}\": \"stereo:left\" and \"stereo:right\" are the same file; the right view stays"
+                "output \"{path}\": \"stereo:left\" and \"stereo:right\" are the same file; the right view is written"
             ));
         }
         vec![left, right]
@@ -288,7 +288,7 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     };
     if asks_for_dynamic(output) && !is_dynamic(output) {
         let what = format!(
-            "\"dynamic\" is for \"z\" and \"avgz\", not for \"{}\"; it is rendered whole",
+            "\"dynamic\" is for \"z\" and \"avgz\", not for \"{}\"; the image is rendered completely",
             output.data
         );
         report(output, reporter, Severity::Warning, what);
@@ -297,7 +297,7 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
     for (key, least) in [(attr::GAIN, f32::MIN), (attr::GAMMA, f32::MIN_POSITIVE), (attr::DITHER, 0.0)] {
         let (name, v) = (key.name(), output.get(key));
         if !(v.is_finite() && v >= least) {
-            mistake(output, reporter, name, format!("\"{name}\" {v} is of no use; the default is used"));
+            mistake(output, reporter, name, format!("\"{name}\" {v} is not valid; the default is used"));
         }
     }
     check_pixel_type(output, &*format, reporter);
@@ -334,7 +334,9 @@ fn report(output: &Output, reporter: &Reporter, severity: Severity, what: String
 fn writable(name: &str, registry: &FormatRegistry) -> Result<Arc<dyn Format>, String> {
     let Some(format) = registry.by_name(name) else {
         if name.starts_with("0x") {
-            return Err(format!("format \"{name}\" is no ImageOutput of the program that makes the calls"));
+            return Err(format!(
+                "format \"{name}\" is not an ImageOutput of the program that makes the calls"
+            ));
         }
         let names = registry.names().join(", ");
         return Err(format!("unknown image format \"{name}\" (known: {names})"));
@@ -351,7 +353,10 @@ fn check_pixel_type(output: &Output, format: &dyn Format, reporter: &Reporter) {
     let what = match &*asked {
         "half" | "float" if format.supports("half") => return,
         "half" | "float" => {
-            format!("format \"{}\" stores no halves; \"quantize\" says what it stores", output.format)
+            format!(
+                "format \"{}\" does not store halves; \"quantize\" sets the type of the numbers",
+                output.format
+            )
         }
         other => format!("\"pixeltype\" is \"half\" or \"float\", not \"{other}\"; \"half\" is used"),
     };
@@ -456,7 +461,12 @@ fn opaque_width(output: &Output, reporter: &Reporter) -> f32 {
         return asked;
     }
     let used = attr::OPAQUEWIDTH.default();
-    mistake(output, reporter, "opaquewidth", format!("\"opaquewidth\" {asked} is no width; {used} is used"));
+    mistake(
+        output,
+        reporter,
+        "opaquewidth",
+        format!("\"opaquewidth\" {asked} is not a valid width; {used} is used"),
+    );
     used
 }
 
@@ -492,7 +502,7 @@ fn unknown_parameters(output: &Output, reporter: &Reporter) {
         if !known().any(|k| k == name)
             && let Some(likely) = likely()
         {
-            let what = format!("nothing takes a parameter \"{name}\"; did you mean \"{likely}\"?");
+            let what = format!("there is no parameter \"{name}\"; did you mean \"{likely}\"?");
             mistake(output, reporter, name, what);
         }
     }

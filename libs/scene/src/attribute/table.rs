@@ -73,7 +73,7 @@ attributes! {
     LIMITS_BUCKETSIZE: Camera, [i32; 2] = "4.1", "limits:bucketsize", Ints(&[32, 32]),
         "size of a bucket in pixels";
     BUCKETORDER: Camera, Arc<str> = "4.1", "bucketorder", OneOf(&["horizontal", "vertical", "spiral"]),
-        "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB come from the top";
+        "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB are rendered from the top";
     LIMITS_BUCKETBLOCKSIZE: Camera, i32 = "4.1", "limits:bucketblocksize", Ints(&[2]),
         "number of buckets along each side of a cluster; clusters are rendered one after the other";
     LIMITS_AUTOPASSREDUCTION: Camera, bool = "4.1", "limits:autopassreduction", Ints(&[1]),
@@ -190,7 +190,7 @@ attributes! {
     STATISTICS_LEVEL: Global, i32 = "4.3.7", "statistics:level", Ints(&[0]), "level of statistics; 0 prints none";
     STATISTICS_FILENAME: Global, Arc<str> = "4.3.7", "statistics:filename", Text(""),
         "file for statistics; standard output when empty";
-    DEBUG_DSO: Global, bool = "4.3.7", "debug:dso", Ints(&[0]), "tell about every plugin looked at";
+    DEBUG_DSO: Global, bool = "4.3.7", "debug:dso", Ints(&[0]), "report every plugin that is tried";
     DEBUG_FILESREAD: Global, Arc<str> = "4.3.7", "debug:filesread", Text(""),
         "file for the names of all files read";
     DEBUG_SHADERNAN: Global, bool = "4.3.7", "debug:shadernan", Ints(&[0]), "report NaN in shaders";

@@ -22,7 +22,7 @@ fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
     let is_string = |base: BaseType| base == BaseType::String;
     if declared.base != BaseType::Unknown && is_string(declared.base) != is_string(row.ty.base) {
         let given = if is_string(declared.base) { "a string" } else { "a number" };
-        return Err(format!("\"{}\" wants {}, not {given}", row.name, row.ty));
+        return Err(format!("\"{}\" needs {}, not {given}", row.name, row.ty));
     }
     let whole = |v: &[f32]| v.iter().all(|f| f.fract() == 0.0);
     let data = match (row.ty.base, &param.data) {
@@ -42,14 +42,14 @@ fn converted(param: &Param, row: &AttributeRow) -> Result<ParamData, String> {
             }
             ParamData::Int(_) => "these numbers".to_owned(),
         };
-        return Err(format!("\"{}\" wants {}, not {given}", row.name, row.ty));
+        return Err(format!("\"{}\" needs {}, not {given}", row.name, row.ty));
     };
     let (got, mut want) = (data.len(), row.ty.width());
     if row.is_list() {
         want = got.max(1);
     }
     if got != want {
-        return Err(format!("\"{}\" wants {} ({}), not {got}", row.name, values(want), row.ty));
+        return Err(format!("\"{}\" needs {} ({}), not {got}", row.name, values(want), row.ty));
     }
     // The values fit the attribute, so that the error is in the declaration.
     if declared.base != BaseType::Unknown && declared.width() != got {
@@ -112,7 +112,7 @@ impl State {
             Scope::Object => self.set_object(known, param, at),
             Scope::Writer => self.set_writer(param),
             Scope::ReadOnly => {
-                let text = format!("attribute \"{}\" can be asked for, not set", row.name);
+                let text = format!("attribute \"{}\" can be read, not set", row.name);
                 self.report(Severity::Error, at, "attribute", text);
             }
             Scope::Output => {
@@ -356,14 +356,14 @@ pub(super) fn typed(param: &Param) -> Result<Param, String> {
         (_, ParamData::String(_)) => return Err(format!("{} is given strings", what())),
         (BaseType::Int, _) => match param.data.to_ints() {
             Some(v) => ParamData::Int(v),
-            None => return Err(format!("{} is given numbers that are no integers of 32 bits", what())),
+            None => return Err(format!("{} is given numbers that are not 32-bit integers", what())),
         },
         _ => ParamData::Float(param.data.to_floats().unwrap_or_default()),
     };
     let width = param.ty.width();
     let constant = param.ty.interp == granita_base::Interp::Constant && param.ty.base != BaseType::Unknown;
     if constant && data.len() != width {
-        return Err(format!("{} wants {}, not {}", what(), values(width), data.len()));
+        return Err(format!("{} needs {}, not {}", what(), values(width), data.len()));
     }
     if width == 0 || !data.len().is_multiple_of(width) {
         return Err(format!("{} is given {}, not a multiple of {width}", what(), values(data.len())));
@@ -398,7 +398,7 @@ mod tests {
         let other = Param::declared("int resolution", &[640, 480][..]).unwrap();
         assert!(convert(&other, row).unwrap_err().contains("declares 1 value and is given 2"));
         let other = Param::declared("string[2] resolution", &[640, 480][..]).unwrap();
-        assert!(convert(&other, row).unwrap_err().contains("wants int[2], not a string"));
+        assert!(convert(&other, row).unwrap_err().contains("needs int[2], not a string"));
         assert!(convert(&Param::declared("resolution", 640).unwrap(), row).unwrap_err().contains("2 values"));
         assert!(
             convert(&Param::declared("resolution", "a").unwrap(), row).unwrap_err().contains("not a string")
@@ -415,7 +415,7 @@ mod tests {
         let p = |d: &str, v: &[f32]| typed(&Param::declared(d, v).unwrap());
         assert!(p("vertex point P", &[0.0; 6]).is_ok());
         assert!(p("vertex point P", &[0.0; 7]).unwrap_err().contains("multiple of 3"));
-        assert!(p("color c", &[0.0; 6]).unwrap_err().contains("wants 3 values, not 6"));
+        assert!(p("color c", &[0.0; 6]).unwrap_err().contains("needs 3 values, not 6"));
         assert!(p("string s", &[0.0]).is_err());
         assert!(p("float[0] s", &[]).is_err());
         assert!(p("anything", &[0.0; 5]).is_ok());

@@ -83,7 +83,7 @@ impl State {
 /// Returns the name of each face's state.
 fn owners(names: &Param, index: Option<&Param>, faces: usize) -> Result<Vec<Option<Arc<str>>>, String> {
     let ParamData::String(names) = &names.data else {
-        return Err("\"__attributes\" wants strings".into());
+        return Err("\"__attributes\" needs strings".into());
     };
     let Some(index) = index else {
         if names.len() != faces {

@@ -23,7 +23,7 @@ impl State {
         }
         let to_world = &self.current.set.to_world;
         if to_world.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
-            let text = format!("camera \"{name}\" stands in a space that cannot be inverted");
+            let text = format!("the space of camera \"{name}\" cannot be inverted");
             self.report(Severity::Error, at, "camera", text);
         }
         let world_to_camera = to_world.inverse();
@@ -244,7 +244,7 @@ impl State {
             }
             let added: Vec<String> = change.split(',').map(|set| format!("+{}", set.trim())).collect();
             let text = format!(
-                "camera \"{camera}\" shows nothing: Attribute (\"geometryset\", \"{change}\") takes \"{camera}\" off the list; \"{}\" keeps it",
+                "camera \"{camera}\" shows nothing: Attribute (\"geometryset\", \"{change}\") removes \"{camera}\" from the list; \"{}\" keeps it",
                 added.join(",")
             );
             self.report(Severity::Warning, at, "geometryset", text);

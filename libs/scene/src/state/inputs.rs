@@ -150,7 +150,7 @@ impl State {
         let ordered = bound.chunks_exact(2).all(|b| b[0] <= b[1]);
         if !ordered || bound.iter().any(|x| !x.is_finite()) {
             let numbers = bound.map(|x| x.to_string()).join(", ");
-            let text = format!("the bound ({numbers}) holds nothing: the Input is read at once");
+            let text = format!("the bound ({numbers}) is empty: the Input is read at once");
             self.report(Severity::Warning, at, "input bound", text);
             return false;
         }

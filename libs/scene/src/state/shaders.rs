@@ -78,7 +78,7 @@ impl State {
                     if let ParamData::Float(values) = &param.data
                         && values.iter().any(|v| v.is_nan())
                     {
-                        let text = format!("{call} \"{shader}\": \"{}\" is no number (NaN)", param.name);
+                        let text = format!("{call} \"{shader}\": \"{}\" is not a number (NaN)", param.name);
                         self.report_object(Severity::Warning, at, "shader parameter", text);
                     }
                     good.0.push(param);

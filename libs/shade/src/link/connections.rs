@@ -100,7 +100,7 @@ pub(crate) fn resolve(module: &Module, text: &str) -> Result<Named, String> {
     }
     if let Some(&index) = indexes.first() {
         if !named.value.is_triple() || indexes.len() > 1 {
-            return Err(format!("\"{text}\" has an index, but is no array and no triple"));
+            return Err(format!("\"{text}\" has an index, but is neither an array nor a triple"));
         }
         if index > 2 {
             return Err(format!("\"{text}\" is outside of the three components"));

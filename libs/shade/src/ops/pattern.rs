@@ -175,7 +175,7 @@ pub(super) fn aastep(m: &mut Machine<'_>, op: &Op) {
     if let Some(name) = options.filter.map(|name| m.string(name)) {
         match Filter::from_word(&name) {
             Some(f @ (Filter::CatmullRom | Filter::Box | Filter::Triangle | Filter::Gaussian)) => filter = f,
-            _ => m.complain(op.at, &format!("aastep knows no filter \"{name}\"")),
+            _ => m.complain(op.at, &format!("aastep has no filter \"{name}\"")),
         }
     }
     for other in &resolved.unknown {

@@ -292,7 +292,7 @@ impl<'a> Machine<'a> {
             most = most.max(samples.lane(0).get(i as usize));
         }
         if most > MAX_RAYS {
-            self.complain(at, &format!("{most} samples asked, {MAX_RAYS} allowed"));
+            self.complain(at, &format!("{most} samples requested, {MAX_RAYS} allowed"));
             most = MAX_RAYS;
         }
         let outer = self.ray.take();

@@ -183,7 +183,7 @@ pub trait Host {
     /// # Errors
     /// Returns the reason why the function is not available, which is reported once.
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn crate::Shadeop>, String> {
-        Err(format!("shadeop {text}: this program loads none"))
+        Err(format!("shadeop {text}: this program loads no shadeops"))
     }
 
     /// True when the frame must end early. Loops then end, and the results of the shader are not used.

@@ -218,7 +218,7 @@ fn impossible_connections_are_reported() {
         (["a", "list", "b", "x"], "the array lengths differ"),
         (["a", "list[3]", "b", "x"], "\"list[3]\" is outside of the array's 3 elements"),
         (["a", "c[3]", "b", "x"], "\"c[3]\" is outside of the three components"),
-        (["a", "f[0]", "b", "x"], "\"f[0]\" has an index, but is no array and no triple"),
+        (["a", "f[0]", "b", "x"], "\"f[0]\" has an index, but is neither an array nor a triple"),
         (["a", "c[x]", "b", "x"], "cannot read the index in \"c[x]\""),
     ] {
         let (group, said) = link_saying(&[(GIVER, Params::new()), (taker, Params::new())], &[connection]);

@@ -157,7 +157,7 @@ pub(super) fn query(
         "value" | "" => false,
         other => {
             let text =
-                format!("spatialdbquery has no filter \"{other}\" (value, areadensity); \"value\" is taken");
+                format!("spatialdbquery has no filter \"{other}\" (value, areadensity); \"value\" is used");
             granita_shade::Messages::say(run, Severity::Warning, &text);
             false
         }
@@ -218,7 +218,7 @@ pub(super) fn subsurface(run: &mut Run<'_, '_>, query: &SubsurfaceQuery<'_>, out
         return;
     }
     if !["", "dipole", "beam"].contains(&query.model) {
-        let text = format!("subsurface has no model \"{}\" (dipole, beam); \"dipole\" is taken", query.model);
+        let text = format!("subsurface has no model \"{}\" (dipole, beam); \"dipole\" is used", query.model);
         granita_shade::Messages::say(run, Severity::Warning, &text);
     }
     let mut profiles = Profiles::default();

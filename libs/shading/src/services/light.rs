@@ -317,7 +317,7 @@ fn gather_alike(
             let fits = records.schema() == kind.schema();
             if !fits {
                 let text = format!(
-                    "spatial database \"{name}\" holds {}: it is no help for {}",
+                    "spatial database \"{name}\" holds {}: it cannot be used for {}",
                     records.schema().words(),
                     kind.schema().words()
                 );

@@ -113,7 +113,7 @@ impl Run<'_, '_> {
             granita_base::Severity::Warning,
             &granita_base::Location::default(),
             format!(
-                "object \"{owner}\": rays are followed {MAX_RAY_LEVELS} levels deep and no further (\"ray:maxdepth\" is {})",
+                "object \"{owner}\": rays are followed {MAX_RAY_LEVELS} levels deep only (\"ray:maxdepth\" is {})",
                 frame.rays.limits.max_depth
             ),
         );

@@ -36,7 +36,7 @@ const BRIGHT: &str = "light bright (float intensity = 1) { Cl = intensity; }";
 
 #[test]
 fn lights_with_invalid_values_stay_dark_and_are_reported() {
-    let text = "warning: light \"light0\": its shader gave a colour or direction that is no number or is larger than 1e30; 0 is used";
+    let text = "warning: light \"light0\": its shader gave a colour or direction that is not a number or is larger than 1e30; 0 is used";
     let odd = [
         param("float intensity", f32::NAN),
         param("float intensity", f32::INFINITY),
@@ -76,7 +76,7 @@ fn values_of_hits_are_finite() {
         let grid = shaded(&mut f, "mirror", &[], &[]);
         assert_eq!(grid.c.get(0), Color::new(0.5, 0.0, 0.25), "{value}");
         let text = format!(
-            "warning: object \"ceiling\": its shader gave a {what} that is no number or is larger than 1e30; 0 is used"
+            "warning: object \"ceiling\": its shader gave a {what} that is not a number or is larger than 1e30; 0 is used"
         );
         assert_eq!(f.complaints(), [text], "{value}");
     }
@@ -100,7 +100,7 @@ fn opacities_of_objects_are_clamped_from_0_to_1() {
         assert_eq!(grid.c.get(0), Color::from_array(counts));
         let [text] = &f.complaints()[..] else { panic!("{:?}", f.complaints()) };
         assert!(text.starts_with("warning: object \"plate\": \"opacity\" ("), "{text}");
-        assert!(text.ends_with(": it is from 0 to 1"), "{text}");
+        assert!(text.ends_with(": it must be from 0 to 1"), "{text}");
     }
     let mut f = Fixture::new(&[LOOKS, shows]);
     shaded(&mut f, "shows", &[], &[param("color opacity", &[0.0_f32, 0.5, 1.0][..])]);

@@ -137,7 +137,7 @@ fn deep_reflections_do_not_overflow_the_stack() {
             assert_eq!(said, Vec::<String>::new());
         } else {
             let text = format!(
-                "warning: object \"looking glass\": rays are followed 1000 levels deep and no further \
+                "warning: object \"looking glass\": rays are followed 1000 levels deep only \
                  (\"ray:maxdepth\" is {depth})"
             );
             assert_eq!(said, [text]);

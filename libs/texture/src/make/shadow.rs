@@ -18,7 +18,7 @@ fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
         [("worldtocamera", options.mcamera, "-Mcamera"), ("worldtoscreen", options.mscreen, "-Mscreen")];
     for (name, given, option) in needed {
         if given.is_none() && input.matrix(name).is_none() {
-            let what = format!("it carries no {name} matrix, which a shadow map needs; {option} gives one");
+            let what = format!("it has no {name} matrix, which a shadow map needs; {option} sets one");
             return Err(TextureError::Malformed { path: input.path.clone(), what });
         }
     }

@@ -101,7 +101,7 @@ impl Source {
         let path = self.path.display();
         match self.broken {
             BrokenValues::Fix if nans + infinities > 0 => Some(format!(
-                "{path}: {} values that are not finite became means of those around",
+                "{path}: {} values that are not finite were replaced by the mean of their neighbours",
                 nans + infinities
             )),
             _ if nans > 0 => Some(format!("{path}: values that are not numbers: {nans}; they count as 0")),

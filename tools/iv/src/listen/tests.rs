@@ -239,8 +239,8 @@ fn renders_of_one_name_are_separate_images_with_requests() {
     until("they are gone", || listener.clients() == 0 && live.requests("b").is_none());
     let note = |name: &str| live.info(name).unwrap().note;
     assert_eq!(note("a (2)"), None);
-    assert_eq!(note("a").unwrap(), "it was stopped before it was done");
-    assert_eq!(note("b").unwrap(), "the sender went away before it was done");
+    assert_eq!(note("a").unwrap(), "the render was stopped before it was complete");
+    assert_eq!(note("b").unwrap(), "the sender disconnected before the image was complete");
     // Their names are free again.
     let mut again = Ours::new(&listener);
     again.send(&create("a", 2, 2, &["R"]));

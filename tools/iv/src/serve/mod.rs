@@ -103,14 +103,14 @@ fn accept(shared: &Arc<Shared>, listener: &TcpListener) {
 fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
     let _ = socket.set_nodelay(true);
     let Some((request, more)) = http::Request::read(&mut socket) else {
-        let _ = http::answer(&mut socket, "400 Bad Request", "text/plain", b"this is no request\n");
+        let _ = http::answer(&mut socket, "400 Bad Request", "text/plain", b"this is not a request\n");
         return;
     };
     let below = request.path.strip_prefix('/').and_then(|path| path.strip_prefix(&*shared.token));
     let is_own = request.header("host").is_some_and(|host| shared.hosts.accept(host));
     let result = match (&*request.method, below) {
         ("GET" | "HEAD", _) if !is_own => {
-            let text = b"this server has no such name (see iv -servename)\n";
+            let text = b"this is not a name of this server (see iv -servename)\n";
             http::answer(&mut socket, "421 Misdirected Request", "text/plain", text)
         }
         ("GET", Some("/")) => {
@@ -124,14 +124,23 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
                     show(shared, socket, more);
                 }
                 None => {
-                    let _ =
-                        http::answer(&mut socket, "403 Forbidden", "text/plain", b"a page of ours asks\n");
+                    let _ = http::answer(
+                        &mut socket,
+                        "403 Forbidden",
+                        "text/plain",
+                        b"only the page of this server may connect\n",
+                    );
                 }
             }
             return;
         }
-        ("GET" | "HEAD", _) => http::answer(&mut socket, "404 Not Found", "text/plain", b"not here\n"),
-        _ => http::answer(&mut socket, "405 Method Not Allowed", "text/plain", b"look, do not touch\n"),
+        ("GET" | "HEAD", _) => http::answer(&mut socket, "404 Not Found", "text/plain", b"not found\n"),
+        _ => http::answer(
+            &mut socket,
+            "405 Method Not Allowed",
+            "text/plain",
+            b"only GET and HEAD are allowed\n",
+        ),
     };
     drop(result);
 }

@@ -268,7 +268,11 @@ impl App {
                 self.model.probe = None;
                 if let Some(rect) = rect.filter(|_| moved) {
                     let told = self.model.request(Request::Priority(rect));
-                    self.model.say(if told { "these pixels first" } else { "nobody is there to be told" });
+                    self.model.say(if told {
+                        "these pixels are rendered first"
+                    } else {
+                        "the sender has ended"
+                    });
                 }
             }
             Drag::Probe(_) if !moved && modifiers.shift => {
@@ -276,7 +280,11 @@ impl App {
                 let at = self.model.nearest_pixel(x, y);
                 if let Some((x, y)) = at.filter(|_| self.model.entries.is_live(self.model.entries.current)) {
                     let told = self.model.request(Request::Center { x, y });
-                    self.model.say(if told { "going on from here" } else { "nobody is there to be told" });
+                    self.model.say(if told {
+                        "rendering continues from here"
+                    } else {
+                        "the sender has ended"
+                    });
                 }
             }
             Drag::Pan if !moved => {

@@ -155,7 +155,7 @@ pub(crate) fn run(
     for ((library, backends), setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
         let (taken, steps, outcome_inside) = (&mut model, steps.clone(), outcome.clone());
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
-            let model = taken.take().ok_or("the window went away")?;
+            let model = taken.take().ok_or("the window was closed")?;
             let blit = context.wgpu_render_state.as_ref().and_then(Blit::new);
             Ok(Box::new(App::new(model, steps, outcome_inside, started, blit, &context.egui_ctx)))
         });
@@ -184,6 +184,6 @@ pub(crate) fn run(
             break;
         }
     }
-    reporter.error(format!("there can be no window: {}", faults.join("; ")));
+    reporter.error(format!("the window cannot be opened: {}", faults.join("; ")));
     Status::Failed
 }

@@ -214,7 +214,7 @@ impl Model {
             Action::Other => self.show_other(),
             Action::KeepOther => {
                 (self.other, self.keep_other) = (Some(current), true);
-                self.say("this is the other image now");
+                self.say("this image is kept as the other one");
             }
             Action::Page(_)
             | Action::Layer(_)
@@ -252,7 +252,7 @@ impl Model {
             Action::Help => self.help_open = !self.help_open,
             Action::Abort => {
                 if !self.request(Request::Abort) {
-                    self.say("nobody is there to be told: this is no live image, or its sender has ended");
+                    self.say("this is not a live image, or its sender has ended");
                 }
             }
             Action::Escape => self.escape(),
@@ -269,7 +269,7 @@ impl Model {
                 self.show(other);
                 self.other = Some(current);
             }
-            None => self.say("there is no other image yet: see another one, or keep this with Shift+T"),
+            None => self.say("there is no other image yet: show another one, or keep this one with Shift+T"),
         }
     }
 
@@ -332,7 +332,7 @@ impl Model {
                 choice.arrangement = Some(all[Self::step(at, by, all.len())]);
                 self.view.around = None;
             }
-            Action::Face(_) => self.say("there are no faces of a cube in it"),
+            Action::Face(_) => self.say("the image has no cube faces"),
             Action::FileEncoding if integers => {
                 choice.encoded = Some(!choice.encoded.unwrap_or(encoded));
                 let words =
@@ -366,7 +366,7 @@ impl Model {
             self.view.around = Some(Around::default());
             self.say("taken as a panorama: it is twice as wide as it is high");
         } else {
-            self.say("it is no panorama, and no cube");
+            self.say("it is neither a panorama nor a cube");
         }
     }
 
@@ -395,7 +395,7 @@ impl Model {
             Action::FalseColorLog => match &mut d.false_color {
                 Some(f) if f.log => *f = FalseColor { low: 0.0, high: 1.0, log: false, ..*f },
                 Some(f) => *f = FalseColor { low: 1.0 / 256.0, high: 16.0, log: true, ..*f },
-                None => self.say("there are no false colours to be changed: V shows them"),
+                None => self.say("no false colours are shown: V shows them"),
             },
             Action::Marks => {
                 d.marks = match d.marks {
@@ -429,7 +429,9 @@ impl Model {
     /// Begins, changes or ends a comparison.
     fn compare(&mut self, action: Action) {
         if self.other.is_none_or(|o| o >= self.entries.len() || o == self.entries.current) {
-            self.say("there is no other image yet: see another one, or keep one with Shift+T and go on");
+            self.say(
+                "there is no other image yet: show another one, or keep one with Shift+T and show the next",
+            );
             return;
         }
         let down = matches!(self.mix, Mix::Wipe { down: true, .. });

@@ -442,7 +442,7 @@ fn help_and_prompt(app: &mut App, ui: &mut egui::Ui) {
                 ui.label(if prompt.pixels {
                     "save the values of this layer as"
                 } else {
-                    "save what is seen as"
+                    "save the image as shown, to"
                 });
                 let edit = ui.add(egui::TextEdit::singleline(&mut prompt.text).desired_width(420.0));
                 if ui.input(|i| i.key_pressed(egui::Key::Enter)) {

@@ -126,7 +126,7 @@ fn objects_with_invalid_transformations_are_skipped_and_reported() {
     rows[3] = 1.0;
     let through_zero = Transform::from_rows(&rows).then(&Transform::translate(Vec3::Z * 4.0));
     for (to_world, word) in [
-        (through_zero, "0 among them"),
+        (through_zero, "which include 0"),
         (Transform::scale(Vec3::new(f32::NAN, 1.0, 1.0)), "not finite"),
         (Transform::translate(Vec3::new(0.0, f32::INFINITY, 4.0)), "not finite"),
     ] {
