@@ -1,4 +1,4 @@
-// Pixels that go straight into a program: a picture of characters.
+// A program that receives the pixels of a render and prints them as characters.
 #include <stdio.h>
 
 #include "gelatoapi.h"
@@ -10,7 +10,7 @@ public:
         width = spec.width;
         return true;
     }
-    // Rows come in order from the top. They are linear light: gain and quantization are the receiver's.
+    // Rows come in order from the top. They are linear light. The receiver applies gain and quantization.
     bool write_scanline (int, int, const float *data, int xstride) {
         for (int x = 0; x < width; ++x)
             putchar (" .:-=+*#%@"[quantize (exposure (data[x * xstride], 1, 1 / 2.2f), 0, 9, 0, 9, 0)]);

@@ -8,7 +8,7 @@ using namespace Gelato;
 extern "C" {
 
 GELATO_EXPORT int shadeop_version = SHADEOP_VERSION;
-// It has no data of its own: several threads may run it at once.
+// It has no data of its own, so that several threads may run it at once.
 GELATO_EXPORT int fbm_threadsafe = 1;
 
 GELATO_EXPORT const char *fbm_shadeop[] = {

@@ -13,7 +13,7 @@ public:
             count = 0;
     }
 
-    // Known at once, so that a camera that looks elsewhere never asks for the spheres.
+    // The bound is known at once, so that the spheres are not made for a camera that does not see it.
     bool bound (float *box) {
         for (int i = 0; i < 3; ++i) {
             box[2 * i] = -1 - radius;

@@ -4,7 +4,7 @@
 
 use std::ffi::{CStr, CString, c_char, c_int, c_uint, c_void};
 
-/// `gelato_calls`, as far as it is used here: the functions before them have to be there too.
+/// The part of `gelato_calls` that is used here. The functions before it must be declared too.
 #[repr(C)]
 pub struct Calls {
     abi: c_int,
@@ -36,7 +36,7 @@ pub static generator_abi: c_int = 2;
 
 static STEPS: Generator = Generator { abi: 2, extensions: std::ptr::null(), bound: None, run };
 
-/// What `steps.generator.so` is.
+/// The description of `steps.generator.so`.
 #[unsafe(no_mangle)]
 pub extern "C" fn steps_generator_c() -> *const Generator {
     &raw const STEPS
@@ -59,7 +59,7 @@ extern "C" fn run(
         let text = CString::new("steps: how many? as in \"steps 12\"").unwrap_or_default();
         let bytes = text.as_bytes_with_nul();
         if bytes.len() <= size {
-            // SAFETY: there is room.
+            // SAFETY: the buffer is large enough.
             unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr().cast(), message, bytes.len()) };
         }
         return 1;
