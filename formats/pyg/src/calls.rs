@@ -1,27 +1,42 @@
-//! Converts a name and its arguments to a call of the scene interface (reference 3.3).
+//! Converts a name and its arguments to a call of the scene interface (reference 3.3), by the table of calls.
 
 use crate::value::{Seq, Value};
 use granita_base::shape::KnotSpan;
 use granita_base::{BaseType, CurveBasis, Param, ParamData, ParamType, Params, ShapeDesc, TrimDesc};
+use granita_scene::interface::{Arg, CallRow, Kind, call_row};
 use granita_scene::{Call, Matrix, TransformTarget};
 use std::sync::Arc;
 
 /// An error in the arguments of a call.
 pub(crate) type Mistake = String;
 
-/// The arguments of a call, which are taken from the front.
-struct Args<'a> {
-    call: &'a str,
+/// The arguments of a call, which are taken from the front. Their names and types are those of the call's row in
+/// [`granita_scene::interface`].
+struct Args {
+    call: &'static str,
+    form: std::slice::Iter<'static, Arg>,
     rest: std::vec::IntoIter<Value>,
 }
 
-impl Args<'_> {
+impl Args {
+    fn new(row: &'static CallRow, args: Vec<Value>) -> Self {
+        let text = matches!(args.first(), Some(Value::Str(_)));
+        Self { call: row.name, form: row.form(text).args.iter(), rest: args.into_iter() }
+    }
+
     fn left(&self) -> usize {
         self.rest.len()
     }
 
     fn peek(&self) -> Option<&Value> {
         self.rest.as_slice().first()
+    }
+
+    /// Returns the next argument of the form, which the caller takes as a value of type `kind`.
+    fn arg(&mut self, kind: Kind) -> &'static Arg {
+        let arg = self.form.next();
+        debug_assert_eq!(arg.map(|arg| arg.kind), Some(kind), "the table of calls, {}", self.call);
+        arg.unwrap_or(&UNNAMED)
     }
 
     fn next(&mut self, what: &str) -> Result<Value, Mistake> {
@@ -32,7 +47,18 @@ impl Args<'_> {
         Err(format!("{} wants {kind} for {what}", self.call))
     }
 
-    fn string(&mut self, what: &str) -> Result<Arc<str>, Mistake> {
+    fn string(&mut self) -> Result<Arc<str>, Mistake> {
+        let what = self.arg(Kind::Text).name;
+        self.text(what)
+    }
+
+    /// Takes a string and returns it with the argument, whose words it may be.
+    fn word(&mut self) -> Result<(Arc<str>, &'static Arg), Mistake> {
+        let arg = self.arg(Kind::Text);
+        Ok((self.text(arg.name)?, arg))
+    }
+
+    fn text(&mut self, what: &str) -> Result<Arc<str>, Mistake> {
         match self.next(what)? {
             Value::Str(s) => Ok(s),
             // A tuple with one string results from a comma too many.
@@ -41,7 +67,50 @@ impl Args<'_> {
         }
     }
 
-    fn float(&mut self, what: &str) -> Result<f32, Mistake> {
+    /// Takes a string; `None` for the value `None` and at the end of the arguments.
+    fn optional(&mut self) -> Result<Option<Arc<str>>, Mistake> {
+        let what = self.arg(Kind::OptionalText).name;
+        self.optional_text(what)
+    }
+
+    fn optional_text(&mut self, what: &str) -> Result<Option<Arc<str>>, Mistake> {
+        match self.peek() {
+            None => Ok(None),
+            Some(Value::None) => {
+                self.rest.next();
+                Ok(None)
+            }
+            Some(_) => self.text(what).map(Some),
+        }
+    }
+
+    /// Takes the name of a layer. It is before the parameters when the number of remaining arguments is odd.
+    fn layer(&mut self) -> Result<Option<Arc<str>>, Mistake> {
+        let what = self.arg(Kind::Layer).name;
+        if self.left().is_multiple_of(2) {
+            return Ok(None);
+        }
+        let layer = self.optional_text(what)?;
+        // A type before a name belongs to a parameter.
+        let typed = |l: &str| ParamType::parse(l).is_ok_and(|(ty, _)| ty.base != BaseType::Unknown);
+        let declared = |l: &&Arc<str>| l.contains(' ') && typed(l);
+        match layer.as_ref().filter(declared) {
+            Some(parameter) => Err(format!("{}: \"{parameter}\" is given no value", self.call)),
+            None => Ok(layer),
+        }
+    }
+
+    fn float(&mut self) -> Result<f32, Mistake> {
+        let what = self.arg(Kind::Number).name;
+        self.number(what)
+    }
+
+    fn switch(&mut self) -> Result<bool, Mistake> {
+        let what = self.arg(Kind::Switch).name;
+        Ok(self.number(what)? != 0.0)
+    }
+
+    fn number(&mut self, what: &str) -> Result<f32, Mistake> {
         match self.next(what)? {
             Value::Int(i) => Ok(i as f32),
             Value::Float(f) => Ok(f as f32),
@@ -50,7 +119,8 @@ impl Args<'_> {
     }
 
     /// Takes a number of things, which is an integer and not negative.
-    fn count(&mut self, what: &str) -> Result<usize, Mistake> {
+    fn count(&mut self) -> Result<usize, Mistake> {
+        let what = self.arg(Kind::Count).name;
         match self.next(what)? {
             Value::Int(i) if (0..=i64::from(i32::MAX)).contains(&i) => Ok(i as usize),
             Value::Float(f) if f >= 0.0 && f <= f64::from(i32::MAX) && f.fract() == 0.0 => Ok(f as usize),
@@ -59,7 +129,12 @@ impl Args<'_> {
         }
     }
 
-    fn floats(&mut self, what: &str) -> Result<Vec<f32>, Mistake> {
+    fn floats(&mut self) -> Result<Vec<f32>, Mistake> {
+        let what = self.arg(Kind::Numbers).name;
+        self.sequence(what)
+    }
+
+    fn sequence(&mut self, what: &str) -> Result<Vec<f32>, Mistake> {
         match self.next(what)? {
             Value::Seq(Seq::Floats(v)) => Ok(v),
             Value::Seq(Seq::Ints(v)) => Ok(v.iter().map(|&i| i as f32).collect()),
@@ -69,7 +144,8 @@ impl Args<'_> {
         }
     }
 
-    fn ints(&mut self, what: &str) -> Result<Vec<i32>, Mistake> {
+    fn ints(&mut self) -> Result<Vec<i32>, Mistake> {
+        let what = self.arg(Kind::Integers).name;
         let whole = |f: f64| f.fract() == 0.0 && f.abs() < 2_147_483_648.0;
         match self.next(what)? {
             Value::Seq(Seq::Ints(v)) => Ok(v),
@@ -83,29 +159,53 @@ impl Args<'_> {
     }
 
     /// Takes the remaining arguments as one list of numbers. They are separate numbers or sequences.
-    fn numbers(&mut self, n: Option<usize>, what: &str) -> Result<Vec<f32>, Mistake> {
+    fn numbers(&mut self, what: &str) -> Result<Vec<f32>, Mistake> {
         let mut all = Vec::new();
         while self.left() > 0 {
-            all.extend(self.floats(what)?);
+            all.extend(self.sequence(what)?);
         }
-        match n {
-            Some(n) if n != all.len() => {
-                Err(format!("{} wants {n} numbers for {what}, not {}", self.call, all.len()))
-            }
-            _ => Ok(all),
-        }
+        Ok(all)
     }
 
-    fn triple(&mut self, what: &str) -> Result<[f32; 3], Mistake> {
-        let v = self.numbers(Some(3), what)?;
-        Ok([v[0], v[1], v[2]])
+    /// Takes the remaining arguments as `N` numbers. They are separate numbers or sequences.
+    fn row<const N: usize>(&mut self, what: &str) -> Result<[f32; N], Mistake> {
+        let all = self.numbers(what)?;
+        let given = all.len();
+        all.try_into().map_err(|_| format!("{} wants {N} numbers for {what}, not {given}", self.call))
+    }
+
+    fn triple(&mut self) -> Result<[f32; 3], Mistake> {
+        let what = self.arg(Kind::Row(3)).name;
+        self.row(what)
     }
 
     fn matrix(&mut self) -> Result<Box<Matrix>, Mistake> {
-        let v = self.numbers(Some(16), "the matrix")?;
-        let mut m = [0.0; 16];
-        m.copy_from_slice(&v);
-        Ok(Box::new(m))
+        let what = self.arg(Kind::Row(16)).name;
+        self.row(what).map(Box::new)
+    }
+
+    /// Takes the six numbers of the bound of an `Input` call, if there is one.
+    fn bound(&mut self) -> Result<Option<[f32; 6]>, Mistake> {
+        let what = self.arg(Kind::OptionalRow(6)).name;
+        match self.peek() {
+            None => Ok(None),
+            Some(Value::None) => Ok(self.rest.next().and(None)),
+            Some(_) => self.row(what).map(Some),
+        }
+    }
+
+    /// Takes a declaration and its value.
+    fn single(&mut self) -> Result<Param, Mistake> {
+        let name = self.arg(Kind::Declaration).name;
+        let declaration = self.text(name)?;
+        let what = self.arg(Kind::Value).name;
+        // Several adjacent numbers form a sequence.
+        let value = if self.left() > 1 && !matches!(self.peek(), Some(Value::Str(_))) {
+            Value::Seq(Seq::Floats(self.numbers(what)?))
+        } else {
+            self.next(what)?
+        };
+        self.param(&declaration, value)
     }
 
     /// Takes all remaining arguments as alternating declarations and values.
@@ -140,6 +240,10 @@ impl Args<'_> {
     }
 }
 
+/// The argument that the table lacks. Tests find that before anyone reads its name.
+const UNNAMED: Arg =
+    Arg { name: "an argument", kind: Kind::Value, shape: "", default: "", range: "", words: &[], help: "" };
+
 /// Returns the data of a value. Integers become floats where floats are declared.
 fn data(value: Value, ty: ParamType) -> Option<ParamData> {
     let floats = !matches!(ty.base, BaseType::Int | BaseType::String | BaseType::Unknown);
@@ -161,209 +265,136 @@ fn data(value: Value, ty: ParamType) -> Option<ParamData> {
 
 /// Returns the call `name (args)`; `None` when no such call exists.
 pub(crate) fn call(name: &str, args: Vec<Value>) -> Option<Result<Call, Mistake>> {
-    if !crate::names::is_call(name) || name == "GetAttribute" {
-        return None;
-    }
-    let mut args = Args { call: name, rest: args.into_iter() };
-    Some(build(name, &mut args).and_then(|call| args.end().map(|()| call)))
+    let row = call_row(name).filter(|row| !row.is_query())?;
+    let mut args = Args::new(row, args);
+    Some(build(&mut args).and_then(|call| args.end().map(|()| call)))
 }
 
-fn build(name: &str, a: &mut Args) -> Result<Call, Mistake> {
-    Ok(match name {
-        "Parameter" => Call::Parameter(single(a)?),
-        "Attribute" => Call::Attribute(single(a)?),
+fn build(a: &mut Args) -> Result<Call, Mistake> {
+    Ok(match a.call {
+        "Parameter" => Call::Parameter(a.single()?),
+        "Attribute" => Call::Attribute(a.single()?),
         "PushAttributes" => Call::PushAttributes,
         "PopAttributes" => Call::PopAttributes,
-        "SaveAttributes" => {
-            let name = a.string("the name")?;
-            Call::SaveAttributes { name, attributes: optional(a)? }
-        }
-        "RestoreAttributes" => {
-            let name = a.string("the name")?;
-            Call::RestoreAttributes { name, attributes: optional(a)? }
-        }
-        "Modify" => Call::Modify { pattern: optional(a)?.unwrap_or_else(|| "".into()) },
+        "SaveAttributes" => Call::SaveAttributes { name: a.string()?, attributes: a.optional()? },
+        "RestoreAttributes" => Call::RestoreAttributes { name: a.string()?, attributes: a.optional()? },
+        "Modify" => Call::Modify { pattern: a.optional()?.unwrap_or_else(|| "".into()) },
         "PushTransform" => Call::PushTransform,
         "PopTransform" => Call::PopTransform,
         "SetTransform" => Call::SetTransform(match a.peek() {
-            Some(Value::Str(_)) => TransformTarget::Named(a.string("the space")?),
+            Some(Value::Str(_)) => TransformTarget::Named(a.string()?),
             _ => TransformTarget::Matrix(a.matrix()?),
         }),
         "AppendTransform" => Call::AppendTransform(a.matrix()?),
-        "Translate" => Call::Translate(a.triple("the translation")?),
-        "Rotate" => Call::Rotate { angle_deg: a.float("the angle")?, axis: a.triple("the axis")? },
-        "Scale" => Call::Scale(a.triple("the scale")?),
-        "Motion" => Call::Motion(a.numbers(None, "the times")?.into()),
-        "Camera" => Call::Camera { name: a.string("the name")?, params: a.params()? },
+        "Translate" => Call::Translate(a.triple()?),
+        "Rotate" => Call::Rotate { angle_deg: a.float()?, axis: a.triple()? },
+        "Scale" => Call::Scale(a.triple()?),
+        "Motion" => {
+            let what = a.arg(Kind::Rest).name;
+            Call::Motion(a.numbers(what)?.into())
+        }
+        "Camera" => Call::Camera { name: a.string()?, params: a.params()? },
         "Output" => {
-            let name = a.string("the file name")?;
+            let name = a.string()?;
             // The format `None` removes an output.
-            let format = optional(a)?.unwrap_or_else(|| "null".into());
-            let data = a.string("the data")?;
-            let camera = a.string("the camera")?;
-            Call::Output { name, format, data, camera, params: a.params()? }
+            let format = a.optional()?.unwrap_or_else(|| "null".into());
+            Call::Output { name, format, data: a.string()?, camera: a.string()?, params: a.params()? }
         }
         "World" => Call::World,
-        "Render" => Call::Render { camera: optional(a)? },
-        "Command" => Call::Command { name: a.string("the command")?, params: a.params()? },
-        "Comment" => Call::Comment(a.string("the text")?),
+        "Render" => Call::Render { camera: a.optional()? },
+        "Command" => Call::Command { name: a.string()?, params: a.params()? },
+        "Comment" => Call::Comment(a.string()?),
         "Shader" => {
-            let usage = a.string("the usage")?;
-            let name = optional(a)?;
-            let layer = layer(a)?;
+            let (usage, name, layer) = (a.string()?, a.optional()?, a.layer()?);
             Call::Shader { usage, name, layer, params: a.params()? }
         }
         "ShaderGroupBegin" => Call::ShaderGroupBegin,
         "ShaderGroupEnd" => Call::ShaderGroupEnd,
         "ConnectShaders" => Call::ConnectShaders {
-            source_layer: a.string("the source layer")?,
-            source: a.string("the source parameter")?,
-            target_layer: a.string("the target layer")?,
-            target: a.string("the target parameter")?,
+            source_layer: a.string()?,
+            source: a.string()?,
+            target_layer: a.string()?,
+            target: a.string()?,
         },
         "Light" => {
-            let id = a.string("the light's id")?;
-            let shader = optional(a)?.filter(|s| &**s != "null");
-            let layer = layer(a)?;
+            let id = a.string()?;
+            let shader = a.optional()?.filter(|s| &**s != "null");
+            let layer = a.layer()?;
             Call::Light { id, shader, layer, params: a.params()? }
         }
-        "LightSwitch" => {
-            let id = a.string("the light's id")?;
-            Call::LightSwitch { id, on: a.float("on or off")? != 0.0 }
-        }
+        "LightSwitch" => Call::LightSwitch { id: a.string()?, on: a.switch()? },
         "TrimCurve" => trim(a)?,
-        "Input" => {
-            let command = a.string("the name")?;
-            Call::Input { command, bound: bound(a)? }
-        }
+        "Input" => Call::Input { command: a.string()?, bound: a.bound()? },
         _ => {
-            let shape = Box::new(shape(name, a)?);
+            let shape = Box::new(shape(a)?);
             Call::Shape { shape, params: a.params()? }
         }
     })
 }
 
-/// Takes a declaration and its value.
-fn single(a: &mut Args) -> Result<Param, Mistake> {
-    let declaration = a.string("the name")?;
-    // Several adjacent numbers form a sequence.
-    let value = if a.left() > 1 && !matches!(a.peek(), Some(Value::Str(_))) {
-        Value::Seq(Seq::Floats(a.numbers(None, "the value")?))
-    } else {
-        a.next("a value")?
-    };
-    a.param(&declaration, value)
-}
-
-/// Takes the six numbers of the bound of an `Input` call, if there is one.
-fn bound(a: &mut Args) -> Result<Option<[f32; 6]>, Mistake> {
-    match a.peek() {
-        None => Ok(None),
-        Some(Value::None) => Ok(a.rest.next().and(None)),
-        Some(_) => {
-            let v = a.numbers(Some(6), "the bound")?;
-            Ok(Some([v[0], v[1], v[2], v[3], v[4], v[5]]))
-        }
-    }
-}
-
-/// Takes a string; `None` for the value `None` and at the end of the arguments.
-fn optional(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
-    match a.peek() {
-        None => Ok(None),
-        Some(Value::None) => {
-            a.rest.next();
-            Ok(None)
-        }
-        Some(_) => a.string("the argument").map(Some),
-    }
-}
-
-/// Takes the name of a layer. It is before the parameters when the number of remaining arguments is odd.
-fn layer(a: &mut Args) -> Result<Option<Arc<str>>, Mistake> {
-    if a.left().is_multiple_of(2) {
-        return Ok(None);
-    }
-    let layer = optional(a)?;
-    // A type before a name belongs to a parameter.
-    let typed = |l: &str| ParamType::parse(l).is_ok_and(|(ty, _)| ty.base != BaseType::Unknown);
-    let declared = |l: &&Arc<str>| l.contains(' ') && typed(l);
-    match layer.as_ref().filter(declared) {
-        Some(parameter) => Err(format!("{}: \"{parameter}\" is given no value", a.call)),
-        None => Ok(layer),
-    }
-}
-
-fn basis(a: &Args, word: &str) -> Result<CurveBasis, Mistake> {
-    CurveBasis::from_word(word.trim()).ok_or_else(|| unknown_basis(a, word))
-}
-
-fn unknown_basis(a: &Args, word: &str) -> Mistake {
-    let words = ["linear", "bezier", "bspline", "catmull-rom"];
-    let hint = crate::hint(granita_base::suggestion(word, words));
+/// Returns the error of a word that the argument does not accept.
+fn unknown_word(a: &Args, arg: &Arg, word: &str) -> Mistake {
+    let hint = crate::hint(granita_base::suggestion(word, arg.words.iter().copied()));
     format!("{}: unknown interpolation \"{word}\"{hint}", a.call)
 }
 
+/// Takes the rest of a direction of NURBS with `n` vertices.
 fn span(a: &mut Args, n: usize) -> Result<KnotSpan, Mistake> {
-    let order = a.count("the order")?;
-    let knots: Arc<[f32]> = a.floats("the knots")?.into();
+    let order = a.count()?;
+    let knots: Arc<[f32]> = a.floats()?.into();
     if knots.len() != n + order {
         return Err(format!("{} has {} knots where {n} + {order} are needed", a.call, knots.len()));
     }
-    Ok(KnotSpan { n, order, knots, min: a.float("the lower limit")?, max: a.float("the upper limit")? })
+    Ok(KnotSpan { n, order, knots, min: a.float()?, max: a.float()? })
 }
 
-fn shape(name: &str, a: &mut Args) -> Result<ShapeDesc, Mistake> {
-    Ok(match name {
+fn shape(a: &mut Args) -> Result<ShapeDesc, Mistake> {
+    let is_text = matches!(a.peek(), Some(Value::Str(_)));
+    Ok(match a.call {
+        "Patch" if is_text => {
+            let (interp, arg) = a.word()?;
+            let (u, v) = CurveBasis::pair_from_words(&interp).map_err(|word| unknown_word(a, arg, word))?;
+            ShapeDesc::Patch { u, v, nu: a.count()?, nv: a.count()? }
+        }
         "Patch" => {
-            if let Some(Value::Str(_)) = a.peek() {
-                let interp = a.string("the interpolation")?;
-                let (u, v) = CurveBasis::pair_from_words(&interp).map_err(|word| unknown_basis(a, word))?;
-                ShapeDesc::Patch { u, v, nu: a.count("nu")?, nv: a.count("nv")? }
-            } else {
-                let nu = a.count("nu")?;
-                let u = span(a, nu)?;
-                let nv = a.count("nv")?;
-                ShapeDesc::Nurbs { u, v: span(a, nv)? }
-            }
+            let nu = a.count()?;
+            let u = span(a, nu)?;
+            let nv = a.count()?;
+            ShapeDesc::Nurbs { u, v: span(a, nv)? }
         }
         "Mesh" => {
-            let interp = a.string("the interpolation")?;
+            let (interp, arg) = a.word()?;
             let subdivide = match &*interp {
                 "linear" => false,
                 "catmull-clark" => true,
-                _ => {
-                    let hint = crate::hint(granita_base::suggestion(&interp, ["linear", "catmull-clark"]));
-                    return Err(format!("Mesh: unknown interpolation \"{interp}\"{hint}"));
-                }
+                _ => return Err(unknown_word(a, arg, &interp)),
             };
-            let nverts: Arc<[i32]> = a.ints("nverts")?.into();
-            let verts: Arc<[i32]> = a.ints("verts")?.into();
+            let nverts: Arc<[i32]> = a.ints()?.into();
+            let verts: Arc<[i32]> = a.ints()?.into();
             let sum: i64 = nverts.iter().map(|n| i64::from(*n)).sum();
             if nverts.iter().any(|n| *n < 0) || sum != verts.len() as i64 {
                 return Err(format!("Mesh has {} vertex indices where its faces have {sum}", verts.len()));
             }
             ShapeDesc::Mesh { subdivide, nverts, verts }
         }
-        "Points" => ShapeDesc::Points { n: a.count("the number of points")? },
+        "Points" => ShapeDesc::Points { n: a.count()? },
+        "Curves" if is_text => {
+            let (interp, arg) = a.word()?;
+            let basis = CurveBasis::from_word(interp.trim()).ok_or_else(|| unknown_word(a, arg, &interp))?;
+            ShapeDesc::Curves { basis, ncurves: a.count()?, nverts: a.count()? }
+        }
         "Curves" => {
-            if let Some(Value::Str(_)) = a.peek() {
-                let interp = a.string("the interpolation")?;
-                let basis = basis(a, &interp)?;
-                ShapeDesc::Curves { basis, ncurves: a.count("ncurves")?, nverts: a.count("nvertspercurve")? }
-            } else {
-                let ncurves = a.count("ncurves")?;
-                let n = a.count("nvertspercurve")?;
-                ShapeDesc::NurbsCurves { ncurves, span: span(a, n)? }
-            }
+            let ncurves = a.count()?;
+            let n = a.count()?;
+            ShapeDesc::NurbsCurves { ncurves, span: span(a, n)? }
         }
         "Sphere" => ShapeDesc::Sphere {
-            radius: a.float("the radius")?,
-            zmin: a.float("zmin")?,
-            zmax: a.float("zmax")?,
-            thetamax_deg: a.float("thetamax")?,
+            radius: a.float()?,
+            zmin: a.float()?,
+            zmax: a.float()?,
+            thetamax_deg: a.float()?,
         },
-        _ => return Err(format!("there is no primitive {name}")),
+        name => return Err(format!("there is no primitive {name}")),
     })
 }
 
@@ -379,12 +410,12 @@ fn trim(a: &mut Args) -> Result<Call, Mistake> {
         return Ok(Call::TrimCurve(None));
     }
     Ok(Call::TrimCurve(Some(Box::new(TrimDesc {
-        ncurves: a.ints("ncurves")?.into(),
-        n: a.ints("n")?.into(),
-        order: a.ints("order")?.into(),
-        knots: a.floats("knot")?.into(),
-        min: a.floats("min")?.into(),
-        max: a.floats("max")?.into(),
-        uvw: a.floats("uvw")?.into(),
+        ncurves: a.ints()?.into(),
+        n: a.ints()?.into(),
+        order: a.ints()?.into(),
+        knots: a.floats()?.into(),
+        min: a.floats()?.into(),
+        max: a.floats()?.into(),
+        uvw: a.floats()?.into(),
     }))))
 }

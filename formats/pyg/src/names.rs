@@ -1,52 +1,23 @@
-//! The names of the calls of Pyg (reference 3.3).
+//! The names that scenes in Pyg use (reference 3.3).
 
-/// The functions of Pyg and other names of its interface. The first 35 are calls.
-pub(crate) const CALLS: [&str; 39] = [
-    "AppendTransform",
-    "Attribute",
-    "Camera",
-    "Command",
-    "Comment",
-    "ConnectShaders",
-    "Curves",
-    "GetAttribute",
-    "Input",
-    "Light",
-    "LightSwitch",
-    "Mesh",
-    "Modify",
-    "Motion",
-    "Output",
-    "Parameter",
-    "Patch",
-    "Points",
-    "PopAttributes",
-    "PopTransform",
-    "PushAttributes",
-    "PushTransform",
-    "Render",
-    "RestoreAttributes",
-    "Rotate",
-    "SaveAttributes",
-    "Scale",
-    "SetTransform",
-    "Shader",
-    "ShaderGroupBegin",
-    "ShaderGroupEnd",
-    "Sphere",
-    "Translate",
-    "TrimCurve",
-    "World",
-    // These are the renderer object and the module that scripts outside of the reader import.
-    "GelatoRenderer",
-    "gelato",
-    "CreateRenderer",
-    "GelatoAPI",
-];
+use granita_scene::interface::{TABLE, call_row};
+
+/// The renderer object and the module that scripts outside of the reader import.
+const OBJECTS: [&str; 4] = ["GelatoRenderer", "gelato", "CreateRenderer", "GelatoAPI"];
+
+/// Returns the names of all calls, including `GetAttribute`.
+pub(crate) fn calls() -> impl Iterator<Item = &'static str> {
+    TABLE.iter().map(|row| row.name)
+}
+
+/// Returns the names of all calls and of the other objects of the interface.
+pub(crate) fn known() -> impl Iterator<Item = &'static str> {
+    calls().chain(OBJECTS)
+}
 
 /// True when `name` is a call of the scene interface, including `GetAttribute`.
 pub(crate) fn is_call(name: &str) -> bool {
-    CALLS[..35].contains(&name)
+    call_row(name).is_some()
 }
 
 /// The functions of Python that a script may call without having defined anything.

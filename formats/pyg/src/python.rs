@@ -91,7 +91,7 @@ impl Python {
             Self { child, to: BufWriter::new(to), from: BufReader::with_capacity(1 << 18, from) };
         // A line end would be the end of the name.
         let file = file.replace('\n', " ");
-        let names = crate::names::CALLS[..35].join(" ");
+        let names = crate::names::calls().collect::<Vec<_>>().join(" ");
         // A program that is not an interpreter is detected here, before any data is lost.
         let greeted = match python.send(b'I', &[file.as_bytes(), b"\n", names.as_bytes()]) {
             Ok(()) => python.event()?,

@@ -43,7 +43,7 @@ pub(crate) fn pass_on(
         // Its return value is not used.
         None if name == "GetAttribute" => {}
         None => {
-            let hint = hint(granita_base::suggestion(name, names::CALLS));
+            let hint = hint(granita_base::suggestion(name, names::known()));
             let cause = format!("pyg unknown call {name}");
             reporter.counted(&cause, Severity::Error, at, format!("unknown call \"{name}\"{hint}"));
         }

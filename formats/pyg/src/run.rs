@@ -370,6 +370,6 @@ impl Reader<'_> {
 /// Describes an exception. A missing name that is similar to a call is followed by the name of the call.
 fn described(exception: &Exception) -> String {
     let missing = Some(&*exception.name).filter(|name| !name.is_empty());
-    let hint = hint(missing.and_then(|name| granita_base::suggestion(name, names::CALLS)));
+    let hint = hint(missing.and_then(|name| granita_base::suggestion(name, names::known())));
     format!("{}: {}{hint}", exception.kind, exception.text)
 }

@@ -176,7 +176,7 @@ fn each_invalid_call_is_reported_with_its_reason() {
         ("Sphere (1, -1, 1, 360, 'float a')", "parameter \"float a\" has no value"),
         ("Sphere (1, -1, 1, 360, 5, 6)", "wants the name of a parameter where a value stands"),
         ("World (1)", "World has 1 arguments too many"),
-        ("Points (-1)", "wants a count for the number of points, not -1"),
+        ("Points (-1)", "wants a count for n, not -1"),
         ("Points (1.5)", "wants an integer"),
         ("Mesh ('linear', (3,), (0, 1))", "Mesh has 2 vertex indices where its faces have 3"),
         ("Mesh ('catmul-clark', (3,), (0, 1, 2))", "did you mean \"catmull-clark\"?"),
@@ -184,8 +184,8 @@ fn each_invalid_call_is_reported_with_its_reason() {
         ("Patch (4, 3, (0, 1), 0, 1, 2, 2, (0, 0, 1, 1), 0, 1)", "has 2 knots where 4 + 3 are needed"),
         ("Attribute ('flaot x', 1)", "unknown type"),
         ("Attribute ('x', None)", "has no value"),
-        ("SetTransform (1, 2)", "wants 16 numbers for the matrix, not 2"),
-        ("Input ('a', (1, 2))", "wants 6 numbers for the bound, not 2"),
+        ("SetTransform (1, 2)", "wants 16 numbers for matrix, not 2"),
+        ("Input ('a', (1, 2))", "wants 6 numbers for bound, not 2"),
         ("TrimCurve ((1,))", "TrimCurve is called without n"),
     ];
     for (text, expected) in table {

@@ -3,6 +3,7 @@
 //! Readers, generators and bindings produce calls. The renderer, the Pyg writer and recorders receive them. There is
 //! no other description of a scene.
 
+use crate::interface::{self, CallRow};
 use granita_base::{Location, Param, Params, ShapeDesc, TrimDesc};
 use std::sync::Arc;
 
@@ -109,40 +110,51 @@ pub enum Call {
 }
 
 impl Call {
+    /// Returns the row of the call in the table of calls.
+    pub fn row(&self) -> &'static CallRow {
+        match self {
+            Self::Parameter(_) => interface::PARAMETER,
+            Self::Attribute(_) => interface::ATTRIBUTE,
+            Self::PushAttributes => interface::PUSH_ATTRIBUTES,
+            Self::PopAttributes => interface::POP_ATTRIBUTES,
+            Self::SaveAttributes { .. } => interface::SAVE_ATTRIBUTES,
+            Self::RestoreAttributes { .. } => interface::RESTORE_ATTRIBUTES,
+            Self::Modify { .. } => interface::MODIFY,
+            Self::PushTransform => interface::PUSH_TRANSFORM,
+            Self::PopTransform => interface::POP_TRANSFORM,
+            Self::SetTransform(_) => interface::SET_TRANSFORM,
+            Self::AppendTransform(_) => interface::APPEND_TRANSFORM,
+            Self::Translate(_) => interface::TRANSLATE,
+            Self::Rotate { .. } => interface::ROTATE,
+            Self::Scale(_) => interface::SCALE,
+            Self::Motion(_) => interface::MOTION,
+            Self::Camera { .. } => interface::CAMERA,
+            Self::Output { .. } => interface::OUTPUT,
+            Self::World => interface::WORLD,
+            Self::Render { .. } => interface::RENDER,
+            Self::Command { .. } => interface::COMMAND,
+            Self::Comment(_) => interface::COMMENT,
+            Self::Shader { .. } => interface::SHADER,
+            Self::ShaderGroupBegin => interface::SHADER_GROUP_BEGIN,
+            Self::ShaderGroupEnd => interface::SHADER_GROUP_END,
+            Self::ConnectShaders { .. } => interface::CONNECT_SHADERS,
+            Self::Light { .. } => interface::LIGHT,
+            Self::LightSwitch { .. } => interface::LIGHT_SWITCH,
+            Self::Shape { shape, .. } => match **shape {
+                ShapeDesc::Patch { .. } | ShapeDesc::Nurbs { .. } => interface::PATCH,
+                ShapeDesc::Mesh { .. } => interface::MESH,
+                ShapeDesc::Points { .. } => interface::POINTS,
+                ShapeDesc::Curves { .. } | ShapeDesc::NurbsCurves { .. } => interface::CURVES,
+                ShapeDesc::Sphere { .. } => interface::SPHERE,
+            },
+            Self::TrimCurve(_) => interface::TRIM_CURVE,
+            Self::Input { .. } => interface::INPUT,
+        }
+    }
+
     /// Returns the name of the call in the scene interface.
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Parameter(_) => "Parameter",
-            Self::Attribute(_) => "Attribute",
-            Self::PushAttributes => "PushAttributes",
-            Self::PopAttributes => "PopAttributes",
-            Self::SaveAttributes { .. } => "SaveAttributes",
-            Self::RestoreAttributes { .. } => "RestoreAttributes",
-            Self::Modify { .. } => "Modify",
-            Self::PushTransform => "PushTransform",
-            Self::PopTransform => "PopTransform",
-            Self::SetTransform(_) => "SetTransform",
-            Self::AppendTransform(_) => "AppendTransform",
-            Self::Translate(_) => "Translate",
-            Self::Rotate { .. } => "Rotate",
-            Self::Scale(_) => "Scale",
-            Self::Motion(_) => "Motion",
-            Self::Camera { .. } => "Camera",
-            Self::Output { .. } => "Output",
-            Self::World => "World",
-            Self::Render { .. } => "Render",
-            Self::Command { .. } => "Command",
-            Self::Comment(_) => "Comment",
-            Self::Shader { .. } => "Shader",
-            Self::ShaderGroupBegin => "ShaderGroupBegin",
-            Self::ShaderGroupEnd => "ShaderGroupEnd",
-            Self::ConnectShaders { .. } => "ConnectShaders",
-            Self::Light { .. } => "Light",
-            Self::LightSwitch { .. } => "LightSwitch",
-            Self::Shape { shape, .. } => shape.call_name(),
-            Self::TrimCurve(_) => "TrimCurve",
-            Self::Input { .. } => "Input",
-        }
+        self.row().name
     }
 }
 

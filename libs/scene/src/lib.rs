@@ -7,7 +7,8 @@
 //! The invariants of a [`Scene`] are these. All transformations lead to world space. There is at least one camera and
 //! one output. Every [`LightId`] is an index into its lights. Positions are finite. Parameters have the data that
 //! their types declare (`geom` checks the number of items that a primitive needs). Attribute names and types are
-//! those of the table in [`attribute`], the only place that defines defaults.
+//! those of the table in [`attribute`], the only place that defines defaults. The names and the arguments of calls are
+//! those of the table in [`interface`].
 //!
 //! Errors of a scene are reported once per cause, with file, line and object name. The call is then ignored or
 //! applied as far as possible. No sequence of calls panics. File formats, shaders and their parameters, and images
@@ -58,6 +59,7 @@ mod call;
 mod camera;
 mod frame;
 mod generator;
+pub mod interface;
 mod lights;
 mod scene;
 mod state;

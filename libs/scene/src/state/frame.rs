@@ -5,14 +5,11 @@ use super::current::rebase_set;
 use super::transforms::hint;
 use super::{Phase, Saved1, State};
 use crate::attribute::{Scope, TABLE, attr, attribute_row};
+use crate::interface::COMMANDS;
 use crate::{AttributeSet, Camera, Output, Scene, Stop};
 use granita_base::{Location, MotionTransform, Params, Severity, suggestion};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// The commands of reference 4.5.
-const COMMANDS: [&str; 8] =
-    ["exit", "return", "wait", "system", "mkdir", "unlink", "bucketpriority", "fileread"];
 
 impl State {
     /// Handles `Camera`. The camera is at the current transformation and looks along +z.
@@ -320,10 +317,13 @@ impl State {
             return Err(Stop::Exit);
         }
         if !self.renderer.command(name, &params, at)? {
-            let text = if COMMANDS.contains(&word) {
+            let text = if COMMANDS.iter().any(|row| row.name == word) {
                 format!("Command \"{word}\" is not supported yet")
             } else {
-                format!("unknown command \"{word}\"{}", hint(suggestion(word, COMMANDS)))
+                format!(
+                    "unknown command \"{word}\"{}",
+                    hint(suggestion(word, COMMANDS.iter().map(|row| row.name)))
+                )
             };
             self.report(Severity::Warning, at, "command", text);
         }

@@ -3,6 +3,7 @@
 use super::State;
 use super::attributes::typed;
 use super::transforms::hint;
+use crate::interface::SHADER;
 use crate::{Connection, Light, LightId, ShaderGroup, ShaderInstance, ShaderUsage};
 use granita_base::{Location, ParamData, Params, Severity, suggestion};
 use std::sync::Arc;
@@ -33,7 +34,7 @@ impl State {
             // Older scenes use "atmosphere".
             "volume" | "atmosphere" => ShaderUsage::Volume,
             _ => {
-                let hint = hint(suggestion(usage, ["surface", "displacement", "volume"]));
+                let hint = hint(suggestion(usage, SHADER.words("usage").iter().copied()));
                 let text = format!("Shader: unknown usage \"{usage}\"{hint}");
                 return self.report(Severity::Warning, at, "usage", text);
             }

@@ -2,6 +2,7 @@
 
 use super::attributes::typed;
 use super::{Phase, State};
+use crate::interface::VARIABLES;
 use crate::{AttributeSet, Primitive, ShapeKey};
 use granita_base::{
     BaseType, Interp, Location, Param, ParamData, ParamType, Params, Severity, ShapeDesc, TrimDesc,
@@ -11,19 +12,7 @@ use std::sync::Arc;
 /// Returns the type of an undeclared parameter of a primitive (reference 2.1.5, 2.8). Arrays of length 0 are as long
 /// as their data.
 pub fn predeclared(name: &str) -> Option<ParamType> {
-    Some(match name {
-        "P" => ParamType::of(BaseType::Point).with_interp(Interp::Vertex),
-        "Pw" => ParamType::of(BaseType::HPoint).with_interp(Interp::Vertex),
-        "N" => ParamType::of(BaseType::Normal),
-        "C" | "opacity" => ParamType::of(BaseType::Color),
-        "width" | "rasterwidth" => ParamType::of(BaseType::Float),
-        "border" => ParamType::of(BaseType::Int),
-        "holes" | "creaselengths" | "creaseindices" | "cornerindices" => ParamType::array(BaseType::Int, 0),
-        "creasesharpnesses" | "cornersharpnesses" => ParamType::array(BaseType::Float, 0),
-        "__attributes" => ParamType::of(BaseType::String).with_interp(Interp::PerPiece),
-        "__attributesindex" => ParamType::of(BaseType::Int).with_interp(Interp::PerPiece),
-        _ => return None,
-    })
+    VARIABLES.iter().find(|row| row.name == name).map(|row| row.ty)
 }
 
 /// The largest coordinate of a vertex, in object space units. Squares of larger ones overflow.

@@ -1,6 +1,7 @@
 //! Transformations (reference 2.5), alone or as the keys of a motion block.
 
 use super::{Phase, Saved1, State};
+use crate::interface::SET_TRANSFORM;
 use crate::{Call, TransformTarget};
 use granita_base::{Location, MotionTransform, Severity, Transform, Vec3};
 
@@ -34,8 +35,8 @@ impl State {
             Call::SetTransform(TransformTarget::Named(space)) => match self.named_space(&space) {
                 Some(m) => Change::Set(m),
                 None => {
-                    let known = ["world", "camera", "screen", "raster", "NDC", "common"];
-                    let names = known.into_iter().chain(self.saved.keys().map(|k| &**k));
+                    let known = SET_TRANSFORM.words("space").iter().copied();
+                    let names = known.chain(self.saved.keys().map(|k| &**k));
                     let hint = hint(granita_base::suggestion(&space, names));
                     let text = format!("SetTransform: no coordinate system \"{space}\"{hint}");
                     self.report(Severity::Error, at, name, text);
