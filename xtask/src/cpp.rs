@@ -80,6 +80,7 @@ pub(crate) fn install(prefix: &Path, debug: bool) -> Result<(), String> {
     folder("textures")?;
     let doc = folder("doc")?;
     copy_all(&root.join("docs"), &doc, ".md")?;
+    copy_all(&root.join("docs/calls"), &made(doc.join("calls"))?, ".md")?;
     copy_all(&root.join("docs/pictures"), &made(doc.join("pictures"))?, "")?;
     for (file, place) in
         [("gelato.pc", "pkgconfig"), ("gsoargs.pc", "pkgconfig"), ("GelatoConfig.cmake", "cmake/Gelato")]

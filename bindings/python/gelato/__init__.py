@@ -27,7 +27,8 @@ program ends, and at the end of a ``with`` block. A renderer without references 
 the wait for its answer was interrupted (by Ctrl-C, for example), and the image that it renders is dropped.
 """
 
-from ._renderer import CALLS, GelatoAPI, GelatoError
+from ._calls import CALLS
+from ._renderer import GelatoAPI, GelatoError
 
 __version__ = "0.1.0"
 
@@ -39,7 +40,7 @@ def _function(name):
         GelatoRenderer._call(name, args)
 
     function.__name__ = function.__qualname__ = name
-    function.__doc__ = "The call %s of the scene interface." % name
+    function.__doc__ = CALLS[name]
     return function
 
 

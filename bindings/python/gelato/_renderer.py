@@ -11,18 +11,11 @@ import sys
 import weakref
 
 try:
+    from ._calls import CALLS
     from ._stream import call, decode, receive, send
 except ImportError:
-    # The functions are part of the same program.
+    # The functions are part of the same program, and CALLS has the names without descriptions.
     pass
-
-CALLS = (
-    "AppendTransform", "Attribute", "Camera", "Command", "Comment", "ConnectShaders", "Curves", "GetAttribute",
-    "Input", "Light", "LightSwitch", "Mesh", "Modify", "Motion", "Output", "Parameter", "Patch", "Points",
-    "PopAttributes", "PopTransform", "PushAttributes", "PushTransform", "Render", "RestoreAttributes", "Rotate",
-    "SaveAttributes", "Scale", "SetTransform", "Shader", "ShaderGroupBegin", "ShaderGroupEnd", "Sphere", "Translate",
-    "TrimCurve", "World",
-)  # fmt: skip
 
 # The calls that return only when they are done.
 _SLOW = ("Render", "Command", "Input")
@@ -164,9 +157,10 @@ class GelatoAPI:
             self._answer()
 
     def GetAttribute(self, name):
-        """Returns the current value of an attribute; None when there is none."""
         self._send(b"A", str(name).encode("utf-8", "replace"))
         return decode(self._answer())
+
+    GetAttribute.__doc__ = CALLS["GetAttribute"]
 
     @property
     def errors(self):
@@ -220,7 +214,7 @@ def _method(name):
 
     method.__name__ = name
     method.__qualname__ = "GelatoAPI." + name
-    method.__doc__ = "The call %s of the scene interface." % name
+    method.__doc__ = CALLS[name]
     return method
 
 

@@ -1,6 +1,7 @@
 """Tests the package. ``cargo test -p granita-tests --test python`` runs it. ``GELATO`` must name the program."""
 
 import array
+import ast
 import io
 import os
 import subprocess
@@ -26,6 +27,39 @@ def values(data):
     numbers = array.array("i" if code == b"I" else "f")
     numbers.frombytes(data[5:])
     return code, list(numbers)
+
+
+class Descriptions(unittest.TestCase):
+    def test_every_call_describes_itself(self):
+        for name in gelato.CALLS:
+            for function in (getattr(gelato, name), getattr(gelato.GelatoAPI, name)):
+                self.assertEqual(function.__name__, name)
+                self.assertTrue(function.__doc__.startswith(name + "("), name)
+        self.assertIn("thetamax: float; degrees", gelato.Sphere.__doc__)
+
+    def test_every_call_has_types(self):
+        with open(os.path.join(os.path.dirname(gelato.__file__), "__init__.pyi")) as file:
+            stub = ast.parse(file.read())
+        functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
+        classes = [node for node in stub.body if isinstance(node, ast.ClassDef) and node.name == "GelatoAPI"]
+        methods = {node.name for node in classes[0].body if isinstance(node, ast.FunctionDef)}
+        self.assertEqual(functions, set(gelato.CALLS) | {"CreateRenderer", "finish"})
+        public = {name for name in dir(gelato.GelatoAPI) if not name.startswith("_")}
+        self.assertEqual({name for name in methods if not name.startswith("_")}, public)
+
+
+class Manual(unittest.TestCase):
+    def test_the_first_example_renders(self):
+        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
+        with open(os.path.join(package, "..", "..", "docs", "python.md")) as file:
+            example = file.read().split("```python\n")[1].split("```")[0]
+        with tempfile.TemporaryDirectory() as folder:
+            environment = dict(os.environ, PYTHONPATH=package)
+            ran = subprocess.run(
+                [sys.executable, "-c", example], cwd=folder, env=environment, stderr=subprocess.PIPE, timeout=60
+            )
+            self.assertEqual((ran.returncode, ran.stderr), (0, b""))
+            self.assertEqual(os.listdir(folder), ["ball.tif"])
 
 
 class Encoding(unittest.TestCase):

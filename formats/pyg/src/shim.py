@@ -94,7 +94,8 @@ def _granita_main():
 
     def create_renderer(*options):
         if not others:
-            shared = {"call": call, "decode": decode, "receive": receive, "send": send}
+            described = {name: "The call %s of the scene interface." % name for name in api}
+            shared = {"CALLS": described, "call": call, "decode": decode, "receive": receive, "send": send}
             # Relative imports of a package that is not there fail, as they should.
             others.update(shared, __name__="__main__", __package__=None)
             exec(compile(_RENDERER, "<gelato>", "exec"), others)

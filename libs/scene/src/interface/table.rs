@@ -80,7 +80,7 @@ calls! {
             second output of the same name replaces the first."),
         arg("format", OptionalText, "name of a format", "The format of the file. `\"null\"` and nothing \
             remove the output of that name.").default("\"null\""),
-        arg("data", Text, "see below", "The values of each pixel."),
+        arg("data", Text, "rgb, rgba, z, avgz, volz, or a type and a name", "The values of each pixel."),
         arg("camera", Text, "name of a camera", "The camera that makes the image. An empty name means the \
             first camera."),
     ])], "Adds an image of a camera.");
@@ -108,7 +108,7 @@ calls! {
 
     /// `Command`.
     COMMAND = call("Command", Page::Frames, &[with_params(&[
-        arg("name", Text, "see below", "The command. `\"system\"` may be followed by a line for the shell."),
+        arg("name", Text, "name of a command", "The command. `\"system\"` may be followed by a line for the shell."),
     ])], "Executes a command at once.");
 
     /// `Comment`.
@@ -118,7 +118,7 @@ calls! {
 
     /// `Parameter`.
     PARAMETER = call("Parameter", Page::Attributes, &[form(&[
-        arg("declaration", Declaration, "see [Declarations](../calls.md#declarations)", "The name of the \
+        arg("declaration", Declaration, "class, type and name, see [Declarations](../calls.md#declarations)", "The name of the \
             parameter, with its type."),
         arg("value", Value, "as declared", "The value: one number or string, a sequence, or several numbers \
             in a row."),
@@ -126,7 +126,7 @@ calls! {
 
     /// `Attribute`.
     ATTRIBUTE = call("Attribute", Page::Attributes, &[form(&[
-        arg("declaration", Declaration, "see [Declarations](../calls.md#declarations)", "The name of the \
+        arg("declaration", Declaration, "class, type and name, see [Declarations](../calls.md#declarations)", "The name of the \
             attribute. The type may be left out for attributes of the [table](../attributes.md)."),
         arg("value", Value, "that of the attribute", "The value: one number or string, a sequence, or \
             several numbers in a row."),
@@ -225,7 +225,7 @@ calls! {
 
     /// `Shader`.
     SHADER = call("Shader", Page::Shaders, &[with_params(&[
-        arg("usage", Text, "see the words", "The task of the shader. `\"atmosphere\"` is accepted for \
+        arg("usage", Text, "", "The task of the shader. `\"atmosphere\"` is accepted for \
             `\"volume\"`.")
             .words(&["surface", "displacement", "volume"]),
         arg("name", OptionalText, "name of a shader", "The shader. Without it the usage is \
@@ -312,7 +312,7 @@ calls! {
 
     /// `Mesh`.
     MESH = call("Mesh", Page::Shapes, &[with_params(&[
-        arg("interp", Text, "see the words", "Flat faces, or a smooth surface by Catmull-Clark \
+        arg("interp", Text, "", "Flat faces, or a smooth surface by Catmull-Clark \
             subdivision.").words(&["linear", "catmull-clark"]),
         arg("nverts", Integers, "3 and more each", "The number of corners of each face.").shape("number of \
             faces"),
@@ -328,7 +328,7 @@ calls! {
     /// `Curves`.
     CURVES = call("Curves", Page::Shapes, &[
         with_params(&[
-            arg("interp", Text, "see the words", "The interpolation of the vertices along a \
+            arg("interp", Text, "", "The interpolation of the vertices along a \
                 curve.").words(BASES),
             arg("ncurves", Count, "0 and more", "The number of curves."),
             arg("nverts", Count, "linear: 2 and more; bezier: 4, 7, 10 and so on; others: 4 and more", "The \

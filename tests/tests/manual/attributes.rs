@@ -1,20 +1,8 @@
-//! Tests the pages of the manual that are made from tables in the code.
+//! The page of attributes, which is made from their table.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
+use crate::kept;
 use granita_scene::attribute::{DefaultValue, Effect, Scope, TABLE};
-use granita_tests::repository;
 use std::fmt::Write;
-
-/// Compares a page with its expected text, or replaces it under `cargo xtask bless manual`.
-fn page(name: &str, text: &str) {
-    let path = repository().join("docs").join(name);
-    if std::env::var("GRANITA_BLESS").is_ok_and(|what| what == "manual" || what == "all") {
-        std::fs::write(&path, text).unwrap();
-    }
-    let kept = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(kept == text, "{} is not what the table says: cargo xtask bless manual", path.display());
-}
 
 fn numbers<T: Copy + Into<f64>>(list: &[T]) -> String {
     let shown = |v: f64| if v.abs() >= 1e7 { format!("{:e}", v as f32) } else { format!("{}", v as f32) };
@@ -56,5 +44,5 @@ fn the_manual_lists_every_attribute() {
             let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);
         }
     }
-    page("attributes.md", &text);
+    kept("docs/attributes.md", &text);
 }
