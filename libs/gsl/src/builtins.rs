@@ -3,11 +3,16 @@
 //!
 //! `exit`, constructors and casts are not functions here, because they have their own IR.
 
+mod options;
+
+pub(crate) use options::TRACE;
+
 use crate::Func;
 use crate::ir::{Global, ValueType};
 use ValueType::{
     Color as C, Float as F, Matrix as M, Normal as N, Point as P, String as S, Vector as V, Void,
 };
+use options::{ENVIRONMENT, GATHER, OCCLUSION, QUERY, SAVE, SHADOW, STEP, SUBSURFACE, TEXTURE};
 
 /// A set of value types.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +47,7 @@ impl TypeSet {
 pub(crate) const NUMBERS: TypeSet = TypeSet::of(&[F, C, P, V, N]);
 const NUMBERS_MATRIX: TypeSet = TypeSet::of(&[F, C, P, V, N, M]);
 const FLOAT_COLOR: TypeSet = TypeSet::of(&[F, C]);
-const ANY_VALUE: TypeSet = TypeSet::of(&[F, C, P, V, N, M, S]);
+pub(crate) const ANY_VALUE: TypeSet = TypeSet::of(&[F, C, P, V, N, M, S]);
 
 /// The types that an argument may have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +103,10 @@ pub(crate) struct Choice {
     pub(crate) ty: ValueType,
     pub(crate) array: Option<u32>,
     pub(crate) output: bool,
+    /// The default value as text; empty where there is none.
+    pub(crate) default: &'static str,
+    /// The effect, for the manual.
+    pub(crate) help: &'static str,
 }
 
 /// One overload.
@@ -160,96 +169,6 @@ impl Signature {
         self
     }
 }
-
-const fn o(name: &'static str, ty: ValueType) -> Choice {
-    Choice { name, ty, array: None, output: false }
-}
-const fn out(name: &'static str, ty: ValueType) -> Choice {
-    Choice { name, ty, array: None, output: true }
-}
-
-const TEXTURE: &[Choice] = &[
-    o("blur", F),
-    o("sblur", F),
-    o("tblur", F),
-    o("width", F),
-    o("swidth", F),
-    o("twidth", F),
-    o("wrap", S),
-    o("swrap", S),
-    o("twrap", S),
-    o("firstchannel", F),
-    o("fill", F),
-    out("alpha", F),
-];
-/// The options of `environment`. "sample" and "direction" are not in the reference.
-const ENVIRONMENT: &[Choice] = &[
-    o("angle", F),
-    o("blur", F),
-    o("sblur", F),
-    o("tblur", F),
-    o("width", F),
-    o("swidth", F),
-    o("twidth", F),
-    o("firstchannel", F),
-    o("fill", F),
-    o("Kr", F),
-    o("space", S),
-    o("radius", F),
-    o("up", S),
-    o("samples", F),
-    o("sample", F),
-    o("bias", F),
-    o("maxhitdist", F),
-    o("shade", F),
-    out("direction", V),
-    out("alpha", F),
-    out("hitdist", F),
-    out("Phit", P),
-    out("Nhit", V),
-];
-const SHADOW: &[Choice] = &[
-    o("blur", F),
-    o("sblur", F),
-    o("tblur", F),
-    o("width", F),
-    o("swidth", F),
-    o("twidth", F),
-    o("samples", F),
-    o("bias", F),
-];
-/// The options of `occlusion`. "filename" is in the listings of 10.4 only. "distribution" is that of `trace` and
-/// determines which portion is computed.
-const OCCLUSION: &[Choice] = &[
-    o("samples", F),
-    o("adaptive", F),
-    o("maxerror", F),
-    o("maxpixeldist", F),
-    o("bias", F),
-    o("maxhitdist", F),
-    o("falloff", F),
-    o("falloffmode", F),
-    o("filename", S),
-    o("filemode", S),
-    o("distribution", S),
-];
-/// The options of `indirect`, which are those of `occlusion` except the last one.
-const GATHER: &[Choice] = OCCLUSION.split_at(10).0;
-/// The options of `subsurface`. "model" is not in the reference.
-const SUBSURFACE: &[Choice] =
-    &[o("scattering", C), o("absorption", C), o("eta", F), o("maxsolidangle", F), o("model", S)];
-const SAVE: &[Choice] = &[
-    o("interpolate", F),
-    o("filemode", S),
-    Choice { name: "resolution", ty: F, array: Some(2), output: false },
-    o("filedataformat", S),
-    o("writefilterwidth", F),
-];
-const QUERY: &[Choice] =
-    &[o("maxerror", F), o("maxdist", F), o("minsamples", F), o("filter", S), o("filemode", S)];
-const STEP: &[Choice] = &[o("width", F), o("filter", S)];
-/// The options of the `trace` statement.
-pub(crate) const TRACE: &[Choice] = &[o("bias", F), o("maxhitdist", F), o("distribution", S), o("shade", F)];
 
 // Arguments.
 const AF: Arg = Arg::Is(F);
@@ -463,6 +382,16 @@ pub(crate) const TABLE: &[Signature] = &[
     // 5.8.15 Miscellaneous.
     f(Func::ArrayLength, F, &[Arg::Array]),
 ];
+
+/// The forms of `emit`.
+pub(crate) const EMIT: &[&[ValueType]] = &[&[P], &[P, V, F], &[V, F], &[]];
+/// The forms of `lights`.
+pub(crate) const LIGHTS: &[&[ValueType]] = &[&[P], &[P, V, F], &[S, P], &[S, P, V, F]];
+/// The forms of `trace`, which takes the options [`TRACE`].
+pub(crate) const TRACES: &[&[ValueType]] = &[&[S, P, V, F, F]];
+
+/// The letters of the conversions of templates, as `printf` takes them.
+pub const CONVERSIONS: &str = "fFeEgGdixcpvnms";
 
 /// The mathematical constants (reference 5.8.1).
 pub(crate) const CONSTANTS: &[(&str, f32)] = &[

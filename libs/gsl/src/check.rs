@@ -570,17 +570,14 @@ impl Checker<'_> {
         body: ast::Stmt,
         pos: Pos,
     ) -> Option<StmtKind> {
-        use ValueType::{Float, Point, String, Vector};
-        let forms: &[&[ValueType]] = match kind {
-            ast::Lighting::Emit => &[&[], &[Point], &[Vector, Float], &[Point, Vector, Float]],
-            ast::Lighting::Lights => {
-                &[&[Point], &[Point, Vector, Float], &[String, Point], &[String, Point, Vector, Float]]
-            }
-            ast::Lighting::Trace => &[&[String, Point, Vector, Float, Float]],
+        let forms = match kind {
+            ast::Lighting::Emit => builtins::EMIT,
+            ast::Lighting::Lights => builtins::LIGHTS,
+            ast::Lighting::Trace => builtins::TRACES,
         };
         let count = if kind == ast::Lighting::Trace { args.len().min(5) } else { args.len() };
         let Some(form) = forms.iter().find(|f| f.len() == count) else {
-            let list: Vec<std::string::String> = forms
+            let list: Vec<String> = forms
                 .iter()
                 .map(|f| {
                     let words: Vec<_> = f.iter().map(|t| t.word()).collect();

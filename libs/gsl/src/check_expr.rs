@@ -344,8 +344,7 @@ impl Checker<'_> {
 
     fn cast(&mut self, value: Expr, ty: ValueType, pos: Pos) -> Expr {
         let from = value.ty.value;
-        let allowed = value.ty.array.is_none()
-            && (from == ty || (from.is_triple() && ty.is_triple()) || conversion(from, ty).is_some());
+        let allowed = value.ty.array.is_none() && casts(from, ty);
         if matches!(value.kind, ExprKind::Bad) {
             return self.bad(pos, Some(ty));
         }
@@ -778,7 +777,7 @@ impl Checker<'_> {
                 chars.next();
             }
             match chars.next() {
-                Some('f' | 'g' | 'e' | 'd' | 'i' | 'c' | 'p' | 'v' | 'n' | 'm' | 's') => wanted += 1,
+                Some(letter) if builtins::CONVERSIONS.contains(letter) => wanted += 1,
                 other => {
                     let shown = other.map_or(String::new(), String::from);
                     let what = format!("the template has the unknown conversion `%{shown}`");
@@ -787,8 +786,10 @@ impl Checker<'_> {
                 }
             }
         }
-        let given = args.len() - at - 1;
-        if wanted != given {
+        // An array counts as its elements, whose number is open for some parameters.
+        let values = &args[at + 1..];
+        let given: usize = values.iter().map(|value| value.ty.elements()).sum();
+        if wanted != given && !values.iter().any(|value| value.ty.open) {
             let what = format!("the template prints {wanted} values, {given} given");
             self.diags.warning(template.pos, what);
         }

@@ -34,6 +34,7 @@ mod error;
 mod fold;
 mod func;
 pub mod gso;
+pub mod help;
 mod hir;
 pub mod ir;
 mod listing;
@@ -49,7 +50,7 @@ mod valid;
 mod validate;
 
 pub use args::{Arg, ArgDefault, GsoArgs};
-pub use builtins::{Overload, overloads};
+pub use builtins::{CONVERSIONS, Overload, overloads};
 pub use diagnostic::Diagnostic;
 pub use error::GslError;
 pub use func::Func;

@@ -26,6 +26,11 @@ pub(crate) fn conversion(from: ValueType, to: ValueType) -> Option<u32> {
     }
 }
 
+/// True when a value can be cast to another type.
+pub(crate) fn casts(from: ValueType, to: ValueType) -> bool {
+    from == to || (from.is_triple() && to.is_triple()) || conversion(from, to).is_some()
+}
+
 /// Returns the type of `a op b`, if there is one.
 pub(crate) fn arithmetic_type(op: Binary, a: ValueType, b: ValueType) -> Option<ValueType> {
     use ValueType::{Float, Matrix, Normal, Point, String, Vector, Void};

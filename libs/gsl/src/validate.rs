@@ -207,7 +207,7 @@ impl Checker<'_> {
         let rest = &args[fixed..];
         match row.rest {
             Rest::Nothing => rest.is_empty(),
-            Rest::Values => rest.iter().all(|t| t.array.is_none()),
+            Rest::Values => true,
             Rest::Strings => rest.iter().all(|t| like(*t, ValueType::String)),
             Rest::Same(n) => rest.len() >= n && rest.iter().all(|t| shared(*t)),
             Rest::Options(choices) => op.args[fixed..].chunks(2).all(|pair| match *pair {

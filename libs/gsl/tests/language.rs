@@ -292,3 +292,21 @@ fn lighting_statements_are_allowed_in_their_shader_types_only() {
         assert_eq!(said(source).is_empty(), ok, "{source}: {}", said(source));
     }
 }
+
+#[test]
+fn templates_take_all_conversions_that_the_executor_prints() {
+    // Every letter is accepted without a warning, and an array counts as its elements.
+    let letters: String = granita_gsl::CONVERSIONS.chars().map(|c| format!("%{c} ")).collect();
+    let values = ", 1".repeat(granita_gsl::CONVERSIONS.len());
+    module(&format!(
+        "surface t (float list[3] = {{ 1, 2, 3 }}, float open[] = {{ 1 }}) {{ printf (\"{letters}\"{values}); \
+        printf (\"%f %f %f %s\", list, \"a\"); printf (\"%f %f\", open); }}"
+    ));
+}
+
+#[test]
+fn shadows_take_an_angle() {
+    module(
+        "light t () { emit (point (0, 0, 0)) { Cl = 1 - (color) shadow (\"set\", Ps, \"angle\", 0.1); } }",
+    );
+}

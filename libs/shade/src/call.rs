@@ -209,3 +209,55 @@ fn strict<O: OptionTable<SymbolId, SymbolId>>(list: &[Given<'_>], wrap: fn(O) ->
     }
     Resolved { options: wrap(options), results: Results::default(), unknown }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_gsl::help;
+
+    type Names = (Vec<&'static str>, fn(&str) -> Option<bool>);
+
+    fn names<O: OptionTable<SymbolId, SymbolId>>() -> Names {
+        (O::names(), O::takes_text)
+    }
+
+    /// The compiler accepts exactly the options that calls understand, with the same kind of value.
+    #[test]
+    fn options_are_those_of_the_compiler() {
+        let functions: [(&str, Names); 10] = [
+            ("texture", names::<TextureOptions<_, _>>()),
+            ("texture3d", names::<TextureOptions<_, _>>()),
+            ("environment", names::<EnvironmentOptions<_, _>>()),
+            ("shadow", names::<ShadowOptions<_, _>>()),
+            ("indirect", names::<GatherOptions<_, _>>()),
+            ("occlusion", names::<GatherOptions<_, _>>()),
+            ("subsurface", names::<SubsurfaceOptions<_, _>>()),
+            ("spatialdbsave", names::<SaveOptions<_, _>>()),
+            ("spatialdbquery", names::<QueryOptions<_, _>>()),
+            ("aastep", names::<StepOptions<_, _>>()),
+        ];
+        let with_options = Func::ALL.iter().filter(|func| !help::options_of(**func).is_empty());
+        assert_eq!(with_options.count(), functions.len());
+        let trace = [("trace", names::<TraceOptions<_, _>>())];
+        for (function, (known, takes_text)) in functions.into_iter().chain(trace) {
+            let entry = help::entry(function).expect("an entry");
+            for option in &entry.options {
+                let name = option.name;
+                if option.output {
+                    assert!(Results::default().set(name, SymbolId(0)), "{function} \"{name}\"");
+                } else {
+                    let is_text = option.value == ValueType::String;
+                    assert_eq!(takes_text(name), Some(is_text), "{function} \"{name}\"");
+                }
+            }
+            for name in known {
+                let is_known = entry.options.iter().any(|option| option.name == name);
+                // The light of a whole hemisphere has one distribution.
+                assert!(
+                    is_known || (function, name) == ("indirect", "distribution"),
+                    "{function} \"{name}\""
+                );
+            }
+        }
+    }
+}

@@ -1,7 +1,9 @@
-//! The shader compiler. It compiles `name.gsl` to `name.gso` (reference 8.2). With `-run` it also runs a shader.
+//! The shader compiler. It compiles `name.gsl` to `name.gso` (reference 8.2). With `-run` it also runs a shader, and with
+//! `-functions` it prints the reference of the functions.
 
 #![forbid(unsafe_code)]
 
+mod functions;
 mod run;
 mod surroundings;
 
@@ -26,8 +28,8 @@ use std::path::{Path, PathBuf};
 #[command(name = "gslc")]
 struct Options {
     /// Source file; "-" reads standard input
-    #[arg(value_name = "SOURCE")]
-    source: String,
+    #[arg(value_name = "SOURCE", required_unless_present = "functions")]
+    source: Option<String>,
 
     /// A folder of included files; may be repeated
     #[arg(short = 'I', value_name = "PATH")]
@@ -61,6 +63,10 @@ struct Options {
     /// Encrypt the compiled shader; its parameters stay readable
     #[arg(short = 'x')]
     encrypt: bool,
+
+    /// Print the arguments, results, options and an example of a function of the language, or a list of all
+    #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "", conflicts_with = "source")]
+    functions: Option<String>,
 
     /// Run SOURCE (a source file, a compiled one, or the name of a bundled shader) over a unit square
     #[arg(long)]
@@ -96,9 +102,19 @@ struct Options {
     optimize: u8,
 }
 
+impl Options {
+    /// Returns the name of the source, which is empty only without one.
+    fn source(&self) -> &str {
+        self.source.as_deref().unwrap_or_default()
+    }
+}
+
 /// Runs the tool. `args` begins with the name by which it was called.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);
+    if let Some(name) = &options.functions {
+        return functions::show(name);
+    }
     if let Err(error) = before_signals(|| ()) {
         say(&format!("gslc: warning: signals cannot be handled: {error}"));
     }
@@ -107,16 +123,16 @@ pub fn main(args: Vec<OsString>) -> Status {
 
 /// Compiles the source and writes the compiled shader.
 fn compile_file(options: &Options) -> Status {
-    let (source, file) = match read_source(&options.source) {
+    let (source, file) = match read_source(options.source()) {
         Ok(found) => found,
         Err(error) => {
-            say(&format!("gslc: error: {}: {error}", options.source));
+            say(&format!("gslc: error: {}: {error}", options.source()));
             return Status::Failed;
         }
     };
     let Some(module) = compiled(&source, &file, options) else { return Status::WithErrors };
     let output = options.output.clone().unwrap_or_else(|| format!("{}.gso", module.name));
-    if is_same_file(Path::new(&options.source), Path::new(&output)) {
+    if is_same_file(Path::new(options.source()), Path::new(&output)) {
         say(&format!("gslc: error: {output} is the source itself, and is not overwritten"));
         return Status::Failed;
     }

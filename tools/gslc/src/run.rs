@@ -72,7 +72,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
         group.attach(usage).map_err(|e| e.to_string())?;
         Ok(group)
     };
-    let group = link(&options.source, &params)?;
+    let group = link(options.source(), &params)?;
     let mut lights = options.light.iter().map(|l| link(l, &Params::new())).collect::<Result<Vec<_>, _>>()?;
     if lights.is_empty() && group.gathers_light() {
         let module = compile(HEADLIGHT, "headlight", &CompileOptions::default())
@@ -112,7 +112,7 @@ fn try_run(options: &Options) -> Result<Status, String> {
     let output = match &options.output {
         Some(name) => name.clone(),
         None => {
-            format!("{}.exr", Path::new(&options.source).file_stem().unwrap_or_default().to_string_lossy())
+            format!("{}.exr", Path::new(options.source()).file_stem().unwrap_or_default().to_string_lossy())
         }
     };
     if output != "null" {

@@ -331,7 +331,7 @@ fn construct(m: &mut Machine<'_>, op: &Op, dst: SymbolId) {
     }
     let size = ty.components();
     if named && ty != ValueType::Float {
-        return spaces::construct(m, op, dst, parts);
+        return super::for_each_text(m, op, &op.args[..1], &mut |m| spaces::construct(m, op, dst, parts));
     }
     let done = match *parts {
         [x] if size < 16 => super::pass1(m, dst, x, |out, x, _| simd::unary(Unary::Copy, out, x)),

@@ -27,9 +27,9 @@ struct Spec {
 /// The largest width of a field. Wider ones are cut, so that a shader cannot allocate gigabytes.
 const MAX_FIELD: usize = 4096;
 
-/// Fills a template. `%f`, `%c`, `%p` and `%m` print the numbers of any numeric value as C's `%f`, separated by
-/// blanks. `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are supported too, with flags, width and precision. `%%` is a
-/// percent sign. A conversion without a value prints nothing. A value of the wrong type is printed in its own form.
+/// Fills a template. `%f`, `%c`, `%p`, `%v`, `%n` and `%m` print the numbers of any numeric value as C's `%f`,
+/// separated by blanks. `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are supported too, with flags, width and precision. `%%`
+/// is a percent sign. A conversion without a value prints nothing. A value of the wrong type is printed in its own form.
 /// The result ends after the first value that makes it longer than [`MAX_TEXT`].
 pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>) -> String {
     let mut items = items.into_iter();
@@ -80,7 +80,7 @@ pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>
                 out.truncate(start);
                 out.push('%');
             }
-            Some(kind) if "fcpmegdixsFEG".contains(kind) => {
+            Some(kind) if granita_gsl::CONVERSIONS.contains(kind) => {
                 out.truncate(start);
                 if let Some(item) = items.next() {
                     print(&mut out, spec, kind, &item);
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn format_conversions_print_like_c() {
-        let cases: [(&str, &[f32], &str); 24] = [
+        let cases: [(&str, &[f32], &str); 26] = [
             ("%f", &[1.0], "1.000000"),
             ("%.2f|", &[-1.005], "-1.00|"),
             ("%8.3f", &[3.25159], "   3.252"),
@@ -219,6 +219,8 @@ mod tests {
             ("%03i", &[5.0], "005"),
             ("%c", &[0.5, 0.25, 1.0], "0.500000 0.250000 1.000000"),
             ("%.1p", &[1.0, 2.0, 3.0], "1.0 2.0 3.0"),
+            ("%.1v", &[1.0, 2.0, 3.0], "1.0 2.0 3.0"),
+            ("%.0n", &[1.0, 2.0, 3.0], "1 2 3"),
             ("%g", &[0.0001], "0.0001"),
             ("%g", &[1e-5], "1e-05"),
             ("%g", &[100000.0], "100000"),

@@ -58,13 +58,15 @@ fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
         F::Refract | F::Fresnel => geometry::run(m, func, op),
         F::Rotate if result_type(m, op) == Some(ValueType::Matrix) => matrix::run(m, func, op),
         F::Rotate => geometry::run(m, func, op),
-        F::Transform | F::TransformV | F::TransformN => spaces::transform(m, func, op),
-        F::TransformU => spaces::transformu(m, op),
-        F::Luminance | F::TransformC => color::run(m, func, op),
+        F::Transform | F::TransformV | F::TransformN => {
+            for_each_text(m, op, &op.args, &mut |m| spaces::transform(m, func, op));
+        }
+        F::TransformU => for_each_text(m, op, &op.args, &mut |m| spaces::transformu(m, op)),
+        F::Luminance | F::TransformC => for_each_text(m, op, &op.args, &mut |m| color::run(m, func, op)),
         F::Determinant | F::Transpose | F::Translate | F::Scale => matrix::run(m, func, op),
         F::Noise | F::SNoise | F::CNoise | F::PNoise | F::PNNoise | F::PSNoise => pattern::noise(m, func, op),
         F::Random | F::RandomGrid => pattern::random(m, func, op),
-        F::Spline => spline::run(m, op),
+        F::Spline => for_each_text(m, op, &op.args, &mut |m| spline::run(m, op)),
         F::DeltaU | F::DeltaV | F::FilterWidth | F::SurfaceNormal | F::SampleArea => derive::run(m, func, op),
         F::AaStep => pattern::aastep(m, op),
         F::GridN | F::GridNU | F::GridNV | F::GridIndex | F::GridAny | F::GridMin | F::GridMax => {
@@ -78,11 +80,34 @@ fn call(m: &mut Machine<'_>, func: Func, op: &Op) {
         F::Indirect | F::Occlusion => lookup::probe(m, func, op),
         F::Ambient | F::Diffuse | F::Specular | F::SpecularBrdf => shading::run(m, func, op),
         F::Displace | F::Bump => displace::run(m, func, op),
-        F::SetMessage | F::GetMessage | F::GetAttribute | F::GetTextureInfo => message::run(m, func, op),
+        F::GetMessage | F::GetAttribute | F::GetTextureInfo => {
+            let names = op.args.len().saturating_sub(1);
+            for_each_text(m, op, &op.args[..names], &mut |m| message::run(m, func, op));
+        }
+        F::SetMessage => message::run(m, func, op),
         F::Shadeop => shadeop::run(m, op),
         F::Subsurface | F::SpatialDbSave | F::SpatialDbQuery => database::run(m, op),
         _ => math::run(m, func, op),
     }
+}
+
+/// Calls `run` for each combination of the strings of `names` among the active lanes, with the mask narrowed to its
+/// lanes. Nearly always they are the same for all lanes, and `run` is called once. The result of the operation is
+/// merged, because a register that is written before it is read is stored as a whole.
+fn for_each_text(m: &mut Machine<'_>, op: &Op, names: &[SymbolId], run: &mut dyn FnMut(&mut Machine<'_>)) {
+    let differs = |s: &SymbolId| m.type_of(*s) == ValueType::String && m.view(*s).varying;
+    let Some(k) = names.iter().position(differs) else { return run(m) };
+    let Some(dst) = op.dst else { return };
+    let components = m.type_of(dst).components();
+    let mut merged = m.out(true, components);
+    lookup::for_each_name(m, names[k], |m, _| {
+        for_each_text(m, op, &names[k + 1..], run);
+        let part = m.view(dst);
+        for &i in &m.mask.active {
+            (0..components).for_each(|c| merged.set(c, i as usize, part.lane(c).get(i as usize)));
+        }
+    });
+    m.commit(dst, merged);
 }
 
 /// Returns the type of an operation's result.

@@ -2,7 +2,7 @@
 //!
 //! Polynomials and reductions follow the Cephes library (Moshier, single precision). Arguments outside of their
 //! range go to `libm`, which is written in Rust. No result depends on the machine's own library. A lane's result is
-//! the same in a vector loop and alone. Errors are listed in `docs/shaders.md` and checked by a test against double
+//! the same in a vector loop and alone. Errors are listed in `docs/language.md` and checked by a test against double
 //! precision.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E};

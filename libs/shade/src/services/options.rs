@@ -13,6 +13,10 @@ pub(crate) trait OptionTable<N, T>: Default {
 
     /// Sets the option of this name.
     fn set(&mut self, name: &str, number: Option<N>, text: Option<T>);
+
+    /// Returns the names of all options. One that sets two options occurs twice.
+    #[cfg(test)]
+    fn names() -> Vec<&'static str>;
 }
 
 macro_rules! options {
@@ -55,6 +59,11 @@ macro_rules! options {
                     self.$text = text;
                 })*
                 let _ = (number, text);
+            }
+
+            #[cfg(test)]
+            fn names() -> Vec<&'static str> {
+                vec![$($($number_name,)+)* $($($text_name,)+)*]
             }
         }
 

@@ -513,3 +513,34 @@ fn unsupported_functions_are_reported_once() {
     errors.dedup();
     assert_eq!(errors, said);
 }
+
+/// Names of spaces, units, bases, messages and attributes may be computed, and then differ between points.
+#[test]
+fn names_may_differ_from_point_to_point() {
+    let of = |a: &str, b: &str, expression: &str| {
+        let body = format!("string s = u < 0.3 ? \"{a}\" : \"{b}\"; float x = 0; r = {expression};");
+        let found = floats(&body);
+        assert_eq!(found[..3], found[3..], "{body}");
+        [found[0], found[1], found[2]]
+    };
+    assert_eq!(of("cm", "mm", "transformu (s, \"mm\", 1)"), [10.0, 1.0, 1.0]);
+    assert_eq!(of("double", "world", "length (transform (s, \"common\", point (1, 0, 0)))"), [2.0, 1.0, 1.0]);
+    assert_eq!(of("double", "world", "length (transformv (s, vector (2, 0, 0)))"), [1.0, 2.0, 2.0]);
+    assert_eq!(of("double", "world", "length (vector (s, 1, 0, 0))"), [2.0, 1.0, 1.0]);
+    assert_eq!(of("double", "world", "determinant (matrix (s, 1))"), [8.0, 1.0, 1.0]);
+    assert_eq!(of("hsv", "rgb", "luminance (color (s, 0, 0, 1))"), [1.0, 0.072_192_32, 0.072_192_32]);
+    assert_eq!(of("hsv", "rgb", "luminance (transformc (s, \"rgb\", color (0, 0, 1)))")[0], 1.0);
+    assert_eq!(of("linear", "bezier", "spline (s, 0, 7, 1, 2, 3)"), [1.0, 7.0, 7.0]);
+    assert_eq!(of("limits:eye", "none", "getattribute (s, x) * x"), [7.0, 0.0, 0.0]);
+    assert_eq!(of("surface", "none", "getmessage (s, \"r\", x)"), [1.0, 0.0, 0.0]);
+    // Two names that differ.
+    let two = "string a = u < 0.3 ? \"cm\" : \"m\"; string b = u > 0.7 ? \"mm\" : \"cm\"; r = transformu (a, b, 1);";
+    assert_eq!(floats(two)[..3], [1.0, 100.0, 1000.0]);
+}
+
+#[test]
+fn arrays_are_printed_element_by_element() {
+    let body = "float a[3] = { 1, 2, 3 }; color c[2] = { color (1), color (2) }; \
+        string text = format (\"%g %g %g; %d; %.0c\", a, c); r = text == \"1 2 3; 1 1 1; 2 2 2\";";
+    assert_eq!(floats(body), [1.0; 6]);
+}

@@ -13,6 +13,7 @@ mod layers;
 mod lights;
 mod limits;
 mod lookups;
+mod manual;
 mod messages;
 mod nan;
 mod optimise;

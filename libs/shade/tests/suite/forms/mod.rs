@@ -3,7 +3,7 @@
 //! The compiler lists the forms ([`granita_gsl::overloads`]). A form without a reference here fails the test. Each
 //! expression runs over its domain and the domain's edges, for every type that it can return. It runs in all lanes at
 //! once, in a few lanes of many, lane by lane, with uniform arguments that linking folds, and unoptimised. All results
-//! are the same to the bit, and as near to the reference as `docs/shaders.md` promises.
+//! are the same to the bit, and as near to the reference as `docs/language.md` promises.
 
 mod others;
 mod patterns;
@@ -99,7 +99,7 @@ pub(super) fn each_scaled(f: impl Fn(&[f64]) -> (f64, f64) + 'static) -> Exact {
 
 /// Returns the bound that the manual promises for a function, by its name in the manual's table.
 pub(super) fn documented(name: &str) -> Bound {
-    const MANUAL: &str = include_str!("../../../../../docs/shaders.md");
+    const MANUAL: &str = include_str!("../../../../../docs/language.md");
     let line = MANUAL.lines().find(|l| {
         let cell = l.split('|').nth(1).unwrap_or("");
         l.starts_with("| `") && l.matches('|').count() == 3 && cell.contains(name)
