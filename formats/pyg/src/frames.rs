@@ -13,12 +13,31 @@ use std::sync::Arc;
 /// # Errors
 /// Returns the errors of `to`, and an error for a payload of 4 GiB or more.
 pub fn send(to: &mut dyn Write, kind: u8, parts: &[&[u8]]) -> io::Result<()> {
-    let length: usize = parts.iter().map(|p| p.len()).sum();
-    let length = u32::try_from(length).map_err(|_| io::Error::other("a frame is too long"))?;
+    let length = length(parts)?;
     to.write_all(&[kind])?;
     to.write_all(&length.to_le_bytes())?;
     parts.iter().try_for_each(|p| to.write_all(p))?;
     to.flush()
+}
+
+/// Returns a frame whose payload consists of these parts. A stream that several threads write to receives it as one
+/// piece.
+///
+/// # Errors
+/// Returns an error for a payload of 4 GiB or more.
+pub fn framed(kind: u8, parts: &[&[u8]]) -> io::Result<Vec<u8>> {
+    let length = length(parts)?;
+    let mut frame = Vec::with_capacity(length as usize + 5);
+    frame.push(kind);
+    frame.extend(length.to_le_bytes());
+    parts.iter().for_each(|part| frame.extend_from_slice(part));
+    Ok(frame)
+}
+
+/// Returns the length of a payload.
+fn length(parts: &[&[u8]]) -> io::Result<u32> {
+    let length: usize = parts.iter().map(|p| p.len()).sum();
+    u32::try_from(length).map_err(|_| io::Error::other("a frame is too long"))
 }
 
 /// Reads a frame. Returns its kind and its payload.
@@ -188,6 +207,7 @@ mod tests {
         let mut bytes = Vec::new();
         send(&mut bytes, b'x', &[b"ab", b"", b"c"]).unwrap();
         assert_eq!(receive(&mut &bytes[..]).unwrap(), (b'x', b"abc".to_vec()));
+        assert_eq!(framed(b'x', &[b"a", b"bc"]).unwrap(), bytes);
         for n in 0..bytes.len() {
             let error = receive(&mut &bytes[..n]).unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::UnexpectedEof, "{n}");

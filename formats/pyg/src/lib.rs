@@ -46,8 +46,13 @@ mod write;
 pub use error::PygError;
 pub use options::{Chunking, PygOptions, Scripts};
 pub use read::{PygSource, read};
-pub use serve::serve;
+pub use serve::{Requests, serve, serve_with};
 pub use write::{Writer, WriterOptions};
+
+/// Returns the names of all calls of the scene interface.
+pub fn call_names() -> impl Iterator<Item = &'static str> {
+    names::calls()
+}
 
 /// Returns `; did you mean ...`, or an empty string.
 pub(crate) fn hint(suggestion: Option<&str>) -> String {

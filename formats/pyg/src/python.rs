@@ -159,7 +159,7 @@ pub(crate) fn receive(from: &mut dyn Read) -> io::Result<Option<Event>> {
 }
 
 /// Decodes the content of a frame.
-fn event(kind: u8, payload: &[u8]) -> Option<Event> {
+pub(crate) fn event(kind: u8, payload: &[u8]) -> Option<Event> {
     let mut frame = Frame(payload);
     Some(match kind {
         b'C' => {

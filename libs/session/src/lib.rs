@@ -29,11 +29,14 @@
 
 mod archive;
 mod commands;
+mod connection;
 mod error;
+mod forwarded;
 mod net;
 mod options;
 mod outputs;
 mod patient;
+mod programs;
 mod records;
 mod remote;
 mod renderer;
@@ -42,6 +45,7 @@ mod session;
 mod shaders;
 
 pub use archive::archive_calls;
+pub use connection::Connection;
 pub use error::SessionError;
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};
 pub use records::FrameRecord;

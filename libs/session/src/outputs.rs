@@ -4,20 +4,56 @@ use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
 use granita_scene::{AttributeSet, Camera, LightSet, Output, Scene, ShaderGroup, ShaderInstance, attr};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Returns the scene with the session's own outputs and camera attributes.
+/// The images of a frame that go to the program.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Requested {
+    /// Their camera; `None` for the first one.
+    pub(crate) camera: Option<Arc<str>>,
+    /// The data of each, as in `Output`. Its format is its number, from 1, as an address of the program.
+    pub(crate) data: Vec<Arc<str>>,
+}
+
+/// The images of the current frame that go to the program. Clones share them.
+pub(crate) type RequestedImages = Arc<Mutex<Requested>>;
+
+impl Requested {
+    /// True when the camera `name` has any of the images.
+    pub(crate) fn is_of(&self, name: &str) -> bool {
+        !self.data.is_empty() && self.camera.as_deref() == Some(name)
+    }
+
+    /// Returns the images as outputs of a scene.
+    fn outputs(&self, scene: &Scene) -> Vec<Output> {
+        let named = self.camera.as_ref().and_then(|name| scene.cameras.iter().find(|c| c.name == *name));
+        let Some(camera) = named.or(scene.cameras.first()) else { return Vec::new() };
+        let output = |(i, data): (usize, &Arc<str>)| Output {
+            name: format!("<{data}>").into(),
+            format: format!("{:#x}", i + 1).into(),
+            data: data.clone(),
+            camera: camera.name.clone(),
+            params: granita_base::Params::new(),
+        };
+        self.data.iter().enumerate().map(output).collect()
+    }
+}
+
+/// Returns the scene with the session's own outputs, those of the program, and camera attributes.
 pub(crate) fn amended(
     scene: &Arc<Scene>,
     options: &SessionOptions,
+    requested: &Requested,
     registry: &FormatRegistry,
     reporter: &Reporter,
 ) -> Arc<Scene> {
     let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
     let proxy = |scene: &Scene| scene.cameras.first().and_then(proxy_shader);
-    if options.extra_outputs.is_empty() && !changes_cameras && proxy(scene).is_none() {
+    let more = !options.extra_outputs.is_empty() || !requested.data.is_empty();
+    if !more && !changes_cameras && proxy(scene).is_none() {
         return scene.clone();
     }
     let mut scene: Scene = (**scene).clone();
@@ -36,11 +72,14 @@ pub(crate) fn amended(
         shade_plainly(&mut scene, surface);
     }
     let own: Vec<Output> = scene.outputs.clone();
-    // With an output of the command line, the automatic output of a scene without any is not needed. An image in a
-    // viewer is not a file, so the automatic one is kept then.
-    if options.extra_outputs.iter().any(|extra| !is_iv(extra)) && is_automatic(&own, &scene) {
+    // With an output of the command line or of the program, the automatic output of a scene without any is not needed.
+    // An image in a viewer is not a file, so the automatic one is kept then.
+    let takes_place = !requested.data.is_empty() || options.extra_outputs.iter().any(|extra| !is_iv(extra));
+    if takes_place && is_automatic(&own, &scene) {
         scene.outputs.clear();
     }
+    let of_program = requested.outputs(&scene);
+    scene.outputs.extend(of_program);
     for extra in &options.extra_outputs {
         let outputs = extra_outputs(extra, &own, &scene, registry, reporter);
         // The user named these files, or the files that their names derive from.

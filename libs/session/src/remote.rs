@@ -25,21 +25,10 @@ pub use told::Told;
 
 use granita_base::report::Message;
 use granita_base::{Location, Severity};
-use granita_pyg::frames::{Frame, put_text};
+use granita_pyg::frames::Frame;
 
 /// The first text of a renderer, which contains the version of the suite and of this protocol.
 const GREETING: &str = concat!("granita-remote ", env!("CARGO_PKG_VERSION"), "/3");
-
-/// Returns the payload of `M`.
-fn message_bytes(message: &Message) -> Vec<u8> {
-    let mut out = Vec::new();
-    for number in [message.severity.code() as u32, message.at.line, message.at.column] {
-        out.extend(number.to_le_bytes());
-    }
-    put_text(&message.at.file, &mut out);
-    put_text(&message.text, &mut out);
-    out
-}
 
 /// Returns the message of an `M`.
 fn message(payload: &[u8]) -> Option<Message> {

@@ -2,6 +2,7 @@
 
 use crate::commands::{self, CommandContext};
 use crate::net::{self, Net, WorkerCoordinator};
+use crate::outputs::RequestedImages;
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
@@ -89,6 +90,8 @@ pub(crate) struct SessionRenderer {
     net: Arc<Net>,
     /// The address of the viewer, once it was requested.
     viewer: OnceLock<Option<String>>,
+    /// The images of the current frame that go to the program.
+    requested: RequestedImages,
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
@@ -125,6 +128,7 @@ impl SessionRenderer {
             plugins,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             viewer: OnceLock::new(),
+            requested: RequestedImages::default(),
             master: master.map(Arc::new),
             options,
             reporter,
@@ -191,6 +195,16 @@ impl SessionRenderer {
 
     pub(crate) fn plugins(&self) -> Plugins {
         self.plugins.clone()
+    }
+
+    /// Returns its image formats, with this session's plugins.
+    pub(crate) fn registry(&self) -> FormatRegistry {
+        self.registry.clone()
+    }
+
+    /// Returns the images that go to the program. They are set before a frame.
+    pub(crate) fn requested(&self) -> RequestedImages {
+        self.requested.clone()
     }
 
     pub(crate) fn stop(&self) -> Arc<AtomicBool> {
@@ -307,8 +321,9 @@ impl FrameRenderer for SessionRenderer {
             // Maps that are made on demand are not files. Only depths can be dynamic.
             own.any(|o| !o.get(attr::DYNAMIC) || !matches!(&*o.data, "z" | "avgz"))
         };
-        let camera = camera.filter(has_images);
-        let mut scene = outputs::amended(&scene, &self.options, &self.registry, &self.reporter);
+        let requested = self.requested.lock().clone();
+        let camera = camera.filter(|name| has_images(name) || requested.is_of(name));
+        let mut scene = outputs::amended(&scene, &self.options, &requested, &self.registry, &self.reporter);
         // Workers show no images.
         let safe = self.options.run.safe;
         if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
@@ -371,7 +386,8 @@ impl FrameRenderer for SessionRenderer {
 
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         self.configure_plugins(scene);
-        let scene = outputs::amended(scene, &self.options, &self.registry, &self.reporter);
+        let requested = self.requested.lock().clone();
+        let scene = outputs::amended(scene, &self.options, &requested, &self.registry, &self.reporter);
         Renderer::new(self.environment(&scene)).needed(&scene, unread)
     }
 

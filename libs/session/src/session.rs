@@ -1,9 +1,14 @@
 //! A session, which reads scenes and renders their frames.
 
+use crate::connection::Connection;
+use crate::forwarded::Forwarded;
 use crate::net::WorkerCoordinator;
+use crate::outputs::RequestedImages;
+use crate::programs::Programs;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, SessionError, SessionOptions, safe};
 use granita_base::{Files, Location, Reporter, Severity};
+use granita_image::FormatRegistry;
 use granita_inputs::{Input, InputError, Inputs};
 use granita_plugin::Plugins;
 use granita_pyg::PygError;
@@ -61,6 +66,8 @@ pub struct Session {
     options: Arc<SessionOptions>,
     inputs: Inputs,
     plugins: Plugins,
+    registry: FormatRegistry,
+    requested: RequestedImages,
     stop: Arc<AtomicBool>,
     priority: Arc<Priority>,
     /// The name of a file of objects that was read as if it were a scene.
@@ -126,6 +133,7 @@ impl Session {
         let renderer =
             SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
         let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
+        let (registry, requested) = (renderer.registry(), renderer.requested());
         let (stop, priority) = (renderer.stop(), renderer.priority());
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
@@ -135,6 +143,8 @@ impl Session {
             options,
             inputs,
             plugins,
+            registry,
+            requested,
             stop,
             priority,
             objects: None,
@@ -199,15 +209,27 @@ impl Session {
         self.state.read(name, name, read).map_err(|error| failed(InputError::from(error)))
     }
 
-    /// Executes calls from a program that started this one, until its stream ends. Answers go to `output` (see
-    /// `granita_pyg::serve`).
+    /// Executes calls and requests from a program that started this one, until its stream ends (see
+    /// `granita_pyg::serve`). Answers and images go to `output`. Addresses of images in the scene are those of the
+    /// program.
     ///
     /// # Errors
     /// Returns the errors of [`Session::read_file`].
-    pub fn serve(&mut self, input: &mut dyn Read, output: &mut dyn Write) -> Result<(), SessionError> {
-        granita_pyg::serve(input, output, &mut self.state, &self.reporter).map_err(|error| match error {
-            PygError::Stopped(stop) => stopped(stop),
-            other => SessionError::Failed(other.to_string()),
+    pub fn serve(&mut self, input: &mut dyn Read, output: &Connection) -> Result<(), SessionError> {
+        let images = output.clone();
+        self.plugins.set_program_images(Arc::new(move |address| Arc::new(Forwarded::new(&images, address))));
+        let mut programs = Programs {
+            connection: output.clone(),
+            registry: self.registry.clone(),
+            requested: self.requested.clone(),
+            reporter: self.reporter.clone(),
+        };
+        let (state, answers) = (&mut self.state, &mut output.clone());
+        granita_pyg::serve_with(input, answers, state, &self.reporter, &mut programs).map_err(|error| {
+            match error {
+                PygError::Stopped(stop) => stopped(stop),
+                other => SessionError::Failed(other.to_string()),
+            }
         })
     }
 

@@ -5,8 +5,10 @@
 use granita_base::{Environment, Reporter};
 use granita_image::Limits;
 use granita_inputs::RunOptions;
-use granita_session::{ExtraOutput, Outcome, Session, SessionError, SessionOptions};
+use granita_pyg::frames::{Frame, framed, put_text, receive};
+use granita_session::{Connection, ExtraOutput, Outcome, Session, SessionError, SessionOptions};
 use std::path::Path;
+use std::sync::mpsc::{Receiver, Sender, channel};
 
 const SCENE: &str = r#"
 Output ("IMAGE", "tiff", "rgba", "main", "int[4] quantize", (0, 0, 0, 0), "float dither", 0)
@@ -321,4 +323,104 @@ fn temporary_files_are_in_the_folder_of_the_variable() {
     let missing = folder.path().join("missing");
     assert_eq!(place(Some(&missing), false), (system, 1));
     assert!(!missing.exists());
+}
+
+/// A stream that keeps what is written.
+struct Kept(Sender<Vec<u8>>);
+
+impl std::io::Write for Kept {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let _ = self.0.send(bytes.to_vec());
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn frames(kept: &Receiver<Vec<u8>>) -> Vec<(u8, Vec<u8>)> {
+    let bytes = kept.try_iter().collect::<Vec<_>>().concat();
+    let mut rest = &bytes[..];
+    std::iter::from_fn(|| (!rest.is_empty()).then(|| receive(&mut rest).unwrap())).collect()
+}
+
+/// Returns a request for an image: its file, its number and its level, and whether its pixels are sent.
+fn reading(path: &Path, image: u32, level: u32, pixels: bool) -> Vec<u8> {
+    let mut request = [image.to_le_bytes(), level.to_le_bytes()].concat();
+    request.push(u8::from(pixels));
+    put_text(path.to_str().unwrap(), &mut request);
+    framed(b'I', &[&request]).unwrap()
+}
+
+/// Executes frames of a program. Returns what it receives, and the result.
+fn served(input: &[u8]) -> (Vec<(u8, Vec<u8>)>, Result<(), SessionError>, Outcome) {
+    let (sender, kept) = channel();
+    let connection = Connection::new(Box::new(Kept(sender)));
+    let mut session = Session::new(options(), connection.reporter(), Default::default());
+    let result = session.serve(&mut &input[..], &connection);
+    let outcome = session.finish();
+    (frames(&kept), result, outcome)
+}
+
+#[test]
+fn a_program_receives_the_images_of_a_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let (text, image) = scene(folder.path());
+    let calls = text.replace("Render ()", "");
+    let mut request = 9u32.to_le_bytes().to_vec();
+    put_text("main", &mut request);
+    request.extend(2u32.to_le_bytes());
+    ["rgba", "z"].iter().for_each(|data| put_text(data, &mut request));
+    let input = [
+        framed(b'T', &[calls.as_bytes()]).unwrap(),
+        framed(b'V', &[&request]).unwrap(),
+        reading(&image, 0, 0, true),
+        reading(&image, 0, 1, true),
+        reading(&image, 1, 0, true),
+        reading(&folder.path().join("absent.exr"), 0, 0, false),
+    ];
+    let (sent, result, outcome) = served(&input.concat());
+    assert!(result.is_ok() && outcome.complete, "{result:?}");
+    let kinds: String = sent.iter().map(|(kind, _)| *kind as char).collect();
+    assert_eq!(kinds, "OOSLSLVOSLIIII");
+    // The pixels in the middle, and those of the file.
+    let pixels = |at: usize| {
+        let floats = sent[at].1[4..].as_chunks().0.iter().map(|b| f32::from_le_bytes(*b));
+        floats.collect::<Vec<f32>>()
+    };
+    let at = (12 * 32 + 16) * 4;
+    assert_eq!(pixels(2)[at..at + 4], [0.25, 0.5, 1.0, 1.0]);
+    assert_eq!(pixels(2), pixels(8));
+    assert_eq!(sent[6].1, 0u32.to_le_bytes());
+    // The addresses are those of the request.
+    for (at, address) in [(0, "0x1"), (1, "0x2"), (7, "0x0")] {
+        let mut frame = Frame(&sent[at].1);
+        assert_eq!((frame.word().is_some(), frame.text().as_deref()), (true, Some(address)));
+    }
+    assert_eq!(sent[10].1[0], 1);
+    for (at, error) in [(11, "has no level 1"), (12, "there is no image 1"), (13, "absent.exr")] {
+        let mut frame = Frame(&sent[at].1);
+        assert_eq!(frame.array(), Some([0]));
+        let text = frame.text().unwrap();
+        assert!(text.contains(error), "{text}");
+    }
+}
+
+#[test]
+fn requests_that_make_no_sense_end_the_stream() {
+    for (kind, payload) in [(b'V', &b""[..]), (b'V', &[0; 11]), (b'I', &[0; 8]), (b'Y', b"")] {
+        let (sent, result, _) = served(&framed(kind, &[payload]).unwrap());
+        let error = result.unwrap_err().to_string();
+        assert!(sent.is_empty() && error.contains("malformed"), "{error}");
+    }
+    // A frame before World is an error of the scene.
+    let mut request = 9u32.to_le_bytes().to_vec();
+    put_text("", &mut request);
+    request.extend(0u32.to_le_bytes());
+    let (sent, result, _) = served(&framed(b'V', &[&request]).unwrap());
+    assert!(result.is_ok());
+    let mut message = Frame(&sent[0].1);
+    assert_eq!((sent[0].0, message.word(), message.word()), (b'M', Some(2048), Some(9)));
+    assert_eq!(sent[1], (b'V', 1u32.to_le_bytes().to_vec()));
 }

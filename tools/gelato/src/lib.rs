@@ -14,9 +14,9 @@ use granita_cli::{
 };
 use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
-    ExtraOutput, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer, archive_calls,
+    Connection, ExtraOutput, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
+    archive_calls,
 };
-use parking_lot::Mutex;
 use progress::ShownProgress;
 use std::ffi::OsString;
 use std::io::Write;
@@ -111,6 +111,10 @@ struct Options {
     #[arg(long, hide = true, value_name = "FILE", requires = "stream")]
     archive: Option<PathBuf>,
 
+    /// With -stream: send messages as frames instead of writing them to standard error
+    #[arg(long, hide = true, requires = "stream")]
+    messages: bool,
+
     /// Work for the program that started this one, which goes on meanwhile
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
     remote: bool,
@@ -138,7 +142,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 14] = [
+const NOT_FOR_WORKERS: [(&str, &str); 15] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -150,6 +154,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 14] = [
     ("verbosity", "messages about the frame are the coordinator's"),
     ("stream", "a scene that is no file has no workers"),
     ("archive", "nothing is rendered"),
+    ("messages", "a scene that is no file has no workers"),
     ("remote", "a scene that is no file has no workers"),
     ("timeout", "workers end with the coordinator"),
     ("nofence", "a safe run has no workers"),
@@ -159,46 +164,18 @@ const AFTER_HELP: &str = "\
 Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
 Exit status: 0 without errors; 1 an image was rendered, with errors; 2 nothing was rendered.";
 
-/// Standard output as a stream of frames, shared with everything that prints.
-#[derive(Clone, Default)]
-struct Answers(Arc<Mutex<()>>);
-
-impl Answers {
-    /// Writes a frame of text, which the other side prints.
-    fn print(&self, text: &str) {
-        let length = u32::try_from(text.len()).unwrap_or(u32::MAX);
-        let text = &text.as_bytes()[..length as usize];
-        // When the other side is closed, the error cannot be reported.
-        let _ = self.put(&[&b"P"[..], &length.to_le_bytes(), text].concat());
-        let _ = std::io::stdout().lock().flush();
-    }
-
-    fn put(&self, bytes: &[u8]) -> std::io::Result<()> {
-        let _alone = self.0.lock();
-        std::io::stdout().lock().write_all(bytes)
-    }
-}
-
-impl Write for Answers {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.put(bytes).map(|()| bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        std::io::stdout().lock().flush()
-    }
-}
-
 /// Runs the tool. `words` begins with the name by which it was called. `tools` holds the names of the tools that this
 /// program runs as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let (options, given): (Options, Vec<Given>) = parse_with_given(words);
     let quiet = options.silent || options.verbosity == Some(0);
     let bar = Bar::new(!quiet);
-    let answers = Answers::default();
+    let answers = Connection::new(Box::new(std::io::stdout()));
     let told = options.remote.then(|| Told::new(Box::new(std::io::stdout())));
     let reporter = if let Some(told) = &told {
         told.reporter()
+    } else if options.messages {
+        answers.reporter()
     } else if options.stream {
         let answers = answers.clone();
         reporter_with("gelato", &bar, move |text| answers.print(text))
@@ -230,7 +207,7 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
 struct Voices {
     reporter: Reporter,
     bar: Bar,
-    answers: Answers,
+    answers: Connection,
     told: Option<Told>,
 }
 
@@ -383,7 +360,7 @@ fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
 }
 
 /// Reads the scene files and the stream, and renders the frames that they request.
-fn render(options: &Options, mut session: Session, answers: &Answers, reporter: &Reporter) -> Status {
+fn render(options: &Options, mut session: Session, answers: &Connection, reporter: &Reporter) -> Status {
     let mut failed = false;
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
@@ -405,7 +382,7 @@ fn render(options: &Options, mut session: Session, answers: &Answers, reporter: 
         }
     }
     if options.stream {
-        let result = session.serve(&mut std::io::stdin().lock(), &mut answers.clone());
+        let result = session.serve(&mut std::io::stdin().lock(), answers);
         if let Err(error) = result
             && !matches!(error, SessionError::Exit)
         {
@@ -430,7 +407,7 @@ fn render(options: &Options, mut session: Session, answers: &Answers, reporter: 
 }
 
 /// Writes the calls of the program that started this one to a file, or into the answers.
-fn archive(file: &Path, variables: &Environment, answers: &Answers, reporter: &Reporter) -> Status {
+fn archive(file: &Path, variables: &Environment, answers: &Connection, reporter: &Reporter) -> Status {
     let mut input = std::io::stdin().lock();
     let done = if file == Path::new("-") {
         archive_calls(&mut input, &mut answers.clone(), Printed(answers.clone()), reporter).map(|_| ())
@@ -456,7 +433,7 @@ fn archive(file: &Path, variables: &Environment, answers: &Answers, reporter: &R
 }
 
 /// Sends text that the other side prints.
-struct Printed(Answers);
+struct Printed(Connection);
 
 impl Write for Printed {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {

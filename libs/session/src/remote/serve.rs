@@ -1,8 +1,8 @@
 //! The renderer's side of the connection.
 
-use super::images::Forwarded;
 use super::told::Told;
 use crate::commands::PriorityRequest;
+use crate::forwarded::Forwarded;
 use crate::{Outcome, Session};
 use granita_base::{Location, Param};
 use granita_pyg::frames::{receive, send};
@@ -101,7 +101,7 @@ impl Session {
     pub fn obey(mut self, input: Box<dyn Read + Send>, told: &Told) -> Outcome {
         told.set_stop(self.stop());
         told.set_frame_priority(self.priority());
-        let images = told.clone();
+        let images = told.connection().clone();
         self.plugins()
             .set_program_images(Arc::new(move |address| Arc::new(Forwarded::new(&images, address))));
         let (sender, frames) = sync_channel(QUEUE);

@@ -1,25 +1,25 @@
 //! The renderer's reports to its program.
 
-use super::{GREETING, message_bytes};
+use super::GREETING;
 use crate::SharedProgress;
 use crate::commands::PriorityRequest;
+use crate::connection::{Connection, message_bytes};
 use crate::patient::PULSE;
 use granita_base::Reporter;
 use granita_base::report::VERBOSITY_INFO;
-use granita_pyg::frames::send;
 use granita_render::{Priority, Progress};
 use parking_lot::Mutex;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Sends messages, progress and answers to the program. Clones share the connection.
 #[derive(Clone)]
 pub struct Told(Arc<Inner>);
 
 struct Inner {
-    to: Mutex<Box<dyn Write + Send>>,
+    to: Connection,
     /// The number of steps of the frame.
     total: AtomicU64,
     /// The last reported progress, in 256ths.
@@ -32,8 +32,6 @@ struct Inner {
     priority: Mutex<Option<Arc<Priority>>>,
     /// The requested priority for the frame of the program.
     request: Mutex<Option<PriorityRequest>>,
-    /// The number of images sent, which gives each its index.
-    images: AtomicU32,
 }
 
 impl std::fmt::Debug for Told {
@@ -46,14 +44,13 @@ impl Told {
     /// Connects and sends the greeting.
     pub fn new(to: Box<dyn Write + Send>) -> Self {
         let told = Self(Arc::new(Inner {
-            to: Mutex::new(to),
+            to: Connection::new(to),
             total: AtomicU64::new(0),
             share: AtomicU64::new(0),
             ends: AtomicBool::new(false),
             stop: Mutex::default(),
             priority: Mutex::default(),
             request: Mutex::default(),
-            images: AtomicU32::new(0),
         }));
         told.say(b'H', &[GREETING.as_bytes()]);
         let inner = Arc::downgrade(&told.0);
@@ -66,9 +63,9 @@ impl Told {
         told
     }
 
-    /// Returns the index of the next image that is sent.
-    pub(super) fn image_number(&self) -> u32 {
-        self.0.images.fetch_add(1, Ordering::Relaxed)
+    /// Returns the stream to the program.
+    pub(super) fn connection(&self) -> &Connection {
+        &self.0.to
     }
 
     /// Returns the reporter of the session. It sends all messages, because the program applies its own verbosity.
@@ -85,9 +82,7 @@ impl Told {
     }
 
     pub(super) fn say(&self, kind: u8, parts: &[&[u8]]) {
-        let mut to = self.0.to.lock();
-        // When the program has ended, the error cannot be reported.
-        let _ = send(&mut **to, kind, parts);
+        self.0.to.say(kind, parts);
     }
 
     /// Sets the flag that ends the session's frames.
@@ -136,10 +131,7 @@ impl Told {
 /// Receives whole frames, which `granita_pyg::serve` makes.
 impl Write for Told {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let mut to = self.0.to.lock();
-        to.write_all(bytes)?;
-        to.flush()?;
-        Ok(bytes.len())
+        self.0.to.clone().write(bytes)
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
