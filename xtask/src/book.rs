@@ -129,7 +129,10 @@ impl Page {
                 continue;
             }
             if let Some(heading) = line.strip_prefix('#') {
-                anchors.insert(anchor(heading.trim_start_matches('#').trim()));
+                let name = anchor(heading.trim_start_matches('#').trim());
+                // A heading that occurs again gets a number.
+                let names = std::iter::once(name.clone()).chain((1..).map(|n| format!("{name}-{n}")));
+                anchors.extend(names.into_iter().find(|name| !anchors.contains(name)));
             }
             let line = without_code(line);
             for (at, _) in line.match_indices("](") {

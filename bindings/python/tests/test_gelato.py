@@ -1,24 +1,17 @@
-"""Tests the package. ``cargo test -p granita-tests --test python`` runs it. ``GELATO`` must name the program."""
+"""Tests calls and processes."""
 
 import array
-import ast
 import io
 import os
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from support import PACKAGE, Scratch, needs_numpy, numpy  # isort: skip
 
-import gelato  # noqa: E402
-from gelato import _stream  # noqa: E402
-
-try:
-    import numpy
-except ImportError:
-    numpy = None
+import gelato
+from gelato import _stream
 
 
 def values(data):
@@ -27,39 +20,6 @@ def values(data):
     numbers = array.array("i" if code == b"I" else "f")
     numbers.frombytes(data[5:])
     return code, list(numbers)
-
-
-class Descriptions(unittest.TestCase):
-    def test_every_call_describes_itself(self):
-        for name in gelato.CALLS:
-            for function in (getattr(gelato, name), getattr(gelato.GelatoAPI, name)):
-                self.assertEqual(function.__name__, name)
-                self.assertTrue(function.__doc__.startswith(name + "("), name)
-        self.assertIn("thetamax: float; degrees", gelato.Sphere.__doc__)
-
-    def test_every_call_has_types(self):
-        with open(os.path.join(os.path.dirname(gelato.__file__), "__init__.pyi")) as file:
-            stub = ast.parse(file.read())
-        functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
-        classes = [node for node in stub.body if isinstance(node, ast.ClassDef) and node.name == "GelatoAPI"]
-        methods = {node.name for node in classes[0].body if isinstance(node, ast.FunctionDef)}
-        self.assertEqual(functions, set(gelato.CALLS) | {"CreateRenderer", "finish"})
-        public = {name for name in dir(gelato.GelatoAPI) if not name.startswith("_")}
-        self.assertEqual({name for name in methods if not name.startswith("_")}, public)
-
-
-class Manual(unittest.TestCase):
-    def test_the_first_example_renders(self):
-        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
-        with open(os.path.join(package, "..", "..", "docs", "python.md")) as file:
-            example = file.read().split("```python\n")[1].split("```")[0]
-        with tempfile.TemporaryDirectory() as folder:
-            environment = dict(os.environ, PYTHONPATH=package)
-            ran = subprocess.run(
-                [sys.executable, "-c", example], cwd=folder, env=environment, stderr=subprocess.PIPE, timeout=60
-            )
-            self.assertEqual((ran.returncode, ran.stderr), (0, b""))
-            self.assertEqual(os.listdir(folder), ["ball.tif"])
 
 
 class Encoding(unittest.TestCase):
@@ -83,7 +43,7 @@ class Encoding(unittest.TestCase):
         for value in (None, 3, -1.5, "words \u00e9", (1, 2, 3), (0.5, 2.0), ("a", "", "b")):
             self.assertEqual(_stream.decode(_stream.encode(value)), value)
 
-    @unittest.skipIf(numpy is None, "numpy is not installed")
+    @needs_numpy
     def test_numpy(self):
         for kind in ("float32", "float64", "float16", ">f4", "int8", "uint16", "int32", "int64"):
             whole = numpy.arange(12, dtype=kind)
@@ -100,14 +60,7 @@ class Encoding(unittest.TestCase):
         self.assertEqual(values(_stream.encode(numpy.array([True, False])))[1], [1, 0])
 
 
-class Rendering(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        before = os.getcwd()
-        os.chdir(self.folder.name)
-        self.addCleanup(os.chdir, before)
-
+class Rendering(Scratch):
     def scene(self, r, file):
         r.Attribute("int[2] resolution", (32, 24))
         r.Output(file, "ppm", "rgb", "camera")
@@ -202,14 +155,13 @@ class Rendering(unittest.TestCase):
             "Sphere(1, -1, 1, 360)\n"
             "Render()\n"
             "Command('system', 'string[3] command', ('sh', '-c', 'echo from a program'))\n"
-            "Sphere('many')\n"
+            "Sphere('many', -1, 1, 360)\n"
             "print('errors', gelato.GelatoRenderer.errors)\n"
             "print('status', gelato.finish())\n"
         )
         with open("script.py", "w", encoding="utf-8") as f:
             f.write(script)
-        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
-        environment = dict(os.environ, PYTHONPATH=package)
+        environment = dict(os.environ, PYTHONPATH=PACKAGE)
         ran = subprocess.run([sys.executable, "script.py"], env=environment, capture_output=True, text=True)
         self.assertEqual(ran.returncode, 0, ran.stderr)
         self.assertIn("said", ran.stdout)
@@ -243,7 +195,7 @@ class Rendering(unittest.TestCase):
     def test_renderers_end_with_their_object(self):
         r = gelato.CreateRenderer()
         r.World()
-        child = r._child
+        child = r._process.child
         del r
         self.assertIsNotNone(child.poll(), "a renderer without an object goes on")
 
@@ -251,14 +203,13 @@ class Rendering(unittest.TestCase):
     def test_renderers_end_with_the_program(self):
         """The program ends in the middle of a frame, by an exception, a signal that it handles, or one that it does
         not handle."""
-        package = os.path.dirname(os.path.dirname(os.path.abspath(gelato.__file__)))
-        environment = dict(os.environ, PYTHONPATH=package)
+        environment = dict(os.environ, PYTHONPATH=PACKAGE)
         head = "import os, sys, gelato, signal, threading\nsys.path.insert(0, %r)\n" % os.path.dirname(
             os.path.abspath(__file__)
         )
         head += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         head += "import test_gelato\nr = gelato.CreateRenderer()\ntest_gelato.Rendering.heavy(None, r)\n"
-        head += "print(r._child.pid, flush=True)\n"
+        head += "print(r._process.child.pid, flush=True)\n"
         later = "threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.%s)).start()\nr.Render()\n"
         for tail, status in (
             ("raise ValueError\n", 1),

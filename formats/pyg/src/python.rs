@@ -15,9 +15,17 @@ use std::time::Duration;
 
 /// The program of the child. Its code for frames is also part of the Python package.
 const SHIM: &str = concat!(
+    include_str!("../../../bindings/python/gelato/_errors.py"),
+    "\n",
     include_str!("../../../bindings/python/gelato/_stream.py"),
     "\n_RENDERER = r'''",
     // This part is executed when a script makes a renderer of its own.
+    include_str!("../../../bindings/python/gelato/_calls.py"),
+    "\n",
+    include_str!("../../../bindings/python/gelato/_images.py"),
+    "\n",
+    include_str!("../../../bindings/python/gelato/_process.py"),
+    "\n",
     include_str!("../../../bindings/python/gelato/_renderer.py"),
     "'''\n",
     include_str!("shim.py")

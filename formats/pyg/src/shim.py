@@ -1,5 +1,5 @@
-# Runs inside the child interpreter: executes pieces of a Pyg script and sends their calls back. Stands behind the
-# functions of bindings/python/gelato/_stream.py, which know the frames.
+# Runs inside the child interpreter: executes pieces of a Pyg script and sends their calls back. Stands behind
+# bindings/python/gelato/_errors.py and _stream.py, which know the frames.
 #
 # In:  I file name, names of calls | N file name | X line, source | G value (answer to A)
 # Out: C line, name, arguments | A declaration | P text | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
@@ -94,12 +94,10 @@ def _granita_main():
 
     def create_renderer(*options):
         if not others:
-            described = {name: "The call %s of the scene interface." % name for name in api}
-            shared = {"CALLS": described, "call": call, "decode": decode, "receive": receive, "send": send}
             # Relative imports of a package that is not there fail, as they should.
-            others.update(shared, __name__="__main__", __package__=None)
+            others.update(globals(), __name__="__main__", __package__=None)
             exec(compile(_RENDERER, "<gelato>", "exec"), others)
-        return others["GelatoAPI"](*options)
+        return others["GelatoAPI"].CreateRenderer(*options)
 
     create_renderer.__name__ = create_renderer.__qualname__ = "CreateRenderer"
 

@@ -1,7 +1,6 @@
 //! The pages of the manual, with their headings, blocks of code and tables.
 
 use granita_tests::repository;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// A page.
@@ -91,22 +90,4 @@ impl PageText {
             .map(|line| (level(line), line.trim_matches('#').trim()))
             .collect()
     }
-
-    /// Returns the names by which links address its headings.
-    pub(crate) fn anchors(&self) -> BTreeSet<String> {
-        let mut anchors = BTreeSet::new();
-        for (_, heading) in self.headings() {
-            let base = anchor(heading);
-            let names = std::iter::once(base.clone()).chain((1..).map(|n| format!("{base}-{n}")));
-            let name = names.into_iter().find(|name| !anchors.contains(name)).unwrap();
-            anchors.insert(name);
-        }
-        anchors
-    }
-}
-
-/// Returns the anchor of a heading, as GitHub and mdBook make it.
-fn anchor(heading: &str) -> String {
-    let kept = heading.chars().filter(|c| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_'));
-    kept.map(|c| if c == ' ' { '-' } else { c.to_ascii_lowercase() }).collect()
 }

@@ -1,0 +1,37 @@
+"""Runs each example of the manual."""
+
+import os
+import re
+import subprocess
+import sys
+import unittest
+
+from support import PACKAGE, Scratch, numpy
+
+MANUAL = os.path.join(PACKAGE, "..", "..", "docs", "python.md")
+
+
+class Manual(Scratch):
+    def test_every_example_runs(self):
+        with open(MANUAL, encoding="utf-8") as f:
+            text = f.read()
+        blocks = list(re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+        self.assertGreater(len(blocks), 6)
+        environment = dict(os.environ, PYTHONPATH=PACKAGE, PYTHONWARNINGS="error")
+        for block in blocks:
+            if "import numpy" in block.group(1) and numpy is None:
+                continue
+            with self.subTest(line=text.count("\n", 0, block.start()) + 2):
+                ran = subprocess.run(
+                    [sys.executable, "-c", block.group(1)], env=environment, capture_output=True, text=True
+                )
+                self.assertEqual((ran.returncode, ran.stderr), (0, ""))
+                # What an example prints stands behind it.
+                for shown in re.findall(r"print\(.*?\)  # (.*)$", block.group(1), re.MULTILINE):
+                    self.assertIn(shown, ran.stdout)
+        for name in ("ball.png", "ball.tif", "ball.tx", "blocks.pyg"):
+            self.assertTrue(os.path.exists(name), name)
+
+
+if __name__ == "__main__":
+    unittest.main()
