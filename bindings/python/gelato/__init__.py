@@ -38,7 +38,7 @@ attributes = GelatoRenderer.attributes
 transform = GelatoRenderer.transform
 shader_group = GelatoRenderer.shader_group
 
-__all__ = _functions.__all__ + [
+__all__ = [
     "CreateRenderer",
     "GelatoAPI",
     "GelatoArgumentError",
@@ -54,3 +54,4 @@ __all__ = _functions.__all__ + [
     "image_info",
     "read_image",
 ]
+__all__ += _functions.__all__

@@ -358,7 +358,10 @@ class Renderer(Calls):
         line, file = self._place()
         payload = struct.pack("<I", line) + text(camera) + struct.pack("<I", len(wanted)) + b"".join(map(text, wanted))
         self._arriving = arriving = Arriving()
-        self._send([(b"V", payload)], b"V", file)
+        try:
+            self._send([(b"V", payload)], b"V", file)
+        finally:
+            self._arriving = Arriving()
         found = [arriving.done.get(number + 1) for number in range(len(wanted))]
         images = []
         for name, image in zip(wanted, found):
@@ -371,28 +374,33 @@ class Renderer(Calls):
         self._raise(result)
         return result
 
-    def _read(self, path: "Union[str, os.PathLike[str]]", subimage: int, level: int, pixels: bool) -> Reader:
+    def _read(
+        self, path: "Union[str, os.PathLike[str]]", subimage: int, level: int, pixels: bool
+    ) -> Tuple[Reader, Optional[Image]]:
+        """Returns the description of a file, and one of its images."""
         name = os.fspath(path)
-        self._arriving = Arriving()
         for what, number in (("subimage", subimage), ("level", level)):
             if not 0 <= number < 1 << 32:
                 raise ValueError("%s is %d, and counts from 0" % (what, number))
         payload = struct.pack("<IIB", subimage, level, pixels) + text(name)
-        reader = Reader(self._send([(b"I", payload)], b"I"))
+        self._arriving = arriving = Arriving()
+        try:
+            reader = Reader(self._send([(b"I", payload)], b"I"))
+        finally:
+            self._arriving = Arriving()
         if reader.take(1) == b"\0":
             raise GelatoError(reader.text())
-        return reader
+        return reader, arriving.done.get(0)
 
     def image_info(self, path: "Union[str, os.PathLike[str]]") -> ImageInfo:
         """Returns the description of an image or texture file."""
-        return ImageInfo(os.fspath(path), self._read(path, 0, 0, False))
+        return ImageInfo(os.fspath(path), self._read(path, 0, 0, False)[0])
 
     def read_image(
         self, path: "Union[str, os.PathLike[str]]", subimage: int = 0, level: int = 0
     ) -> Image:
         """Reads an image or texture file: one of its images, and a level of that."""
-        reader = self._read(path, subimage, level, True)
-        image = self._arriving.done.get(0)
+        reader, image = self._read(path, subimage, level, True)
         if image is None:
             raise GelatoError("%s: no pixels were sent" % os.fspath(path))
         image.name = os.fspath(path)
@@ -451,4 +459,8 @@ def finish_all() -> None:
     """Ends all renderers of this process, after they have completed their calls."""
     for renderer in list(_running):
         if renderer._process is not None and renderer._process.owner == os.getpid():
-            renderer.finish()
+            try:
+                renderer.finish()
+            except (GelatoError, GelatoWarning) as error:
+                # The program has ended, and cannot handle it.
+                sys.stderr.write("gelato: %s\n" % error)

@@ -74,7 +74,8 @@ class Buffers(unittest.TestCase):
 
     @needs_numpy
     def test_types_of_numpy(self):
-        for kind in ("float32", "float64", "float16", ">f4", "longdouble", "int8", "uint16", "int32", ">i4", "int64", "bool"):
+        kinds = ("float32", "float64", "float16", ">f4", "longdouble", "int8", "uint16", "int32", ">i4", "int64", "bool")
+        for kind in kinds:
             whole = numpy.arange(12).astype(kind)
             code = b"F" if whole.dtype.kind == "f" else b"I"
             expected = [1 if k and kind == "bool" else k for k in range(12)]
@@ -160,7 +161,11 @@ class Shapes(Scratch):
         corner = (numpy.arange(side - 1)[:, None] * side + numpy.arange(side - 1)).reshape(-1, 1)
         verts = corner + [0, 1, side + 1, side]
         nverts = numpy.full(len(verts), 4)
-        for name, cast in (("arrays.pyg", lambda a: a), ("lists.pyg", lambda a: a.astype("f4" if a.dtype.kind == "f" else "i4").tolist())):
+
+        def listed(a):
+            return a.astype("f4" if a.dtype.kind == "f" else "i4").tolist()
+
+        for name, cast in (("arrays.pyg", lambda a: a), ("lists.pyg", listed)):
             with gelato.Renderer(name) as r:
                 r.Mesh("linear", cast(nverts), cast(verts), "vertex point P", cast(points))
         with open("arrays.pyg", encoding="ascii") as a, open("lists.pyg", encoding="ascii") as b:

@@ -123,6 +123,14 @@ class Messages(Scratch):
             exec("".join(lines), {"r": r})
             self.assertEqual(r.errors, 1500)
 
+    def test_errors_at_the_end_of_the_program(self):
+        program = "import gelato\na, b = gelato.Renderer(), gelato.Renderer()\nfor r in (a, b):\n    r.World()\n"
+        program += "    r.Sphere('many', -1, 1, 360)\n"
+        environment = dict(os.environ, PYTHONPATH=PACKAGE)
+        ran = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+        self.assertEqual(ran.stderr.count("gelato: <string>:5: error: Sphere wants a number"), 2, ran.stderr)
+        self.assertNotIn("Traceback", ran.stderr)
+
     def test_printed_messages(self):
         """Renderers of the module print to standard error, also where that is an object of the program."""
         program = (

@@ -44,7 +44,8 @@ impl Requests for NoRequests {
 ///
 /// Frames in both directions are those of [`crate::frames`]. `C` is a call, `F` the file that calls come from, and `T`
 /// calls as flat Pyg. `A` queries an attribute, and `G` answers with its value. `W` waits, and `W` answers with the
-/// number of errors so far. [`Requests`] may answer further kinds. `bindings/python/gelato/_stream.py` is the other side.
+/// number of errors so far. [`Requests`] may answer further kinds. `bindings/python/gelato/_stream.py` is the other
+/// side.
 ///
 /// # Errors
 /// Returns [`PygError::Malformed`] for frames that are invalid or cut short, [`PygError::Io`] when the streams fail,
@@ -194,7 +195,7 @@ mod tests {
     #[test]
     fn requests_are_answered_in_their_order() {
         let reporter = Reporter::silent();
-        let mut serve = |input: &[u8]| {
+        let serve = |input: &[u8]| {
             let mut output = Vec::new();
             let mut sink = Recorder::default();
             let result = serve_with(&mut &input[..], &mut output, &mut sink, &reporter, &mut Reverse);
