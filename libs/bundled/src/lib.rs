@@ -52,7 +52,11 @@ const SHADERS: &[(&str, &str)] = &[
     ("shownormals", include_str!("../../../shaders/shownormals.gsl")),
     ("showst", include_str!("../../../shaders/showst.gsl")),
     ("showuv", include_str!("../../../shaders/showuv.gsl")),
+    ("skylight", include_str!("../../../shaders/skylight.gsl")),
+    ("softlight", include_str!("../../../shaders/softlight.gsl")),
     ("spotlight", include_str!("../../../shaders/spotlight.gsl")),
+    ("studioback", include_str!("../../../shaders/studioback.gsl")),
+    ("studiofloor", include_str!("../../../shaders/studiofloor.gsl")),
     ("subsurflayer", include_str!("../../../shaders/subsurflayer.gsl")),
     ("texmap", include_str!("../../../shaders/texmap.gsl")),
     ("uberlight", include_str!("../../../shaders/uberlight.gsl")),
@@ -63,6 +67,8 @@ const INPUTS: &[(&str, &[u8])] = &[
     ("backplane.pyg", include_bytes!("../../../inputs/backplane.pyg")),
     ("cameralights.pyg", include_bytes!("../../../inputs/cameralights.pyg")),
     ("frontplane.pyg", include_bytes!("../../../inputs/frontplane.pyg")),
+    ("studio.pyg", include_bytes!("../../../inputs/studio.pyg")),
+    ("studiolights.pyg", include_bytes!("../../../inputs/studiolights.pyg")),
     ("teapot.pyg", include_bytes!("../../../inputs/teapot.pyg")),
 ];
 

@@ -56,6 +56,18 @@ pub struct ShaderGroup {
     pub connections: Vec<Connection>,
 }
 
+impl ShaderGroup {
+    /// Returns the group with a transformation of world space applied to its "shader" spaces.
+    pub fn rebased(&self, by: &MotionTransform) -> Self {
+        let mut new = self.clone();
+        for layer in &mut new.layers {
+            let layer = Arc::make_mut(layer);
+            layer.to_world = layer.to_world.then(by);
+        }
+        new
+    }
+}
+
 /// A light source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
@@ -125,6 +137,14 @@ impl AttributeSet {
             return to_world;
         }
         Transform::translate(-self.taken_off).then_rounded_once(&to_world)
+    }
+
+    /// Applies a transformation of world space to the object and to the "shader" spaces of its shaders.
+    pub fn rebase(&mut self, by: &MotionTransform) {
+        self.to_world = self.to_world.then(by);
+        for group in [&mut self.surface, &mut self.displacement, &mut self.volume].into_iter().flatten() {
+            *group = Arc::new(group.rebased(by));
+        }
     }
 
     /// Returns the value of a per-object attribute, or its default.
@@ -223,6 +243,29 @@ pub struct InputCounts {
 }
 
 impl Scene {
+    /// Applies a transformation of world space to all cameras, and to the lights and the objects whose attribute "name"
+    /// is `name`.
+    pub fn turn_around(&mut self, name: &str, by: &Transform) {
+        let undone: MotionTransform = by.inverse().into();
+        let by: MotionTransform = (*by).into();
+        for camera in &mut self.cameras {
+            camera.world_to_camera = undone.then(&camera.world_to_camera);
+        }
+        for light in self.lights.iter_mut().filter(|light| &*light.attributes.name() == name) {
+            let light = Arc::make_mut(light);
+            light.group = light.group.rebased(&by);
+            let mut attributes = (*light.attributes).clone();
+            attributes.rebase(&by);
+            light.attributes = Arc::new(attributes);
+        }
+        for primitive in self.primitives.iter_mut().filter(|p| &*p.attributes.name() == name) {
+            let primitive = Arc::make_mut(primitive);
+            let mut attributes = (*primitive.attributes).clone();
+            attributes.rebase(&by);
+            primitive.attributes = Arc::new(attributes);
+        }
+    }
+
     /// Returns the value of a scene-wide attribute, or its default.
     pub fn get<T: AttributeValue>(&self, key: Key<scope::Global, T>) -> T {
         key.of(self.globals.get(key.name()))

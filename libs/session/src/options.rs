@@ -1,5 +1,6 @@
 //! The options of a session.
 
+use crate::LookOptions;
 use granita_inputs::RunOptions;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -67,6 +68,8 @@ pub struct SessionOptions {
     pub safe_output: Option<PathBuf>,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
+    /// How objects without a frame are shown (see [`crate::Session::look`]).
+    pub look: LookOptions,
     /// Machines that share the work on each frame ("net:workers"), "local" for this one. An empty list takes those of
     /// the scene.
     pub net_workers: Vec<String>,

@@ -1,5 +1,6 @@
 //! Images and attributes that the command line adds or replaces.
 
+use crate::look::Looking;
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
@@ -42,17 +43,27 @@ impl Requested {
     }
 }
 
-/// Returns the scene with the session's own outputs, those of the program, and camera attributes.
+/// The images of a frame besides those of the scene and the command line.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Special<'a> {
+    /// Those that go to the program.
+    pub(crate) requested: &'a Requested,
+    /// The frame of a look whose images they are.
+    pub(crate) looking: Option<(&'a Looking, u32)>,
+}
+
+/// Returns the scene with the session's own outputs, those of the program, and camera attributes. Images are those of the
+/// frame of a look, if there is one.
 pub(crate) fn amended(
     scene: &Arc<Scene>,
     options: &SessionOptions,
-    requested: &Requested,
+    Special { requested, looking }: Special<'_>,
     registry: &FormatRegistry,
     reporter: &Reporter,
 ) -> Arc<Scene> {
     let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
     let proxy = |scene: &Scene| scene.cameras.first().and_then(proxy_shader);
-    let more = !options.extra_outputs.is_empty() || !requested.data.is_empty();
+    let more = !options.extra_outputs.is_empty() || !requested.data.is_empty() || looking.is_some();
     if !more && !changes_cameras && proxy(scene).is_none() {
         return scene.clone();
     }
@@ -72,21 +83,41 @@ pub(crate) fn amended(
         shade_plainly(&mut scene, surface);
     }
     let own: Vec<Output> = scene.outputs.clone();
+    if let Some((looking, frame)) = looking {
+        scene.outputs.iter_mut().for_each(|output| rename(output, looking, frame));
+    }
     // With an output of the command line or of the program, the automatic output of a scene without any is not needed.
     // An image in a viewer is not a file, so the automatic one is kept then.
-    let takes_place = !requested.data.is_empty() || options.extra_outputs.iter().any(|extra| !is_iv(extra));
-    if takes_place && is_automatic(&own, &scene) {
+    let has_files = options.extra_outputs.iter().any(|extra| !is_iv(extra));
+    let is_looked_at = looking.is_some() && !options.extra_outputs.is_empty();
+    if (has_files || is_looked_at || !requested.data.is_empty()) && is_automatic(&own, &scene) {
         scene.outputs.clear();
     }
     let of_program = requested.outputs(&scene);
     scene.outputs.extend(of_program);
     for extra in &options.extra_outputs {
-        let outputs = extra_outputs(extra, &own, &scene, registry, reporter);
+        let mut outputs = extra_outputs(extra, &own, &scene, registry, reporter);
+        if let Some((looking, frame)) = looking {
+            outputs.iter_mut().for_each(|output| look_alike(output, looking, frame));
+        }
         // The user named these files, or the files that their names derive from.
         outputs.iter().for_each(|output| registry.files().grant_output(Path::new(&*output.name)));
         scene.outputs.extend(outputs);
     }
     Arc::new(scene)
+}
+
+/// Makes an image of the command line one of a frame of a look.
+fn look_alike(output: &mut Output, looking: &Looking, frame: u32) {
+    if matches!(&*output.data, "rgb" | "rgba") && output.params.is_empty() {
+        output.params = Looking::params(&output.format);
+    }
+    rename(output, looking, frame);
+}
+
+/// Numbers an image of a turntable.
+fn rename(output: &mut Output, looking: &Looking, frame: u32) {
+    output.name = looking.name(&output.name, &*output.format != "iv", frame).into();
 }
 
 /// Returns the surface shader that replaces all shaders under the camera's "shadertype" (reference 4.1); `None`

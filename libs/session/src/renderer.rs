@@ -1,8 +1,9 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
+use crate::look::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
-use crate::outputs::RequestedImages;
+use crate::outputs::{RequestedImages, Special};
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
@@ -88,6 +89,8 @@ pub(crate) struct SessionRenderer {
     /// The statistics of the frames so far, for "statistics:filename".
     statistics: String,
     net: Arc<Net>,
+    /// How the next frame is rendered.
+    looking: Arc<Mutex<Option<Looking>>>,
     /// The address of the viewer, once it was requested.
     viewer: OnceLock<Option<String>>,
     /// The images of the current frame that go to the program.
@@ -127,6 +130,7 @@ impl SessionRenderer {
             inputs: Inputs::with_plugins(Arc::new(options.run.clone()), reporter.clone(), plugins.clone()),
             plugins,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
+            looking: Arc::default(),
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
             master: master.map(Arc::new),
@@ -193,6 +197,11 @@ impl SessionRenderer {
         self.inputs.clone()
     }
 
+    /// Returns the place that holds how the next frame is rendered.
+    pub(crate) fn looking(&self) -> Arc<Mutex<Option<Looking>>> {
+        self.looking.clone()
+    }
+
     pub(crate) fn plugins(&self) -> Plugins {
         self.plugins.clone()
     }
@@ -218,6 +227,61 @@ impl SessionRenderer {
     /// Applies the plugin settings of the scene.
     fn configure_plugins(&self, scene: &Scene) {
         self.plugins.set_image_path(self.search_path(scene, attr::PATH_IMAGEIO));
+    }
+
+    /// Renders one frame, of a turntable where `looking` says so.
+    fn frame(
+        &mut self,
+        scene: Arc<Scene>,
+        camera: Option<&str>,
+        looking: Option<(&Looking, u32)>,
+    ) -> Result<(), Stop> {
+        let begin = Instant::now();
+        let supervisor = self.options.run.supervisor.clone();
+        let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
+        self.commands.stop.store(false, Ordering::SeqCst);
+        if supervisor.has_ended() {
+            return Err(Stop::Exit);
+        }
+        self.configure_plugins(&scene);
+        let has_images = |name: &&str| {
+            let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
+            // Maps that are made on demand are not files. Only depths can be dynamic.
+            own.any(|o| !o.get(attr::DYNAMIC) || !matches!(&*o.data, "z" | "avgz"))
+        };
+        let requested = self.requested.lock().clone();
+        let camera = camera.filter(|name| has_images(name) || requested.is_of(name));
+        let special = Special { requested: &requested, looking };
+        let mut scene = outputs::amended(&scene, &self.options, special, &self.registry, &self.reporter);
+        // Workers show no images.
+        let safe = self.options.run.safe;
+        if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
+            scene = outputs::without_viewers(&scene, &self.reporter);
+        }
+        if let (true, unnamed) = outputs::shows(&scene, safe)
+            && self.master.is_none()
+        {
+            let viewer = if unnamed { self.viewer() } else { None };
+            scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
+        }
+        let renderer = Renderer::new(self.environment(&scene));
+        self.progress.over.store(false, Ordering::Relaxed);
+        let report = match renderer.render(&scene, camera) {
+            Ok(report) => Some(report),
+            Err(RenderError::Stopped) => {
+                self.reporter.warning(RenderError::Stopped.to_string());
+                None
+            }
+            Err(error) => {
+                self.reporter.error(error.to_string());
+                None
+            }
+        };
+        self.progress.over.store(true, Ordering::Relaxed);
+        let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
+        self.success = record.complete;
+        self.record(&scene, record);
+        Ok(())
     }
 
     fn environment(&self, scene: &Scene) -> RenderEnvironment {
@@ -308,50 +372,14 @@ impl FrameRenderer for SessionRenderer {
     /// images of all cameras are rendered. Exporters name their main camera also in shadow passes, in which only the
     /// lights' cameras have images.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
-        let begin = Instant::now();
-        let supervisor = self.options.run.supervisor.clone();
-        let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
-        self.commands.stop.store(false, Ordering::SeqCst);
-        if supervisor.has_ended() {
-            return Err(Stop::Exit);
-        }
-        self.configure_plugins(&scene);
-        let has_images = |name: &&str| {
-            let mut own = scene.outputs.iter().filter(|o| &*o.camera == *name);
-            // Maps that are made on demand are not files. Only depths can be dynamic.
-            own.any(|o| !o.get(attr::DYNAMIC) || !matches!(&*o.data, "z" | "avgz"))
-        };
-        let requested = self.requested.lock().clone();
-        let camera = camera.filter(|name| has_images(name) || requested.is_of(name));
-        let mut scene = outputs::amended(&scene, &self.options, &requested, &self.registry, &self.reporter);
-        // Workers show no images.
-        let safe = self.options.run.safe;
-        if safe && !self.options.extra_outputs.iter().any(outputs::is_iv) {
-            scene = outputs::without_viewers(&scene, &self.reporter);
-        }
-        if let (true, unnamed) = outputs::shows(&scene, safe)
-            && self.master.is_none()
-        {
-            let viewer = if unnamed { self.viewer() } else { None };
-            scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
-        }
-        let renderer = Renderer::new(self.environment(&scene));
-        self.progress.over.store(false, Ordering::Relaxed);
-        let report = match renderer.render(&scene, camera) {
-            Ok(report) => Some(report),
-            Err(RenderError::Stopped) => {
-                self.reporter.warning(RenderError::Stopped.to_string());
-                None
+        let looking = self.looking.lock().take();
+        let Some(looking) = looking else { return self.frame(scene, camera, None) };
+        for frame in 0..looking.frames() {
+            self.frame(looking.scene(&scene, frame), camera, Some((&looking, frame)))?;
+            if self.commands.stop.load(Ordering::Relaxed) {
+                break;
             }
-            Err(error) => {
-                self.reporter.error(error.to_string());
-                None
-            }
-        };
-        self.progress.over.store(true, Ordering::Relaxed);
-        let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
-        self.success = record.complete;
-        self.record(&scene, record);
+        }
         Ok(())
     }
 
@@ -387,7 +415,8 @@ impl FrameRenderer for SessionRenderer {
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         self.configure_plugins(scene);
         let requested = self.requested.lock().clone();
-        let scene = outputs::amended(scene, &self.options, &requested, &self.registry, &self.reporter);
+        let special = Special { requested: &requested, looking: None };
+        let scene = outputs::amended(scene, &self.options, special, &self.registry, &self.reporter);
         Renderer::new(self.environment(&scene)).needed(&scene, unread)
     }
 

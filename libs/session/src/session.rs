@@ -2,6 +2,7 @@
 
 use crate::connection::Connection;
 use crate::forwarded::Forwarded;
+use crate::look::{Looking, MeshSink};
 use crate::net::WorkerCoordinator;
 use crate::outputs::RequestedImages;
 use crate::programs::Programs;
@@ -16,6 +17,7 @@ use granita_pyg::{PygOptions, PygSource, Scripts};
 use granita_render::{Priority, Progress, Silent};
 use granita_scene::attribute::{Key, scope};
 use granita_scene::{Call, InputPaths, SceneSink, State, Stop, attr};
+use parking_lot::Mutex;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -70,8 +72,10 @@ pub struct Session {
     requested: RequestedImages,
     stop: Arc<AtomicBool>,
     priority: Arc<Priority>,
-    /// The name of a file of objects that was read as if it were a scene.
-    objects: Option<String>,
+    /// The names of files of objects that were read as if they were scenes.
+    objects: Vec<String>,
+    /// How the next frame is rendered.
+    looking: Arc<Mutex<Option<Looking>>>,
     finished: Finished,
     /// The definitions of the scripts of its scenes.
     scripts: Scripts,
@@ -135,6 +139,7 @@ impl Session {
         let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
         let (registry, requested) = (renderer.registry(), renderer.requested());
         let (stop, priority) = (renderer.stop(), renderer.priority());
+        let looking = renderer.looking();
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
         let mut session = Self {
@@ -147,7 +152,8 @@ impl Session {
             requested,
             stop,
             priority,
-            objects: None,
+            objects: Vec::new(),
+            looking,
             finished,
             scripts,
         };
@@ -264,7 +270,7 @@ impl Session {
     /// Ends the session after the last call. Reports blocks left open and returns the result.
     pub fn finish(mut self) -> Outcome {
         self.state.end();
-        if let Some(name) = self.objects.filter(|_| !self.state.has_rendered()) {
+        if let Some(name) = self.objects.first().filter(|_| !self.state.has_rendered()) {
             self.reporter.error(format!(
                 "nothing was rendered: {name} holds objects and no Render (); render a scene that has Input (\"{name}\") \
                  after World (), or see it as Pyg with topyg"
@@ -319,11 +325,53 @@ impl Session {
 
     fn read(&mut self, found: Result<Input, InputError>, name: &str) -> Result<(), SessionError> {
         let input = found.map_err(failed)?.sharing(self.scripts.clone());
-        if !input.makes_frames() {
-            self.objects = Some(name.to_owned());
-        }
         let identity = input.identity().clone();
+        if !input.makes_frames() {
+            self.objects.push(name.to_owned());
+            let read = |state: &mut State| input.read(&mut MeshSink { state, is_second_reading: false });
+            return self.state.read(&identity, name, read).map_err(failed);
+        }
         self.state.read(&identity, name, |state| input.read(state)).map_err(failed)
+    }
+
+    /// Reads the files of objects again when the first reading took only their cameras, as before `World`.
+    pub(crate) fn read_objects_beside_cameras(&mut self) -> Result<(), SessionError> {
+        if self.state.in_world() || self.state.lacks_frame() || self.state.camera_names().is_empty() {
+            return Ok(());
+        }
+        for name in self.objects.clone() {
+            let path = Path::new(&name);
+            let input = self.file(path).map_err(failed)?;
+            let identity = input.identity().clone();
+            let read = |state: &mut State| input.read(&mut MeshSink { state, is_second_reading: true });
+            self.state.read(&identity, &name, read).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// Returns the name of the last scene file that holds meshes.
+    pub(crate) fn objects_name(&self) -> Option<&str> {
+        self.objects.last().map(String::as_str)
+    }
+
+    /// True when some of the scene files hold meshes.
+    pub(crate) fn has_meshes(&self) -> bool {
+        !self.objects.is_empty()
+    }
+
+    /// Returns the options of the session.
+    pub(crate) fn options(&self) -> &SessionOptions {
+        &self.options
+    }
+
+    /// Sets how the next frame is rendered.
+    pub(crate) fn render_as(&self, looking: Looking) {
+        *self.looking.lock() = Some(looking);
+    }
+
+    /// Returns the records of the frames so far.
+    pub(crate) fn frames(&self) -> Vec<FrameRecord> {
+        self.finished.0.frames().clone()
     }
 }
 
@@ -337,7 +385,7 @@ fn failed(error: InputError) -> SessionError {
     }
 }
 
-fn stopped(stop: Stop) -> SessionError {
+pub(crate) fn stopped(stop: Stop) -> SessionError {
     match stop {
         Stop::Exit => SessionError::Exit,
         other => SessionError::Failed(other.to_string()),

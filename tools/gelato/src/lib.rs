@@ -14,8 +14,8 @@ use granita_cli::{
 };
 use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
-    Connection, ExtraOutput, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Viewer,
-    archive_calls,
+    Connection, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Up,
+    Viewer, archive_calls,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
@@ -101,6 +101,14 @@ struct Options {
     /// Render only this part of the image, as fractions of it: xmin xmax ymin ymax
     #[arg(long, num_args = 4, value_names = ["XMIN", "XMAX", "YMIN", "YMAX"], allow_negative_numbers = true)]
     crop: Vec<f32>,
+
+    /// Of a file of objects: write this number of images, for one turn of the objects
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=9999))]
+    turntable: Option<u32>,
+
+    /// Of a file of objects: the axis that points up
+    #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
+    up: Option<String>,
 
     /// Receive calls from the program that started this one: binary frames on standard input, answers on standard
     /// output
@@ -344,6 +352,10 @@ fn session_options(
         no_startup_files: false,
         safe_output: options.safeout.clone(),
         scene_files: options.files.clone(),
+        look: LookOptions {
+            turntable: options.turntable.unwrap_or(0),
+            up: if options.up.as_deref() == Some("z") { Up::Z } else { Up::Y },
+        },
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given),
     }
@@ -389,6 +401,14 @@ fn render(options: &Options, mut session: Session, answers: &Connection, reporte
             reporter.error(error.to_string());
             failed = true;
         }
+    }
+    if !failed
+        && !options.stream
+        && let Err(error) = session.look()
+        && !matches!(error, SessionError::Exit)
+    {
+        reporter.error(error.to_string());
+        failed = true;
     }
     let outcome = session.finish();
     if !failed && !outcome.rendered && outcome.waiting > 0 {

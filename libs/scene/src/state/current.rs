@@ -1,7 +1,7 @@
 //! The current attribute state, which is edited in place, frozen on demand, and shared until it changes.
 
 use crate::{AttributeSet, attr};
-use granita_base::{MotionTransform, Param, Transform};
+use granita_base::{Param, Transform};
 use std::sync::Arc;
 
 /// The state that the next primitive gets.
@@ -72,17 +72,5 @@ pub(super) fn string(p: &Param) -> Option<&str> {
     match &p.data {
         granita_base::ParamData::String(v) => v.first().map(|s| &**s),
         _ => None,
-    }
-}
-
-/// Applies `rebase` after every transformation of the set.
-pub(super) fn rebase_set(set: &mut AttributeSet, rebase: &MotionTransform) {
-    set.to_world = set.to_world.then(rebase);
-    for group in [&mut set.surface, &mut set.displacement, &mut set.volume].into_iter().flatten() {
-        let mut new = (**group).clone();
-        for layer in &mut new.layers {
-            Arc::make_mut(layer).to_world = layer.to_world.then(rebase);
-        }
-        *group = Arc::new(new);
     }
 }

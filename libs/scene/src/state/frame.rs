@@ -1,7 +1,6 @@
 //! Cameras, outputs, `World`, `Render` and commands (reference 2.3).
 
 use super::attributes::{attribute_names, convert, typed};
-use super::current::rebase_set;
 use super::transforms::hint;
 use super::{Phase, Saved1, State};
 use crate::attribute::{Scope, TABLE, attr, attribute_row};
@@ -18,6 +17,7 @@ impl State {
         if self.phase == Phase::World {
             return self.out_of_place(at, "Camera", "after World");
         }
+        self.implicit_camera = false;
         let to_world = &self.current.set.to_world;
         if to_world.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
             let text = format!("the space of camera \"{name}\" cannot be inverted");
@@ -30,16 +30,7 @@ impl State {
             Some(old) => *old = camera,
             None => self.cameras.push(camera),
         }
-        self.edit_sets(|set| {
-            if !set.geometry_sets.contains(&name) {
-                let mut sets = set.geometry_sets.to_vec();
-                sets.push(name.clone());
-                sets.sort();
-                let value = attr::GEOMETRYSET.param(sets.join(",").into());
-                set.geometry_sets = sets.into();
-                Arc::make_mut(&mut set.values).insert(value.name.clone(), value);
-            }
-        });
+        self.add_to_sets(&name);
     }
 
     /// Returns the defaults, overridden by `Attribute`s, overridden by the parameters of the call.
@@ -122,6 +113,7 @@ impl State {
             }
             _ => {}
         }
+        self.drop_early();
         if self.cameras.is_empty() {
             self.implicit_camera(at);
         }
@@ -143,26 +135,25 @@ impl State {
         let params = self.camera_params(&name, &Params::new(), at);
         let rebase = world_to_camera.inverse();
         self.cameras.push(Camera { name, world_to_camera, params });
+        self.implicit_camera = true;
         // Everything declared before was placed relative to the camera.
         let still = rebase == MotionTransform::default();
         if still {
             return;
         }
-        rebase_set(self.current.edit(), &rebase);
+        self.current.edit().rebase(&rebase);
         for push in &mut self.stack {
             match &mut push.what {
-                Saved1::Attributes(set) => rebase_set(set.edit(), &rebase),
+                Saved1::Attributes(set) => set.edit().rebase(&rebase),
                 Saved1::Transform(m) => *m = m.then(&rebase),
             }
         }
-        Arc::make_mut(&mut self.saved).values_mut().for_each(|s| rebase_set(&mut s.set, &rebase));
+        Arc::make_mut(&mut self.saved).values_mut().for_each(|s| s.set.rebase(&rebase));
         for light in &mut self.lights {
             let light = Arc::make_mut(light);
-            for layer in &mut light.group.layers {
-                Arc::make_mut(layer).to_world = layer.to_world.then(&rebase);
-            }
+            light.group = light.group.rebased(&rebase);
             let mut attributes: AttributeSet = (*light.attributes).clone();
-            rebase_set(&mut attributes, &rebase);
+            attributes.rebase(&rebase);
             light.attributes = Arc::new(attributes);
         }
     }
@@ -171,6 +162,7 @@ impl State {
     pub(super) fn render(&mut self, camera: Option<&str>, at: &Location) -> Result<(), Stop> {
         self.leave_modify();
         if self.phase == Phase::Options {
+            self.drop_early();
             self.out_of_place(at, "Render", "before World");
             return Ok(());
         }
@@ -216,8 +208,11 @@ impl State {
         self.stack.clear();
         self.world = None;
         self.cameras.clear();
+        self.implicit_camera = false;
         self.outputs.clear();
         self.primitives.clear();
+        self.early.clear();
+        self.staged.clear();
         self.lights.clear();
         self.light_ids = Arc::default();
         self.saved = Arc::default();

@@ -14,6 +14,7 @@ mod motion;
 mod save;
 mod shaders;
 mod shapes;
+mod stage;
 mod transforms;
 
 pub use attributes::version_attribute;
@@ -77,8 +78,14 @@ pub struct State {
     /// The scene-writing attributes (4.3.12), kept for `GetAttribute` only.
     writer_values: BTreeMap<Arc<str>, Param>,
     cameras: Vec<Camera>,
+    /// True when the only camera is that of a frame without a `Camera` call.
+    implicit_camera: bool,
     outputs: Vec<Output>,
     primitives: Vec<Arc<Primitive>>,
+    /// The primitives before `World`.
+    early: Vec<Arc<Primitive>>,
+    /// The primitives that a frame was begun for.
+    staged: Vec<Arc<Primitive>>,
     lights: Vec<Arc<Light>>,
     /// Shared with the deferred inputs too.
     light_ids: Arc<BTreeMap<Arc<str>, LightId>>,
@@ -110,8 +117,11 @@ impl State {
             camera_values: BTreeMap::new(),
             writer_values: BTreeMap::new(),
             cameras: Vec::new(),
+            implicit_camera: false,
             outputs: Vec::new(),
             primitives: Vec::new(),
+            early: Vec::new(),
+            staged: Vec::new(),
             lights: Vec::new(),
             light_ids: Arc::default(),
             saved: Arc::default(),
@@ -143,6 +153,7 @@ impl State {
     /// Reports blocks that are still open. It is called after the last call.
     pub fn end(&mut self) {
         self.finish_motion(&Location::default());
+        self.drop_early();
         if let Some(group) = self.group.take() {
             self.report(
                 Severity::Error,

@@ -22,10 +22,6 @@ impl State {
     /// Adds a geometric primitive, alone or in a motion block.
     pub(super) fn shape(&mut self, shape: ShapeDesc, params: Params, at: &Location) {
         let params = self.take_params(params);
-        if self.phase == Phase::Options {
-            let why = "before World";
-            return self.out_of_place(at, shape.call_name(), why);
-        }
         if self.group.is_some() {
             return self.out_of_place(at, shape.call_name(), "inside a shader group");
         }
@@ -89,7 +85,11 @@ impl State {
         at: &Location,
     ) {
         let id = identity(&shape, &keys, &attributes);
-        self.primitives.push(Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() }));
+        let primitive = Arc::new(Primitive { id, shape, keys, attributes, at: at.clone() });
+        match self.phase {
+            Phase::Options => self.early.push(primitive),
+            _ => self.primitives.push(primitive),
+        }
     }
 
     /// Returns the parameters with resolved types and converted data. Unusable ones are reported and left out.
