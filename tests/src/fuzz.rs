@@ -36,7 +36,10 @@ pub const TARGETS: [(&str, Target); 25] = [
     ("dds", dds),
     ("obj", obj),
     ("ply", ply),
+    ("stl", stl),
     ("gltf", gltf),
+    ("draco", draco),
+    ("meshopt", meshopt),
     ("sdb", sdb),
     ("display", display),
 ];
@@ -194,6 +197,70 @@ pub fn obj(bytes: &[u8]) {
 /// Reads Stanford PLY.
 pub fn ply(bytes: &[u8]) {
     generated("ply", bytes);
+}
+
+/// Reads STL, both as text and binary.
+pub fn stl(bytes: &[u8]) {
+    generated("stl", bytes);
+}
+
+/// Reads a Draco mesh in a glTF file.
+pub fn draco(bytes: &[u8]) {
+    let accessor = |kind: &str| format!(r#"{{"componentType":5126,"count":3,"type":"{kind}"}}"#);
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{length}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":{length}}}],"accessors":[{},{},{}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2}},"extensions":
+        {{"KHR_draco_mesh_compression":{{"bufferView":0,"attributes":{{"POSITION":0,"NORMAL":1,"TEXCOORD_0":2}}}}}}}}]}}],
+        "nodes":[{{"mesh":0}}]}}"#,
+        accessor("VEC3"),
+        accessor("VEC3"),
+        accessor("VEC2"),
+        length = bytes.len(),
+    );
+    generated("glb", &binary_gltf(&json, bytes));
+}
+
+/// Reads compressed buffer views of a glTF file: vertices, then triangles. The first four bytes are the length of the
+/// first one, the stride of vertices divided by 4, a number that selects the filter, and the number of vertices.
+pub fn meshopt(bytes: &[u8]) {
+    let Some(([first, stride, filter, count], data)) = bytes.split_first_chunk::<4>() else { return };
+    let (first, stride, count) = (usize::from(*first).min(data.len()), u32::from(*stride % 64) * 4, *count);
+    let filters = ["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR", "other"];
+    let filter = filters[usize::from(*filter) % filters.len()];
+    let view = |offset: usize, length: usize, count: u32, stride: u32, mode: &str, filter: &str| {
+        format!(
+            r#"{{"buffer":0,"byteLength":{},"byteStride":{stride},"extensions":{{"EXT_meshopt_compression":{{"buffer":0,
+            "byteOffset":{offset},"byteLength":{length},"byteStride":{stride},"count":{count},"mode":"{mode}",
+            "filter":"{filter}"}}}}}}"#,
+            count * stride
+        )
+    };
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"byteLength":{}}}],"bufferViews":[{},{}],
+        "accessors":[{{"bufferView":0,"componentType":5122,"count":{count},"type":"VEC3"}},
+        {{"bufferView":1,"componentType":5125,"count":{},"type":"SCALAR"}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],"nodes":[{{"mesh":0}}]}}"#,
+        data.len(),
+        view(0, first, u32::from(count), stride, "ATTRIBUTES", filter),
+        view(first, data.len() - first, u32::from(count) * 3, 4, "TRIANGLES", "NONE"),
+        u32::from(count) * 3,
+    );
+    generated("glb", &binary_gltf(&json, data));
+}
+
+/// Returns a binary glTF file of these two chunks.
+fn binary_gltf(json: &str, data: &[u8]) -> Vec<u8> {
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    let (json_length, data_length) = (json.len() as u32, data.len() as u32);
+    file.extend((28 + json_length + data_length).to_le_bytes());
+    file.extend(json_length.to_le_bytes());
+    file.extend(b"JSON");
+    file.extend(json.as_bytes());
+    file.extend(data_length.to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(data);
+    file
 }
 
 /// Reads glTF 2, both as JSON and binary.

@@ -1,5 +1,6 @@
 //! Functions that make calls, with parameters, and with points and curves for which mesh files give no width.
 
+use crate::smooth;
 use granita_base::{BaseType, CurveBasis, Interp, Location, Param, ParamData, ParamType, Params, ShapeDesc};
 use granita_scene::{Call, SceneSink, Stop};
 use std::sync::Arc;
@@ -13,11 +14,22 @@ const LINE_PART: f32 = 0.002;
 pub(crate) struct Emit<'a> {
     sink: &'a mut dyn SceneSink,
     file: Arc<str>,
+    /// The angle in radians up to which faces of meshes without normals are smooth.
+    smooth: Option<f32>,
 }
 
 impl<'a> Emit<'a> {
     pub(crate) fn new(sink: &'a mut dyn SceneSink, file: Arc<str>) -> Self {
-        Self { sink, file }
+        Self { sink, file, smooth: None }
+    }
+
+    /// Gives meshes without normals smooth ones, when the scene sets `Attribute ("float user:smooth", ...)` to an angle
+    /// above 0 degrees.
+    pub(crate) fn smoothing(mut self) -> Self {
+        let set = self.sink.attribute("user:smooth").and_then(|p| p.data.to_floats()?.first().copied());
+        self.smooth =
+            set.filter(|angle_deg| *angle_deg > 0.0).map(|angle_deg| angle_deg.min(180.0).to_radians());
+        self
     }
 
     pub(crate) fn call(&mut self, call: Call, line: u32) -> Result<(), Stop> {
@@ -28,7 +40,10 @@ impl<'a> Emit<'a> {
         self.call(Call::Attribute(param), line)
     }
 
-    pub(crate) fn shape(&mut self, shape: ShapeDesc, params: Params, line: u32) -> Result<(), Stop> {
+    pub(crate) fn shape(&mut self, shape: ShapeDesc, mut params: Params, line: u32) -> Result<(), Stop> {
+        if let Some(values) = self.smooth.and_then(|angle| smooth::normals(&shape, &params, angle)) {
+            params.0.push(floats("N", BaseType::Normal, Interp::Linear, values));
+        }
         self.call(Call::Shape { shape: Box::new(shape), params }, line)
     }
 
@@ -41,6 +56,14 @@ impl<'a> Emit<'a> {
     pub(crate) fn wants(&self, name: &str) -> bool {
         let set = self.sink.attribute(&format!("user:{name}"));
         set.and_then(|p| p.data.to_ints()?.first().copied()).is_none_or(|v| v != 0)
+    }
+
+    /// Returns the text of `Attribute ("string user:NAME", ...)`, if the scene sets it.
+    pub(crate) fn text(&self, name: &str) -> Option<String> {
+        match self.sink.attribute(&format!("user:{name}"))?.data {
+            ParamData::String(texts) => texts.first().map(|text| text.to_string()),
+            _ => None,
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Reads mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]) and glTF 2 ([`Gltf`]).
+//! Reads mesh files as scenes: Wavefront OBJ ([`Obj`]), Stanford PLY ([`Ply`]), STL ([`Stl`]) and glTF 2 ([`Gltf`]).
 //!
 //! [`GltfImages`] reads the images in glTF files, as an image format. Each other reader is a
 //! [`granita_scene::Generator`]. `Input ("bunny.obj")` makes its calls with the current transformation and attributes.
@@ -15,10 +15,11 @@
 //! - Memory holds what faces may still refer to (the vertices of an OBJ file) and what one call must contain: a group
 //!   of an OBJ file, the one mesh of a PLY file, a primitive of a glTF file.
 //! - `Attribute ("int user:materials", 0)` keeps the materials of a file out of the scene, and `user:lights` its
-//!   lights.
+//!   lights. `Attribute ("float user:smooth", 40)` gives meshes without normals smooth ones.
 //!
-//! Deliberately absent are free-form curves and surfaces of OBJ files, and animation (skins and morph targets are at
-//! rest) and compressed geometry of glTF files. Each is reported by name.
+//! Deliberately absent are free-form curves and surfaces of OBJ files, and animation of glTF files (skins and morph
+//! targets are at rest). Each is reported by name. Compressed geometry of glTF files is decoded by the libraries of the
+//! features `draco` and `meshopt`, both on by default.
 //!
 //! ```
 //! use granita_base::Reporter;
@@ -40,7 +41,9 @@ mod faults;
 mod gltf;
 mod obj;
 mod ply;
+mod smooth;
 mod source;
+mod stl;
 mod text;
 #[cfg(test)]
 mod trial;
@@ -48,11 +51,12 @@ mod trial;
 pub use gltf::{Glb, Gltf, GltfImages};
 pub use obj::Obj;
 pub use ply::Ply;
+pub use stl::Stl;
 
 use granita_scene::Generator;
 use std::sync::Arc;
 
 /// Returns the generators of this crate.
 pub fn generators() -> Vec<Arc<dyn Generator>> {
-    vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Gltf), Arc::new(Glb)]
+    vec![Arc::new(Obj), Arc::new(Ply), Arc::new(Stl), Arc::new(Gltf), Arc::new(Glb)]
 }

@@ -166,7 +166,8 @@ impl Session {
     fn stem(&self) -> String {
         let name = self.look_name();
         let stem = Path::new(&name).file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        stem.filter(|stem| !stem.contains(char::is_whitespace) && stem != "-").unwrap_or_else(|| "scene".into())
+        stem.filter(|stem| !stem.contains(char::is_whitespace) && stem != "-")
+            .unwrap_or_else(|| "scene".into())
     }
 
     /// Returns the camera and the studio for the objects that wait.
@@ -259,5 +260,9 @@ impl Session {
 }
 
 fn float(name: &str, value: f32) -> Param {
-    Param { name: name.into(), ty: granita_base::ParamType::of(granita_base::BaseType::Float), data: value.into() }
+    Param {
+        name: name.into(),
+        ty: granita_base::ParamType::of(granita_base::BaseType::Float),
+        data: value.into(),
+    }
 }

@@ -140,6 +140,7 @@ pub(crate) const KINDS: &[Kind] = &[
     geometry("obj", "obj"),
     geometry("gltf", "gltf"),
     geometry("ply", "ply"),
+    geometry("stl", "stl"),
     geometry("rib", "rib"),
     Kind {
         name: "mtl",

@@ -1,13 +1,17 @@
 //! Reads numbers from accessors of all component types. They may be normalised, interleaved and sparse.
 
 use super::buffers::Buffers;
-use super::document::{Accessor, Document, item};
+use super::compressed::{self, Decoded};
+use super::document::{Accessor, Document, Primitive, item};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// The largest number of zeros of an accessor without data. Real files have fewer of them.
 const MOST_ZEROS: u64 = 1 << 20;
 /// The size of the pieces in which data are read, in bytes.
 const PIECE: u64 = 1 << 20;
+/// The number of bytes of decompressed views above which those of earlier primitives are dropped.
+const MOST_DECODED: usize = 64 << 20;
 
 /// A component type. The file stores its number in OpenGL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,13 +48,26 @@ impl Component {
     /// Returns the value at the beginning of `b`, normalised as the format requires.
     #[inline]
     fn value(self, b: &[u8], normalized: bool) -> f32 {
-        let (value, one) = match self {
-            Self::I8 => (f32::from(b[0] as i8), 127.0),
-            Self::U8 => (f32::from(b[0]), 255.0),
-            Self::I16 => (f32::from(i16::from_le_bytes([b[0], b[1]])), 32767.0),
-            Self::U16 => (f32::from(u16::from_le_bytes([b[0], b[1]])), 65535.0),
-            Self::U32 => (u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32, 4_294_967_295.0),
-            Self::F32 => return f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        let value = match self {
+            Self::I8 => f32::from(b[0] as i8),
+            Self::U8 => f32::from(b[0]),
+            Self::I16 => f32::from(i16::from_le_bytes([b[0], b[1]])),
+            Self::U16 => f32::from(u16::from_le_bytes([b[0], b[1]])),
+            Self::U32 => u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32,
+            Self::F32 => f32::from_le_bytes([b[0], b[1], b[2], b[3]]),
+        };
+        self.scaled(value, normalized)
+    }
+
+    /// Returns a value that is stored as a number, normalised as the format requires.
+    fn scaled(self, value: f32, normalized: bool) -> f32 {
+        let one = match self {
+            Self::I8 => 127.0,
+            Self::U8 => 255.0,
+            Self::I16 => 32767.0,
+            Self::U16 => 65535.0,
+            Self::U32 => 4_294_967_295.0,
+            Self::F32 => return value,
         };
         if normalized { (value / one).max(-1.0) } else { value }
     }
@@ -94,17 +111,57 @@ enum Data<'a> {
 
 /// Reads the elements of accessors.
 pub(super) struct Reader<'a> {
-    pub(super) document: &'a Document,
-    pub(super) buffers: Buffers,
+    document: &'a Document,
+    buffers: Buffers,
+    /// The views that were compressed; `None` for other views.
+    views: BTreeMap<usize, Option<Vec<u8>>>,
+    /// The data of the current primitive, when it was compressed as a whole.
+    decoded: Option<Decoded>,
 }
 
 impl<'a> Reader<'a> {
+    pub(super) fn new(document: &'a Document, buffers: Buffers) -> Self {
+        Self { document, buffers, views: BTreeMap::new(), decoded: None }
+    }
+
+    /// Begins a primitive. When it is compressed as a whole, its accessors have the decoded values from now on.
+    ///
+    /// # Errors
+    /// Returns a text when its data are damaged, missing, or of an unknown kind.
+    pub(super) fn begin(&mut self, primitive: &Primitive) -> Result<(), String> {
+        self.decoded = None;
+        if self.views.values().flatten().map(Vec::len).sum::<usize>() > MOST_DECODED {
+            self.views.clear();
+        }
+        // Files may also contain the uncompressed data.
+        let position = primitive.attributes.get("POSITION").and_then(|p| item(&self.document.accessors, *p));
+        if position.is_some_and(|accessor| accessor.buffer_view.is_some()) {
+            return Ok(());
+        }
+        self.decoded = compressed::draco(self.document, &mut self.buffers, primitive)?;
+        let other = primitive.extensions.keys().find(|name| name.contains("compression"));
+        match other.filter(|_| self.decoded.is_none()) {
+            Some(name) => Err(format!(
+                "its geometry is compressed with {name}, which is not supported; save the file without compression"
+            )),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the indices of the current primitive when it was compressed as a whole.
+    pub(super) fn decoded_indices(&mut self) -> Option<Vec<u32>> {
+        self.decoded.as_mut().map(|decoded| std::mem::take(&mut decoded.indices))
+    }
+
     fn accessor(&self, index: usize) -> Result<&'a Accessor, String> {
         item(&self.document.accessors, index).ok_or_else(|| format!("there is no accessor {index}"))
     }
 
     /// Returns the number of elements of accessor `index`.
     pub(super) fn count(&self, index: usize) -> Result<u64, String> {
+        if let Some(decoded) = self.decoded.as_ref().filter(|d| d.attributes.contains_key(&index)) {
+            return Ok(decoded.count);
+        }
         self.accessor(index).map(|a| a.count)
     }
 
@@ -129,6 +186,15 @@ impl<'a> Reader<'a> {
         }
         let component =
             Component::of(accessor.component_type).map_err(|e| format!("accessor {index}: {e}"))?;
+        let decoded = self.decoded.as_ref().and_then(|d| d.attributes.get(&index));
+        if let Some((values, width)) = decoded {
+            let all = range.start.checked_mul(n as u64).zip(range.end.checked_mul(n as u64));
+            let own = all.and_then(|(a, b)| values.get(usize::try_from(a).ok()?..usize::try_from(b).ok()?));
+            let own = own.filter(|_| *width == n);
+            let own = own.ok_or_else(|| format!("accessor {index} has {n} values, and its data {width}"))?;
+            let scaled = own.iter().map(|x| component.scaled(*x, accessor.normalized));
+            return Ok((scaled.collect(), n));
+        }
         let mut out: Vec<f32> = Vec::new();
         let take = |data: Data<'_>| match data {
             Data::Room(count) => out.reserve(count * n),
@@ -240,14 +306,19 @@ impl<'a> Reader<'a> {
         let Some(desc) = item(&self.document.buffer_views, view) else {
             return Err(format!("there is no buffer view {view}"));
         };
-        if let Some(name) = desc.extensions.keys().find(|k| k.contains("meshopt_compression")) {
-            return Err(format!("buffer view {view} is compressed with {name}, which is not supported"));
-        }
         if end > desc.byte_length {
             return Err(format!(
                 "buffer view {view} has {} bytes of the {end} that are needed",
                 desc.byte_length
             ));
+        }
+        if let Some(bytes) = self.decompressed(view)? {
+            let all = bytes.len() as u64;
+            return if end <= all {
+                Ok(())
+            } else {
+                Err(format!("buffer view {view} has {all} bytes of {end}"))
+            };
         }
         // Reading one byte at the end shows whether the buffer is complete.
         let last = desc.byte_offset.checked_add(end).and_then(|e| e.checked_sub(1));
@@ -255,7 +326,27 @@ impl<'a> Reader<'a> {
         self.buffers.read(self.document, desc.buffer, last, 1).map(drop)
     }
 
+    /// Returns the bytes of a view that is compressed; `None` for another one.
+    fn decompressed(&mut self, view: usize) -> Result<Option<&[u8]>, String> {
+        if !self.views.contains_key(&view) {
+            let bytes = match item(&self.document.buffer_views, view) {
+                Some(desc) => compressed::meshopt(self.document, &mut self.buffers, desc)
+                    .map_err(|what| format!("buffer view {view}: {what}"))?,
+                None => None,
+            };
+            self.views.insert(view, bytes);
+        }
+        Ok(self.views.get(&view).and_then(Option::as_deref))
+    }
+
     fn view_bytes(&mut self, view: usize, offset: u64, length: usize) -> Result<Vec<u8>, String> {
+        if let Some(bytes) = self.decompressed(view)? {
+            let from = usize::try_from(offset).ok();
+            let range = from.and_then(|from| bytes.get(from..from.checked_add(length)?));
+            return range
+                .map(<[u8]>::to_vec)
+                .ok_or_else(|| format!("buffer view {view} ends before {offset}"));
+        }
         let Some(desc) = item(&self.document.buffer_views, view) else {
             return Err(format!("there is no buffer view {view}"));
         };

@@ -194,6 +194,9 @@ pub(super) struct TextureRef {
     pub(super) index: usize,
     #[serde(default)]
     pub(super) tex_coord: u32,
+    /// The strength of a normal map.
+    #[serde(default = "one")]
+    pub(super) scale: f32,
     #[serde(default)]
     pub(super) extensions: Map<String, Value>,
 }

@@ -120,18 +120,25 @@ impl Materials<'_> {
         emit.call(shader, 0)
     }
 
+    /// True when nothing of the material lets light through, so that rays of shadows need not run its shader.
+    pub(super) fn is_opaque(&self, index: usize) -> bool {
+        item(&self.document.materials, index).is_some_and(|m| match m.alpha_mode.as_str() {
+            "MASK" | "BLEND" => {
+                let pbr = &m.pbr_metallic_roughness;
+                pbr.base_color_texture.is_none() && pbr.base_color_factor[3] >= 1.0
+            }
+            _ => true,
+        })
+    }
+
     fn textures(&self, index: usize, m: &Material, params: &mut Vec<Param>, faults: &mut Faults<'_>) {
-        if m.normal_texture.is_some() {
-            faults.warning("normal map", 0, || {
-                format!("material {index}: normal maps are not supported: left out")
-            });
-        }
         let pbr = &m.pbr_metallic_roughness;
         let first = first_texture(m);
         let all = [
             (&pbr.base_color_texture, "texturename"),
             (&m.emissive_texture, "emissionname"),
             (&pbr.metallic_roughness_texture, "metalroughname"),
+            (&m.normal_texture, "normalname"),
         ];
         let mut wraps = None;
         for (texture, param) in all {
@@ -152,6 +159,9 @@ impl Materials<'_> {
             }
             if param == "emissionname" && screen {
                 params.push(float("emissionsrgb", 1.0));
+            }
+            if param == "normalname" && texture.scale != 1.0 && texture.scale.is_finite() {
+                params.push(float("normalscale", texture.scale));
             }
             params.push(string(param, &path));
             wraps.get_or_insert((sampler.wrap_s, sampler.wrap_t));
@@ -219,7 +229,8 @@ fn copy(samplers: &Items<Sampler>, index: usize) -> Option<Sampler> {
 /// Returns the texture whose coordinates are used.
 fn first_texture(m: &Material) -> Option<&TextureRef> {
     let pbr = &m.pbr_metallic_roughness;
-    let all = [&pbr.base_color_texture, &m.emissive_texture, &pbr.metallic_roughness_texture];
+    let all =
+        [&pbr.base_color_texture, &m.emissive_texture, &pbr.metallic_roughness_texture, &m.normal_texture];
     all.into_iter().find_map(|t| t.as_ref())
 }
 

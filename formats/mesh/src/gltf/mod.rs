@@ -5,6 +5,7 @@
 
 mod accessor;
 mod buffers;
+mod compressed;
 mod document;
 mod images;
 mod material;
@@ -12,7 +13,7 @@ mod primitive;
 mod scene;
 mod skin;
 
-use crate::emit::{Emit, color, float, object_name};
+use crate::emit::{Emit, color, float, object_name, string};
 use crate::faults::Faults;
 use crate::source::{Opened, Stream, io_error, open};
 use accessor::Reader;
@@ -33,6 +34,9 @@ use std::rc::Rc;
 /// The largest number of bytes of the JSON, which needs several times as much memory.
 const MOST_JSON: u64 = 1 << 31;
 
+/// The geometry set whose objects cast shadows in the light of a file, unless the scene names another one.
+const SHADOWS: &str = "shadow";
+
 /// The supported extensions among those that a file may require.
 const EXTENSIONS: [&str; 9] = [
     "KHR_lights_punctual",
@@ -40,7 +44,7 @@ const EXTENSIONS: [&str; 9] = [
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
-    // These are reported where they are used.
+    // A build without their decoders reports them where they are used.
     "KHR_draco_mesh_compression",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",
@@ -125,18 +129,13 @@ impl Generator for Gltf {
             emit: Emit::new(sink, name.clone()),
             faults,
             stem,
-            reader: Reader {
-                document: &document,
-                buffers: Buffers::new(
-                    stream,
-                    chunk,
-                    folder.clone(),
-                    source.files().clone(),
-                    reporter.clone(),
-                ),
-            },
+            reader: Reader::new(
+                &document,
+                Buffers::new(stream, chunk, folder.clone(), source.files().clone(), reporter.clone()),
+            ),
             materials: Materials { document: &document, folder, file },
             shared: BTreeMap::new(),
+            casters: None,
         };
         run.check();
         if !run.emit.in_world() && nodes.iter().any(|n| n.node.camera.is_some()) {
@@ -150,6 +149,9 @@ impl Generator for Gltf {
             return Ok(());
         }
         if run.emit.wants("lights") {
+            let set = run.emit.text("shadows").unwrap_or_else(|| SHADOWS.to_owned());
+            let lit = nodes.iter().any(|n| n.node.light().is_some());
+            run.casters = Some(set).filter(|set| lit && !set.is_empty());
             run.lights(&nodes)?;
         }
         run.meshes(&nodes)
@@ -227,6 +229,8 @@ struct Run<'a> {
     materials: Materials<'a>,
     /// The shapes of meshes, by mesh and skin, that further nodes will use.
     shared: BTreeMap<(usize, Option<usize>), Rc<Vec<Built>>>,
+    /// The geometry set that casts shadows in the light of this file.
+    casters: Option<String>,
 }
 
 impl Run<'_> {
@@ -326,6 +330,7 @@ impl Run<'_> {
                 params.push(float("conedeltaangle", outer - inner));
                 params.push(float("beamdistribution", 0.0));
             }
+            params.extend(self.casters.iter().map(|set| string("shadowname", set)));
             self.emit.call(Call::PushTransform, 0)?;
             self.emit.call(Call::AppendTransform(Box::new(matrix)), 0)?;
             let call = Call::Light {
@@ -402,9 +407,15 @@ impl Run<'_> {
             for one in built.iter() {
                 self.emit.call(Call::PushAttributes, 0)?;
                 self.emit.attribute(object_name(&name), 0)?;
+                if let Some(set) = &self.casters {
+                    self.emit.attribute(attr::GEOMETRYSET.param(format!("+{set}").into()), 0)?;
+                }
                 self.emit.call(Call::AppendTransform(Box::new(matrix)), 0)?;
                 if let Some(material) = one.material.filter(|_| wants_materials) {
                     self.materials.emit(material, &mut self.emit, &mut self.faults)?;
+                    if self.materials.is_opaque(material) && one.params.get("opacity").is_none() {
+                        self.emit.attribute(attr::RAY_OPAQUESHADOWS.param(true), 0)?;
+                    }
                 }
                 self.emit.shape(one.shape.clone(), one.params.clone(), 0)?;
                 self.emit.call(Call::PopAttributes, 0)?;

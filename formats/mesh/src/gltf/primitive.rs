@@ -40,11 +40,13 @@ impl Source<'_> {
     ) -> Result<Option<Built>, String> {
         let primitive = self.primitive;
         let position = *primitive.attributes.get("POSITION").ok_or("it has no POSITION")?;
-        self.check_compression(reader, position)?;
+        reader.begin(primitive)?;
         let count = reader.count(position)?;
-        let indices = match primitive.indices {
-            Some(index) => Some(reader.indices(index)?),
-            None => None,
+        let (indices, mode) = match (reader.decoded_indices(), primitive.indices) {
+            // Strips are decoded as triangles.
+            (Some(indices), _) => (Some(indices), 4),
+            (None, Some(index)) => (Some(reader.indices(index)?), primitive.mode.unwrap_or(4)),
+            (None, None) => (None, primitive.mode.unwrap_or(4)),
         };
         // Only the vertices between the first and the last used one are read, because many primitives may share one
         // array.
@@ -81,7 +83,7 @@ impl Source<'_> {
         };
         let good = |i: &u32| range.contains(&u64::from(*i)) && usable(u64::from(*i));
         let sequence = indices.unwrap_or_else(|| (0..count as u32).collect());
-        let elements = elements(primitive.mode.unwrap_or(4), sequence)?;
+        let elements = elements(mode, sequence)?;
         let (verts, dropped) = elements.keep(good);
         if dropped {
             self.bad_index(count, faults);
@@ -139,20 +141,6 @@ impl Source<'_> {
             added = true;
         }
         Ok(added)
-    }
-
-    fn check_compression(&self, reader: &Reader<'_>, position: usize) -> Result<(), String> {
-        let compressed = self.primitive.extensions.keys().find(|k| k.contains("compression"));
-        let Some(name) = compressed else { return Ok(()) };
-        // Files may also contain the uncompressed data.
-        let plain = super::document::item(&reader.document.accessors, position)
-            .is_some_and(|a| a.buffer_view.is_some());
-        if plain {
-            return Ok(());
-        }
-        Err(format!(
-            "its geometry is compressed with {name}, which is not supported; save the file without compression"
-        ))
     }
 
     fn bad_index(&self, count: u64, faults: &mut Faults<'_>) {

@@ -247,16 +247,24 @@ fn cameras_before_world() {
 fn lights_after_world() {
     let got = flat(&scenery(true, None).clean());
     assert!(!got.contains("Camera") && got.contains("Mesh"), "{got}");
-    let want =
-        "Light (\"t/sun\", \"distantlight\", \"float intensity\", 1, \"color lightcolor\", (1, 1, 1))\n";
+    let want = "Light (\"t/sun\", \"distantlight\", \"float intensity\", 1, \"color lightcolor\", (1, 1, 1), \
+         \"string shadowname\", \"shadow\")\n";
     assert!(got.contains(want), "{got}");
     let want = "Light (\"t/light\", \"pointlight\", \"float intensity\", 0.31830987, \"color lightcolor\", (1, 0, 0), \
-        \"float falloff\", 2)\n";
+        \"float falloff\", 2, \"string shadowname\", \"shadow\")\n";
     assert!(got.contains(want), "{got}");
     let want = "\"float falloff\", 2, \"float coneangle\", 0.5, \"float conedeltaangle\", 0.25, \
-        \"float beamdistribution\", 0)\n";
+        \"float beamdistribution\", 0, \"string shadowname\", \"shadow\")\n";
     assert!(got.contains(want), "{got}");
     assert!(got.rfind("Light (").unwrap() < got.find("Mesh").unwrap());
+    // What casts shadows are the objects of the file, in a set that the scene may name.
+    assert!(got.contains("Attribute (\"string geometryset\", \"+shadow\")"), "{got}");
+    let named = Param::declared("string user:shadows", "all").unwrap();
+    let got = flat(&scenery(true, Some(named)).clean());
+    assert!(got.matches("\"string shadowname\", \"all\"").count() == 3 && got.contains("\"+all\""), "{got}");
+    let none = Param::declared("string user:shadows", "").unwrap();
+    let got = flat(&scenery(true, Some(none)).clean());
+    assert!(!got.contains("shadowname") && !got.contains("geometryset"), "{got}");
     let no = Param::declared("int user:lights", 0).unwrap();
     assert!(!scenery(true, Some(no)).clean().contains("Light"));
 }
@@ -377,19 +385,101 @@ fn each_mistake_of_a_primitive_in_words() {
     let none = json!({"buffer": 3, "byteLength": 36});
     assert_eq!(why(floats3(0, 3), none), "accessor 0: there is no buffer 3");
     let meshopt = json!({"buffer": 0, "byteLength": 36, "extensions": {"EXT_meshopt_compression": {}}});
-    let want = "accessor 0: buffer view 0 is compressed with EXT_meshopt_compression, which is not supported";
+    let want = "accessor 0: buffer view 0: EXT_meshopt_compression without buffer";
     assert_eq!(why(floats3(0, 3), meshopt), want);
 }
 
-#[test]
-fn compressed_geometry_is_named() {
-    let primitives = json!([{"attributes": {"POSITION": 0}, "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0}}}]);
+/// Returns the message about a primitive with a triangle that an extension compresses.
+fn compressed(extension: &str, content: Value) -> String {
+    let primitives = json!([{"attributes": {"POSITION": 0}, "extensions": {extension: content}}]);
     let accessors = json!([{"componentType": 5126, "count": 3, "type": "VEC3"}]);
     let rest = json!({"extensionsRequired": ["KHR_draco_mesh_compression"]});
     let trial = run(&Gltf, glb(&document(&[(0, 36)], accessors, primitives, rest), &le(&TRIANGLE)));
-    let want = "t: error: mesh 0 (\"n\"), primitive 0: its geometry is compressed with KHR_draco_mesh_compression, \
-        which is not supported; save the file without compression: left out";
-    assert_eq!(trial.messages, [want]);
+    let [message] = &trial.messages[..] else { panic!("{:?}", trial.messages) };
+    assert!(trial.pyg.is_empty(), "{}", trial.pyg);
+    message.strip_prefix("t: error: mesh 0 (\"n\"), primitive 0: ").unwrap().to_owned()
+}
+
+#[test]
+fn compressed_geometry_that_cannot_be_read_is_named() {
+    const DRACO: &str = "KHR_draco_mesh_compression";
+    let want = "its geometry is compressed with EXT_other_compression, which is not supported; save the file without \
+        compression: left out";
+    assert_eq!(compressed("EXT_other_compression", json!({})), want);
+    assert_eq!(compressed(DRACO, json!({})), "KHR_draco_mesh_compression without a buffer view: left out");
+    let none = compressed(DRACO, json!({"bufferView": 0}));
+    assert_eq!(none, "KHR_draco_mesh_compression without attributes: left out");
+    let damaged = compressed(DRACO, json!({"bufferView": 0, "attributes": {"POSITION": 0}}));
+    assert!(
+        damaged.starts_with("KHR_draco_mesh_compression: ") && damaged.ends_with(": left out"),
+        "{damaged}"
+    );
+}
+
+#[cfg(feature = "draco")]
+#[test]
+fn draco_meshes_are_decoded() {
+    let file = include_bytes!("../../../../fuzz/corpus/gltf/bunny-draco.glb");
+    let pyg = flat(&run(&Gltf, file).clean());
+    let mesh = &pyg[pyg.find("Mesh (").unwrap()..];
+    assert!(mesh.starts_with("Mesh (\"linear\", (3, 3, "), "{}", &mesh[..80]);
+    let values = |name: &str| -> Vec<f32> {
+        let list = mesh.split_once(&format!("\"vertex {name}\", (")).unwrap().1.split_once(')').unwrap().0;
+        list.split(", ").map(|x| x.parse().unwrap()).collect()
+    };
+    let (p, n) = (values("point P"), values("normal N"));
+    // The numbers of the accessors that the file describes.
+    assert_eq!((p.len(), n.len()), (2826 * 3, 2826 * 3));
+    assert_eq!(mesh.split_once("), (").unwrap().0.matches('3').count(), 16944 / 3);
+    let most = |k: usize| p.iter().skip(k).step_by(3).copied().fold(f32::MIN, f32::max);
+    assert!(
+        (most(0) - 0.917_214).abs() < 1e-3 && (most(1) - 0.939_883).abs() < 1e-3,
+        "{} {}",
+        most(0),
+        most(1)
+    );
+    assert!(n.as_chunks::<3>().0.iter().all(|n| (n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 0.02));
+    // The end of the data is missing.
+    let trial = run(&Gltf, &file[..file.len() - 4000]);
+    assert!(trial.pyg.is_empty() && trial.messages[0].contains("buffer 0 has "), "{:?}", trial.messages);
+}
+
+#[cfg(feature = "meshopt")]
+#[test]
+fn meshopt_views_are_decoded() {
+    use meshoptimizer_rs::Workspace;
+    use meshoptimizer_rs::codec::{IndexEncoding, VertexEncoding, encode_index_buffer, encode_vertex_buffer};
+    let mut workspace = Workspace::default();
+    // Positions of 16 bits, normalised (KHR_mesh_quantization), in steps of 8 bytes.
+    let corners: [[i16; 4]; 4] =
+        [[0, 0, 0, 0], [32767, 0, 0, 0], [32767, 32767, 0, 0], [0, 32767, -32767, 0]];
+    let stored: Vec<u8> = corners.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+    for (name, version) in [("EXT_meshopt_compression", 0), ("KHR_meshopt_compression", 1)] {
+        let encoding = VertexEncoding::new(version, 2).unwrap();
+        let vertices = encode_vertex_buffer(&stored, 4, 8, encoding, &mut workspace).unwrap();
+        let indices =
+            encode_index_buffer(&[0, 1, 2, 0, 2, 3], IndexEncoding::DEFAULT, &mut workspace).unwrap();
+        let view = |offset: usize, data: &[u8], count: usize, stride: usize, mode: &str| {
+            json!({"buffer": 1, "byteLength": count * stride, "byteStride": stride, "extensions": {name: {"buffer": 0,
+                "byteOffset": offset, "byteLength": data.len(), "byteStride": stride, "count": count, "mode": mode}}})
+        };
+        let data = [&vertices[..], &indices].concat();
+        let accessors = json!([
+            {"bufferView": 0, "componentType": 5122, "normalized": true, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ]);
+        let primitives = json!([{"attributes": {"POSITION": 0}, "indices": 1}]);
+        let rest = json!({
+            "bufferViews": [view(0, &vertices, 4, 8, "ATTRIBUTES"), view(vertices.len(), &indices, 6, 2, "TRIANGLES")],
+            "buffers": [{"byteLength": data.len()}, {"byteLength": 44}],
+            "extensionsRequired": [name, "KHR_mesh_quantization"],
+        });
+        let file = glb(&document(&[], accessors, primitives, rest), &data);
+        let want = "Mesh (\"linear\", (3, 3), (0, 1, 2, 0, 2, 3), \
+            \"vertex point P\", (0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, -1))";
+        let got = flat(&run(&Gltf, &file).clean());
+        assert!(got.contains(want), "{got}");
+    }
 }
 
 #[test]

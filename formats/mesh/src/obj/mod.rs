@@ -45,7 +45,7 @@ impl Generator for Obj {
     ) -> Result<(), GeneratorError> {
         let opened = open(source)?;
         let file = opened.name;
-        let emit = Emit::new(sink, file.clone());
+        let emit = Emit::new(sink, file.clone()).smoothing();
         let wants_materials = emit.wants("materials");
         let reader = Reader {
             emit,

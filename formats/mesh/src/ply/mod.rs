@@ -58,7 +58,7 @@ impl Generator for Ply {
             }
         };
         // The elements that were read before an error are valid.
-        reader.emit(&mut Emit::new(sink, name.clone()))?;
+        reader.emit(&mut Emit::new(sink, name.clone()).smoothing())?;
         result.map_err(|error| io_error(&name, error))
     }
 }

@@ -146,7 +146,8 @@ fn adopted(old: &AttributeSet, current: &AttributeSet) -> AttributeSet {
     if set.surface.is_none() {
         set.surface.clone_from(&current.surface);
     }
-    let mut sets: Vec<Arc<str>> = set.geometry_sets.iter().chain(current.geometry_sets.iter()).cloned().collect();
+    let mut sets: Vec<Arc<str>> =
+        set.geometry_sets.iter().chain(current.geometry_sets.iter()).cloned().collect();
     sets.sort();
     sets.dedup();
     let values = Arc::make_mut(&mut set.values);

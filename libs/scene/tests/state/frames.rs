@@ -115,7 +115,7 @@ fn stacks_restore_the_state_and_imbalance_is_reported() {
 fn calls_out_of_order_are_errors() {
     let group = || [Call::World, Call::ShaderGroupBegin];
     let table: Vec<(Vec<Call>, &str)> = vec![
-        (vec![sphere()], "Sphere before World"),
+        (vec![sphere(), Call::World], "Sphere before World"),
         (vec![Call::Render { camera: None }], "Render before World"),
         (vec![Call::World, Call::World], "World after World"),
         (vec![Call::World, camera("c")], "Camera after World"),
@@ -332,4 +332,63 @@ fn pending_parameters_go_to_the_next_call_that_takes_them() {
     run.calls([Call::Parameter(param("float Kd", 0.5))]);
     run.state.end();
     assert_eq!(run.message(), "warning: no call took the parameters \"Kd\"");
+}
+
+#[test]
+fn objects_without_a_frame_are_given_one() {
+    let mut run = Run::new();
+    let red = attr("color C", [1.0, 0.0, 0.0].as_slice());
+    let ball = |place: [f32; 3]| [Call::PushTransform, Call::Translate(place), sphere(), Call::PopTransform];
+    run.calls([red].into_iter().chain(ball([5.0, 0.0, 0.0])));
+    assert!(run.state.lacks_frame());
+    run.state.begin_stage().unwrap();
+    let points = run.state.staged_points();
+    let low = points.iter().map(|(p, _)| p.x).fold(f32::MAX, f32::min);
+    let high = points.iter().map(|(p, _)| p.x).fold(f32::MIN, f32::max);
+    assert!((low - 4.0).abs() < 1e-4 && (high - 6.0).abs() < 1e-4, "{low} {high}");
+    run.calls([
+        camera("eye"),
+        Call::World,
+        light("key", Some("distantlight")),
+        attr("string name", "studio"),
+        sphere(),
+    ]);
+    run.calls([attr("string name", ""), attr("color C", [0.0, 0.0, 1.0].as_slice())]);
+    run.calls([attr("string geometryset", "+cast"), shader("surface", "plain", None)]);
+    run.state.adopt();
+    let scene = run.scene();
+    let [ball, floor] = &scene.primitives[..] else { panic!("{}", scene.primitives.len()) };
+    // The object keeps what it has, and takes what it lacks.
+    assert_eq!(ball.attributes.get(granita_scene::attr::COLOR), granita_base::Color::new(1.0, 0.0, 0.0));
+    assert_eq!(&*ball.attributes.surface.as_ref().unwrap().layers[0].shader, "plain");
+    assert!(
+        ball.attributes.lights.len() == 1 && ball.attributes.geometry_sets.iter().any(|s| &**s == "cast")
+    );
+    assert!(
+        floor.attributes.surface.is_none() && floor.attributes.geometry_sets.iter().all(|s| &**s != "cast")
+    );
+    // A turn takes the camera, and what has the name.
+    let mut turned = (*scene).clone();
+    turned.turn_around("studio", &granita_base::Transform::translate(granita_base::Vec3::Y));
+    let moved =
+        |p: &granita_scene::Primitive| p.attributes.to_world.first().point(granita_base::Vec3::ZERO).y;
+    assert_eq!((moved(&turned.primitives[0]), moved(&turned.primitives[1])), (0.0, 1.0));
+    assert_eq!(turned.cameras[0].world_to_camera.first().point(granita_base::Vec3::Y).y, 0.0);
+}
+
+#[test]
+fn a_scene_that_describes_a_frame_is_left_alone() {
+    for (calls, lacks) in [
+        (vec![], false),
+        (vec![sphere()], true),
+        (vec![Call::World, sphere()], true),
+        (vec![camera("eye"), Call::World, sphere()], false),
+        (vec![Call::Translate([0.0, 0.0, 1.0]), Call::World, sphere()], false),
+        (vec![Call::World, sphere(), Call::Render { camera: None }], false),
+        (vec![Call::World], false),
+    ] {
+        let mut run = Run::new();
+        run.calls(calls.clone());
+        assert_eq!(run.state.lacks_frame(), lacks, "{calls:?}");
+    }
 }

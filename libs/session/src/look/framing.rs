@@ -71,7 +71,8 @@ impl Axes {
     fn to_world(self, origin: Vec3, scale: f32) -> [f32; 16] {
         let Self { right, up, forward } = self;
         let row = |v: Vec3, w: f32| [v.x, v.y, v.z, w];
-        let rows = [row(right * scale, 0.0), row(up * scale, 0.0), row(forward * scale, 0.0), row(origin, 1.0)];
+        let rows =
+            [row(right * scale, 0.0), row(up * scale, 0.0), row(forward * scale, 0.0), row(origin, 1.0)];
         let mut all = [0.0; 16];
         all.iter_mut().zip(rows.iter().flatten()).for_each(|(to, from)| *to = *from);
         all
@@ -110,7 +111,13 @@ pub(super) struct Framing {
 impl Framing {
     /// Frames balls (positions with radii) in an image that is `aspect` times as wide as high, in each of `turns`
     /// positions of a turntable. Returns `None` without any ball.
-    pub(super) fn new(balls: &[(Vec3, f32)], space: Space, lens: Lens, aspect: f32, turns: u32) -> Option<Self> {
+    pub(super) fn new(
+        balls: &[(Vec3, f32)],
+        space: Space,
+        lens: Lens,
+        aspect: f32,
+        turns: u32,
+    ) -> Option<Self> {
         let front = Axes::front(space);
         let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for (p, radius) in balls {
@@ -228,7 +235,10 @@ mod tests {
                     let f = Framing::new(&balls, space, Lens::Perspective(tangent), 4.0 / 3.0, 1).unwrap();
                     let [x, y] = extent(&f, &balls, tangent, 0.0);
                     let fills = (x / FILLED[0] - 1.0).abs() < 0.02 || (y / FILLED[1] - 1.0).abs() < 0.02;
-                    assert!(fills && x < FILLED[0] * 1.02 && y < FILLED[1] * 1.02, "{space:?} {scale} {x} {y}");
+                    assert!(
+                        fills && x < FILLED[0] * 1.02 && y < FILLED[1] * 1.02,
+                        "{space:?} {scale} {x} {y}"
+                    );
                 }
             }
         }
