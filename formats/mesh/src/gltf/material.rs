@@ -20,6 +20,8 @@ pub(super) struct Look {
     pub(super) base: [f32; 4],
     /// True when alpha has an effect.
     pub(super) blends: bool,
+    /// True when there is a normal map.
+    pub(super) has_normals: bool,
 }
 
 /// The properties without a material.
@@ -28,6 +30,7 @@ pub(super) const PLAIN: Look = Look {
     transform: TextureTransform { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2], tex_coord: None },
     base: [1.0; 4],
     blends: false,
+    has_normals: false,
 };
 
 /// The image of a texture.
@@ -58,6 +61,7 @@ impl Materials<'_> {
             transform,
             base: material.pbr_metallic_roughness.base_color_factor,
             blends: matches!(material.alpha_mode.as_str(), "MASK" | "BLEND"),
+            has_normals: material.normal_texture.is_some(),
         }
     }
 

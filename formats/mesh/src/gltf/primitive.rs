@@ -7,7 +7,7 @@ use super::scene::Matrix;
 use super::skin;
 use crate::emit::{floats, lines, points, positions};
 use crate::faults::Faults;
-use granita_base::{BaseType, Interp, Param, Params, ShapeDesc};
+use granita_base::{BaseType, Interp, Param, Params, ShapeDesc, Vec3};
 
 /// A shape and the index of its material.
 #[derive(Clone, Debug)]
@@ -101,6 +101,9 @@ impl Source<'_> {
         let p = pick(&p, 3, &used);
         let (shape, mut params) = match elements.kind {
             ElementKind::Triangles => {
+                if self.look.has_normals {
+                    columns.extend(tangents(&p, &columns, &local).into_iter().flatten());
+                }
                 let nverts = vec![3; local.len() / 3];
                 let verts: Vec<i32> = local.iter().map(|i| *i as i32).collect();
                 let shape = ShapeDesc::Mesh { subdivide: false, nverts: nverts.into(), verts: verts.into() };
@@ -202,6 +205,33 @@ impl Source<'_> {
         }
         columns
     }
+}
+
+/// Returns the directions in which the texture coordinates "s" and "t" grow, at each vertex: the means of its triangles,
+/// weighted by their areas. Zero where the coordinates do not change. Returns `None` without texture coordinates.
+fn tangents(p: &[f32], columns: &[Column], triangles: &[u32]) -> Option<[Column; 2]> {
+    let of = |name: &str| columns.iter().find(|c| c.0 == name).map(|c| &c.3[..]);
+    let (s, t) = (of("s")?, of("t")?);
+    let p = p.as_chunks::<3>().0;
+    let mut sums = [vec![Vec3::ZERO; p.len()], vec![Vec3::ZERO; p.len()]];
+    for triangle in triangles.as_chunks::<3>().0 {
+        let [a, b, c] = triangle.map(|v| v as usize);
+        let side = |v: usize| (Vec3::from(p[v]) - Vec3::from(p[a]), s[v] - s[a], t[v] - t[a]);
+        let ((e1, s1, t1), (e2, s2, t2)) = (side(b), side(c));
+        let turn = (s1 * t2 - s2 * t1).signum();
+        let area = e1.cross(e2).length();
+        let along = [(e1 * t2 - e2 * t1) * turn, (e2 * s1 - e1 * s2) * turn];
+        for (sum, along) in sums.iter_mut().zip(along) {
+            let along = along.normalize_or_zero() * area;
+            [a, b, c].into_iter().for_each(|v| sum[v] += along);
+        }
+    }
+    let column = |name, sums: Vec<Vec3>| {
+        let values = sums.into_iter().flat_map(|v| v.normalize_or_zero().to_array()).collect();
+        (name, BaseType::Vector, 3, values)
+    };
+    let [along, down] = sums;
+    Some([column("tangent", along), column("bitangent", down)])
 }
 
 fn normalize(v: &mut [f32]) {
