@@ -242,8 +242,8 @@ mod tests {
         let trial = run(&Stl, TEXT.replacen("  vertex 1 0 0\n", "", 1).replace("endsolid", "end"));
         let want = [
             "t:6: error: triangle 0 has not three vertices: left out",
-            "t:14: error: \"end\" is no statement of STL: left out",
-            "t:15: error: the file ends after 2 triangles, without \"endsolid\"",
+            "t:15: error: \"end\" is no statement of STL: left out",
+            "t:16: error: the file ends after 2 triangles, without \"endsolid\"",
         ];
         assert_eq!(trial.messages, want);
         let trial = run(&Stl, binary(&[], "x"));

@@ -228,9 +228,12 @@ impl Session {
         if !has_lights {
             self.call(input("studiolights.pyg"))?;
         }
-        self.call(Call::PushAttributes)?;
-        self.call(input("studio.pyg"))?;
-        self.call(Call::PopAttributes)?;
+        // Simple shading would show the floor and the background as objects.
+        if self.options().shadertype.as_deref().is_none_or(|name| name == "gsl") {
+            self.call(Call::PushAttributes)?;
+            self.call(input("studio.pyg"))?;
+            self.call(Call::PopAttributes)?;
+        }
         self.call(Call::Attribute(attr::NAME.param("".into())))?;
         self.call(Call::Attribute(attr::COLOR.param(Color::splat(GREY))))?;
         self.call(Call::Attribute(attr::GEOMETRYSET.param(format!("+{SET}").into())))?;
