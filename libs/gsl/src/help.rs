@@ -1,8 +1,9 @@
 //! The reference of the functions: signatures from the table of functions, with sentences, options and examples.
 //!
-//! The sentences and examples are in `help/*.txt`, in Markdown. A section begins with `# TITLE`, an entry with `## NAME, NAME`. Lines
-//! `form: NAME NAME` give the names of the arguments of each overload, in the order of the table. After the text comes
-//! one example, the body of a surface shader or a whole shader, between lines of three backticks.
+//! The sentences and examples are in `help/*.txt`, in Markdown. A section begins with `# TITLE`, an entry with
+//! `## NAME, NAME`. Lines `form: NAME NAME` give the names of the arguments of each overload, in the order of the
+//! table. After the text comes one example, the body of a surface shader or a whole shader, between lines of three
+//! backticks.
 
 use crate::ast::Binary;
 use crate::builtins::{self, Arg, Choice, NUMBERS, Rest, Ret, Signature, TypeSet};
@@ -248,11 +249,11 @@ impl Entry {
         Self { names, forms, text: text.trim(), options, example, unused_forms }
     }
 
-    /// Returns the first sentence of the description.
-    pub fn summary(&self) -> &'static str {
-        let end = self.text.find(".\n").or_else(|| self.text.find(". "));
-        let paragraph = self.text.find("\n\n").unwrap_or(self.text.len());
-        &self.text[..end.map_or(paragraph, |end| (end + 1).min(paragraph))]
+    /// Returns the first sentence of the description, in one line.
+    pub fn summary(&self) -> String {
+        let paragraph = self.text.split("\n\n").next().unwrap_or_default().replace('\n', " ");
+        let end = paragraph.find(". ").map_or(paragraph.len(), |end| end + 1);
+        paragraph[..end].to_owned()
     }
 
     /// Returns the sentence about the word `type` in the declarations; `None` when it does not occur.

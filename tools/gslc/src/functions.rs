@@ -29,7 +29,7 @@ fn list() -> String {
     for section in help::sections() {
         let _ = writeln!(out, "{}", section.title);
         for entry in &section.entries {
-            let _ = writeln!(out, "  {:<28} {}", entry.names.join(", "), plain(entry.summary()));
+            let _ = writeln!(out, "  {:<28} {}", entry.names.join(", "), plain(&entry.summary()));
         }
         out.push('\n');
     }

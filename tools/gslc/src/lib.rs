@@ -1,5 +1,5 @@
-//! The shader compiler. It compiles `name.gsl` to `name.gso` (reference 8.2). With `-run` it also runs a shader, and with
-//! `-functions` it prints the reference of the functions.
+//! The shader compiler. It compiles `name.gsl` to `name.gso` (reference 8.2). With `-run` it also runs a shader, and
+//! with `-functions` it prints the reference of the functions.
 
 #![forbid(unsafe_code)]
 

@@ -29,8 +29,8 @@ const MAX_FIELD: usize = 4096;
 
 /// Fills a template. `%f`, `%c`, `%p`, `%v`, `%n` and `%m` print the numbers of any numeric value as C's `%f`,
 /// separated by blanks. `%e`, `%g`, `%d`, `%i`, `%x` and `%s` are supported too, with flags, width and precision. `%%`
-/// is a percent sign. A conversion without a value prints nothing. A value of the wrong type is printed in its own form.
-/// The result ends after the first value that makes it longer than [`MAX_TEXT`].
+/// is a percent sign. A conversion without a value prints nothing. A value of the wrong type is printed in its own
+/// form. The result ends after the first value that makes it longer than [`MAX_TEXT`].
 pub(super) fn fill<'a>(template: &str, items: impl IntoIterator<Item = Item<'a>>) -> String {
     let mut items = items.into_iter();
     let mut out = String::with_capacity(template.len() + 16);

@@ -1,7 +1,7 @@
 //! Compiles and runs the examples of the reference of the functions and of the page about the language.
 //!
-//! An example is the body of a surface shader, or a whole shader. A line `NAME = ...; // 1 2 3` or `// "text"` states the
-//! value that the variable then has.
+//! An example is the body of a surface shader, or a whole shader. A line `NAME = ...; // 1 2 3` or `// "text"` states
+//! the value that the variable then has.
 
 use crate::fixture::*;
 use granita_base::Params;
