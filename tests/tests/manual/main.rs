@@ -7,6 +7,7 @@ mod attributes;
 mod blocks;
 mod calls;
 mod errors;
+mod functions;
 mod pages;
 mod scenes;
 mod signature;

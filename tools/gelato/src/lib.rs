@@ -14,8 +14,8 @@ use granita_cli::{
 };
 use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
-    Connection, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions, SharedProgress, Told, Up,
-    Viewer, archive_calls,
+    Connection, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions, SharedProgress,
+    Told, Up, Viewer, archive_calls,
 };
 use progress::ShownProgress;
 use std::ffi::OsString;
