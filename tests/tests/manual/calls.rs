@@ -140,11 +140,14 @@ fn commands() -> String {
     text + "\n"
 }
 
+/// A primitive, an example of it, and its numbers of "perpiece", "linear" and "vertex" values in words and numbers.
+type ClassRow = (&'static str, ShapeDesc, [(&'static str, usize); 3]);
+
 /// Returns the numbers of values of each class, which are compared with those of an example.
 fn classes() -> String {
     let span = |n: usize| KnotSpan { n, order: 2, knots: vec![0.0; n + 2].into(), min: 0.0, max: 1.0 };
     let (linear, mesh) = (CurveBasis::Linear, [0, 1, 2, 0, 2, 6, 5]);
-    let rows: [(&str, ShapeDesc, [(&str, usize); 3]); 7] = [
+    let rows: [ClassRow; 7] = [
         (
             "`Patch`",
             ShapeDesc::Patch { u: linear, v: linear, nu: 2, nv: 5 },
