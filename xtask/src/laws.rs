@@ -29,6 +29,8 @@ const FLOORS: [(&str, u8); 32] = [
     ("libs/shading", 5),
     ("libs/render", 6),
     ("libs/session", 7),
+    // This program contains all others.
+    ("tools/granita", 9),
     ("tools", 8),
     ("bindings", 8),
     ("tests", 9),

@@ -117,7 +117,7 @@ fn name_of(word: &str) -> &str {
 pub fn try_parse<T: CommandFactory + FromArgMatches>(
     words: Vec<OsString>,
 ) -> Result<(T, Vec<Given>), Refusal> {
-    let command = prepared(T::command());
+    let command = command::<T>();
     let words = with_two_dashes(&command, words.into_iter());
     let refused = |error: clap::Error| Refusal::new(&command, error, &words);
     let read = words.iter().map(|word| &word.read);
@@ -171,6 +171,17 @@ fn given(command: &Command, matches: &ArgMatches) -> Vec<Given> {
 
 /// The version, and the date of the build.
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("GRANITA_BUILD_DATE"), ")");
+
+/// The version of the suite.
+pub const SUITE_VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// The day of the build, as `2026-01-31`.
+pub const BUILD_DATE: &str = env!("GRANITA_BUILD_DATE");
+
+/// Returns the table of a tool's options, from which its help, its man page and its completions are made.
+pub fn command<T: CommandFactory>() -> Command {
+    prepared(T::command())
+}
 
 /// Adds the settings that all tools share.
 fn prepared(command: Command) -> Command {

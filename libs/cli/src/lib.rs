@@ -19,7 +19,7 @@ mod files;
 mod progress;
 mod run;
 
-pub use args::{Given, Refusal, parse, parse_with_given, try_parse};
+pub use args::{BUILD_DATE, Given, Refusal, SUITE_VERSION, command, parse, parse_with_given, try_parse};
 pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;

@@ -172,6 +172,11 @@ const AFTER_HELP: &str = "\
 Options may stand anywhere and begin with one dash or two. $GELATOHOME/.gelato.pyg and $HOME/.gelato.pyg are read first.
 Exit status: 0 without errors; 1 an image was rendered, with errors; 2 nothing was rendered.";
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Options>()
+}
+
 /// Runs the tool. `words` begins with the name by which it was called. `tools` holds the names of the tools that this
 /// program runs as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
@@ -312,7 +317,8 @@ fn session_options(
     let extra = |name: &String| ExtraOutput { name: name.clone(), format: None, data: options.data.clone() };
     let (display, layers) = (options.display.clone(), !options.safe);
     let screen = surroundings.variables.get("DISPLAY").map(str::to_owned);
-    let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers);
+    let own = tools.contains(&"iv");
+    let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers, own);
     let viewer = match options.safe {
         // The viewer starts before the fence is set up, and only when the user requests one.
         true if options.is_shown() => {

@@ -2,7 +2,7 @@
 
 use parking_lot::Mutex;
 use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
@@ -61,8 +61,14 @@ fn remote(text: &str) -> Option<(&str, String)> {
 /// a free port, so that the images of one user are not shown in the window of another.
 ///
 /// `variable` is `$DISPLAY`. An `iv` for a screen of another machine runs there (reference 6.4), through `ssh`, which
-/// also carries the images. With `layers` it opens the images that outputs name as "foreground" and "background".
-pub(crate) fn find(given: Option<&Display>, variable: Option<&str>, layers: bool) -> Result<String, String> {
+/// also carries the images. With `layers` it opens the images that outputs name as "foreground" and "background". When
+/// `own` is true, this program contains `iv`.
+pub(crate) fn find(
+    given: Option<&Display>,
+    variable: Option<&str>,
+    layers: bool,
+    own: bool,
+) -> Result<String, String> {
     let screen = match given {
         Some(Display::Viewer(address)) => return Ok(address.clone()),
         Some(Display::Screen(screen)) => Some(&**screen),
@@ -70,15 +76,22 @@ pub(crate) fn find(given: Option<&Display>, variable: Option<&str>, layers: bool
     };
     match screen.and_then(remote) {
         Some((host, screen)) => start_there(Path::new("ssh"), host, &screen, layers),
-        None => start(&program(), screen, layers),
+        None => start(viewer(own), screen, layers),
     }
 }
 
-/// Returns the `iv` beside this program, or else the one on the search path.
-fn program() -> PathBuf {
+/// Returns the command for the `iv` of this program when `own` is true. Otherwise it is the one beside this program, or
+/// else the one on the search path.
+fn viewer(own: bool) -> Command {
+    let program = std::env::current_exe().ok();
+    if let (Some(program), true) = (&program, own) {
+        let mut command = Command::new(program);
+        command.args(["-as", "iv"]);
+        return command;
+    }
     let name = format!("iv{}", std::env::consts::EXE_SUFFIX);
-    let beside = std::env::current_exe().ok().and_then(|own| Some(own.parent()?.join(&name)));
-    beside.filter(|path| path.is_file()).unwrap_or_else(|| name.into())
+    let beside = program.and_then(|program| Some(program.parent()?.join(&name)));
+    Command::new(beside.filter(|path| path.is_file()).unwrap_or_else(|| name.into()))
 }
 
 /// Returns the options of an `iv` that is started.
@@ -89,9 +102,9 @@ fn options(port: u16, layers: bool) -> Vec<String> {
 }
 
 /// Starts an `iv` on this machine. Returns the address on which it listens.
-fn start(program: &Path, screen: Option<&str>, layers: bool) -> Result<String, String> {
-    let failed = |what: String| format!("{} cannot be started as a viewer: {what}", program.display());
-    let mut command = Command::new(program);
+fn start(mut command: Command, screen: Option<&str>, layers: bool) -> Result<String, String> {
+    let program = Path::new(command.get_program()).display().to_string();
+    let failed = |what: String| format!("{program} cannot be started as a viewer: {what}");
     command.args(options(0, layers));
     command.envs(screen.map(|screen| ("DISPLAY", screen)));
     // Standard error of `iv` stays that of this program, because `iv` outlives it.
@@ -172,6 +185,7 @@ fn listening(mut command: Command) -> Result<String, String> {
 #[cfg(all(test, unix))]
 mod tests {
     use super::*;
+    use std::path::PathBuf;
 
     fn script(folder: &std::path::Path, text: &str) -> PathBuf {
         let path = folder.join("iv");
@@ -183,16 +197,20 @@ mod tests {
     fn a_viewer_says_where_it_listens() {
         let folder = tempfile::tempdir().unwrap();
         let good = script(folder.path(), "echo hello; echo iv: listening on 127.0.0.1:$(($# + 5))");
-        assert_eq!(start(&good, None, false).unwrap(), "127.0.0.1:7");
-        assert_eq!(start(&good, None, true).unwrap(), "127.0.0.1:8", "-allowlayers");
-        let viewer = Display::Viewer("box:1414".to_owned());
-        assert_eq!(find(Some(&viewer), Some("workstation:0"), true).unwrap(), "box:1414");
+        assert_eq!(start(Command::new(&good), None, false).unwrap(), "127.0.0.1:7");
+        assert_eq!(start(Command::new(&good), None, true).unwrap(), "127.0.0.1:8", "-allowlayers");
+        let given = Display::Viewer("box:1414".to_owned());
+        assert_eq!(find(Some(&given), Some("workstation:0"), true, false).unwrap(), "box:1414");
         let screened = script(folder.path(), "echo iv: listening on 127.0.0.1:${DISPLAY#:}");
-        assert_eq!(start(&screened, Some(":93"), false).unwrap(), "127.0.0.1:93");
+        assert_eq!(start(Command::new(&screened), Some(":93"), false).unwrap(), "127.0.0.1:93");
+        let own = viewer(true);
+        assert_eq!(own.get_program(), std::env::current_exe().unwrap());
+        assert!(own.get_args().eq(["-as", "iv"]));
+        assert!(viewer(false).get_args().next().is_none());
         let bad = script(folder.path(), "exit 3");
-        let error = start(&bad, None, false).unwrap_err();
+        let error = start(Command::new(&bad), None, false).unwrap_err();
         assert!(error.contains("it ended at once") && error.contains('3'), "{error}");
-        let error = start(&folder.path().join("nosuch"), None, false).unwrap_err();
+        let error = start(Command::new(folder.path().join("nosuch")), None, false).unwrap_err();
         assert!(error.contains("cannot be started as a viewer"), "{error}");
     }
 

@@ -109,6 +109,11 @@ impl Options {
     }
 }
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Options>()
+}
+
 /// Runs the tool. `args` begins with the name by which it was called.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);

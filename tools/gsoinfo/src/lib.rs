@@ -41,6 +41,11 @@ struct Options {
     json: bool,
 }
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Options>()
+}
+
 /// Runs the tool. `args` begins with the name by which it was called.
 pub fn main(args: Vec<OsString>) -> Status {
     let options = parse::<Options>(args);

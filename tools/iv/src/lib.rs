@@ -69,6 +69,11 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     }
 }
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Args>()
+}
+
 /// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);

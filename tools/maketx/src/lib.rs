@@ -234,6 +234,11 @@ fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
     }
 }
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Args>()
+}
+
 /// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = parse(words);

@@ -57,6 +57,11 @@ struct Args {
 const AFTER_HELP: &str = "\
 Without -safe, scenes run: scripts in Python, the programs of Input (\"pyg < program\"), and plugins along -p.";
 
+/// Returns the table of the options.
+pub fn command() -> clap::Command {
+    granita_cli::command::<Args>()
+}
+
 /// Runs the tool. `words` begins with the name by which it was called.
 pub fn main(words: Vec<OsString>) -> Status {
     let args: Args = granita_cli::parse(words);
