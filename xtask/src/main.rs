@@ -9,6 +9,7 @@
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
 //! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
 //! - `install --prefix P` builds everything and installs it as `$GELATOHOME`;
+//! - `dist` makes the tarball, the Python wheel and the package of Debian that users install (Linux);
 //! - `examples-cpp` compiles `examples/cpp`;
 //! - `crossing` measures the cost of calls from C++;
 //! - `races` runs a C++ program of several threads under ThreadSanitizer;
@@ -26,7 +27,10 @@ mod circles;
 mod comments;
 mod cpp;
 mod crates;
+mod dist;
 mod errors;
+mod files;
+mod home;
 mod laws;
 mod ledger;
 mod process;
@@ -68,7 +72,8 @@ enum Chore {
     },
     /// Write target/suite-report/index.html.
     Report,
-    /// Build tools and libraries, and lay them out as $GELATOHOME: bin, lib, include, shaders, inputs, textures, doc.
+    /// Build tools and libraries, and lay them out as $GELATOHOME: bin, lib, include, shaders, inputs, textures, share,
+    /// doc.
     Install {
         /// The folder.
         #[arg(long, value_name = "FOLDER")]
@@ -77,6 +82,8 @@ enum Chore {
         #[arg(long)]
         debug: bool,
     },
+    /// Make the tarball, the Python wheel and the package of Debian in target/dist.
+    Dist(dist::Options),
     /// Test the tools with bombs, failing peers, kills and changed files.
     #[cfg(target_os = "linux")]
     Attack(attack::Options),
@@ -111,6 +118,7 @@ fn main() -> ExitCode {
         Chore::Book { out } => book::build(out.as_deref()),
         Chore::Report => suite::report(),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
+        Chore::Dist(options) => dist::run_with(&options),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
         #[cfg(target_os = "linux")]
         Chore::Attack(options) => attack::run(&options),

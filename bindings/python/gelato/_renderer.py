@@ -65,6 +65,10 @@ def _program() -> str:
         path = os.path.join(home, "bin", "gelato.exe" if os.name == "nt" else "gelato")
         if os.path.exists(path):
             return path
+    # The program inside of the package. Scripts of the renderer have no file.
+    own = os.path.join(os.path.dirname(globals().get("__file__") or ""), "suite", "bin", "gelato")
+    if os.path.isabs(own) and os.access(own, os.X_OK):
+        return own
     found = shutil.which("gelato")
     if found is None:
         raise GelatoError("there is no program gelato on the search path; set GELATO to its place")

@@ -1,6 +1,6 @@
 //! Runs `races`: renderers, handlers and images of a program in several threads, under ThreadSanitizer.
 
-use super::{made, repository, run};
+use crate::files::{made, repository, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

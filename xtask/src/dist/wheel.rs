@@ -1,0 +1,36 @@
+//! The wheel of Python: the package `gelato` with the folder `gelato/suite`, the layout of `$GELATOHOME` without
+//! documents and libraries.
+//!
+//! A wheel is an archive with two lists. `packaging/wheel.py` writes it, with Python's own modules: tools that build
+//! wheels want to build the program as well, and need the network.
+
+use super::Release;
+use crate::files::{copy, emptied, made, repository, run};
+use crate::home::PROGRAM;
+use std::path::PathBuf;
+
+/// Makes the wheel, and returns its path.
+pub(super) fn make(release: &Release) -> Result<PathBuf, String> {
+    let root = repository();
+    let home = emptied(release.work.join("wheel"))?;
+    // Archives of this kind have no links: the names of the tools are scripts, which `wheel.py` writes.
+    copy(&release.home.join("bin").join(PROGRAM), &made(home.join("bin"))?)?;
+    for folder in ["shaders", "inputs"] {
+        run(release.command("cp").arg("-R").arg(release.home.join(folder)).arg(&home))?;
+    }
+    let examples = made(home.join("examples"))?;
+    run(release.command("cp").arg("-R").arg(release.home.join("examples/first")).arg(examples))?;
+    super::modes(&home)?;
+    let (major, minor) = release.needs.promised();
+    let tag = format!("py3-none-manylinux_{major}_{minor}_{}", std::env::consts::ARCH);
+    let mut pack = release.command("python3");
+    pack.arg(root.join("packaging/wheel.py")).arg(root.join("bindings/python")).arg(&home);
+    pack.arg(release.home.join("doc")).arg(&release.out).arg(&tag);
+    run(&mut pack)?;
+    let path = release.out.join(format!("gelato_renderer-{}-{tag}.whl", release.version));
+    if path.is_file() {
+        Ok(path)
+    } else {
+        Err(format!("packaging/wheel.py did not write {}", path.display()))
+    }
+}
