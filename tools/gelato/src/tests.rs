@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use granita_cli::try_parse;
 
 /// Values that at least one option accepts.
-const VALUES: [&str; 5] = ["0.5", "3", "A=B", "localhost:14158", "defaultsurface"];
+const VALUES: [&str; 6] = ["0.5", "3", "A=B", "localhost:14158", "defaultsurface", "z"];
 
 fn parsed(words: &[String]) -> Result<(Options, Vec<Given>), granita_cli::Refusal> {
     try_parse([&["gelato".to_owned()], words].concat().into_iter().map(OsString::from).collect())
@@ -54,8 +54,20 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
         passed.push(id.to_owned());
     }
     // The options that affect the image.
-    let needed =
-        ["threads", "env", "preview", "shade", "output", "data", "crop", "plugins", "safe", "safeout"];
+    let needed = [
+        "threads",
+        "env",
+        "preview",
+        "shade",
+        "output",
+        "data",
+        "crop",
+        "turntable",
+        "up",
+        "plugins",
+        "safe",
+        "safeout",
+    ];
     assert_eq!(passed, needed);
     for (id, reason) in NOT_FOR_WORKERS {
         assert!(command.get_arguments().any(|arg| arg.get_id() == id), "there is no option {id}");
