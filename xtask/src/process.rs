@@ -37,11 +37,7 @@ const EXCEPTIONS: [(&str, &str, &str); 5] = [
         "var_os",
         "tests choose the portable code; not in the tools that are shipped",
     ),
-    (
-        "libs/session/src/commands.rs",
-        "stderr",
-        "given to programs that a scene starts, as an option asks for",
-    ),
+    ("libs/inputs/src/programs.rs", "stderr", "given to programs that a scene starts, as an option asks for"),
     ("libs/inputs/src/inputs.rs", "stdin", "what the user names by \"-\""),
     ("libs/plugin/src/errors.rs", "stderr", "an error manager of C++ that has no session prints"),
 ];

@@ -16,7 +16,8 @@ pub struct OwnTools {
 /// What a run takes from its process, and what scenes may use of it.
 #[derive(Clone, Debug, Default)]
 pub struct RunOptions {
-    /// The variables: `GELATOHOME`, `HOME`, `PYG_...`, and those of search paths. They hold the object that opens files.
+    /// The variables: `GELATOHOME`, `HOME`, `PYG_...`, and those of search paths. They hold the object that opens
+    /// files.
     pub environment: Environment,
     /// Variables that programs started by the scene get in addition to those of this process.
     pub program_environment: Vec<(String, String)>,

@@ -9,7 +9,8 @@
 //! - shaders: `name.gso`, then `name.gsl`, in the folders of "path:shader"; then the bundled ones
 //! - scene files: as named, then in the folders of "path:input"; then the bundled ones
 //! - generators: see [`granita_inputs`]
-//! - image formats: those of [`granita_inputs::RunOptions::plugins`]; the bundled ones; then plugins in the absolute folders of
+//! - image formats: those of [`granita_inputs::RunOptions::plugins`]; the bundled ones; then plugins in the absolute
+//!   folders of
 //!   "path:imageio"
 //! - textures: in the folders of "path:texture"
 //!
@@ -33,6 +34,7 @@ mod connection;
 mod error;
 mod forwarded;
 mod look;
+mod looking;
 mod net;
 mod options;
 mod outputs;
@@ -48,7 +50,7 @@ mod shaders;
 pub use archive::archive_calls;
 pub use connection::Connection;
 pub use error::SessionError;
-pub use look::{LookOptions, Up};
+pub use looking::{LookOptions, Up};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};
 pub use records::FrameRecord;
 pub use remote::{Remote, RemoteEnds, Told};

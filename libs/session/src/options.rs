@@ -1,6 +1,6 @@
 //! The options of a session.
 
-use crate::LookOptions;
+use crate::looking::LookOptions;
 use granita_inputs::RunOptions;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -63,8 +63,8 @@ pub struct SessionOptions {
     pub viewer: Viewer,
     /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.
     pub no_startup_files: bool,
-    /// The folder for files that a scene writes under [`RunOptions::safe`]. The default is a folder beside the scene, such as `a.out`
-    /// for `a.pyg`.
+    /// The folder for files that a scene writes under [`RunOptions::safe`]. The default is a folder beside the scene,
+    /// such as `a.out` for `a.pyg`.
     pub safe_output: Option<PathBuf>,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,

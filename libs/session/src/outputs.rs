@@ -1,6 +1,6 @@
 //! Images and attributes that the command line adds or replaces.
 
-use crate::look::Looking;
+use crate::looking::Looking;
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
 use granita_image::FormatRegistry;
@@ -52,8 +52,8 @@ pub(crate) struct Special<'a> {
     pub(crate) looking: Option<(&'a Looking, u32)>,
 }
 
-/// Returns the scene with the session's own outputs, those of the program, and camera attributes. Images are those of the
-/// frame of a look, if there is one.
+/// Returns the scene with the session's own outputs, those of the program, and camera attributes. Images are those of
+/// the frame of a look, if there is one.
 pub(crate) fn amended(
     scene: &Arc<Scene>,
     options: &SessionOptions,

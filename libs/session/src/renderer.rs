@@ -1,7 +1,7 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
-use crate::look::Looking;
+use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::outputs::{RequestedImages, Special};
 use crate::records::{self, FrameRecord};

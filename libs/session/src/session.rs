@@ -2,7 +2,7 @@
 
 use crate::connection::Connection;
 use crate::forwarded::Forwarded;
-use crate::look::{Looking, MeshSink};
+use crate::looking::{Looking, MeshSink};
 use crate::net::WorkerCoordinator;
 use crate::outputs::RequestedImages;
 use crate::programs::Programs;

@@ -4,8 +4,8 @@ use crate::pages::{Block, PageText, pages};
 use granita_gsl::{CompileOptions, compile};
 use granita_tests::repository;
 
-/// The words after the fences, and what is checked. "gsl,part" is a function. "gsl,entry" belongs to an entry of a function,
-/// whose examples the tests of `shade` run.
+/// The words after the fences, and what is checked. "gsl,part" is a function. "gsl,entry" belongs to an entry of a
+/// function, whose examples the tests of `shade` run.
 const KINDS: [&str; 11] =
     ["pyg", "pyg,calls", "gsl", "gsl,part", "gsl,entry", "sh", "text", "python", "cpp", "cmake", "toml"];
 

@@ -97,7 +97,7 @@ fn a_model_is_shown_in_a_studio() {
     assert_eq!(place.images(), ["box-look.png"]);
     assert!(place.bytes("box-look.png").starts_with(b"\x89PNG"));
 
-    // In linear light: an object in the middle, with nothing white; a floor that is darker beside it; and no border of the floor.
+    // In linear light: nothing is white, the floor is darker beside the object, and the floor has no border.
     assert_eq!(place.run(&["-silent", "small.pyg", "box.obj", "-data", "rgb", "-o", "a.pfm"]).said, "");
     assert_eq!(place.images(), ["a.pfm", "box-look.png"]);
     let image = place.pixels("a.pfm");

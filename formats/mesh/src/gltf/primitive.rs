@@ -207,8 +207,9 @@ impl Source<'_> {
     }
 }
 
-/// Returns the directions in which the texture coordinates "s" and "t" grow, at each vertex: the means of its triangles,
-/// weighted by their areas. Zero where the coordinates do not change. Returns `None` without texture coordinates.
+/// Returns the directions in which the texture coordinates "s" and "t" grow at each vertex. They are the means of its
+/// triangles, weighted by their areas. Zero where the coordinates do not change. Returns `None` without texture
+/// coordinates.
 fn tangents(p: &[f32], columns: &[Column], triangles: &[u32]) -> Option<[Column; 2]> {
     let of = |name: &str| columns.iter().find(|c| c.0 == name).map(|c| &c.3[..]);
     let (s, t) = (of("s")?, of("t")?);

@@ -11,10 +11,11 @@ use std::thread::ThreadId;
 /// that prints without end does not fill the memory.
 const MOST_HELD: usize = 10_000;
 
-/// Passes on the messages of parts of a work in the order of the parts, whichever threads do them and whenever they end.
+/// Passes on the messages of parts of a work in the order of the parts, whichever threads do them and whenever they
+/// end.
 ///
-/// A part is numbered from 0. Its messages are passed on as they come when all parts before it have ended, and wait until
-/// then. When this is dropped, all that wait are passed on.
+/// A part is numbered from 0. Its messages are passed on as they come when all parts before it have ended, and wait
+/// until then. When this is dropped, all that wait are passed on.
 ///
 /// ```
 /// use granita_base::{Reporter, report::MessageOrder};

@@ -50,8 +50,8 @@ impl State {
         self.camera_values.contains_key(name) || self.globals.contains_key(name)
     }
 
-    /// Ends the files of objects that lack a frame, so that calls of a frame for them follow: cameras, outputs, `World`,
-    /// lights, [`State::adopt`] and `Render`. All attributes of objects have their defaults, the current
+    /// Ends the files of objects that lack a frame. The calls of a frame for them may follow: cameras, outputs,
+    /// `World`, lights, [`State::adopt`] and `Render`. All attributes of objects have their defaults, the current
     /// transformation is the identity, and the lights that are on stay on.
     ///
     /// # Errors
@@ -80,8 +80,9 @@ impl State {
         Ok(())
     }
 
-    /// Makes the primitives that [`State::begin_stage`] found objects of the world, before those that it has already. They take from the current
-    /// state the lights, the geometry sets, the surface shader when they have none, and the attributes that are not set.
+    /// Makes the primitives that [`State::begin_stage`] found objects of the world, before those that it has already.
+    /// They take from the current state the lights, the geometry sets, the surface shader when they have none, and the
+    /// attributes that are not set.
     pub fn adopt(&mut self) {
         let camera = self.shading_camera();
         let current = self.current.set.clone();
@@ -100,8 +101,9 @@ impl State {
         self.primitives = objects;
     }
 
-    /// Returns points around the primitives that [`State::begin_stage`] found and that cameras see, in world space, each with the
-    /// radius of a ball around it. Everything lies within the convex hull of these balls, except displacements.
+    /// Returns points around the primitives that [`State::begin_stage`] found and that cameras see, in world space,
+    /// each with the radius of a ball around it. Everything lies within the convex hull of these balls, except
+    /// displacements.
     pub fn staged_points(&self) -> Vec<(Vec3, f32)> {
         let mut points = Vec::new();
         let seen = |p: &&Arc<Primitive>| {

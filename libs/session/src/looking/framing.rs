@@ -23,10 +23,10 @@ pub enum Up {
 
 /// The space of the objects.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Space {
-    pub(super) up: Up,
+pub(crate) struct Space {
+    pub(crate) up: Up,
     /// True where the y axis, seen with the x axis to the right and the z axis up, points away, as in mesh files.
-    pub(super) right_handed: bool,
+    pub(crate) right_handed: bool,
 }
 
 /// The directions of a view, in world space. All have length 1.
@@ -81,7 +81,7 @@ impl Axes {
 
 /// How a camera projects.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Lens {
+pub(crate) enum Lens {
     /// The tangent of half the vertical field of view.
     Perspective(f32),
     Orthographic,
@@ -89,18 +89,18 @@ pub(super) enum Lens {
 
 /// A camera and a studio around objects.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Framing {
+pub(crate) struct Framing {
     /// The transformation from camera space to world.
-    pub(super) camera: [f32; 16],
+    pub(crate) camera: [f32; 16],
     /// Half the height of what an orthographic camera shows.
-    pub(super) half_height: f32,
+    pub(crate) half_height: f32,
     /// The distances of the near and the far clipping plane.
-    pub(super) range: [f32; 2],
+    pub(crate) range: [f32; 2],
     /// The transformation from the space of the studio to world: the origin is on the floor below the objects, y points
     /// up, z away from the camera, and the ball around the objects has the radius 1.
-    pub(super) studio: [f32; 16],
+    pub(crate) studio: [f32; 16],
     /// The radius of that ball in world units.
-    pub(super) radius: f32,
+    pub(crate) radius: f32,
     /// The middle of the objects.
     center: Vec3,
     up: Vec3,
@@ -111,7 +111,7 @@ pub(super) struct Framing {
 impl Framing {
     /// Frames balls (positions with radii) in an image that is `aspect` times as wide as high, in each of `turns`
     /// positions of a turntable. Returns `None` without any ball.
-    pub(super) fn new(
+    pub(crate) fn new(
         balls: &[(Vec3, f32)],
         space: Space,
         lens: Lens,
@@ -187,7 +187,7 @@ impl Framing {
 
     /// Returns the transformation of the camera and the studio, in world space, for a part of a whole turn. The objects
     /// seem to turn by it.
-    pub(super) fn turn(&self, part: f32) -> Transform {
+    pub(crate) fn turn(&self, part: f32) -> Transform {
         let turn = Transform::rotate(self.sign * TAU * part, self.up);
         Transform::translate(-self.center).then(&turn).then(&Transform::translate(self.center))
     }
