@@ -47,10 +47,13 @@ pub struct Part<'a> {
     number: Option<usize>,
 }
 
+/// The messages of a work, and the number of one of its parts.
+type Place = (Arc<Mutex<Waiting>>, usize);
+
 /// The parts that threads are at work on.
 #[derive(Default)]
 pub(super) struct Threads {
-    parts: Mutex<HashMap<ThreadId, (Arc<Mutex<Waiting>>, usize)>>,
+    parts: Mutex<HashMap<ThreadId, Place>>,
     count: AtomicUsize,
 }
 
