@@ -97,8 +97,8 @@ fn processor(cost: &Cost) -> Duration {
     cost.processor.unwrap_or(cost.wall)
 }
 
-/// Writes the scenes. The frame of `examples/first` is written without the commands that make its textures, shadow map
-/// and shaders. These run once here.
+/// Writes the scenes. The frame of `examples/first` is written at half of its size, and without the commands that make its
+/// textures, maps and shaders. These run once here.
 fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
     let write =
         |name: &str, text: String| std::fs::write(place.join(name), text).map_err(|e| format!("{name}: {e}"));
@@ -114,6 +114,17 @@ fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
             std::fs::copy(entry.path(), to.join(entry.file_name())).map_err(|e| e.to_string())?;
         }
     }
+    let data = place.join("examples/data");
+    std::fs::create_dir_all(&data).map_err(|e| e.to_string())?;
+    std::fs::copy(repository().join("examples/data/rabbit.pyg"), data.join("rabbit.pyg"))
+        .map_err(|e| format!("rabbit.pyg: {e}"))?;
+    let text = std::fs::read_to_string(from.join("first.pyg")).map_err(|e| e.to_string())?;
+    let (size, quality) = ("resolution\", (1280, 800)", "spatialquality\", (4, 4)");
+    if !(text.contains(size) && text.contains(quality)) {
+        return Err(format!("first.pyg no longer says {size} and {quality}"));
+    }
+    let text = text.replace(size, "resolution\", (640, 400)");
+    std::fs::write(to.join("first.pyg"), &text).map_err(|e| e.to_string())?;
     let made = Command::new(gelato)
         .current_dir(place)
         .args(["-silent", "examples/first/first.pyg"])
@@ -122,16 +133,11 @@ fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
     if !made.success() {
         return Err(format!("examples/first/first.pyg: {made}"));
     }
-    let text = std::fs::read_to_string(from.join("first.pyg")).map_err(|e| e.to_string())?;
     let frame: String =
         text.lines().filter(|l| !l.starts_with("Command (")).flat_map(|l| [l, "\n"]).collect();
     let eyes =
-        "Attribute (\"float stereo:separation\", 0.35)\nAttribute (\"float stereo:convergence\", 11)\n";
+        "Attribute (\"float stereo:separation\", 0.35)\nAttribute (\"float stereo:convergence\", 15)\n";
     write("first-stereo.pyg", format!("{eyes}{frame}"))?;
-    let asked = "spatialquality\", (4, 4)";
-    if !frame.contains(asked) {
-        return Err(format!("first.pyg no longer says {asked}"));
-    }
-    write("first8.pyg", frame.replace(asked, "spatialquality\", (8, 8)"))?;
+    write("first8.pyg", frame.replace(quality, "spatialquality\", (8, 8)"))?;
     write("first.pyg", frame)
 }
