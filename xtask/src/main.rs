@@ -7,6 +7,7 @@
 //! - `book` writes the manual as HTML;
 //! - `bless [NAME]` accepts the current results of the suite's cases as their references;
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
+//! - `gallery` renders the images that pages show, or checks that they are those of today;
 //! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
 //! - `install --prefix P` builds everything and installs it as `$GELATOHOME`;
 //! - `dist` makes the tarball, the Python wheel and the package of Debian that users install (Linux);
@@ -30,6 +31,7 @@ mod crates;
 mod dist;
 mod errors;
 mod files;
+mod gallery;
 mod home;
 mod laws;
 mod ledger;
@@ -72,6 +74,8 @@ enum Chore {
     },
     /// Write target/suite-report/index.html.
     Report,
+    /// Render the images of examples/ and docs/pictures, or check that they are those of today.
+    Gallery(gallery::Options),
     /// Build tools and libraries, and lay them out as $GELATOHOME: bin, lib, include, shaders, inputs, textures, share,
     /// doc.
     Install {
@@ -117,6 +121,7 @@ fn main() -> ExitCode {
         Chore::Bless { name } => suite::bless(name.as_deref()),
         Chore::Book { out } => book::build(out.as_deref()),
         Chore::Report => suite::report(),
+        Chore::Gallery(options) => gallery::run(&options),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::Dist(options) => dist::run_with(&options),
         Chore::ExamplesCpp { debug } => cpp::examples(debug),

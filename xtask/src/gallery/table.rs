@@ -1,0 +1,91 @@
+//! The table of images.
+
+/// An image that pages show.
+pub(super) struct Image {
+    /// The stored file, relative to the root. Of an image for two eyes, the name without `-left` and `-right`.
+    pub(super) file: &'static str,
+    /// The scene whose commands make what the frame needs.
+    pub(super) recipe: &'static str,
+    /// The scene that is rendered, without its commands.
+    pub(super) frame: &'static str,
+    /// Texts of the frame and what replaces them.
+    pub(super) changes: &'static [(&'static str, &'static str)],
+    /// Calls before the frame.
+    pub(super) settings: &'static [&'static str],
+    /// Options of `gelato`.
+    pub(super) options: &'static [&'static str],
+    /// The pixel at the upper left corner of the part that is checked.
+    pub(super) corner: (u32, u32),
+}
+
+impl Image {
+    /// Returns the stored files.
+    pub(super) fn files(&self) -> Vec<String> {
+        match self.file.rsplit_once('.') {
+            Some((name, extension)) if self.settings.iter().any(|call| call.contains("stereo:")) => {
+                ["left", "right"].map(|eye| format!("{name}-{eye}.{extension}")).to_vec()
+            }
+            _ => vec![self.file.to_owned()],
+        }
+    }
+}
+
+const FIRST: &str = "examples/first/first.pyg";
+const ENVLIGHT: &str = "examples/envlight/envlight.pyg";
+const OCCLUSION: &str = "examples/occlusion/occlusion.pyg";
+const INDIRECT: &str = "examples/indirect/indirect.pyg";
+const CAUSTICS: &str = "examples/caustics/caustics.pyg";
+const SUBSURFACE: &str = "examples/subsurface/subsurface.pyg";
+const SHADOWS: &str = "examples/shadows/shadows.pyg";
+
+/// The first example at half of its size.
+const HALF: &[(&str, &str)] = &[("(1280, 800)", "(640, 400)")];
+
+const fn whole(file: &'static str, scene: &'static str, corner: (u32, u32)) -> Image {
+    Image { file, recipe: scene, frame: scene, changes: &[], settings: &[], options: &[], corner }
+}
+
+const fn part(file: &'static str, recipe: &'static str, frame: &'static str, corner: (u32, u32)) -> Image {
+    Image { recipe, ..whole(file, frame, corner) }
+}
+
+const fn quick(file: &'static str, options: &'static [&'static str]) -> Image {
+    Image { changes: HALF, options, ..whole(file, FIRST, (350, 210)) }
+}
+
+/// All images that the suite's own tools render.
+pub(super) const IMAGES: &[Image] = &[
+    whole("docs/pictures/first.jpg", FIRST, (740, 490)),
+    quick("docs/pictures/preview-full.jpg", &[]),
+    quick("docs/pictures/preview-preview.jpg", &["-preview", "0.1"]),
+    quick("docs/pictures/preview-plain.jpg", &["-shade", "defaultsurface", "-preview", "0.25"]),
+    quick("docs/pictures/preview-rim.jpg", &["-shade", "keyfillrim", "-preview", "0.5"]),
+    Image {
+        settings: &[
+            "Attribute (\"float stereo:separation\", 0.6)",
+            "Attribute (\"float stereo:convergence\", 15)",
+        ],
+        ..quick("docs/pictures/stereo.jpg", &[])
+    },
+    Image {
+        changes: &[("\"float shadowbias\", 0.05", "\"float shadowbias\", 0")],
+        ..part("docs/pictures/shadow-first.jpg", SHADOWS, "examples/shadows/plain.pyg", (180, 200))
+    },
+    Image {
+        changes: &[
+            ("\"float shadowblur\", 0.01", "\"float shadowblur\", 0.04"),
+            ("shadowsamples\", 16", "shadowsamples\", 64"),
+        ],
+        ..part("docs/pictures/shadow-blur.jpg", SHADOWS, "examples/shadows/plain.pyg", (300, 220))
+    },
+    part("docs/pictures/shadow-woo.jpg", SHADOWS, "examples/shadows/woo.pyg", (300, 220)),
+    part("docs/pictures/shadow-rays.jpg", SHADOWS, "examples/shadows/rays.pyg", (300, 220)),
+    part("examples/shadows/plain.png", SHADOWS, "examples/shadows/plain.pyg", (300, 220)),
+    part("examples/shadows/soft.png", SHADOWS, "examples/shadows/soft.pyg", (300, 220)),
+    whole("examples/occlusion/occlusion.png", OCCLUSION, (330, 180)),
+    whole("examples/envlight/light.png", ENVLIGHT, (330, 200)),
+    part("examples/envlight/sphere.png", ENVLIGHT, "examples/envlight/sphere.pyg", (330, 200)),
+    whole("examples/indirect/indirect.png", INDIRECT, (180, 400)),
+    whole("examples/caustics/caustics.png", CAUSTICS, (240, 130)),
+    whole("examples/subsurface/subsurface.png", SUBSURFACE, (300, 60)),
+];
