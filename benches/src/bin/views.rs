@@ -97,8 +97,8 @@ fn processor(cost: &Cost) -> Duration {
     cost.processor.unwrap_or(cost.wall)
 }
 
-/// Writes the scenes. The frame of `examples/first` is written at half of its size, and without the commands that make its
-/// textures, maps and shaders. These run once here.
+/// Writes the scenes. The frame of `examples/first` is written at half of its size, and without the commands that make
+/// its textures, maps and shaders. These run once here.
 fn prepare(gelato: &Path, place: &Path) -> Result<(), String> {
     let write =
         |name: &str, text: String| std::fs::write(place.join(name), text).map_err(|e| format!("{name}: {e}"));
