@@ -80,7 +80,7 @@ mod tests {
             assert_eq!(input.read_level(0, 0).expect("pixels"), Pixels::U8(vec![1, 2, 3, 4, 5, 6]));
         }
         let error = DevilFormat.create(&folder.path().join("a.tif"), &CreateOptions::new(&spec, 1));
-        assert!(error.err().is_some_and(|e| e.to_string().contains("not for \"tif\"")));
+        assert!(error.err().is_some_and(|e| e.to_string().contains("not \"tif\"")));
         assert_eq!(DevilFormat.output_type(PixelType::Float), PixelType::U8);
     }
 }

@@ -91,7 +91,7 @@ impl Bar {
     }
 
     /// Prints a line to standard error above the bar.
-    fn line(&self, text: &str) {
+    pub fn line(&self, text: &str) {
         if self.muted.load(Ordering::SeqCst) {
             return;
         }

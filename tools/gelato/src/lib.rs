@@ -248,7 +248,7 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
         Session::worker(session_options, reporter.clone(), input, output)
     } else {
-        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone(), !options.stream)));
+        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
         Session::new(session_options, reporter.clone(), progress)
     };
     if let Some(path) = &options.statistics_json {

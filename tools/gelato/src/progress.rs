@@ -1,8 +1,8 @@
-//! The progress of each image: a bar on a terminal, or lines of information (`-verbosity 2`) without one; then the name
-//! of its file.
+//! The progress of each image: on a terminal a bar, and then the name of the file; lines of information (`-verbosity 2`)
+//! without one.
 
+use granita_base::Reporter;
 use granita_base::report::{VERBOSITY_INFO, VERBOSITY_NORMAL, printable};
-use granita_base::{Location, Reporter, Severity};
 use granita_cli::{Bar, time_left};
 use granita_render::Progress;
 use parking_lot::{Mutex, MutexGuard};
@@ -15,8 +15,6 @@ const STEP_PERCENT: u64 = 10;
 /// Shows a frame's progress with an estimate of the time that is left.
 pub(crate) struct ShownProgress {
     reporter: Reporter,
-    /// True when the names of written files are printed.
-    names_files: bool,
     shown: Mutex<Shown>,
 }
 
@@ -35,9 +33,9 @@ fn one_line(text: &str) -> String {
 }
 
 impl ShownProgress {
-    pub(crate) fn new(bar: Bar, reporter: Reporter, names_files: bool) -> Self {
+    pub(crate) fn new(bar: Bar, reporter: Reporter) -> Self {
         let shown = Shown { bar, begin: Instant::now(), total: 0, done: 0, told: 0 };
-        Self { reporter, names_files, shown: Mutex::new(shown) }
+        Self { reporter, shown: Mutex::new(shown) }
     }
 
     fn shown(&self) -> MutexGuard<'_, Shown> {
@@ -80,9 +78,9 @@ impl Progress for ShownProgress {
     }
 
     fn wrote(&self, path: &Path) {
-        if self.names_files && self.reporter.verbosity() >= VERBOSITY_NORMAL {
-            let text = format!("{}\n", one_line(&format!("wrote {}", path.display())));
-            self.reporter.say(Severity::Message, &Location::default(), text);
+        let shown = self.shown();
+        if shown.bar.is_shown() && self.reporter.verbosity() >= VERBOSITY_NORMAL {
+            shown.bar.line(&one_line(&format!("wrote {}", path.display())));
         }
     }
 }

@@ -824,8 +824,8 @@ mod tests {
         assert_eq!(
             said,
             [
-                "output \"a\": nothing takes a parameter \"gama\"; did you mean \"gamma\"?",
-                "output \"a\": nothing takes a parameter \"compresion\"; did you mean \"compression\"?",
+                "output \"a\": there is no parameter \"gama\"; did you mean \"gamma\"?",
+                "output \"a\": there is no parameter \"compresion\"; did you mean \"compression\"?",
             ]
         );
     }

@@ -95,7 +95,8 @@ fn examples_of_functions_have_their_values() {
 #[test]
 fn examples_of_the_language_have_their_values() {
     let page = include_str!("../../../../docs/language.md");
-    let examples: Vec<&str> = page.split("```\n").skip(1).step_by(2).collect();
+    let code = |block: &'static str| Some(block.split_once('\n')?.1.split_once("```")?.0);
+    let examples: Vec<&str> = page.split("```gsl").skip(1).filter_map(code).collect();
     assert!(examples.len() >= 4);
     for (k, example) in examples.iter().enumerate() {
         check(&format!("language.md, example {}", k + 1), example);

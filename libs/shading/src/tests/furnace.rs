@@ -72,6 +72,9 @@ fn surfaces() -> Vec<(&'static str, Vec<Param>, Kept)> {
         // The surface has its own colours.
         ("oak", vec![], AtMost),
         ("greenmarble", vec![], AtMost),
+        ("studioback", vec![], AtMost),
+        // The surface shows shadows only.
+        ("studiofloor", vec![], AtMost),
     ]
 }
 
