@@ -131,7 +131,7 @@ class Frames(Scratch):
             r.Output("x", "0x7", "rgba", "camera")
             r.Output("y", "0x0", "rgba", "camera")
             ball(r)
-            with self.assertWarnsRegex(gelato.GelatoWarning, "no ImageOutput"):
+            with self.assertWarnsRegex(gelato.GelatoWarning, "is not an ImageOutput"):
                 self.assertEqual(r.render("z").channels, ("Z",))
 
 

@@ -336,11 +336,11 @@ fn clients_that_send_malformed_packets_are_disconnected() {
     let mut client = Raw::new(to);
     client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     assert!(client.is_sent_away());
-    gone("silent");
+    gone("stopped in the middle");
     let mut client = Raw::new(to);
     client.0.write_all(&[99, 0, 0, 0, 2]).unwrap();
     drop(client);
-    gone("in the middle");
+    gone("ended in the middle");
     // Errors are reported once, and tolerated up to a number. Packets of the extension need a hello.
     let mut client = Raw::new(to);
     client.send(77, &[]);
