@@ -57,7 +57,8 @@ const SMALL: [(&str, &str, &str); 9] = [
 ];
 
 /// Copies `examples/first` below `place`, with an image of an eighth of the width. The copy renders in about a second:
-/// see [`SMALL`], and a ball takes the place of the rabbit, whose 3674 faces take most of the time of a small image.
+/// it has fewer samples and rays, and a ball takes the place of the rabbit, whose 3674 faces take most of the time of
+/// a small image.
 ///
 /// # Errors
 /// Returns the files that cannot be copied.
