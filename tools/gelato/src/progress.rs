@@ -1,5 +1,5 @@
-//! The progress of each image: on a terminal a bar, and then the name of the file; lines of information (`-verbosity 2`)
-//! without one.
+//! The progress of each image: on a terminal a bar, and then the name of the file; lines of information
+//! (`-verbosity 2`) without one.
 
 use granita_base::Reporter;
 use granita_base::report::{VERBOSITY_INFO, VERBOSITY_NORMAL, printable};
