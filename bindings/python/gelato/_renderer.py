@@ -65,8 +65,8 @@ def _program() -> str:
         path = os.path.join(home, "bin", "gelato.exe" if os.name == "nt" else "gelato")
         if os.path.exists(path):
             return path
-    # The program inside of the package. Scripts of the renderer have no file.
-    own = os.path.join(os.path.dirname(globals().get("__file__") or ""), "suite", "bin", "gelato")
+    # The program inside of the package, which has all tools. Scripts of the renderer have no file.
+    own = os.path.join(os.path.dirname(globals().get("__file__") or ""), "suite", "bin", "granita")
     if os.path.isabs(own) and os.access(own, os.X_OK):
         return own
     found = shutil.which("gelato")

@@ -94,6 +94,11 @@ fn the_wheel_has_a_right_record_and_runs_its_tools() {
             && at("here/examples/first/first.pyg").is_file()
     );
     assert_eq!(python(&[]).status.code(), Some(2));
+    let program = "from gelato import _renderer; print (_renderer._program())";
+    let mut found = Command::new("python3");
+    found.args(["-c", program]).env("PYTHONPATH", &site).env("PYTHONDONTWRITEBYTECODE", "1");
+    let found = found.env_remove("GELATO").env_remove("GELATOHOME").output().unwrap();
+    assert_eq!(text(&found.stdout), site.join("gelato/suite/bin/granita").display().to_string());
     let script = Command::new(site.join("gelato/suite/bin/iv")).arg("-info").output().unwrap();
     assert_eq!(text(&script.stdout), "ran iv -info");
     let info = site.join(format!("gelato_renderer-{}.dist-info", env!("CARGO_PKG_VERSION")));

@@ -44,7 +44,7 @@ fn unpacked(release: &Release, package: &Path, image: &Path) -> Result<(), Strin
         }
     }
     let entry = place.folder.join("usr/share/applications/granita-iv.desktop");
-    match answer(Command::new("desktop-file-validate").arg("--version")) {
+    match answer(Command::new("sh").args(["-c", "command -v desktop-file-validate"])) {
         Ok(_) => run(Command::new("desktop-file-validate").arg(entry))?,
         Err(_) => println!("check: deb: desktop-file-validate is not installed, and not asked"),
     }
