@@ -22,6 +22,9 @@ use table::{IMAGES, Image};
 /// The width and height in pixels of the part of an image that is checked.
 const BOX: u32 = 96;
 
+/// The file that a checked part is rendered to.
+const CHECKED: &str = "part.png";
+
 /// The arguments of `gallery`.
 #[derive(clap::Args)]
 pub(crate) struct Options {
@@ -137,7 +140,7 @@ impl Studio {
 
     /// Renders an image into the tree. Returns what was written.
     fn make(&self, image: &Image) -> Result<String, String> {
-        self.render(image, None)?;
+        self.render(image, image.file, None)?;
         let mut bytes = 0;
         for file in image.files() {
             let (from, to) = (self.place.join(&file), self.root.join(&file));
@@ -149,25 +152,26 @@ impl Studio {
     /// Renders a part of an image and compares it with the stored one. Returns the difference.
     fn check(&self, image: &Image) -> Result<String, String> {
         let stored = compare::read(&self.root.join(&image.files()[0]))?;
-        self.render(image, Some(stored.dimensions()))?;
+        // Without the losses of JPEG.
+        self.render(image, CHECKED, Some(stored.dimensions()))?;
         let mut told = Vec::new();
-        for file in image.files() {
+        for (file, got) in image.files().into_iter().zip(image.files_of(CHECKED)) {
             let stored = compare::read(&self.root.join(&file))?;
-            let got = compare::read(&self.place.join(&file))?;
+            let got = compare::read(&self.place.join(&got))?;
             told.push(compare::part(&stored, &got, image.corner, Tolerance::of(&file))?);
         }
         Ok(told.join(", "))
     }
 
-    /// Renders the frame of an image, or the checked part of it when the size of the whole is given.
-    fn render(&self, image: &Image, part_of: Option<(u32, u32)>) -> Result<(), String> {
-        let (settings, frame) = recipe::frame(&self.root, image)?;
+    /// Renders the frame of an image to `file`, or the checked part of it when the size of the whole is given.
+    fn render(&self, image: &Image, file: &str, part_of: Option<(u32, u32)>) -> Result<(), String> {
+        let (settings, frame) = recipe::frame(&self.root, image, file)?;
         let write = |name: &str, text: &str| {
             std::fs::write(self.place.join(name), text).map_err(|e| format!("{name}: {e}"))
         };
         write("settings.pyg", &settings)?;
         write("frame.pyg", &frame)?;
-        let folder = Path::new(image.file).parent().unwrap_or(Path::new(""));
+        let folder = Path::new(file).parent().unwrap_or(Path::new(""));
         let folder = self.place.join(folder);
         std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         let mut command = self.tool();
@@ -231,7 +235,7 @@ mod tests {
                 assert!(root.join(&file).exists(), "{file} is not in the tree");
             }
             recipe::Recipe::read(root, image.recipe).unwrap();
-            let (settings, frame) = recipe::frame(root, image).unwrap();
+            let (settings, frame) = recipe::frame(root, image, image.file).unwrap();
             assert!(settings.contains(image.file) && frame.contains("Render ()"), "{}", image.file);
             assert!(!frame.contains("Command ("), "{}", image.file);
         }

@@ -31,8 +31,8 @@ impl Recipe {
     }
 }
 
-/// Returns the settings and the frame of an image, as Pyg.
-pub(super) fn frame(root: &Path, image: &Image) -> Result<(String, String), String> {
+/// Returns the settings and the frame of an image, as Pyg. The frame writes `file`.
+pub(super) fn frame(root: &Path, image: &Image, file: &str) -> Result<(String, String), String> {
     let text = read(root, image.frame)?;
     let mut frame: String =
         text.lines().filter(|line| !line.starts_with("Command (")).map(|line| format!("{line}\n")).collect();
@@ -42,13 +42,12 @@ pub(super) fn frame(root: &Path, image: &Image) -> Result<(String, String), Stri
         }
         frame = frame.replace(from, to);
     }
-    let format = match image.file.rsplit('.').next() {
+    let format = match file.rsplit('.').next() {
         Some("jpg") => "\"jpeg\", \"rgb\", \"camera\", \"int quality\", 90",
         _ => "\"png\", \"rgb\", \"camera\"",
     };
     // Noise in the last bit would double the size of the file.
-    let output =
-        format!("Output (\"{}\", {format}, \"float gamma\", 2.2, \"float dither\", 0)\n", image.file);
+    let output = format!("Output (\"{}\", {format}, \"float gamma\", 2.2, \"float dither\", 0)\n", file);
     let settings = image.settings.iter().map(|call| format!("{call}\n")).collect::<String>() + &output;
     Ok((settings, frame))
 }

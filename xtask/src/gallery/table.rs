@@ -21,11 +21,16 @@ pub(super) struct Image {
 impl Image {
     /// Returns the stored files.
     pub(super) fn files(&self) -> Vec<String> {
-        match self.file.rsplit_once('.') {
+        self.files_of(self.file)
+    }
+
+    /// Returns the files that an `Output` of this name writes.
+    pub(super) fn files_of(&self, output: &str) -> Vec<String> {
+        match output.rsplit_once('.') {
             Some((name, extension)) if self.settings.iter().any(|call| call.contains("stereo:")) => {
                 ["left", "right"].map(|eye| format!("{name}-{eye}.{extension}")).to_vec()
             }
-            _ => vec![self.file.to_owned()],
+            _ => vec![output.to_owned()],
         }
     }
 }
