@@ -385,8 +385,12 @@ fn each_mistake_of_a_primitive_in_words() {
     let none = json!({"buffer": 3, "byteLength": 36});
     assert_eq!(why(floats3(0, 3), none), "accessor 0: there is no buffer 3");
     let meshopt = json!({"buffer": 0, "byteLength": 36, "extensions": {"EXT_meshopt_compression": {}}});
-    let want = "accessor 0: buffer view 0: EXT_meshopt_compression without buffer";
-    assert_eq!(why(floats3(0, 3), meshopt), want);
+    let want = match cfg!(feature = "meshopt") {
+        true => "accessor 0: buffer view 0: EXT_meshopt_compression without buffer",
+        false => "accessor 0: buffer view 0: compressed with EXT_meshopt_compression, and this build has no decoder; ",
+    };
+    let got = why(floats3(0, 3), meshopt);
+    assert!(got.starts_with(want), "{got}");
 }
 
 /// Returns the message about a primitive with a triangle that an extension compresses.
