@@ -387,7 +387,9 @@ fn each_mistake_of_a_primitive_in_words() {
     let meshopt = json!({"buffer": 0, "byteLength": 36, "extensions": {"EXT_meshopt_compression": {}}});
     let want = match cfg!(feature = "meshopt") {
         true => "accessor 0: buffer view 0: EXT_meshopt_compression without buffer",
-        false => "accessor 0: buffer view 0: compressed with EXT_meshopt_compression, and this build has no decoder; ",
+        false => {
+            "accessor 0: buffer view 0: compressed with EXT_meshopt_compression, and this build has no decoder; "
+        }
     };
     let got = why(floats3(0, 3), meshopt);
     assert!(got.starts_with(want), "{got}");
