@@ -15,7 +15,7 @@ impl Tolerance {
     /// Returns the tolerance for the format of a file. Pixels are the same on all machines, so that PNG leaves rounding
     /// only. JPEG of quality 90 changes the colours of edges by up to about 50 steps.
     pub(super) fn of(file: &str) -> Self {
-        if file.ends_with(".png") { Self { mean: 0.5, one: 2 } } else { Self { mean: 4.0, one: 80 } }
+        if file.ends_with(".png") { Self { mean: 0.5, one: 2 } } else { Self { mean: 4.0, one: 60 } }
     }
 }
 
