@@ -94,7 +94,7 @@ fn bare_system(release: &Release, package: &Path) -> Result<(), String> {
     let place = Place::new(release, "bare")?;
     let script = format!(
         "set -e; start=$(date +%s); apt-get install -y -qq --no-install-recommends /{name} >/dev/null 2>&1; cp -RL \
-         /usr/share/doc/granita/examples /tmp; cd /tmp; gelato -silent -threads $(nproc) examples/first/first.pyg; test -s \
+         /usr/share/doc/granita/examples /srv; cd /srv; gelato -silent -threads $(nproc) examples/first/first.pyg; test -s \
          examples/first/out/first.png; echo check: deb, bare system: $(($(date +%s) - start)) s to the first image; maketx \
          -version; iv -info examples/first/out/first.png; dpkg --remove granita >/dev/null; test ! -e /usr/bin/maketx; \
          test ! -e /usr/lib/granita"
