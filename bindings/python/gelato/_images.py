@@ -96,7 +96,25 @@ class ImageSpec:
         )  # fmt: skip
 
 
-class ImageInfo:
+class _Described:
+    """Has the size and the channels of its ``spec``."""
+
+    spec: ImageSpec
+
+    @property
+    def width(self) -> int:
+        return self.spec.width
+
+    @property
+    def height(self) -> int:
+        return self.spec.height
+
+    @property
+    def channels(self) -> Tuple[str, ...]:
+        return self.spec.channels
+
+
+class ImageInfo(_Described):
     """The description of an image file.
 
     ``format`` is the name of its format. ``subimages`` holds a list for each image of the file, with an ``ImageSpec``
@@ -115,22 +133,7 @@ class ImageInfo:
             self.subimages.append(levels)
         if not self.subimages or not self.subimages[0]:
             raise GelatoError("%s holds no image" % path)
-
-    @property
-    def spec(self) -> ImageSpec:
-        return self.subimages[0][0]
-
-    @property
-    def width(self) -> int:
-        return self.spec.width
-
-    @property
-    def height(self) -> int:
-        return self.spec.height
-
-    @property
-    def channels(self) -> Tuple[str, ...]:
-        return self.spec.channels
+        self.spec = self.subimages[0][0]
 
     @property
     def type(self) -> str:
@@ -147,7 +150,7 @@ class ImageInfo:
         )  # fmt: skip
 
 
-class Image:
+class Image(_Described):
     """An image in memory.
 
     ``pixels`` has the shape height x width x channels and the type float32. It is an array of numpy when numpy is
@@ -160,18 +163,6 @@ class Image:
         self.spec = spec
         self._data = data
         self._pixels: Any = None
-
-    @property
-    def width(self) -> int:
-        return self.spec.width
-
-    @property
-    def height(self) -> int:
-        return self.spec.height
-
-    @property
-    def channels(self) -> Tuple[str, ...]:
-        return self.spec.channels
 
     @property
     def shape(self) -> Tuple[int, int, int]:
