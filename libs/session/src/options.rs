@@ -76,4 +76,7 @@ pub struct SessionOptions {
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,
+    /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
+    /// of a re-render.
+    pub rerenders_anew: bool,
 }
