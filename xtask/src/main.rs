@@ -7,6 +7,7 @@
 //! - `book` writes the manual as HTML;
 //! - `bless [NAME]` accepts the current results of the suite's cases as their references;
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
+//! - `rerender` compares random sequences of re-rendered frames with frames rendered anew;
 //! - `gallery` renders the images that pages show, or checks that they are those of today;
 //! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
 //! - `install --prefix P` builds everything and installs it as `$GELATOHOME`;
@@ -97,6 +98,15 @@ enum Chore {
         #[arg(long)]
         debug: bool,
     },
+    /// Compare the frames of random sequences of edits with frames rendered anew, to the bit.
+    Rerender {
+        /// The number of sequences.
+        #[arg(long, default_value_t = 500)]
+        sequences: u32,
+        /// The seed of the first sequence. The others have the seeds after it.
+        #[arg(long, default_value_t = 1)]
+        seed: u32,
+    },
     /// Run a C++ program with several renderers and threads under ThreadSanitizer; skipped where that is not installed.
     Races,
     /// Compile the programs and plugins of examples/cpp into target/examples-cpp.
@@ -121,6 +131,7 @@ fn main() -> ExitCode {
         Chore::Bless { name } => suite::bless(name.as_deref()),
         Chore::Book { out } => book::build(out.as_deref()),
         Chore::Report => suite::report(),
+        Chore::Rerender { sequences, seed } => suite::rerender(sequences, seed),
         Chore::Gallery(options) => gallery::run(&options),
         Chore::Install { prefix, debug } => cpp::install(&prefix, debug),
         Chore::Dist(options) => dist::run_with(&options),

@@ -22,6 +22,22 @@ pub(crate) fn report() -> Result<(), String> {
     outcome
 }
 
+/// Plays sequences of edits, in tests that are built for release.
+pub(crate) fn rerender(sequences: u32, seed: u32) -> Result<(), String> {
+    let status = Command::new(cargo())
+        .args(["test", "--release", "--package", "granita-tests", "--test", "rerender"])
+        .args(["many_random_sequences", "--", "--ignored", "--nocapture"])
+        .env("GRANITA_RERENDER_SEQUENCES", sequences.to_string())
+        .env("GRANITA_RERENDER_SEED", seed.to_string())
+        .status()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err("a re-rendered frame differs, or a session reported errors".to_owned())
+    }
+}
+
 /// Runs the bench `trade`, built for release.
 pub(crate) fn trade(words: &[String]) -> Result<(), String> {
     let status = Command::new(cargo())

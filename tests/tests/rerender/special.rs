@@ -1,0 +1,67 @@
+//! Tests of attributes that permit differences: locked objects, and rays that are not shaded again.
+
+use crate::model::Stage;
+use crate::play::{Place, both, compare};
+use crate::scenes;
+
+/// Index of the scene "rays", which has surfaces that trace rays.
+const RAYS: usize = 1;
+
+fn modified(pattern: &str, calls: &str) -> String {
+    format!("PushAttributes ()\nModify (\"{pattern}\")\n{calls}PopAttributes ()\n")
+}
+
+fn change(stage: &mut Stage, id: &str, factor: f32) -> String {
+    let light = stage.lights.iter_mut().find(|light| light.id == id).unwrap();
+    light.params.set("float intensity", [10.0 * factor].into());
+    light.pyg()
+}
+
+/// Objects that a light does not illuminate may be locked while it changes. An unlocked object is shaded again.
+#[test]
+fn locked_objects_that_nothing_changes_are_the_same_to_the_bit() {
+    let mut stage = scenes::scene(0);
+    let place = Place::new(&stage);
+    let (mut keeping, mut anew) = (place.keeping(1), place.anew(1));
+    let off = modified("", "LightSwitch (\"fill\", 0)\n") + &modified("red", "LightSwitch (\"fill\", 1)\n");
+    let text = stage.pyg() + "Render ()\n";
+    both(&mut keeping, &mut anew, &text).unwrap();
+    let first = both(&mut keeping, &mut anew, &format!("World ()\n{off}Render ()\n")).unwrap();
+    let lock = modified("", "Attribute (\"int rerender:locked\", 1)\n")
+        + &modified("red", "Attribute (\"int rerender:locked\", 0)\n");
+    let locked = both(&mut keeping, &mut anew, &format!("World ()\n{lock}Render ()\n")).unwrap();
+    assert_eq!(compare(&locked, &first), Ok(()));
+    for factor in [3.0, 0.5] {
+        let text = format!("World ()\n{}Render ()\n", change(&mut stage, "fill", factor));
+        let images = both(&mut keeping, &mut anew, &text).unwrap();
+        assert!(compare(&images, &locked).is_err(), "the unlocked object is shaded again");
+    }
+    // Objects that are unlocked receive changes again.
+    let unlock = modified("", "Attribute (\"int rerender:locked\", 0)\n");
+    let text = format!("World ()\n{unlock}{}Render ()\n", change(&mut stage, "key", 3.0));
+    both(&mut keeping, &mut anew, &text).unwrap();
+}
+
+/// With "rerender:reshaderays" 0, images may show old reflections only. They are right when it is 1 again, and when
+/// no reflected object changes.
+#[test]
+fn rays_are_shaded_again_when_they_are_switched_on_again() {
+    let mut stage = scenes::scene(RAYS);
+    let place = Place::new(&stage);
+    let (mut keeping, mut anew) = (place.keeping(2), place.anew(1));
+    both(&mut keeping, &mut anew, &(stage.pyg() + "Render ()\n")).unwrap();
+    let switch = |on: u8| format!("Attribute (\"int rerender:reshaderays\", {on})\n");
+    both(&mut keeping, &mut anew, &format!("{}World ()\nRender ()\n", switch(0))).unwrap();
+    // An output's gain changes no ray.
+    let output = stage.outputs[0].clone().with("float gain", [0.5]).pyg();
+    both(&mut keeping, &mut anew, &format!("{output}World ()\nRender ()\n")).unwrap();
+    let changed = change(&mut stage, "key", 4.0);
+    let text = format!("{}World ()\n{changed}Render ()\n", switch(0));
+    // Their pixels may differ where surfaces trace rays.
+    for player in [&mut keeping, &mut anew] {
+        assert!(!player.frame(&text).unwrap().is_empty());
+    }
+    both(&mut keeping, &mut anew, &format!("{}World ()\nRender ()\n", switch(1))).unwrap();
+    let text = format!("World ()\n{}Render ()\n", change(&mut stage, "key", 1.0));
+    both(&mut keeping, &mut anew, &text).unwrap();
+}
