@@ -25,7 +25,24 @@ impl<K, V> Default for OnceMap<K, V> {
     }
 }
 
+impl<K: Eq + Hash, V> FromIterator<(K, V)> for OnceMap<K, V> {
+    fn from_iter<I: IntoIterator<Item = (K, V)>>(made: I) -> Self {
+        Self(Mutex::new(
+            made.into_iter().map(|(key, value)| (key, Arc::new(OnceLock::from(value)))).collect(),
+        ))
+    }
+}
+
 impl<K: Eq + Hash, V: Clone> OnceMap<K, V> {
+    /// Returns the values that were made, with their keys, in any order.
+    pub fn made(&self) -> Vec<(K, V)>
+    where
+        K: Clone,
+    {
+        let places = self.0.lock();
+        places.iter().filter_map(|(key, place)| Some((key.clone(), place.get()?.clone()))).collect()
+    }
+
     /// Returns the value of a key. `make` makes it when it was not requested before.
     pub fn get_or_make(&self, key: K, make: impl FnOnce() -> V) -> V {
         let place = {

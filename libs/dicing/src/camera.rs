@@ -242,6 +242,24 @@ impl<T: Finite> Finite for Option<T> {
 }
 
 impl CameraView {
+    /// True when two cameras differ at most in what a re-render may change: the crop window, the numbers of samples,
+    /// and the size and order of buckets (reference 11.1).
+    pub fn differs_in_quality_only(&self, other: &Self) -> bool {
+        let Self { crop, spatialquality, temporalquality, dofquality, .. } = *other;
+        let Self { bucketsize, bucketblocksize, .. } = *other;
+        let like = Self {
+            crop,
+            spatialquality,
+            temporalquality,
+            dofquality,
+            bucketsize,
+            bucketblocksize,
+            bucketorder: other.bucketorder.clone(),
+            ..self.clone()
+        };
+        like == *other
+    }
+
     /// The least field of view in degrees. Positions inside of it are still distinct in single precision.
     pub const LEAST_FOV_DEG: f32 = 1e-6;
 

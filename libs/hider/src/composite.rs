@@ -1,10 +1,11 @@
 //! Composites the surfaces of each sample.
 
-use super::{Fragment, NONE, Surfaces};
+use super::{Fragment, NONE, SampleGrid, ShadedGrid, Surfaces};
 use granita_base::Color;
 use granita_dicing::PixelRect;
 use granita_scene::Holdout;
 use granita_texture::VolumePixel;
+use std::sync::Arc;
 
 /// The settings that depend on attributes of the whole scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,34 +53,84 @@ impl Wanted {
     }
 }
 
+/// A layer of a sample: a place on a grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Layer {
+    /// The index among the grids of the bucket.
+    pub(super) grid: u32,
+    /// The index of the lower left point of the micropolygon.
+    pub(super) at: u32,
+    /// The coordinates in the micropolygon.
+    pub(super) place: [f32; 2],
+}
+
+impl From<&Fragment> for Layer {
+    fn from(fragment: &Fragment) -> Self {
+        Self { grid: fragment.grid, at: fragment.at, place: [fragment.u, fragment.v] }
+    }
+}
+
+/// The samples and grids that layers refer to.
+#[derive(Clone, Copy)]
+pub(super) struct Scenery<'a> {
+    pub(super) samples: &'a SampleGrid,
+    pub(super) settings: &'a CompositeSettings,
+    pub(super) grids: &'a [Arc<ShadedGrid>],
+}
+
+impl Scenery<'_> {
+    /// Returns the time of a sample when the shading of the grid varies over time, else 0.
+    fn time_for(&self, grid: &ShadedGrid, sample: usize) -> f32 {
+        if grid.varies_over_time() { self.samples.time(sample) } else { 0.0 }
+    }
+}
+
 /// Composites all samples. Channel `c` of sample `s` is at `c * samples + s`.
 pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
     let n = surfaces.samples.len();
     let mut out = vec![0.0; wanted.channels() * n];
-    let mut layers: Vec<Fragment> = Vec::new();
+    let mut fragments: Vec<Fragment> = Vec::new();
+    let mut layers: Vec<Layer> = Vec::new();
     let mut sample: Vec<f32> = vec![0.0; wanted.channels()];
     for s in 0..n {
-        collect(surfaces, s, &mut layers);
-        if layers.is_empty() && surfaces.depths.is_empty() {
-            continue;
-        }
-        sample.fill(0.0);
-        blend(surfaces, (wanted, s), &layers, &mut sample);
-        if wanted.depths {
-            let [z, second] = surfaces.depths.get(s).copied().unwrap_or([f32::INFINITY; 2]);
-            // The mean of infinity and any depth is infinity, so that a single surface gives no depth
-            // (reference 10.1.2).
-            (sample[4], sample[5]) = (z, (z + second) * 0.5);
-        }
-        for (c, value) in sample.iter().enumerate() {
-            out[c * n + s] = *value;
-        }
+        collect(surfaces, s, &mut fragments);
+        layers.clear();
+        layers.extend(fragments.iter().map(Layer::from));
+        let depths = surfaces.depths.get(s).copied();
+        resolve_sample(surfaces.scenery(), (wanted, s), &layers, depths, (&mut sample, &mut out));
     }
     out
 }
 
+/// Composites one sample into its places of the result. `depths` are those of its first two surfaces, when depths are
+/// requested.
+#[inline(always)]
+pub(super) fn resolve_sample(
+    scenery: Scenery<'_>,
+    (wanted, s): (&Wanted, usize),
+    layers: &[Layer],
+    depths: Option<[f32; 2]>,
+    (sample, out): (&mut [f32], &mut [f32]),
+) {
+    if layers.is_empty() && depths.is_none() {
+        return;
+    }
+    sample.fill(0.0);
+    blend(scenery, (wanted, s), layers, sample);
+    if wanted.depths {
+        let [z, second] = depths.unwrap_or([f32::INFINITY; 2]);
+        // The mean of infinity and any depth is infinity, so that a single surface gives no depth
+        // (reference 10.1.2).
+        (sample[4], sample[5]) = (z, (z + second) * 0.5);
+    }
+    let n = scenery.samples.len();
+    for (c, value) in sample.iter().enumerate() {
+        out[c * n + s] = *value;
+    }
+}
+
 /// Collects the surfaces that a sample sees, nearest first, up to the first one that hides everything behind it.
-fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
+pub(super) fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
     let nearest_z = surfaces.nearest_z[sample];
     layers.clear();
     let mut next = surfaces.first[sample];
@@ -157,24 +208,18 @@ pub(super) fn volumes(
 }
 
 /// Composites the layers of the sample with this index, nearest first. Colours are premultiplied by their opacity.
-fn blend(
-    surfaces: &Surfaces<'_>,
-    (wanted, number): (&Wanted, usize),
-    layers: &[Fragment],
-    sample: &mut [f32],
-) {
-    let settings = &surfaces.settings;
+fn blend(scenery: Scenery<'_>, (wanted, number): (&Wanted, usize), layers: &[Layer], sample: &mut [f32]) {
+    let settings = scenery.settings;
     let mut through = Color::ONE;
     let mut count = 0;
     let mut seen = false;
-    for fragment in layers {
-        let grid = &*surfaces.grids[fragment.grid as usize];
+    for &Layer { grid, at, place } in layers {
+        let grid = &*scenery.grids[grid as usize];
         if settings.layers.is_some_and(|most| count >= most) && !grid.opaque {
             continue;
         }
         count += 1;
-        let (at, place) = (fragment.at, [fragment.u, fragment.v]);
-        let time = surfaces.time_for(grid, number);
+        let time = scenery.time_for(grid, number);
         let matte = grid.holdout == Holdout::Matte;
         let opacity = match (matte, grid.opaque) {
             (true, _) => Color::ZERO,

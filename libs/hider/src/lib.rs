@@ -44,6 +44,7 @@ pub mod film;
 mod blurred;
 mod composite;
 mod hit;
+mod kept;
 mod lanes;
 mod raster;
 mod rays;
@@ -52,6 +53,7 @@ mod streaks;
 mod visible;
 
 pub use composite::{CompositeSettings, Wanted, WantedVariable};
+pub use kept::KeptSurfaces;
 pub use samples::{SampleGrid, SamplePattern, Tables};
 pub use visible::{NOWHERE, Projector, Shade, ShadedGrid, ViewedGrid, pixels_of};
 
@@ -271,6 +273,11 @@ impl<'a> Surfaces<'a> {
     /// Returns the time of a sample when the shading of the grid varies over time, else 0.
     fn time_for(&self, grid: &ShadedGrid, sample: usize) -> f32 {
         if grid.varies_over_time() { self.samples.time(sample) } else { 0.0 }
+    }
+
+    /// Returns what layers of its samples refer to.
+    fn scenery(&self) -> composite::Scenery<'_> {
+        composite::Scenery { samples: self.samples, settings: &self.settings, grids: &self.grids }
     }
 
     /// Composites every sample. The result has one run of samples for each channel of `wanted`, in order.

@@ -304,6 +304,20 @@ impl ShadedGrid {
         }
     }
 
+    /// The bytes of its arrays on the heap.
+    pub fn bytes(&self) -> usize {
+        let views = self.views.iter().map(|view| {
+            let points = view.p_cam.iter().map(Vec::len).sum::<usize>() + view.raster.len();
+            size_of::<ViewedGrid>() + size_of::<Vec3>() * points + size_of_val(&view.boxes[..])
+        });
+        let shades = self.shades.iter().map(|shade| {
+            size_of_val(&shade.color[..])
+                + size_of_val(&shade.opacity[..])
+                + size_of_val(&shade.variables[..])
+        });
+        size_of::<Self>() + views.sum::<usize>() + shades.sum::<usize>() + self.kept.len()
+    }
+
     /// Returns the weights of the corners `at`, `at + 1`, `at + nu`, `at + nu + 1` for a place in a micropolygon.
     ///
     /// Micropolygons are pairs of triangles that share the diagonal from (0, 0) to (1, 1).

@@ -4,6 +4,7 @@ mod bucket;
 mod cells;
 mod demand;
 mod job;
+mod kept;
 mod limits;
 mod measured;
 mod precise;
@@ -30,7 +31,9 @@ use granita_hider::{CompositeSettings, Projector, SamplePattern};
 use granita_image::{FormatRegistry, Request};
 use granita_scene::{Primitive, Scene, attr};
 use granita_shade::Grid;
+use granita_shading::Memo;
 use job::{Job, Sighting};
+use kept::{Basis, Broken, ImageKey, KeptView, ViewKey};
 use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -40,6 +43,7 @@ use std::time::Instant;
 
 pub(crate) use demand::{OnDemand, Surroundings};
 pub(crate) use granita_scene::Holdout;
+pub(crate) use kept::KeptFrames;
 
 /// The properties of an object that the frame needs without running its shaders.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -94,6 +98,24 @@ pub(crate) trait FrameShader: Sync {
     fn saves(&self) -> u64 {
         0
     }
+    /// Returns the number of the frame. A re-render has a larger one than the frames before.
+    fn frame(&self) -> u64 {
+        0
+    }
+    /// True when the object of a primitive, by its number in the scene, keeps its colours.
+    fn is_locked(&self, primitive: u32) -> bool {
+        let _ = primitive;
+        false
+    }
+    /// True when something changed after the frame `since` that the results of a memo depend on.
+    fn is_stale(&self, memo: &Memo, since: u64) -> bool {
+        let _ = (memo, since);
+        false
+    }
+    /// Drops the answers of a memo that depend on something that changed after the frame `since`.
+    fn forget(&self, memo: &mut Memo, since: u64) {
+        let _ = (memo, since);
+    }
     /// Displaces a grid.
     fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
     /// Shades a grid. Returns the requested variables, component by component.
@@ -104,6 +126,18 @@ pub(crate) trait FrameShader: Sync {
         grid: &mut Grid,
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>>;
+    /// Does the same as [`FrameShader::shade`], with answers of a memo where it has them, and keeps answers there.
+    fn shade_keeping(
+        &self,
+        thread: &mut Self::Thread<'_>,
+        object: &Self::Object,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+        memo: &mut Memo,
+    ) -> Vec<Option<Vec<f32>>> {
+        let _ = memo;
+        self.shade(thread, object, grid, wanted)
+    }
 }
 
 /// The options of a frame besides its scene and shaders.
@@ -129,6 +163,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) spread: &'a Spread,
     /// The priority of buckets.
     pub(crate) priority: Option<&'a Priority>,
+    /// The largest number of bytes that are kept for re-renders; `None` without a limit.
+    pub(crate) memory_bytes: Option<usize>,
 }
 
 impl<'a> FrameOptions<'a> {
@@ -148,6 +184,7 @@ impl<'a> FrameOptions<'a> {
             scene_files: &[],
             spread: &Spread::Alone,
             priority: None,
+            memory_bytes: None,
         }
     }
 }
@@ -180,6 +217,10 @@ struct Frame<'a, S: FrameShader> {
     again: bool,
     /// True when buckets must be rendered from the top.
     from_top: bool,
+    /// What is kept of the frames of this camera.
+    kept: Option<&'a KeptFrames<S::Object>>,
+    /// What the samples of this frame see, as far as it is kept.
+    view: Option<Arc<KeptView>>,
 }
 
 /// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which request the same images.
@@ -192,6 +233,7 @@ pub(crate) fn render<S: FrameShader>(
     shader: &S,
     options: FrameOptions<'_>,
     outputs: &mut [OutputSet],
+    kept: Option<&mut KeptFrames<S::Object>>,
 ) -> Result<(Statistics, bool), RenderError> {
     let begin = Instant::now();
     let (camera, threads) = (options.camera, options.threads.max(1));
@@ -214,6 +256,12 @@ pub(crate) fn render<S: FrameShader>(
     let bucket = (shared(camera, sharers), order);
     let mut frame = Frame::new(scene, shader, options, plan, bucket);
     frame.from_top = from_top;
+    let may_keep = !from_top && frame.options.dump.is_none() && matches!(frame.options.spread, Spread::Alone);
+    if let Some(kept) = kept.filter(|_| may_keep) {
+        kept.begin(frame.basis(), frame.options.memory_bytes);
+        frame.kept = Some(kept);
+        frame.view = kept.view(&frame.view_key());
+    }
     if let Spread::For(coordinator) = frame.options.spread {
         coordinator.begin();
         if !camera.crop.is_empty() && frame.options.dump.is_none() {
@@ -240,11 +288,21 @@ pub(crate) fn render<S: FrameShader>(
             Spread::Over(workers) => frame.spread_over(&**workers, &canvases, scene.get(attr::NET_TINT)),
             _ => all,
         };
+        let left = match frame.kept.filter(|_| frame.is_kept()) {
+            Some(kept) => frame.again(kept, &canvases, threads, left),
+            None => left,
+        };
         if !left.is_empty() {
+            if let Some(kept) = frame.kept {
+                frame.view = Some(kept.new_view(frame.view_key()));
+            }
             let jobs = frame.jobs(scene, threads);
             progress.begin(frame.first_image(), left.iter().map(|index| jobs.cost(*index)).sum());
             failed = frame.run(&jobs, &canvases, threads, &left);
             progress.end();
+        }
+        if let Some(kept) = frame.kept {
+            kept.sweep();
         }
     }
     let statistics = frame.counters.statistics(begin.elapsed(), threads);
@@ -310,7 +368,105 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             counters: Counters::default(),
             again: false,
             from_top: false,
+            kept: None,
+            view: None,
             options,
+        }
+    }
+
+    /// Returns the properties of the frame that kept grids depend on.
+    fn basis(&self) -> Basis {
+        Basis {
+            variables: self.outputs.variables.clone(),
+            needs_shading: self.outputs.needs_shading,
+            blurs: [self.pattern.blur, self.pattern.defocus],
+        }
+    }
+
+    /// Returns the properties of the frame that decide what its samples see.
+    fn view_key(&self) -> ViewKey {
+        ViewKey {
+            crop: self.options.camera.crop,
+            strata: [self.pattern.strata, self.pattern.still_strata],
+            margin: self.margin,
+            composite: self.composite,
+            needs_second_surface: self.outputs.needs_second_surface,
+        }
+    }
+
+    /// Returns the channels and filters of its images.
+    fn image_key(&self) -> ImageKey {
+        let image = |image: &OutputImage| (image.channels.clone(), image.filter, image.opaque_width);
+        ImageKey {
+            wanted: self.outputs.wanted.clone(),
+            images: self.outputs.images.iter().map(image).collect(),
+        }
+    }
+
+    /// True when what the samples of all buckets see is kept.
+    fn is_kept(&self) -> bool {
+        self.view.as_ref().is_some_and(|view| view.has_all(&self.buckets.order))
+    }
+
+    /// Renders the buckets of a frame whose samples see what they saw before. Returns the buckets that are left, which
+    /// are all when something that was needed is lost or hides something else now.
+    fn again(
+        &self,
+        kept: &KeptFrames<S::Object>,
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+        list: Vec<usize>,
+    ) -> Vec<usize> {
+        let broken: Mutex<Option<Broken>> = Mutex::new(None);
+        let turns = Mutex::new(Turns::new(list.iter().copied(), self.priority()));
+        let order = MessageOrder::new(self.options.reporter);
+        let numbers = AtomicUsize::new(0);
+        self.options.progress.begin(self.first_image(), list.len() as u64);
+        let next = || {
+            self.hear(canvases);
+            if self.options.stop.load(Ordering::Relaxed) || broken.lock().is_some() {
+                return None;
+            }
+            let index = turns.lock().next(&self.buckets, self.priority())?;
+            Some((index, numbers.fetch_add(1, Ordering::Relaxed)))
+        };
+        std::thread::scope(|scope| {
+            for _ in 0..threads.min(list.len()) {
+                scope.spawn(|| {
+                    let mut thread = self.thread();
+                    while let Some((index, number)) = next() {
+                        let _part = order.begin(number);
+                        self.begin(canvases, index);
+                        let result =
+                            catch_unwind(AssertUnwindSafe(|| self.bucket_again(kept, index, &mut thread)));
+                        match result {
+                            // Shaders ended early, so these pixels are not valid.
+                            Ok(_) if self.options.stop.load(Ordering::Relaxed) => break,
+                            Ok(Ok(values)) => {
+                                for (canvas, values) in canvases.iter().zip(&values) {
+                                    self.store(canvas, &self.buckets.order[index], values);
+                                }
+                            }
+                            Ok(Err(why)) => *broken.lock() = Some(why),
+                            // The whole frame is rendered, and reports the bucket that fails.
+                            Err(_) => {
+                                *broken.lock() = Some(Broken::Lost);
+                                thread = self.thread();
+                            }
+                        }
+                        self.options.progress.done(number as u64 + 1);
+                    }
+                });
+            }
+        });
+        add(&self.counters.buckets, list.len());
+        self.options.progress.end();
+        match broken.into_inner() {
+            None => Vec::new(),
+            Some(_) => {
+                kept.drop_views();
+                list
+            }
         }
     }
 
@@ -320,6 +476,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() }
     }
 
+    /// True when the frame must end. Results of shaders after that are not valid.
+    fn is_stopped(&self) -> bool {
+        self.options.stop.load(Ordering::Relaxed)
+    }
+
     /// Returns the file name of the first image.
     fn first_image(&self) -> &Path {
         self.outputs.images.first().map_or(Path::new(""), |image| &image.path)
@@ -327,16 +488,17 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Builds the primitives that this camera sees, for their bounds, and sorts them into buckets.
     fn jobs(&self, scene: &Scene, threads: usize) -> Jobs<S::Object> {
-        let visible: Vec<&Arc<Primitive>> = scene.primitives.iter().filter(|p| self.is_visible(p)).collect();
+        let numbered = scene.primitives.iter().enumerate();
+        let visible: Vec<(usize, &Arc<Primitive>)> = numbered.filter(|(_, p)| self.is_visible(p)).collect();
         add(&self.counters.primitives, visible.len());
         let order = MessageOrder::new(self.options.reporter);
         let made = parallel_map(
             visible.into_iter().enumerate(),
             threads,
             || None,
-            |thread, (number, primitive)| {
-                let _part = order.begin(number);
-                let job = catch_unwind(AssertUnwindSafe(|| self.job(primitive, thread)));
+            |thread, (turn, (number, primitive))| {
+                let _part = order.begin(turn);
+                let job = catch_unwind(AssertUnwindSafe(|| self.job(number, primitive, thread)));
                 job.unwrap_or_else(|panic| {
                     let (shape, what) = (primitive.shape.call_name(), panic_text(&*panic));
                     let text = format!("a {shape} is left out: building it failed: {what}");

@@ -48,6 +48,6 @@ pub use error::RenderError;
 pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
 pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics};
 pub use priority::Priority;
-pub use renderer::{FrameReport, Renderer};
+pub use renderer::{FrameReport, Kept, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
 pub use statistics::Statistics;

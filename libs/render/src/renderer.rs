@@ -2,7 +2,7 @@
 
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
-use crate::frame::{self, FrameOptions, FrameShader, ObjectTraits};
+use crate::frame::{self, FrameOptions, FrameShader, KeptFrames, ObjectTraits};
 use crate::output::griddump::GridDump;
 use crate::output::plan::{ImageWriter, OutputSet, WrittenFiles, is_dynamic};
 use crate::spread::Spread;
@@ -11,8 +11,9 @@ use granita_base::{Location, Severity, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
-use granita_shading::ObjectState;
+use granita_shading::{Memo, ObjectState};
 use granita_shading::{ShaderThread, ShadingContext};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -52,11 +53,39 @@ impl Renderer {
     /// are too large, and [`RenderError::Stopped`] when the frame was stopped.
     pub fn render(&self, scene: &Arc<Scene>, camera: Option<&str>) -> Result<FrameReport, RenderError> {
         let mut frame = FrameInProgress::begin(self, scene, camera)?;
-        let views = frame.views.clone();
-        for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
-            frame.render_camera(view)?;
+        frame.render_cameras(camera)?;
+        Ok(frame.finish().0)
+    }
+
+    /// Renders as [`Renderer::render`], with what an earlier call kept, and keeps what a later one may use. The pixels
+    /// are those of [`Renderer::render`], to the bit.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Renderer::render`].
+    pub fn rerender(
+        &self,
+        scene: &Arc<Scene>,
+        camera: Option<&str>,
+        kept: &mut Kept,
+    ) -> Result<FrameReport, RenderError> {
+        let mut frame = FrameInProgress::begin(self, scene, camera)?;
+        frame.kept = Some(
+            kept.0
+                .take()
+                .and_then(|kept| kept.renewed(&frame))
+                .unwrap_or_else(|| Box::new(KeptFrame { shading: None, ..KeptFrame::new(&frame) })),
+        );
+        frame.shading = frame.kept.as_mut().and_then(|kept| kept.shading.take());
+        let built = frame.shading.as_ref().map(ShadingContext::built_for_rays);
+        if let Err(error) = frame.render_cameras(camera) {
+            // What was built for rays while shaders ended early is not valid.
+            let same = frame.shading.as_ref().map(ShadingContext::built_for_rays) == built;
+            kept.0 = if same { frame.into_kept() } else { None };
+            return Err(error);
         }
-        Ok(frame.finish())
+        let (report, frame) = frame.finish();
+        kept.0 = frame;
+        Ok(report)
     }
 
     /// Returns the file names of images that cannot be written, and reports each. `files` holds the files of earlier
@@ -143,7 +172,49 @@ struct FrameInProgress<'r> {
     viewers: Vec<ImageWriter>,
     /// The context of shading, which is made for the first camera that is rendered. All cameras share what it builds.
     shading: Option<ShadingContext>,
+    /// What is kept of the frames of its cameras, for a frame that may be rendered again.
+    kept: Option<Box<KeptFrame>>,
     report: FrameReport,
+}
+
+/// What the frames of a scene in re-rendering mode keep for the next one.
+#[derive(Default)]
+pub struct Kept(Option<Box<KeptFrame>>);
+
+impl std::fmt::Debug for Kept {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Kept").field(&self.0.is_some()).finish()
+    }
+}
+
+/// The data of [`Kept`].
+struct KeptFrame {
+    /// The cameras of the frame.
+    views: Vec<CameraView>,
+    shading: Option<ShadingContext>,
+    /// By the name of the camera.
+    cameras: BTreeMap<Arc<str>, KeptFrames<ObjectState>>,
+}
+
+impl KeptFrame {
+    fn new(frame: &FrameInProgress<'_>) -> Self {
+        Self { views: frame.views.clone(), shading: None, cameras: BTreeMap::new() }
+    }
+
+    /// Prepares what was kept for a frame. Returns `None` when the frame cannot use it.
+    fn renewed(mut self: Box<Self>, frame: &FrameInProgress<'_>) -> Option<Box<Self>> {
+        let environment = &frame.renderer.environment;
+        if frame.is_worker || !matches!(environment.spread, Spread::Alone) {
+            return None;
+        }
+        let same = |(a, b): (&CameraView, &CameraView)| a.differs_in_quality_only(b);
+        if self.views.len() != frame.views.len() || !self.views.iter().zip(&frame.views).all(same) {
+            return None;
+        }
+        self.views.clone_from(&frame.views);
+        let shading = self.shading.as_mut()?;
+        shading.renew(&frame.scene, &environment.shading()).then_some(self)
+    }
 }
 
 impl<'r> FrameInProgress<'r> {
@@ -183,8 +254,24 @@ impl<'r> FrameInProgress<'r> {
             files: WrittenFiles::default(),
             viewers: Vec::new(),
             shading: None,
+            kept: None,
             report: FrameReport { complete: true, ..FrameReport::default() },
         })
+    }
+
+    /// Renders the images of `camera`, or of all cameras that have any.
+    fn render_cameras(&mut self, camera: Option<&str>) -> Result<(), RenderError> {
+        let views = self.views.clone();
+        for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
+            self.render_camera(view)?;
+        }
+        Ok(())
+    }
+
+    /// Returns what the frame keeps.
+    fn into_kept(self) -> Option<Box<KeptFrame>> {
+        let Self { shading, kept, .. } = self;
+        kept.map(|kept| Box::new(KeptFrame { shading, ..*kept }))
     }
 
     /// Renders and writes the images of a camera, if it has any.
@@ -233,8 +320,13 @@ impl<'r> FrameInProgress<'r> {
             scene_files: &environment.scene_files,
             spread: &environment.spread,
             priority: Some(&environment.priority),
+            memory_bytes: match self.scene.get(attr::RERENDER_MEMORY) {
+                0 => None,
+                kb => Some(usize::try_from(kb).unwrap_or(0).saturating_mul(1024)),
+            },
         };
-        let (statistics, complete) = frame::render(&self.scene, shading, options, &mut outputs)?;
+        let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
+        let (statistics, complete) = frame::render(&self.scene, shading, options, &mut outputs, frames)?;
         self.report.statistics.push((view.name.clone(), statistics));
         if self.is_worker {
             return Ok(());
@@ -295,14 +387,15 @@ impl<'r> FrameInProgress<'r> {
     }
 
     /// Writes the texts of shaders and the spatial databases, and closes the viewers.
-    fn finish(self) -> FrameReport {
-        let Self { renderer: Renderer { environment }, shading, viewers, mut report, .. } = self;
+    fn finish(self) -> (FrameReport, Option<Box<KeptFrame>>) {
+        let Self { renderer: Renderer { environment }, shading, viewers, mut report, kept, .. } = self;
+        let with = |shading| kept.map(|kept| Box::new(KeptFrame { shading, ..*kept }));
         let reporter = &environment.reporter;
         if let Some(shading) = &shading {
             report.complete &= shading.finish_texts();
         }
         if self.is_worker {
-            return report;
+            return (report, None);
         }
         match environment.databases.finish(&environment.texture_path) {
             Ok(finished) => report.databases = finished.written,
@@ -319,8 +412,8 @@ impl<'r> FrameInProgress<'r> {
                 reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
             }
         }
-        report.shading = shading.map(|s| s.statistics()).unwrap_or_default();
-        report
+        report.shading = shading.as_ref().map(|s| s.statistics()).unwrap_or_default();
+        (report, with(shading))
     }
 }
 
@@ -364,6 +457,36 @@ impl FrameShader for ShadingContext {
         self.databases.saves()
     }
 
+    fn frame(&self) -> u64 {
+        ShadingContext::frame(self)
+    }
+
+    fn is_locked(&self, primitive: u32) -> bool {
+        let primitive = self.scene.primitives.get(primitive as usize);
+        primitive.is_some_and(|primitive| primitive.attributes.get(attr::RERENDER_LOCKED))
+    }
+
+    fn is_stale(&self, memo: &Memo, since: u64) -> bool {
+        ShadingContext::is_stale(self, memo, since)
+    }
+
+    fn forget(&self, memo: &mut Memo, since: u64) {
+        ShadingContext::forget(self, memo, since);
+    }
+
+    fn shade_keeping(
+        &self,
+        thread: &mut ShaderThread<'_>,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+        memo: &mut Memo,
+    ) -> Vec<Option<Vec<f32>>> {
+        let mut found = thread.shade_keeping(object, grid, wanted, memo);
+        self.place_points(wanted, &mut found);
+        found
+    }
+
     fn displace(&self, thread: &mut ShaderThread<'_>, object: &ObjectState, grid: &mut Grid) {
         thread.displace(object, grid);
     }
@@ -376,6 +499,19 @@ impl FrameShader for ShadingContext {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade(object, grid, wanted);
+        self.place_points(wanted, &mut found);
+        found
+    }
+}
+
+/// What images need of shading.
+trait ImageValues {
+    /// Converts positions to world space.
+    fn place_points(&self, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]);
+}
+
+impl ImageValues for ShadingContext {
+    fn place_points(&self, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]) {
         // Images show world space positions of surfaces. The space of other points is defined by the shader alone.
         let origin = self.camera.common_origin;
         let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
@@ -386,6 +522,5 @@ impl FrameShader for ShadingContext {
                 component.iter_mut().for_each(|x| *x += from);
             }
         }
-        found
     }
 }

@@ -12,7 +12,7 @@ use granita_image::{FormatRegistry, Limits};
 use granita_inputs::Inputs;
 use granita_plugin::Plugins;
 use granita_pyg::{Writer, WriterOptions};
-use granita_render::{Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
+use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
 use granita_scene::{
     Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, attr,
@@ -95,6 +95,8 @@ pub(crate) struct SessionRenderer {
     viewer: OnceLock<Option<String>>,
     /// The images of the current frame that go to the program.
     requested: RequestedImages,
+    /// What the frames of a scene in re-rendering mode keep for the next one.
+    kept: Kept,
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
@@ -133,6 +135,7 @@ impl SessionRenderer {
             looking: Arc::default(),
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
+            kept: Kept::default(),
             master: master.map(Arc::new),
             options,
             reporter,
@@ -266,7 +269,15 @@ impl SessionRenderer {
         }
         let renderer = Renderer::new(self.environment(&scene));
         self.progress.over.store(false, Ordering::Relaxed);
-        let report = match renderer.render(&scene, camera) {
+        let keeps = scene.get(attr::RERENDER) && !self.options.rerenders_anew;
+        let result = match keeps {
+            true => renderer.rerender(&scene, camera, &mut self.kept),
+            false => renderer.render(&scene, camera),
+        };
+        if !keeps {
+            self.kept = Kept::default();
+        }
+        let report = match result {
             Ok(report) => Some(report),
             Err(RenderError::Stopped) => {
                 self.reporter.warning(RenderError::Stopped.to_string());

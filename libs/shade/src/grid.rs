@@ -286,6 +286,22 @@ impl Grid {
         self.topology.points()
     }
 
+    /// The bytes of its arrays on the heap.
+    pub fn bytes(&self) -> usize {
+        let Self { p, n, ng, i, dpdu, dpdv, dpdtime, c, opacity, .. } = self;
+        let lanes = [p, n, ng, i, dpdu, dpdv, dpdtime, c, opacity]
+            .into_iter()
+            .chain(self.lift.iter().flat_map(|l| &**l));
+        let lanes: usize = lanes.flat_map(|lanes| &lanes.xyz).map(Vec::len).sum();
+        let of = |value: &Primvar| match &value.data {
+            PrimvarData::Floats { values, .. } => values.len(),
+            PrimvarData::Strings(list) => 8 * list.len(),
+        };
+        let values = self.primvars.iter().chain(&self.parent).chain(self.messages.iter().map(|m| &m.value));
+        let numbers = lanes + self.u.len() + self.v.len() + self.names.len() + values.map(of).sum::<usize>();
+        size_of::<f32>() * numbers + size_of_val(&self.uneven[..]) + size_of::<Self>()
+    }
+
     /// True when there are no lanes.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

@@ -1,8 +1,10 @@
 //! The state of a frame that shaders read.
 
+use crate::files_used::FilesUsed;
 use crate::lighting::cache::IrradianceCache;
 use crate::lighting::directions::EnvironmentSampler;
 use crate::lighting::lights::LightState;
+use crate::memo::Changes;
 use crate::object::{LinkedShaders, Linker, ObjectState, StateShaders};
 use crate::services::maps;
 use crate::spaces::{Spaces, Units};
@@ -13,11 +15,12 @@ use granita_dicing::{CameraView, finite};
 use granita_rays::{RayFrame, RayWorld};
 
 use granita_scene::attribute::{Key, scope};
-use granita_scene::{LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
+use granita_scene::{AttributeSet, LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
 use granita_shade::Group;
 use granita_texture::{CacheOptions, TextureCache, TextureId, Up, Use};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use parking_lot::RwLock;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Depth maps that are rendered on demand while shaders read them (reference 10.1.5).
@@ -38,7 +41,7 @@ pub struct ShadingContext {
     /// Receives messages.
     pub reporter: Reporter,
     /// Set when the frame must end. Results after that may be incomplete.
-    stop: Arc<AtomicBool>,
+    pub(crate) stop: Arc<AtomicBool>,
     /// The named spaces.
     pub(crate) spaces: Spaces,
     /// The units of "common" space.
@@ -50,11 +53,11 @@ pub struct ShadingContext {
     /// The spatial databases.
     pub databases: Arc<Databases>,
     database_attributes: Attributes,
-    texture_path: SearchPath,
+    pub(crate) texture_path: SearchPath,
     /// Samplers of the light of environment maps, by map name and upper direction.
-    directions: OnceMap<MapFrame, Option<Arc<EnvironmentSampler>>>,
+    pub(crate) directions: OnceMap<MapFrame, Option<Arc<EnvironmentSampler>>>,
     /// The databases that `subsurface ()` queries.
-    clustered: OnceMap<(String, Mode), Option<Clustered>>,
+    pub(crate) clustered: OnceMap<(String, Mode), Option<Clustered>>,
     /// The lights by [`LightId`]; `None` for lights that stay dark.
     pub(crate) lights: Vec<Option<LightState>>,
     /// The geometry that rays intersect.
@@ -66,11 +69,17 @@ pub struct ShadingContext {
     /// The indirect light and occlusion of points that grids share.
     pub(crate) light_cache: IrradianceCache,
     pub(crate) library: Arc<dyn ShaderLibrary>,
-    states: States,
+    pub(crate) states: States,
+    /// The files that shaders asked for.
+    pub(crate) files_used: FilesUsed,
+    /// The number of object states.
+    objects: AtomicU32,
+    /// What changed before each frame, from the second one on.
+    pub(crate) history: Vec<Changes>,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
-type MapFrame = (String, String);
+pub(crate) type MapFrame = (String, String);
 
 /// Records, and clusters of the far ones.
 pub(crate) type Clustered = (Arc<Packed>, Arc<Clusters>);
@@ -89,15 +98,18 @@ fn database_attributes(scene: &Scene) -> Attributes {
     }
 }
 
+/// The key of an object state: the address of the attribute set, whether the primitive has its own "opacity", and
+/// whether it is a grid with colours.
+pub(crate) type ObjectKey = (usize, bool, bool);
+
 /// Cached states by the address of their source. The scene keeps all sources alive, so an address identifies one of
 /// them for the whole frame.
 #[derive(Default)]
-struct States {
-    /// States by attribute set, by whether the primitive has its own "opacity", and by whether it is a grid with
-    /// colours.
-    objects: OnceMap<(usize, bool, bool), Arc<ObjectState>>,
-    groups: OnceMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
-    default_surface: OnceLock<Arc<LinkedShaders>>,
+pub(crate) struct States {
+    /// The states of objects.
+    pub(crate) objects: OnceMap<ObjectKey, Arc<ObjectState>>,
+    pub(crate) groups: OnceMap<(usize, ShaderUsage), Option<Arc<LinkedShaders>>>,
+    pub(crate) default_surface: OnceLock<Arc<LinkedShaders>>,
 }
 
 /// Returns the largest number of texture files open at once: "limits:texturefiles", and no more than three quarters
@@ -108,28 +120,51 @@ fn texture_files(attribute: i32, open_files: Option<usize>) -> usize {
     usize::try_from(attribute).unwrap_or(0).min(most).max(1)
 }
 
+/// Returns an empty cache of the texture files of a scene.
+pub(crate) fn texture_cache(
+    scene: &Scene,
+    camera: &CameraView,
+    environment: &ShadingEnvironment,
+) -> TextureCache {
+    let named =
+        |key: Key<scope::Global, Arc<str>>| Some(scene.get(key).to_string()).filter(|s| !s.is_empty());
+    let options = CacheOptions {
+        memory_bytes: u64::try_from(scene.get(attr::LIMITS_TEXTUREMEMORY)).map_or(0, |kb| kb * 1024),
+        max_files: texture_files(scene.get(attr::LIMITS_TEXTUREFILES), environment.open_files),
+        automipmap: scene.get(attr::TEXTURE_AUTOMIPMAP),
+        substitute_texture: named(attr::TEXTURE_SUBSTTEXTURE),
+        substitute_environment: named(attr::TEXTURE_SUBSTENV),
+        common_origin: camera.common_origin,
+    };
+    TextureCache::new(
+        environment.registry.clone(),
+        environment.texture_path.clone(),
+        options,
+        environment.reporter.clone(),
+    )
+}
+
+/// Makes parameters stay on the grid for later shaders of the object and for lights that query them. Returns true when
+/// those of the displacement shaders do.
+pub(crate) fn keep_parameters(state: &ObjectState, groups: &[&Group]) -> bool {
+    let mut displacement_says = false;
+    for shaders in [state.displacement.as_ref(), Some(&state.surface)].into_iter().flatten() {
+        let kind = crate::object::kind(shaders.usage);
+        if groups.iter().any(|group| group.usage() != kind && group.listens_to(kind)) {
+            shaders.group.keep_parameters();
+            displacement_says |= shaders.usage == ShaderUsage::Displacement;
+        }
+    }
+    displacement_says
+}
+
 impl ShadingContext {
     /// Links the lights and prepares the rest. It loads no surface, opens no texture and builds no ray structures.
     pub fn new(scene: &Arc<Scene>, camera: &CameraView, environment: &ShadingEnvironment) -> Self {
         let reporter = environment.reporter.clone();
         let linker = Linker { library: &*environment.shaders, reporter: &reporter };
         let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
-        let named =
-            |key: Key<scope::Global, Arc<str>>| Some(scene.get(key).to_string()).filter(|s| !s.is_empty());
-        let options = CacheOptions {
-            memory_bytes: u64::try_from(scene.get(attr::LIMITS_TEXTUREMEMORY)).map_or(0, |kb| kb * 1024),
-            max_files: texture_files(scene.get(attr::LIMITS_TEXTUREFILES), environment.open_files),
-            automipmap: scene.get(attr::TEXTURE_AUTOMIPMAP),
-            substitute_texture: named(attr::TEXTURE_SUBSTTEXTURE),
-            substitute_environment: named(attr::TEXTURE_SUBSTENV),
-            common_origin: camera.common_origin,
-        };
-        let textures = TextureCache::new(
-            environment.registry.clone(),
-            environment.texture_path.clone(),
-            options,
-            reporter.clone(),
-        );
+        let textures = texture_cache(scene, camera, environment);
         let threads = match environment.threads {
             0 => usize::try_from(scene.get(attr::LIMITS_THREADS)).unwrap_or(1).max(1),
             n => n,
@@ -155,6 +190,9 @@ impl ShadingContext {
             clustered: OnceMap::default(),
             states: States::default(),
             stop: environment.stop.clone(),
+            files_used: FilesUsed::new(environment.texture_path.clone()),
+            objects: AtomicU32::new(0),
+            history: Vec::new(),
             reporter,
         }
     }
@@ -243,30 +281,35 @@ impl ShadingContext {
         let shaders = StateShaders { surface, displacement, volume };
         let mut state = ObjectState::new(attributes, shaders, own_opacity, &self.spaces);
         state.preshaded = preshaded;
-        let shines = |id: &LightId| self.light(*id).is_some();
-        state.lights = attributes.lights.iter().filter(shines).collect();
-        let groups = self.groups(&state);
-        // Parameters stay on the grid for later shaders of the object and for lights that query them.
-        for shaders in [state.displacement.as_ref(), Some(&state.surface)].into_iter().flatten() {
-            let kind = crate::object::kind(shaders.usage);
-            if groups.iter().any(|group| group.usage() != kind && group.listens_to(kind)) {
-                shaders.group.keep_parameters();
-            }
-        }
-        let saves = |key: Key<scope::Object, Arc<str>>| self.database_mode(&attributes.get(key), "").write;
+        state.number = self.objects.fetch_add(1, Ordering::Relaxed);
+        state.lights = RwLock::new(self.shining(attributes));
+        let lights = state.lights();
+        let groups = self.groups(&state, &lights);
+        let displacement_says = keep_parameters(&state, &groups);
         let may_batch = !state.preshaded && groups.iter().all(|group| !group.is_gridwise());
-        let saves = saves(attr::INDIRECT_SPATIALDB)
-            || saves(attr::OCCLUSION_SPATIALDB)
-            || groups.iter().any(|group| group.may_save());
-        (state.may_batch, state.saves) = (may_batch, saves);
+        let saves = self.saves(attributes, &groups);
+        (state.may_batch, state.saves, state.displacement_says) = (may_batch, saves, displacement_says);
         state
     }
 
-    /// Returns all groups that run when the object is shaded.
-    fn groups<'s>(&'s self, state: &'s ObjectState) -> Vec<&'s Group> {
+    /// True when shaders of an object may save data.
+    pub(crate) fn saves(&self, attributes: &AttributeSet, groups: &[&Group]) -> bool {
+        let writes = |key: Key<scope::Object, Arc<str>>| self.database_mode(&attributes.get(key), "").write;
+        writes(attr::INDIRECT_SPATIALDB)
+            || writes(attr::OCCLUSION_SPATIALDB)
+            || groups.iter().any(|group| group.may_save())
+    }
+
+    /// Returns the lights of an attribute set that are not dark.
+    pub(crate) fn shining(&self, attributes: &AttributeSet) -> Arc<[LightId]> {
+        attributes.lights.iter().filter(|id| self.light(*id).is_some()).collect()
+    }
+
+    /// Returns all groups that run when the object is shaded under some lights.
+    pub(crate) fn groups<'s>(&'s self, state: &'s ObjectState, lights: &[LightId]) -> Vec<&'s Group> {
         let own = [Some(&state.surface), state.displacement.as_ref(), state.volume.as_ref()];
         let own = own.into_iter().flatten().map(|shaders| &shaders.group);
-        let lights = state.lights.iter().filter_map(|id| self.light(*id)).map(|light| &light.shaders.group);
+        let lights = lights.iter().filter_map(|id| self.light(*id)).map(|light| &light.shaders.group);
         own.chain(lights).collect()
     }
 

@@ -19,9 +19,12 @@
 
 mod context;
 mod environment;
+mod files_used;
 mod lighting;
+mod memo;
 mod object;
 pub mod preshaded;
+mod renew;
 mod run;
 mod services;
 mod spaces;
@@ -37,6 +40,7 @@ mod tests;
 
 pub use context::{DepthMaps, ShadingContext};
 pub use environment::{NoShader, ShaderLibrary, ShadingEnvironment};
+pub use memo::{Changes, Memo, MemoBytes};
 pub use object::{DEFAULT_SURFACE, LinkedShaders, ObjectState};
 pub use spaces::{Spaces, Units};
 pub use statistics::ShadingStatistics;

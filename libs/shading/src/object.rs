@@ -11,6 +11,7 @@ use granita_gsl::{CompileOptions, ValidModule};
 use granita_rays::{RayDisplacement, RayObject};
 use granita_scene::{AttributeSet, Holdout, LightId, ShaderGroup, ShaderUsage, attr};
 use granita_shade::{ConnectionSource, Group, LayerSource};
+use parking_lot::RwLock;
 use std::sync::Arc;
 
 /// The surface shader of objects that have none (reference 8.1.1).
@@ -249,8 +250,12 @@ pub struct ObjectState {
     pub ray_motion: bool,
     /// True when the object is displaced for rays and not only bumped ("ray:displace").
     pub ray_displace: bool,
-    /// The lights that illuminate it.
-    pub lights: Arc<[LightId]>,
+    /// The lights that illuminate it. A re-render may change them.
+    pub(crate) lights: RwLock<Arc<[LightId]>>,
+    /// True when the parameters and messages of its displacement shaders stay on its grids.
+    pub(crate) displacement_says: bool,
+    /// Its number in the context. Results of shading that depend on its lights name it.
+    pub(crate) number: u32,
 }
 
 /// The linked shaders of a state.
@@ -300,12 +305,19 @@ impl ObjectState {
             shadow_bias: attributes.get(attr::SHADOW_BIAS).max(0.0),
             ray_motion: attributes.get(attr::RAY_MOTION),
             ray_displace: attributes.get(attr::RAY_DISPLACE),
-            lights: attributes.lights.iter().collect(),
+            lights: RwLock::new(attributes.lights.iter().collect()),
+            displacement_says: false,
+            number: 0,
             surface: shaders.surface,
             displacement: shaders.displacement,
             volume: shaders.volume,
             attributes: attributes.clone(),
         }
+    }
+
+    /// Returns the lights that illuminate it.
+    pub fn lights(&self) -> Arc<[LightId]> {
+        self.lights.read().clone()
     }
 
     /// True when the displacement moves points for rays, and not only their normals.

@@ -1,6 +1,7 @@
 //! Runs the shaders of objects on grids.
 
 use crate::context::ShadingContext;
+use crate::memo::{Dependencies, Dependency, Memo};
 use crate::object::{LinkedShaders, ObjectState};
 use crate::services::Run;
 use crate::thread::ShaderThread;
@@ -52,6 +53,26 @@ impl ShaderThread<'_> {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         self.shade_as(object, grid, wanted, Executor::run)
+    }
+
+    /// Does the same as [`ShaderThread::shade`] for a grid that a camera sees. The answers of its shaders' requests are
+    /// taken from `memo` where it has them, and kept there.
+    pub fn shade_keeping(
+        &mut self,
+        object: &ObjectState,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+        memo: &mut Memo,
+    ) -> Vec<Option<Vec<f32>>> {
+        memo.begin();
+        self.memo = Some(std::mem::take(memo));
+        self.notes = Some(Dependencies::from_iter([Dependency::Object(object.number)]));
+        let found = self.shade(object, grid, wanted);
+        let mut depends = self.notes.take().unwrap_or_default();
+        depends.shrink();
+        *memo = self.memo.take().unwrap_or_default();
+        memo.end(depends);
+        found
     }
 
     /// Does the same as [`ShaderThread::shade`] for a ray whose shader requests variables. Messages have precedence

@@ -3,19 +3,20 @@
 //!
 //! A [`Run`] serves one run of one shader group over one grid. The requests for rays are in `services/rays.rs`,
 //! shadows in `services/shadow.rs`, indirect light and occlusion in `services/light.rs`, and maps in
-//! `services/maps.rs`. This file has the others.
-//! occlusion in `services/light.rs`, maps in `services/maps.rs`; here is the rest.
+//! `services/maps.rs`. This file has the others. Answers that are kept for re-renders are found in `services/recall.rs`.
 
 mod database;
 mod light;
 pub(crate) mod maps;
 mod rays;
+mod recall;
 mod shadow;
 mod sky;
 mod tiles;
 
 use crate::lighting::area::{self, AreaLight};
 use crate::lighting::lights::{LightMemory, LightState, mend};
+use crate::memo::{Answer, Dependency};
 use crate::object::RayScene;
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
@@ -33,6 +34,7 @@ use granita_shade::{
     Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureQuery, Textures,
     Topology, TraceQuery, TraceResult,
 };
+use recall::{Asked, Question};
 use std::sync::Arc;
 
 /// Hashed with lane seeds for places on area lights.
@@ -88,7 +90,7 @@ pub(crate) struct Run<'r, 'f> {
     /// True when rays see motion.
     ray_motion: bool,
     /// The lights that may be queried. There are none inside a light, and none for a ray that needs opacity only.
-    lights: &'r [LightId],
+    lights: Arc<[LightId]>,
     /// The grid that the lights read.
     lit: Option<Grid>,
     memory: LightMemory,
@@ -113,6 +115,8 @@ pub(crate) struct Run<'r, 'f> {
     databases: Vec<database::OwnDatabase>,
     /// The number of texts that `fprintf` wrote so far.
     appended: u32,
+    /// True for a light whose answers are not kept for re-renders.
+    is_anew: bool,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -124,7 +128,7 @@ impl<'r, 'f> Run<'r, 'f> {
         grid: &Grid,
     ) -> Self {
         let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
-        let lights: &[LightId] = if gathers { &object.lights } else { &[] };
+        let lights = if gathers { object.lights() } else { Arc::default() };
         let frame = thread.frame();
         Self {
             frame,
@@ -140,8 +144,9 @@ impl<'r, 'f> Run<'r, 'f> {
             owner: object.name.clone(),
             shadow_bias: object.shadow_bias,
             ray_motion: object.ray_motion,
+            lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, &lights)),
             lights,
-            lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, lights)),
+            is_anew: false,
             memory: LightMemory::default(),
             time: grid.time,
             dtime: grid.dtime,
@@ -187,8 +192,9 @@ impl<'r, 'f> Run<'r, 'f> {
                 false => light.shadow_bias,
             },
             ray_motion: surface.ray_motion,
-            lights: &[],
+            lights: Arc::default(),
             lit: None,
+            is_anew: light.is_anew,
             memory: LightMemory::default(),
             time: surface.time,
             dtime: surface.dtime,
@@ -491,31 +497,62 @@ impl Spaces for Run<'_, '_> {
 
 impl Textures for Run<'_, '_> {
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        maps::texture(self.thread.textures(), query, out);
+        match self.ask(Question::Texture, |_, key| recall::texture(key, query)) {
+            Asked::Known(Answer::Lookup(known)) => *out = *known,
+            Asked::New(ticket) => {
+                self.note_file(query.name);
+                maps::texture(self.thread.textures(), query, out);
+                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
+            }
+            _ => {
+                self.note_file(query.name);
+                maps::texture(self.thread.textures(), query, out);
+            }
+        }
     }
 
     fn texture3d(&mut self, query: &Texture3dQuery<'_>, out: &mut LookupResult) {
-        maps::texture3d(self.thread.textures(), query, out);
+        match self.ask(Question::Texture3d, |_, key| recall::texture3d(key, query)) {
+            Asked::Known(Answer::Lookup(known)) => *out = *known,
+            Asked::New(ticket) => {
+                self.note_file(query.name);
+                maps::texture3d(self.thread.textures(), query, out);
+                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
+            }
+            _ => {
+                self.note_file(query.name);
+                maps::texture3d(self.thread.textures(), query, out);
+            }
+        }
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
-        if self.frame.rays.is_set(query.name) {
-            let lanes = rays::TracingLanes::new(self, query.batch.active);
-            let batch = Batch { active: &lanes.traced, ..query.batch };
-            rays::environment(self, &EnvironmentQuery { batch, ..*query }, out);
-            out.value.iter_mut().for_each(|channel| lanes.copy(channel));
-            lanes.copy(&mut out.alpha);
-            lanes.copy(&mut out.hitdist);
-            lanes.copy3(&mut out.p_hit);
-            lanes.copy3(&mut out.n_hit);
-        } else {
-            let space = query.options.space.and_then(|s| self.to_common(s, query.batch.layer));
-            if query.options.sample.is_some() && self.drawn(query, space, out) {
-                return;
+        let is_set = self.frame.rays.is_set(query.name);
+        if !is_set {
+            self.note_file(query.name);
+        }
+        let space = match is_set {
+            true => None,
+            false => query.options.space.and_then(|s| self.to_common(s, query.batch.layer)),
+        };
+        // Samples that are drawn from a map depend on those before them.
+        let asked = match query.options.sample {
+            Some(_) if !is_set => Asked::Unkept,
+            _ => self.ask(Question::Environment, |_, key| {
+                recall::environment(key, query);
+                key.numbers(&space.map_or([0.0; 16], |space| space.to_rows()));
+            }),
+        };
+        match asked {
+            Asked::Known(Answer::Lookup(known)) => *out = *known,
+            Asked::New(ticket) => {
+                if !is_set {
+                    self.note_file(query.name);
+                }
+                self.look_around(query, space, out);
+                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
             }
-            // The results of indirect rays are averaged, so an approximate lookup suffices.
-            let quick = self.ray.indirect;
-            maps::environment(self.thread.textures(), query, space, quick, out);
+            _ => self.look_around(query, space, out),
         }
     }
 
@@ -533,6 +570,69 @@ impl Textures for Run<'_, '_> {
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+        match self.ask(Question::Shadow, |_, key| recall::shadow(key, query)) {
+            Asked::Known(Answer::Lanes3(known)) => recall::copy3(&known, out, query.batch),
+            Asked::New(ticket) => {
+                self.blocked(query, out);
+                self.keep(ticket, Answer::Lanes3(out.clone()));
+            }
+            _ => self.blocked(query, out),
+        }
+    }
+
+    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
+        self.note_file(texture);
+        self.frame.textures.info(texture, name)
+    }
+}
+
+impl Run<'_, '_> {
+    /// Runs a light for a query.
+    fn light_of(&mut self, light: &LightState, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        // The grid is moved to the light while it runs. Nothing else uses it in that time.
+        let Some(mut grid) = self.lit.take() else { return Arc::default() };
+        // The messages of this surface shader follow those of earlier shaders.
+        let earlier = grid.messages.len();
+        grid.messages.extend_from_slice(query.messages);
+        self.calls += 1;
+        let result = match &light.area {
+            Some(area) => self.area_light(light, area, &grid, query),
+            None if light.samples > 1 => self.broad_light(light, &grid, query),
+            None => self.run_light(light, &grid, query, 0),
+        };
+        grid.messages.truncate(earlier);
+        self.lit = Some(grid);
+        Arc::new(result)
+    }
+
+    /// Answers `environment ()`. `space` leads from the space of a map to "common".
+    fn look_around(
+        &mut self,
+        query: &EnvironmentQuery<'_>,
+        space: Option<Transform>,
+        out: &mut LookupResult,
+    ) {
+        if self.frame.rays.is_set(query.name) {
+            let lanes = rays::TracingLanes::new(self, query.batch.active);
+            let batch = Batch { active: &lanes.traced, ..query.batch };
+            rays::environment(self, &EnvironmentQuery { batch, ..*query }, out);
+            out.value.iter_mut().for_each(|channel| lanes.copy(channel));
+            lanes.copy(&mut out.alpha);
+            lanes.copy(&mut out.hitdist);
+            lanes.copy3(&mut out.p_hit);
+            lanes.copy3(&mut out.n_hit);
+            return;
+        }
+        if query.options.sample.is_some() && self.drawn(query, space, out) {
+            return;
+        }
+        // The results of indirect rays are averaged, so an approximate lookup suffices.
+        let quick = self.ray.indirect;
+        maps::environment(self.thread.textures(), query, space, quick, out);
+    }
+
+    /// Answers `shadow ()`.
+    fn blocked(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         if self.frame.rays.is_set(query.name) {
             let single = query.options.samples.is_none() && query.options.angle.is_none();
             let bits = |v: Vec3| v.to_array().map(f32::to_bits);
@@ -544,6 +644,7 @@ impl Textures for Run<'_, '_> {
             lanes.copy3(out);
             return;
         }
+        self.note_file(query.name);
         let call = self.next_call(query.batch.active);
         let seeds = |lane: u32| self.lane_seed(call, lane);
         // A thread that builds structures for others or renders a map must not wait for maps.
@@ -556,10 +657,6 @@ impl Textures for Run<'_, '_> {
         let bias = |lane| self.bias(query.options.bias, lane);
         maps::shadow(&mut reader, query, &seeds, &bias, out);
     }
-
-    fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
-        self.frame.textures.info(texture, name)
-    }
 }
 
 impl Lights for Run<'_, '_> {
@@ -568,8 +665,9 @@ impl Lights for Run<'_, '_> {
     }
 
     fn light_info(&mut self, index: usize) -> LightInfo {
-        let light = self.lights.get(index).and_then(|id| self.frame.light(*id));
-        light.map(|l| l.info.clone()).unwrap_or_default()
+        let Some(&id) = self.lights.get(index) else { return LightInfo::default() };
+        self.note(Dependency::Light(id));
+        self.frame.light(id).map(|l| l.info.clone()).unwrap_or_default()
     }
 
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
@@ -578,21 +676,27 @@ impl Lights for Run<'_, '_> {
         }
         let dark = Arc::new(LightResult::default());
         let Some(&id) = self.lights.get(index) else { return dark };
+        self.note(Dependency::Light(id));
         let Some(light) = self.frame.light(id) else { return dark };
-        // The grid is moved to the light while it runs. Nothing else uses it in that time.
-        let Some(mut grid) = self.lit.take() else { return dark };
-        // The messages of this surface shader follow those of earlier shaders.
-        let earlier = grid.messages.len();
-        grid.messages.extend_from_slice(query.messages);
-        self.calls += 1;
-        let result = match &light.area {
-            Some(area) => self.area_light(light, area, &grid, query),
-            None if light.samples > 1 => self.broad_light(light, &grid, query),
-            None => self.run_light(light, &grid, query, 0),
+        let asked = match light.is_anew {
+            true => Asked::Unkept,
+            false => self.ask(Question::Light, |run, key| {
+                key.word(id.0);
+                // A volume shader runs after the surface shader, which sets the colours.
+                let of_volume = run.lit.as_ref().filter(|_| run.shaders.usage == ShaderUsage::Volume);
+                recall::light(key, query, of_volume.map(|lit| [&lit.c, &lit.opacity]));
+            }),
         };
-        grid.messages.truncate(earlier);
-        self.lit = Some(grid);
-        let result = Arc::new(result);
+        let result = match asked {
+            Asked::Known(Answer::Light(known)) => known,
+            Asked::New(ticket) => {
+                self.note(Dependency::Light(id));
+                let result = self.light_of(light, query);
+                self.keep(ticket, Answer::Light(result.clone()));
+                result
+            }
+            _ => self.light_of(light, query),
+        };
         // The messages of the surface may differ next time.
         if !light.listens {
             self.memory.keep(index, query, &result);
@@ -608,6 +712,51 @@ impl Lights for Run<'_, '_> {
 
 impl Rays for Run<'_, '_> {
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
+        match self.ask(Question::Trace, |_, key| recall::trace(key, query)) {
+            Asked::Known(Answer::Trace(known)) => *out = *known,
+            Asked::New(ticket) => {
+                self.trace_anew(query, out);
+                self.keep(ticket, Answer::Trace(Box::new(out.clone())));
+            }
+            _ => self.trace_anew(query, out),
+        }
+    }
+
+    fn occlusion(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+        match self.ask(Question::Occlusion, |_, key| recall::gather(key, query)) {
+            Asked::Known(Answer::Occlusion(blocked, open)) => {
+                query.batch.active.iter().for_each(|i| out[*i as usize] = blocked[*i as usize]);
+                recall::copy3(&open, unoccluded, query.batch);
+            }
+            Asked::New(ticket) => {
+                self.occluded(query, out, unoccluded);
+                self.keep(ticket, Answer::Occlusion(out.to_vec(), unoccluded.clone()));
+            }
+            _ => self.occluded(query, out, unoccluded),
+        }
+    }
+
+    fn indirect(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
+        match self.ask(Question::Indirect, |_, key| recall::gather(key, query)) {
+            Asked::Known(Answer::Lanes3(known)) => recall::copy3(&known, out, query.batch),
+            Asked::New(ticket) => {
+                self.gathered(query, out);
+                self.keep(ticket, Answer::Lanes3(out.clone()));
+            }
+            _ => self.gathered(query, out),
+        }
+    }
+
+    fn queries_parent(&mut self, set: &str) -> bool {
+        !self.thread.builds_rays
+            && self.frame.rays.is_set(set)
+            && self.frame.rays.scene(set, self.frame).is_some_and(|scene| scene.queries_parents)
+    }
+}
+
+impl Run<'_, '_> {
+    /// Answers `trace`.
+    fn trace_anew(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
         let lanes = rays::TracingLanes::new(self, query.batch.active);
         let batch = Batch { active: &lanes.traced, ..query.batch };
         rays::trace(self, &TraceQuery { batch, ..*query }, out);
@@ -623,7 +772,8 @@ impl Rays for Run<'_, '_> {
         }
     }
 
-    fn occlusion(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+    /// Answers `occlusion ()`.
+    fn occluded(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
         let lanes = rays::TracingLanes::new(self, query.batch.active);
         let batch = Batch { active: &lanes.traced, ..query.batch };
         light::occlusion(self, &GatherQuery { batch, ..*query }, out, unoccluded);
@@ -631,30 +781,28 @@ impl Rays for Run<'_, '_> {
         lanes.copy3(unoccluded);
     }
 
-    fn indirect(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
+    /// Answers `indirect ()`.
+    fn gathered(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
         let lanes = rays::TracingLanes::new(self, query.batch.active);
         let batch = Batch { active: &lanes.traced, ..query.batch };
         light::indirect(self, &GatherQuery { batch, ..*query }, out);
         lanes.copy3(out);
     }
-
-    fn queries_parent(&mut self, set: &str) -> bool {
-        !self.thread.builds_rays
-            && self.frame.rays.is_set(set)
-            && self.frame.rays.scene(set, self.frame).is_some_and(|scene| scene.queries_parents)
-    }
 }
 
 impl Databases for Run<'_, '_> {
     fn spatialdb_save(&mut self, query: &DatabaseSave<'_>) {
+        self.note_file(query.name);
         database::save(self, query);
     }
 
     fn spatialdb_query(&mut self, query: &DatabaseQuery<'_>, values: &mut [Vec<f32>], found: &mut [bool]) {
+        self.note_file(query.name);
         database::query(self, query, values, found);
     }
 
     fn subsurface(&mut self, query: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        self.note_file(query.name);
         database::subsurface(self, query, out);
     }
 }

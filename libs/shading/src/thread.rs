@@ -1,6 +1,7 @@
 //! The state that one thread writes to while it shades.
 
 use crate::context::ShadingContext;
+use crate::memo::{Dependencies, Dependency, Memo};
 use granita_scene::attr;
 use granita_shade::Executor;
 use granita_texture::TextureReader;
@@ -32,6 +33,10 @@ pub struct ShaderThread<'f> {
     pub is_unlit: bool,
     /// True when shaders print and save nothing, because their grids are shaded again.
     pub is_mute: bool,
+    /// What the running shader's results depend on so far; `None` when that is not asked for.
+    pub(crate) notes: Option<Dependencies>,
+    /// The answers that are kept for the grid that is shaded.
+    pub(crate) memo: Option<Memo>,
 }
 
 impl<'f> ShaderThread<'f> {
@@ -46,6 +51,8 @@ impl<'f> ShaderThread<'f> {
             builds_rays: false,
             is_unlit: false,
             is_mute: false,
+            notes: None,
+            memo: None,
         }
     }
 
@@ -58,6 +65,30 @@ impl<'f> ShaderThread<'f> {
     /// camera sees them.
     pub(crate) fn keeps_saved(&self) -> bool {
         !self.builds_rays && !self.is_mute
+    }
+
+    /// Notes that the running shader's results depend on something.
+    pub(crate) fn note(&mut self, one: Dependency) {
+        if let Some(notes) = &mut self.notes {
+            notes.add(one);
+        }
+    }
+
+    /// Begins the notes of ray hits. Returns the notes before them.
+    pub(crate) fn notes_of_rays(&mut self) -> Option<Dependencies> {
+        self.notes.as_mut().map(std::mem::take)
+    }
+
+    /// Ends the notes of ray hits. Without "rerender:reshaderays", results do not depend on the lights of what rays
+    /// hit.
+    pub(crate) fn join_notes(&mut self, outer: Option<Dependencies>) {
+        let Some(mut outer) = outer else { return };
+        let mut of_rays = self.notes.take().unwrap_or_default();
+        if !self.frame.scene.get(attr::RERENDER_RESHADERAYS) {
+            of_rays.keep_files();
+        }
+        outer.add_all(&of_rays);
+        self.notes = Some(outer);
     }
 
     /// Returns the reader of texture files. It does not hold maps without files.

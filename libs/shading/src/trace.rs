@@ -4,6 +4,7 @@
 //! shaded by the same executor as everything else. The result of a ray depends on the ray alone. The random numbers
 //! at its hits follow from its seed, so that neither threads, buckets nor batches show.
 
+use crate::memo::Dependency;
 use crate::object::RayScene;
 use crate::{ShaderThread, ShadingContext};
 use granita_base::{Color, Location, Severity, Vec3, hash};
@@ -253,6 +254,7 @@ impl ShaderThread<'_> {
         talk: Talk<'_>,
     ) -> Vec<Shaded> {
         let Talk { said, wanted, values } = talk;
+        let outer = self.notes_of_rays();
         let mut out = vec![Shaded { color: Color::ZERO, opacity: Color::ONE, n: Vec3::ZERO }; pending.len()];
         self.frame().rays.counts.shaded.fetch_add(pending.len() as u64, Ordering::Relaxed);
         self.for_located(scene, pending, &mut |thread, located, group| {
@@ -270,6 +272,9 @@ impl ShaderThread<'_> {
                 let object = scene.object(&pending[first].hit).clone();
                 if how.ray.shadow && object.opaque_to_shadows {
                     continue;
+                }
+                if !how.ray.shadow {
+                    thread.note(Dependency::Object(object.number));
                 }
                 let (_, id) = scene.primitive(&pending[first].hit);
                 let derivatives = thread.frame().wants_derivatives(&object, how.ray);
@@ -319,6 +324,7 @@ impl ShaderThread<'_> {
                 }
             }
         });
+        self.join_notes(outer);
         out
     }
 }
@@ -366,7 +372,7 @@ impl ShadingContext {
         object.at_ray_hits().any(|s| s.group.needs_derivatives())
             || !kind.shadow
                 && object
-                    .lights
+                    .lights()
                     .iter()
                     .filter_map(|l| self.light(*l))
                     .any(|l| l.shaders.group.needs_derivatives())

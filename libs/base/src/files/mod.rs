@@ -24,6 +24,25 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
+/// The state of a file on disk. A file that was written again has another one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileStamp {
+    modified: Option<SystemTime>,
+    bytes: u64,
+    /// The number of the file in its file system; 0 where there is none.
+    number: u64,
+}
+
+impl FileStamp {
+    fn of(metadata: &std::fs::Metadata) -> Self {
+        #[cfg(unix)]
+        let number = std::os::unix::fs::MetadataExt::ino(metadata);
+        #[cfg(not(unix))]
+        let number = 0;
+        Self { modified: metadata.modified().ok(), bytes: metadata.len(), number }
+    }
+}
+
 /// A file that cannot be opened, read or written.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}", path.display())]
@@ -188,6 +207,15 @@ impl Files {
             None => path.is_file(),
             Some(confined) => confined.is_file(path),
         }
+    }
+
+    /// Returns the stamp of a file; `None` when there is no such file, or none that may be read.
+    pub fn stamp(&self, path: &Path) -> Option<FileStamp> {
+        let metadata = match &self.rules {
+            None => path.metadata().ok()?,
+            Some(_) => self.open(path).ok()?.metadata().ok()?,
+        };
+        Some(FileStamp::of(&metadata))
     }
 
     /// Returns the location of the file that the run itself wrote under the relative name `path`; `None` when it wrote

@@ -1,16 +1,19 @@
 //! Renders one bucket: collect, hide, filter.
 
-use super::job::{Job, LeafSlot, LeafState};
+use super::job::{Job, LeafSlot, LeafState, Sighting};
+use super::kept::{Broken, GridId, KeptBucket, KeptEye, KeptFrames, Layer};
+use super::shade::MadeGrid;
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::output::griddump::Described;
 use crate::statistics::{add, add_time};
 use granita_dicing::Leaf;
 use granita_hider::film;
-use granita_hider::{SampleGrid, ShadedGrid, Surfaces};
+use granita_hider::{KeptSurfaces, SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use parking_lot::MutexGuard;
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, VecDeque};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The largest number of points of a grid that may be batched.
@@ -59,11 +62,121 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Vec<Vec<f32>> {
         let rect = self.buckets.order[index];
         let blurred = self.blurred(jobs, index);
-        let samples = SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera, &blurred);
-        let see = |eye| self.seen_by(eye, (jobs, index), &samples, thread);
-        let pixels = (0..self.eyes.len()).flat_map(see).collect();
+        let samples = self.samples(&rect, &blurred);
+        let mut pixels = Vec::new();
+        let mut eyes = Vec::with_capacity(self.eyes.len());
+        for eye in 0..self.eyes.len() {
+            let (of_eye, kept) = self.seen_by(eye, (jobs, index), &samples, thread);
+            pixels.extend(of_eye);
+            eyes.extend(kept);
+        }
         add(&self.counters.samples, self.eyes.len() * samples.within(&rect));
+        if let (Some(kept), Some(view)) = (self.kept, &self.view)
+            && eyes.len() == self.eyes.len()
+            && kept.keeps(Layer::Surfaces)
+            && !self.is_stopped()
+        {
+            let (frame, images) = (self.shader.frame(), self.image_key());
+            view.keep(kept, rect, KeptBucket { blurred, eyes, pixels: pixels.clone(), images, frame });
+        }
         pixels
+    }
+
+    /// Returns the samples of a bucket, and those around it that the filters need.
+    fn samples(&self, rect: &PixelRect, blurred: &[PixelRect]) -> SampleGrid {
+        SampleGrid::new(rect.grown(self.margin), &self.pattern, self.options.camera, blurred)
+    }
+
+    /// Renders a bucket again whose samples see what they saw. Returns the pixels of every image.
+    ///
+    /// # Errors
+    /// Returns the reason why the whole frame must be rendered anew.
+    pub(super) fn bucket_again(
+        &self,
+        kept: &KeptFrames<S::Object>,
+        index: usize,
+        thread: &mut S::Thread<'_>,
+    ) -> Result<Vec<Vec<f32>>, Broken> {
+        let rect = self.buckets.order[index];
+        let bucket = self.view.as_ref().and_then(|view| view.bucket(&rect)).ok_or(Broken::Lost)?;
+        let bucket = &mut *bucket.lock();
+        let mut changed = 0;
+        let mut eyes = Vec::with_capacity(bucket.eyes.len());
+        for (_, ids) in &bucket.eyes {
+            let mut grids = Vec::with_capacity(ids.len());
+            for id in ids {
+                let (grid, frame) = self.present(kept, *id, thread)?;
+                changed = changed.max(frame);
+                grids.push(grid);
+            }
+            eyes.push(grids);
+        }
+        let images = self.image_key();
+        if changed <= bucket.frame && bucket.images == images {
+            add(&kept.counts.buckets_same, 1);
+            return Ok(bucket.pixels.clone());
+        }
+        if images.images.iter().any(|(_, _, width)| width.is_some()) && bucket.images != images {
+            // The texels of volume shadow maps need all surfaces.
+            return Err(Broken::Lost);
+        }
+        add(&kept.counts.buckets_composited, 1);
+        let begin = Instant::now();
+        let samples = self.samples(&rect, &bucket.blurred);
+        let values: Vec<Vec<f32>> = bucket
+            .eyes
+            .iter()
+            .zip(&eyes)
+            .map(|((surfaces, _), grids)| surfaces.resolve(&samples, grids, &self.outputs.wanted))
+            .collect();
+        add_time(&self.counters.hide_nanos, begin.elapsed());
+        let begin = Instant::now();
+        let before = &bucket.pixels;
+        let volume = |k: usize| before.get(k).cloned().unwrap_or_default();
+        let of_eye = |(eye, values): (usize, &Vec<f32>)| {
+            let first = eye * self.outputs.images.len();
+            self.filtered(index, &|image, _, _| volume(first + image), &samples, values)
+        };
+        let pixels: Vec<Vec<f32>> = values.iter().enumerate().flat_map(of_eye).collect();
+        add_time(&self.counters.filter_nanos, begin.elapsed());
+        bucket.pixels.clone_from(&pixels);
+        (bucket.images, bucket.frame) = (images, self.shader.frame());
+        Ok(pixels)
+    }
+
+    /// Returns the kept grids of leaves that have them.
+    fn find_kept(
+        &self,
+        job: &Job<S::Object>,
+        leaves: &mut [(u32, &LeafSlot, MutexGuard<'_, LeafState>)],
+        thread: &mut S::Thread<'_>,
+    ) {
+        let Some(kept) = self.kept.filter(|_| !job.traits.saves) else { return };
+        for (_, slot, state) in leaves.iter_mut().filter(|(_, _, state)| state.leaf().is_some()) {
+            let Some(id) = kept.of_leaf((job.number, slot.path)) else { continue };
+            // A change of opacity has no effect on samples that are searched anew.
+            let grid = match self.present(kept, id, thread) {
+                Ok((grid, _)) => grid,
+                Err(Broken::Opacity) => match self.present(kept, id, thread) {
+                    Ok((grid, _)) => grid,
+                    Err(_) => continue,
+                },
+                Err(Broken::Lost) => continue,
+            };
+            let fits =
+                |(view, seen): (&ViewedGrid, &Sighting)| (view.rect, view.z_min) == (seen.rect, seen.z_min);
+            let grid = match grid.views.iter().zip(&slot.seen).all(fits) {
+                true => grid,
+                false => {
+                    let mut moved = ShadedGrid::clone(&grid);
+                    for (view, seen) in moved.views.iter_mut().zip(&slot.seen) {
+                        (view.rect, view.z_min) = (seen.rect, seen.z_min);
+                    }
+                    Arc::new(moved)
+                }
+            };
+            slot.keep(state, Some(MadeGrid { grid, kept: Some(id) }));
+        }
     }
 
     /// Returns where blurred grids may be visible in a bucket. Only primitives that may blur are split for that.
@@ -91,8 +204,10 @@ impl<S: FrameShader> Frame<'_, S> {
         (jobs, index): (&Jobs<S::Object>, usize),
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
-    ) -> Vec<Vec<f32>> {
+    ) -> (Vec<Vec<f32>>, Option<KeptEye>) {
         let mut surfaces = Surfaces::new(samples, self.composite);
+        // The kept grids that were added; `None` when one of them is not kept.
+        let mut ids = self.kept.map(|_| Vec::new());
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
         // The order is front to back, so that hidden parts are culled before they are split and shaded. The order
         // of any two grids is the same in every bucket. A primitive comes before its grids, whose depth is not
@@ -161,7 +276,11 @@ impl<S: FrameShader> Frame<'_, S> {
                 }
                 let grid = state.grid();
                 drop(state);
-                if let Some(grid) = grid {
+                if let Some((grid, id)) = grid {
+                    ids = ids.zip(id).map(|(mut ids, id)| {
+                        ids.push(id);
+                        ids
+                    });
                     let begin = Instant::now();
                     surfaces.add(&grid, eye);
                     hiding += begin.elapsed();
@@ -173,16 +292,18 @@ impl<S: FrameShader> Frame<'_, S> {
         let values = surfaces.resolve(&self.outputs.wanted);
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
         let begin = Instant::now();
-        let pixels = self.filtered(index, &surfaces, samples, &values);
+        let volumes = |_, channels, width| surfaces.volumes(&self.buckets.order[index], channels, width);
+        let pixels = self.filtered(index, &volumes, samples, &values);
         add_time(&self.counters.filter_nanos, begin.elapsed());
-        pixels
+        (pixels, ids.map(|ids| kept_surfaces(&surfaces, ids)))
     }
 
-    /// Returns the pixels of a bucket, image by image, from the `values` of its samples.
+    /// Returns the pixels of a bucket, image by image, from the `values` of its samples. `volumes` returns the texels of
+    /// volume shadow maps, from the number of the image, its channels and its "opaquewidth".
     fn filtered(
         &self,
         index: usize,
-        surfaces: &Surfaces<'_>,
+        volumes: &dyn Fn(usize, usize, f32) -> Vec<f32>,
         samples: &SampleGrid,
         values: &[f32],
     ) -> Vec<Vec<f32>> {
@@ -193,7 +314,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let same = images[..k].iter().position(|other| other.is_filtered_like(image));
             pixels.push(match (same, image.opaque_width) {
                 (Some(same), _) => pixels[same].clone(),
-                (None, Some(width)) => surfaces.volumes(rect, image.channels.len(), width),
+                (None, Some(width)) => volumes(k, image.channels.len(), width),
                 (None, None) => film::filter(filter, samples, values, &image.channels, rect),
             });
         }
@@ -220,15 +341,24 @@ impl<S: FrameShader> Frame<'_, S> {
         mut leaves: Vec<(u32, &'s LeafSlot, MutexGuard<'s, LeafState>)>,
         thread: &mut S::Thread<'_>,
     ) -> MutexGuard<'s, LeafState> {
+        self.find_kept(job, &mut leaves, thread);
         let waiting: Vec<(&LeafSlot, &Leaf)> =
             leaves.iter().filter_map(|(_, slot, state)| Some((*slot, state.leaf()?))).collect();
-        let grids = self.shade(job, &waiting, thread);
-        for ((leaf, slot, state), grid) in leaves.iter_mut().zip(grids) {
-            if let Some(grid) = &grid {
-                self.dump(grid, job, (number, *leaf));
+        let grids = if waiting.is_empty() { Vec::new() } else { self.shade(job, &waiting, thread) };
+        let made = leaves.iter_mut().filter(|(_, _, state)| state.leaf().is_some());
+        for ((leaf, slot, state), grid) in made.zip(grids) {
+            if let Some(made) = &grid {
+                self.dump(&made.grid, job, (number, *leaf));
             }
             slot.keep(state, grid);
         }
         leaves.swap_remove(0).2
     }
+}
+
+/// Keeps what samples see, and the kept grids that they see.
+fn kept_surfaces(surfaces: &Surfaces<'_>, ids: Vec<GridId>) -> KeptEye {
+    let mut kept = KeptSurfaces::new(surfaces);
+    let seen = kept.only_seen(ids.len());
+    (kept, seen.into_iter().map(|grid| ids[grid]).collect())
 }

@@ -1,11 +1,13 @@
 //! Primitives in view, and their splits into grids.
 
+use super::kept::GridId;
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
+use super::shade::MadeGrid;
 use super::{Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
 use crate::preshaded::MOST_POINTS;
 use crate::statistics::add;
-use granita_base::{Bound, ParamData, Params, Severity, parallel_map};
+use granita_base::{Bound, ParamData, Params, Severity, hash, parallel_map};
 use granita_dicing::camera::MAX_QUALITY;
 use granita_dicing::{DiceSettings, Leaf, Placement, Plan, Rates, largest_coordinates, trimming};
 use granita_geom::{Piece, ShapeKey, SplitDirection, Surface};
@@ -18,6 +20,8 @@ use std::sync::{Arc, OnceLock};
 
 /// A primitive that is in view.
 pub(super) struct Job<O> {
+    /// The number of the primitive in the scene.
+    pub(super) number: u32,
     pub(super) primitive: Arc<Primitive>,
     pub(super) object: Arc<O>,
     pub(super) traits: ObjectTraits,
@@ -70,6 +74,8 @@ pub(super) struct LeafSlot {
     uses: AtomicU32,
     /// True when buckets may be rendered again. A dropped grid is then made again.
     again: bool,
+    /// A hash of the splits that led to it.
+    pub(super) path: u64,
 }
 
 pub(super) enum LeafState {
@@ -77,7 +83,7 @@ pub(super) enum LeafState {
     Waiting(Leaf),
     /// The grid is diced and shaded; `None` when nothing of it is visible. The leaf is kept when it may be needed
     /// again.
-    Ready(Option<Arc<ShadedGrid>>, Option<Leaf>),
+    Ready(Option<MadeGrid>, Option<Leaf>),
     /// All buckets have released it.
     Gone,
 }
@@ -92,9 +98,9 @@ impl LeafState {
     }
 
     /// Returns the grid when it was made and is visible.
-    pub(super) fn grid(&self) -> Option<Arc<ShadedGrid>> {
+    pub(super) fn grid(&self) -> Option<(Arc<ShadedGrid>, Option<GridId>)> {
         match self {
-            Self::Ready(grid, _) => grid.clone(),
+            Self::Ready(Some(made), _) => Some((made.grid.clone(), made.kept)),
             _ => None,
         }
     }
@@ -114,9 +120,9 @@ impl LeafSlot {
     }
 
     /// Stores the grid; `None` when nothing of it is visible.
-    pub(super) fn keep(&self, state: &mut LeafState, grid: Option<ShadedGrid>) {
+    pub(super) fn keep(&self, state: &mut LeafState, grid: Option<MadeGrid>) {
         if let LeafState::Waiting(leaf) = std::mem::replace(state, LeafState::Gone) {
-            *state = LeafState::Ready(grid.map(Arc::new), self.again.then_some(leaf));
+            *state = LeafState::Ready(grid, self.again.then_some(leaf));
         }
     }
 
@@ -150,11 +156,38 @@ pub(super) struct Sighting {
 /// The number of shares of a primitive for each thread that splits it.
 const SHARES: usize = 32;
 
+/// The splits that led to a piece.
+#[derive(Clone, Copy)]
+struct Path {
+    /// Their number.
+    depth: u32,
+    /// A hash of their parts.
+    hash: u64,
+}
+
+impl Path {
+    /// Returns the path of a part of the piece.
+    fn part(self, index: usize) -> Self {
+        Self { depth: self.depth + 1, ..self.beside(index) }
+    }
+
+    /// Returns the path of one of several pieces.
+    fn beside(self, index: usize) -> Self {
+        let mut bytes = [0; 16];
+        bytes[..8].copy_from_slice(&self.hash.to_le_bytes());
+        bytes[8..].copy_from_slice(&(index as u64).to_le_bytes());
+        Self { hash: hash::bytes64(&bytes), ..self }
+    }
+}
+
+/// A leaf of a primitive, where the eyes may see it, and the hash of its path.
+type Part = (Box<[Sighting]>, Leaf, u64);
+
 /// A part of a primitive while it is split.
 enum Node {
-    /// A piece that must be split or diced, and the number of splits that led to it.
-    Piece(Piece, u32),
-    Leaf(Box<[Sighting]>, Leaf),
+    /// A piece that must be split or diced, and the splits that led to it.
+    Piece(Piece, Path),
+    Leaf(Part),
 }
 
 impl<S: FrameShader> Frame<'_, S> {
@@ -163,6 +196,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// `measuring` is the state of the thread that measures displacements. It is made for the first measurement.
     pub(super) fn job<'t>(
         &'t self,
+        number: usize,
         primitive: &Arc<Primitive>,
         measuring: &mut Option<S::Thread<'t>>,
     ) -> Option<Job<S::Object>> {
@@ -204,6 +238,7 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         traits.may_batch &= later.is_empty();
         let mut job = Job {
+            number: u32::try_from(number).unwrap_or(u32::MAX),
             time: existence.map_or(self.options.dicing_camera.shading_time(), |[from, _]| from),
             later,
             existence,
@@ -317,7 +352,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let parts = if job.budget.is_spent() { self.leave_out(&job.primitive, parts) } else { parts };
             let mut leaves = Vec::with_capacity(parts.len());
             let mut of_bucket = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
-            for (seen, leaf) in parts {
+            for (seen, leaf, path) in parts {
                 let Ok(index) = u32::try_from(leaves.len()) else { break };
                 let mut uses = 0;
                 for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
@@ -331,6 +366,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     state: Mutex::new(LeafState::Waiting(leaf)),
                     uses: AtomicU32::new(uses),
                     again: self.again,
+                    path,
                 });
             }
             add(&self.counters.grids, leaves.len());
@@ -344,16 +380,18 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Splits pieces into leaves, in the order of the surface. Large primitives are split by all threads, because other
     /// threads may wait for them.
-    fn leaves(&self, job: &Job<S::Object>, pieces: Vec<Piece>) -> Vec<(Box<[Sighting]>, Leaf)> {
+    fn leaves(&self, job: &Job<S::Object>, pieces: Vec<Piece>) -> Vec<Part> {
         let threads = self.options.threads;
         let enough = SHARES * threads;
-        let mut nodes: Vec<Node> = pieces.into_iter().map(|p| Node::Piece(p, 0)).collect();
+        let root = Path { depth: 0, hash: 0 };
+        let pieces = pieces.into_iter().enumerate();
+        let mut nodes: Vec<Node> = pieces.map(|(k, piece)| Node::Piece(piece, root.beside(k))).collect();
         let open = |nodes: &[Node]| nodes.iter().filter(|node| matches!(node, Node::Piece(..))).count();
         while threads > 1 && (1..enough).contains(&open(&nodes)) {
             let mut next = Vec::with_capacity(2 * nodes.len());
             for node in nodes {
                 match node {
-                    Node::Piece(piece, depth) => self.step(job, piece, depth, &mut next),
+                    Node::Piece(piece, path) => self.step(job, piece, path, &mut next),
                     leaf => next.push(leaf),
                 }
             }
@@ -364,11 +402,11 @@ impl<S: FrameShader> Frame<'_, S> {
             let mut stack: Vec<Node> = nodes.into_iter().rev().collect();
             while let Some(node) = stack.pop() {
                 match node {
-                    Node::Leaf(seen, leaf) => leaves.push((seen, leaf)),
-                    Node::Piece(piece, depth) => {
+                    Node::Leaf(part) => leaves.push(part),
+                    Node::Piece(piece, path) => {
                         // The first part must be popped first.
                         let parts = stack.len();
-                        self.step(job, piece, depth, &mut stack);
+                        self.step(job, piece, path, &mut stack);
                         stack[parts..].reverse();
                     }
                 }
@@ -389,7 +427,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Splits or dices a piece. Appends its parts, or itself as a leaf, or nothing when it is not visible.
-    fn step(&self, job: &Job<S::Object>, piece: Piece, depth: u32, out: &mut Vec<Node>) {
+    fn step(&self, job: &Job<S::Object>, piece: Piece, path: Path, out: &mut Vec<Node>) {
         if job.budget.is_spent() {
             return;
         }
@@ -398,16 +436,16 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.pieces_culled, 1);
             return;
         }
-        match self.plan(job, &*piece, depth) {
+        match self.plan(job, &*piece, path.depth) {
             Plan::Split(direction, settled) => {
                 // The number of groups is bounded by the number of parts in the scene.
                 job.budget.spend(if piece.is_group() { 0 } else { POINTS_OF_A_SPLIT });
                 let parts = piece.split_settled(direction, settled);
-                out.extend(parts.into_iter().map(|p| Node::Piece(p, depth + 1)));
+                out.extend(parts.into_iter().enumerate().map(|(k, part)| Node::Piece(part, path.part(k))));
             }
             Plan::Dice(rates) => {
                 job.budget.spend((rates.nu * rates.nv) as u64);
-                out.push(Node::Leaf(seen, Leaf { piece, rates: Box::new(rates) }));
+                out.push(Node::Leaf((seen, Leaf { piece, rates: Box::new(rates) }, path.hash)));
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::cells::{Cells, finer, kept};
 use super::job::{Job, LeafSlot, Sighting};
+use super::kept::{Batch, BatchState, GridId, Member};
 use super::precise::Precise;
 use super::{Eye, Frame, FrameShader, Holdout};
 use crate::output::griddump::is_identity;
@@ -11,9 +12,12 @@ use granita_base::{Color, Severity, Vec3};
 use granita_dicing::{GridView, Leaf, Projection, Rates, Viewer, Viewpoint, finite, key_at, make_grid};
 use granita_geom::{Dice, Surface};
 use granita_hider::{Shade, ShadedGrid, ViewedGrid};
-use granita_scene::attr;
+use granita_scene::{Primitive, attr};
 use granita_shade::{Grid, Lanes3, RayKind};
+use granita_shading::Memo;
+use parking_lot::Mutex;
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The largest distance in pixels of two grids at their common border. Their points there are the same, but normals
@@ -44,7 +48,24 @@ struct Shaded<'a> {
     before: Option<&'a Lanes3>,
     /// The requested variables, component by component, and the number of components of each; `None` when the grid was
     /// not shaded.
-    variables: Option<Vec<(Option<Vec<f32>>, usize)>>,
+    variables: Option<Vec<Variable>>,
+}
+
+/// A requested variable, component by component, and the number of its components. The shader may not have it.
+pub(super) type Variable = (Option<Vec<f32>>, usize);
+
+/// A grid that was made, and its place among the kept ones.
+pub(super) struct MadeGrid {
+    pub(super) grid: Arc<ShadedGrid>,
+    pub(super) kept: Option<GridId>,
+}
+
+/// The shading of a leaf at later times.
+#[derive(Default)]
+struct Later {
+    shades: Vec<Shade>,
+    /// The points before shading, and the answers of the shaders.
+    kept: Vec<(f32, Grid, Memo)>,
 }
 
 impl<S: FrameShader> Frame<'_, S> {
@@ -56,9 +77,9 @@ impl<S: FrameShader> Frame<'_, S> {
         job: &Job<S::Object>,
         leaves: &[(&LeafSlot, &Leaf)],
         thread: &mut S::Thread<'_>,
-    ) -> Vec<Option<ShadedGrid>> {
+    ) -> Vec<Option<MadeGrid>> {
         let begin = Instant::now();
-        let mut out: Vec<Option<ShadedGrid>> = leaves.iter().map(|_| None).collect();
+        let mut out: Vec<Option<MadeGrid>> = leaves.iter().map(|_| None).collect();
         let all = self.dice(job, leaves);
         add_time(&self.counters.dice_nanos, begin.elapsed());
         let begin = Instant::now();
@@ -81,7 +102,7 @@ impl<S: FrameShader> Frame<'_, S> {
         job: &Job<S::Object>,
         all: Vec<(Diced<'_>, Grid)>,
         batched: bool,
-        out: &mut [Option<ShadedGrid>],
+        out: &mut [Option<MadeGrid>],
         thread: &mut S::Thread<'_>,
     ) {
         let (mut diced, grids): (Vec<Diced<'_>>, Vec<Grid>) = all.into_iter().unzip();
@@ -104,7 +125,10 @@ impl<S: FrameShader> Frame<'_, S> {
         let matte = job.traits.holdout == Holdout::Matte;
         let wants_colors = self.outputs.needs_shading || self.options.dump.is_some();
         let must_shade = !matte && (wants_colors || !job.traits.opaque_in_depth);
-        let variables = must_shade.then(|| self.run_surface(job, &mut grid, thread));
+        let kept = self.kept.filter(|_| !job.traits.saves);
+        let inputs = kept.filter(|_| must_shade).map(|_| grid.clone());
+        let mut memo = kept.map(|_| Memo::default());
+        let variables = must_shade.then(|| self.run_surface(&job.object, &mut grid, thread, memo.as_mut()));
         if must_shade {
             add(&self.counters.grids_shaded, diced.len());
             add(&self.counters.points_shaded, diced.iter().map(|diced| diced.lanes.len()).sum());
@@ -112,22 +136,58 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&self.counters.grids_unshaded, diced.len());
         }
         let shaded = Shaded { grid: &grid, before: before.as_ref(), variables };
+        let mut members = Vec::with_capacity(diced.len());
+        let mut of_later = Vec::new();
         for diced in diced {
-            let index = diced.index;
-            let later = if must_shade { self.later_shades(job, &diced, thread) } else { Vec::new() };
-            out[index] = Some(self.finished(job, diced, &shaded, later));
+            let (index, leaf, lanes) = (diced.index, (job.number, diced.slot.path), diced.lanes.clone());
+            let per_side = diced.per_side();
+            let later = if must_shade { self.later_shades(job, &diced, thread) } else { Later::default() };
+            of_later.extend(later.kept);
+            let grid = Arc::new(self.finished(job, diced, &shaded, later.shades));
+            if kept.is_some() {
+                members.push((
+                    index,
+                    Member { leaf, grid: grid.clone(), lanes, per_side, changed: self.shader.frame() },
+                ));
+            }
+            out[index] = Some(MadeGrid { grid, kept: None });
+        }
+        if let (Some(kept), Some(memo)) = (kept, memo)
+            && !self.is_stopped()
+        {
+            let (indices, members): (Vec<usize>, Vec<Member>) = members.into_iter().unzip();
+            let mut state = BatchState::new(self.shader.frame(), inputs, memo, members);
+            state.later = of_later;
+            let batch = Batch {
+                number: job.number,
+                primitive: job.primitive.clone(),
+                object: job.object.clone(),
+                state: Mutex::new(state),
+            };
+            let Some(number) = kept.add(batch) else { return };
+            for (member, index) in (0..).zip(indices) {
+                if let Some(made) = &mut out[index] {
+                    made.kept = Some(GridId::new(number, member));
+                }
+            }
         }
     }
 
-    /// Runs the surface shaders on a grid. Returns the requested variables.
-    fn run_surface(
+    /// Runs the surface shaders on a grid. Returns the requested variables. The answers that the shaders get are kept in
+    /// `memo`.
+    pub(super) fn run_surface(
         &self,
-        job: &Job<S::Object>,
+        object: &S::Object,
         grid: &mut Grid,
         thread: &mut S::Thread<'_>,
-    ) -> Vec<(Option<Vec<f32>>, usize)> {
+        memo: Option<&mut Memo>,
+    ) -> Vec<Variable> {
         let wanted = &self.outputs.variables;
-        let mut found = self.shader.shade(thread, &job.object, grid, wanted).into_iter();
+        let found = match memo {
+            Some(memo) => self.shader.shade_keeping(thread, object, grid, wanted, memo),
+            None => self.shader.shade(thread, object, grid, wanted),
+        };
+        let mut found = found.into_iter();
         let n = grid.len();
         let one = |ty: usize| (found.next().flatten().filter(|v| v.len() == ty * n), ty);
         wanted.iter().map(|(_, ty)| ty.components()).map(one).collect()
@@ -135,15 +195,10 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Shades a leaf at the later times of its primitive, with the variables and the positions of these times. Its
     /// shaders do not print and save again.
-    fn later_shades(
-        &self,
-        job: &Job<S::Object>,
-        diced: &Diced<'_>,
-        thread: &mut S::Thread<'_>,
-    ) -> Vec<Shade> {
+    fn later_shades(&self, job: &Job<S::Object>, diced: &Diced<'_>, thread: &mut S::Thread<'_>) -> Later {
         let (piece, rates) = (&*diced.leaf.piece, &*diced.leaf.rates);
         self.shader.mute(thread, true);
-        let mut shades = Vec::with_capacity(job.later.len());
+        let mut later = Later::default();
         for &time in &job.later {
             let Some((_, mut grid, _)) = self.grid(job, &diced.slot.seen, (piece, rates), time) else {
                 break;
@@ -151,22 +206,30 @@ impl<S: FrameShader> Frame<'_, S> {
             if job.traits.displaces {
                 self.shader.displace(thread, &job.object, &mut grid);
             }
-            let variables = self.run_surface(job, &mut grid, thread);
+            let mut memo = self.kept.map(|_| Memo::default());
+            let inputs = self.kept.map(|_| grid.clone());
+            let variables = self.run_surface(&job.object, &mut grid, thread, memo.as_mut());
             let lanes = 0..grid.len();
-            let shaded = Shaded { grid: &grid, before: None, variables: Some(variables) };
-            shades.push(Shade { time, ..self.shade_of(job, &shaded, &lanes) });
+            let shade = self.shade_of(&job.primitive, (&grid, Some(&variables)), &lanes);
+            later.shades.push(Shade { time, ..shade });
+            later.kept.extend(inputs.zip(memo).map(|(grid, memo)| (time, grid, memo)));
         }
         self.shader.mute(thread, false);
-        shades
+        later
     }
 
     /// Returns the colours, opacities and variables of some points of a shaded grid.
-    fn shade_of(&self, job: &Job<S::Object>, shaded: &Shaded<'_>, lanes: &Range<usize>) -> Shade {
+    pub(super) fn shade_of(
+        &self,
+        primitive: &Primitive,
+        (grid, variables): (&Grid, Option<&[Variable]>),
+        lanes: &Range<usize>,
+    ) -> Shade {
         let mut shade = Shade::default();
-        let Some(found) = &shaded.variables else { return shade };
-        let n = shaded.grid.len();
-        shade.color = self.colors(&shaded.grid.c, lanes, job, "colour");
-        shade.opacity = self.colors(&shaded.grid.opacity, lanes, job, "opacity");
+        let Some(found) = variables else { return shade };
+        let n = grid.len();
+        shade.color = self.colors(&grid.c, lanes, primitive, "colour");
+        shade.opacity = self.colors(&grid.opacity, lanes, primitive, "opacity");
         // Opacities outside of [0, 1] have no meaning.
         shade.opacity.iter_mut().for_each(|o| *o = o.clamp(Color::ZERO, Color::ONE));
         let variables = &mut shade.variables;
@@ -176,7 +239,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     values.chunks_exact(n).for_each(|c| variables.extend_from_slice(&c[lanes.clone()]));
                     let own = variables.len() - components * lanes.len();
                     if !finite::all_usable(&variables[own..]) {
-                        self.report_unusable("variable", job);
+                        self.report_unusable("variable", primitive);
                         let unusable = |v: &&mut f32| !finite::all_usable(&[**v]);
                         variables[own..].iter_mut().filter(unusable).for_each(|v| *v = 0.0);
                     }
@@ -249,10 +312,6 @@ impl<S: FrameShader> Frame<'_, S> {
         shaded: &Shaded<'_>,
         later: Vec<Shade>,
     ) -> ShadedGrid {
-        let lanes = &diced.lanes;
-        let mut shades = vec![Shade { time: shaded.grid.time, ..self.shade_of(job, shaded, lanes) }];
-        shades.extend(later);
-        let opaque = shades.iter().flat_map(|shade| &shade.opacity).all(|o| o.cmpge(Color::ONE).all());
         let primitive = &job.primitive;
         // A preshaded grid may carry the properties that the hider needs.
         let given = match diced.leaf.piece.lattice() {
@@ -262,6 +321,38 @@ impl<S: FrameShader> Frame<'_, S> {
         let rim_px = given.rim_px.unwrap_or(RIM_PX);
         let views = self.views(job, &diced, shaded, rim_px);
         let (nu, nv, per_side) = (diced.dice.nu, diced.dice.nv, diced.per_side());
+        let variables = shaded.variables.as_deref();
+        let (shades, opaque) =
+            self.shades(primitive, (shaded.grid, variables), (&diced.lanes, nu, per_side), later);
+        let grid = ShadedGrid {
+            nu: (nu - 1) * per_side + 1,
+            nv: (nv - 1) * per_side + 1,
+            primitive: given.primitive.unwrap_or(primitive.id),
+            views,
+            shades,
+            opaque,
+            holdout: job.traits.holdout,
+            kept: diced.kept.map_or_else(Vec::new, |cells| cells.kept),
+            sides: given.sides,
+        };
+        if shaded.before.is_some() {
+            self.check_displacement(&grid, job);
+        }
+        grid
+    }
+
+    /// Returns the colours of a grid with `nu` points along u, at its own time and at later ones, and whether it is
+    /// opaque everywhere. Each micropolygon gets `per_side` cells along each side.
+    pub(super) fn shades(
+        &self,
+        primitive: &Primitive,
+        shaded: (&Grid, Option<&[Variable]>),
+        (lanes, nu, per_side): (&Range<usize>, usize, usize),
+        later: Vec<Shade>,
+    ) -> (Vec<Shade>, bool) {
+        let mut shades = vec![Shade { time: shaded.0.time, ..self.shade_of(primitive, shaded, lanes) }];
+        shades.extend(later);
+        let opaque = shades.iter().flat_map(|shade| &shade.opacity).all(|o| o.cmpge(Color::ONE).all());
         if per_side > 1 {
             for shade in &mut shades {
                 let (color, opacity, variables) =
@@ -278,21 +369,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if opaque {
             shades.iter_mut().for_each(|shade| shade.opacity = Vec::new());
         }
-        let grid = ShadedGrid {
-            nu: (nu - 1) * per_side + 1,
-            nv: (nv - 1) * per_side + 1,
-            primitive: given.primitive.unwrap_or(primitive.id),
-            views,
-            shades,
-            opaque,
-            holdout: job.traits.holdout,
-            kept: diced.kept.map_or_else(Vec::new, |cells| cells.kept),
-            sides: given.sides,
-        };
-        if shaded.before.is_some() {
-            self.check_displacement(&grid, job);
-        }
-        grid
+        (shades, opaque)
     }
 
     /// Returns the view of each eye of a grid.
@@ -338,7 +415,7 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Returns the colours of some points of a grid. Colours that are not finite become black, with one message per
     /// object.
-    fn colors(&self, values: &Lanes3, lanes: &Range<usize>, job: &Job<S::Object>, what: &str) -> Vec<Color> {
+    fn colors(&self, values: &Lanes3, lanes: &Range<usize>, primitive: &Primitive, what: &str) -> Vec<Color> {
         let mut bad = false;
         let colors = lanes
             .clone()
@@ -348,17 +425,17 @@ impl<S: FrameShader> Frame<'_, S> {
             })
             .collect();
         if bad {
-            self.report_unusable(what, job);
+            self.report_unusable(what, primitive);
         }
         colors
     }
 
-    fn report_unusable(&self, what: &str, job: &Job<S::Object>) {
-        let name = job.primitive.attributes.name();
+    fn report_unusable(&self, what: &str, primitive: &Primitive) {
+        let name = primitive.attributes.name();
         self.options.reporter.once(
             &format!("not finite {what} {name}"),
             Severity::Warning,
-            &job.primitive.at,
+            &primitive.at,
             format!("object \"{name}\": its shader gave {}", finite::reason(what)),
         );
     }

@@ -68,6 +68,14 @@ macro_rules! options {
         }
 
         impl<N: Copy, T: Copy> $name<N, T> {
+            /// Visits all options in order, set or not.
+            #[allow(dead_code, reason = "the renderer visits the options of some calls only")]
+            $vis fn visit(&self, mut number: impl FnMut(Option<N>), mut text: impl FnMut(Option<T>)) {
+                let _ = (&mut number, &mut text);
+                $(number(self.$number);)*
+                $(text(self.$text);)*
+            }
+
             /// Returns the same options with other numbers and texts. A text that becomes `None` counts as not set.
             #[allow(dead_code, reason = "some calls look at each option by itself")]
             pub(crate) fn map<M, U>(

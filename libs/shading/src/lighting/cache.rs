@@ -8,6 +8,7 @@
 pub(crate) mod hemisphere;
 pub(crate) mod lattice;
 
+use crate::memo::{Changes, Dependencies};
 use granita_base::{Color, Vec3};
 use granita_sdb::{Key, Schema, Value};
 use parking_lot::{Mutex, MutexGuard};
@@ -143,19 +144,22 @@ pub(crate) struct IrradianceCache {
     pub(crate) points: AtomicU64,
 }
 
+/// A record, and what it depends on besides geometry.
+type Kept = (Arc<Record>, Arc<Dependencies>);
+
 /// One part of the table.
 #[derive(Debug, Default)]
 struct Part {
     /// Records computed or asked for since the last change of generations.
-    young: HashMap<Spot, Arc<Record>>,
+    young: HashMap<Spot, Kept>,
     /// Those of the generation before.
-    old: HashMap<Spot, Arc<Record>>,
+    old: HashMap<Spot, Kept>,
     /// The places of records that went to a database. They stay, so that each goes there once.
     saved: HashSet<Spot>,
 }
 
 impl Part {
-    fn insert(&mut self, spot: Spot, record: Arc<Record>, limit: usize) {
+    fn insert(&mut self, spot: Spot, record: Kept, limit: usize) {
         if self.young.len() >= limit {
             self.old = std::mem::take(&mut self.young);
         }
@@ -190,7 +194,7 @@ impl IrradianceCache {
     }
 
     /// A record that was computed before and is still kept.
-    pub(crate) fn find(&self, spot: &Spot) -> Option<Arc<Record>> {
+    pub(crate) fn find(&self, spot: &Spot) -> Option<(Arc<Record>, Arc<Dependencies>)> {
         let mut part = self.part(spot);
         if let Some(record) = part.young.get(spot) {
             return Some(record.clone());
@@ -200,9 +204,24 @@ impl IrradianceCache {
         Some(record)
     }
 
-    /// Keeps a record. Where there is one already, it is the same.
-    pub(crate) fn keep(&self, spot: Spot, record: &Arc<Record>) {
-        self.part(&spot).insert(spot, record.clone(), self.limit.load(Ordering::Relaxed));
+    /// Keeps a record that depends on `depends`. Where there is one already, it is the same.
+    pub(crate) fn keep(&self, spot: Spot, record: &Arc<Record>, depends: &Arc<Dependencies>) {
+        let kept = (record.clone(), depends.clone());
+        self.part(&spot).insert(spot, kept, self.limit.load(Ordering::Relaxed));
+    }
+
+    /// Drops the records that depend on something that changed. Returns their number.
+    pub(crate) fn forget(&self, changes: &Changes) -> usize {
+        let mut dropped = 0;
+        for part in &self.parts {
+            let Part { young, old, .. } = &mut *part.lock();
+            for records in [young, old] {
+                let before = records.len();
+                records.retain(|_, (_, depends)| !changes.touch(depends));
+                dropped += before - records.len();
+            }
+        }
+        dropped
     }
 
     /// True for the first call for a place: its record is to be saved now.
@@ -251,9 +270,9 @@ mod tests {
         let spot = |k: u32| [k, 0, 0, 0, 0, 0, 0, 0];
         let record = |k: u32| Arc::new(Record { value: [k as f32; 3], ..Record::default() });
         for k in 0..20_000 {
-            cache.keep(spot(k), &record(k));
+            cache.keep(spot(k), &record(k), &Arc::default());
             // The first one is asked for all the time.
-            assert_eq!(cache.find(&spot(0)).map(|r| r.value[0]), Some(0.0), "{k}");
+            assert_eq!(cache.find(&spot(0)).map(|r| r.0.value[0]), Some(0.0), "{k}");
         }
         let held = (0..20_000).filter(|k| cache.find(&spot(*k)).is_some()).count();
         assert!((PARTS * 5..=PARTS * 20).contains(&held), "{held}");

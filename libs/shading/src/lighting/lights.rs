@@ -30,6 +30,8 @@ pub(crate) struct LightState {
     pub(crate) area: Option<AreaLight>,
     /// The number of directions that sample a broad solar light ("light:nsamples").
     pub(crate) samples: u32,
+    /// True when its results are not kept for re-renders ("rerender:cachelights" 0).
+    pub(crate) is_anew: bool,
 }
 
 impl LightState {
@@ -52,6 +54,7 @@ impl LightState {
             shadow_bias: light.attributes.get(attr::SHADOW_BIAS).max(0.0),
             area: geometry.map(|set| AreaLight::new(set, light.attributes.get(attr::LIGHT_NSAMPLES))),
             samples: crate::lighting::area::samples(light.attributes.get(attr::LIGHT_NSAMPLES)),
+            is_anew: !light.attributes.get(attr::RERENDER_CACHELIGHTS),
         })
     }
 }

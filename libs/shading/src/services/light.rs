@@ -313,6 +313,7 @@ fn gather_alike(
     let listens = kind == Kind::Irradiance && scene.is_some_and(|s| s.queries_parents);
     let mut question = Question::new(run, kind, query, name, listens);
     if question.mode.read && !name.is_empty() {
+        run.note_file(name);
         question.known = run.frame.database(name, question.mode).filter(|records| {
             let fits = records.schema() == kind.schema();
             if !fits {
@@ -379,6 +380,16 @@ impl Gatherer<'_, '_, '_, '_> {
         found
     }
 
+    /// Returns the record that another grid computed.
+    fn known(&mut self, wanted: &Wanted) -> Option<Arc<Record>> {
+        let cache = &self.run.frame.light_cache;
+        let (record, depends) = cache.find(&self.question.spot(wanted.lane)).filter(|_| wanted.shared)?;
+        if let Some(notes) = &mut self.run.thread.notes {
+            notes.add_all(&depends);
+        }
+        Some(record)
+    }
+
     /// Returns the records of points: from the file, from other grids, or new ones.
     fn records(&mut self, wanted: &[Wanted]) -> Vec<Arc<Record>> {
         let cache = &self.run.frame.light_cache;
@@ -386,7 +397,7 @@ impl Gatherer<'_, '_, '_, '_> {
             .iter()
             .map(|w| {
                 let filed = self.question.in_file(self.run, w.lane).map(Arc::new);
-                filed.or_else(|| cache.find(&self.question.spot(w.lane)).filter(|_| w.shared))
+                filed.or_else(|| self.known(w))
             })
             .collect();
         // A point that several rectangles share is sampled once.
@@ -401,14 +412,16 @@ impl Gatherer<'_, '_, '_, '_> {
             };
             if first == k { missing.push(k) } else { again.push((k, first)) }
         }
+        let outer = self.run.thread.notes.as_mut().map(std::mem::take);
         let made = self.sample(&missing.iter().map(|&k| wanted[k].lane).collect::<Vec<u32>>());
+        let depends = self.run.noted_since(outer);
         let mut saved = Vec::new();
         for (&k, record) in missing.iter().zip(made) {
             let Wanted { lane, shared } = wanted[k];
             let record = Arc::new(record);
             let spot = self.question.spot(lane);
-            if shared {
-                cache.keep(spot, &record);
+            if shared && !self.run.frame.is_stopped() {
+                cache.keep(spot, &record, &depends);
             }
             // What several grids have in common is saved once.
             if self.question.mode.write && (!shared || cache.is_first_to_save(spot)) {

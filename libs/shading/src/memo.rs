@@ -1,0 +1,198 @@
+//! The answers that the shaders of a grid got, kept for re-renders.
+//!
+//! A re-render runs the shaders of a grid again when something changed that they depend on. Most of their time goes to
+//! questions whose answers stay the same: texture lookups, shadow rays, occlusion, the light of lights that did not
+//! change. A [`Memo`] keeps these answers. The key of an answer is a hash of everything that the question holds, values
+//! of all points included. An answer is therefore found only when it would be computed to the same bits. Each answer
+//! names the lights, files and objects that it depends on ([`Dependencies`]), and is dropped when one of these changes.
+
+mod dependencies;
+mod key;
+
+pub use dependencies::Changes;
+pub(crate) use dependencies::{Dependencies, Dependency};
+pub(crate) use key::{Key, KeyHasher};
+
+use granita_shade::{Lanes3, LightResult, LookupResult, PrimvarData, TraceResult};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// An answer of a service.
+#[derive(Clone, Debug)]
+pub(crate) enum Answer {
+    /// Of `illuminate`.
+    Light(Arc<LightResult>),
+    /// Of `shadow` and `indirect`.
+    Lanes3(Lanes3),
+    /// Of `occlusion`: the blocked share, and the mean open direction.
+    Occlusion(Vec<f32>, Lanes3),
+    /// Of `texture`, `texture3d` and `environment`.
+    Lookup(Box<LookupResult>),
+    /// Of `trace`.
+    Trace(Box<TraceResult>),
+}
+
+/// An answer with its dependencies.
+#[derive(Clone, Debug)]
+pub(crate) struct Entry {
+    pub(crate) answer: Answer,
+    pub(crate) depends: Dependencies,
+    /// By how much the question advanced the count of calls that draw random numbers.
+    pub(crate) calls: u32,
+    /// The lanes whose own counts it advanced by one.
+    pub(crate) counted: Vec<u32>,
+    /// The bytes that the answer takes.
+    bytes: usize,
+    /// True when the last run asked for it.
+    used: bool,
+}
+
+impl Entry {
+    pub(crate) fn new(answer: Answer, depends: Dependencies, calls: u32, counted: Vec<u32>) -> Self {
+        let bytes = answer.bytes() + 4 * counted.len() + depends.bytes() + size_of::<(Key, Self)>();
+        Self { answer, depends, calls, counted, bytes, used: true }
+    }
+}
+
+/// The answers that the shaders of one grid got.
+#[derive(Clone, Debug, Default)]
+pub struct Memo {
+    entries: HashMap<Key, Entry>,
+    /// What the result of the whole run depends on.
+    depends: Dependencies,
+}
+
+/// The bytes of a [`Memo`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoBytes {
+    /// The results of lights.
+    pub lights: usize,
+    /// All other answers.
+    pub queries: usize,
+}
+
+impl Memo {
+    /// True when something changed that the shaders' results depend on.
+    pub fn is_stale(&self, changes: &Changes) -> bool {
+        changes.touch(&self.depends)
+    }
+
+    /// Drops the answers that depend on something that changed.
+    pub fn forget(&mut self, changes: &Changes) {
+        self.entries.retain(|_, entry| !changes.touch(&entry.depends));
+    }
+
+    /// Begins a run.
+    pub(crate) fn begin(&mut self) {
+        self.entries.values_mut().for_each(|entry| entry.used = false);
+    }
+
+    /// Ends a run whose result depends on `depends`. Answers that it did not ask for are dropped.
+    pub(crate) fn end(&mut self, depends: Dependencies) {
+        self.entries.retain(|_, entry| entry.used);
+        self.entries.shrink_to_fit();
+        self.depends = depends;
+    }
+
+    pub(crate) fn find(&mut self, key: Key) -> Option<&Entry> {
+        let entry = self.entries.get_mut(&key)?;
+        entry.used = true;
+        Some(entry)
+    }
+
+    pub(crate) fn keep(&mut self, key: Key, entry: Entry) {
+        self.entries.insert(key, entry);
+    }
+
+    /// Returns the bytes that it takes.
+    pub fn bytes(&self) -> MemoBytes {
+        let mut bytes = MemoBytes { lights: 0, queries: self.depends.bytes() };
+        let of = |lights: bool| {
+            let entries = self.entries.values().filter(|e| matches!(e.answer, Answer::Light(_)) == lights);
+            entries.map(|entry| entry.bytes).sum::<usize>()
+        };
+        bytes.lights += of(true);
+        bytes.queries += of(false);
+        bytes
+    }
+
+    /// Drops the results of lights.
+    pub fn drop_lights(&mut self) {
+        self.entries.retain(|_, entry| !matches!(entry.answer, Answer::Light(_)));
+    }
+
+    /// Drops all answers except the results of lights.
+    pub fn drop_queries(&mut self) {
+        self.entries.retain(|_, entry| matches!(entry.answer, Answer::Light(_)));
+    }
+}
+
+impl Answer {
+    fn bytes(&self) -> usize {
+        let of = |values: &Vec<f32>| 4 * values.len();
+        let of3 = |lanes: &Lanes3| lanes.xyz.iter().map(of).sum::<usize>();
+        match self {
+            Self::Light(result) => {
+                let sample = |s: &granita_shade::LightSample| {
+                    of3(&s.l) + of3(&s.cl) + of3(&s.pl) + of3(&s.nl) + s.lit.len()
+                };
+                let message = |m: &granita_shade::Primvar| match &m.data {
+                    PrimvarData::Floats { values, .. } => of(values),
+                    PrimvarData::Strings(list) => 32 * list.len(),
+                };
+                result.samples.iter().map(sample).sum::<usize>()
+                    + result.ambient.as_ref().map_or(0, of3)
+                    + of(&result.nondiffuse)
+                    + of(&result.nonspecular)
+                    + result.messages.iter().map(message).sum::<usize>()
+            }
+            Self::Lanes3(lanes) => of3(lanes),
+            Self::Occlusion(blocked, open) => of(blocked) + of3(open),
+            Self::Lookup(found) => {
+                found.value.iter().map(of).sum::<usize>()
+                    + of(&found.alpha)
+                    + of(&found.hitdist)
+                    + of3(&found.p_hit)
+                    + of3(&found.n_hit)
+                    + of3(&found.direction)
+            }
+            Self::Trace(found) => {
+                let TraceResult { hit, hitdist, l, ps, cl, ol, p, others } = &**found;
+                let lanes: usize = [l, ps, cl, ol, p].into_iter().map(of3).sum();
+                let others: usize = others.iter().map(|o| o.there.len() + of(&o.values)).sum();
+                hit.len() + of(hitdist) + lanes + others
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use granita_scene::LightId;
+
+    #[test]
+    fn answers_are_dropped_with_what_they_depend_on() {
+        let mut memo = Memo::default();
+        let on = |list: &[Dependency]| list.iter().copied().collect::<Dependencies>();
+        let light = |id| Dependency::Light(LightId(id));
+        let key = |word: u32| {
+            let mut hasher = KeyHasher::default();
+            hasher.word(word);
+            hasher.finish()
+        };
+        memo.begin();
+        let answer = || Answer::Lanes3(Lanes3::zeros(2));
+        memo.keep(key(1), Entry::new(answer(), on(&[light(1)]), 1, Vec::new()));
+        memo.keep(key(2), Entry::new(answer(), on(&[Dependency::File(1)]), 1, Vec::new()));
+        memo.end(on(&[light(1), Dependency::File(1)]));
+        let changes = Changes::of(&[light(1)]);
+        assert!(memo.is_stale(&changes) && !memo.is_stale(&Changes::of(&[light(2), Dependency::File(2)])));
+        memo.forget(&changes);
+        assert!(memo.find(key(1)).is_none() && memo.find(key(2)).is_some());
+        // What a run does not ask for is dropped at its end.
+        memo.begin();
+        memo.end(Dependencies::default());
+        assert!(memo.find(key(2)).is_none() && memo.bytes() == MemoBytes::default());
+    }
+}

@@ -1,0 +1,246 @@
+//! Answers of services that are kept for re-renders ([`crate::Memo`]), and the notes of what results depend on.
+
+use super::Run;
+use crate::memo::{Answer, Dependencies, Dependency, Entry, Key, KeyHasher};
+use granita_scene::ShaderUsage;
+use granita_shade::{
+    Batch, EnvironmentQuery, GatherQuery, IlluminateQuery, Lane3, Lanes3, Message, ShadowQuery,
+    Texture3dQuery, TextureQuery, TraceQuery,
+};
+use std::sync::Arc;
+
+/// The kinds of questions whose answers are kept.
+#[derive(Clone, Copy, Debug)]
+#[repr(u32)]
+pub(super) enum Question {
+    Texture,
+    Texture3d,
+    Environment,
+    Shadow,
+    Occlusion,
+    Indirect,
+    Trace,
+    Light,
+}
+
+/// What is known about a question.
+pub(super) enum Asked {
+    /// Its answer.
+    Known(Answer),
+    /// It must be answered. The answer is kept with [`Run::keep`].
+    New(Ticket),
+    /// Answers are not kept.
+    Unkept,
+}
+
+/// A question that is being answered.
+pub(super) struct Ticket {
+    key: Key,
+    /// The notes of the run before the question.
+    outer: Option<Dependencies>,
+    calls: u32,
+    lane_calls: Vec<u32>,
+}
+
+impl Run<'_, '_> {
+    /// Notes that the result depends on something.
+    pub(super) fn note(&mut self, one: Dependency) {
+        self.thread.note(one);
+    }
+
+    /// Notes that the result depends on a file.
+    pub(super) fn note_file(&mut self, name: &str) {
+        if self.thread.notes.is_some() && !name.is_empty() {
+            let file = self.frame.files_used.number(name);
+            self.note(Dependency::File(file));
+        }
+    }
+
+    /// Returns the notes since `outer` was taken, and adds them to it. They are shared by what was computed together.
+    pub(super) fn noted_since(&mut self, outer: Option<Dependencies>) -> Arc<Dependencies> {
+        let Some(mut outer) = outer else { return Arc::default() };
+        let mut new = self.thread.notes.take().unwrap_or_default();
+        outer.add_all(&new);
+        self.thread.notes = Some(outer);
+        new.shrink();
+        Arc::new(new)
+    }
+
+    /// True when answers are kept: for grids that a camera sees, and their lights.
+    fn keeps_answers(&self) -> bool {
+        self.thread.memo.is_some() && self.ray.level == 0 && !self.ray.shadow && !self.thread.builds_rays
+    }
+
+    /// Looks for the answer to a question. `hash` adds the question to its key.
+    pub(super) fn ask(&mut self, question: Question, hash: impl FnOnce(&Self, &mut KeyHasher)) -> Asked {
+        if !self.keeps_answers() || self.is_anew {
+            return Asked::Unkept;
+        }
+        let mut hasher = KeyHasher::default();
+        hasher.word(question as u32);
+        self.hash_run(&mut hasher);
+        hash(self, &mut hasher);
+        let key = hasher.finish();
+        let Some(memo) = &mut self.thread.memo else { return Asked::Unkept };
+        if let Some(entry) = memo.find(key) {
+            self.calls += entry.calls;
+            for lane in &entry.counted {
+                if let Some(count) = self.lane_calls.get_mut(*lane as usize) {
+                    *count += 1;
+                }
+            }
+            if let Some(notes) = &mut self.thread.notes {
+                notes.add_all(&entry.depends);
+            }
+            return Asked::Known(entry.answer.clone());
+        }
+        let outer = self.thread.notes.replace(Dependencies::default());
+        Asked::New(Ticket { key, outer, calls: self.calls, lane_calls: self.lane_calls.clone() })
+    }
+
+    /// Keeps the answer to a question.
+    pub(super) fn keep(&mut self, ticket: Ticket, answer: Answer) {
+        let Ticket { key, outer, calls, lane_calls } = ticket;
+        let mut depends = std::mem::replace(&mut self.thread.notes, outer).unwrap_or_default();
+        if let Some(notes) = &mut self.thread.notes {
+            notes.add_all(&depends);
+        }
+        depends.shrink();
+        let mut counted = Vec::new();
+        for (lane, (now, before)) in self.lane_calls.iter().zip(&lane_calls).enumerate() {
+            match now - before {
+                0 => {}
+                1 => counted.push(lane as u32),
+                // No question counts more than one call. One that does is answered again.
+                _ => return,
+            }
+        }
+        let entry = Entry::new(answer, depends, self.calls - calls, counted);
+        if let Some(memo) = &mut self.thread.memo {
+            memo.keep(key, entry);
+        }
+    }
+
+    /// Adds everything about the run that answers may depend on, besides the grid.
+    fn hash_run(&self, hasher: &mut KeyHasher) {
+        hasher.word(self.shaders.usage as u32);
+        if self.shaders.usage == ShaderUsage::Light {
+            hasher.text(&self.owner);
+        }
+        hasher.word(self.shadow_bias.to_bits());
+        hasher.word(u32::from(self.gathers_in_front));
+        hasher.word(self.calls);
+        if self.names.is_empty() {
+            hasher.word(self.seed);
+        } else {
+            hasher.words(&self.names);
+            hasher.words(&self.lane_calls);
+        }
+    }
+}
+
+pub(super) fn texture(hasher: &mut KeyHasher, query: &TextureQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.name);
+    hasher.word(query.channels as u32);
+    for lane in [query.s, query.t, query.dsdx, query.dtdx, query.dsdy, query.dtdy] {
+        hasher.lane(lane, batch);
+    }
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+}
+
+pub(super) fn texture3d(hasher: &mut KeyHasher, query: &Texture3dQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.name);
+    hasher.word(query.channels as u32);
+    lanes3(hasher, batch, &[query.p, query.dpdx, query.dpdy]);
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+}
+
+pub(super) fn environment(hasher: &mut KeyHasher, query: &EnvironmentQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.name);
+    hasher.word(query.channels as u32);
+    lanes3(hasher, batch, &[query.p, query.r, query.drdx, query.drdy, query.dpdx, query.dpdy]);
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+    query.messages.iter().for_each(|message| hasher.primvar(message));
+}
+
+pub(super) fn shadow(hasher: &mut KeyHasher, query: &ShadowQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.name);
+    lanes3(hasher, batch, &[query.p, query.dpdx, query.dpdy, query.to_light]);
+    hasher.word(u32::from(query.light_infinite));
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+    query.messages.iter().for_each(|message| hasher.primvar(message));
+}
+
+pub(super) fn gather(hasher: &mut KeyHasher, query: &GatherQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.set);
+    lanes3(hasher, batch, &[query.p, query.axis]);
+    hasher.lane(query.angle, batch);
+    hasher.lane(query.samples, batch);
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+    query.messages.iter().for_each(|message| hasher.primvar(message));
+}
+
+pub(super) fn trace(hasher: &mut KeyHasher, query: &TraceQuery<'_>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    hasher.text(query.set);
+    lanes3(hasher, batch, &[query.p, query.axis]);
+    hasher.lane(query.angle, batch);
+    hasher.lane(query.samples, batch);
+    hasher.word(query.sample);
+    options(hasher, batch, |number, text| query.options.visit(number, text));
+    for (name, ty) in query.wanted {
+        hasher.text(name);
+        hasher.word(*ty as u32);
+    }
+    query.messages.iter().for_each(|message| hasher.primvar(message));
+}
+
+/// Adds a question about a light. `colors` are those of the grid where they may differ from run to run.
+pub(super) fn light(hasher: &mut KeyHasher, query: &IlluminateQuery<'_>, colors: Option<[&Lanes3; 2]>) {
+    let batch = query.batch;
+    hasher.batch(batch);
+    lanes3(hasher, batch, &[query.ps, query.ns]);
+    hasher.word(u32::from(query.in_front) | u32::from(query.asks) << 1);
+    for Message { from, value } in query.messages {
+        hasher.word(*from as u32);
+        hasher.primvar(value);
+    }
+    colors.into_iter().flatten().for_each(|lanes| hasher.lanes3(lanes));
+}
+
+fn lanes3(hasher: &mut KeyHasher, batch: Batch<'_>, list: &[Lane3<'_>]) {
+    list.iter().for_each(|lanes| hasher.lane3(*lanes, batch));
+}
+
+/// Adds the options that `visit` visits.
+fn options<'q>(
+    hasher: &mut KeyHasher,
+    batch: Batch<'_>,
+    visit: impl FnOnce(&mut dyn FnMut(Option<granita_shade::Lane<'q>>), &mut dyn FnMut(Option<&'q str>)),
+) {
+    let hasher = std::cell::RefCell::new(hasher);
+    visit(&mut |number| hasher.borrow_mut().option(number, batch), &mut |text| {
+        hasher.borrow_mut().optional_text(text)
+    });
+}
+
+/// Copies the active lanes of an answer.
+pub(super) fn copy3(from: &Lanes3, to: &mut Lanes3, batch: Batch<'_>) {
+    super::maps::fit(to, batch.lanes);
+    if batch.active.len() == batch.lanes {
+        to.clone_from(from);
+        return;
+    }
+    batch.active.iter().for_each(|i| to.set(*i as usize, from.get(*i as usize)));
+}
