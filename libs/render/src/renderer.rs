@@ -346,6 +346,7 @@ impl<'r> FrameInProgress<'r> {
         }
         let Self { renderer: Renderer { environment }, scene, views, .. } = self;
         let mut shading = ShadingContext::new(scene, &self.shading_view, &environment.shading());
+        shading.keeps = self.kept.is_some();
         let maps = DynamicMaps::new(scene, views, &shading.textures, environment, self.threads)?;
         if !maps.is_empty() {
             shading.dynamic = Some(Box::new(maps));

@@ -74,6 +74,8 @@ pub struct ShadingContext {
     pub(crate) files_used: FilesUsed,
     /// The number of object states.
     objects: AtomicU32,
+    /// True when the scene may be rendered again.
+    pub keeps: bool,
     /// What changed before each frame, from the second one on.
     pub(crate) history: Vec<Changes>,
 }
@@ -192,6 +194,7 @@ impl ShadingContext {
             stop: environment.stop.clone(),
             files_used: FilesUsed::new(environment.texture_path.clone()),
             objects: AtomicU32::new(0),
+            keeps: false,
             history: Vec::new(),
             reporter,
         }

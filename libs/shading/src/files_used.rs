@@ -3,7 +3,7 @@
 use granita_base::{FileStamp, Location, Reporter, SearchPath, Severity, parallel_map};
 use parking_lot::Mutex;
 use regex::Regex;
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 /// The names of the files that shaders asked for, with a number each, and the state in which they were found.
 #[derive(Debug, Default)]
@@ -17,6 +17,8 @@ struct Known {
     numbers: HashMap<String, u32>,
     /// By number: the name, and the stamp of the file when it was looked at last; `None` when there was none.
     stamps: Vec<(String, Option<FileStamp>)>,
+    /// The numbers of the files that displacements read.
+    of_shapes: BTreeSet<u32>,
 }
 
 impl FilesUsed {
@@ -36,6 +38,17 @@ impl FilesUsed {
         let stamp = self.stamp(name);
         known.stamps.push((name.to_owned(), stamp));
         number
+    }
+
+    /// Notes that a displacement shader reads a file.
+    pub(crate) fn shapes(&self, number: u32) {
+        self.known.lock().of_shapes.insert(number);
+    }
+
+    /// True when displacement shaders read one of these files.
+    pub(crate) fn changes_shapes(&self, numbers: &[u32]) -> bool {
+        let known = self.known.lock();
+        numbers.iter().any(|number| known.of_shapes.contains(number))
     }
 
     /// Returns the numbers of all names.

@@ -26,6 +26,11 @@ impl ShadingContext {
             return false;
         }
         let before = self.scene.clone();
+        let follows = |scene: &Scene| scene.get(attr::RERENDER_RESHADERAYS);
+        if follows(scene) && !follows(&before) {
+            // Nobody noted what rays hit.
+            return false;
+        }
         (self.library, self.reporter) = (environment.shaders.clone(), environment.reporter.clone());
         let mut changes = Changes::default();
         self.renew_lights(&before, scene, &mut changes);
@@ -155,6 +160,10 @@ impl ShadingContext {
             self.texture_path = environment.texture_path.clone();
             self.files_used.set_path(environment.texture_path.clone());
             self.files_used.all().for_each(|number| changes.add(Dependency::File(number)));
+        }
+        let used: Vec<u32> = if moved { self.files_used.all().collect() } else { changed.clone() };
+        if self.files_used.changes_shapes(&used) {
+            return false;
         }
         if !changed.is_empty() || moved || limits(before) != limits(&self.scene) {
             // Maps that are made on demand belong to their cache.

@@ -50,9 +50,16 @@ impl Run<'_, '_> {
 
     /// Notes that the result depends on a file.
     pub(super) fn note_file(&mut self, name: &str) {
-        if self.thread.notes.is_some() && !name.is_empty() {
+        if !self.frame.keeps || name.is_empty() {
+            return;
+        }
+        let shapes = self.shaders.usage == ShaderUsage::Displacement;
+        if shapes || self.thread.notes.is_some() {
             let file = self.frame.files_used.number(name);
             self.note(Dependency::File(file));
+            if shapes {
+                self.frame.files_used.shapes(file);
+            }
         }
     }
 
