@@ -115,6 +115,18 @@ pub(super) fn resolve_sample(
     if layers.is_empty() && depths.is_none() {
         return;
     }
+    let n = scenery.samples.len();
+    if let [Layer { grid, at, place }] = layers
+        && sample.len() == 4
+        && let Some(color) = scenery.grids[*grid as usize].only_color_at(*at, *place)
+    {
+        // The same as below. A sum of zero and a negative zero is zero.
+        for c in 0..3 {
+            out[c * n + s] = 0.0 + color[c];
+        }
+        out[3 * n + s] = 1.0;
+        return;
+    }
     sample.fill(0.0);
     blend(scenery, (wanted, s), layers, sample);
     if wanted.depths {
@@ -123,7 +135,6 @@ pub(super) fn resolve_sample(
         // (reference 10.1.2).
         (sample[4], sample[5]) = (z, (z + second) * 0.5);
     }
-    let n = scenery.samples.len();
     for (c, value) in sample.iter().enumerate() {
         out[c * n + s] = *value;
     }

@@ -337,6 +337,17 @@ impl ShadedGrid {
         self.over_time(time, of, |a, b, alpha| a.lerp(b, alpha))
     }
 
+    /// Returns the colour at a place of a grid that is opaque and was shaded once; `None` for other grids.
+    #[inline(always)]
+    pub(crate) fn only_color_at(&self, at: u32, [u, v]: [f32; 2]) -> Option<Color> {
+        match &self.shades[..] {
+            [shade] if self.opaque && self.holdout == Holdout::None => {
+                Some(Self::blend(&shade.color, self.nu, at as usize, u, v, Color::ZERO))
+            }
+            _ => None,
+        }
+    }
+
     /// True when the grid was shaded at several times.
     pub fn varies_over_time(&self) -> bool {
         self.shades.len() > 1
@@ -355,6 +366,7 @@ impl ShadedGrid {
         blend(of(a), of(b), (time - a.time) / (b.time - a.time))
     }
 
+    #[inline(always)]
     fn blend(values: &[Color], nu: usize, at: usize, u: f32, v: f32, default: Color) -> Color {
         if values.is_empty() {
             return default;
