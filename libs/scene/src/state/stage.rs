@@ -4,6 +4,7 @@
 //! [`State::begin_stage`] may begin a frame around them, and [`State::adopt`] makes them objects of its world.
 
 use super::current::{Current, flips_normals};
+use super::modify::Edit;
 use super::{Phase, State};
 use crate::{AttributeSet, Primitive, Stop, attr};
 use granita_base::{Location, MotionTransform, ShapeDesc, Transform, Vec3};
@@ -128,7 +129,7 @@ impl State {
 
     /// Adds a geometry set to the list of the current state.
     pub(super) fn add_to_sets(&mut self, name: &Arc<str>) {
-        self.edit_sets(|set| {
+        self.edit_sets(Edit::Allowed, |set| {
             if !set.geometry_sets.contains(name) {
                 let mut sets = set.geometry_sets.to_vec();
                 sets.push(name.clone());
