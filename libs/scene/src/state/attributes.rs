@@ -1,7 +1,6 @@
 //! `Attribute` and `GetAttribute` (reference 2.4), by the attribute table.
 
-use super::current::{orientation, string};
-use super::modify::Edit;
+use super::current::{Edit, orientation, string};
 use super::transforms::hint;
 use super::{Phase, State};
 use crate::attribute::{AttributeRow, Known, Scope, TABLE, attr, attribute_default, attribute_row, known};

@@ -1,7 +1,7 @@
 //! Lights and light switches (reference 2.6), also those of later frames (reference 11.2).
 
 use super::State;
-use super::modify::Edit;
+use super::current::Edit;
 use super::transforms::hint;
 use crate::{Light, LightId, ShaderGroup, ShaderUsage, attr};
 use granita_base::{Location, Params, Severity, suggestion};

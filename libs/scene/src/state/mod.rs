@@ -168,6 +168,7 @@ impl State {
     /// Reports blocks that are still open. It is called after the last call.
     pub fn end(&mut self) {
         self.finish_motion(&Location::default());
+        self.leave_modify();
         self.drop_early();
         if let Some(group) = self.group.take() {
             self.report(

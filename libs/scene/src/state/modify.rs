@@ -1,6 +1,6 @@
 //! Modify mode (reference 2.1.4, 2.4), which changes attribute states that objects already use.
 
-use super::current::flips_normals;
+use super::current::{Edit, flips_normals};
 use super::transforms::hint;
 use super::{Saved1, State, pattern};
 use crate::{AttributeSet, LightId, ShaderGroup, ShaderInstance, attr, attribute_row};
@@ -26,34 +26,13 @@ pub(super) struct ModifyMode {
     given: Arc<str>,
     /// True when a state of an object, or of one of its shaders, matches, and not only those of lights.
     has_objects: bool,
-    /// The changes that a re-render does not allow.
-    refused: Vec<Refused>,
-}
-
-/// A change of objects that a re-render does not allow.
-#[derive(Debug)]
-struct Refused {
-    /// The call as messages show it.
-    what: String,
-    at: Location,
-    /// True when the change may be meant for a `Light` that follows.
-    suits_lights: bool,
+    /// The changes that a re-render does not allow, and their locations. A `Light` that follows takes them.
+    refused: Vec<(String, Location)>,
 }
 
 /// The sections of the reference with the attributes that lights do not have: those of surfaces, dicing, displacement,
 /// shading and trim curves.
 const NOT_OF_LIGHTS: [&str; 5] = ["4.4.4", "4.4.5", "4.4.6", "4.4.7", "4.4.8"];
-
-/// A change of attribute states, for the rules of re-rendering.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Edit<'a> {
-    /// A change that objects may have in a re-render.
-    Allowed,
-    /// Another attribute: its name, and the location of the call.
-    Attribute(&'a str, &'a Location),
-    /// Another call: its name and location.
-    Call(&'a str, &'a Location),
-}
 
 impl State {
     /// Handles `Modify`.
@@ -150,29 +129,12 @@ impl State {
     /// After the first frame objects take only changes that re-rendering allows (reference 11.1). All others apply to
     /// the current state alone, for a light that follows.
     pub(super) fn edit_sets(&mut self, edit: Edit<'_>, change: impl Fn(&mut AttributeSet)) {
-        let in_rerender = self.in_rerender();
+        if self.refuses_edit(edit) {
+            return change(self.current.edit());
+        }
         let Some(mode) = &mut self.modify else {
             return change(self.current.edit());
         };
-        if in_rerender && mode.has_objects {
-            let refused = match edit {
-                Edit::Allowed => None,
-                Edit::Attribute(name, at) => {
-                    let section = attribute_row(name).map(|row| row.section);
-                    let suits_lights = section.is_none_or(|section| !NOT_OF_LIGHTS.contains(&section));
-                    Some(Refused { what: format!("Attribute \"{name}\""), at: at.clone(), suits_lights })
-                }
-                Edit::Call(name, at) => {
-                    Some(Refused { what: name.to_owned(), at: at.clone(), suits_lights: true })
-                }
-            };
-            if let Some(refused) = refused {
-                if mode.refused.iter().all(|other| other.what != refused.what) {
-                    mode.refused.push(refused);
-                }
-                return change(self.current.edit());
-            }
-        }
         if mode.pattern.is_match(&self.current.set.name()) {
             change(self.current.edit());
         }
@@ -212,9 +174,42 @@ impl State {
 
     /// Takes the changes that objects refuse as those of a light that follows them.
     pub(super) fn spend_refused(&mut self) {
-        if let Some(mode) = &mut self.modify {
-            mode.refused.retain(|refused| !refused.suits_lights);
+        self.modify.iter_mut().for_each(|mode| mode.refused.clear());
+    }
+
+    /// True when a change must not apply to the objects that are being modified, because a re-render does not allow
+    /// it. It is reported at once when lights do not have the attribute, and otherwise when no light follows.
+    fn refuses_edit(&mut self, edit: Edit<'_>) -> bool {
+        let in_rerender = self.in_rerender();
+        let Some(mode) = self.modify.as_mut().filter(|mode| in_rerender && mode.has_objects) else {
+            return false;
+        };
+        let (what, at, suits_lights) = match edit {
+            Edit::Allowed => return false,
+            Edit::Attribute(name, at) => {
+                let section = attribute_row(name).map(|row| row.section);
+                let suits_lights = section.is_none_or(|section| !NOT_OF_LIGHTS.contains(&section));
+                (format!("Attribute \"{name}\""), at, suits_lights)
+            }
+            Edit::Call(name, at) => (name.to_owned(), at, true),
+        };
+        if suits_lights {
+            if mode.refused.iter().all(|(other, _)| *other != what) {
+                mode.refused.push((what, at.clone()));
+            }
+            return true;
         }
+        let given = mode.given.clone();
+        self.refuse_edit(&what, &given, at);
+        true
+    }
+
+    fn refuse_edit(&self, what: &str, pattern: &str, at: &Location) {
+        let text = format!(
+            "{what} cannot change the objects of Modify \"{pattern}\" in a re-render (only LightSwitch and Attribute \"{}\" may)",
+            attr::RERENDER_LOCKED.name()
+        );
+        self.refuse(at, text);
     }
 
     /// Adds an object that was declared in modify mode to the modified states if its name matches (reference 2.4).
@@ -274,13 +269,8 @@ impl State {
     /// Leaves modify mode and assigns the changed states to all objects.
     pub(super) fn leave_modify(&mut self) {
         let Some(mode) = self.modify.take() else { return };
-        for Refused { what, at, .. } in &mode.refused {
-            let text = format!(
-                "{what} cannot change the objects of Modify \"{}\" in a re-render (only LightSwitch and Attribute \"{}\" may)",
-                mode.given,
-                attr::RERENDER_LOCKED.name()
-            );
-            self.refuse(at, text);
+        for (what, at) in &mode.refused {
+            self.refuse_edit(what, &mode.given, at);
         }
         let camera = self.shading_camera();
         let mut moved = Moved::new(&mode.shaders);

@@ -1,7 +1,7 @@
 //! Motion blocks (reference 2.7): `n` times, then `n` transformations or `n` primitives.
 
 use super::State;
-use super::modify::Edit;
+use super::current::Edit;
 use super::transforms::Change;
 use crate::ShapeKey;
 use granita_base::{

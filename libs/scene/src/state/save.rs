@@ -1,7 +1,7 @@
 //! `SaveAttributes` and `RestoreAttributes` (reference 2.4).
 
 use super::State;
-use super::modify::Edit;
+use super::current::Edit;
 use super::transforms::hint;
 use crate::AttributeSet;
 use crate::attribute::{Scope, attribute_row};

@@ -2,7 +2,7 @@
 
 use super::State;
 use super::attributes::typed;
-use super::modify::Edit;
+use super::current::Edit;
 use super::transforms::hint;
 use crate::interface::SHADER;
 use crate::{Connection, ShaderGroup, ShaderInstance, ShaderUsage};

@@ -1,7 +1,7 @@
 //! Geometric primitives and trim curves (reference 2.8).
 
 use super::attributes::typed;
-use super::modify::Edit;
+use super::current::Edit;
 use super::{Phase, State};
 use crate::interface::VARIABLES;
 use crate::{AttributeSet, Primitive, ShapeKey};

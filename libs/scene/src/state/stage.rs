@@ -3,8 +3,7 @@
 //! Primitives before `World` are kept apart. At `World`, and at the end, they are reported and dropped. Until then
 //! [`State::begin_stage`] may begin a frame around them, and [`State::adopt`] makes them objects of its world.
 
-use super::current::{Current, flips_normals};
-use super::modify::Edit;
+use super::current::{Current, Edit, flips_normals};
 use super::{Phase, State};
 use crate::{AttributeSet, Primitive, Stop, attr};
 use granita_base::{Location, MotionTransform, ShapeDesc, Transform, Vec3};

@@ -1,6 +1,6 @@
 //! Transformations (reference 2.5), alone or as the keys of a motion block.
 
-use super::modify::Edit;
+use super::current::Edit;
 use super::{Phase, Saved1, State};
 use crate::interface::SET_TRANSFORM;
 use crate::{Call, TransformTarget};
