@@ -101,7 +101,7 @@ fn spots() -> Stage {
         Output::new("look.tif", "rgb", "main").with("float gain", [0.8]).with("float gamma", [2.2]),
         Output::new("depth.exr", "z", "main"),
         Output::new("normal.exr", "normal N", "main").spare(),
-        Output::new("alpha.tif", "a", "main").spare(),
+        Output::new("view.tif", "vector I", "main").spare(),
         Output::new("color.tif", "color C", "main")
             .with("int[4] quantize", [0.0, 65535.0, 0.0, 65535.0])
             .spare(),
