@@ -119,7 +119,7 @@ fn rays() -> Stage {
          Shader (\"surface\", \"constant\")\nPatch (\"linear\", 2, 2, \"vertex point P\", (-3, 2.5, 1, -3, 2.5, -1, -2, 4, 1, -2, 4, -1))\n\
          PopAttributes ()\n{sets}"
     ) + &floor(
-        "Shader (\"surface\", \"shinyplastic\", \"string envname\", \"seen\", \"float Ks\", 0.2)\n",
+        "Shader (\"surface\", \"plastic\")\nAttribute (\"float shadingquality\", 0.5)\n",
     ) + &ball(
         "set/mirror",
         [-0.9, 0.8, 0.4],
@@ -141,7 +141,7 @@ fn rays() -> Stage {
             .with("string geometry", "panel")
             .with("string shadowname", "solid")
             .with("float twosided", [1.0])
-            .attribute("int light:nsamples", [3.0])
+            .attribute("int light:nsamples", [2.0])
             .choice("string shadowname", texts(["solid", ""]))
             .choice("float falloff", numbers([1.0, 2.0])),
         Light::new("key", "spotlight", [3.0, 4.0, -3.0], [-45.0, 43.0], 25.0)
@@ -160,7 +160,10 @@ fn rays() -> Stage {
         Output::new("depth.tif", "z", "main").with("int[4] quantize", [0.0; 4]),
         Output::new("opacity.exr", "color opacity", "main").spare(),
     ];
-    Stage { objects, lights, outputs, patterns: vec!["^set/", "mirror", "glass|floor"], ..stage("rays") }
+    let small = "\"string projection\", \"perspective\", \"float fov\", 36, \"int[2] resolution\", (48, 36)";
+    let main = camera("main", "Translate (0, 1.6, -6)\nRotate (14, 1, 0, 0)\n", small);
+    let patterns = vec!["^set/", "mirror", "glass|floor"];
+    Stage { cameras: vec![main], objects, lights, outputs, patterns, ..stage("rays") }
 }
 
 /// Returns hairs that stand on a circle in the plane of the floor, each a cubic curve with a thin tip.
