@@ -88,7 +88,7 @@ fn spots() -> Stage {
             .choice("float shadowbias", numbers([0.02, 0.1]))
             .choice("string shadowname", texts(["key.sm", ""])),
         Light::new("fill", "pointlight", [-3.0, 2.0, -3.0], [0.0, 0.0], 6.0),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [20.0, 60.0], 0.2),
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [20.0, 60.0], 0.2),
         Light::new("base", "ambientlight", [0.0, 0.0, 0.0], [0.0, 0.0], 0.1),
         Light::new("slide", "uberlight", [0.0, 4.0, 0.0], [0.0, 90.0], 0.6)
             .with("string slidename", "brick.tx")
@@ -151,7 +151,7 @@ fn rays() -> Stage {
             .choice("float shadowbias", numbers([-1.0, 0.05])),
         Light::new("back", "pointlight", [0.5, 3.0, 3.0], [0.0, 0.0], 8.0).with("string shadowname", "solid"),
         Light::new("fill", "pointlight", [2.0, 1.0, -4.0], [0.0, 0.0], 5.0).spare(),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [-30.0, 50.0], 0.4)
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [-30.0, 50.0], 0.4)
             .with("string shadowname", "solid")
             .spare(),
     ];
@@ -371,7 +371,7 @@ fn sky() -> Stage {
             .choice("float blur", numbers([0.2, 0.5]))
             .choice("string occlusionname", texts(["solid", ""]))
             .choice("float envsamples", numbers([0.0, 4.0])),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [-40.0, 35.0], 0.7)
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [-40.0, 35.0], 0.7)
             .with("string shadowname", "solid")
             .choice("string shadowname", texts(["solid", ""]))
             .choice("float shadowblur", numbers([0.0, 0.02])),
