@@ -57,6 +57,15 @@ pub enum Effect {
     Hint,
 }
 
+/// A mark at the end of a row of the table.
+#[derive(Clone, Copy)]
+enum Mark {
+    /// The effect is [`Effect::Hint`].
+    Hint,
+    /// The attribute may change in a re-render.
+    Rerender,
+}
+
 /// An attribute of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct AttributeRow {
@@ -74,9 +83,25 @@ pub struct AttributeRow {
     pub help: &'static str,
     /// The effect of setting it.
     pub effect: Effect,
+    /// True when it may change between the frames of re-rendering mode (reference 11.1). An attribute of objects
+    /// changes by `Modify`.
+    pub rerender: bool,
 }
 
 impl AttributeRow {
+    /// Returns the row with marks.
+    const fn marked(mut self, marks: &[Mark]) -> Self {
+        let mut i = 0;
+        while i < marks.len() {
+            match marks[i] {
+                Mark::Hint => self.effect = Effect::Hint,
+                Mark::Rerender => self.rerender = true,
+            }
+            i += 1;
+        }
+        self
+    }
+
     /// Returns the default as a parameter; `None` when there is none.
     pub fn default_param(&self) -> Option<Param> {
         let data = match self.default {

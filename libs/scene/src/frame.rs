@@ -1,6 +1,6 @@
 //! The interface of the state machine to the renderer.
 
-use crate::{AttributeSet, Scene, SceneSink, Stop};
+use crate::{AttributeSet, Scene, SceneSink, ShaderGroup, Stop};
 use granita_base::{Location, Param, Params};
 use std::sync::Arc;
 
@@ -78,6 +78,14 @@ pub trait FrameRenderer: Send {
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         let _ = scene;
         vec![true; unread.len()]
+    }
+
+    /// Returns whether a light can be used that a re-render adds or replaces: its shaders exist and accept their
+    /// parameters. When it cannot, the implementation reports why, and the scene keeps the light as it was.
+    /// `shader_path` is the attribute "path:shader" as set by the scene.
+    fn check_light(&mut self, name: &str, group: &ShaderGroup, shader_path: &str, at: &Location) -> bool {
+        let _ = (name, group, shader_path, at);
+        true
     }
 
     /// Receives every scene-wide attribute when it is set (checked and converted), for attributes that apply at once,

@@ -14,6 +14,9 @@
 //! applied as far as possible. No sequence of calls panics. File formats, shaders and their parameters, and images
 //! are deliberately absent.
 //!
+//! In re-rendering mode (reference 2.11) the state stays after `Render`, and further frames may change what reference
+//! 11.1 allows. The rows of the attribute table say which attributes these are.
+//!
 //! An `Input` with a bound is deferred. The state at the call is kept, and at `Render` the [`FrameRenderer`]
 //! determines which deferred inputs may be needed. These are then read in the place of the call and do not change the
 //! state.

@@ -16,7 +16,8 @@ fn the_manual_lists_every_attribute() {
          NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \
          of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
          wrong number of values, is an error and changes nothing. An attribute marked *hint* \
-         tunes how the work is done, and this renderer needs no tuning there.\n",
+         tunes how the work is done, and this renderer needs no tuning there. One marked *re-render* may change between \
+         the frames of re-rendering mode: those of objects by `Modify`, the others before `World`.\n",
     );
     for (scope, title) in [
         (Scope::Camera, "Of cameras"),
@@ -41,6 +42,9 @@ fn the_manual_lists_every_attribute() {
                 Effect::Full => "",
                 Effect::Hint => "; *hint*",
             };
+            if row.rerender {
+                help += "; *re-render*";
+            }
             let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);
         }
     }

@@ -1,7 +1,7 @@
 //! The files that the scenes read, each in two versions: shadow maps, textures and an environment map. They are made
 //! once for all sequences.
 
-use crate::play::render;
+use crate::player::render;
 use crate::scenes;
 use granita_image::{CreateOptions, ImageSpec, Limits, PixelType, Pixels};
 use granita_texture::make::{MakeOptions, Mode, make};

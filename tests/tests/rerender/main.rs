@@ -17,6 +17,7 @@ mod edits;
 mod files;
 mod model;
 mod play;
+mod player;
 mod scenes;
 mod special;
 

@@ -88,7 +88,7 @@ fn spots() -> Stage {
             .choice("float shadowbias", numbers([0.02, 0.1]))
             .choice("string shadowname", texts(["key.sm", ""])),
         Light::new("fill", "pointlight", [-3.0, 2.0, -3.0], [0.0, 0.0], 6.0),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [20.0, 60.0], 0.2),
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [20.0, 60.0], 0.2),
         Light::new("base", "ambientlight", [0.0, 0.0, 0.0], [0.0, 0.0], 0.1),
         Light::new("slide", "uberlight", [0.0, 4.0, 0.0], [0.0, 90.0], 0.6)
             .with("string slidename", "brick.tx")
@@ -101,7 +101,7 @@ fn spots() -> Stage {
         Output::new("look.tif", "rgb", "main").with("float gain", [0.8]).with("float gamma", [2.2]),
         Output::new("depth.exr", "z", "main"),
         Output::new("normal.exr", "normal N", "main").spare(),
-        Output::new("alpha.tif", "a", "main").spare(),
+        Output::new("view.tif", "vector I", "main").spare(),
         Output::new("color.tif", "color C", "main")
             .with("int[4] quantize", [0.0, 65535.0, 0.0, 65535.0])
             .spare(),
@@ -119,7 +119,7 @@ fn rays() -> Stage {
          Shader (\"surface\", \"constant\")\nPatch (\"linear\", 2, 2, \"vertex point P\", (-3, 2.5, 1, -3, 2.5, -1, -2, 4, 1, -2, 4, -1))\n\
          PopAttributes ()\n{sets}"
     ) + &floor(
-        "Shader (\"surface\", \"shinyplastic\", \"string envname\", \"seen\", \"float Ks\", 0.2)\n",
+        "Shader (\"surface\", \"plastic\")\nAttribute (\"float shadingquality\", 0.5)\n",
     ) + &ball(
         "set/mirror",
         [-0.9, 0.8, 0.4],
@@ -141,7 +141,7 @@ fn rays() -> Stage {
             .with("string geometry", "panel")
             .with("string shadowname", "solid")
             .with("float twosided", [1.0])
-            .attribute("int light:nsamples", [3.0])
+            .attribute("int light:nsamples", [2.0])
             .choice("string shadowname", texts(["solid", ""]))
             .choice("float falloff", numbers([1.0, 2.0])),
         Light::new("key", "spotlight", [3.0, 4.0, -3.0], [-45.0, 43.0], 25.0)
@@ -151,7 +151,7 @@ fn rays() -> Stage {
             .choice("float shadowbias", numbers([-1.0, 0.05])),
         Light::new("back", "pointlight", [0.5, 3.0, 3.0], [0.0, 0.0], 8.0).with("string shadowname", "solid"),
         Light::new("fill", "pointlight", [2.0, 1.0, -4.0], [0.0, 0.0], 5.0).spare(),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [-30.0, 50.0], 0.4)
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [-30.0, 50.0], 0.4)
             .with("string shadowname", "solid")
             .spare(),
     ];
@@ -160,7 +160,10 @@ fn rays() -> Stage {
         Output::new("depth.tif", "z", "main").with("int[4] quantize", [0.0; 4]),
         Output::new("opacity.exr", "color opacity", "main").spare(),
     ];
-    Stage { objects, lights, outputs, patterns: vec!["^set/", "mirror", "glass|floor"], ..stage("rays") }
+    let small = "\"string projection\", \"perspective\", \"float fov\", 36, \"int[2] resolution\", (48, 36)";
+    let main = camera("main", "Translate (0, 1.6, -6)\nRotate (14, 1, 0, 0)\n", small);
+    let patterns = vec!["^set/", "mirror", "glass|floor"];
+    Stage { cameras: vec![main], objects, lights, outputs, patterns, ..stage("rays") }
 }
 
 /// Returns hairs that stand on a circle in the plane of the floor, each a cubic curve with a thin tip.
@@ -368,7 +371,7 @@ fn sky() -> Stage {
             .choice("float blur", numbers([0.2, 0.5]))
             .choice("string occlusionname", texts(["solid", ""]))
             .choice("float envsamples", numbers([0.0, 4.0])),
-        Light::new("sun", "distantlight", [0.0, 0.0, 0.0], [-40.0, 35.0], 0.7)
+        Light::new("sun", "distantlight", [0.0, 4.0, 0.0], [-40.0, 35.0], 0.7)
             .with("string shadowname", "solid")
             .choice("string shadowname", texts(["solid", ""]))
             .choice("float shadowblur", numbers([0.0, 0.02])),

@@ -17,6 +17,25 @@ fn change(stage: &mut Stage, id: &str, factor: f32) -> String {
     light.pyg()
 }
 
+/// Each scene renders with all of its lights and outputs without a message, and each light changes its image.
+#[test]
+fn every_light_of_the_scenes_shines() {
+    for index in 0..scenes::COUNT {
+        let mut stage = scenes::scene(index);
+        stage.lights.iter_mut().for_each(|light| light.exists = true);
+        stage.outputs.iter_mut().for_each(|output| output.exists = true);
+        let place = Place::new(&stage);
+        let render = |stage: &Stage| place.anew(2).frame(&(stage.pyg() + "Render ()\n")).unwrap();
+        let all = render(&stage);
+        assert!(all.len() >= stage.outputs.iter().filter(|output| !output.is_dynamic()).count());
+        for i in 0..stage.lights.len() {
+            let mut less = stage.clone();
+            less.lights[i].exists = false;
+            assert!(compare(&render(&less), &all).is_err(), "{}: {}", stage.name, stage.lights[i].id);
+        }
+    }
+}
+
 /// Objects that a light does not illuminate may be locked while it changes. An unlocked object is shaded again.
 #[test]
 fn locked_objects_that_nothing_changes_are_the_same_to_the_bit() {

@@ -42,6 +42,7 @@ const INDIRECT: &str = "examples/indirect/indirect.pyg";
 const CAUSTICS: &str = "examples/caustics/caustics.pyg";
 const SUBSURFACE: &str = "examples/subsurface/subsurface.pyg";
 const SHADOWS: &str = "examples/shadows/shadows.pyg";
+const RELIGHT: &str = "examples/relight/relight.pyg";
 
 /// The first example at half of its size.
 const HALF: &[(&str, &str)] = &[("(1280, 800)", "(640, 400)")];
@@ -87,6 +88,7 @@ pub(super) const IMAGES: &[Image] = &[
     part("docs/pictures/shadow-rays.jpg", SHADOWS, "examples/shadows/rays.pyg", (300, 220)),
     part("examples/shadows/plain.png", SHADOWS, "examples/shadows/plain.pyg", (300, 220)),
     part("examples/shadows/soft.png", SHADOWS, "examples/shadows/soft.pyg", (300, 220)),
+    whole("docs/pictures/relight.jpg", RELIGHT, (560, 200)),
     whole("examples/occlusion/occlusion.png", OCCLUSION, (330, 180)),
     whole("examples/envlight/light.png", ENVLIGHT, (330, 200)),
     part("examples/envlight/sphere.png", ENVLIGHT, "examples/envlight/sphere.pyg", (330, 200)),

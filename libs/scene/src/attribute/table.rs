@@ -1,11 +1,12 @@
 // tidy: table
 //! The rows of the attribute table. Each row is a key in [`attr`](super::attr).
 //!
-//! The form is `KEY: scope, type in programs = section of the reference, name, default, help`, followed by `, Hint`
-//! for an attribute whose setting has no effect and needs none.
+//! The form is `KEY: scope, type in programs = section of the reference, name, default, help`, followed by marks:
+//! `, Hint` for an attribute whose setting has no effect and needs none, and `, Rerender` for one that may change
+//! between the frames of re-rendering mode (reference 11.1).
 
 use super::key::{AttributeValue, Key, scope};
-use super::{AttributeRow, DefaultValue, Effect, Scope};
+use super::{AttributeRow, DefaultValue, Effect, Mark, Scope};
 use DefaultValue::{Floats, Ints, OneOf, Text, Unset};
 use granita_base::Color;
 use std::sync::Arc;
@@ -13,24 +14,21 @@ use std::sync::Arc;
 /// Makes a key for each row, and the table of all rows.
 macro_rules! attributes {
     ($($key:ident: $scope:ident, $value:ty =
-        $section:literal, $name:literal, $default:expr, $help:literal $(, $effect:ident)?;)*) => {
+        $section:literal, $name:literal, $default:expr, $help:literal $(, $mark:ident)*;)*) => {
         $(
             #[doc = concat!("`", $name, "` (reference ", $section, "): ", $help, ".")]
             pub const $key: Key<scope::$scope, $value> = {
-                #[allow(unused_mut, unused_assignments, reason = "most rows have the usual effect")]
-                const ROW: AttributeRow = {
-                    let mut effect = Effect::Full;
-                    $(effect = Effect::$effect;)?
-                    AttributeRow {
-                        name: $name,
-                        ty: <$value as AttributeValue>::TYPE,
-                        default: $default,
-                        scope: Scope::$scope,
-                        section: $section,
-                        help: $help,
-                        effect,
-                    }
-                };
+                const ROW: AttributeRow = AttributeRow {
+                    name: $name,
+                    ty: <$value as AttributeValue>::TYPE,
+                    default: $default,
+                    scope: Scope::$scope,
+                    section: $section,
+                    help: $help,
+                    effect: Effect::Full,
+                    rerender: false,
+                }
+                .marked(&[$(Mark::$mark),*]);
                 Key::new(&ROW)
             };
         )*
@@ -53,7 +51,7 @@ attributes! {
     PIXELASPECT: Camera, f32 = "4.1", "pixelaspect", Floats(&[1.0]),
         "width of a pixel over its height, for the readers of files";
     CROP: Camera, [f32; 4] = "4.1", "crop", Floats(&[0.0, 1.0, 0.0, 1.0]),
-        "xmin xmax ymin ymax of the pixels to make, in NDC";
+        "xmin xmax ymin ymax of the pixels to make, in NDC", Rerender;
     NEAR: Camera, f32 = "4.1", "near", Floats(&[0.1]), "near clipping plane, along z of the camera";
     FAR: Camera, f32 = "4.1", "far", Floats(&[1.0e6]), "far clipping plane, along z of the camera";
     SHUTTER: Camera, [f32; 2] = "4.1", "shutter", Floats(&[0.0, 0.0]),
@@ -65,15 +63,15 @@ attributes! {
     FOCALDISTANCE: Camera, Option<f32> = "4.1", "focaldistance", Unset,
         "distance in focus in units of the camera's space";
     SPATIALQUALITY: Camera, [i32; 2] = "4.1", "spatialquality", Ints(&[4, 4]),
-        "least number of samples per pixel along x and y";
+        "least number of samples per pixel along x and y", Rerender;
     TEMPORALQUALITY: Camera, i32 = "4.1", "temporalquality", Ints(&[16]),
-        "least number of time samples for motion blur";
+        "least number of time samples for motion blur", Rerender;
     DOFQUALITY: Camera, i32 = "4.1", "dofquality", Ints(&[16]),
-        "least number of lens samples for depth of field";
+        "least number of lens samples for depth of field", Rerender;
     LIMITS_BUCKETSIZE: Camera, [i32; 2] = "4.1", "limits:bucketsize", Ints(&[32, 32]),
         "size of a bucket in pixels";
     BUCKETORDER: Camera, Arc<str> = "4.1", "bucketorder", OneOf(&["horizontal", "vertical", "spiral"]),
-        "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB are rendered from the top";
+        "order in which buckets are made: \"horizontal\", \"vertical\" or \"spiral\"; images of more than 256 MiB are rendered from the top", Rerender;
     LIMITS_BUCKETBLOCKSIZE: Camera, i32 = "4.1", "limits:bucketblocksize", Ints(&[2]),
         "number of buckets along each side of a cluster; clusters are rendered one after the other";
     LIMITS_AUTOPASSREDUCTION: Camera, bool = "4.1", "limits:autopassreduction", Ints(&[1]),
@@ -114,11 +112,11 @@ attributes! {
         "pixel filter; min, max and average for depths only";
     FILTERWIDTH: Output, [f32; 2] = "4.2", "filterwidth", Floats(&[2.0, 2.0]),
         "width of the pixel filter in pixels, x and y";
-    GAMMA: Output, f32 = "4.2", "gamma", Floats(&[1.0]), "exponent 1/gamma is applied to colours";
-    GAIN: Output, f32 = "4.2", "gain", Floats(&[1.0]), "colours are multiplied by it before gamma";
+    GAMMA: Output, f32 = "4.2", "gamma", Floats(&[1.0]), "exponent 1/gamma is applied to colours", Rerender;
+    GAIN: Output, f32 = "4.2", "gain", Floats(&[1.0]), "colours are multiplied by it before gamma", Rerender;
     QUANTIZE: Output, [i32; 4] = "4.2", "quantize", Ints(&[0, 255, 0, 255]),
-        "integers of 0 and of 1, and their limits; all 0: floats";
-    DITHER: Output, f32 = "4.2", "dither", Floats(&[0.5]), "amplitude of the noise added before rounding";
+        "integers of 0 and of 1, and their limits; all 0: floats", Rerender;
+    DITHER: Output, f32 = "4.2", "dither", Floats(&[0.5]), "amplitude of the noise added before rounding", Rerender;
     PIXELTYPE: Output, Arc<str> = "4.2", "pixeltype", OneOf(&["half", "float"]),
         "numbers in formats of halves (OpenEXR): \"half\" or \"float\"";
     STEREO_LEFT: Output, Arc<str> = "4.2", "stereo:left", Text(""), "file name of the left view";
@@ -140,24 +138,24 @@ attributes! {
         "seconds or frames in one unit of the times of Motion and shutter";
     RERENDER: Global, bool = "4.3.3", "rerender", Ints(&[0]), "allow changes and further calls of Render";
     RERENDER_MEMORY: Global, i32 = "4.3.3", "rerender:memory", Ints(&[0]),
-        "memory limit of re-rendering in KB; 0 for all memory", Hint;
+        "memory limit of re-rendering in KB; 0 for all memory", Hint, Rerender;
     RERENDER_RESHADERAYS: Global, bool = "4.3.3", "rerender:reshaderays", Ints(&[1]),
-        "shade rays again when a surface that they hit has changed", Hint;
+        "shade rays again when a surface that they hit has changed", Hint, Rerender;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
-        "files that are read again before re-rendering", Hint;
+        "files that are read again before re-rendering", Hint, Rerender;
     LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]),
         "number of threads that render; `gelato` renders with one per core when it is not set";
     LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "largest number of points that are shaded at once";
     LIMITS_PRIMITIVEPOINTS: Global, i32 = "4.3.4", "limits:primitivepoints", Ints(&[250_000_000]),
         "largest number of points of a diced primitive in a frame; 0 for any number";
     LIMITS_TEXTUREMEMORY: Global, i32 = "4.3.4", "limits:texturememory", Ints(&[20480]),
-        "size of the texture cache in KB";
+        "size of the texture cache in KB", Rerender;
     LIMITS_TEXTUREFILES: Global, i32 = "4.3.4", "limits:texturefiles", Ints(&[1000]),
         "largest number of open texture files";
     TRIMCURVE_QUALITY: Global, f32 = "4.3.4", "trimcurve:quality", Floats(&[1.0]),
         "factor of the quality of trim curves";
     LIMITS_TRIMCURVEMEMORY: Global, i32 = "4.3.4", "limits:trimcurvememory", Ints(&[10240]),
-        "size of the trim curve cache in KB; it has no effect, because curves are converted to polygons once", Hint;
+        "size of the trim curve cache in KB; it has no effect, because curves are converted to polygons once", Hint, Rerender;
     LIMITS_TRANSPARENTLAYERS: Global, i32 = "4.3.4", "limits:transparentlayers", Ints(&[-1]),
         "largest number of transparent layers of a pixel; -1 for any number";
     LIMITS_OPACITYTHRESHOLD: Global, Color = "4.3.4", "limits:opacitythreshold", Floats(&[1.0, 1.0, 1.0]),
@@ -174,22 +172,22 @@ attributes! {
     RAY_MAXDEPTHCOLOR: Global, Color = "4.3.5", "ray:maxdepthcolor", Floats(&[0.0, 0.0, 0.0]),
         "colour of rays beyond the last bounce";
     PATH_INPUT: Global, Arc<str> = "4.3.6", "path:input", Text(".:$GELATOHOME/inputs"),
-        "search path of scene files";
+        "search path of scene files", Rerender;
     PATH_TEXTURE: Global, Arc<str> = "4.3.6", "path:texture", Text(".:$GELATOHOME/textures"),
-        "search path of textures";
+        "search path of textures", Rerender;
     PATH_SHADER: Global, Arc<str> = "4.3.6", "path:shader", Text(".:$GELATOHOME/shaders"),
-        "search path of shaders";
+        "search path of shaders", Rerender;
     PATH_GENERATOR: Global, Arc<str> = "4.3.6", "path:generator", Text(".:$GELATOHOME/lib"),
-        "search path of generators";
+        "search path of generators", Rerender;
     PATH_IMAGEIO: Global, Arc<str> = "4.3.6", "path:imageio", Text(".:$GELATOHOME/lib"),
-        "search path of image plugins";
+        "search path of image plugins", Rerender;
     VERBOSITY: Global, i32 = "4.3.7", "verbosity", Ints(&[1]),
-        "level of messages: 0 errors, 1 also warnings, 2 all";
+        "level of messages: 0 errors, 1 also warnings, 2 all", Rerender;
     ERROR_FILENAME: Global, Arc<str> = "4.3.7", "error:filename", Text(""),
         "file for messages; standard error when empty";
-    STATISTICS_LEVEL: Global, i32 = "4.3.7", "statistics:level", Ints(&[0]), "level of statistics; 0 prints none";
+    STATISTICS_LEVEL: Global, i32 = "4.3.7", "statistics:level", Ints(&[0]), "level of statistics; 0 prints none", Rerender;
     STATISTICS_FILENAME: Global, Arc<str> = "4.3.7", "statistics:filename", Text(""),
-        "file for statistics; standard output when empty";
+        "file for statistics; standard output when empty", Rerender;
     DEBUG_DSO: Global, bool = "4.3.7", "debug:dso", Ints(&[0]), "report every plugin that is tried";
     DEBUG_FILESREAD: Global, Arc<str> = "4.3.7", "debug:filesread", Text(""),
         "file for the names of all files read";
@@ -298,7 +296,7 @@ attributes! {
     OCCLUSION_SPATIALDB: Object, Arc<str> = "4.4.11", "occlusion:spatialdb", Text("occlusion.sdb"),
         "spatial database of occlusion";
     RERENDER_LOCKED: Object, bool = "4.4.12", "rerender:locked", Ints(&[0]),
-        "keep the shading of the object when re-rendering", Hint;
+        "keep the shading of the object when re-rendering", Hint, Rerender;
     RERENDER_CACHELIGHTS: Object, bool = "4.4.12", "rerender:cachelights", Ints(&[1]),
         "keep the results of lights when re-rendering", Hint;
 }

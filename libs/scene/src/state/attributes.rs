@@ -1,6 +1,6 @@
 //! `Attribute` and `GetAttribute` (reference 2.4), by the attribute table.
 
-use super::current::{orientation, string};
+use super::current::{Edit, orientation, string};
 use super::transforms::hint;
 use super::{Phase, State};
 use crate::attribute::{AttributeRow, Known, Scope, TABLE, attr, attribute_default, attribute_row, known};
@@ -123,12 +123,11 @@ impl State {
                 let text = format!("attribute \"{}\" cannot be set after World", row.name);
                 self.report(Severity::Error, at, "attribute", text);
             }
+            Scope::Camera if self.in_rerender() => self.rerender_camera_attribute(row, param, at),
             Scope::Camera => {
                 self.camera_values.insert(param.name.clone(), param);
             }
-            Scope::Global => {
-                self.set_global(param);
-            }
+            Scope::Global => self.set_global(row, param, at),
         }
     }
 
@@ -148,7 +147,7 @@ impl State {
             return self.report(Severity::Error, at, "attribute", text);
         }
         match typed(&param) {
-            Ok(param) => self.edit_sets(|set| {
+            Ok(param) => self.edit_sets(Edit::Attribute(&param.name, at), |set| {
                 Arc::make_mut(&mut set.values).insert(param.name.clone(), param.clone());
             }),
             Err(text) => self.report_object(Severity::Error, at, "attribute", format!("Attribute: {text}")),
@@ -157,11 +156,12 @@ impl State {
 
     fn set_object(&mut self, known: &Known, param: Param, at: &Location) {
         let row = known.row;
+        let edit = if row.rerender { Edit::Allowed } else { Edit::Attribute(row.name, at) };
         match row.name {
             "geometryset" => {
                 let change = string(&param).unwrap_or("").to_owned();
                 let before = self.current.set.geometry_sets.clone();
-                self.edit_sets(|set| {
+                self.edit_sets(edit, |set| {
                     set.geometry_sets = changed_sets(&set.geometry_sets, &change);
                     let list = set.geometry_sets.join(",");
                     store(set, known, &Param { data: list.as_str().into(), ..param.clone() });
@@ -173,7 +173,7 @@ impl State {
                     }
                 }
             }
-            "orientation" => self.edit_sets(|set| {
+            "orientation" => self.edit_sets(edit, |set| {
                 let word = match string(&param) {
                     Some("reverse") => match orientation(set) {
                         "outside" => "inside",
@@ -192,13 +192,13 @@ impl State {
                     let text = format!("Attribute: \"{}\" cannot be negative", row.name);
                     return self.report_object(Severity::Error, at, "attribute", text);
                 }
-                self.edit_sets(|set| store(set, known, &param));
+                self.edit_sets(edit, |set| store(set, known, &param));
             }
         }
     }
 
     /// Sets a scene-wide attribute, checked and converted.
-    fn set_global(&mut self, mut param: Param) {
+    fn set_global(&mut self, row: &AttributeRow, mut param: Param, at: &Location) {
         let previous = crate::attribute::lookup(self.globals.get(&param.name), &param.name);
         if param.name.starts_with("path:") {
             // "&" stands for the previous path.
@@ -221,6 +221,9 @@ impl State {
                 param.ty.array = u32::try_from(all.len()).ok();
             }
             param.data = ParamData::String(all.into());
+        }
+        if !self.may_be_global(row, &param, at) {
+            return;
         }
         self.renderer.attribute(&param);
         self.globals.insert(param.name.clone(), param);

@@ -1,7 +1,7 @@
 //! The current attribute state, which is edited in place, frozen on demand, and shared until it changes.
 
 use crate::{AttributeSet, attr};
-use granita_base::{Param, Transform};
+use granita_base::{Location, Param, Transform};
 use std::sync::Arc;
 
 /// The state that the next primitive gets.
@@ -36,6 +36,17 @@ impl Current {
         self.frozen = Some(frozen.clone());
         frozen
     }
+}
+
+/// A change of attribute states, for the rules of re-rendering.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Edit<'a> {
+    /// A change that objects may have in a re-render.
+    Allowed,
+    /// Another attribute: its name, and the location of the call.
+    Attribute(&'a str, &'a Location),
+    /// Another call: its name and location.
+    Call(&'a str, &'a Location),
 }
 
 /// True when the geometric normal, measured in world coordinates, must be negated to comply with "orientation"

@@ -2,13 +2,16 @@
 
 use super::attributes::{attribute_names, convert, typed};
 use super::transforms::hint;
-use super::{Phase, Saved1, State};
-use crate::attribute::{Scope, TABLE, attr, attribute_row};
+use super::{Phase, Saved1, State, World};
+use crate::attribute::{AttributeRow, Scope, TABLE, attr, attribute_row};
 use crate::interface::COMMANDS;
 use crate::{AttributeSet, Camera, Output, Scene, Stop};
-use granita_base::{Location, MotionTransform, Params, Severity, suggestion};
+use granita_base::{Location, MotionTransform, Param, Params, Severity, suggestion};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// The parameters of a `Camera` by their rows, without a value when they are in error.
+type GivenParameters = Vec<(&'static AttributeRow, Option<Param>)>;
 
 impl State {
     /// Handles `Camera`. The camera is at the current transformation and looks along +z.
@@ -17,6 +20,10 @@ impl State {
         if self.phase == Phase::World {
             return self.out_of_place(at, "Camera", "after World");
         }
+        let given = self.given_parameters(&name, &params, at);
+        if self.in_rerender() {
+            return self.rerender_camera(&name, &given, at);
+        }
         self.implicit_camera = false;
         let to_world = &self.current.set.to_world;
         if to_world.keys().iter().any(|(_, m)| m.try_inverse().is_none()) {
@@ -24,7 +31,7 @@ impl State {
             self.report(Severity::Error, at, "camera", text);
         }
         let world_to_camera = to_world.inverse();
-        let params = self.camera_params(&name, &params, at);
+        let params = self.camera_params(given);
         let camera = Camera { name: name.clone(), world_to_camera, params };
         match self.cameras.iter_mut().find(|c| c.name == name) {
             Some(old) => *old = camera,
@@ -34,31 +41,34 @@ impl State {
     }
 
     /// Returns the defaults, overridden by `Attribute`s, overridden by the parameters of the call.
-    fn camera_params(&self, camera: &str, params: &Params, at: &Location) -> Params {
+    fn camera_params(&self, given: GivenParameters) -> Params {
         let rows = TABLE.iter().filter(|r| r.scope == Scope::Camera);
         let mut all: Params = rows.filter_map(|r| r.default_param()).collect();
         for value in self.camera_values.values() {
             all.set(value.clone());
         }
-        for param in params {
-            match attribute_row(&param.name).filter(|r| r.scope == Scope::Camera) {
-                Some(row) => match convert(param, row) {
-                    Ok(param) => {
-                        all.set(param);
-                    }
-                    Err(text) => {
-                        let text = format!("Camera \"{camera}\": {text}");
-                        self.report(Severity::Error, at, "camera parameter", text);
-                    }
-                },
-                None => {
-                    let hint = hint(suggestion(&param.name, attribute_names(&[Scope::Camera])));
-                    let text = format!("Camera \"{camera}\": unknown parameter \"{}\"{hint}", param.name);
-                    self.report(Severity::Warning, at, "camera parameter", text);
-                }
-            }
-        }
+        given.into_iter().filter_map(|(_, value)| value).for_each(|value| all.set(value));
         all
+    }
+
+    /// Returns the parameters of a `Camera`, converted. Those in error are reported.
+    fn given_parameters(&self, camera: &str, params: &Params, at: &Location) -> GivenParameters {
+        let mut given = Vec::new();
+        for param in params {
+            let Some(row) = attribute_row(&param.name).filter(|r| r.scope == Scope::Camera) else {
+                let hint = hint(suggestion(&param.name, attribute_names(&[Scope::Camera])));
+                let text = format!("Camera \"{camera}\": unknown parameter \"{}\"{hint}", param.name);
+                self.report(Severity::Warning, at, "camera parameter", text);
+                continue;
+            };
+            let value = convert(param, row);
+            if let Err(text) = &value {
+                let text = format!("Camera \"{camera}\": {text}");
+                self.report(Severity::Error, at, "camera parameter", text);
+            }
+            given.push((row, value.ok()));
+        }
+        given
     }
 
     /// Handles `Output` and takes the pending parameters.
@@ -67,6 +77,7 @@ impl State {
             return self.out_of_place(at, "Output", "after World");
         }
         let mut params = Params::new();
+        let mut wrong = Vec::new();
         for param in &output.params {
             let row = attribute_row(&param.name).filter(|r| r.scope == Scope::Output);
             let checked = match row {
@@ -81,14 +92,24 @@ impl State {
                 Err(text) => {
                     let text = format!("Output \"{}\": {text}", output.name);
                     self.report(Severity::Error, at, "output parameter", text);
+                    wrong.push(param.name.clone());
                 }
             }
         }
         if &*output.format == "null" || output.format.is_empty() {
+            if self.in_rerender() && !self.outputs.iter().any(|o| o.name == output.name) {
+                let hint = hint(suggestion(&output.name, self.outputs.iter().map(|o| &*o.name)));
+                let text =
+                    format!("Output: cannot remove \"{}\", there is no such output{hint}", output.name);
+                self.report(Severity::Warning, at, "output", text);
+            }
             self.outputs.retain(|o| o.name != output.name);
             return;
         }
         let output = Output { params, ..output };
+        if self.in_rerender() && self.outputs.iter().any(|o| o.name == output.name) {
+            return self.rerender_output(&output, &wrong, at);
+        }
         match self.outputs.iter_mut().find(|o| o.name == output.name) {
             Some(old) => *old = output,
             None => self.outputs.push(output),
@@ -109,6 +130,9 @@ impl State {
             Phase::Rerender => {
                 self.current.edit().to_world = MotionTransform::default();
                 self.phase = Phase::World;
+                if let Some(world) = &mut self.world {
+                    world.depth = self.stack.len();
+                }
                 return;
             }
             _ => {}
@@ -119,7 +143,8 @@ impl State {
         }
         self.current.edit().to_world = MotionTransform::default();
         self.phase = Phase::World;
-        self.world = Some((self.current.clone(), self.stack.len()));
+        self.world =
+            Some(World { current: self.current.clone(), stack: self.stack.clone(), depth: self.stack.len() });
     }
 
     /// Declares a camera when there was no `Camera` call. The frame then began in camera space, and the current
@@ -132,7 +157,7 @@ impl State {
         // Outputs may already use its name. Objects are visible to it as members of "camera".
         let named = self.outputs.iter().map(|o| &o.camera).find(|c| !c.is_empty());
         let name: Arc<str> = named.cloned().unwrap_or_else(|| "camera".into());
-        let params = self.camera_params(&name, &Params::new(), at);
+        let params = self.camera_params(Vec::new());
         let rebase = world_to_camera.inverse();
         self.cameras.push(Camera { name, world_to_camera, params });
         self.implicit_camera = true;
@@ -170,7 +195,7 @@ impl State {
             self.out_of_place(at, "Render", "inside an Input with a bound");
             return Ok(());
         }
-        let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth);
+        let bottom = self.world.as_ref().map_or(0, |world| world.depth);
         if self.stack.len() > bottom {
             for push in self.stack.split_off(bottom) {
                 let (name, end) = push.what.names();
@@ -187,7 +212,7 @@ impl State {
             }
             other => other,
         };
-        let rerender = self.is_rerender();
+        let rerender = self.is_rerenderable();
         self.read_needed(rerender)?;
         let scene = Arc::new(self.freeze(rerender));
         self.check_sets(&scene);
@@ -195,8 +220,14 @@ impl State {
         let result = self.renderer.render(scene, wanted);
         self.rendered = true;
         self.phase = if rerender { Phase::Rerender } else { Phase::Done };
-        if let Some((world, _)) = &self.world {
-            self.current = world.clone();
+        if rerender {
+            self.rerender.frames += 1;
+            self.rerender.refused_lights.clear();
+        }
+        if let Some(world) = &mut self.world {
+            self.current = world.current.clone();
+            self.stack.clone_from(&world.stack);
+            world.depth = world.stack.len();
         }
         result
     }
@@ -239,7 +270,7 @@ impl State {
                 "camera \"{camera}\" shows nothing: Attribute (\"geometryset\", \"{change}\") removes \"{camera}\" from the list; \"{}\" keeps it",
                 added.join(",")
             );
-            self.report(Severity::Warning, at, "geometryset", text);
+            self.report_scene(Severity::Warning, at, "geometryset", text);
         }
     }
 
@@ -266,7 +297,7 @@ impl State {
             if !self.cameras.iter().any(|c| c.name == output.camera) {
                 let hint = hint(suggestion(&output.camera, self.cameras.iter().map(|c| &*c.name)));
                 let text = format!("Output \"{}\": no camera \"{}\"{hint}", output.name, output.camera);
-                self.report(Severity::Error, &Location::default(), "output camera", text);
+                self.report_scene(Severity::Error, &Location::default(), "output camera", text);
             }
         }
         let late = self.inputs.late_spaces().iter().map(|(n, m)| (n.clone(), m.clone()));

@@ -9,8 +9,11 @@ mod current;
 mod faces;
 mod frame;
 mod inputs;
+mod lights;
 mod modify;
 mod motion;
+mod pattern;
+mod rerender;
 mod save;
 mod shaders;
 mod shapes;
@@ -26,6 +29,7 @@ use granita_base::{Location, Param, Params, Reporter, Severity};
 use inputs::Inputs;
 use modify::ModifyMode;
 use motion::MotionBlock;
+use rerender::Rerender;
 use save::Saved;
 use shaders::GroupBlock;
 use std::collections::BTreeMap;
@@ -38,7 +42,7 @@ enum Phase {
     Options,
     /// Between `World` and `Render`.
     World,
-    /// After a `Render` in re-rendering mode. All calls are allowed.
+    /// After a `Render` in re-rendering mode, before the next `World`.
     Rerender,
     /// After the only `Render`.
     Done,
@@ -58,6 +62,15 @@ struct Push {
     at: Location,
 }
 
+/// The state right after `World`.
+#[derive(Clone, Debug)]
+struct World {
+    current: Current,
+    stack: Vec<Push>,
+    /// The height of the stack at the last `World`. Entries below belong to the frame, not to the world.
+    depth: usize,
+}
+
 /// The graphics state machine (reference 2.1.3), a [`SceneSink`] that builds a [`crate::Scene`] and passes it to a
 /// [`FrameRenderer`] at `Render`.
 ///
@@ -69,8 +82,8 @@ pub struct State {
     phase: Phase,
     current: Current,
     stack: Vec<Push>,
-    /// The state right after `World`, and the height of the stack at that time.
-    world: Option<(Current, usize)>,
+    /// The state right after the first `World`.
+    world: Option<World>,
     pending: Params,
     globals: BTreeMap<Arc<str>, Param>,
     /// The camera attributes set by `Attribute`, for the next camera.
@@ -96,6 +109,7 @@ pub struct State {
     modify: Option<ModifyMode>,
     inputs: Inputs,
     rendered: bool,
+    rerender: Rerender,
     /// The cameras whose geometry sets a "geometryset" removed from the list: the first such value, and its location.
     lost_sets: BTreeMap<Arc<str>, (String, Location)>,
     /// The number of unmatched ends and beginnings of blocks.
@@ -130,6 +144,7 @@ impl State {
             modify: None,
             inputs: Inputs::default(),
             rendered: false,
+            rerender: Rerender::default(),
             lost_sets: BTreeMap::new(),
             imbalances: 0,
         }
@@ -153,6 +168,7 @@ impl State {
     /// Reports blocks that are still open. It is called after the last call.
     pub fn end(&mut self) {
         self.finish_motion(&Location::default());
+        self.leave_modify();
         self.drop_early();
         if let Some(group) = self.group.take() {
             self.report(
@@ -162,7 +178,7 @@ impl State {
                 "ShaderGroupBegin without ShaderGroupEnd",
             );
         }
-        let bottom = self.world.as_ref().map_or(0, |(_, depth)| *depth).min(self.stack.len());
+        let bottom = self.world.as_ref().map_or(0, |world| world.depth).min(self.stack.len());
         for push in self.stack.split_off(bottom) {
             let (name, end) = push.what.names();
             self.report_imbalance(Severity::Warning, &push.at, format!("{name} without {end}"));
@@ -174,9 +190,15 @@ impl State {
         }
     }
 
-    /// Reports a message, once per cause and text.
+    /// Reports a message about a call, once per cause and text, and again in later frames of re-rendering mode.
     fn report(&self, severity: Severity, at: &Location, cause: &str, text: impl Into<String>) {
         let text = text.into();
+        let frame = self.rerender.frames;
+        self.reporter.counted(&format!("scene {frame} {cause} {text}"), severity, at, text);
+    }
+
+    /// Reports a message about the scene itself, once in all frames.
+    fn report_scene(&self, severity: Severity, at: &Location, cause: &str, text: String) {
         self.reporter.counted(&format!("scene {cause} {text}"), severity, at, text);
     }
 
@@ -200,7 +222,7 @@ impl State {
     /// Reports an error about a call in the wrong place.
     fn out_of_place(&self, at: &Location, call: &str, why: &str) {
         self.reporter.counted(
-            &format!("scene place {call} {why}"),
+            &format!("scene {} place {call} {why}", self.rerender.frames),
             Severity::Error,
             at,
             format!("{call} {why}: the call is ignored"),
@@ -217,7 +239,8 @@ impl State {
         all
     }
 
-    fn is_rerender(&self) -> bool {
+    /// True when several calls of `Render` are legal.
+    fn is_rerenderable(&self) -> bool {
         attr::RERENDER.of(self.globals.get(attr::RERENDER.name()))
     }
 }
@@ -310,7 +333,9 @@ impl SceneSink for State {
             Call::Light { id, shader, layer, params } => self.light(id, shader, layer, params, at),
             Call::LightSwitch { id, on } => self.light_switch(&id, on, at),
             Call::Shape { shape, params } => self.shape(*shape, params, at),
+            Call::TrimCurve(_) if self.refuses("TrimCurve", "trim curves cannot change", at) => {}
             Call::TrimCurve(trim) => self.trim_curve(trim, at),
+            Call::Input { .. } if self.refuses("Input", "objects cannot be added", at) => {}
             Call::Input { command, bound } => return self.input(command, bound, at),
         }
         Ok(())

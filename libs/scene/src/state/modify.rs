@@ -1,11 +1,12 @@
 //! Modify mode (reference 2.1.4, 2.4), which changes attribute states that objects already use.
 
-use super::current::flips_normals;
-use super::{Saved1, State};
-use crate::{AttributeSet, ShaderGroup, ShaderInstance};
-use granita_base::{Location, MotionTransform, Severity};
+use super::current::{Edit, flips_normals};
+use super::transforms::hint;
+use super::{Saved1, State, pattern};
+use crate::{AttributeSet, LightId, ShaderGroup, ShaderInstance, attr, attribute_row};
+use granita_base::{Location, MotionTransform, Severity, suggestion};
 use regex::Regex;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The states that are being changed.
@@ -21,18 +22,25 @@ pub(super) struct ModifyMode {
     shaders: Vec<(Arc<ShaderInstance>, MotionTransform)>,
     /// The names of saved states that are changed.
     saved: Vec<Arc<str>>,
+    /// The pattern as it was given.
+    given: Arc<str>,
+    /// True when a state of an object, or of one of its shaders, matches, and not only those of lights.
+    has_objects: bool,
+    /// The changes that a re-render does not allow, and their locations. A `Light` that follows takes them.
+    refused: Vec<(String, Location)>,
 }
+
+/// The sections of the reference with the attributes that lights do not have: those of surfaces, dicing, displacement,
+/// shading and trim curves.
+const NOT_OF_LIGHTS: [&str; 5] = ["4.4.4", "4.4.5", "4.4.6", "4.4.7", "4.4.8"];
 
 impl State {
     /// Handles `Modify`.
     pub(super) fn enter_modify(&mut self, pattern: &str, at: &Location) {
         self.leave_modify();
-        let regex = match Regex::new(&from_basic(pattern)) {
-            Ok(regex) => regex,
-            Err(_) => {
-                let text = format!("Modify: cannot read the regular expression \"{pattern}\"");
-                return self.report(Severity::Error, at, "modify", text);
-            }
+        let Some(regex) = self.read_pattern(pattern, at) else {
+            let text = format!("Modify: cannot read the regular expression \"{pattern}\"");
+            return self.report(Severity::Error, at, "modify", text);
         };
         let mut targets: BTreeMap<usize, Arc<AttributeSet>> = BTreeMap::new();
         let sets =
@@ -48,16 +56,82 @@ impl State {
             .collect();
         let targets: Vec<_> = targets.into_values().map(|s| (s.clone(), (*s).clone())).collect();
         let shaders = self.shaders_of_states(&regex);
+        let has_objects = self.matches_objects(&targets, &shaders);
         self.reporter.say(
             Severity::Info,
             at,
             format!("Modify \"{pattern}\" changes {} attribute states", targets.len() + saved.len()),
         );
-        self.modify = Some(ModifyMode { pattern: regex, depth: self.stack.len(), targets, shaders, saved });
+        self.modify = Some(ModifyMode {
+            pattern: regex,
+            depth: self.stack.len(),
+            targets,
+            shaders,
+            saved,
+            given: pattern.into(),
+            has_objects,
+            refused: Vec::new(),
+        });
+    }
+
+    /// Returns the regular expression of a pattern, which is a basic one. One that matches no name is read as an
+    /// extended one if that matches a name, as an example of reference 11.2.1 needs.
+    fn read_pattern(&self, given: &str, at: &Location) -> Option<Regex> {
+        let basic = pattern::basic(given);
+        let matches = |regex: &Regex| {
+            self.state_names().any(|name| regex.is_match(&name)) || !self.shaders_of_states(regex).is_empty()
+        };
+        if basic.as_ref().is_some_and(&matches) {
+            return basic;
+        }
+        let found = pattern::extended(given).filter(matches);
+        if found.is_none() && basic.is_some() && self.in_rerender() {
+            let names: BTreeSet<Arc<str>> = self.state_names().collect();
+            let hint = hint(suggestion(given, names.iter().map(|name| &**name)));
+            let text = format!("Modify \"{given}\": no object or light has a name that matches{hint}");
+            self.report(Severity::Warning, at, "modify", text);
+        }
+        found.or(basic)
+    }
+
+    /// Returns the names of the states of objects and lights, and of saved ones, most of them once.
+    fn state_names(&self) -> impl Iterator<Item = Arc<str>> {
+        // Neighbours often share their state.
+        let mut last = std::ptr::null();
+        let objects = self.primitives.iter().map(|p| &p.attributes);
+        let objects = objects.filter(move |set| {
+            let this = Arc::as_ptr(set);
+            !std::ptr::eq(std::mem::replace(&mut last, this), this)
+        });
+        let sets = objects.chain(self.lights.iter().map(|light| &light.attributes));
+        sets.map(|set| set.name()).chain(self.saved.values().map(|saved| saved.set.name()))
+    }
+
+    /// True when a state of an object is among these states, or one of its shaders among these shaders.
+    fn matches_objects(
+        &self,
+        targets: &[(Arc<AttributeSet>, AttributeSet)],
+        shaders: &[(Arc<ShaderInstance>, MotionTransform)],
+    ) -> bool {
+        let targets: BTreeSet<usize> = targets.iter().map(|(set, _)| Arc::as_ptr(set) as usize).collect();
+        let of_lights: BTreeSet<usize> = self
+            .lights
+            .iter()
+            .flat_map(|light| &light.group.layers)
+            .map(|layer| Arc::as_ptr(layer) as usize)
+            .collect();
+        self.primitives.iter().any(|p| targets.contains(&(Arc::as_ptr(&p.attributes) as usize)))
+            || shaders.iter().any(|(shader, _)| !of_lights.contains(&(Arc::as_ptr(shader) as usize)))
     }
 
     /// Applies a change to the current state and, in modify mode, to the states that are being modified.
-    pub(super) fn edit_sets(&mut self, change: impl Fn(&mut AttributeSet)) {
+    ///
+    /// After the first frame objects take only changes that re-rendering allows (reference 11.1). All others apply to
+    /// the current state alone, for a light that follows.
+    pub(super) fn edit_sets(&mut self, edit: Edit<'_>, change: impl Fn(&mut AttributeSet)) {
+        if self.refuses_edit(edit) {
+            return change(self.current.edit());
+        }
         let Some(mode) = &mut self.modify else {
             return change(self.current.edit());
         };
@@ -75,6 +149,67 @@ impl State {
                 change(&mut saved.set);
             }
         }
+    }
+
+    /// Removes a light from the lists of all objects, also of those that are being modified.
+    pub(super) fn drop_light(&mut self, light: LightId) {
+        let mut new: BTreeMap<usize, (Arc<AttributeSet>, Arc<AttributeSet>)> = BTreeMap::new();
+        for primitive in self.primitives.iter_mut().filter(|p| p.attributes.lights.contains(light)) {
+            let old = primitive.attributes.clone();
+            let (_, set) = new.entry(Arc::as_ptr(&old) as usize).or_insert_with(|| {
+                let mut set = AttributeSet::clone(&old);
+                set.lights.switch(light, false);
+                (old, Arc::new(set))
+            });
+            Arc::make_mut(primitive).attributes = set.clone();
+        }
+        for (old, set) in self.modify.iter_mut().flat_map(|mode| &mut mode.targets) {
+            set.lights.switch(light, false);
+            if let Some((_, other)) = new.get(&(Arc::as_ptr(old) as usize)) {
+                *old = other.clone();
+            }
+        }
+        self.current.edit().lights.switch(light, false);
+    }
+
+    /// Takes the changes that objects refuse as those of a light that follows them.
+    pub(super) fn spend_refused(&mut self) {
+        self.modify.iter_mut().for_each(|mode| mode.refused.clear());
+    }
+
+    /// True when a change must not apply to the objects that are being modified, because a re-render does not allow
+    /// it. It is reported at once when lights do not have the attribute, and otherwise when no light follows.
+    fn refuses_edit(&mut self, edit: Edit<'_>) -> bool {
+        let in_rerender = self.in_rerender();
+        let Some(mode) = self.modify.as_mut().filter(|mode| in_rerender && mode.has_objects) else {
+            return false;
+        };
+        let (what, at, suits_lights) = match edit {
+            Edit::Allowed => return false,
+            Edit::Attribute(name, at) => {
+                let section = attribute_row(name).map(|row| row.section);
+                let suits_lights = section.is_none_or(|section| !NOT_OF_LIGHTS.contains(&section));
+                (format!("Attribute \"{name}\""), at, suits_lights)
+            }
+            Edit::Call(name, at) => (name.to_owned(), at, true),
+        };
+        if suits_lights {
+            if mode.refused.iter().all(|(other, _)| *other != what) {
+                mode.refused.push((what, at.clone()));
+            }
+            return true;
+        }
+        let given = mode.given.clone();
+        self.refuse_edit(&what, &given, at);
+        true
+    }
+
+    fn refuse_edit(&self, what: &str, pattern: &str, at: &Location) {
+        let text = format!(
+            "{what} cannot change the objects of Modify \"{pattern}\" in a re-render (only LightSwitch and Attribute \"{}\" may)",
+            attr::RERENDER_LOCKED.name()
+        );
+        self.refuse(at, text);
     }
 
     /// Adds an object that was declared in modify mode to the modified states if its name matches (reference 2.4).
@@ -114,7 +249,7 @@ impl State {
         }
         self.saved.values().for_each(|saved| take_set(&saved.set));
         take_set(&self.current.set);
-        let world = self.world.iter().map(|(current, _)| &current.set);
+        let world = self.world.iter().map(|world| &world.current.set);
         let pushed = self.stack.iter().filter_map(|push| match &push.what {
             Saved1::Attributes(current) => Some(&current.set),
             Saved1::Transform(_) => None,
@@ -134,6 +269,9 @@ impl State {
     /// Leaves modify mode and assigns the changed states to all objects.
     pub(super) fn leave_modify(&mut self) {
         let Some(mode) = self.modify.take() else { return };
+        for (what, at) in &mode.refused {
+            self.refuse_edit(what, &mode.given, at);
+        }
         let camera = self.shading_camera();
         let mut moved = Moved::new(&mode.shaders);
         let targets: BTreeMap<usize, &AttributeSet> =
@@ -174,8 +312,8 @@ impl State {
         let saved = Arc::make_mut(&mut self.saved).values_mut();
         saved.for_each(|saved| _ = moved.set(&mut saved.set));
         moved.set(self.current.edit());
-        if let Some((current, _)) = &mut self.world {
-            moved.set(current.edit());
+        if let Some(world) = &mut self.world {
+            moved.set(world.current.edit());
         }
         for push in &mut self.stack {
             if let Saved1::Attributes(current) = &mut push.what {
@@ -234,128 +372,5 @@ impl Moved {
             }
         }
         any
-    }
-}
-
-/// Converts a POSIX basic regular expression to the syntax of the `regex` crate.
-///
-/// In a basic expression `( ) { } + ? |` are ordinary characters and become special after a backslash, `*` is
-/// ordinary at the beginning, and `^` and `$` are special at the ends only.
-fn from_basic(pattern: &str) -> String {
-    let mut out = String::with_capacity(pattern.len() + 8);
-    let chars: Vec<char> = pattern.chars().collect();
-    let mut start = true;
-    let mut i = 0;
-    while i < chars.len() {
-        let c = chars[i];
-        let mut begins = false;
-        match c {
-            '\\' => {
-                i += 1;
-                match chars.get(i) {
-                    Some(&n @ ('(' | '{' | '}' | ')' | '+' | '?' | '|')) => {
-                        begins = matches!(n, '(' | '|');
-                        out.push(n);
-                    }
-                    // A back reference is passed on. The `regex` crate does not support it and reports an error.
-                    Some(&n @ '1'..='9') => {
-                        out.push('\\');
-                        out.push(n);
-                    }
-                    Some(&n) => {
-                        out.push_str(&regex::escape(&n.to_string()));
-                    }
-                    None => out.push_str("\\\\"),
-                }
-            }
-            '(' | ')' | '{' | '}' | '+' | '?' | '|' => {
-                out.push('\\');
-                out.push(c);
-            }
-            '*' if start => out.push_str("\\*"),
-            '^' if !start => out.push_str("\\^"),
-            '^' => {
-                out.push('^');
-                begins = true;
-            }
-            '$' if i + 1 < chars.len()
-                && !(chars[i + 1] == '\\' && matches!(chars.get(i + 2), Some(')' | '|'))) =>
-            {
-                out.push_str("\\$");
-            }
-            '[' => {
-                // The set ends at the closing bracket, which may also be the first character. Backslashes are
-                // ordinary inside.
-                let mut end = i + 1;
-                if chars.get(end) == Some(&'^') {
-                    end += 1;
-                }
-                if chars.get(end) == Some(&']') {
-                    end += 1;
-                }
-                while end < chars.len() && chars[end] != ']' {
-                    // Classes such as [:alpha:] contain a bracket.
-                    if chars[end] == '[' && chars.get(end + 1) == Some(&':') {
-                        end = (end + 2..chars.len()).find(|&k| chars[k] == ']').unwrap_or(chars.len());
-                    }
-                    end += 1;
-                }
-                let inside: Vec<char> = chars[i + 1..end.min(chars.len())].to_vec();
-                out.push('[');
-                for (k, &c) in inside.iter().enumerate() {
-                    let class = c == '[' && inside.get(k + 1) == Some(&':');
-                    let in_class = c == ']' && k > 0 && inside[k - 1] == ':';
-                    if (c == '\\' || c == '&' || c == '~' || c == '[' || c == ']') && !class && !in_class {
-                        out.push('\\');
-                    }
-                    out.push(c);
-                }
-                out.push(']');
-                i = end;
-            }
-            _ => out.push(c),
-        }
-        start = begins;
-        i += 1;
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn back_references_are_refused() {
-        assert!(Regex::new(&from_basic("\\(a\\)\\1")).is_err());
-    }
-
-    #[test]
-    fn basic_regular_expressions_are_converted() {
-        let cases = [
-            ("obj2", "an obj2 here", true),
-            ("^obj2$", "obj21", false),
-            ("a+b", "a+b", true),
-            ("a+b", "aab", false),
-            ("a\\+b", "aab", true),
-            ("(x)", "(x)", true),
-            ("\\(x\\)", "x", true),
-            ("*a", "*a", true),
-            ("a*$", "baaa", true),
-            ("a\\{2\\}", "aa", true),
-            ("a{2}", "aa", false),
-            ("[]x]", "]", true),
-            ("[^a-c]", "b", false),
-            ("[[:digit:]]", "7", true),
-            ("a.c", "abc", true),
-            ("a\\.c", "abc", false),
-            ("a\\|b", "b", true),
-            ("", "anything", true),
-            ("^*", "*", true),
-        ];
-        for (pattern, text, matches) in cases {
-            let regex = Regex::new(&from_basic(pattern)).unwrap();
-            assert_eq!(regex.is_match(text), matches, "{pattern:?} on {text:?}");
-        }
     }
 }

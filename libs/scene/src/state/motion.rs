@@ -1,6 +1,7 @@
 //! Motion blocks (reference 2.7): `n` times, then `n` transformations or `n` primitives.
 
 use super::State;
+use super::current::Edit;
 use super::transforms::Change;
 use crate::ShapeKey;
 use granita_base::{
@@ -63,13 +64,13 @@ impl State {
         }
         let Content::Transforms { name: first, keys, .. } = &mut block.content else {
             self.finish_motion(at);
-            return self.apply_alone(change);
+            return self.apply_alone(name, change, at);
         };
         if *first != name {
             let text = format!("{name} in a Motion block that began with {first}");
             self.report(Severity::Error, at, "Motion mix", text);
             self.finish_motion(at);
-            return self.apply_alone(change);
+            return self.apply_alone(name, change, at);
         }
         let time = block.times[keys.len()];
         let key = match change {
@@ -82,8 +83,8 @@ impl State {
         }
     }
 
-    fn apply_alone(&mut self, change: Change) {
-        self.edit_sets(|set| match &change {
+    fn apply_alone(&mut self, name: &str, change: Change, at: &Location) {
+        self.edit_sets(Edit::Call(name, at), |set| match &change {
             Change::Append(m) => set.to_world.prepend(m),
             Change::Set(m) => set.to_world = m.clone(),
         });
@@ -132,6 +133,14 @@ impl State {
         None
     }
 
+    /// Drops the block when nothing is in it, and ends it otherwise. It is for primitives that are not added.
+    pub(super) fn drop_motion(&mut self, at: &Location) {
+        if self.motion.as_ref().is_some_and(|block| matches!(block.content, Content::Empty)) {
+            self.motion = None;
+        }
+        self.finish_motion(at);
+    }
+
     /// Ends the block, complete or not, and applies its contents.
     pub(super) fn finish_motion(&mut self, at: &Location) {
         let Some(block) = self.motion.take() else { return };
@@ -148,11 +157,11 @@ impl State {
         }
         match block.content {
             Content::Empty => {}
-            Content::Transforms { keys, .. } => {
+            Content::Transforms { name, keys } => {
                 let appended = matches!(keys.first(), Some((_, Key::Append(_))));
                 let keys = keys.into_iter().map(|(t, Key::Append(m) | Key::Set(m))| (t, m)).collect();
                 let Some(moving) = MotionTransform::from_keys(keys) else { return };
-                self.edit_sets(|set| {
+                self.edit_sets(Edit::Call(name, &block.at), |set| {
                     set.to_world = if appended { moving.then(&set.to_world) } else { moving.clone() };
                 });
             }

@@ -1,6 +1,7 @@
 //! `SaveAttributes` and `RestoreAttributes` (reference 2.4).
 
 use super::State;
+use super::current::Edit;
 use super::transforms::hint;
 use crate::AttributeSet;
 use crate::attribute::{Scope, attribute_row};
@@ -61,7 +62,7 @@ impl State {
         let items: Vec<Arc<str>> = match (asked, &saved.items) {
             (None, None) => {
                 let set = saved.set;
-                return self.edit_sets(|target| *target = set.clone());
+                return self.edit_sets(Edit::Call("RestoreAttributes", at), |target| *target = set.clone());
             }
             (None, Some(all)) => all.clone(),
             (Some(asked), _) => asked,
@@ -77,7 +78,7 @@ impl State {
                 self.report(Severity::Error, at, "restore item", text);
             }
         }
-        self.edit_sets(|target| {
+        self.edit_sets(Edit::Call("RestoreAttributes", at), |target| {
             for item in &items {
                 copy_item(target, &saved, item);
             }

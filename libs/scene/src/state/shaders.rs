@@ -1,10 +1,11 @@
-//! Shaders, layers and lights (reference 2.6).
+//! Shaders and layers (reference 2.6).
 
 use super::State;
 use super::attributes::typed;
+use super::current::Edit;
 use super::transforms::hint;
 use crate::interface::SHADER;
-use crate::{Connection, Light, LightId, ShaderGroup, ShaderInstance, ShaderUsage};
+use crate::{Connection, ShaderGroup, ShaderInstance, ShaderUsage};
 use granita_base::{Location, ParamData, Params, Severity, suggestion};
 use std::sync::Arc;
 
@@ -12,9 +13,11 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) struct GroupBlock {
     pub(super) at: Location,
-    layers: Vec<(ShaderUsage, Arc<ShaderInstance>)>,
+    pub(super) layers: Vec<(ShaderUsage, Arc<ShaderInstance>)>,
     connections: Vec<Connection>,
-    light: Option<Arc<str>>,
+    pub(super) light: Option<Arc<str>>,
+    /// True when a layer of the light is in error, so that a re-render keeps the light as it was.
+    pub(super) keeps_light: bool,
 }
 
 impl State {
@@ -39,21 +42,28 @@ impl State {
                 return self.report(Severity::Warning, at, "usage", text);
             }
         };
+        if self.refuses("Shader", "the shaders of objects cannot change", at) && self.group.is_none() {
+            return;
+        }
         let Some(name) = name else {
-            return self.assign(kind, None);
+            return self.assign(kind, None, at);
         };
-        let instance = self.instance(name, layer, &params, "Shader", at);
+        let (instance, _) = self.instance(name, layer, &params, "Shader", at);
         match &mut self.group {
             Some(group) => group.layers.push((kind, instance)),
             None => {
                 let group = ShaderGroup { layers: vec![instance], connections: Vec::new() };
-                self.assign(kind, Some(Arc::new(group)));
+                self.assign(kind, Some(Arc::new(group)), at);
             }
         }
     }
 
-    fn assign(&mut self, usage: ShaderUsage, group: Option<Arc<ShaderGroup>>) {
-        self.edit_sets(|set| {
+    fn assign(&mut self, usage: ShaderUsage, group: Option<Arc<ShaderGroup>>, at: &Location) {
+        if self.in_rerender() {
+            // The error is reported with its shaders.
+            return;
+        }
+        self.edit_sets(Edit::Call("Shader", at), |set| {
             let slot = match usage {
                 ShaderUsage::Surface => &mut set.surface,
                 ShaderUsage::Displacement => &mut set.displacement,
@@ -64,14 +74,15 @@ impl State {
         });
     }
 
-    fn instance(
+    /// Returns a shader with its parameters, and whether all of them are usable. The others are reported and left out.
+    pub(super) fn instance(
         &mut self,
         shader: Arc<str>,
         layer: Option<Arc<str>>,
         params: &Params,
         call: &str,
         at: &Location,
-    ) -> Arc<ShaderInstance> {
+    ) -> (Arc<ShaderInstance>, bool) {
         let mut good = Params::new();
         for param in params {
             match typed(param) {
@@ -95,7 +106,8 @@ impl State {
         let instance =
             Arc::new(ShaderInstance { shader, layer, params: good, to_world, state, at: at.clone() });
         self.modify_shader_also(&instance);
-        instance
+        let is_whole = instance.params.0.len() == params.0.len();
+        (instance, is_whole)
     }
 
     /// Handles `ShaderGroupBegin`.
@@ -104,8 +116,13 @@ impl State {
             self.out_of_place(at, "ShaderGroupBegin", "inside another shader group");
             return;
         }
-        self.group =
-            Some(GroupBlock { at: at.clone(), layers: Vec::new(), connections: Vec::new(), light: None });
+        self.group = Some(GroupBlock {
+            at: at.clone(),
+            layers: Vec::new(),
+            connections: Vec::new(),
+            light: None,
+            keeps_light: false,
+        });
     }
 
     /// Handles `ShaderGroupEnd` and assigns the layers of each usage.
@@ -128,8 +145,9 @@ impl State {
             let connections = block.connections.iter().filter(|c| has(&c.target_layer)).cloned().collect();
             let group = ShaderGroup { layers, connections };
             match (usage, &block.light) {
+                (ShaderUsage::Light, Some(id)) if block.keeps_light => self.keep_light(id.clone()),
                 (ShaderUsage::Light, Some(id)) => self.set_light(id.clone(), group, at),
-                _ => self.assign(usage, Some(Arc::new(group))),
+                _ => self.assign(usage, Some(Arc::new(group)), at),
             }
         }
     }
@@ -169,97 +187,5 @@ impl State {
         if let Some(group) = &mut self.group {
             group.connections.push(connection);
         }
-    }
-
-    /// Handles `Light`.
-    pub(super) fn light(
-        &mut self,
-        id: Arc<str>,
-        shader: Option<Arc<str>>,
-        layer: Option<Arc<str>>,
-        params: Params,
-        at: &Location,
-    ) {
-        let params = self.take_params(params);
-        let Some(shader) = shader.filter(|s| &**s != "null") else {
-            return self.remove_light(&id, at);
-        };
-        let instance = self.instance(shader, layer, &params, "Light", at);
-        match &mut self.group {
-            None => self.set_light(id, ShaderGroup { layers: vec![instance], connections: Vec::new() }, at),
-            Some(group) => match &group.light {
-                Some(first) if *first != id => {
-                    let text = format!("Light \"{id}\" in a group that began with light \"{first}\"");
-                    self.report(Severity::Error, at, "light group", text);
-                }
-                _ => {
-                    group.light = Some(id);
-                    group.layers.push((ShaderUsage::Light, instance));
-                }
-            },
-        }
-    }
-
-    /// Declares or replaces a light and switches it on.
-    fn set_light(&mut self, name: Arc<str>, group: ShaderGroup, at: &Location) {
-        let camera = self.shading_camera();
-        let attributes = self.current.freeze(camera.as_ref());
-        let light = Arc::new(Light { name: name.clone(), group, attributes });
-        let outer = self.light_ids.get(&name).copied().filter(|id| self.inputs.is_outside(*id));
-        if let Some(outer) = outer {
-            // An input that is read late must not change lights of other objects. It gets a light of its own instead.
-            self.switch(outer, false);
-        }
-        let id = match self.light_ids.get(&name).filter(|_| outer.is_none()) {
-            Some(&id) => {
-                let old = &mut self.lights[id.0 as usize];
-                if !old.group.layers.is_empty() && self.phase != super::Phase::Rerender {
-                    let text = format!("light \"{name}\" is declared again; the last declaration counts");
-                    self.reporter.once(&format!("scene light {name}"), Severity::Warning, at, text);
-                }
-                *old = light;
-                id
-            }
-            None => {
-                let id = LightId(self.lights.len() as u32);
-                self.lights.push(light);
-                Arc::make_mut(&mut self.light_ids).insert(name, id);
-                id
-            }
-        };
-        self.switch(id, true);
-    }
-
-    /// Handles `Light (id, "null")`. The light keeps its index, but has no layers and illuminates nothing.
-    fn remove_light(&mut self, name: &str, at: &Location) {
-        let Some(&id) = self.light_ids.get(name) else {
-            let hint = hint(suggestion(name, self.light_ids.keys().map(|k| &**k)));
-            let text = format!("Light: cannot remove \"{name}\", there is no such light{hint}");
-            return self.report(Severity::Warning, at, "light", text);
-        };
-        if !self.inputs.is_outside(id) {
-            Arc::make_mut(&mut self.lights[id.0 as usize]).group = ShaderGroup::default();
-        }
-        self.switch(id, false);
-    }
-
-    /// Handles `LightSwitch`.
-    pub(super) fn light_switch(&mut self, name: &str, on: bool, at: &Location) {
-        match self.light_ids.get(name) {
-            Some(&id) => self.switch(id, on),
-            None => {
-                let hint = hint(suggestion(name, self.light_ids.keys().map(|k| &**k)));
-                let text = format!("LightSwitch: no light \"{name}\"{hint}");
-                self.report(Severity::Error, at, "light", text);
-            }
-        }
-    }
-
-    fn switch(&mut self, id: LightId, on: bool) {
-        self.edit_sets(|set| {
-            if set.lights.contains(id) != on {
-                set.lights.switch(id, on);
-            }
-        });
     }
 }

@@ -1,6 +1,7 @@
 //! Geometric primitives and trim curves (reference 2.8).
 
 use super::attributes::typed;
+use super::current::Edit;
 use super::{Phase, State};
 use crate::interface::VARIABLES;
 use crate::{AttributeSet, Primitive, ShapeKey};
@@ -22,6 +23,9 @@ impl State {
     /// Adds a geometric primitive, alone or in a motion block.
     pub(super) fn shape(&mut self, shape: ShapeDesc, params: Params, at: &Location) {
         let params = self.take_params(params);
+        if self.refuses(shape.call_name(), "geometry cannot be added", at) {
+            return self.drop_motion(at);
+        }
         if self.group.is_some() {
             return self.out_of_place(at, shape.call_name(), "inside a shader group");
         }
@@ -132,7 +136,7 @@ impl State {
             return self.report_object(Severity::Error, at, "TrimCurve", format!("TrimCurve: {why}"));
         }
         let trim = trim.filter(|t| !t.ncurves.is_empty()).map(|t| Arc::new(*t));
-        self.edit_sets(|set| set.trim.clone_from(&trim));
+        self.edit_sets(Edit::Call("TrimCurve", at), |set| set.trim.clone_from(&trim));
     }
 }
 

@@ -3,7 +3,7 @@
 //! Primitives before `World` are kept apart. At `World`, and at the end, they are reported and dropped. Until then
 //! [`State::begin_stage`] may begin a frame around them, and [`State::adopt`] makes them objects of its world.
 
-use super::current::{Current, flips_normals};
+use super::current::{Current, Edit, flips_normals};
 use super::{Phase, State};
 use crate::{AttributeSet, Primitive, Stop, attr};
 use granita_base::{Location, MotionTransform, ShapeDesc, Transform, Vec3};
@@ -128,7 +128,7 @@ impl State {
 
     /// Adds a geometry set to the list of the current state.
     pub(super) fn add_to_sets(&mut self, name: &Arc<str>) {
-        self.edit_sets(|set| {
+        self.edit_sets(Edit::Allowed, |set| {
             if !set.geometry_sets.contains(name) {
                 let mut sets = set.geometry_sets.to_vec();
                 sets.push(name.clone());

@@ -1,5 +1,6 @@
 //! Transformations (reference 2.5), alone or as the keys of a motion block.
 
+use super::current::Edit;
 use super::{Phase, Saved1, State};
 use crate::interface::SET_TRANSFORM;
 use crate::{Call, TransformTarget};
@@ -59,7 +60,7 @@ impl State {
         if self.motion.is_some() {
             return self.motion_transform(name, change, at);
         }
-        self.edit_sets(|set| match &change {
+        self.edit_sets(Edit::Call(name, at), |set| match &change {
             Change::Append(m) => set.to_world.prepend(m),
             Change::Set(m) => set.to_world = m.clone(),
         });

@@ -2,14 +2,17 @@
 
 use granita_base::{Location, Param, ParamData, Params, Reporter, ShapeDesc, Vec3};
 use granita_scene::{
-    Call, FoundInput, FrameRenderer, InputPaths, InputReader, Scene, SceneSink, State, Stop,
+    Call, FoundInput, FrameRenderer, InputPaths, InputReader, Scene, SceneSink, ShaderGroup, State, Stop,
 };
 use parking_lot::Mutex;
 use std::sync::Arc;
 
-/// Stores the scenes that it receives.
+/// The shader that the renderer does not find.
+pub(crate) const MISSING: &str = "missing";
+
+/// Stores the scenes that it receives, and the lights that it checks: name, location and search path.
 #[derive(Clone, Default)]
-pub(crate) struct Keeper(pub(crate) Arc<Mutex<Vec<Rendered>>>);
+pub(crate) struct Keeper(pub(crate) Arc<Mutex<Vec<Rendered>>>, pub(crate) Arc<Mutex<Vec<String>>>);
 
 /// A scene and the requested camera.
 pub(crate) type Rendered = (Arc<Scene>, Option<String>);
@@ -21,6 +24,10 @@ impl FrameRenderer for Keeper {
     }
     fn command(&mut self, name: &str, _: &Params, _: &Location) -> Result<bool, Stop> {
         Ok(name.starts_with("system"))
+    }
+    fn check_light(&mut self, name: &str, group: &ShaderGroup, shader_path: &str, at: &Location) -> bool {
+        self.1.lock().push(format!("{name} {at} {shader_path}"));
+        group.layers.iter().all(|layer| &*layer.shader != MISSING)
     }
     fn input(
         &mut self,

@@ -4,5 +4,7 @@
 mod fixture;
 mod frames;
 mod motion;
+mod relighting;
 mod rendering;
+mod rerender;
 mod saving;

@@ -73,15 +73,13 @@ fn after_render_calls_are_errors_unless_rerendering() {
         sphere(),
         Call::Translate([4.0, 0.0, 0.0]),
         Call::Render { camera: None },
-        attr("int limits:gridsize", 64),
+        attr("int limits:texturememory", 64),
         Call::World,
-        sphere(),
         Call::Render { camera: None },
     ]);
     let kept = run.kept.0.lock();
-    assert_eq!((kept[0].0.primitives.len(), kept[1].0.primitives.len()), (1, 2));
-    assert_eq!(origin(&kept[1].0, 1), Vec3::ZERO);
-    assert_eq!(kept[1].0.get(attr::LIMITS_GRIDSIZE), 64);
+    assert!(Arc::ptr_eq(&kept[0].0.primitives[0], &kept[1].0.primitives[0]));
+    assert_eq!(kept[1].0.get(attr::LIMITS_TEXTUREMEMORY), 64);
     assert!(run.messages().is_empty());
 }
 
