@@ -46,7 +46,7 @@ mod tests;
 pub use environment::{CallText, Progress, RenderEnvironment, Silent};
 pub use error::RenderError;
 pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
-pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics};
+pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_light};
 pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};

@@ -15,7 +15,7 @@ use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
 use granita_scene::{
-    Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, Stop, attr,
+    Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, ShaderGroup, Stop, attr,
 };
 use granita_sdb::Databases;
 use parking_lot::{Mutex, MutexGuard};
@@ -392,6 +392,19 @@ impl FrameRenderer for SessionRenderer {
             }
         }
         Ok(())
+    }
+
+    fn check_light(&mut self, name: &str, group: &ShaderGroup, shader_path: &str, at: &Location) -> bool {
+        let path = SearchPath::parse(shader_path, &SearchPath::default(), &self.options.run.environment);
+        let shaders = Shaders::new(path, self.plugins.clone(), self.reporter.clone());
+        let good = granita_render::check_light(name, group, &shaders, &self.reporter);
+        if !good {
+            let text = format!(
+                "light \"{name}\": it cannot be used as it is declared; the last good one stays, if there is one"
+            );
+            self.reporter.say(Severity::Warning, at, text);
+        }
+        good
     }
 
     fn command(&mut self, name: &str, params: &Params, at: &Location) -> Result<bool, Stop> {

@@ -164,7 +164,7 @@ impl ShadingContext {
     /// Links the lights and prepares the rest. It loads no surface, opens no texture and builds no ray structures.
     pub fn new(scene: &Arc<Scene>, camera: &CameraView, environment: &ShadingEnvironment) -> Self {
         let reporter = environment.reporter.clone();
-        let linker = Linker { library: &*environment.shaders, reporter: &reporter };
+        let linker = Linker { library: &*environment.shaders, reporter: &reporter, complains: None };
         let lights = scene.lights.iter().map(|light| LightState::new(light, linker)).collect();
         let textures = texture_cache(scene, camera, environment);
         let threads = match environment.threads {
@@ -328,13 +328,13 @@ impl ShadingContext {
         owner: &str,
     ) -> Option<Arc<LinkedShaders>> {
         let key = (Arc::as_ptr(shaders) as usize, usage);
-        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        let linker = Linker { library: &*self.library, reporter: &self.reporter, complains: None };
         self.states.groups.get_or_make(key, || linker.link(shaders, usage, owner).map(Arc::new))
     }
 
     /// Returns the default surface, which belongs to no object. Its "shader" space is the world.
     fn default_surface(&self) -> Arc<LinkedShaders> {
-        let linker = Linker { library: &*self.library, reporter: &self.reporter };
+        let linker = Linker { library: &*self.library, reporter: &self.reporter, complains: None };
         self.states.default_surface.get_or_init(|| Arc::new(linker.default_surface())).clone()
     }
 

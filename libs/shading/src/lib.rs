@@ -41,7 +41,7 @@ mod tests;
 pub use context::{DepthMaps, ShadingContext};
 pub use environment::{NoShader, ShaderLibrary, ShadingEnvironment};
 pub use memo::{Changes, Memo, MemoBytes};
-pub use object::{DEFAULT_SURFACE, LinkedShaders, ObjectState};
+pub use object::{DEFAULT_SURFACE, LinkedShaders, ObjectState, check_light};
 pub use spaces::{Spaces, Units};
 pub use statistics::ShadingStatistics;
 pub use thread::ShaderThread;

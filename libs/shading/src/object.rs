@@ -12,6 +12,7 @@ use granita_rays::{RayDisplacement, RayObject};
 use granita_scene::{AttributeSet, Holdout, LightId, ShaderGroup, ShaderUsage, attr};
 use granita_shade::{ConnectionSource, Group, LayerSource};
 use parking_lot::RwLock;
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// The surface shader of objects that have none (reference 8.1.1).
@@ -37,6 +38,21 @@ pub(crate) struct Linker<'a> {
     pub(crate) library: &'a dyn ShaderLibrary,
     /// Receives messages.
     pub(crate) reporter: &'a Reporter,
+    /// Set to true when a shader or a parameter cannot be used, whether that was reported before or not.
+    pub(crate) complains: Option<&'a Cell<bool>>,
+}
+
+/// True when a light can be used as it was declared: all of its shaders load and link, with all of their parameters.
+/// What cannot be used is reported.
+pub fn check_light(
+    name: &str,
+    group: &ShaderGroup,
+    library: &dyn ShaderLibrary,
+    reporter: &Reporter,
+) -> bool {
+    let complains = Cell::new(false);
+    let linker = Linker { library, reporter, complains: Some(&complains) };
+    linker.link(group, ShaderUsage::Light, name).is_some() && !complains.get()
 }
 
 impl Linker<'_> {
@@ -95,6 +111,7 @@ impl Linker<'_> {
             .collect();
         let first = modules[0].1;
         let mut report = |severity: Severity, text: String| {
+            self.complain(severity);
             let text = self.prefixed(usage, owner, &text);
             self.reporter.once(&text, severity, &first.at, text.clone());
         };
@@ -140,6 +157,14 @@ impl Linker<'_> {
         })
     }
 
+    fn complain(&self, severity: Severity) {
+        if let Some(complains) = self.complains
+            && matches!(severity, Severity::Error | Severity::Warning)
+        {
+            complains.set(true);
+        }
+    }
+
     fn prefixed(&self, usage: ShaderUsage, owner: &str, text: &str) -> String {
         match (usage, owner) {
             (ShaderUsage::Light, _) => format!("light \"{owner}\": {text}"),
@@ -157,6 +182,7 @@ impl Linker<'_> {
         (shader, at): (&str, &Location),
         text: &str,
     ) {
+        self.complain(severity);
         let cause = format!("{} shader {shader} unusable", usage_word(usage));
         self.reporter.once(&cause, severity, at, self.prefixed(usage, owner, text));
     }

@@ -81,7 +81,7 @@ impl ShadingContext {
     /// Links the lights that changed.
     fn renew_lights(&mut self, before: &Scene, scene: &Scene, changes: &mut Changes) {
         let library = self.library.clone();
-        let linker = Linker { library: &*library, reporter: &self.reporter };
+        let linker = Linker { library: &*library, reporter: &self.reporter, complains: None };
         self.lights.truncate(scene.lights.len());
         for (index, light) in scene.lights.iter().enumerate() {
             let id = LightId(index as u32);

@@ -140,9 +140,9 @@ attributes! {
     RERENDER_MEMORY: Global, i32 = "4.3.3", "rerender:memory", Ints(&[0]),
         "memory limit of re-rendering in KB; 0 for all memory", Hint, Rerender;
     RERENDER_RESHADERAYS: Global, bool = "4.3.3", "rerender:reshaderays", Ints(&[1]),
-        "shade rays again when a surface that they hit has changed", Hint, Rerender;
+        "shade rays again when a surface that they hit has changed", Rerender;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
-        "files that are read again before re-rendering", Hint, Rerender;
+        "files that are read again before re-rendering", Rerender;
     LIMITS_THREADS: Global, i32 = "4.3.4", "limits:threads", Ints(&[1]),
         "number of threads that render; `gelato` renders with one per core when it is not set";
     LIMITS_GRIDSIZE: Global, i32 = "4.3.4", "limits:gridsize", Ints(&[256]), "largest number of points that are shaded at once";
@@ -296,7 +296,7 @@ attributes! {
     OCCLUSION_SPATIALDB: Object, Arc<str> = "4.4.11", "occlusion:spatialdb", Text("occlusion.sdb"),
         "spatial database of occlusion";
     RERENDER_LOCKED: Object, bool = "4.4.12", "rerender:locked", Ints(&[0]),
-        "keep the shading of the object when re-rendering", Hint, Rerender;
+        "keep the shading of the object when re-rendering", Rerender;
     RERENDER_CACHELIGHTS: Object, bool = "4.4.12", "rerender:cachelights", Ints(&[1]),
         "keep the results of lights when re-rendering", Hint;
 }
