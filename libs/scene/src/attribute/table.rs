@@ -138,7 +138,7 @@ attributes! {
         "seconds or frames in one unit of the times of Motion and shutter";
     RERENDER: Global, bool = "4.3.3", "rerender", Ints(&[0]), "allow changes and further calls of Render";
     RERENDER_MEMORY: Global, i32 = "4.3.3", "rerender:memory", Ints(&[0]),
-        "memory limit of re-rendering in KB; 0 for all memory", Hint, Rerender;
+        "memory limit of re-rendering in KB; 0 for no limit", Rerender;
     RERENDER_RESHADERAYS: Global, bool = "4.3.3", "rerender:reshaderays", Ints(&[1]),
         "shade rays again when a surface that they hit has changed", Rerender;
     RERENDER_FILEPATTERN: Global, Arc<str> = "4.3.3", "rerender:filepattern", Text(".*"),
@@ -298,5 +298,5 @@ attributes! {
     RERENDER_LOCKED: Object, bool = "4.4.12", "rerender:locked", Ints(&[0]),
         "keep the shading of the object when re-rendering", Rerender;
     RERENDER_CACHELIGHTS: Object, bool = "4.4.12", "rerender:cachelights", Ints(&[1]),
-        "keep the results of lights when re-rendering", Hint;
+        "keep the results of lights when re-rendering";
 }
