@@ -364,6 +364,7 @@ fn session_options(
         },
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given),
+        rerenders_anew: false,
     }
 }
 
