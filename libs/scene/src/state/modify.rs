@@ -24,7 +24,7 @@ pub(super) struct ModifyMode {
     saved: Vec<Arc<str>>,
     /// The pattern as it was given.
     given: Arc<str>,
-    /// True when a state of an object, or of one of its shaders, matches, and not only those of lights.
+    /// True in a re-render, when a state of an object or of one of its shaders matches, and not only those of lights.
     has_objects: bool,
     /// The changes that a re-render does not allow, and their locations. A `Light` that follows takes them.
     refused: Vec<(String, Location)>,
@@ -56,7 +56,7 @@ impl State {
             .collect();
         let targets: Vec<_> = targets.into_values().map(|s| (s.clone(), (*s).clone())).collect();
         let shaders = self.shaders_of_states(&regex);
-        let has_objects = self.matches_objects(&targets, &shaders);
+        let has_objects = self.in_rerender() && self.matches_objects(&targets, &shaders);
         self.reporter.say(
             Severity::Info,
             at,
@@ -103,7 +103,8 @@ impl State {
             let this = Arc::as_ptr(set);
             !std::ptr::eq(std::mem::replace(&mut last, this), this)
         });
-        let sets = objects.chain(self.lights.iter().map(|light| &light.attributes));
+        let lights = self.lights.iter().filter(|light| !light.group.layers.is_empty());
+        let sets = objects.chain(lights.map(|light| &light.attributes));
         sets.map(|set| set.name()).chain(self.saved.values().map(|saved| saved.set.name()))
     }
 
