@@ -195,7 +195,10 @@ impl ShadingContext {
 /// True when two lights are the same but for the places of their declarations.
 fn shines_alike(a: &Light, b: &Light) -> bool {
     let layers = || a.group.layers.iter().zip(&b.group.layers);
-    a.attributes == b.attributes
+    let (of_a, of_b) = (&a.attributes, &b.attributes);
+    a.name == b.name
+        && (&of_a.values, &of_a.to_world, &of_a.geometry_sets)
+            == (&of_b.values, &of_b.to_world, &of_b.geometry_sets)
         && a.group.connections == b.group.connections
         && a.group.layers.len() == b.group.layers.len()
         && layers().all(|(a, b)| {
