@@ -16,7 +16,8 @@ fn the_manual_lists_every_attribute() {
          NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \
          of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
          wrong number of values, is an error and changes nothing. An attribute marked *hint* \
-         tunes how the work is done, and this renderer needs no tuning there.\n",
+         tunes how the work is done, and this renderer needs no tuning there.\n\n[Re-rendering](rerender.md) describes \
+         the attributes that begin with \"rerender\".\n",
     );
     for (scope, title) in [
         (Scope::Camera, "Of cameras"),
