@@ -8,6 +8,7 @@
 //! - `cargo run --release -p granita-benches --bin viewer` opens and pans images in `iv` under Xvfb;
 //! - `cargo run --release -p granita-benches --bin rays` compares rays with Embree, and `--example trees` compares our
 //!   tree with those of the crate `obvhs`;
+//! - `cargo run --release -p granita-benches --bin relight` compares re-rendered frames with frames rendered anew;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field, prints
 //!   ratios, and reports which tools it could not find.

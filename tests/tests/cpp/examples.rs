@@ -71,3 +71,22 @@ fn the_cpp_examples_give_their_results() {
     let (status, _, err) = tool("topyg", at, &["steps many"]);
     assert!(status != 0 && err.contains("steps.generator.so: steps: how many? as in \"steps 12\""), "{err}");
 }
+
+/// The program of the manual renders its scene twice.
+#[test]
+fn the_program_of_the_page_about_rerendering_makes_both_images() {
+    let page = std::fs::read_to_string(repository().join("docs/rerender.md")).unwrap();
+    let (_, from) = page.split_once("```cpp\n").unwrap();
+    let (source, _) = from.split_once("```").unwrap();
+    for compiler in compilers() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        std::fs::write(at.join("twice.cpp"), source).unwrap();
+        let ran = run(&program(compiler, &at.join("twice.cpp"), "gelato"), at, &[]);
+        assert_eq!(String::from_utf8_lossy(&ran.stderr), "");
+        let read = |name: &str| granita_tests::Image::read(&at.join(name)).unwrap();
+        let (first, second) = (read("first.tif"), read("second.tif"));
+        let mean = |image: &granita_tests::Image| image.mean([0, 0, 64, 48]).unwrap()[0];
+        assert!(mean(&second) > 1.2 * mean(&first), "{} {}", mean(&second), mean(&first));
+    }
+}

@@ -6,8 +6,20 @@ use granita_tests::repository;
 
 /// The words after the fences, and what is checked. "gsl,part" is a function. "gsl,entry" belongs to an entry of a
 /// function, whose examples the tests of `shade` run.
-const KINDS: [&str; 11] =
-    ["pyg", "pyg,calls", "gsl", "gsl,part", "gsl,entry", "sh", "text", "python", "cpp", "cmake", "toml"];
+const KINDS: [&str; 12] = [
+    "pyg",
+    "pyg,calls",
+    "pyg,rerender",
+    "gsl",
+    "gsl,part",
+    "gsl,entry",
+    "sh",
+    "text",
+    "python",
+    "cpp",
+    "cmake",
+    "toml",
+];
 
 /// The tools, each with the page that lists its options.
 const TOOLS: [(&str, &str); 6] = [

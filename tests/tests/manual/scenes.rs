@@ -1,5 +1,6 @@
 //! The scenes of the manual. Blocks of "pyg" are rendered, and no message is expected. A part of a scene gets `World`
-//! and `Render`. Blocks of "pyg,calls" are read only.
+//! and `Render`. Blocks of "pyg,calls" are read only. Blocks of "pyg,rerender" are further frames of the first scene of
+//! their page.
 
 use crate::pages::{Block, pages};
 use granita_base::report::Message;
@@ -78,12 +79,18 @@ fn messages_of(block: &Block) -> Vec<Message> {
 fn scenes_cause_no_messages() {
     let (mut faults, mut n) = (String::new(), 0);
     for page in pages() {
-        for block in page.blocks().iter().filter(|block| matches!(&*block.info, "pyg" | "pyg,calls")) {
-            if is_script(block) && !has("python3") {
+        let blocks = page.blocks();
+        let first = blocks.iter().find(|block| block.info == "pyg").map_or("", |block| block.text.as_str());
+        for block in &blocks {
+            if !block.info.starts_with("pyg") || is_script(block) && !has("python3") {
                 continue;
             }
             n += 1;
-            for message in messages_of(block) {
+            let messages = match &*block.info {
+                "pyg,rerender" => read(&format!("{first}{}", block.text)),
+                _ => messages_of(block),
+            };
+            for message in messages {
                 faults += &format!("{}:{}: {message}\n", page.name, block.line);
             }
         }
