@@ -41,6 +41,8 @@ pub(crate) struct Entry {
     pub(crate) calls: u32,
     /// The lanes whose own counts it advanced by one.
     pub(crate) counted: Vec<u32>,
+    /// The questions that were asked to answer this one.
+    parts: Vec<Key>,
     /// The bytes that the answer takes.
     bytes: usize,
     /// True when the last run asked for it.
@@ -50,7 +52,7 @@ pub(crate) struct Entry {
 impl Entry {
     pub(crate) fn new(answer: Answer, depends: Dependencies, calls: u32, counted: Vec<u32>) -> Self {
         let bytes = answer.bytes() + 4 * counted.len() + depends.bytes() + size_of::<(Key, Self)>();
-        Self { answer, depends, calls, counted, bytes, used: true }
+        Self { answer, depends, calls, counted, parts: Vec::new(), bytes, used: true }
     }
 }
 
@@ -60,6 +62,8 @@ pub struct Memo {
     entries: HashMap<Key, Entry>,
     /// What the result of the whole run depends on.
     depends: Dependencies,
+    /// The questions that are being answered, each with those that were asked for it.
+    open: Vec<Vec<Key>>,
 }
 
 /// The bytes of a [`Memo`].
@@ -84,6 +88,7 @@ impl Memo {
 
     /// Begins a run.
     pub(crate) fn begin(&mut self) {
+        self.open.clear();
         self.entries.values_mut().for_each(|entry| entry.used = false);
     }
 
@@ -94,14 +99,44 @@ impl Memo {
         self.depends = depends;
     }
 
+    /// Returns the answer to a question. It stays, and so do the answers that it was made of.
     pub(crate) fn find(&mut self, key: Key) -> Option<&Entry> {
-        let entry = self.entries.get_mut(&key)?;
-        entry.used = true;
-        Some(entry)
+        if !self.entries.contains_key(&key) {
+            return None;
+        }
+        let mut uses = vec![key];
+        while let Some(key) = uses.pop() {
+            if let Some(entry) = self.entries.get_mut(&key).filter(|entry| !entry.used) {
+                entry.used = true;
+                uses.extend(&entry.parts);
+            }
+        }
+        self.asked(key);
+        self.entries.get(&key)
     }
 
-    pub(crate) fn keep(&mut self, key: Key, entry: Entry) {
-        self.entries.insert(key, entry);
+    /// Begins to answer a question.
+    pub(crate) fn open(&mut self) {
+        self.open.push(Vec::new());
+    }
+
+    /// Ends the answer to the question that was opened last. `entry` is kept, if there is one.
+    pub(crate) fn close(&mut self, key: Key, entry: Option<Entry>) {
+        let parts = self.open.pop().unwrap_or_default();
+        match entry {
+            Some(entry) => {
+                self.entries.insert(key, Entry { parts, ..entry });
+                self.asked(key);
+            }
+            None => parts.into_iter().for_each(|part| self.asked(part)),
+        }
+    }
+
+    /// Notes that a question was asked for the one that is being answered.
+    fn asked(&mut self, key: Key) {
+        if let Some(parts) = self.open.last_mut() {
+            parts.push(key);
+        }
     }
 
     /// Returns the bytes that it takes.
@@ -183,8 +218,14 @@ mod tests {
         };
         memo.begin();
         let answer = || Answer::Lanes3(Lanes3::zeros(2));
-        memo.keep(key(1), Entry::new(answer(), on(&[light(1)]), 1, Vec::new()));
-        memo.keep(key(2), Entry::new(answer(), on(&[Dependency::File(1)]), 1, Vec::new()));
+        memo.open();
+        memo.open();
+        memo.close(key(2), Some(Entry::new(answer(), on(&[Dependency::File(1)]), 1, Vec::new())));
+        memo.close(key(1), Some(Entry::new(answer(), on(&[light(1)]), 1, Vec::new())));
+        memo.end(on(&[light(1), Dependency::File(1)]));
+        // An answer stays while one that it is part of is asked for.
+        memo.begin();
+        assert!(memo.find(key(1)).is_some());
         memo.end(on(&[light(1), Dependency::File(1)]));
         let changes = Changes::of(&[light(1)]);
         assert!(memo.is_stale(&changes) && !memo.is_stale(&Changes::of(&[light(2), Dependency::File(2)])));

@@ -105,6 +105,8 @@ pub(crate) struct Run<'r, 'f> {
     centres: Option<u32>,
     /// The number of calls that drew random numbers so far. Two calls of one shader draw different ones.
     calls: u32,
+    /// The same for each light, by its index.
+    light_calls: Vec<u32>,
     /// The same for each lane with its own seed, so that other lanes of its grid have no influence.
     lane_calls: Vec<u32>,
     /// True for a light whose contribution counts only from directions in front of the points.
@@ -117,6 +119,8 @@ pub(crate) struct Run<'r, 'f> {
     appended: u32,
     /// True for a light whose answers are not kept for re-renders.
     is_anew: bool,
+    /// The key of a grid of ray hits.
+    hits: Option<[u64; 2]>,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -130,6 +134,7 @@ impl<'r, 'f> Run<'r, 'f> {
         let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
         let lights = if gathers { object.lights() } else { Arc::default() };
         let frame = thread.frame();
+        let thread_keeps = thread.memo.is_some();
         Self {
             frame,
             thread,
@@ -146,6 +151,7 @@ impl<'r, 'f> Run<'r, 'f> {
             ray_motion: object.ray_motion,
             lit: (!lights.is_empty()).then(|| seen_by_lights(grid, frame, &lights)),
             lights,
+            hits: if thread_keeps { recall::key_of_hits(grid, object.number) } else { None },
             is_anew: false,
             memory: LightMemory::default(),
             time: grid.time,
@@ -158,6 +164,7 @@ impl<'r, 'f> Run<'r, 'f> {
                 _ => None,
             },
             calls: 0,
+            light_calls: Vec::new(),
             lane_calls: vec![0; grid.names.len()],
             gathers_in_front: false,
             sky: Vec::new(),
@@ -194,6 +201,7 @@ impl<'r, 'f> Run<'r, 'f> {
             ray_motion: surface.ray_motion,
             lights: Arc::default(),
             lit: None,
+            hits: surface.hits,
             is_anew: light.is_anew,
             memory: LightMemory::default(),
             time: surface.time,
@@ -204,6 +212,7 @@ impl<'r, 'f> Run<'r, 'f> {
             names,
             centres: surface.centres,
             calls: 0,
+            light_calls: Vec::new(),
             gathers_in_front,
             sky: Vec::new(),
             databases: Vec::new(),
@@ -587,6 +596,17 @@ impl Textures for Run<'_, '_> {
 }
 
 impl Run<'_, '_> {
+    /// Exchanges the count of calls with that of a light. Each light has a count of its own, so that its random numbers
+    /// do not depend on other lights.
+    fn count_of_light(&mut self, index: usize) {
+        if self.light_calls.len() <= index {
+            self.light_calls.resize(self.lights.len(), 0);
+        }
+        if let Some(calls) = self.light_calls.get_mut(index) {
+            std::mem::swap(calls, &mut self.calls);
+        }
+    }
+
     /// Runs a light for a query.
     fn light_of(&mut self, light: &LightState, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
         // The grid is moved to the light while it runs. Nothing else uses it in that time.
@@ -678,6 +698,7 @@ impl Lights for Run<'_, '_> {
         let Some(&id) = self.lights.get(index) else { return dark };
         self.note(Dependency::Light(id));
         let Some(light) = self.frame.light(id) else { return dark };
+        self.count_of_light(index);
         let asked = match light.is_anew {
             true => Asked::Unkept,
             false => self.ask(Question::Light, |run, key| {
@@ -697,6 +718,7 @@ impl Lights for Run<'_, '_> {
             }
             _ => self.light_of(light, query),
         };
+        self.count_of_light(index);
         // The messages of the surface may differ next time.
         if !light.listens {
             self.memory.keep(index, query, &result);

@@ -4,7 +4,7 @@ use super::Run;
 use crate::memo::{Answer, Dependencies, Dependency, Entry, Key, KeyHasher};
 use granita_scene::ShaderUsage;
 use granita_shade::{
-    Batch, EnvironmentQuery, GatherQuery, IlluminateQuery, Lane3, Lanes3, Message, ShadowQuery,
+    Batch, EnvironmentQuery, GatherQuery, Grid, IlluminateQuery, Lane3, Lanes3, Message, ShadowQuery,
     Texture3dQuery, TextureQuery, TraceQuery,
 };
 use std::sync::Arc;
@@ -73,9 +73,10 @@ impl Run<'_, '_> {
         Arc::new(new)
     }
 
-    /// True when answers are kept: for grids that a camera sees, and their lights.
+    /// True when answers are kept: for grids that a camera sees, for what their rays hit, and for their lights. Records
+    /// of indirect light are kept instead of what their many rays hit.
     fn keeps_answers(&self) -> bool {
-        self.thread.memo.is_some() && self.ray.level == 0 && !self.ray.shadow && !self.thread.builds_rays
+        self.thread.memo.is_some() && !self.ray.shadow && !self.ray.indirect && !self.thread.builds_rays
     }
 
     /// Looks for the answer to a question. `hash` adds the question to its key.
@@ -101,6 +102,7 @@ impl Run<'_, '_> {
             }
             return Asked::Known(entry.answer.clone());
         }
+        memo.open();
         let outer = self.thread.notes.replace(Dependencies::default());
         Asked::New(Ticket { key, outer, calls: self.calls, lane_calls: self.lane_calls.clone() })
     }
@@ -113,37 +115,56 @@ impl Run<'_, '_> {
             notes.add_all(&depends);
         }
         depends.shrink();
-        let mut counted = Vec::new();
+        let (mut counted, mut keeps) = (Vec::new(), true);
         for (lane, (now, before)) in self.lane_calls.iter().zip(&lane_calls).enumerate() {
             match now - before {
                 0 => {}
                 1 => counted.push(lane as u32),
                 // No question counts more than one call. One that does is answered again.
-                _ => return,
+                _ => keeps = false,
             }
         }
-        let entry = Entry::new(answer, depends, self.calls - calls, counted);
+        let entry = keeps.then(|| Entry::new(answer, depends, self.calls - calls, counted));
         if let Some(memo) = &mut self.thread.memo {
-            memo.keep(key, entry);
+            memo.close(key, entry);
         }
     }
 
     /// Adds everything about the run that answers may depend on, besides the grid.
     fn hash_run(&self, hasher: &mut KeyHasher) {
         hasher.word(self.shaders.usage as u32);
+        if let Some(hit) = self.hits {
+            hasher.bytes(bytemuck::cast_slice(&hit));
+        }
         if self.shaders.usage == ShaderUsage::Light {
             hasher.text(&self.owner);
         }
         hasher.word(self.shadow_bias.to_bits());
         hasher.word(u32::from(self.gathers_in_front));
-        hasher.word(self.calls);
         if self.names.is_empty() {
+            hasher.word(self.calls);
             hasher.word(self.seed);
         } else {
             hasher.words(&self.names);
             hasher.words(&self.lane_calls);
         }
     }
+}
+
+/// Returns the key of a grid of ray hits. Other grids have none, because a memo belongs to one of them.
+pub(super) fn key_of_hits(grid: &Grid, object: u32) -> Option<Key> {
+    if grid.ray.level == 0 {
+        return None;
+    }
+    let mut hasher = KeyHasher::default();
+    hasher.words(&[object, grid.ray.level, grid.time.to_bits(), grid.dtime.to_bits(), grid.seed]);
+    for lanes in [&grid.p, &grid.n, &grid.ng, &grid.i] {
+        hasher.lanes3(lanes);
+    }
+    hasher.numbers(&grid.u);
+    hasher.numbers(&grid.v);
+    grid.parent.iter().for_each(|value| hasher.primvar(value));
+    Some(hasher.finish())
 }
 
 pub(super) fn texture(hasher: &mut KeyHasher, query: &TextureQuery<'_>) {
