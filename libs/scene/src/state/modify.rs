@@ -237,6 +237,15 @@ impl Moved {
     }
 }
 
+/// Checks a pattern of `Modify`.
+///
+/// # Errors
+/// Returns a message when it cannot be read.
+pub fn check_pattern(pattern: &str) -> Result<(), String> {
+    let read = Regex::new(&from_basic(pattern));
+    read.map(drop).map_err(|_| format!("cannot read the regular expression \"{pattern}\""))
+}
+
 /// Converts a POSIX basic regular expression to the syntax of the `regex` crate.
 ///
 /// In a basic expression `( ) { } + ? |` are ordinary characters and become special after a backslash, `*` is

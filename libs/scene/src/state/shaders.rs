@@ -212,8 +212,9 @@ impl State {
         }
         let id = match self.light_ids.get(&name).filter(|_| outer.is_none()) {
             Some(&id) => {
+                let is_edit = self.rendered && self.is_rerender();
                 let old = &mut self.lights[id.0 as usize];
-                if !old.group.layers.is_empty() && self.phase != super::Phase::Rerender {
+                if !old.group.layers.is_empty() && !is_edit {
                     let text = format!("light \"{name}\" is declared again; the last declaration counts");
                     self.reporter.once(&format!("scene light {name}"), Severity::Warning, at, text);
                 }
