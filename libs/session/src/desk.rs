@@ -208,7 +208,7 @@ impl Session {
 /// True when an edit stops the current frame.
 fn interrupts(text: &str, running: &Running) -> bool {
     match Edit::parse(text) {
-        Err(_) | Ok((Edit::See | Edit::Save(_) | Edit::Begin, _)) => false,
+        Err(_) | Ok((Edit::See | Edit::Begin, _)) => false,
         Ok((Edit::Light(..), _)) => running.coarse.is_none_or(|begin| begin.elapsed() > COARSE),
         Ok(_) => true,
     }
@@ -434,16 +434,17 @@ impl Desk {
         // Of several layers, the last one that emits counts.
         let found = lamp.layers.iter().rev().find_map(|layer| {
             let interface = self.interfaces.get(&layer.shader).ok()?;
-            (interface.emission != Emission::Ambient).then_some((interface, layer))
+            let emission = interface.emission(layer);
+            (emission != Emission::Ambient).then_some((interface, emission, layer))
         });
-        let Some((interface, layer)) = found else {
+        let Some((interface, emission, layer)) = found else {
             let layer = lamp.layers.last()?;
             self.interfaces.get(&layer.shader).ok()?;
             return Some((Emission::Ambient, layer.to_world.first().point(Vec3::ZERO), Vec3::Z));
         };
         let (from, axis) = interface.frame(layer);
         let to_world = layer.to_world.first();
-        Some((interface.emission, to_world.point(from), to_world.vector(axis)))
+        Some((emission, to_world.point(from), to_world.vector(axis)))
     }
 
     /// Returns the pixel coordinates of the camera for those of the image.
@@ -537,6 +538,9 @@ impl Desk {
         if emission == Emission::Ambient {
             return Err(format!("light \"{}\" is ambient: it has no position", lamp.id));
         }
+        if emission == Emission::Geometry {
+            return Err(format!("light \"{}\" shines from objects, which stay where they are", lamp.id));
+        }
         let Some(eye) = self.eye.clone() else { return Err("there is no camera".to_owned()) };
         let missing = || "there is no image yet".to_owned();
         Ok(match change {
@@ -558,7 +562,7 @@ impl Desk {
             Change::Aim(at) => {
                 let target = self.surface(*at).ok_or("there is no surface to aim at")?;
                 // A light without a position shines from where the camera is.
-                let from = if emission == Emission::Position { position } else { eye.position() };
+                let from = if emission == Emission::Direction { eye.position() } else { position };
                 geometry::turned(position, axis, target - from)
             }
             _ => None,
@@ -585,7 +589,8 @@ impl Desk {
         let mut params = Params::new();
         // The light arrives with about the intensity 1.
         let falls = interface.args.arg("falloff").is_some();
-        if falls && interface.emission == Emission::Position && interface.args.arg("intensity").is_some() {
+        let is_placed = matches!(interface.emission, Emission::Position { .. });
+        if falls && is_placed && interface.args.arg("intensity").is_some() {
             let intensity = (target - near).length_squared();
             let ty = ParamType::of(BaseType::Float);
             params.set(Param { name: "intensity".into(), ty, data: round(intensity).into() });

@@ -16,8 +16,13 @@ use std::sync::Arc;
 pub(crate) enum Emission {
     /// Everywhere alike.
     Ambient,
+    /// From the objects of a geometry set, which stay where they are.
+    Geometry,
     /// From a position.
-    Position,
+    Position {
+        /// True when the direction matters.
+        turns: bool,
+    },
     /// Along a direction.
     Direction,
 }
@@ -27,9 +32,15 @@ impl Emission {
     pub(crate) fn word(self) -> &'static str {
         match self {
             Self::Ambient => "ambient",
-            Self::Position => "position",
+            Self::Geometry => "geometry",
+            Self::Position { .. } => "position",
             Self::Direction => "direction",
         }
+    }
+
+    /// True when the direction matters.
+    pub(crate) fn turns(self) -> bool {
+        matches!(self, Self::Direction | Self::Position { turns: true })
     }
 }
 
@@ -83,14 +94,16 @@ impl Interfaces {
         if args.shadertype() != "light" {
             return Err(format!("\"{shader}\" is a {} shader, not a light", args.shadertype()));
         }
-        Ok(Arc::new(Interface { emission: emission(&module.body).unwrap_or(Emission::Ambient), args }))
+        let emission = emission(&module.body).unwrap_or(Emission::Ambient);
+        Ok(Arc::new(Interface { emission, args }))
     }
 }
 
 /// Returns how the code emits light; `None` without `emit`.
 fn emission(code: &[Stmt]) -> Option<Emission> {
     code.iter().find_map(|statement| match statement {
-        Stmt::Emit { form: EmitForm::Point(_) | EmitForm::Cone { .. }, .. } => Some(Emission::Position),
+        Stmt::Emit { form: EmitForm::Point(_), .. } => Some(Emission::Position { turns: false }),
+        Stmt::Emit { form: EmitForm::Cone { .. }, .. } => Some(Emission::Position { turns: true }),
         Stmt::Emit { .. } => Some(Emission::Direction),
         Stmt::If { then, otherwise, .. } => emission(then).or_else(|| emission(otherwise)),
         Stmt::Loop { body, .. } | Stmt::Scope { body, .. } => emission(body),
@@ -99,6 +112,22 @@ fn emission(code: &[Stmt]) -> Option<Emission> {
 }
 
 impl Interface {
+    /// Returns how a layer with this shader emits light.
+    pub(crate) fn emission(&self, layer: &Layer) -> Emission {
+        let has_geometry = || {
+            let given = layer.params.string("geometry").is_some_and(|set| !set.is_empty());
+            given && self.args.arg("geometry").is_some()
+        };
+        match self.emission {
+            Emission::Position { .. } if has_geometry() => Emission::Geometry,
+            // A light that shines from a point may still be shaped around an axis. Only the bundled one is not.
+            Emission::Position { turns: false } if self.args.shadername() != "pointlight" => {
+                Emission::Position { turns: true }
+            }
+            other => other,
+        }
+    }
+
     /// Returns the position of a light in "shader" space, and the direction in which it shines.
     pub(crate) fn frame(&self, layer: &Layer) -> (Vec3, Vec3) {
         let from = self.point(layer, "from").unwrap_or(Vec3::ZERO);

@@ -6,6 +6,7 @@
 
 use super::Desk;
 use super::geometry::angles_deg;
+use super::interface::Emission;
 use super::rig::Lamp;
 use crate::Session;
 use granita_base::{Vec3, suggestion};
@@ -91,7 +92,7 @@ impl Desk {
     }
 
     /// Returns one light as JSON.
-    fn light(&mut self, lamp: &Lamp) -> Value {
+    pub(super) fn light(&mut self, lamp: &Lamp) -> Value {
         let mut layers = Vec::new();
         for layer in &lamp.layers {
             let mut described = json!({"shader": &*layer.shader, "layer": layer.layer.as_deref()});
@@ -123,14 +124,18 @@ impl Desk {
         light["emission"] = json!(emission.word());
         let list = |v: Vec3| [v.x, v.y, v.z];
         light["position"] = json!(list(position));
-        light["direction"] = json!(angles_deg(axis));
+        if emission.turns() {
+            light["direction"] = json!(angles_deg(axis));
+        }
         let Some(corner) = self.window().map(|w| [w.x0 as f32, w.y0 as f32]) else { return light };
         let Some(eye) = &self.eye else { return light };
         let pixels = |p: Vec3| eye.project(p).map(|[x, y, depth]| [x - corner[0], y - corner[1], depth]);
         let at = pixels(position);
         light["at"] = json!(at);
         // The end of a short line along the axis shows where the light shines.
-        if let (Some([.., depth]), Some(axis)) = (at, axis.try_normalize()) {
+        if let (Some([.., depth]), Some(axis), Emission::Position { turns: true }) =
+            (at, axis.try_normalize(), emission)
+        {
             light["toward"] = json!(pixels(position + axis * (0.15 * depth)));
         }
         light

@@ -175,7 +175,7 @@ function line(name, help, control, reset) {
 }
 
 // The card of a light.
-const shape = l => JSON.stringify([l.emission, l.layers.map(y => [y.shader, y.layer, y.error, (y.params || []).map(p => [p.name, p.type])])]);
+const shape = l => JSON.stringify([l.emission, !!l.direction, l.layers.map(y => [y.shader, y.layer, y.error, (y.params || []).map(p => [p.name, p.type])])]);
 function card(l) {
   const made = { shape: shape(l), controls: [], node: make("section", { className: "lamp" }) };
   const id = l.id, dot = make("span", { className: "dot" }), name = make("span", { className: "name" });
@@ -186,7 +186,7 @@ function card(l) {
   header.onclick = () => { desk.chosen = desk.chosen === id ? null : id; setMode(null); showDesk(); };
   made.node.append(header, body);
   const tools = make("div", { className: "row" });
-  if (l.emission && l.emission !== "ambient") {
+  if (l.direction) {
     made.aim = make("button", { textContent: "Aim", title: "Click in the image at what the light shall shine at (A)" });
     made.aim.onclick = () => setMode(desk.mode === "aim" ? null : "aim");
     tools.append(made.aim);
@@ -226,7 +226,7 @@ function card(l) {
     body.append(line("position", "x, y and z", control));
     made.controls.push(now => control.set({ value: now.position }));
   }
-  if (l.emission && l.emission !== "ambient") {
+  if (l.direction) {
     for (const [k, name, low, high] of [[0, "around", -180, 180], [1, "above", -90, 90]]) {
       const all = now => now.direction, send = (v, drags) => {
         const value = [...all(lightOf(id))];
@@ -277,7 +277,7 @@ function showDesk() {
   const s = state(), d = desk.parts.desk || {};
   const words = { idle: "up to date", coarse: "rendering, coarse", final: "rendering" };
   $("deskstate").textContent = desk.may ? words[s.status] || "" : "the renderer has ended, or this page only watches";
-  $("deskstate").className = desk.may ? s.status : "off";
+  $("deskstate").className = "wide " + (desk.may ? s.status : "off");
   $("deskmessage").hidden = !s.message;
   if (s.message) { $("deskmessage").textContent = s.message.text; $("deskmessage").className = s.message.error ? "error" : ""; }
   for (const [name, what] of [["undo", s.undo], ["redo", s.redo]]) {

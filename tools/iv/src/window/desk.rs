@@ -284,10 +284,11 @@ impl Desk {
     fn tools(&mut self, id: &str, light: &Value, ui: &mut Ui) {
         let ctx = ui.ctx().clone();
         ui.horizontal(|ui| {
-            let modes = [("Aim", Pointing::Aim, "ambient"), ("Move", Pointing::Move, "direction")];
-            for (text, mode, not) in modes {
-                let fits = !matches!(light["emission"].as_str(), None | Some("ambient"))
-                    && light["emission"].as_str() != Some(not);
+            let modes = [
+                ("Aim", Pointing::Aim, light["direction"].is_array()),
+                ("Move", Pointing::Move, light["emission"] == "position"),
+            ];
+            for (text, mode, fits) in modes {
                 let on = self.mode == Some(mode);
                 if fits && ui.add(egui::Button::new(text).selected(on)).clicked() {
                     self.mode = (!on).then_some(mode);
@@ -338,7 +339,7 @@ impl Desk {
             if light["emission"] == "position" {
                 shown.push(("position", None));
             }
-            if !matches!(light["emission"].as_str(), None | Some("ambient")) {
+            if light["direction"].is_array() {
                 shown.extend([("direction", Some((0, "around"))), ("direction", Some((1, "above")))]);
             }
             for (word, angle) in shown {
