@@ -471,6 +471,10 @@ impl Live {
         };
         let image = self.image(name)?;
         within("bytes of the name of a part", part.len(), limits.name_bytes)?;
+        // Senders do this to learn whether the viewer is still there.
+        if text.is_empty() && image.read(|state| !state.panel.contains_key(part)) {
+            return Ok(());
+        }
         image.write(None, |state| {
             let old = state.panel.get(part).map_or(0, |old| old.len() + part.len());
             let new = if text.is_empty() { 0 } else { text.len() + part.len() };

@@ -16,6 +16,8 @@ use std::time::Duration;
 
 /// The interval at which the edits of users are fetched.
 const TICK: Duration = Duration::from_millis(8);
+/// The number of ticks after which the viewer is tested.
+const TEST_TICKS: u32 = 64;
 /// The largest number of edits that wait.
 const EDITS: usize = 4096;
 
@@ -57,6 +59,8 @@ struct State {
     complete: bool,
     /// The reason why the viewer receives nothing more.
     gone: Option<String>,
+    /// The number of ticks since the viewer was last tested.
+    ticks: u32,
 }
 
 struct Shared {
@@ -125,6 +129,13 @@ impl Screen {
         let Some(image) = &mut state.image else { return };
         let edits = image.edits();
         if edits.is_empty() {
+            state.ticks += 1;
+            if state.ticks >= TEST_TICKS {
+                state.ticks = 0;
+                // The removal of a part that does not exist changes nothing, but fails when the viewer is gone.
+                let shown = state.image.as_mut().map_or(Ok(()), |image| image.show_panel("", ""));
+                self.failed(&mut state, shown);
+            }
             return;
         }
         let stops = edits.iter().any(|edit| (self.0.interrupts)(edit));

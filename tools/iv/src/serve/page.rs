@@ -508,4 +508,53 @@ mod tests {
         assert_eq!(colors(&names(&["R", "G", "B", "Z"])), [0, 1, 2]);
         assert_eq!((colors(&names(&["Z", "Y"])), colors(&names(&["Z"]))), (vec![1], vec![0]));
     }
+
+    /// Returns the texts of the messages of a page.
+    fn texts(page: &mut Page) -> Vec<Value> {
+        let text = |message| match message {
+            Message::Text(text) => serde_json::from_str(&text).ok(),
+            Message::Pixels(_) => None,
+        };
+        page.news().into_iter().filter_map(text).collect()
+    }
+
+    #[test]
+    fn panels_are_sent_in_parts_and_edits_are_passed_on() {
+        let live = Live::default();
+        live.create("a", 4, 4, &names(&["R"])).unwrap();
+        let (to, from) = std::sync::mpsc::channel();
+        live.take_edits("a", granita_view::EditSender::new(move |text| to.send(text.to_owned()).is_ok()));
+        live.answer("a", granita_view::RequestSender::new(|_| true));
+        let id = live.info("a").unwrap().id;
+        let (mut page, mut watcher) = (Page::new(live.clone(), true), Page::new(live.clone(), false));
+        let flags = |page: &mut Page| {
+            let list = texts(page).into_iter().find(|m| m["images"].is_array()).unwrap();
+            (list["images"][0]["panel"].clone(), list["images"][0]["edits"].clone())
+        };
+        assert_eq!(flags(&mut page), (json!(false), json!(true)));
+        live.show_panel("a", "state", "{\"n\":1}").unwrap();
+        live.show_panel("a", "light/key", "{}").unwrap();
+        assert_eq!(flags(&mut page), (json!(true), json!(true)));
+        assert_eq!(flags(&mut watcher), (json!(true), json!(false)));
+        for page in [&mut page, &mut watcher] {
+            assert_eq!(page.hear(&json!({"panel": id}).to_string()), None);
+            let all = json!({"panel": id, "all": true, "parts": {"state": "{\"n\":1}", "light/key": "{}"}});
+            assert_eq!(texts(page), [all]);
+            assert!(texts(page).is_empty());
+        }
+        live.show_panel("a", "state", "{\"n\":2}").unwrap();
+        live.show_panel("a", "light/key", "").unwrap();
+        let parts = json!({"state": "{\"n\":2}", "light/key": null});
+        assert_eq!(texts(&mut page), [json!({"panel": id, "all": false, "parts": parts})]);
+        // Edits of pages that only watch, for other images, and of another kind are not passed on.
+        let edit = |image: u64| json!({"edit": {"do": "undo"}, "image": image}).to_string();
+        watcher.hear(&edit(id));
+        page.hear(&edit(id + 1));
+        page.hear(&json!({"edit": "undo", "image": id}).to_string());
+        assert!(from.try_recv().is_err());
+        page.hear(&edit(id));
+        assert_eq!(from.recv().unwrap(), "{\"do\":\"undo\"}");
+        live.finish("a");
+        assert_eq!(page.hear(&edit(id)), None);
+    }
 }
