@@ -285,7 +285,10 @@ impl Drop for Link {
 
 /// True for packets that are sent only to viewers that answered the greeting.
 fn is_ours(packet: &Packet) -> bool {
-    matches!(packet, Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } | Packet::Panel { .. })
+    matches!(
+        packet,
+        Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } | Packet::Panel { .. }
+    )
 }
 
 /// Connects and sends until the end.

@@ -636,10 +636,9 @@ impl Take<'_> {
                 part: self.text("the part")?,
                 text: self.text_within("the panel", self.limits.panel_bytes)?,
             },
-            113 => Packet::Edit {
-                name: self.text("the name")?,
-                text: self.text_within("the edit", EDIT_BYTES)?,
-            },
+            113 => {
+                Packet::Edit { name: self.text("the name")?, text: self.text_within("the edit", EDIT_BYTES)? }
+            }
             110..=112 => {
                 let name = self.text("the name")?;
                 let request = match kind {

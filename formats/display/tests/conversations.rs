@@ -540,7 +540,8 @@ fn panels_need_a_greeting_and_clients_send_no_edits() {
         packet.encode(&mut bytes).unwrap();
         socket.write_all(&bytes).unwrap();
     };
-    let panel = |text: &str| Packet::Panel { name: "a".to_owned(), part: "p".to_owned(), text: text.to_owned() };
+    let panel =
+        |text: &str| Packet::Panel { name: "a".to_owned(), part: "p".to_owned(), text: text.to_owned() };
     send(&panel("{}"));
     assert_eq!(next(&from), Told::Trouble("a packet of the extension before a greeting".to_owned()));
     send(&Packet::Edit { name: "a".to_owned(), text: "{}".to_owned() });

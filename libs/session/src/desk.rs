@@ -140,8 +140,7 @@ impl Session {
         let running = Arc::new(Mutex::new(Running::default()));
         let known = running.clone();
         let interrupts = move |text: &str| interrupts(text, &known.lock());
-        let screen =
-            Screen::new(self.registry(), &options.name, &options.address, self.stop(), interrupts);
+        let screen = Screen::new(self.registry(), &options.name, &options.address, self.stop(), interrupts);
         let images = screen.clone();
         self.plugins().set_program_images(Arc::new(move |number| images.format(number)));
         let data = match options.data.as_str() {
@@ -581,10 +580,11 @@ impl Desk {
         let middle = [seen.x0.midpoint(seen.x1) as f32, seen.y0.midpoint(seen.y1) as f32];
         let eye = self.eye.clone().ok_or("there is no camera")?;
         let depth = self.screen.usual_depth().unwrap_or(5.0);
-        let target = self.surface(middle).unwrap_or_else(|| {
-            self.raster(middle).map_or(Vec3::ZERO, |middle| eye.point(middle, depth))
-        });
-        let quarter = [seen.x0 as f32 * 0.6 + seen.x1 as f32 * 0.4, seen.y0 as f32 * 0.7 + seen.y1 as f32 * 0.3];
+        let target = self
+            .surface(middle)
+            .unwrap_or_else(|| self.raster(middle).map_or(Vec3::ZERO, |middle| eye.point(middle, depth)));
+        let quarter =
+            [seen.x0 as f32 * 0.6 + seen.x1 as f32 * 0.4, seen.y0 as f32 * 0.7 + seen.y1 as f32 * 0.3];
         let near = self.raster(quarter).map_or(target, |at| eye.point(at, 0.6 * depth));
         let mut params = Params::new();
         // The light arrives with about the intensity 1.

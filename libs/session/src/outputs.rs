@@ -66,7 +66,10 @@ pub(crate) fn amended(
 ) -> Arc<Scene> {
     let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
     let proxy = |scene: &Scene| scene.cameras.first().and_then(proxy_shader);
-    let more = !options.extra_outputs.is_empty() || !requested.data.is_empty() || looking.is_some() || desk.is_some();
+    let more = !options.extra_outputs.is_empty()
+        || !requested.data.is_empty()
+        || looking.is_some()
+        || desk.is_some();
     if !more && !changes_cameras && proxy(scene).is_none() {
         return scene.clone();
     }

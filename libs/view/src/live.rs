@@ -475,23 +475,24 @@ impl Live {
         if text.is_empty() && image.read(|state| !state.panel.contains_key(part)) {
             return Ok(());
         }
-        image.write(None, |state| {
-            let old = state.panel.get(part).map_or(0, |old| old.len() + part.len());
-            let new = if text.is_empty() { 0 } else { text.len() + part.len() };
-            let bytes = state.panel_bytes - old + new;
-            within("bytes of a panel", bytes, limits.panel_bytes)?;
-            if old == 0 && new > 0 {
-                within("parts of a panel", state.panel.len() + 1, limits.panel_parts)?;
-            }
-            let panel = Arc::make_mut(&mut state.panel);
-            match text.is_empty() {
-                true => panel.remove(part),
-                false => panel.insert(part.to_owned(), text.into()),
-            };
-            state.panel_bytes = bytes;
-            Ok(())
-        })
-        .inspect(|()| self.tell())
+        image
+            .write(None, |state| {
+                let old = state.panel.get(part).map_or(0, |old| old.len() + part.len());
+                let new = if text.is_empty() { 0 } else { text.len() + part.len() };
+                let bytes = state.panel_bytes - old + new;
+                within("bytes of a panel", bytes, limits.panel_bytes)?;
+                if old == 0 && new > 0 {
+                    within("parts of a panel", state.panel.len() + 1, limits.panel_parts)?;
+                }
+                let panel = Arc::make_mut(&mut state.panel);
+                match text.is_empty() {
+                    true => panel.remove(part),
+                    false => panel.insert(part.to_owned(), text.into()),
+                };
+                state.panel_bytes = bytes;
+                Ok(())
+            })
+            .inspect(|()| self.tell())
     }
 
     /// Sets the receiver of the edits of an image's panel.

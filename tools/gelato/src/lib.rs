@@ -246,7 +246,8 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         return archive(file, &surroundings.variables, &answers, &reporter);
     }
     let supervisor = ending.supervisor().clone();
-    let relight = match options.relight.then(|| prepare(options, &surroundings.variables, tools)).transpose() {
+    let relight = match options.relight.then(|| prepare(options, &surroundings.variables, tools)).transpose()
+    {
         Ok(relight) => relight,
         Err(what) => {
             reporter.error(what);

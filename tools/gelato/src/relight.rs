@@ -38,7 +38,9 @@ pub(crate) fn begin(
     own: bool,
 ) -> Result<Relight, String> {
     let failed = |what: String| {
-        format!("-relight needs the viewer iv, and {what}; iv is part of every installation of the suite (cargo build -p iv)")
+        format!(
+            "-relight needs the viewer iv, and {what}; iv is part of every installation of the suite (cargo build -p iv)"
+        )
     };
     let (address, pages) = if options.is_shown() {
         (find().map_err(failed)?, None)
@@ -69,7 +71,8 @@ impl Relight {
 /// Opens the page in the browser of the user, where there is a screen. Returns the file that leads to the page: other
 /// users see the words of commands, and must not see the address.
 fn open(url: &str, variables: &Environment) -> Option<PathBuf> {
-    let has_screen = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| variables.get(name).is_some_and(|v| !v.is_empty()));
+    let has_screen =
+        ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| variables.get(name).is_some_and(|v| !v.is_empty()));
     if !has_screen {
         return None;
     }
@@ -78,7 +81,9 @@ fn open(url: &str, variables: &Environment) -> Option<PathBuf> {
     new.write(true).create_new(true);
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::mode(&mut new, 0o600);
-    let text = format!("<!DOCTYPE html><meta http-equiv=\"refresh\" content=\"0; url={url}\"><a href=\"{url}\">The desk</a>\n");
+    let text = format!(
+        "<!DOCTYPE html><meta http-equiv=\"refresh\" content=\"0; url={url}\"><a href=\"{url}\">The desk</a>\n"
+    );
     new.open(&door).and_then(|mut file| file.write_all(text.as_bytes())).ok()?;
     let mut command = Command::new("xdg-open");
     command.arg(&door).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

@@ -149,9 +149,8 @@ fn edits_change_the_image_and_are_saved_as_a_patch_with_its_pixels() {
     let address = listener.address().to_string();
     let running = gelato(place).args(["-relight", "-display", &address, "scene.pyg"]).spawn().unwrap();
     viewer.idle("the first image", |seen| seen.panel.contains_key("light/key"));
-    let first = viewer.until("its pixels", |seen| {
-        (!seen.pixels.iter().any(|v| v.is_nan())).then(|| seen.pixels.clone())
-    });
+    let first = viewer
+        .until("its pixels", |seen| (!seen.pixels.iter().any(|v| v.is_nan())).then(|| seen.pixels.clone()));
     let written = std::fs::metadata(place.join("out.tif")).unwrap().modified().unwrap();
     assert!(first == floats(&place.join("out.tif")) && first.iter().any(|v| *v > 0.1));
     // A drag is coarse, and final in the end.
@@ -170,7 +169,8 @@ fn edits_change_the_image_and_are_saved_as_a_patch_with_its_pixels() {
         at.is_some_and(|at| (at[0].as_f64().unwrap() - 40.0).abs() < 0.1)
     });
     viewer.send(json!({"do": "on", "light": "kee", "value": false}));
-    let said = viewer.until("a message", |seen| seen.panel["state"]["message"]["text"].as_str().map(str::to_owned));
+    let said =
+        viewer.until("a message", |seen| seen.panel["state"]["message"]["text"].as_str().map(str::to_owned));
     assert_eq!(said, "there is no light \"kee\"; did you mean \"key\"?");
     viewer.send(json!({"do": "save", "file": "night.pyg"}));
     viewer.idle("saved", |seen| seen.panel["state"]["saved"] == true);
@@ -182,7 +182,10 @@ fn edits_change_the_image_and_are_saved_as_a_patch_with_its_pixels() {
     assert_eq!((output.status.code(), &*said), (Some(0), ""));
     let last = viewer.seen.lock().pixels.clone();
     let ran = gelato(place).args(["scene.pyg", "night.pyg"]).output().unwrap();
-    assert_eq!((ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned()), (Some(0), String::new()));
+    assert_eq!(
+        (ran.status.code(), String::from_utf8_lossy(&ran.stderr).into_owned()),
+        (Some(0), String::new())
+    );
     let patched = floats(&place.join("out.tif"));
     assert!(patched == last && patched != first);
 }

@@ -142,15 +142,18 @@ impl Page {
     /// Waits until an expression of the page is true.
     fn until(&mut self, code: &str) {
         let begin = Instant::now();
-        while self.value(&format!("!!({code})")) != json!(true) {
-            assert!(begin.elapsed() < PATIENCE, "{code}: {}", self.value("JSON.stringify(desk.parts)"));
+        // The page may not be loaded yet.
+        let tried = format!("(() => {{ try {{ return !!({code}); }} catch {{ return false; }} }})()");
+        while self.value(&tried) != json!(true) {
+            assert!(begin.elapsed() < PATIENCE, "{code}");
             std::thread::sleep(Duration::from_millis(30));
         }
     }
 
     fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
         let buttons = u8::from(kind != "mouseReleased");
-        let event = json!({"type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1});
+        let event =
+            json!({"type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1});
         self.call("Input.dispatchMouseEvent", event);
     }
 
@@ -217,7 +220,9 @@ fn lights_are_edited_in_the_page() {
     page.until(idle);
     // The wipe shows the image before.
     page.click("#before");
-    page.until("compare.tiles && compare.tiles.list.every(t => t.store) && !document.getElementById('wipe').hidden");
+    page.until(
+        "compare.tiles && compare.tiles.list.every(t => t.store) && !document.getElementById('wipe').hidden",
+    );
     page.click("#before");
     // Off, and back by undo.
     page.click(".lamp > header button");

@@ -76,7 +76,8 @@ impl Edit {
     /// # Errors
     /// Returns a message when the text is not an edit.
     pub(crate) fn parse(text: &str) -> Result<(Self, Option<PixelRect>), String> {
-        let value: Value = serde_json::from_str(text).map_err(|error| format!("an edit is not JSON: {error}"))?;
+        let value: Value =
+            serde_json::from_str(text).map_err(|error| format!("an edit is not JSON: {error}"))?;
         let edit = Self::of(&value).ok_or_else(|| {
             let text: String = text.chars().take(200).collect();
             format!("not an edit: {text}")

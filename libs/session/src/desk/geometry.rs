@@ -136,11 +136,9 @@ mod tests {
     #[test]
     fn a_turn_leads_to_the_direction_around_the_position() {
         let at = Vec3::new(1.0, 2.0, 3.0);
-        for (from, to) in [
-            (Vec3::Z, Vec3::X),
-            (Vec3::Z, -Vec3::Z),
-            (Vec3::new(1.0, 2.0, -0.5), Vec3::new(-3.0, 0.1, 0.0)),
-        ] {
+        for (from, to) in
+            [(Vec3::Z, Vec3::X), (Vec3::Z, -Vec3::Z), (Vec3::new(1.0, 2.0, -0.5), Vec3::new(-3.0, 0.1, 0.0))]
+        {
             let turn = *turned(at, from, to).unwrap().first();
             assert!((turn.point(at) - at).length() < 1.0e-5);
             let aimed = turn.vector(from.normalize());

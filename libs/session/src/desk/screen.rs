@@ -307,7 +307,8 @@ impl Screen {
             return Err(ImageError::Misuse { path: self.0.name.clone().into(), what });
         }
         if kind == Kind::Color && state.image.is_none() && state.gone.is_none() {
-            let spec = ImageSpec { width: window.width() as u32, height: window.height() as u32, ..spec.clone() };
+            let spec =
+                ImageSpec { width: window.width() as u32, height: window.height() as u32, ..spec.clone() };
             match self.open(&self.0.name, &spec) {
                 Ok(image) => state.image = Some(image),
                 Err(error) => self.failed(&mut state, Err(error)),

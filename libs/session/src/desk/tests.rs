@@ -208,7 +208,9 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
     let visible = json!([8, 4, 20, 16]);
     f.edit(json!({"do": "begin", "visible": visible}));
     for value in [30, 40] {
-        f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": value, "visible": visible}));
+        f.edit(
+            json!({"do": "set", "light": "key", "param": "intensity", "value": value, "visible": visible}),
+        );
         assert_eq!(
             f.desk.next_frame(),
             Some(DeskFrame { coarse: true, crop: f.desk.crop(PixelRect::at(8, 4, 20, 16)) })
@@ -236,7 +238,10 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
 fn wrong_edits_are_messages_and_change_nothing() {
     let mut f = Fixture::new();
     for (edit, message) in [
-        (json!({"do": "on", "light": "kee", "value": true}), "there is no light \"kee\"; did you mean \"key\"?"),
+        (
+            json!({"do": "on", "light": "kee", "value": true}),
+            "there is no light \"kee\"; did you mean \"key\"?",
+        ),
         (
             json!({"do": "set", "light": "key", "param": "intensty", "value": 1}),
             "has no parameter \"intensty\"; did you mean \"intensity\"?",
@@ -326,14 +331,20 @@ fn the_panel_describes_lights_objects_and_shaders() {
     assert_eq!(parts, ["desk", "light/ambience", "light/fill", "light/key", "objects", "state"]);
     let lamp = f.desk.rig.lamp("key").unwrap().clone();
     let light = f.desk.light(&lamp);
-    assert_eq!((&light["emission"], &light["on"], &light["lit"]), (&json!("position"), &json!(true), &json!(true)));
+    assert_eq!(
+        (&light["emission"], &light["on"], &light["lit"]),
+        (&json!("position"), &json!(true), &json!(true))
+    );
     let param = |name: &str| {
         let params = light["layers"][0]["params"].as_array().unwrap();
         params.iter().find(|p| p["name"] == name).unwrap().clone()
     };
     let intensity = param("intensity");
     assert_eq!(intensity["value"], json!(12.0));
-    assert_eq!((&intensity["default"], &intensity["min"], &intensity["set"]), (&json!(1.0), &json!(0.0), &json!(true)));
+    assert_eq!(
+        (&intensity["default"], &intensity["min"], &intensity["set"]),
+        (&json!(1.0), &json!(0.0), &json!(true))
+    );
     assert_eq!(param("lightcolor")["value"], json!([1.0, 1.0, 1.0]));
     assert_eq!(param("shadowname")["widget"], "shadow");
     // The light is at its place in the image.

@@ -215,7 +215,8 @@ fn panels_are_kept_in_parts_within_their_limits() {
     for part in ["b", "c"] {
         live.show_panel("a", part, "{}").unwrap();
     }
-    for (part, text) in [("d", "{}".to_owned()), ("b", "x".repeat(200)), (&*"x".repeat(21), "{}".to_owned())] {
+    for (part, text) in [("d", "{}".to_owned()), ("b", "x".repeat(200)), (&*"x".repeat(21), "{}".to_owned())]
+    {
         assert!(matches!(live.show_panel("a", part, &text), Err(ViewError::Limit { .. })), "{part}");
     }
     assert_eq!(panel().len(), 3);

@@ -1,7 +1,7 @@
 //! Tests with clients that are written byte by byte from the published description of the protocol.
 
-use granita_display::packet::VERSION;
 use super::*;
+use granita_display::packet::VERSION;
 use granita_image::{Draw, Request};
 use granita_view::LiveLimits;
 use std::io::{Read, Write};

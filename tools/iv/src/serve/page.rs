@@ -140,12 +140,10 @@ impl Page {
         }
         let old = self.panel.replace(new.clone());
         let known = old.as_deref();
-        let is_new = |(part, text): &(&String, &Arc<str>)| known.and_then(|old| old.get(*part)) != Some(*text);
-        let mut parts: serde_json::Map<String, Value> = new
-            .iter()
-            .filter(is_new)
-            .map(|(part, text)| (part.clone(), Value::from(&**text)))
-            .collect();
+        let is_new =
+            |(part, text): &(&String, &Arc<str>)| known.and_then(|old| old.get(*part)) != Some(*text);
+        let mut parts: serde_json::Map<String, Value> =
+            new.iter().filter(is_new).map(|(part, text)| (part.clone(), Value::from(&**text))).collect();
         let gone = known.into_iter().flat_map(Panel::keys).filter(|part| !new.contains_key(*part));
         parts.extend(gone.map(|part| (part.clone(), Value::Null)));
         let text = json!({"panel": self.paneled, "all": old.is_none(), "parts": parts}).to_string();

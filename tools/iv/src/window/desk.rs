@@ -200,7 +200,8 @@ impl Desk {
         });
         if let Some(text) = state["message"]["text"].as_str() {
             let error = state["message"]["error"] == true;
-            let color = if error { Color32::from_rgb(255, 150, 140) } else { Color32::from_rgb(150, 220, 160) };
+            let color =
+                if error { Color32::from_rgb(255, 150, 140) } else { Color32::from_rgb(150, 220, 160) };
             ui.label(RichText::new(text).color(color));
         }
         ui.horizontal(|ui| {
@@ -221,11 +222,14 @@ impl Desk {
                 let usual = shaders.iter().find(|name| *name == "spotlight").or(shaders.first());
                 self.shader = usual.cloned().unwrap_or_default();
             }
-            egui::ComboBox::from_id_salt("shader").width(110.0).selected_text(&*self.shader).show_ui(ui, |ui| {
-                for name in &shaders {
-                    ui.selectable_value(&mut self.shader, name.clone(), name);
-                }
-            });
+            egui::ComboBox::from_id_salt("shader").width(110.0).selected_text(&*self.shader).show_ui(
+                ui,
+                |ui| {
+                    for name in &shaders {
+                        ui.selectable_value(&mut self.shader, name.clone(), name);
+                    }
+                },
+            );
             if ui.button("Add").clicked() {
                 self.edit(&ctx, json!({"do": "add", "shader": self.shader}));
             }
@@ -256,7 +260,8 @@ impl Desk {
                 (_, true) => "  edited",
                 _ => "",
             };
-            let mut text = RichText::new(format!("{} {id}{mark}", if open { "\u{25be}" } else { "\u{25b8}" }));
+            let mut text =
+                RichText::new(format!("{} {id}{mark}", if open { "\u{25be}" } else { "\u{25b8}" }));
             if light["lit"] != true {
                 text = text.weak();
             }
@@ -513,7 +518,8 @@ impl Desk {
                 return self.mode;
             }
         }
-        let near = self.lights().into_iter().find(|light| light["emission"] == "position" && is_near(&light["at"]));
+        let near =
+            self.lights().into_iter().find(|light| light["emission"] == "position" && is_near(&light["at"]));
         let id = near?["id"].as_str()?.to_owned();
         self.chosen = Some(id);
         Some(Pointing::Move)
