@@ -260,8 +260,7 @@ impl Desk {
                 (_, true) => "  edited",
                 _ => "",
             };
-            let mut text =
-                RichText::new(format!("{} {id}{mark}", if open { "\u{25be}" } else { "\u{25b8}" }));
+            let mut text = RichText::new(format!("{id}{mark}"));
             if light["lit"] != true {
                 text = text.weak();
             }
@@ -316,7 +315,7 @@ impl Desk {
             if let Some(text) = layer["error"].as_str() {
                 ui.label(RichText::new(text).color(Color32::from_rgb(255, 150, 140)));
             }
-            egui::Grid::new(("params", k)).num_columns(2).spacing([8.0, 3.0]).show(ui, |ui| {
+            egui::Grid::new(("params", k)).num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(ui, |ui| {
                 for param in layer["params"].as_array().into_iter().flatten() {
                     let Some(name) = param["name"].as_str() else { continue };
                     let label = param["label"].as_str().unwrap_or(name);
@@ -339,7 +338,7 @@ impl Desk {
                 }
             });
         }
-        egui::Grid::new("place").num_columns(2).spacing([8.0, 3.0]).show(ui, |ui| {
+        egui::Grid::new("place").num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(ui, |ui| {
             let mut shown = Vec::new();
             if light["emission"] == "position" {
                 shown.push(("position", None));
