@@ -315,28 +315,31 @@ impl Desk {
             if let Some(text) = layer["error"].as_str() {
                 ui.label(RichText::new(text).color(Color32::from_rgb(255, 150, 140)));
             }
-            egui::Grid::new(("params", k)).num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(ui, |ui| {
-                for param in layer["params"].as_array().into_iter().flatten() {
-                    let Some(name) = param["name"].as_str() else { continue };
-                    let label = param["label"].as_str().unwrap_or(name);
-                    let mut text = RichText::new(label);
-                    if param["set"] != true {
-                        text = text.weak();
+            egui::Grid::new(("params", k)).num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(
+                ui,
+                |ui| {
+                    for param in layer["params"].as_array().into_iter().flatten() {
+                        let Some(name) = param["name"].as_str() else { continue };
+                        let label = param["label"].as_str().unwrap_or(name);
+                        let mut text = RichText::new(label);
+                        if param["set"] != true {
+                            text = text.weak();
+                        }
+                        let sense = egui::Sense::click();
+                        let word = ui.add(egui::Label::new(text).truncate().sense(sense));
+                        if word.on_hover_text(help(param)).clicked() && param["set"] == true {
+                            self.edit(&ctx, json!({"do": "reset", "light": id, "layer": k, "param": name}));
+                        }
+                        let key = format!("{id}/{k}/{name}");
+                        if let Some(value) = self.control(&key, param, ui) {
+                            let edit =
+                                json!({"do": "set", "light": id, "layer": k, "param": name, "value": value});
+                            self.edit(&ctx, edit);
+                        }
+                        ui.end_row();
                     }
-                    let sense = egui::Sense::click();
-                    let word = ui.add(egui::Label::new(text).truncate().sense(sense));
-                    if word.on_hover_text(help(param)).clicked() && param["set"] == true {
-                        self.edit(&ctx, json!({"do": "reset", "light": id, "layer": k, "param": name}));
-                    }
-                    let key = format!("{id}/{k}/{name}");
-                    if let Some(value) = self.control(&key, param, ui) {
-                        let edit =
-                            json!({"do": "set", "light": id, "layer": k, "param": name, "value": value});
-                        self.edit(&ctx, edit);
-                    }
-                    ui.end_row();
-                }
-            });
+                },
+            );
         }
         egui::Grid::new("place").num_columns(2).min_col_width(96.0).spacing([8.0, 3.0]).show(ui, |ui| {
             let mut shown = Vec::new();
