@@ -236,6 +236,14 @@ impl ImageOutput for IvOutput {
         self.link.requests(&self.name)
     }
 
+    fn show_panel(&mut self, part: &str, text: &str) -> Result<()> {
+        self.push(&Packet::Panel { name: self.name.clone(), part: part.to_owned(), text: text.to_owned() })
+    }
+
+    fn edits(&mut self) -> Vec<String> {
+        self.link.edits(&self.name)
+    }
+
     fn next_level(&mut self, _: &ImageSpec) -> Result<()> {
         Err(self.misuse("a viewer shows one level only".to_owned()))
     }

@@ -55,6 +55,8 @@ const SPARE: usize = 8;
 const FAREWELL: Duration = Duration::from_millis(500);
 /// The largest number of requests for one image that are kept until they are fetched.
 const REQUESTS: usize = 64;
+/// The largest number of edits of one image that are kept until they are fetched.
+const EDITS: usize = 1024;
 
 /// Packets that follow each other, as bytes.
 #[derive(Default)]
@@ -86,6 +88,7 @@ struct State {
     silent: bool,
     names: BTreeSet<String>,
     requests: BTreeMap<String, Vec<Request>>,
+    edits: BTreeMap<String, Vec<String>>,
 }
 
 struct Shared {
@@ -222,6 +225,11 @@ impl Link {
         self.shared.state().requests.get_mut(name).map(std::mem::take).unwrap_or_default()
     }
 
+    /// Returns the edits of the panel of an image since the last call.
+    pub(crate) fn edits(&self, name: &str) -> Vec<String> {
+        self.shared.state().edits.get_mut(name).map(std::mem::take).unwrap_or_default()
+    }
+
     /// Waits until everything is sent, as long as the viewer keeps reading.
     ///
     /// # Errors
@@ -256,6 +264,7 @@ impl Link {
         let mut state = self.shared.state();
         state.names.remove(name);
         state.requests.remove(name);
+        state.edits.remove(name);
     }
 }
 
@@ -276,7 +285,10 @@ impl Drop for Link {
 
 /// True for packets that are sent only to viewers that answered the greeting.
 fn is_ours(packet: &Packet) -> bool {
-    matches!(packet, Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. })
+    matches!(
+        packet,
+        Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } | Packet::Panel { .. }
+    )
 }
 
 /// Connects and sends until the end.
@@ -430,6 +442,16 @@ fn hear(shared: &Shared, mut socket: TcpStream) {
             Packet::Hello { version } => {
                 state.two_way |= version >= VERSION;
                 shared.changed.notify_all();
+                continue;
+            }
+            Packet::Edit { name, text } => {
+                if state.two_way && state.names.contains(&name) {
+                    let waiting = state.edits.entry(name).or_default();
+                    // A sender that does not fetch its edits must not take memory without limit.
+                    if waiting.len() < EDITS {
+                        waiting.push(text);
+                    }
+                }
                 continue;
             }
             Packet::Request { name, request } => (name, request),

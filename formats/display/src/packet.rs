@@ -28,9 +28,11 @@
 //! | 101 | mark: these pixels are being rendered | text name, `i32` x, y, width, height |
 //! | 102 | wishes: display settings | text name, flag fullscreen, `u32` zoom, text foreground, text background |
 //! | 103 | finished | text name, flag complete |
+//! | 104 | panel: a part of the controls beside the image | text name, text part, long text (JSON, empty to remove it) |
 //! | 110 | center (to the client) | text name, `i32` x, y |
 //! | 111 | priority (to the client) | text name, `i32` x, y, width, height |
 //! | 112 | abort (to the client) | text name |
+//! | 113 | edit: a user used the panel (to the client) | text name, long text (JSON) |
 
 use crate::{DisplayError, Result};
 use granita_image::{Draw, PixelRect, Request, Wishes};
@@ -45,7 +47,10 @@ pub const DEFAULT_PORT: u16 = 14158;
 pub const GREETING: &str = "\u{1}granita hello";
 
 /// The version of the extension.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
+
+/// The largest number of bytes of the JSON of [`Packet::Edit`].
+pub const EDIT_BYTES: usize = 32 << 10;
 
 /// The limits of a receiver. They are checked before anything is allocated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,10 +65,13 @@ pub struct PacketLimits {
     pub text_bytes: usize,
     /// The largest number of commands of vector graphics.
     pub commands: u32,
+    /// The largest number of bytes of a part of a panel.
+    pub panel_bytes: usize,
 }
 
 impl Default for PacketLimits {
-    /// Returns 256 MiB, 64 Ki pixels a side, 256 channels, 4 KiB for a text, and 64 Ki commands.
+    /// Returns 256 MiB, 64 Ki pixels a side, 256 channels, 4 KiB for a text, 64 Ki commands, and 4 MiB for a part of a
+    /// panel.
     fn default() -> Self {
         Self {
             packet_bytes: 256 << 20,
@@ -71,6 +79,7 @@ impl Default for PacketLimits {
             channels: 256,
             text_bytes: 4096,
             commands: 1 << 16,
+            panel_bytes: 4 << 20,
         }
     }
 }
@@ -172,6 +181,22 @@ pub enum Packet {
         name: String,
         /// True when the image is complete.
         complete: bool,
+    },
+    /// Shows a part of the controls beside an image.
+    Panel {
+        /// The name of the image.
+        name: String,
+        /// The name of the part.
+        part: String,
+        /// The content as JSON. It is empty to remove the part.
+        text: String,
+    },
+    /// Reports to the renderer that a user used the panel.
+    Edit {
+        /// The name of the image.
+        name: String,
+        /// The edit as JSON, of at most [`EDIT_BYTES`].
+        text: String,
     },
     /// A request of the viewer to the renderer.
     Request {
@@ -402,6 +427,20 @@ impl Put<'_> {
                 self.flag(*complete);
                 Ok(())
             }
+            Packet::Panel { name, part, text } => {
+                self.kind(104);
+                self.text(name)?;
+                self.text(part)?;
+                self.text(text)
+            }
+            Packet::Edit { name, text } => {
+                if text.len() > EDIT_BYTES {
+                    return Err(DisplayError::Misuse { what: format!("an edit of {} bytes", text.len()) });
+                }
+                self.kind(113);
+                self.text(name)?;
+                self.text(text)
+            }
             Packet::Request { name, request } => {
                 self.kind(match request {
                     Request::Center { .. } => 110,
@@ -473,15 +512,20 @@ impl Take<'_> {
 
     /// Reads a text. Bytes that are not UTF-8 are replaced, because other programs send the encoding of their system.
     fn text(&mut self, what: &str) -> Result<String> {
+        self.text_within(what, self.limits.text_bytes)
+    }
+
+    /// Reads a text of at most `most` bytes.
+    fn text_within(&mut self, what: &str, most: usize) -> Result<String> {
         let rest = &self.bytes[self.at..];
-        let searched = &rest[..rest.len().min(self.limits.text_bytes + 1)];
+        let searched = &rest[..rest.len().min(most.saturating_add(1))];
         match searched.iter().position(|b| *b == 0) {
             Some(length) => {
                 self.at += length + 1;
                 Ok(String::from_utf8_lossy(&rest[..length]).into_owned())
             }
             None => {
-                within("bytes of a text", rest.len() as u64, self.limits.text_bytes as u64)?;
+                within("bytes of a text", rest.len() as u64, most as u64)?;
                 Err(self.wrong(format!("{what} has no end")))
             }
         }
@@ -586,6 +630,14 @@ impl Take<'_> {
             },
             103 => {
                 Packet::Finished { name: self.text("the name")?, complete: self.flag("whether complete")? }
+            }
+            104 => Packet::Panel {
+                name: self.text("the name")?,
+                part: self.text("the part")?,
+                text: self.text_within("the panel", self.limits.panel_bytes)?,
+            },
+            113 => {
+                Packet::Edit { name: self.text("the name")?, text: self.text_within("the edit", EDIT_BYTES)? }
             }
             110..=112 => {
                 let name = self.text("the name")?;

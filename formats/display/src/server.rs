@@ -59,8 +59,8 @@ pub enum Ending {
 /// Receives the packets of clients. It is called from one thread for each client.
 pub trait Sink: Send + Sync {
     /// Receives a packet. Any client may send types up to vector graphics. Clients that support the extension also
-    /// send [`Packet::Hello`] (once, when that is established), [`Packet::Mark`], [`Packet::Wish`] and
-    /// [`Packet::Finished`].
+    /// send [`Packet::Hello`] (once, when that is established), [`Packet::Mark`], [`Packet::Wish`],
+    /// [`Packet::Panel`] and [`Packet::Finished`].
     ///
     /// # Errors
     /// Returns the reason when the packet is refused. The client stays connected.
@@ -233,8 +233,12 @@ fn converse(shared: &Shared, client: &Arc<Client>, mut socket: TcpStream, place:
 /// Passes on the packets that a client may send.
 fn take(shared: &Shared, client: &Arc<Client>, packet: Packet) -> std::result::Result<(), String> {
     match packet {
-        Packet::Hello { .. } | Packet::Request { .. } => Err("a packet that clients do not send".to_owned()),
-        Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } if !client.is_two_way() => {
+        Packet::Hello { .. } | Packet::Request { .. } | Packet::Edit { .. } => {
+            Err("a packet that clients do not send".to_owned())
+        }
+        Packet::Mark { .. } | Packet::Wish { .. } | Packet::Finished { .. } | Packet::Panel { .. }
+            if !client.is_two_way() =>
+        {
             Err("a packet of the extension before a greeting".to_owned())
         }
         packet => shared.sink.packet(client, packet),

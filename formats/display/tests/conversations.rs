@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
 use granita_base::Param;
-use granita_display::packet::{Channel, GREETING, VERSION};
+use granita_display::packet::{Channel, EDIT_BYTES, GREETING, VERSION};
 use granita_display::{
     Client, Ending, IvFormat, Listener, Packet, PacketLimits, Patience, ServerLimits, Sink, listen_address,
     server_address,
@@ -493,4 +493,63 @@ fn listen_addresses_are_parsed_or_refused() {
     for wrong in ["a b", "http://box", "box:", "box:x", "box:99999", ":0"] {
         assert!(server(wrong).is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn panels_go_to_the_viewer_and_edits_come_back() {
+    let (listener, from, sink) = listen(ServerLimits::default());
+    let format = IvFormat::default();
+    let mut image = create(&format, "a", listener.address(), [8, 4]);
+    let long = format!("\"{}\"", "x".repeat(1 << 20));
+    for text in ["{\"on\":true}", &long, ""] {
+        image.show_panel("light/key", text).unwrap();
+    }
+    let mut got = Vec::new();
+    while got.len() < 3 {
+        if let Told::Packet(Packet::Panel { name, part, text }) = next(&from) {
+            assert_eq!((&*name, &*part), ("a", "light/key"));
+            got.push(text);
+        }
+    }
+    assert_eq!(got, ["{\"on\":true}", &long, ""]);
+    let client = sink.clients.lock()[0].clone();
+    let edit = |name: &str, text: &str| Packet::Edit { name: name.to_owned(), text: text.to_owned() };
+    assert!(client.send(edit("other", "{}")));
+    // An edit that is too large is not sent.
+    client.send(edit("a", &"x".repeat(EDIT_BYTES + 1)));
+    for k in 0..20 {
+        assert!(client.send(edit("a", &format!("{{\"do\":{k}}}"))));
+    }
+    let mut edits = Vec::new();
+    let begin = Instant::now();
+    while edits.len() < 20 && begin.elapsed() < Duration::from_secs(20) {
+        edits.extend(image.edits());
+    }
+    let expected: Vec<String> = (0..20).map(|k| format!("{{\"do\":{k}}}")).collect();
+    assert_eq!(edits, expected);
+    image.close().unwrap();
+}
+
+#[test]
+fn panels_need_a_greeting_and_clients_send_no_edits() {
+    let limits = PacketLimits { panel_bytes: 100, ..PacketLimits::default() };
+    let (listener, from, _sink) = listen(ServerLimits { packet: limits, ..ServerLimits::default() });
+    let mut socket = TcpStream::connect(listener.address()).unwrap();
+    let mut send = |packet: &Packet| {
+        let mut bytes = Vec::new();
+        packet.encode(&mut bytes).unwrap();
+        socket.write_all(&bytes).unwrap();
+    };
+    let panel =
+        |text: &str| Packet::Panel { name: "a".to_owned(), part: "p".to_owned(), text: text.to_owned() };
+    send(&panel("{}"));
+    assert_eq!(next(&from), Told::Trouble("a packet of the extension before a greeting".to_owned()));
+    send(&Packet::Edit { name: "a".to_owned(), text: "{}".to_owned() });
+    assert_eq!(next(&from), Told::Trouble("a packet that clients do not send".to_owned()));
+    send(&Packet::CloseImage { name: GREETING.to_owned() });
+    assert_eq!(next(&from), Told::Packet(Packet::Hello { version: VERSION }));
+    send(&panel(&"x".repeat(100)));
+    assert_eq!(next(&from), Told::Packet(panel(&"x".repeat(100))));
+    send(&panel(&"x".repeat(101)));
+    assert!(matches!(next(&from), Told::Trouble(what) if what.contains("exceeds the limit of 100")));
 }

@@ -270,6 +270,21 @@ pub trait ImageOutput: Send {
         Vec::new()
     }
 
+    /// Shows a part of the panel beside the image, in formats whose receiver is a viewer. `text` is JSON; an empty text
+    /// removes the part. Formats without panels ignore it.
+    ///
+    /// # Errors
+    /// An error when there is no receiver any more.
+    fn show_panel(&mut self, part: &str, text: &str) -> Result<()> {
+        let _ = (part, text);
+        Ok(())
+    }
+
+    /// Returns the edits that users made in the panel since the last call, each as JSON.
+    fn edits(&mut self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Completes the file and gives it its final name.
     ///
     /// # Errors

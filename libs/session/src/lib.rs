@@ -31,6 +31,7 @@
 mod archive;
 mod commands;
 mod connection;
+mod desk;
 mod error;
 mod forwarded;
 mod look;
@@ -49,6 +50,7 @@ mod shaders;
 
 pub use archive::archive_calls;
 pub use connection::Connection;
+pub use desk::DeskOptions;
 pub use error::SessionError;
 pub use looking::{LookOptions, Up};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};

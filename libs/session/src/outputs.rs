@@ -1,5 +1,6 @@
 //! Images and attributes that the command line adds or replaces.
 
+use crate::desk::DeskFrame;
 use crate::looking::Looking;
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
@@ -50,6 +51,8 @@ pub(crate) struct Special<'a> {
     pub(crate) requested: &'a Requested,
     /// The frame of a look whose images they are.
     pub(crate) looking: Option<(&'a Looking, u32)>,
+    /// The frame of a desk for lighting that it is.
+    pub(crate) desk: Option<DeskFrame>,
 }
 
 /// Returns the scene with the session's own outputs, those of the program, and camera attributes. Images are those of
@@ -57,13 +60,16 @@ pub(crate) struct Special<'a> {
 pub(crate) fn amended(
     scene: &Arc<Scene>,
     options: &SessionOptions,
-    Special { requested, looking }: Special<'_>,
+    Special { requested, looking, desk }: Special<'_>,
     registry: &FormatRegistry,
     reporter: &Reporter,
 ) -> Arc<Scene> {
     let changes_cameras = options.preview > 0.0 || options.shadertype.is_some();
     let proxy = |scene: &Scene| scene.cameras.first().and_then(proxy_shader);
-    let more = !options.extra_outputs.is_empty() || !requested.data.is_empty() || looking.is_some();
+    let more = !options.extra_outputs.is_empty()
+        || !requested.data.is_empty()
+        || looking.is_some()
+        || desk.is_some();
     if !more && !changes_cameras && proxy(scene).is_none() {
         return scene.clone();
     }
@@ -81,6 +87,12 @@ pub(crate) fn amended(
     // Shading uses the first camera, so its "shadertype" is used (reference 7.7).
     if let Some(surface) = proxy(&scene) {
         shade_plainly(&mut scene, surface);
+    }
+    if let Some(frame) = desk {
+        for_desk(&mut scene, frame, options);
+        let of_program = requested.outputs(&scene);
+        scene.outputs.extend(of_program);
+        return Arc::new(scene);
     }
     let own: Vec<Output> = scene.outputs.clone();
     if let Some((looking, frame)) = looking {
@@ -105,6 +117,20 @@ pub(crate) fn amended(
         scene.outputs.extend(outputs);
     }
     Arc::new(scene)
+}
+
+/// Makes a scene one of a frame of a desk. It writes no files and has no workers, which do not know the edits.
+fn for_desk(scene: &mut Scene, frame: DeskFrame, options: &SessionOptions) {
+    scene.outputs.retain(|o| o.get(attr::DYNAMIC) && matches!(&*o.data, "z" | "avgz"));
+    scene.globals.remove(attr::NET_WORKERS.name());
+    for camera in &mut scene.cameras {
+        if frame.coarse {
+            camera.params.set(attr::SPATIALQUALITY.param([1, 1]));
+        }
+        if let Some(crop) = frame.crop.or(options.crop) {
+            camera.params.set(attr::CROP.param(crop));
+        }
+    }
 }
 
 /// Makes an image of the command line one of a frame of a look.

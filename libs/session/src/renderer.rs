@@ -1,6 +1,7 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
+use crate::desk::{DeskFrame, patch::Deferral};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::outputs::{RequestedImages, Special};
@@ -91,6 +92,10 @@ pub(crate) struct SessionRenderer {
     net: Arc<Net>,
     /// How the next frame is rendered.
     looking: Arc<Mutex<Option<Looking>>>,
+    /// The frame of a desk that the next frame is.
+    desk: Arc<Mutex<Option<DeskFrame>>>,
+    /// The frames of a scene that a patch follows.
+    deferral: Arc<Mutex<Deferral>>,
     /// The address of the viewer, once it was requested.
     viewer: OnceLock<Option<String>>,
     /// The images of the current frame that go to the program.
@@ -133,6 +138,8 @@ impl SessionRenderer {
             plugins,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             looking: Arc::default(),
+            desk: Arc::default(),
+            deferral: Arc::default(),
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
             kept: Kept::default(),
@@ -205,6 +212,16 @@ impl SessionRenderer {
         self.looking.clone()
     }
 
+    /// Returns the place that holds the frame of a desk that the next frame is.
+    pub(crate) fn desk(&self) -> Arc<Mutex<Option<DeskFrame>>> {
+        self.desk.clone()
+    }
+
+    /// Returns the place that holds the frames of a scene that a patch follows.
+    pub(crate) fn deferral(&self) -> Arc<Mutex<Deferral>> {
+        self.deferral.clone()
+    }
+
     pub(crate) fn plugins(&self) -> Plugins {
         self.plugins.clone()
     }
@@ -232,6 +249,19 @@ impl SessionRenderer {
         self.plugins.set_image_path(self.search_path(scene, attr::PATH_IMAGEIO));
     }
 
+    /// Renders a frame, or all frames of a turntable.
+    fn frames(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
+        let looking = self.looking.lock().take();
+        let Some(looking) = looking else { return self.frame(scene, camera, None) };
+        for frame in 0..looking.frames() {
+            self.frame(looking.scene(&scene, frame), camera, Some((&looking, frame)))?;
+            if self.commands.stop.load(Ordering::Relaxed) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
     /// Renders one frame, of a turntable where `looking` says so.
     fn frame(
         &mut self,
@@ -254,7 +284,8 @@ impl SessionRenderer {
         };
         let requested = self.requested.lock().clone();
         let camera = camera.filter(|name| has_images(name) || requested.is_of(name));
-        let special = Special { requested: &requested, looking };
+        let desk = *self.desk.lock();
+        let special = Special { requested: &requested, looking, desk };
         let mut scene = outputs::amended(&scene, &self.options, special, &self.registry, &self.reporter);
         // Workers show no images.
         let safe = self.options.run.safe;
@@ -279,6 +310,8 @@ impl SessionRenderer {
         }
         let report = match result {
             Ok(report) => Some(report),
+            // A desk stops frames all the time.
+            Err(RenderError::Stopped) if desk.is_some() => None,
             Err(RenderError::Stopped) => {
                 self.reporter.warning(RenderError::Stopped.to_string());
                 None
@@ -291,7 +324,9 @@ impl SessionRenderer {
         self.progress.over.store(true, Ordering::Relaxed);
         let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
         self.success = record.complete;
-        self.record(&scene, record);
+        if desk.is_none() {
+            self.record(&scene, record);
+        }
         Ok(())
     }
 
@@ -311,7 +346,7 @@ impl SessionRenderer {
             threads: self.threads(scene),
             open_files: self.options.open_files,
             stop: self.commands.stop.clone(),
-            crop: self.options.crop,
+            crop: self.options.crop.filter(|_| self.desk.lock().is_none()),
             call_text,
             scene_files: self.options.scene_files.clone(),
             spread: self.spread(scene),
@@ -383,15 +418,8 @@ impl FrameRenderer for SessionRenderer {
     /// images of all cameras are rendered. Exporters name their main camera also in shadow passes, in which only the
     /// lights' cameras have images.
     fn render(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
-        let looking = self.looking.lock().take();
-        let Some(looking) = looking else { return self.frame(scene, camera, None) };
-        for frame in 0..looking.frames() {
-            self.frame(looking.scene(&scene, frame), camera, Some((&looking, frame)))?;
-            if self.commands.stop.load(Ordering::Relaxed) {
-                break;
-            }
-        }
-        Ok(())
+        let due = self.deferral.lock().take(scene, camera);
+        due.map_or(Ok(()), |(scene, camera)| self.frames(scene, camera.as_deref()))
     }
 
     fn check_light(&mut self, name: &str, group: &ShaderGroup, shader_path: &str, at: &Location) -> bool {
@@ -408,6 +436,10 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn command(&mut self, name: &str, params: &Params, at: &Location) -> Result<bool, Stop> {
+        let due = self.deferral.lock().release();
+        if let Some((scene, camera)) = due {
+            self.frames(scene, camera.as_deref())?;
+        }
         if let Some(master) = &self.master {
             // The coordinator runs it.
             return if master.command() { Ok(true) } else { Err(Stop::Exit) };
@@ -439,7 +471,7 @@ impl FrameRenderer for SessionRenderer {
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
         self.configure_plugins(scene);
         let requested = self.requested.lock().clone();
-        let special = Special { requested: &requested, looking: None };
+        let special = Special { requested: &requested, looking: None, desk: None };
         let scene = outputs::amended(scene, &self.options, special, &self.registry, &self.reporter);
         Renderer::new(self.environment(&scene)).needed(&scene, unread)
     }

@@ -1,6 +1,8 @@
 //! A session, which reads scenes and renders their frames.
 
 use crate::connection::Connection;
+use crate::desk::patch::{self, Deferral};
+use crate::desk::{Desk, DeskFrame};
 use crate::forwarded::Forwarded;
 use crate::looking::{Looking, MeshSink};
 use crate::net::WorkerCoordinator;
@@ -76,6 +78,10 @@ pub struct Session {
     objects: Vec<String>,
     /// How the next frame is rendered.
     looking: Arc<Mutex<Option<Looking>>>,
+    /// The desk for lighting, while it is prepared.
+    pub(crate) desk: Option<Box<Desk>>,
+    desk_frame: Arc<Mutex<Option<DeskFrame>>>,
+    deferral: Arc<Mutex<Deferral>>,
     finished: Finished,
     /// The definitions of the scripts of its scenes.
     scripts: Scripts,
@@ -139,7 +145,7 @@ impl Session {
         let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
         let (registry, requested) = (renderer.registry(), renderer.requested());
         let (stop, priority) = (renderer.stop(), renderer.priority());
-        let looking = renderer.looking();
+        let (looking, desk_frame, deferral) = (renderer.looking(), renderer.desk(), renderer.deferral());
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
         let mut session = Self {
@@ -154,6 +160,9 @@ impl Session {
             priority,
             objects: Vec::new(),
             looking,
+            desk: None,
+            desk_frame,
+            deferral,
             finished,
             scripts,
         };
@@ -194,6 +203,9 @@ impl Session {
     /// the session.
     pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
         let path = Path::new(name);
+        if patch::is_patch(self.files(), path) {
+            self.deferral.lock().begin_patch();
+        }
         if path.is_file() {
             return self.read(self.file(path), name);
         }
@@ -201,6 +213,21 @@ impl Session {
             return Err(SessionError::Failed(format!("{name} is a folder, not a scene")));
         }
         self.input(name)
+    }
+
+    /// Prepares the session for the files that are going to be read, in this order. Where a patch of lights follows a
+    /// scene, the scene is read in re-rendering mode, and its last `Render` is left out, because the patch has its own.
+    ///
+    /// # Errors
+    /// Returns [`SessionError::Exit`] or [`SessionError::Failed`].
+    pub fn expect_files(&mut self, names: &[String]) -> Result<(), SessionError> {
+        let is_patch = |name: &&String| patch::is_patch(self.files(), Path::new(name));
+        let patches = names.iter().skip(1).filter(is_patch).count();
+        if patches > 0 {
+            self.call(Call::Attribute(attr::RERENDER.param(true)))?;
+            self.deferral.lock().patches = patches;
+        }
+        Ok(())
     }
 
     /// Reads a scene from a stream, as standard input. `name` identifies it in messages.
@@ -367,6 +394,21 @@ impl Session {
     /// Sets how the next frame is rendered.
     pub(crate) fn render_as(&self, looking: Looking) {
         *self.looking.lock() = Some(looking);
+    }
+
+    /// Sets the frame of a desk that the next frames are.
+    pub(crate) fn render_for_desk(&self, frame: Option<DeskFrame>) {
+        *self.desk_frame.lock() = frame;
+    }
+
+    /// Returns its image formats.
+    pub(crate) fn registry(&self) -> FormatRegistry {
+        self.registry.clone()
+    }
+
+    /// Returns the images of the frames that go to the program.
+    pub(crate) fn requested(&self) -> RequestedImages {
+        self.requested.clone()
     }
 
     /// Returns the records of the frames so far.

@@ -50,7 +50,7 @@ pub use flip::PIXELS_PER_DEGREE;
 pub use grid::{Needs, needs, pixel_under};
 pub use image::{Image, Page, Stamp};
 pub use layers::{Layer, Meaning};
-pub use live::{Live, LiveInfo, LiveLimits, RequestSender};
+pub use live::{EditSender, Live, LiveInfo, LiveLimits, Panel, RequestSender};
 pub use live_page::LivePage;
 pub use loader::Loader;
 pub use maps::ColorMap;

@@ -7,7 +7,7 @@
 use crate::{Result, ViewError};
 use granita_image::{Draw, PixelRect, Request, Wishes};
 use parking_lot::{Condvar, Mutex, MutexGuard, RwLock};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -25,12 +25,25 @@ pub struct LiveLimits {
     pub images: usize,
     /// The largest number of bytes of the name of an image or of a channel, and of a note.
     pub name_bytes: usize,
+    /// The largest number of bytes of the panel of an image.
+    pub panel_bytes: usize,
+    /// The largest number of parts of a panel.
+    pub panel_parts: usize,
 }
 
 impl Default for LiveLimits {
-    /// Returns limits of 64 Ki pixels per side, 8 GiB in all, 256 channels, 256 images, and 1 KiB per name.
+    /// Returns limits of 64 Ki pixels per side, 8 GiB in all, 256 channels, 256 images, 1 KiB per name, and 16 MiB in
+    /// 16 Ki parts per panel.
     fn default() -> Self {
-        Self { dimension: 1 << 16, bytes: 8 << 30, channels: 256, images: 256, name_bytes: 1024 }
+        Self {
+            dimension: 1 << 16,
+            bytes: 8 << 30,
+            channels: 256,
+            images: 256,
+            name_bytes: 1024,
+            panel_bytes: 16 << 20,
+            panel_parts: 16 << 10,
+        }
     }
 }
 
@@ -55,6 +68,32 @@ impl std::fmt::Debug for RequestSender {
         f.write_str("RequestSender")
     }
 }
+
+/// Sends the edits of users to the sender of an image.
+#[derive(Clone)]
+pub struct EditSender(Arc<dyn Fn(&str) -> bool + Send + Sync>);
+
+impl EditSender {
+    /// Returns a sender that calls `deliver` with JSON. `deliver` must not block and returns true when there is a
+    /// receiver.
+    pub fn new(deliver: impl Fn(&str) -> bool + Send + Sync + 'static) -> Self {
+        Self(Arc::new(deliver))
+    }
+
+    /// Sends an edit, which is JSON. Returns `false` when there is no receiver any more.
+    pub fn send(&self, edit: &str) -> bool {
+        (self.0)(edit)
+    }
+}
+
+impl std::fmt::Debug for EditSender {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("EditSender")
+    }
+}
+
+/// The parts of a panel, which are JSON, by name.
+pub type Panel = BTreeMap<String, Arc<str>>;
 
 /// The properties of a live image without its pixels.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,6 +120,8 @@ pub struct LiveInfo {
     pub wishes: Wishes,
     /// True when requests have a receiver.
     pub takes_requests: bool,
+    /// The controls beside the image, which its sender describes. It is empty for images without a panel.
+    pub panel: Arc<Panel>,
 }
 
 /// The number of changes that are stored one by one. Older ones count as changes of the whole image.
@@ -100,6 +141,9 @@ struct State {
     drawing: Arc<Vec<Draw>>,
     wishes: Wishes,
     requests: Option<RequestSender>,
+    panel: Arc<Panel>,
+    panel_bytes: usize,
+    edits: Option<EditSender>,
 }
 
 struct Image {
@@ -232,6 +276,9 @@ impl Live {
             drawing: Arc::default(),
             wishes: Wishes::default(),
             requests: None,
+            panel: Arc::default(),
+            panel_bytes: 0,
+            edits: None,
         };
         let image = Arc::new(Image {
             id: self.0.next_id.fetch_add(1, Ordering::Relaxed),
@@ -365,7 +412,7 @@ impl Live {
         image.write(None, |state| {
             state.note = Some(note);
             state.marks.clear();
-            state.requests = None;
+            (state.requests, state.edits) = (None, None);
         });
         self.tell();
     }
@@ -375,7 +422,7 @@ impl Live {
         let Ok(image) = self.image(name) else { return };
         image.write(None, |state| {
             state.marks.clear();
-            state.requests = None;
+            (state.requests, state.edits) = (None, None);
         });
         self.tell();
     }
@@ -411,6 +458,55 @@ impl Live {
         self.image(name).ok()?.read(|state| state.requests.clone())
     }
 
+    /// Sets a part of the panel of an image. An empty text removes it.
+    ///
+    /// # Errors
+    /// Returns [`ViewError::Limit`] for a panel that is too large, and [`ViewError::Misuse`] when there is no such
+    /// image.
+    pub fn show_panel(&self, name: &str, part: &str, text: &str) -> Result<()> {
+        let limits = &self.0.limits;
+        let within = |what, asked: usize, max: usize| match asked <= max {
+            true => Ok(()),
+            false => Err(ViewError::Limit { what, asked: asked as u64, max: max as u64 }),
+        };
+        let image = self.image(name)?;
+        within("bytes of the name of a part", part.len(), limits.name_bytes)?;
+        // Senders do this to learn whether the viewer is still there.
+        if text.is_empty() && image.read(|state| !state.panel.contains_key(part)) {
+            return Ok(());
+        }
+        image
+            .write(None, |state| {
+                let old = state.panel.get(part).map_or(0, |old| old.len() + part.len());
+                let new = if text.is_empty() { 0 } else { text.len() + part.len() };
+                let bytes = state.panel_bytes - old + new;
+                within("bytes of a panel", bytes, limits.panel_bytes)?;
+                if old == 0 && new > 0 {
+                    within("parts of a panel", state.panel.len() + 1, limits.panel_parts)?;
+                }
+                let panel = Arc::make_mut(&mut state.panel);
+                match text.is_empty() {
+                    true => panel.remove(part),
+                    false => panel.insert(part.to_owned(), text.into()),
+                };
+                state.panel_bytes = bytes;
+                Ok(())
+            })
+            .inspect(|()| self.tell())
+    }
+
+    /// Sets the receiver of the edits of an image's panel.
+    pub fn take_edits(&self, name: &str, edits: EditSender) {
+        let Ok(image) = self.image(name) else { return };
+        image.write(None, |state| state.edits = Some(edits));
+        self.tell();
+    }
+
+    /// Returns the way to send edits to the sender of an image; `None` when there is no receiver.
+    pub fn edits(&self, name: &str) -> Option<EditSender> {
+        self.image(name).ok()?.read(|state| state.edits.clone())
+    }
+
     /// Returns the names of the images, in order of creation.
     pub fn names(&self) -> Vec<String> {
         let images = self.0.images.read();
@@ -432,6 +528,7 @@ impl Live {
             drawing: state.drawing.clone(),
             wishes: state.wishes.clone(),
             takes_requests: state.requests.is_some(),
+            panel: state.panel.clone(),
         }))
     }
 

@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 mod progress;
+mod relight;
 mod statistics;
 mod viewer;
 
@@ -18,6 +19,7 @@ use granita_session::{
     Told, Up, Viewer, archive_calls,
 };
 use progress::ShownProgress;
+use relight::Relight;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -90,6 +92,11 @@ struct Options {
     #[arg(long)]
     iv: bool,
 
+    /// Edit the lights while the image is shown, in a page of the browser; with -iv, in a window. The edits are saved as
+    /// Pyg, which is rendered after the scene: gelato SCENE.pyg SCENE.lights.pyg
+    #[arg(long, conflicts_with_all = ["stream", "worker", "net", "remote", "turntable"])]
+    relight: bool,
+
     /// Write the image also to this file, in the format of its extension
     #[arg(short = 'o', value_name = "IMAGE")]
     output: Vec<String>,
@@ -150,13 +157,14 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 15] = [
+const NOT_FOR_WORKERS: [(&str, &str); 16] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
     ("worker", "the session says it first"),
     ("display", "a worker shows nothing; -iv stands for the image that is shown"),
     ("iv", "passed once, where the image is shown by -display as well"),
+    ("relight", "the edits of a desk do not reach workers"),
     ("cwd", "a worker is started in the folder that the coordinator changed to"),
     ("silent", "passed always"),
     ("verbosity", "messages about the frame are the coordinator's"),
@@ -238,6 +246,14 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         return archive(file, &surroundings.variables, &answers, &reporter);
     }
     let supervisor = ending.supervisor().clone();
+    let relight = match options.relight.then(|| prepare(options, &surroundings.variables, tools)).transpose()
+    {
+        Ok(relight) => relight,
+        Err(what) => {
+            reporter.error(what);
+            return Status::Failed;
+        }
+    };
     let session_options = session_options(options, given, tools, surroundings, supervisor);
     if let Some(told) = told {
         let session = Session::new(session_options, reporter, told.progress());
@@ -262,7 +278,14 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         return Status::Failed;
     }
     ending.stops(session.stop());
-    render(options, session, &answers, &reporter)
+    render(options, session, &answers, &reporter, relight.as_ref())
+}
+
+/// Prepares a desk, with the viewer of the options.
+fn prepare(options: &Options, variables: &Environment, tools: &[&str]) -> Result<Relight, String> {
+    let (screen, own) = (variables.get("DISPLAY"), tools.contains(&"iv"));
+    let find = || viewer::find(options.display.as_ref(), screen, !options.safe, own);
+    relight::begin(options, variables, &find, own)
 }
 
 /// The environment variables of a run.
@@ -321,7 +344,7 @@ fn session_options(
     let find = move || viewer::find(display.as_ref(), screen.as_deref(), layers, own);
     let viewer = match options.safe {
         // The viewer starts before the fence is set up, and only when the user requests one.
-        true if options.is_shown() => {
+        true if options.is_shown() && !options.relight => {
             let found = find();
             Viewer(Some(Arc::new(move || found.clone())))
         }
@@ -363,7 +386,7 @@ fn session_options(
             up: if options.up.as_deref() == Some("z") { Up::Z } else { Up::Y },
         },
         net_workers: options.net.clone(),
-        net_arguments: options.for_worker(given),
+        net_arguments: options.for_worker(given).filter(|_| !options.relight),
         rerenders_anew: false,
     }
 }
@@ -378,9 +401,23 @@ fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads the scene files and the stream, and renders the frames that they request.
-fn render(options: &Options, mut session: Session, answers: &Connection, reporter: &Reporter) -> Status {
-    let mut failed = false;
+/// Reads the scene files and the stream, and renders the frames that they request. Then it runs the desk, if there is
+/// one.
+fn render(
+    options: &Options,
+    mut session: Session,
+    answers: &Connection,
+    reporter: &Reporter,
+    relight: Option<&Relight>,
+) -> Status {
+    let begun = session.expect_files(&options.files).and_then(|()| match relight {
+        Some(relight) => {
+            relight.report(reporter);
+            session.begin_desk(&relight.options)
+        }
+        None => Ok(()),
+    });
+    let mut failed = begun.is_err_and(|error| !has_exited(error, reporter));
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
         let result = match words.as_slice() {
@@ -389,33 +426,21 @@ fn render(options: &Options, mut session: Session, answers: &Connection, reporte
         };
         match result {
             Ok(()) => (),
-            Err(SessionError::Exit) => break,
             Err(error) => {
-                match error {
-                    SessionError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
-                    other => reporter.error(other.to_string()),
-                }
-                failed = true;
+                failed |= !has_exited(error, reporter);
                 break;
             }
         }
     }
     if options.stream {
         let result = session.serve(&mut std::io::stdin().lock(), answers);
-        if let Err(error) = result
-            && !matches!(error, SessionError::Exit)
-        {
-            reporter.error(error.to_string());
-            failed = true;
-        }
+        failed |= result.is_err_and(|error| !has_exited(error, reporter));
     }
-    if !failed
-        && !options.stream
-        && let Err(error) = session.look()
-        && !matches!(error, SessionError::Exit)
-    {
-        reporter.error(error.to_string());
-        failed = true;
+    if !failed && !options.stream {
+        failed |= session.look().is_err_and(|error| !has_exited(error, reporter));
+    }
+    if !failed {
+        failed |= session.run_desk().is_err_and(|error| !has_exited(error, reporter));
     }
     let outcome = session.finish();
     if !failed && !outcome.rendered && outcome.waiting > 0 {
@@ -431,6 +456,16 @@ fn render(options: &Options, mut session: Session, answers: &Connection, reporte
     }
     reporter.tell_summary();
     status
+}
+
+/// True when the scene ended the run itself. Other errors are reported.
+fn has_exited(error: SessionError, reporter: &Reporter) -> bool {
+    match error {
+        SessionError::Exit => return true,
+        SessionError::Scene { what, at } => reporter.say(Severity::Error, &at, what),
+        other => reporter.error(other.to_string()),
+    }
+    false
 }
 
 /// Writes the calls of the program that started this one to a file, or into the answers.
@@ -485,7 +520,7 @@ impl Options {
         // Files that only hold settings come before the scene.
         let file = self.files.last().map(|file| Path::new(file.trim()));
         let name = file.and_then(Path::file_name).map_or("gelato".into(), |name| name.to_string_lossy());
-        self.is_shown().then(|| ExtraOutput {
+        (self.is_shown() && !self.relight).then(|| ExtraOutput {
             name: name.into_owned(),
             format: Some("iv".to_owned()),
             data: self.data.clone(),

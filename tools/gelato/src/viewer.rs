@@ -3,13 +3,16 @@
 use parking_lot::Mutex;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{ChildStdin, Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
 /// The text before the address in the line that `iv` prints when it is ready for images.
 const LISTENS: &str = "iv: listening on ";
+
+/// The text before the address of the page in the line that `iv -serve` prints after it.
+const SERVES: &str = "iv: serving ";
 
 /// The longest time until `iv` prints that line.
 const STARTING: Duration = Duration::from_secs(20);
@@ -108,7 +111,7 @@ fn start(mut command: Command, screen: Option<&str>, layers: bool) -> Result<Str
     command.args(options(0, layers));
     command.envs(screen.map(|screen| ("DISPLAY", screen)));
     // Standard error of `iv` stays that of this program, because `iv` outlives it.
-    listening(command).map_err(failed)
+    listening(command, LISTENS).map(|found| found.address).map_err(failed)
 }
 
 /// Starts an `iv` on another machine through the program `ssh`, with a tunnel to it. Returns the address of the tunnel.
@@ -125,25 +128,54 @@ fn start_there(ssh: &Path, host: &str, screen: &str, layers: bool) -> Result<Str
     command.arg(format!("env DISPLAY={screen} iv {}", options(there, layers).join(" ")));
     // The reason why the machine cannot be reached becomes a part of the message.
     command.stderr(Stdio::piped());
-    listening(command).map_err(failed)?;
+    listening(command, LISTENS).map_err(failed)?;
     Ok(format!("127.0.0.1:{here}"))
 }
 
-/// Starts a viewer and returns the address that it prints. An error ends with the last line of its standard error, if
-/// that is a pipe.
-fn listening(mut command: Command) -> Result<String, String> {
-    command.stdin(Stdio::null()).stdout(Stdio::piped());
+/// A viewer in browsers.
+#[derive(Debug)]
+pub(crate) struct Pages {
+    /// The address to which images are sent.
+    pub(crate) address: String,
+    /// The address of the page.
+    pub(crate) url: String,
+    /// The viewer ends when this is dropped.
+    _input: Option<ChildStdin>,
+}
+
+/// Starts an `iv` that shows images in browsers of this machine until the result is dropped. When `own` is true, this
+/// program contains `iv`.
+pub(crate) fn pages(own: bool) -> Result<Pages, String> {
+    let mut command = viewer(own);
+    let program = Path::new(command.get_program()).display().to_string();
+    command.args(["-serve", "0", "-listen", "0", "-endwithinput"]).stdin(Stdio::piped());
+    let found = listening(command, SERVES);
+    found.map_err(|what| format!("{program} cannot be started as a viewer: {what}"))
+}
+
+/// Starts a viewer and returns the addresses that it prints until the line that begins with `last`. An error ends with
+/// the last line of its standard error, if that is a pipe.
+fn listening(mut command: Command, last: &'static str) -> Result<Pages, String> {
+    if last == LISTENS {
+        command.stdin(Stdio::null());
+    }
+    command.stdout(Stdio::piped());
     // Ctrl-C ends the render. The viewer is in a process group of its own and keeps the image.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(&mut command, 0);
     let mut child = command.spawn().map_err(|error| error.to_string())?;
+    let input = child.stdin.take();
     let Some(output) = child.stdout.take() else { return Err("it has no output".to_owned()) };
     let (said, hears) = channel();
     std::thread::spawn(move || {
+        let mut address = String::new();
         // The later output is not used, but the pipe must not fill up.
         for line in BufReader::new(output).lines().map_while(Result::ok) {
-            if let Some(address) = line.strip_prefix(LISTENS) {
-                let _ = said.send(address.trim().to_owned());
+            if let Some(found) = line.strip_prefix(LISTENS) {
+                address = found.trim().to_owned();
+            }
+            if let Some(url) = line.strip_prefix(last) {
+                let _ = said.send((address.clone(), url.trim().to_owned()));
             }
         }
     });
@@ -159,10 +191,10 @@ fn listening(mut command: Command) -> Result<String, String> {
         })
     });
     match hears.recv_timeout(STARTING) {
-        Ok(address) => {
+        Ok((address, url)) => {
             // The process must be waited for when it ends, or it stays in the table of processes.
             std::thread::spawn(move || child.wait());
-            Ok(address)
+            Ok(Pages { address, url, _input: input })
         }
         Err(_) => {
             // The output of a process ends a little before the process does.

@@ -13,7 +13,7 @@ use granita_display::{
     listen_address,
 };
 use granita_image::PixelRect;
-use granita_view::{Live, RequestSender};
+use granita_view::{EditSender, Live, RequestSender};
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -46,6 +46,10 @@ pub(crate) struct NetArgs {
     /// one
     #[arg(long, hide = true)]
     pub(crate) allowlayers: bool,
+
+    /// With -serve: end with standard input, which the program that started this one holds
+    #[arg(long, hide = true, requires = "serve")]
+    pub(crate) endwithinput: bool,
 }
 
 /// A client's request about a file. It is granted only with `-allowopen`.
@@ -125,6 +129,7 @@ fn start(
         dimension: taken.dimension,
         channels: u32::try_from(taken.channels).unwrap_or(u32::MAX),
         text_bytes: taken.name_bytes,
+        panel_bytes: taken.panel_bytes,
         ..PacketLimits::default()
     };
     // Repeated connections must not fill the terminal.
@@ -206,12 +211,17 @@ impl Feeder {
         names.of_client.insert((client.id(), own.clone()), name.clone());
         drop(names);
         if client.is_two_way() {
-            let client = client.clone();
+            let (requested, edited, image) = (client.clone(), client.clone(), own.clone());
             let sender = RequestSender::new(move |request| {
                 let name = own.clone();
-                client.send(Packet::Request { name, request })
+                requested.send(Packet::Request { name, request })
             });
             self.live.answer(&name, sender);
+            let sender = EditSender::new(move |text| {
+                let (name, text) = (image.clone(), text.to_owned());
+                edited.send(Packet::Edit { name, text })
+            });
+            self.live.take_edits(&name, sender);
         }
         if focus {
             self.live.show(&name);
@@ -279,6 +289,9 @@ impl Sink for Feeder {
                     wishes.background.clear();
                 }
                 self.live.wish(&here(&name), wishes);
+            }
+            Packet::Panel { name, part, text } => {
+                self.live.show_panel(&here(&name), &part, &text).map_err(|e| e.to_string())?;
             }
             Packet::Finished { name: own, complete } => {
                 let name = here(&own);

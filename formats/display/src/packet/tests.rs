@@ -271,6 +271,8 @@ fn packet() -> impl Strategy<Value = Packet> {
             .prop_map(|(name, x, y)| Packet::Request { name, request: Request::Center { x, y } }),
         (text(), rect()).prop_map(|(name, rect)| Packet::Request { name, request: Request::Priority(rect) }),
         text().prop_map(|name| Packet::Request { name, request: Request::Abort }),
+        (text(), text(), text()).prop_map(|(name, part, text)| Packet::Panel { name, part, text }),
+        (text(), text()).prop_map(|(name, text)| Packet::Edit { name, text }),
     ]
 }
 

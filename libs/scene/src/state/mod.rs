@@ -5,6 +5,7 @@
 //! before. With one, base space is world space (reference 7.1.1).
 
 mod attributes;
+mod checkpoint;
 mod current;
 mod faces;
 mod frame;
@@ -21,6 +22,8 @@ mod stage;
 mod transforms;
 
 pub use attributes::version_attribute;
+pub use checkpoint::Checkpoint;
+pub use pattern::check_pattern;
 pub use shapes::predeclared;
 
 use crate::{Call, Camera, FrameRenderer, Light, LightId, Output, Primitive, SceneSink, Stop, attr};

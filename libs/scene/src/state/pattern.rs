@@ -10,6 +10,15 @@ pub(super) fn basic(pattern: &str) -> Option<Regex> {
     Regex::new(&from_basic(pattern)).ok()
 }
 
+/// Checks a pattern of `Modify`.
+///
+/// # Errors
+/// Returns a message when it cannot be read.
+pub fn check_pattern(pattern: &str) -> Result<(), String> {
+    let read = basic(pattern).or_else(|| extended(pattern));
+    read.map(drop).ok_or_else(|| format!("cannot read the regular expression \"{pattern}\""))
+}
+
 /// Returns the pattern read as an extended regular expression; `None` when that is no different, or cannot be read.
 pub(super) fn extended(pattern: &str) -> Option<Regex> {
     pattern.contains(EXTENDED).then(|| Regex::new(&from_extended(pattern)).ok()).flatten()

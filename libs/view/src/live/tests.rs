@@ -195,3 +195,47 @@ proptest! {
         prop_assert_eq!(live.snapshot("a").unwrap().1, plain);
     }
 }
+
+#[test]
+fn panels_are_kept_in_parts_within_their_limits() {
+    let live =
+        Live::new(LiveLimits { panel_bytes: 100, panel_parts: 3, name_bytes: 20, ..LiveLimits::default() });
+    assert!(matches!(live.show_panel("a", "x", "{}"), Err(ViewError::Misuse { .. })));
+    live.create("a", 2, 2, &names(&["R"])).unwrap();
+    let panel = || live.info("a").unwrap().panel;
+    assert!(panel().is_empty());
+    let before = live.generation("a");
+    live.show_panel("a", "light/1", "{\"on\":1}").unwrap();
+    live.show_panel("a", "light/2", "{}").unwrap();
+    assert!(live.generation("a") > before);
+    let old = panel();
+    live.show_panel("a", "light/1", "").unwrap();
+    live.show_panel("a", "light/3", "").unwrap();
+    assert_eq!((old.len(), panel().keys().cloned().collect::<Vec<_>>()), (2, vec!["light/2".to_owned()]));
+    for part in ["b", "c"] {
+        live.show_panel("a", part, "{}").unwrap();
+    }
+    for (part, text) in [("d", "{}".to_owned()), ("b", "x".repeat(200)), (&*"x".repeat(21), "{}".to_owned())]
+    {
+        assert!(matches!(live.show_panel("a", part, &text), Err(ViewError::Limit { .. })), "{part}");
+    }
+    assert_eq!(panel().len(), 3);
+    // Space is free again after a part was replaced or removed.
+    for _ in 0..10 {
+        live.show_panel("a", "b", &"x".repeat(60)).unwrap();
+        live.show_panel("a", "b", "").unwrap();
+    }
+}
+
+#[test]
+fn edits_reach_the_sender_until_it_ends() {
+    let live = Live::default();
+    live.create("a", 2, 2, &names(&["R"])).unwrap();
+    assert!(live.edits("a").is_none() && live.edits("b").is_none());
+    let (to, from) = std::sync::mpsc::channel();
+    live.take_edits("a", EditSender::new(move |text| to.send(text.to_owned()).is_ok()));
+    assert!(live.edits("a").unwrap().send("{}"));
+    assert_eq!(from.recv().unwrap(), "{}");
+    live.finish("a");
+    assert!(live.edits("a").is_none());
+}

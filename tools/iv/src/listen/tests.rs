@@ -1,6 +1,7 @@
 //! Tests with clients that are written byte by byte from the published description of the protocol.
 
 use super::*;
+use granita_display::packet::VERSION;
 use granita_image::{Draw, Request};
 use granita_view::LiveLimits;
 use std::io::{Read, Write};
@@ -172,7 +173,7 @@ impl Ours {
         socket.write_all(&packet(2, &[b"\x01granita hello\0"])).unwrap();
         let mut hello = [0; 9];
         socket.read_exact(&mut hello).unwrap();
-        assert_eq!(hello, [9, 0, 0, 0, 100, 1, 0, 0, 0]);
+        assert_eq!(hello, [9, 0, 0, 0, 100, VERSION as u8, 0, 0, 0]);
         Self(socket)
     }
 

@@ -98,6 +98,7 @@ mod tests {
             drawing: Default::default(),
             wishes: Wishes::default(),
             takes_requests: false,
+            panel: Default::default(),
         }
     }
 

@@ -1,7 +1,8 @@
 //! Live images in browsers (`iv -serve`), for machines without a screen.
 //!
 //! One port serves one page, which is self-contained, and its web socket. Both are found only under a random word in
-//! the address, which is printed. A page cannot change anything here. Each page has its own exposure, zoom and
+//! the address, which is printed. A page cannot change anything here, but for images with a panel the edits of its user
+//! are passed on to the sender of the image. Pages on other machines only watch. Each page has its own exposure, zoom and
 //! position.
 
 mod blocks;
@@ -24,8 +25,11 @@ use std::time::{Duration, Instant};
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Error, WebSocket};
 
-/// The HTML text of the page.
+/// The HTML text of the page, with the places of the style and the code of the desk for lighting.
 const PAGE: &str = include_str!("page.html");
+/// The style and the code of the desk for lighting.
+const DESK: [(&str, &str); 2] =
+    [("/* desk.css */", include_str!("desk.css")), ("/* desk.js */", include_str!("desk.js"))];
 /// The largest number of connections at once. A browser has one or two.
 const CONNECTIONS: usize = 64;
 /// The largest number of connections of one address at once.
@@ -40,6 +44,11 @@ pub(crate) struct Server {
     address: SocketAddr,
     url: String,
     shared: Arc<Shared>,
+}
+
+/// Returns the whole text of the page.
+fn page() -> String {
+    DESK.iter().fold(PAGE.to_owned(), |page, (place, text)| page.replace(place, text))
 }
 
 struct Shared {
@@ -114,7 +123,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
             http::answer(&mut socket, "421 Misdirected Request", "text/plain", text)
         }
         ("GET", Some("/")) => {
-            http::answer(&mut socket, "200 OK", "text/html; charset=utf-8", PAGE.as_bytes())
+            http::answer(&mut socket, "200 OK", "text/html; charset=utf-8", page().as_bytes())
         }
         ("GET", Some("/live")) => {
             match http::upgrade(&mut socket, &request) {
@@ -152,13 +161,15 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     {
         return;
     }
+    // A page on another machine has the address, but lights may be changed from this machine only.
+    let may_edit = socket.peer_addr().is_ok_and(|address| address.ip().is_loopback());
     let config = WebSocketConfig::default()
         .max_message_size(Some(1 << 16))
         .max_frame_size(Some(1 << 16))
         .write_buffer_size(0)
         .max_write_buffer_size(64 << 20);
     let mut web = WebSocket::from_partially_read(socket, more, Role::Server, Some(config));
-    let mut page = Page::new(shared.live.clone());
+    let mut page = Page::new(shared.live.clone(), may_edit);
     while !shared.places.is_ending() {
         let mut answers = page.news();
         loop {
@@ -262,6 +273,11 @@ pub(crate) fn run(
         if let Err(what) = files::read(&live, formats, file) {
             reporter.error(what);
         }
+    }
+    if args.endwithinput {
+        // The program that started this one holds the other end of standard input.
+        let _ = std::io::copy(&mut std::io::stdin().lock(), &mut std::io::sink());
+        return Status::Done;
     }
     loop {
         std::thread::park();

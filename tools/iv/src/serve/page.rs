@@ -3,10 +3,15 @@
 //! The page sends `{"show": ID, "channels": [c ...]}` (at most four channels), `{"probe": [x, y]}`, and `{"detail": ID,
 //! "scale": s, "rect": [x, y, width, height]}` for its visible part, see [`detail`](super::detail).
 //!
-//! The page receives text: `{"images": [{id, name, width, height, channels, note, live} ...], "shown": ID}` whenever
-//! the list changes, `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
+//! For a desk for lighting it also sends `{"panel": ID}`, to receive the panel of an image, and `{"edit": {...}, "image":
+//! ID}`, which goes to the sender of the image unless this page only watches.
+//!
+//! The page receives text: `{"images": [{id, name, width, height, channels, note, live, panel, edits} ...], "shown":
+//! ID}` whenever the list changes, `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
 //! pixels of an image, `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` with the steps of a
-//! canvas ("moveTo" ...), and `{"probe": [x, y], "values": ["v" ...]}`.
+//! canvas ("moveTo" ...), `{"probe": [x, y], "values": ["v" ...]}`,
+//! and `{"panel": ID, "all": a, "parts": {name: text ...}}` with the changed parts of a panel, which are JSON in a text, or
+//! null for parts that are gone. With `"all": true`, these are all parts.
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
 //! channels, `u32` scale, then the values row by row with interleaved channels. An image of more than
@@ -17,7 +22,7 @@
 use super::blocks::{BLOCK, RECTS, blocks, parts, reduction};
 use super::detail::Detail;
 use granita_image::{Draw, PixelRect};
-use granita_view::{Live, LiveInfo};
+use granita_view::{Live, LiveInfo, Panel};
 use half::f16;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -44,6 +49,11 @@ pub(super) struct Page {
     marks: Vec<PixelRect>,
     drawing: Arc<Vec<Draw>>,
     list: Value,
+    /// True when edits of the page are passed on.
+    may_edit: bool,
+    /// The id of the image whose panel the page shows, and the panel that it has; 0 for none.
+    paneled: u64,
+    panel: Option<Arc<Panel>>,
 }
 
 /// A message to the page.
@@ -54,7 +64,8 @@ pub(super) enum Message {
 }
 
 impl Page {
-    pub(super) fn new(live: Live) -> Self {
+    /// Returns a page. Its edits are passed on if `may_edit` is true.
+    pub(super) fn new(live: Live, may_edit: bool) -> Self {
         Self {
             live,
             version: None,
@@ -66,6 +77,9 @@ impl Page {
             marks: Vec::new(),
             drawing: Arc::default(),
             list: Value::Null,
+            may_edit,
+            paneled: 0,
+            panel: None,
         }
     }
 
@@ -77,6 +91,20 @@ impl Page {
             let index = |c: &Value| c.as_u64().and_then(|c| usize::try_from(c).ok());
             self.channels = channels.iter().take(4).filter_map(index).collect();
             (self.chosen, self.known, self.detail) = (id, None, None);
+            return None;
+        }
+        if let Some(id) = value["panel"].as_u64() {
+            (self.paneled, self.panel) = (id, None);
+            self.version = None;
+            return None;
+        }
+        if value["edit"].is_object() {
+            if self.may_edit
+                && let Some(info) = self.info(value["image"].as_u64()?)
+                && let Some(sender) = self.live.edits(&info.name)
+            {
+                sender.send(&value["edit"].to_string());
+            }
             return None;
         }
         if let Some(id) = value["detail"].as_u64() {
@@ -96,8 +124,30 @@ impl Page {
 
     /// Returns the selected image, while it exists.
     fn chosen(&self) -> Option<LiveInfo> {
+        self.info(self.chosen)
+    }
+
+    fn info(&self, id: u64) -> Option<LiveInfo> {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
-        infos.into_iter().find(|info| info.id == self.chosen)
+        infos.into_iter().find(|info| info.id == id)
+    }
+
+    /// Returns the changes of the panel that the page shows.
+    fn panel_news(&mut self) -> Option<Message> {
+        let new = self.info(self.paneled)?.panel;
+        if self.panel.as_ref().is_some_and(|old| Arc::ptr_eq(old, &new)) {
+            return None;
+        }
+        let old = self.panel.replace(new.clone());
+        let known = old.as_deref();
+        let is_new =
+            |(part, text): &(&String, &Arc<str>)| known.and_then(|old| old.get(*part)) != Some(*text);
+        let mut parts: serde_json::Map<String, Value> =
+            new.iter().filter(is_new).map(|(part, text)| (part.clone(), Value::from(&**text))).collect();
+        let gone = known.into_iter().flat_map(Panel::keys).filter(|part| !new.contains_key(*part));
+        parts.extend(gone.map(|part| (part.clone(), Value::Null)));
+        let text = json!({"panel": self.paneled, "all": old.is_none(), "parts": parts}).to_string();
+        Some(Message::Text(text))
     }
 
     /// True when more can be sent at once.
@@ -121,6 +171,7 @@ impl Page {
                 messages.push(Message::Text(list.to_string()));
                 self.list = list;
             }
+            messages.extend(self.panel_news());
         }
         let Some(info) = self.chosen() else {
             self.pending.clear();
@@ -191,8 +242,10 @@ impl Page {
     fn images(&self) -> Value {
         let infos = self.live.names().into_iter().filter_map(|name| self.live.info(&name));
         let entry = |info: LiveInfo| {
+            let edits = self.may_edit && info.takes_requests;
             json!({"id": info.id, "name": info.name, "width": info.width, "height": info.height,
-                "channels": info.channels, "note": info.note, "live": info.takes_requests})
+                "channels": info.channels, "note": info.note, "live": info.takes_requests,
+                "panel": !info.panel.is_empty(), "edits": edits})
         };
         json!({"images": infos.map(entry).collect::<Vec<_>>(), "shown": self.live.shown()})
     }
@@ -315,7 +368,7 @@ mod tests {
     fn a_page_receives_the_pixels_of_the_image() {
         let live = Live::default();
         live.create("a", 700, 300, &names(&["R", "G", "B", "A", "Z"])).unwrap();
-        let mut page = Page::new(live.clone());
+        let mut page = Page::new(live.clone(), true);
         let mut painting = (0, 0, Vec::new());
         assert_eq!(painted(&mut page, &mut painting), 0, "nothing is chosen yet");
         let id = live.info("a").unwrap().id;
@@ -376,7 +429,7 @@ mod tests {
         live.create("a", 9001, 5, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();
         live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 5), &all).unwrap();
-        let mut page = Page::new(live.clone());
+        let mut page = Page::new(live.clone(), true);
         page.hear(&format!("{{\"show\": {}, \"channels\": [0]}}", live.info("a").unwrap().id));
         let mut painting = (0, 0, Vec::new());
         painted(&mut page, &mut painting);
@@ -396,7 +449,7 @@ mod tests {
         live.create("a", 9001, 40, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 40).map(|v| (v % 9001) as f32 / 8.0).collect();
         live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 40), &all).unwrap();
-        let mut page = Page::new(live.clone());
+        let mut page = Page::new(live.clone(), true);
         let id = live.info("a").unwrap().id;
         let ask =
             |scale: u32, rect: [i32; 4]| json!({"detail": id, "scale": scale, "rect": rect}).to_string();
@@ -452,5 +505,54 @@ mod tests {
         assert_eq!(colors(&names(&["A", "B", "G", "R"])), [3, 2, 1, 0]);
         assert_eq!(colors(&names(&["R", "G", "B", "Z"])), [0, 1, 2]);
         assert_eq!((colors(&names(&["Z", "Y"])), colors(&names(&["Z"]))), (vec![1], vec![0]));
+    }
+
+    /// Returns the texts of the messages of a page.
+    fn texts(page: &mut Page) -> Vec<Value> {
+        let text = |message| match message {
+            Message::Text(text) => serde_json::from_str(&text).ok(),
+            Message::Pixels(_) => None,
+        };
+        page.news().into_iter().filter_map(text).collect()
+    }
+
+    #[test]
+    fn panels_are_sent_in_parts_and_edits_are_passed_on() {
+        let live = Live::default();
+        live.create("a", 4, 4, &names(&["R"])).unwrap();
+        let (to, from) = std::sync::mpsc::channel();
+        live.take_edits("a", granita_view::EditSender::new(move |text| to.send(text.to_owned()).is_ok()));
+        live.answer("a", granita_view::RequestSender::new(|_| true));
+        let id = live.info("a").unwrap().id;
+        let (mut page, mut watcher) = (Page::new(live.clone(), true), Page::new(live.clone(), false));
+        let flags = |page: &mut Page| {
+            let list = texts(page).into_iter().find(|m| m["images"].is_array()).unwrap();
+            (list["images"][0]["panel"].clone(), list["images"][0]["edits"].clone())
+        };
+        assert_eq!(flags(&mut page), (json!(false), json!(true)));
+        live.show_panel("a", "state", "{\"n\":1}").unwrap();
+        live.show_panel("a", "light/key", "{}").unwrap();
+        assert_eq!(flags(&mut page), (json!(true), json!(true)));
+        assert_eq!(flags(&mut watcher), (json!(true), json!(false)));
+        for page in [&mut page, &mut watcher] {
+            assert_eq!(page.hear(&json!({"panel": id}).to_string()), None);
+            let all = json!({"panel": id, "all": true, "parts": {"state": "{\"n\":1}", "light/key": "{}"}});
+            assert_eq!(texts(page), [all]);
+            assert!(texts(page).is_empty());
+        }
+        live.show_panel("a", "state", "{\"n\":2}").unwrap();
+        live.show_panel("a", "light/key", "").unwrap();
+        let parts = json!({"state": "{\"n\":2}", "light/key": null});
+        assert_eq!(texts(&mut page), [json!({"panel": id, "all": false, "parts": parts})]);
+        // Edits of pages that only watch, for other images, and of another kind are not passed on.
+        let edit = |image: u64| json!({"edit": {"do": "undo"}, "image": image}).to_string();
+        watcher.hear(&edit(id));
+        page.hear(&edit(id + 1));
+        page.hear(&json!({"edit": "undo", "image": id}).to_string());
+        assert!(from.try_recv().is_err());
+        page.hear(&edit(id));
+        assert_eq!(from.recv().unwrap(), "{\"do\":\"undo\"}");
+        live.finish("a");
+        assert_eq!(page.hear(&edit(id)), None);
     }
 }

@@ -34,7 +34,7 @@ fn the_page_is_served_only_under_its_token() {
     assert!(page.contains("Content-Security-Policy: default-src 'none'"));
     // The page does not load anything from other servers.
     for foreign in ["http://", "https://", "src=", "@import", "url("] {
-        assert!(!PAGE.contains(foreign), "{foreign}");
+        assert!(!super::page().contains(foreign), "{foreign}");
     }
     let wrong = "0".repeat(32);
     for path in [

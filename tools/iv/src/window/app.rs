@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::blit::Blit;
+use super::desk::{Desk, Pointing};
 use super::keys;
 use super::model::{Command, Model};
 use super::script::{Running, Step};
@@ -24,6 +25,8 @@ enum Drag {
     Probe(Pos2),
     /// Selects the area that is rendered first, from this point of the window.
     Priority(Pos2),
+    /// Moves or aims a light of the desk.
+    Lamp(Pointing),
 }
 
 /// A file name that the user is entering.
@@ -52,6 +55,8 @@ pub(crate) struct App {
     pressed: Option<(Pos2, Modifiers)>,
     last_click: Option<(Instant, Pos2)>,
     pub(crate) prompt: Option<Prompt>,
+    /// The desk for lighting.
+    pub(crate) desk: Desk,
     pub(super) full_screen: bool,
     pub(super) script: Option<Running>,
     pub(super) outcome: Outcome,
@@ -97,6 +102,7 @@ impl App {
             pressed: None,
             last_click: None,
             prompt: None,
+            desk: Desk::default(),
             full_screen: false,
             script,
             outcome,
@@ -154,14 +160,16 @@ impl App {
 
     pub(super) fn handle(&mut self, event: &Event, ppp: f32, ctx: &egui::Context) {
         match event {
-            Event::Key { key, pressed: true, modifiers, .. } if self.prompt.is_none() => {
+            Event::Key { key, pressed: true, modifiers, .. }
+                if self.prompt.is_none() && !self.desk.is_typing(ctx) =>
+            {
                 if let Some(action) = keys::action_of(*key, *modifiers)
                     && let Some(command) = self.model.act(action)
                 {
                     self.run(command, ctx);
                 }
             }
-            Event::PointerMoved(pos) => self.moved(*pos, ppp, ctx.input(|i| i.modifiers)),
+            Event::PointerMoved(pos) => self.moved(*pos, ppp, ctx),
             Event::PointerGone => self.pointer = None,
             Event::PointerButton {
                 pos,
@@ -170,7 +178,7 @@ impl App {
                 modifiers,
             } => {
                 if *pressed && self.area.contains(*pos) && self.prompt.is_none() {
-                    self.press(*pos, *modifiers, ppp);
+                    self.press(*pos, *modifiers, ppp, ctx);
                 } else if !*pressed {
                     self.release(*pos, ppp);
                 }
@@ -212,8 +220,31 @@ impl App {
         }
     }
 
-    fn press(&mut self, pos: Pos2, modifiers: Modifiers, ppp: f32) {
+    /// Returns the point of the window of the pixels `[x, y, ...]` of a live image.
+    pub(crate) fn pixel_point(&self, at: &serde_json::Value, ppp: f32) -> Option<Pos2> {
+        let (x, y) = self.model.view.to_screen(at[0].as_f64()?, at[1].as_f64()?);
+        self.model.view.around.is_none().then(|| self.area.min + Vec2::new(x as f32, y as f32) / ppp)
+    }
+
+    /// Moves or aims the chosen light of the desk at a point of the window.
+    fn point_lamp(&mut self, pointing: Pointing, pos: Pos2, ppp: f32, ctx: &egui::Context) {
+        let (x, y) = self.in_area(pos, ppp);
+        let at = self.model.view.to_sheet(x, y);
+        self.desk.point(pointing, at, ctx);
+    }
+
+    fn press(&mut self, pos: Pos2, modifiers: Modifiers, ppp: f32, ctx: &egui::Context) {
         self.pressed = Some((pos, modifiers));
+        let mut desk = std::mem::take(&mut self.desk);
+        let pointing = desk.grabbed(&|at| self.pixel_point(at, ppp), pos);
+        self.desk = desk;
+        if let Some(pointing) = pointing {
+            self.drag = Some((Drag::Lamp(pointing), pos));
+            if pointing == Pointing::Aim {
+                self.point_lamp(pointing, pos, ppp, ctx);
+            }
+            return;
+        }
         let live = self.model.entries.is_live(self.model.entries.current);
         let near_edge = self
             .wipe_edge()
@@ -230,8 +261,12 @@ impl App {
         self.drag = Some((drag, pos));
     }
 
-    fn moved(&mut self, pos: Pos2, ppp: f32, modifiers: Modifiers) {
+    fn moved(&mut self, pos: Pos2, ppp: f32, ctx: &egui::Context) {
+        let modifiers = ctx.input(|i| i.modifiers);
         self.pointer = Some(pos);
+        if let Some((Drag::Lamp(pointing), _)) = self.drag {
+            return self.point_lamp(pointing, pos, ppp, ctx);
+        }
         match &mut self.drag {
             Some((Drag::Pan, last)) => {
                 let by = (pos - *last) * ppp;
@@ -239,6 +274,7 @@ impl App {
                 self.model.pan(f64::from(by.x), f64::from(by.y));
             }
             Some((Drag::Wipe, _)) => self.wipe_to(pos),
+            Some((Drag::Lamp(_), _)) => (),
             Some((Drag::Probe(from) | Drag::Priority(from), _)) => {
                 let from = *from;
                 // A click is not an area.
@@ -263,6 +299,7 @@ impl App {
         let Some((from, modifiers)) = self.pressed.take() else { return };
         let moved = (pos - from).length() * ppp > 3.0;
         match drag {
+            Drag::Lamp(_) => self.desk.release(),
             Drag::Priority(from) => {
                 let rect = self.rect_between(from, pos, ppp);
                 self.model.probe = None;

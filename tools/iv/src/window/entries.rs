@@ -129,6 +129,12 @@ impl Entries {
         self.list.iter().position(|e| !e.live && e.path == path)
     }
 
+    /// Returns the images that arrive.
+    pub(crate) fn live(&self) -> &Live {
+        &self.live
+    }
+
+    /// True when an entry is an image that arrives.
     pub(crate) fn is_live(&self, entry: usize) -> bool {
         self.list.get(entry).is_some_and(|e| e.live)
     }

@@ -5,6 +5,7 @@
 
 mod app;
 mod blit;
+mod desk;
 mod entries;
 mod keys;
 mod lost;

@@ -344,6 +344,9 @@ pub(crate) fn over(app: &mut App, ui: &mut egui::Ui) {
     if app.model.mix == Mix::Flip {
         key_of_flip(&painter, area);
     }
+    if app.model.view.around.is_none() && app.model.entries.is_live(current) {
+        app.desk.paint(&painter, &|at| app.pixel_point(at, ppp));
+    }
     boxes(app, &painter);
     help_and_prompt(app, ui);
 }

@@ -125,6 +125,7 @@ impl App {
         let mut lines = vec![panels::status(self, ppp)];
         lines.extend(panels::numbers(&mut self.model));
         lines.extend(self.model.message.as_ref().map(|(text, _)| text.clone()));
+        lines.extend(self.desk.lines());
         lines.push(format!("first image after {first:.3} s, complete after {complete:.3} s"));
         lines.join("\n") + "\n"
     }

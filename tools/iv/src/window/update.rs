@@ -1,7 +1,7 @@
 //! The functions of the window that the window system calls.
 
 use super::app::App;
-use super::panels;
+use super::{desk, panels};
 use eframe::egui;
 use egui::{Event, Key};
 use std::path::PathBuf;
@@ -43,7 +43,7 @@ impl eframe::App for App {
         let ppp = ctx.pixels_per_point();
         let events = ctx.input(|i| i.events.clone());
         // Keys such as Tab control the image. They do not move the focus in the panels.
-        if self.prompt.is_none() {
+        if self.prompt.is_none() && !self.desk.is_typing(&ctx) {
             ctx.memory_mut(|m| {
                 if let Some(id) = m.focused() {
                     m.surrender_focus(id);
@@ -61,6 +61,7 @@ impl eframe::App for App {
         if !self.full_screen || self.model.list_open || self.model.side_open {
             panels::around(self, ui);
         }
+        desk::show(self, ui);
         self.area = ui.available_rect_before_wrap();
         self.show_image(ui);
         panels::over(self, ui);
