@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod manual;
 mod progress;
 mod statistics;
 mod viewer;
@@ -123,6 +124,10 @@ struct Options {
     #[arg(long, hide = true, requires = "stream")]
     messages: bool,
 
+    /// Print where the manual is, and open it in a browser
+    #[arg(long)]
+    manual: bool,
+
     /// Work for the program that started this one, which goes on meanwhile
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
     remote: bool,
@@ -150,7 +155,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 15] = [
+const NOT_FOR_WORKERS: [(&str, &str); 16] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -163,6 +168,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 15] = [
     ("stream", "a scene that is no file has no workers"),
     ("archive", "nothing is rendered"),
     ("messages", "a scene that is no file has no workers"),
+    ("manual", "nothing is rendered"),
     ("remote", "a scene that is no file has no workers"),
     ("timeout", "workers end with the coordinator"),
     ("nofence", "a safe run has no workers"),
@@ -202,6 +208,9 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     };
     if options.silent {
         reporter.set_verbosity(0);
+    }
+    if options.manual {
+        return manual::show(&reporter);
     }
     let ending = Ending::new(bar.clone());
     ending.watch(options.stream || options.worker || options.remote, &reporter);
@@ -364,6 +373,7 @@ fn session_options(
         },
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given),
+        rerenders_anew: false,
     }
 }
 
