@@ -8,20 +8,26 @@ import unittest
 
 from support import PACKAGE, Scratch, numpy
 
-MANUAL = os.path.join(PACKAGE, "..", "..", "docs", "python.md")
+MANUAL = os.path.join(PACKAGE, "..", "..", "docs")
 
 
 class Manual(Scratch):
     def test_every_example_runs(self):
-        with open(MANUAL, encoding="utf-8") as f:
+        self.assertGreater(self.run_page("python.md"), 6)
+        for name in ("ball.png", "ball.tif", "ball.tx", "blocks.pyg"):
+            self.assertTrue(os.path.exists(name), name)
+        self.assertEqual(self.run_page("howto.md"), 1)
+
+    def run_page(self, page):
+        """Runs the examples of a page. Returns their number."""
+        with open(os.path.join(MANUAL, page), encoding="utf-8") as f:
             text = f.read()
         blocks = list(re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
-        self.assertGreater(len(blocks), 6)
         environment = dict(os.environ, PYTHONPATH=PACKAGE, PYTHONWARNINGS="error")
         for block in blocks:
             if "import numpy" in block.group(1) and numpy is None:
                 continue
-            with self.subTest(line=text.count("\n", 0, block.start()) + 2):
+            with self.subTest(page=page, line=text.count("\n", 0, block.start()) + 2):
                 ran = subprocess.run(
                     [sys.executable, "-c", block.group(1)], env=environment, capture_output=True, text=True
                 )
@@ -29,8 +35,7 @@ class Manual(Scratch):
                 # What an example prints stands behind it.
                 for shown in re.findall(r"print\(.*?\)  # (.*)$", block.group(1), re.MULTILINE):
                     self.assertIn(shown, ran.stdout)
-        for name in ("ball.png", "ball.tif", "ball.tx", "blocks.pyg"):
-            self.assertTrue(os.path.exists(name), name)
+        return len(blocks)
 
 
 if __name__ == "__main__":
