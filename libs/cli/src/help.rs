@@ -43,10 +43,12 @@ fn line_with_one_dash(line: &str) -> String {
         if let Some(gap) = out[at - 4..].find("  ") {
             out.insert_str(at - 4 + gap, &" ".repeat(removed + 4));
         }
-    } else if removed > 0 && line.starts_with("  ") && !line.starts_with("   ") {
-        if let Some(gap) = out[at..].find("  ") {
-            out.insert_str(at + gap, &" ".repeat(removed));
-        }
+    } else if removed > 0
+        && line.starts_with("  ")
+        && !line.starts_with("   ")
+        && let Some(gap) = out[at..].find("  ")
+    {
+        out.insert_str(at + gap, &" ".repeat(removed));
     }
     out
 }
