@@ -430,7 +430,9 @@ fn render(options: &Options, mut session: Session, answers: &Connection, reporte
     if !failed && !outcome.rendered && outcome.waiting > 0 {
         reporter.warning(format!("nothing was rendered: {} primitives, but no Render ()", outcome.waiting));
     }
-    let mut status = status(&outcome, failed);
+    // Without a frame, commands are the only effect of scene files.
+    let is_void = outcome.errors > 0 && !outcome.rendered && !outcome.commanded && !options.stream;
+    let mut status = status(&outcome, failed || is_void);
     if let Some(path) = &options.statistics_json {
         let document = statistics::document(&outcome, &options.files, reporter, status.code());
         if let Err(error) = statistics::write(path, &document) {
