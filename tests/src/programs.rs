@@ -33,7 +33,15 @@ impl Tools {
     /// # Errors
     /// Returns the output of cargo when it cannot build them.
     pub fn build() -> Result<Self, String> {
-        Self::build_also(&[])
+        Self::build_all(&[], &[])
+    }
+
+    /// Builds the tools like [`Tools::build`], and also these programs.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Tools::build`].
+    pub fn build_with(programs: &[&str]) -> Result<Self, String> {
+        Self::build_all(programs, &[])
     }
 
     /// Builds the tools like [`Tools::build`], and also the libraries of these packages.
@@ -41,6 +49,10 @@ impl Tools {
     /// # Errors
     /// Returns the errors of [`Tools::build`].
     pub fn build_also(libraries: &[&str]) -> Result<Self, String> {
+        Self::build_all(&[], libraries)
+    }
+
+    fn build_all(programs: &[&str], libraries: &[&str]) -> Result<Self, String> {
         let test = std::env::current_exe().map_err(|e| e.to_string())?;
         // The path of the test is target/PROFILE/deps/suite-0123456789abcdef.
         let folder = test.parent().and_then(Path::parent).ok_or("a test outside a target folder")?.to_owned();
@@ -57,7 +69,7 @@ impl Tools {
             if !libraries.is_empty() {
                 command.arg("--lib");
             }
-            for name in libraries.iter().chain(&Self::NAMES) {
+            for name in libraries.iter().chain(programs).chain(&Self::NAMES) {
                 command.args(["--package", name]);
             }
         }

@@ -30,6 +30,11 @@ pub(crate) fn build(out: Option<&Path>) -> Result<(), String> {
     }
 }
 
+/// True when `mdbook` can be run.
+pub(crate) fn has_program() -> bool {
+    Command::new("mdbook").arg("--version").output().is_ok_and(|ran| ran.status.success())
+}
+
 /// One page.
 struct Page {
     /// The anchors of its headings.

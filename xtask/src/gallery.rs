@@ -1,8 +1,8 @@
 //! Renders the images that the pages show, and checks that they are those of today's renderer and scenes.
 //!
 //! Each image is a frame of a recipe. A recipe is a scene of `examples/` whose `Command` calls make what its frames
-//! need: shaders, textures, maps and other passes. Everything happens in a copy of the tree in `target/gallery`, where
-//! each image is one more `Output` of its frame.
+//! need: shaders, textures, maps and other passes. Or it is a page of the manual with files and commands. Everything
+//! happens in a copy of the tree in `target/gallery`, where each image is one more `Output` of its frame.
 //!
 //! `--check` runs the recipes, renders a box of [`BOX`] pixels of each frame at its full settings, and compares it with
 //! the stored image.
@@ -121,10 +121,21 @@ impl Studio {
     /// Runs the commands of a recipe, except those that render frames of images.
     fn prepare(&self, recipe: &Recipe) -> Result<(), String> {
         std::fs::create_dir_all(self.place.join(&recipe.out)).map_err(|e| format!("{}: {e}", recipe.out))?;
+        for (name, text) in &recipe.files {
+            std::fs::write(self.place.join(name), text).map_err(|e| format!("{name}: {e}"))?;
+        }
         for words in &recipe.commands {
+            let frame = |scene: &str| match recipe.files.is_empty() {
+                true => scene.to_owned(),
+                false => format!("{}#{scene}", recipe.scene),
+            };
+            // The frames of images are rendered later. `iv` prints what pages show.
+            if words[0] == "iv" {
+                continue;
+            }
             if let [tool, scene] = &words[..]
                 && tool == "gelato"
-                && IMAGES.iter().any(|p| p.frame == scene)
+                && IMAGES.iter().any(|p| p.frame == frame(scene))
             {
                 continue;
             }

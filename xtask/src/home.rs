@@ -1,6 +1,7 @@
 //! The layout of `$GELATOHOME`: one program with all tools, links with their names, libraries, headers, shaders and
 //! inputs.
 
+use crate::book;
 use crate::files::{copy, copy_all, link, made, read, repository, run, write};
 use std::env::consts::{DLL_PREFIX, DLL_SUFFIX, EXE_SUFFIX};
 use std::path::{Path, PathBuf};
@@ -43,14 +44,22 @@ pub(crate) fn lay_out(home: &Path, built: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Copies the manual, the licences and the list of changes.
+/// Copies the manual, the licences and the list of changes. Where `mdbook` is installed, the manual is there as HTML,
+/// too.
 fn documents(doc: &Path) -> Result<(), String> {
     let root = repository();
     copy_all(&root.join("docs"), doc, ".md")?;
-    copy_all(&root.join("docs/calls"), &made(doc.join("calls"))?, ".md")?;
+    for folder in ["calls", "tutorials"] {
+        copy_all(&root.join("docs").join(folder), &made(doc.join(folder))?, ".md")?;
+    }
     copy_all(&root.join("docs/pictures"), &made(doc.join("pictures"))?, "")?;
     for file in ["LICENSE-MIT", "LICENSE-APACHE", "CREDITS.md", "CHANGELOG.md"] {
         copy(&root.join(file), doc)?;
+    }
+    if book::has_program() {
+        book::build(Some(&doc.join("book")))?;
+    } else {
+        println!("no mdbook (cargo install mdbook): the manual is copied as text only");
     }
     Ok(())
 }

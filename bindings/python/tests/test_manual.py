@@ -16,6 +16,7 @@ class Manual(Scratch):
         self.assertGreater(self.run_examples("python.md"), 6)
         for name in ("ball.png", "ball.tif", "ball.tx", "blocks.pyg"):
             self.assertTrue(os.path.exists(name), name)
+        self.assertEqual(self.run_examples("howto.md"), 1)
 
     def test_the_example_of_rerendering_runs(self):
         self.assertEqual(self.run_examples("rerender.md"), 1)

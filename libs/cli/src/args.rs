@@ -1,5 +1,6 @@
 //! Command line options with one dash or two.
 
+use crate::help::{for_output, with_one_dash};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Command, CommandFactory, FromArgMatches};
@@ -33,7 +34,10 @@ pub struct Refusal {
 
 impl std::fmt::Display for Refusal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        if self.text.is_empty() { self.error.fmt(f) } else { f.write_str(&self.text) }
+        match self.text.is_empty() {
+            true => f.write_str(&with_one_dash(&self.error.to_string())),
+            false => f.write_str(&self.text),
+        }
     }
 }
 
@@ -47,7 +51,8 @@ impl Refusal {
 
     fn exit(&self) -> ! {
         if self.text.is_empty() {
-            self.error.exit();
+            crate::print(&for_output(&self.error.render()));
+            std::process::exit(crate::Status::Done.code().into())
         }
         // Without a standard error the status still counts.
         let _ = writeln!(std::io::stderr().lock(), "{}", self.text);
@@ -308,5 +313,6 @@ mod tests {
         for (line, expected) in [("x -h", "Usage:"), ("x -help", "Usage:"), ("x -V", VERSION)] {
             assert!(said(line).contains(expected) && !said(line).contains("error"), "{line}");
         }
+        assert!(said("x -help").contains("\n  -envcube") && !said("x -help").contains("--"), "one dash");
     }
 }

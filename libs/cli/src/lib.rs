@@ -16,6 +16,7 @@ mod args;
 mod ending;
 mod fence;
 mod files;
+mod help;
 mod progress;
 mod run;
 
@@ -23,6 +24,7 @@ pub use args::{BUILD_DATE, Given, Refusal, SUITE_VERSION, command, parse, parse_
 pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;
+pub use help::help;
 pub use progress::{Bar, console_reporter, reporter_with, time_left};
 pub use run::{Ending, seconds};
 

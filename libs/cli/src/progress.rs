@@ -85,6 +85,13 @@ impl Bar {
         self.bar.finish_and_clear();
     }
 
+    /// Removes all bars and their line from the terminal, for good. Threads that still make progress draw nothing.
+    pub fn close(&self) {
+        // An error of writing to the terminal is ignored.
+        let _ = self.all.clear();
+        self.all.set_draw_target(ProgressDrawTarget::hidden());
+    }
+
     /// Suppresses further warnings and errors, because failures caused by ending the tool are not of interest.
     pub fn mute(&self) {
         self.muted.store(true, Ordering::SeqCst);

@@ -52,8 +52,16 @@ impl Ending {
     /// Ends the run on signals and, when `caller` is true, when the program that it works for is gone.
     pub fn watch(&self, caller: bool, reporter: &Reporter) {
         let warn = |error: std::io::Error| reporter.warning(format!("signals cannot be handled: {error}"));
-        let ending = self.clone();
-        before_signals(move || ending.tidy()).unwrap_or_else(warn);
+        let (ending, messages) = (self.clone(), reporter.clone());
+        let end = move || {
+            // On a terminal the prompt follows, on a line of its own.
+            if ending.bar.is_shown() {
+                ending.bar.close();
+                messages.error("ended by a signal; unfinished files are removed");
+            }
+            ending.tidy();
+        };
+        before_signals(end).unwrap_or_else(warn);
         if caller {
             let ending = self.clone();
             let gone = move || {

@@ -10,7 +10,7 @@ use crate::outputs::RequestedImages;
 use crate::programs::Programs;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, SessionError, SessionOptions, safe};
-use granita_base::{Files, Location, Reporter, Severity};
+use granita_base::{Files, Location, Param, Reporter, Severity};
 use granita_image::FormatRegistry;
 use granita_inputs::{Input, InputError, Inputs};
 use granita_plugin::Plugins;
@@ -53,6 +53,8 @@ pub struct Outcome {
     pub frames: Vec<FrameRecord>,
     /// The written images.
     pub images: Vec<PathBuf>,
+    /// True when the scene files called `Command`, so that they had an effect without a frame.
+    pub commanded: bool,
     /// The number of primitives that no `Render` followed.
     pub waiting: usize,
     /// The number of reported errors.
@@ -76,6 +78,8 @@ pub struct Session {
     priority: Arc<Priority>,
     /// The names of files of objects that were read as if they were scenes.
     objects: Vec<String>,
+    /// True when the scene files called `Command`.
+    commanded: bool,
     /// How the next frame is rendered.
     looking: Arc<Mutex<Option<Looking>>>,
     /// The desk for lighting, while it is prepared.
@@ -159,6 +163,7 @@ impl Session {
             stop,
             priority,
             objects: Vec::new(),
+            commanded: false,
             looking,
             desk: None,
             desk_frame,
@@ -169,6 +174,7 @@ impl Session {
         session.read_startup_files();
         // Startup files are not a part of the scene.
         session.scripts = Scripts::default();
+        session.commanded = false;
         if session.options.run.safe {
             safe::add_search_paths(&session.options, &session.state);
         }
@@ -238,7 +244,10 @@ impl Session {
         let options = PygOptions { scripts: Some(self.scripts.clone()), ..self.inputs.pyg_options() };
         let source = PygSource::Stream { name: name.into(), stream };
         let reporter = self.reporter.clone();
-        let read = |state: &mut State| granita_pyg::read(source, state, &options, &reporter);
+        let commanded = &mut self.commanded;
+        let read = |state: &mut State| {
+            granita_pyg::read(source, &mut FileSink { state, commanded }, &options, &reporter)
+        };
         self.state.read(name, name, read).map_err(|error| failed(InputError::from(error)))
     }
 
@@ -298,10 +307,13 @@ impl Session {
     pub fn finish(mut self) -> Outcome {
         self.state.end();
         if let Some(name) = self.objects.first().filter(|_| !self.state.has_rendered()) {
-            self.reporter.error(format!(
-                "nothing was rendered: {name} holds objects and no Render (); render a scene that has Input (\"{name}\") \
-                 after World (), or see it as Pyg with topyg"
-            ));
+            self.reporter.error(match self.state.primitive_count() {
+                0 => format!("nothing was rendered: {name} holds no objects that can be drawn"),
+                _ => format!(
+                    "nothing was rendered: {name} holds objects and no Render (); render a scene that has Input \
+                     (\"{name}\") after World (), or see it as Pyg with topyg"
+                ),
+            });
         }
         let frames = self.finished.0.frames().clone();
         Outcome {
@@ -309,6 +321,7 @@ impl Session {
             complete: frames.iter().all(|f| f.complete),
             images: frames.iter().flat_map(|f| f.images.iter().cloned()).collect(),
             frames,
+            commanded: self.commanded,
             waiting: self.state.primitive_count(),
             errors: self.reporter.errors(),
             warnings: self.reporter.count(Severity::Warning),
@@ -358,7 +371,9 @@ impl Session {
             let read = |state: &mut State| input.read(&mut MeshSink { state, is_second_reading: false });
             return self.state.read(&identity, name, read).map_err(failed);
         }
-        self.state.read(&identity, name, |state| input.read(state)).map_err(failed)
+        let commanded = &mut self.commanded;
+        let read = |state: &mut State| input.read(&mut FileSink { state, commanded });
+        self.state.read(&identity, name, read).map_err(failed)
     }
 
     /// Reads the files of objects again when the first reading took only their cameras, as before `World`.
@@ -414,6 +429,32 @@ impl Session {
     /// Returns the records of the frames so far.
     pub(crate) fn frames(&self) -> Vec<FrameRecord> {
         self.finished.0.frames().clone()
+    }
+}
+
+/// Receives the calls of a scene file.
+struct FileSink<'a> {
+    state: &'a mut State,
+    /// Becomes true at a `Command`.
+    commanded: &'a mut bool,
+}
+
+impl SceneSink for FileSink<'_> {
+    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+        *self.commanded |= matches!(call, Call::Command { .. });
+        self.state.call(call, at)
+    }
+
+    fn in_world(&self) -> bool {
+        self.state.in_world()
+    }
+
+    fn new_frame(&mut self) -> bool {
+        self.state.new_frame()
+    }
+
+    fn attribute(&self, declaration: &str) -> Option<Param> {
+        SceneSink::attribute(self.state, declaration)
     }
 }
 

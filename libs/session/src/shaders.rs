@@ -1,7 +1,7 @@
 //! Finds and compiles shaders.
 
-use granita_base::{Location, Reporter, SearchPath, Severity};
-use granita_gsl::{CompileOptions, ValidModule, compile};
+use granita_base::{Location, Reporter, SearchPath};
+use granita_gsl::{CompileOptions, Diagnostic, ValidModule, compile};
 use granita_plugin::Plugins;
 use granita_render::{NoShader, ShaderLibrary};
 use granita_shade::Shadeop;
@@ -98,18 +98,24 @@ impl Shaders {
         };
         match compile(source, file, &options) {
             Ok(compiled) => {
-                for warning in &compiled.warnings {
-                    self.reporter.warning(warning.to_string());
-                }
+                compiled.warnings.iter().for_each(|warning| self.report(warning));
                 Ok(compiled.module)
             }
             Err(diagnostics) => {
-                for diagnostic in &diagnostics {
-                    self.reporter.say(Severity::Error, &Location::default(), diagnostic.to_string());
-                }
+                diagnostics.iter().for_each(|diagnostic| self.report(diagnostic));
                 Err(NoShader::Broken)
             }
         }
+    }
+}
+
+impl Shaders {
+    /// Reports a message of the compiler at its place in the source, with its severity.
+    fn report(&self, diagnostic: &Diagnostic) {
+        let severity = diagnostic.severity;
+        let text = Diagnostic { at: Location::default(), ..diagnostic.clone() }.to_string();
+        let text = text.strip_prefix(&format!("{severity}: ")).unwrap_or(&text).to_owned();
+        self.reporter.say(severity, &diagnostic.at, text);
     }
 }
 

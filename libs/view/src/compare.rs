@@ -1,11 +1,11 @@
 //! Compares two images numerically.
 
 use crate::image::Page;
-use crate::source::{Access, Source};
+use crate::plane::Plane;
 use crate::store::TileStore;
-use crate::tile::{TILE, Tile, tile_size};
+use crate::tile::{TILE, Tile};
 use crate::{Result, ViewError, flip};
-use granita_image::{ImageSpec, PixelType, Pixels};
+use granita_image::{ImageSpec, PixelType};
 use granita_texture::make::ColorSpace;
 use std::sync::Arc;
 
@@ -109,14 +109,7 @@ struct Sums {
 pub fn compare(a: &Page, b: &Page, options: &CompareOptions) -> Result<Comparison> {
     let (sa, sb) = (a.spec(), b.spec());
     let size = (sa.width, sa.height);
-    if size != (sb.width, sb.height) {
-        return Err(ViewError::Misuse {
-            what: format!(
-                "{} x {} pixels cannot be compared with {} x {}",
-                size.0, size.1, sb.width, sb.height
-            ),
-        });
-    }
+    same_size(sa, sb)?;
     let ChannelPairs { pairs, single } = paired(a, b)?;
     let decoded = a.encoded != b.encoded;
     let (sums, pixels_beyond) = sums(a, b, &pairs, options.tolerance)?;
@@ -197,31 +190,15 @@ fn paired(a: &Page, b: &Page) -> Result<ChannelPairs> {
 /// # Errors
 /// Returns an error when one page cannot be read.
 fn sums(a: &Page, b: &Page, pairs: &[(usize, usize)], tolerance: f32) -> Result<(Vec<Sums>, u64)> {
-    let size = (a.spec().width, a.spec().height);
-    let decoded = a.encoded != b.encoded;
-    let alpha = |name: &str| name == "A" || name.eq_ignore_ascii_case("alpha");
-    let convert = |page: &Page, channel: usize, v: f32| {
-        let decode = decoded && page.encoded && !alpha(&page.spec().channels[channel]);
-        if decode { ColorSpace::Srgb.decode(v) } else { v }
-    };
     let mut sums = vec![Sums::default(); pairs.len()];
-    let mut pixels_beyond = 0;
-    // The tiles are compared in order, so that the sums are always the same.
-    for (ty, tx) in
-        (0..size.1.div_ceil(TILE)).flat_map(|ty| (0..size.0.div_ceil(TILE)).map(move |tx| (ty, tx)))
-    {
-        let (p, q) = (a.pyramid.tile(0, tx, ty)?, b.pyramid.tile(0, tx, ty)?);
-        for (y, x) in (0..p.height).flat_map(|y| (0..p.width).map(move |x| (y, x))) {
-            let pixel = (y * p.width + x) as usize;
-            let mut any = false;
-            for ((i, j), sums) in pairs.iter().zip(&mut sums) {
-                let u = convert(a, *i, p.pixels.get(pixel * p.channels + i));
-                let v = convert(b, *j, q.pixels.get(pixel * q.channels + j));
-                any |= sums.add(u, v, (tx * TILE + x, ty * TILE + y), tolerance);
-            }
-            pixels_beyond += u64::from(any);
+    let (mut pixels_beyond, mut last) = (0, None);
+    // Pixels come in a fixed order, so that the sums are always the same. The pairs of a pixel follow each other.
+    each_pixel(a, b, pairs, |at, k, u, v| {
+        if sums[k].add(u, v, at, tolerance) && last != Some(at) {
+            pixels_beyond += 1;
+            last = Some(at);
         }
-    }
+    })?;
     Ok((sums, pixels_beyond))
 }
 
@@ -293,66 +270,100 @@ fn flip_of(a: &Page, b: &Page, options: &CompareOptions) -> Result<Option<(f64, 
 /// be read.
 pub fn flip_page(a: &Page, b: &Page, options: &CompareOptions, store: &TileStore) -> Result<Page> {
     let (sa, sb) = (a.spec(), b.spec());
-    let misuse = |what: String| ViewError::Misuse { what };
-    if (sa.width, sa.height) != (sb.width, sb.height) {
-        let what = format!(
-            "{} x {} pixels cannot be compared with {} x {}",
-            sa.width, sa.height, sb.width, sb.height
-        );
-        return Err(misuse(what));
-    }
+    same_size(sa, sb)?;
     let asked = u64::from(sa.width) * u64::from(sa.height);
     if asked > FLIP_PIXELS {
         return Err(ViewError::Limit { what: "pixels of a perceptual comparison", asked, max: FLIP_PIXELS });
     }
-    let no_colors = || misuse("a perceptual comparison needs colours".to_owned());
+    let no_colors = || ViewError::Misuse { what: "a perceptual comparison needs colours".to_owned() };
     let values = flip_map(a, b, options)?.ok_or_else(no_colors)?;
-    let mut spec = ImageSpec::new(sa.width, sa.height, 1, PixelType::Float);
-    spec.channels = vec!["FLIP".to_owned()];
-    (spec.x, spec.y) = (sa.x, sa.y);
-    (spec.full_x, spec.full_y) = (sa.full_x, sa.full_y);
-    (spec.full_width, spec.full_height) = (sa.full_width, sa.full_height);
-    let source = Arc::new(Map { width: sa.width, height: sa.height, values });
-    Ok(Page::from_source("FLIP", spec, source, store))
+    Ok(page_like(sa, "FLIP", vec!["FLIP".to_owned()], values, store))
 }
 
-/// An image of one channel in memory.
-struct Map {
-    width: u32,
-    height: u32,
+/// Returns a page of floats in memory, at the position of another image. `values` are in rows from the top.
+fn page_like(
+    like: &ImageSpec,
+    name: &str,
+    channels: Vec<String>,
     values: Vec<f32>,
+    store: &TileStore,
+) -> Page {
+    let mut spec = ImageSpec::new(like.width, like.height, channels.len(), PixelType::Float);
+    let plane = Plane { width: like.width, height: like.height, channels: channels.len(), values };
+    spec.channels = channels;
+    (spec.x, spec.y) = (like.x, like.y);
+    (spec.full_x, spec.full_y) = (like.full_x, like.full_y);
+    (spec.full_width, spec.full_height) = (like.full_width, like.full_height);
+    Page::from_source(name, spec, Arc::new(plane), store)
 }
 
-impl Source for Map {
-    fn levels(&self) -> usize {
-        1
+/// Returns the magnitudes of the differences of the largest levels of two pages, `scale |a - b|`, at the position of
+/// the first. Values are converted and channels are paired as by [`compare`]. Where one value is not finite and the
+/// other is different, the difference is infinite.
+///
+/// # Errors
+/// Returns the errors of [`compare`], and an error when there are too many values.
+pub fn difference_page(a: &Page, b: &Page, scale: f32, store: &TileStore) -> Result<Page> {
+    let (sa, sb) = (a.spec(), b.spec());
+    same_size(sa, sb)?;
+    let ChannelPairs { pairs, .. } = paired(a, b)?;
+    let asked = u64::from(sa.width) * u64::from(sa.height) * pairs.len() as u64;
+    if asked > 4 * FLIP_PIXELS {
+        return Err(ViewError::Limit { what: "values of a difference", asked, max: 4 * FLIP_PIXELS });
     }
+    let mut values = vec![0.0; asked as usize];
+    let width = sa.width as usize;
+    each_pixel(a, b, &pairs, |(x, y), k, u, v| {
+        let alike = u == v || u.is_nan() && v.is_nan();
+        let difference = if u.is_finite() && v.is_finite() { (u - v).abs() * scale } else { f32::INFINITY };
+        values[(y as usize * width + x as usize) * pairs.len() + k] = if alike { 0.0 } else { difference };
+    })?;
+    // Grey is paired with each colour.
+    let is_grey = pairs.len() > 1 && pairs.iter().all(|(i, _)| *i == pairs[0].0);
+    let name =
+        |(i, j): &(usize, usize)| if is_grey { sb.channels[*j].clone() } else { sa.channels[*i].clone() };
+    Ok(page_like(sa, "difference", pairs.iter().map(name).collect(), values, store))
+}
 
-    fn size(&self, _level: usize) -> (u32, u32) {
-        (self.width, self.height)
+/// Calls `visit` with the position, the number of the pair and the two converted values, for each value of the largest
+/// levels of two pages of one size. Tiles are visited in order.
+fn each_pixel(
+    a: &Page,
+    b: &Page,
+    pairs: &[(usize, usize)],
+    mut visit: impl FnMut((u32, u32), usize, f32, f32),
+) -> Result<()> {
+    let size = (a.spec().width, a.spec().height);
+    let decoded = a.encoded != b.encoded;
+    let alpha = |name: &str| name == "A" || name.eq_ignore_ascii_case("alpha");
+    let convert = |page: &Page, channel: usize, v: f32| {
+        let decode = decoded && page.encoded && !alpha(&page.spec().channels[channel]);
+        if decode { ColorSpace::Srgb.decode(v) } else { v }
+    };
+    for (ty, tx) in
+        (0..size.1.div_ceil(TILE)).flat_map(|ty| (0..size.0.div_ceil(TILE)).map(move |tx| (ty, tx)))
+    {
+        let (p, q) = (a.pyramid.tile(0, tx, ty)?, b.pyramid.tile(0, tx, ty)?);
+        for (y, x) in (0..p.height).flat_map(|y| (0..p.width).map(move |x| (y, x))) {
+            let pixel = (y * p.width + x) as usize;
+            for (k, (i, j)) in pairs.iter().enumerate() {
+                let u = convert(a, *i, p.pixels.get(pixel * p.channels + i));
+                let v = convert(b, *j, q.pixels.get(pixel * q.channels + j));
+                visit((tx * TILE + x, ty * TILE + y), k, u, v);
+            }
+        }
     }
+    Ok(())
+}
 
-    fn channels(&self) -> usize {
-        1
+/// Returns an error when two images differ in size.
+fn same_size(a: &ImageSpec, b: &ImageSpec) -> Result<()> {
+    if (a.width, a.height) == (b.width, b.height) {
+        return Ok(());
     }
-
-    fn pixel_type(&self) -> PixelType {
-        PixelType::Float
-    }
-
-    fn access(&self) -> Access {
-        Access::Tiles
-    }
-
-    fn read(&self, _level: usize, tx: u32, ty: u32) -> Result<Vec<((u32, u32), Tile)>> {
-        let (width, height) = tile_size((self.width, self.height), tx, ty);
-        let row = |y: u32| {
-            let at = (ty * TILE + y) as usize * self.width as usize + (tx * TILE) as usize;
-            &self.values[at..at + width as usize]
-        };
-        let pixels = Pixels::Float((0..height).flat_map(row).copied().collect());
-        Ok(vec![((tx, ty), Tile { width, height, channels: 1, pixels, whole: true })])
-    }
+    let what =
+        format!("{} x {} pixels cannot be compared with {} x {}", a.width, a.height, b.width, b.height);
+    Err(ViewError::Misuse { what })
 }
 
 /// Returns the colours of the first layer in linear light, exposed and clamped to 0 to 1. NaN becomes 0.

@@ -30,6 +30,7 @@ mod live;
 mod live_page;
 mod loader;
 mod maps;
+mod plane;
 mod pyramid;
 mod sheet;
 mod sketch;
@@ -41,7 +42,7 @@ mod tile;
 mod view;
 
 pub use album::{Group, expand, groups, in_order};
-pub use compare::{ChannelDifference, CompareOptions, Comparison, compare, flip_page};
+pub use compare::{ChannelDifference, CompareOptions, Comparison, compare, difference_page, flip_page};
 pub use display::{BESIDE, Background, Channels, Display, FalseColor, Marks, Prepared, Tables, luminance};
 pub use draw::{Canvas, Mix, Shown, draw, draw_into};
 pub use drawing::paint;

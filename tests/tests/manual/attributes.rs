@@ -13,7 +13,7 @@ fn numbers<T: Copy + Into<f64>>(list: &[T]) -> String {
 fn the_manual_lists_every_attribute() {
     let mut text = String::from(
         "# Attributes\n\nOne row for each attribute, from the table that the programs themselves use. `Attribute (\"TYPE \
-         NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it. The sections are those of the reference.\n\nNumbers \
+         NAME\", VALUE)` sets one, `GetAttribute (\"NAME\")` asks for it.\n\nNumbers \
          of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
          wrong number of values, is an error and changes nothing. An attribute marked *hint* \
          tunes how the work is done, and this renderer needs no tuning there. One marked *re-render* may change between \
@@ -27,8 +27,7 @@ fn the_manual_lists_every_attribute() {
         (Scope::Writer, "Of writers of scene files"),
         (Scope::ReadOnly, "To be asked for only"),
     ] {
-        let _ =
-            write!(text, "\n## {title}\n\n| attribute | default | section | meaning |\n|---|---|---|---|\n");
+        let _ = write!(text, "\n## {title}\n\n| attribute | default | meaning |\n|---|---|---|\n");
         for row in TABLE.iter().filter(|row| row.scope == scope) {
             let shown = match row.default {
                 DefaultValue::Unset => String::new(),
@@ -45,7 +44,7 @@ fn the_manual_lists_every_attribute() {
             if row.rerender {
                 help += "; *re-render*";
             }
-            let _ = writeln!(text, "| `{}` | {shown} | {} | {help} |", row.declaration(), row.section);
+            let _ = writeln!(text, "| `{}` | {shown} | {help} |", row.declaration());
         }
     }
     kept("docs/attributes.md", &text);

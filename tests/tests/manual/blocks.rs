@@ -5,14 +5,17 @@ use granita_gsl::{CompileOptions, compile};
 use granita_tests::repository;
 
 /// The words after the fences, and what is checked. "gsl,part" is a function. "gsl,entry" belongs to an entry of a
-/// function, whose examples the tests of `shade` run.
-const KINDS: [&str; 12] = [
+/// function, whose examples the tests of `shade` run. "pyg,file" and "gsl,file" are files, which commands of the same
+/// page use.
+const KINDS: [&str; 14] = [
     "pyg",
     "pyg,calls",
+    "pyg,file",
     "pyg,rerender",
     "gsl",
     "gsl,part",
     "gsl,entry",
+    "gsl,file",
     "sh",
     "text",
     "python",
@@ -57,7 +60,7 @@ fn shaders_compile() {
     let mut n = 0;
     let faults = each_block(|page, block| {
         let text = match &*block.info {
-            "gsl" => block.text.clone(),
+            "gsl" | "gsl,file" => block.text.clone(),
             "gsl,part" => format!("{}\nsurface part () {{ }}\n", block.text),
             _ => return Ok(()),
         };
@@ -86,7 +89,9 @@ fn commands_name_options_and_files_that_exist() {
             for word in &words[1..] {
                 let listed =
                     || page.text.contains(&format!("`{word}`")) || page.text.contains(&format!("`{word} "));
-                if word.starts_with('-') && word.len() > 1 && !listed() {
+                let is_option =
+                    word.strip_prefix('-').is_some_and(|name| name.starts_with(char::is_alphabetic));
+                if is_option && !listed() {
                     return Err(format!("{} does not list {word}", page.name));
                 }
                 if word.starts_with("examples/") && !repository().join(word).exists() {

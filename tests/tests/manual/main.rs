@@ -1,5 +1,5 @@
-//! Tests of the manual: pages and parts of pages that are made from tables in the code, scenes that are rendered, and
-//! errors that must be reported as described. `cargo xtask tidy` checks the links.
+//! Tests of the manual: pages and parts of pages that are made from tables in the code, scenes that are rendered,
+//! commands that are run, and errors that must be reported as described. `cargo xtask tidy` checks the links.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
@@ -8,7 +8,9 @@ mod blocks;
 mod calls;
 mod errors;
 mod functions;
+mod index;
 mod pages;
+mod pasted;
 mod scenes;
 mod signature;
 

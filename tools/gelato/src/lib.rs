@@ -2,6 +2,7 @@
 
 #![forbid(unsafe_code)]
 
+mod manual;
 mod progress;
 mod relight;
 mod statistics;
@@ -130,6 +131,10 @@ struct Options {
     #[arg(long, hide = true, requires = "stream")]
     messages: bool,
 
+    /// Print where the manual is, and open it in a browser
+    #[arg(long)]
+    manual: bool,
+
     /// Work for the program that started this one, which goes on meanwhile
     #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
     remote: bool,
@@ -171,6 +176,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 16] = [
     ("stream", "a scene that is no file has no workers"),
     ("archive", "nothing is rendered"),
     ("messages", "a scene that is no file has no workers"),
+    ("manual", "nothing is rendered"),
     ("remote", "a scene that is no file has no workers"),
     ("timeout", "workers end with the coordinator"),
     ("nofence", "a safe run has no workers"),
@@ -210,6 +216,9 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     };
     if options.silent {
         reporter.set_verbosity(0);
+    }
+    if options.manual {
+        return manual::show(&reporter);
     }
     let ending = Ending::new(bar.clone());
     ending.watch(options.stream || options.worker || options.remote, &reporter);
@@ -446,7 +455,9 @@ fn render(
     if !failed && !outcome.rendered && outcome.waiting > 0 {
         reporter.warning(format!("nothing was rendered: {} primitives, but no Render ()", outcome.waiting));
     }
-    let mut status = status(&outcome, failed);
+    // Without a frame, commands are the only effect of scene files.
+    let is_void = outcome.errors > 0 && !outcome.rendered && !outcome.commanded && !options.stream;
+    let mut status = status(&outcome, failed || is_void);
     if let Some(path) = &options.statistics_json {
         let document = statistics::document(&outcome, &options.files, reporter, status.code());
         if let Err(error) = statistics::write(path, &document) {

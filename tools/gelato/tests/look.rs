@@ -192,8 +192,8 @@ fn files_that_cannot_be_shown_leave_no_image() {
     let place = Place::new();
     for (name, bytes, status, says) in [
         ("none.glb", &b"glTF\x02\0\0\0"[..], 2, "none.glb: the file ends in its header"),
-        ("empty.obj", b"# nothing\n", 1, "nothing was rendered: empty.obj"),
-        ("far.obj", b"v 0 0 nan\nv 0 0 1\nv 0 1 0\nf 1 2 3\n", 1, "far.obj:4: error"),
+        ("empty.obj", b"# nothing\n", 2, "nothing was rendered: empty.obj"),
+        ("far.obj", b"v 0 0 nan\nv 0 0 1\nv 0 1 0\nf 1 2 3\n", 2, "far.obj:4: error"),
         ("late.pyg", b"Sphere (1, -1, 1, 360)\nWorld ()\nRender ()\n", 1, "Sphere before World"),
     ] {
         place.write(name, bytes);

@@ -401,3 +401,53 @@ fn the_option_as_takes_one_dash_or_two() {
         assert_eq!(ran("nosuch").status.code(), Some(2));
     }
 }
+
+#[test]
+fn errors_without_a_frame_have_a_status_of_their_own() {
+    let place = Place::new();
+    for (name, text, status) in [
+        ("broken.stl", "solid x\nfacet nothing\n", 2),
+        ("empty.obj", "v 1 x\nf 1 2\n", 2),
+        ("void.obj", "", 2),
+        ("invalid.pyg", "Sphre (1)\nFoo ()\n", 2),
+        ("invalid.rib", "x y z\n", 2),
+        // Commands are an effect.
+        ("commands.pyg", "Command (\"nothing of this kind\")\nFoo ()\n", 1),
+        ("framed.pyg", "Foo ()\nWorld ()\nSphere (1, -1, 1, 360)\nRender ()\n", 1),
+        // A scene without a frame is no error.
+        ("silent.pyg", "Attribute (\"float fov\", 30)\n", 0),
+    ] {
+        place.write(name, text);
+        let ran = place.run(&[name]);
+        assert_eq!(ran.status, status, "{name}: {}", ran.said);
+    }
+    let ran = place.run(&["broken.stl"]);
+    assert!(ran.said.contains("broken.stl holds no objects that can be drawn"), "{}", ran.said);
+    let mut command = place.command(&["-"]);
+    command.stdin(std::fs::File::open(place.path().join("invalid.pyg")).unwrap());
+    assert_eq!(Place::ran(command).status, 2);
+}
+
+#[test]
+fn all_errors_of_a_shader_are_reported_once() {
+    let place = Place::new();
+    let shader = "surface bad (float a = \"x\")\n{\n    float unused = 1;\n    C = nosuch;\n    P = 0;\n}\n";
+    place.write("bad.gsl", shader);
+    let ball = "Shader (\"surface\", \"bad\")\nSphere (1, -1, 1, 360)\n";
+    place.write(
+        "use.pyg",
+        &format!("Attribute (\"int[2] resolution\", (8, 6))\nTranslate (0, 0, 5)\nWorld ()\n{ball}{ball}Render ()\n"),
+    );
+    let ran = place.run(&["use.pyg"]);
+    assert_eq!(ran.status, 1, "{}", ran.said);
+    for line in [
+        "gelato: bad.gsl:1:24: error: cannot convert a `string` to `float`\n",
+        "gelato: bad.gsl:3:11: warning: variable `unused` is set but never used\n",
+        "gelato: bad.gsl:4:9: error: unknown variable `nosuch`\n",
+        "gelato: bad.gsl:5:5: error: a surface shader cannot change `P`\n",
+        "warning: surface shader: \"bad\" cannot be used",
+    ] {
+        assert_eq!(ran.said.matches(line).count(), 1, "{line}{}", ran.said);
+    }
+    assert!(ran.said.contains("    C = nosuch;\n"), "{}", ran.said);
+}

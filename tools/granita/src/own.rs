@@ -3,7 +3,7 @@
 use crate::{TOOLS, share};
 use clap::{ArgMatches, Command, CommandFactory, FromArgMatches};
 use granita_base::{Reporter, suggestion};
-use granita_cli::{Bar, Status, console_reporter, parse, print};
+use granita_cli::{Bar, Status, console_reporter, help, parse, print};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -82,7 +82,7 @@ pub(crate) fn run(words: Vec<OsString>) -> Status {
     if options.home {
         return print_home(&reporter);
     }
-    print(&format!("{}\n", command().render_help()));
+    print(&format!("{}\n", help(&command())));
     Status::Failed
 }
 

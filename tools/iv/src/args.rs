@@ -97,6 +97,18 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "F", help_heading = "Comparing")]
     pub(crate) maxflip: Option<f64>,
 
+    /// Write the differences of the values, |a - b| of each channel, to this image
+    #[arg(long, value_name = "FILE", help_heading = "Comparing", requires = "compare")]
+    pub(crate) diff: Option<PathBuf>,
+
+    /// Multiply the differences of -diff
+    #[arg(long, default_value_t = 1.0, value_name = "S", help_heading = "Comparing", requires = "diff")]
+    pub(crate) diffscale: f32,
+
+    /// Write the perceived difference (FLIP) of each pixel to this image
+    #[arg(long, value_name = "FILE", help_heading = "Comparing", requires = "compare")]
+    pub(crate) flipmap: Option<PathBuf>,
+
     /// Peak signal of -minpsnr
     #[arg(long, default_value_t = 1.0, value_name = "V", help_heading = "Comparing")]
     pub(crate) peak: f32,

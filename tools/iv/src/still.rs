@@ -7,8 +7,8 @@ use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_image::{FormatRegistry, PixelRect};
 use granita_view::{
-    Comparison, Display, Image, Page, Statistics, TileStore, ascii, compare, expand, save_canvas, statistics,
-    suited, thumbnail,
+    ColorMap, Comparison, Display, FalseColor, Image, Page, Statistics, TileStore, ascii, compare,
+    difference_page, expand, flip_page, save_canvas, save_pixels, statistics, suited, thumbnail,
 };
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -176,6 +176,7 @@ impl Still<'_> {
             self.say(comparison_text(&found));
             faults.iter().for_each(|fault| self.say(format!("  beyond: {fault}\n")));
         }
+        self.write_differences((a, &one), (b, &two)).map_err(|e| format!("{pair}: {e}"))?;
         if self.args.json {
             let files = [a, b].map(|file| file.display().to_string());
             print_json(&json!({ "files": files, "alike": alike, "images": pages }));
@@ -183,6 +184,42 @@ impl Still<'_> {
         }
         self.say(if alike { "alike\n".to_owned() } else { "different\n".to_owned() });
         Ok(alike)
+    }
+
+    /// Writes the images of `-diff` and `-flipmap`, for the image of `-page`.
+    fn write_differences(&self, a: (&Path, &Image), b: (&Path, &Image)) -> Result<(), String> {
+        let (limits, page) = (&self.args.limits, self.args.look.page);
+        let (Some(p), Some(q)) = (a.1.pages.get(page), b.1.pages.get(page)) else {
+            return Err(format!("there is no image {page}"));
+        };
+        let outs = limits.diff.iter().chain(&limits.flipmap);
+        if let Some(out) = outs.clone().find(|out| is_same_file(a.0, out) || is_same_file(b.0, out)) {
+            return Err(format!("{} is compared, and is not overwritten", out.display()));
+        }
+        let store = TileStore::default();
+        if let Some(out) = &limits.diff {
+            let page = difference_page(p, q, limits.diffscale, &store).map_err(|e| e.to_string())?;
+            save_pixels(&page, None, out, self.formats).map_err(|e| e.to_string())?;
+        }
+        if let Some(out) = &limits.flipmap {
+            let options = limits.options(self.args.look.exposure);
+            let page = flip_page(p, q, &options, &store).map_err(|e| e.to_string())?;
+            let extension = out.extension().and_then(|e| e.to_str()).unwrap_or_default();
+            let has_floats = |format: &str| {
+                self.formats.by_name(format).is_some_and(|f| f.supports("float") || f.supports("half"))
+            };
+            if has_floats(extension) {
+                save_pixels(&page, None, out, self.formats).map_err(|e| e.to_string())?;
+            } else {
+                let colors = FalseColor { map: ColorMap::Magma, low: 0.0, high: 1.0, log: false };
+                let display = Display { false_color: Some(colors), ..Display::default() };
+                let longest = page.spec().width.max(page.spec().height);
+                let canvas = thumbnail(&page, 0, &display, longest).map_err(|e| e.to_string())?;
+                save_canvas(&canvas, out, self.formats).map_err(|e| e.to_string())?;
+            }
+        }
+        outs.for_each(|out| self.reporter.info(format!("wrote {}", out.display())));
+        Ok(())
     }
 
     /// Returns a description of each value that is beyond its limit.

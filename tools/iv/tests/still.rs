@@ -246,3 +246,35 @@ fn json_has_the_content_of_the_texts() {
         assert_eq!(iv(folder.path(), wrong).0, 2);
     }
 }
+
+#[test]
+fn differences_are_written_as_images() {
+    let folder = images();
+    let (a, b) = ("a.png", "b.png");
+    let run = |words: &[&str]| iv(folder.path(), &[&["-compare"], words, &[a, b]].concat());
+    let (status, _, error) = run(&["-diff", "d.exr", "-diffscale", "2", "-flipmap", "f.exr"]);
+    assert_eq!((status, &*error), (1, ""));
+    let read = |name: &str| {
+        let file = formats().open(&folder.path().join(name)).unwrap();
+        let spec = file.spec(0, 0).unwrap();
+        (spec.channels.clone(), file.read_rows(0, 0, 0, spec.height).unwrap().to_floats())
+    };
+    let (channels, values) = read("d.exr");
+    assert_eq!(channels, ["R", "G", "B"]);
+    // One value of a byte differs by 0.2, rounded to a step of 255.
+    let expected = |i: usize| if i == 15 { 2.0 * 51.0 / 255.0 } else { 0.0 };
+    assert!(values.iter().enumerate().all(|(i, v)| (v - expected(i)).abs() < 0.01), "{values:?}");
+    let (channels, values) = read("f.exr");
+    assert_eq!((channels.len(), values.len()), (1, 8));
+    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / 8.0;
+    let (_, out, _) = run(&["-json"]);
+    let document: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let flip = document["images"][0]["flip"]["mean"].as_f64().unwrap();
+    assert!(flip > 0.0 && (flip - mean).abs() < 1e-3, "{flip} {mean}");
+    // In formats of bytes the map is in colours.
+    assert_eq!(run(&["-flipmap", "f.png"]).0, 1);
+    assert_eq!(read("f.png").0.len(), 3);
+    let (status, _, error) = run(&["-diff", "a.png"]);
+    assert!(status == 2 && error.contains("a.png is compared, and is not overwritten"), "{error}");
+    assert_eq!(iv(folder.path(), &["-diff", "d.exr", a]).0, 2);
+}

@@ -4,14 +4,16 @@
 pub(super) struct Image {
     /// The stored file, relative to the root. Of an image for two eyes, the name without `-left` and `-right`.
     pub(super) file: &'static str,
-    /// The scene whose commands make what the frame needs.
+    /// The scene whose commands make what the frame needs, or the page of the manual with such commands.
     pub(super) recipe: &'static str,
-    /// The scene that is rendered, without its commands.
+    /// The scene that is rendered, without its commands. Of a page, `PAGE.md#FILE.pyg`.
     pub(super) frame: &'static str,
     /// Texts of the frame and what replaces them.
     pub(super) changes: &'static [(&'static str, &'static str)],
     /// Calls before the frame.
     pub(super) settings: &'static [&'static str],
+    /// The data of the image, and the parameters of its `Output`.
+    pub(super) data: &'static str,
     /// Options of `gelato`.
     pub(super) options: &'static [&'static str],
     /// The pixel at the upper left corner of the part that is checked.
@@ -44,11 +46,23 @@ const SUBSURFACE: &str = "examples/subsurface/subsurface.pyg";
 const SHADOWS: &str = "examples/shadows/shadows.pyg";
 const RELIGHT: &str = "examples/relight/relight.pyg";
 
+/// Colours for screens. Noise in the last bit would double the size of the file.
+const COLOR: &str = "\"rgb\", \"camera\", \"float gamma\", 2.2, \"float dither\", 0";
+
 /// The first example at half of its size.
 const HALF: &[(&str, &str)] = &[("(1280, 800)", "(640, 400)")];
 
 const fn whole(file: &'static str, scene: &'static str, corner: (u32, u32)) -> Image {
-    Image { file, recipe: scene, frame: scene, changes: &[], settings: &[], options: &[], corner }
+    Image {
+        file,
+        recipe: scene,
+        frame: scene,
+        changes: &[],
+        settings: &[],
+        data: COLOR,
+        options: &[],
+        corner,
+    }
 }
 
 const fn part(file: &'static str, recipe: &'static str, frame: &'static str, corner: (u32, u32)) -> Image {
@@ -57,6 +71,18 @@ const fn part(file: &'static str, recipe: &'static str, frame: &'static str, cor
 
 const fn quick(file: &'static str, options: &'static [&'static str]) -> Image {
     Image { changes: HALF, options, ..whole(file, FIRST, (350, 210)) }
+}
+
+/// Normals from -1 to 1 as colours from 0 to 255.
+const NORMALS: &str =
+    "\"normal facing\", \"camera\", \"int[4] quantize\", (128, 255, 0, 255), \"float dither\", 0";
+
+/// Depths from 6.5, white, to 13, black.
+const DEPTH: &str = "\"z\", \"camera\", \"int[4] quantize\", (510, 471, 0, 255), \"float dither\", 0";
+
+const fn layer(file: &'static str, data: &'static str) -> Image {
+    let (page, frame) = ("docs/tutorials/outputs.md", "docs/tutorials/outputs.md#layers.pyg");
+    Image { data, ..part(file, page, frame, (120, 60)) }
 }
 
 /// All images that the suite's own tools render.
@@ -95,4 +121,84 @@ pub(super) const IMAGES: &[Image] = &[
     whole("examples/indirect/indirect.png", INDIRECT, (180, 400)),
     whole("examples/caustics/caustics.png", CAUSTICS, (240, 130)),
     whole("examples/subsurface/subsurface.png", SUBSURFACE, (300, 60)),
+    part(
+        "docs/pictures/tutorial-first.jpg",
+        "docs/tutorials/first-scene.md",
+        "docs/tutorials/first-scene.md#still.pyg",
+        (80, 60),
+    ),
+    part(
+        "docs/pictures/tutorial-textures.jpg",
+        "docs/tutorials/textures.md",
+        "docs/tutorials/textures.md#tiled.pyg",
+        (60, 70),
+    ),
+    part(
+        "docs/pictures/tutorial-panorama.jpg",
+        "docs/tutorials/panoramas.md",
+        "docs/tutorials/panoramas.md#room.pyg",
+        (60, 100),
+    ),
+    part(
+        "docs/pictures/tutorial-lights.jpg",
+        "docs/tutorials/lights.md",
+        "docs/tutorials/lights.md#lamps.pyg",
+        (240, 110),
+    ),
+    part(
+        "docs/pictures/tutorial-hard.jpg",
+        "docs/tutorials/shadows.md",
+        "docs/tutorials/shadows.md#shade.pyg",
+        (300, 100),
+    ),
+    part(
+        "docs/pictures/tutorial-glass.jpg",
+        "docs/tutorials/mirrors-and-glass.md",
+        "docs/tutorials/mirrors-and-glass.md#mirrors.pyg",
+        (180, 110),
+    ),
+    part(
+        "docs/pictures/tutorial-hair.jpg",
+        "docs/tutorials/hair.md",
+        "docs/tutorials/hair.md#fur.pyg",
+        (180, 50),
+    ),
+    part(
+        "docs/pictures/tutorial-displacement.jpg",
+        "docs/tutorials/displacement.md",
+        "docs/tutorials/displacement.md#displaced.pyg",
+        (330, 80),
+    ),
+    part(
+        "docs/pictures/tutorial-subsurface.jpg",
+        "docs/tutorials/subsurface.md",
+        "docs/tutorials/subsurface.md#wax.pyg",
+        (120, 100),
+    ),
+    part(
+        "docs/pictures/tutorial-caustics.jpg",
+        "docs/tutorials/caustics.md",
+        "docs/tutorials/caustics.md#caustics.pyg",
+        (170, 110),
+    ),
+    part(
+        "docs/pictures/tutorial-rgba.jpg",
+        "docs/tutorials/outputs.md",
+        "docs/tutorials/outputs.md#layers.pyg",
+        (120, 60),
+    ),
+    Image {
+        changes: &[(
+            "\"float shadowblur\", 0, \"float shadowsamples\", 1",
+            "\"float shadowblur\", 0.15, \"float shadowsamples\", 64",
+        )],
+        ..part(
+            "docs/pictures/tutorial-soft.jpg",
+            "docs/tutorials/shadows.md",
+            "docs/tutorials/shadows.md#shade.pyg",
+            (300, 100),
+        )
+    },
+    layer("docs/pictures/tutorial-normals.jpg", NORMALS),
+    layer("docs/pictures/tutorial-depth.jpg", DEPTH),
 ];
