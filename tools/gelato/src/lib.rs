@@ -162,7 +162,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 16] = [
+const NOT_FOR_WORKERS: [(&str, &str); 17] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
