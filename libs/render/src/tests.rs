@@ -77,7 +77,7 @@ fn image_within(fixture: &Fixture, threads: usize, bucket: i32, limit: u64) -> (
         threads,
         ..crate::frame::FrameOptions::new(&view, &environment.reporter, &environment.stop)
     };
-    crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs)).unwrap();
+    crate::frame::render(&scene, &frame, options, std::slice::from_mut(&mut outputs), None).unwrap();
     (outputs.images.remove(0).pixels, frame.statistics())
 }
 

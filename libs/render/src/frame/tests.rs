@@ -221,7 +221,7 @@ fn render_counted<S: FrameShader>(
     let stop = AtomicBool::new(false);
     let options = FrameOptions { threads, ..FrameOptions::new(view, &reporter, &stop) };
     let (statistics, complete) =
-        render(&build.scene, shader, options, std::slice::from_mut(&mut outputs)).unwrap();
+        render(&build.scene, shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
     assert!(complete);
     (outputs.images.remove(0).pixels, statistics)
 }
@@ -744,7 +744,8 @@ fn a_panic_of_a_shader_loses_only_its_bucket() {
     let options =
         FrameOptions { threads: 2, scene_files: &files, ..FrameOptions::new(&view, &reporter, &stop) };
     let shader = Painted { paint, displace: None };
-    let (_, complete) = render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
+    let (_, complete) =
+        render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
     assert!(!complete);
     let kept = kept.lock();
     assert!(!kept.is_empty());

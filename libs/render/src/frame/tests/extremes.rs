@@ -103,7 +103,7 @@ fn objects_too_far_from_the_origin_are_reported() {
         let stop = AtomicBool::new(false);
         let options = FrameOptions::new(&view, &reporter, &stop);
         let shader = Painted { paint: flat, displace: None };
-        render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs)).unwrap();
+        render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
         kept.lock().iter().map(|m| m.to_string()).collect::<Vec<_>>()
     };
     assert!(said(0.0).is_empty() && said(1000.0).is_empty());

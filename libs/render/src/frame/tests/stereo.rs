@@ -29,7 +29,7 @@ fn seen<S: FrameShader>(
         threads,
         ..FrameOptions::new(view, &reporter, &stop)
     };
-    let (statistics, complete) = render(&build.scene, shader, options, &mut outputs).unwrap();
+    let (statistics, complete) = render(&build.scene, shader, options, &mut outputs, None).unwrap();
     assert!(complete);
     (outputs.into_iter().map(|mut set| set.images.remove(0).pixels).collect(), statistics)
 }
