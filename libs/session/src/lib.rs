@@ -39,6 +39,7 @@ mod looking;
 mod net;
 mod options;
 mod outputs;
+mod patches;
 mod patient;
 mod programs;
 mod records;
@@ -50,7 +51,7 @@ mod shaders;
 
 pub use archive::archive_calls;
 pub use connection::Connection;
-pub use desk::DeskOptions;
+pub use desk::{Desk, DeskOptions};
 pub use error::SessionError;
 pub use looking::{LookOptions, Up};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};

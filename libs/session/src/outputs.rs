@@ -1,6 +1,5 @@
 //! Images and attributes that the command line adds or replaces.
 
-use crate::desk::DeskFrame;
 use crate::looking::Looking;
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
@@ -42,6 +41,15 @@ impl Requested {
         };
         self.data.iter().enumerate().map(output).collect()
     }
+}
+
+/// How a frame of the desk differs from one of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct DeskFrame {
+    /// True for one sample per pixel.
+    pub(crate) coarse: bool,
+    /// The crop window of the camera; `None` for that of the scene.
+    pub(crate) crop: Option<[f32; 4]>,
 }
 
 /// The images of a frame besides those of the scene and the command line.

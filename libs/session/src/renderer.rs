@@ -1,10 +1,10 @@
 //! The renderer behind the graphics state.
 
 use crate::commands::{self, CommandContext};
-use crate::desk::{DeskFrame, patch::Deferral};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
-use crate::outputs::{RequestedImages, Special};
+use crate::outputs::{DeskFrame, RequestedImages, Special};
+use crate::patches::Deferral;
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};

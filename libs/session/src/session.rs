@@ -1,12 +1,11 @@
 //! A session, which reads scenes and renders their frames.
 
 use crate::connection::Connection;
-use crate::desk::patch::{self, Deferral};
-use crate::desk::{Desk, DeskFrame};
 use crate::forwarded::Forwarded;
 use crate::looking::{Looking, MeshSink};
 use crate::net::WorkerCoordinator;
-use crate::outputs::RequestedImages;
+use crate::outputs::{DeskFrame, RequestedImages};
+use crate::patches::{self, Deferral};
 use crate::programs::Programs;
 use crate::renderer::{Finished, SessionRenderer};
 use crate::{FrameRecord, SessionError, SessionOptions, safe};
@@ -82,8 +81,7 @@ pub struct Session {
     commanded: bool,
     /// How the next frame is rendered.
     looking: Arc<Mutex<Option<Looking>>>,
-    /// The desk for lighting, while it is prepared.
-    pub(crate) desk: Option<Box<Desk>>,
+    /// The frame of a desk that the next frames are.
     desk_frame: Arc<Mutex<Option<DeskFrame>>>,
     deferral: Arc<Mutex<Deferral>>,
     finished: Finished,
@@ -165,7 +163,6 @@ impl Session {
             objects: Vec::new(),
             commanded: false,
             looking,
-            desk: None,
             desk_frame,
             deferral,
             finished,
@@ -209,7 +206,7 @@ impl Session {
     /// the session.
     pub fn read_file(&mut self, name: &str) -> Result<(), SessionError> {
         let path = Path::new(name);
-        if patch::is_patch(self.files(), path) {
+        if patches::is_patch(self.files(), path) {
             self.deferral.lock().begin_patch();
         }
         if path.is_file() {
@@ -227,7 +224,7 @@ impl Session {
     /// # Errors
     /// Returns [`SessionError::Exit`] or [`SessionError::Failed`].
     pub fn expect_files(&mut self, names: &[String]) -> Result<(), SessionError> {
-        let is_patch = |name: &&String| patch::is_patch(self.files(), Path::new(name));
+        let is_patch = |name: &&String| patches::is_patch(self.files(), Path::new(name));
         let patches = names.iter().skip(1).filter(is_patch).count();
         if patches > 0 {
             self.call(Call::Attribute(attr::RERENDER.param(true)))?;

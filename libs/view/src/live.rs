@@ -1,3 +1,4 @@
+// tidy: long: the state of an image and all that changes it are in one file
 //! Images that arrive while they are rendered.
 //!
 //! Receivers of pixels (a listener to renderers, a test) create images and update them. Viewers (a window, a page in a

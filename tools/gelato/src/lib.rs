@@ -16,8 +16,8 @@ use granita_cli::{
 };
 use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
-    Connection, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions, SharedProgress,
-    Told, Up, Viewer, archive_calls,
+    Connection, Desk, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions,
+    SharedProgress, Told, Up, Viewer, archive_calls,
 };
 use progress::ShownProgress;
 use relight::Relight;
@@ -93,8 +93,8 @@ struct Options {
     #[arg(long)]
     iv: bool,
 
-    /// Edit the lights while the image is shown, in a page of the browser; with -iv, in a window. The edits are saved as
-    /// Pyg, which is rendered after the scene: gelato SCENE.pyg SCENE.lights.pyg
+    /// Edit the lights while the image is shown, in a page of the browser; with -iv, in a window. The edits are saved
+    /// as Pyg, which is rendered after the scene: gelato SCENE.pyg SCENE.lights.pyg
     #[arg(long, conflicts_with_all = ["stream", "worker", "net", "remote", "turntable"])]
     relight: bool,
 
@@ -422,11 +422,14 @@ fn render(
     let begun = session.expect_files(&options.files).and_then(|()| match relight {
         Some(relight) => {
             relight.report(reporter);
-            session.begin_desk(&relight.options)
+            Desk::prepare(&mut session, &relight.options).map(Some)
         }
-        None => Ok(()),
+        None => Ok(None),
     });
-    let mut failed = begun.is_err_and(|error| !has_exited(error, reporter));
+    let (desk, mut failed) = match begun {
+        Ok(desk) => (desk, false),
+        Err(error) => (None, !has_exited(error, reporter)),
+    };
     for file in &options.files {
         let words: Vec<&str> = file.split_whitespace().collect();
         let result = match words.as_slice() {
@@ -448,8 +451,8 @@ fn render(
     if !failed && !options.stream {
         failed |= session.look().is_err_and(|error| !has_exited(error, reporter));
     }
-    if !failed {
-        failed |= session.run_desk().is_err_and(|error| !has_exited(error, reporter));
+    if let Some(desk) = desk.filter(|_| !failed) {
+        failed |= desk.run(&mut session).is_err_and(|error| !has_exited(error, reporter));
     }
     let outcome = session.finish();
     if !failed && !outcome.rendered && outcome.waiting > 0 {

@@ -1,6 +1,6 @@
 //! Tests of the desk for lighting, `gelato -relight`, in a page and in a window. The page needs a browser, and the
-//! window needs Xvfb and a driver. Both need the gelato beside the iv of this build. Tests that lack one are skipped with
-//! a notice.
+//! window needs Xvfb and a driver. Both need the gelato beside the iv of this build. Tests that lack one are skipped
+//! with a notice.
 
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]

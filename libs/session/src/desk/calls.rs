@@ -1,7 +1,7 @@
 //! The calls that lead from the lights of a scene to edited ones (reference 11.2).
 //!
-//! They follow a `Render` in re-rendering mode. The same calls are made for an image of the desk and written to a patch,
-//! so that both have the same pixels.
+//! They follow a `Render` in re-rendering mode. The same calls are made for an image of the desk and written to a
+//! patch, so that both have the same pixels.
 
 use super::rig::{Lamp, Layer, Rig};
 use granita_base::{MotionTransform, Param};

@@ -1,7 +1,7 @@
 //! The edits that viewers send, as JSON.
 //!
-//! An edit is an object with the word of its kind in "do", and further values by kind (see [`Edit`]). All edits may have
-//! "visible", the rectangle `[x, y, width, height]` of the image that the user sees.
+//! An edit is an object with the word of its kind in "do", and further values by kind (see [`Edit`]). All edits may
+//! have "visible", the rectangle `[x, y, width, height]` of the image that the user sees.
 
 use granita_image::PixelRect;
 use serde_json::Value;

@@ -1,9 +1,10 @@
 //! Tests of edits, of the calls that they become, and of patches, with a viewer that only reads.
 
 use super::*;
+use crate::patches::is_patch;
 use crate::{Session, SessionOptions};
-use granita_base::Reporter;
 use granita_base::report::Message;
+use granita_base::{Reporter, Vec3};
 use granita_image::Limits;
 use serde_json::{Value, json};
 use std::io::Read;
@@ -61,7 +62,7 @@ type Kept = Arc<Mutex<Vec<Message>>>;
 struct Fixture {
     folder: TempDir,
     session: Session,
-    desk: Box<Desk>,
+    desk: Desk,
     kept: Kept,
 }
 
@@ -97,9 +98,8 @@ impl Fixture {
             data: "rgba".to_owned(),
             file: "scene.lights.pyg".to_owned(),
         };
-        session.begin_desk(&options).unwrap();
+        let mut desk = Desk::prepare(&mut session, &options).unwrap();
         session.read_file(scene.to_str().unwrap()).unwrap();
-        let mut desk = session.desk.take().unwrap();
         desk.start(&session).unwrap();
         Self { folder, session, desk, kept }
     }
@@ -318,7 +318,7 @@ fn only_patches_are_replaced() {
     assert_eq!(std::fs::read(&old).unwrap(), b"World ()\n");
     for _ in 0..2 {
         patch::write(&files, &new, &text).unwrap();
-        assert!(patch::is_patch(&files, &new) && !patch::is_patch(&files, &old));
+        assert!(is_patch(&files, &new) && !is_patch(&files, &old));
     }
 }
 

@@ -1,9 +1,9 @@
 //! Live images in browsers (`iv -serve`), for machines without a screen.
 //!
 //! One port serves one page, which is self-contained, and its web socket. Both are found only under a random word in
-//! the address, which is printed. A page cannot change anything here, but for images with a panel the edits of its user
-//! are passed on to the sender of the image. Pages on other machines only watch. Each page has its own exposure, zoom and
-//! position.
+//! the address, which is printed. A page cannot change anything here, but for images with a panel the edits of its
+//! user are passed on to the sender of the image. Pages on other machines only watch. Each page has its own exposure,
+//! zoom and position.
 
 mod blocks;
 mod detail;

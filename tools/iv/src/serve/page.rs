@@ -3,15 +3,19 @@
 //! The page sends `{"show": ID, "channels": [c ...]}` (at most four channels), `{"probe": [x, y]}`, and `{"detail": ID,
 //! "scale": s, "rect": [x, y, width, height]}` for its visible part, see [`detail`](super::detail).
 //!
-//! For a desk for lighting it also sends `{"panel": ID}`, to receive the panel of an image, and `{"edit": {...}, "image":
-//! ID}`, which goes to the sender of the image unless this page only watches.
+//! For a desk for lighting it also sends `{"panel": ID}`, to receive the panel of an image, and `{"edit": {...},
+//! "image": ID}`, which goes to the sender of the image unless this page only watches.
 //!
-//! The page receives text: `{"images": [{id, name, width, height, channels, note, live, panel, edits} ...], "shown":
-//! ID}` whenever the list changes, `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first
-//! pixels of an image, `{"marks": [[x, y, w, h] ...]}`, `{"drawing": [[step, number ...] ...]}` with the steps of a
-//! canvas ("moveTo" ...), `{"probe": [x, y], "values": ["v" ...]}`,
-//! and `{"panel": ID, "all": a, "parts": {name: text ...}}` with the changed parts of a panel, which are JSON in a text, or
-//! null for parts that are gone. With `"all": true`, these are all parts.
+//! The page receives text:
+//!
+//! - `{"images": [{id, name, width, height, channels, note, live, panel, edits} ...], "shown": ID}` whenever the list
+//!   changes
+//! - `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first pixels of an image
+//! - `{"marks": [[x, y, w, h] ...]}`
+//! - `{"drawing": [[step, number ...] ...]}` with the steps of a canvas ("moveTo" ...)
+//! - `{"probe": [x, y], "values": ["v" ...]}`
+//! - `{"panel": ID, "all": a, "parts": {name: text ...}}` with the changed parts of a panel, which are JSON in a text,
+//!   or null for parts that are gone. With `"all": true`, these are all parts
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
 //! channels, `u32` scale, then the values row by row with interleaved channels. An image of more than

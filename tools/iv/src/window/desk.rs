@@ -3,11 +3,10 @@
 //! The page of `iv -serve` has the same controls (`serve/desk.js`). The words of edits are those of the desk of the
 //! renderer.
 
-use super::app::App;
 use super::entries::Entries;
 use eframe::egui;
 use egui::{Color32, Pos2, RichText, Stroke, Ui};
-use granita_view::{Mix, Panel};
+use granita_view::Panel;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,7 +15,7 @@ use std::time::{Duration, Instant};
 /// The distance in points within which a light is grabbed.
 const GRAB: f32 = 12.0;
 /// The time for which a control keeps its own value, until the renderer has taken it.
-const ECHO: Duration = Duration::from_millis(400);
+pub(super) const ECHO: Duration = Duration::from_millis(400);
 
 /// What is dragged in the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,7 +30,7 @@ pub(crate) enum Pointing {
 #[derive(Default)]
 pub(crate) struct Desk {
     /// The name of the live image with the panel.
-    image: Option<String>,
+    pub(super) image: Option<String>,
     panel: Arc<Panel>,
     parts: BTreeMap<String, Value>,
     /// The id of the light whose controls are open.
@@ -39,19 +38,19 @@ pub(crate) struct Desk {
     /// What the next drag in the image does.
     mode: Option<Pointing>,
     /// True while edits belong to one step.
-    dragging: bool,
+    pub(super) dragging: bool,
     /// The values of controls that the renderer may not have taken yet.
-    own: BTreeMap<String, (Value, Instant)>,
+    pub(super) own: BTreeMap<String, (Value, Instant)>,
     /// The texts that are being entered, and the fields that take text.
     texts: BTreeMap<String, String>,
-    fields: Vec<egui::Id>,
+    pub(super) fields: Vec<egui::Id>,
     shader: String,
-    edits: Vec<Value>,
+    pub(super) edits: Vec<Value>,
 }
 
 impl Desk {
     /// Takes the panel of the current image, or of the first image that has one.
-    fn refresh(&mut self, entries: &Entries) {
+    pub(super) fn refresh(&mut self, entries: &Entries) {
         let live = entries.live();
         let names = std::iter::once(entries.name(entries.current)).chain(live.names());
         let found = names.filter_map(|name| live.info(&name)).find(|info| !info.panel.is_empty());
@@ -134,52 +133,21 @@ impl Desk {
     }
 }
 
-/// Shows the panel at the right edge of the window, if an image has one.
-pub(crate) fn show(app: &mut App, ui: &mut Ui) {
-    let mut desk = std::mem::take(&mut app.desk);
-    desk.refresh(&app.model.entries);
-    if desk.is_open() {
-        desk.fields.clear();
-        egui::Panel::right("desk").default_size(330.0).show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| desk.contents(app, ui));
-        });
-        send(&mut desk, app, ui.ctx());
-    }
-    app.desk = desk;
-}
-
-/// Sends the edits to the renderer.
-fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
-    if desk.dragging && !ctx.input(|i| i.pointer.any_down()) {
-        desk.dragging = false;
-        desk.edits.push(json!({"do": "end"}));
-    }
-    let edits = std::mem::take(&mut desk.edits);
-    let Some(sender) = desk.image.as_ref().and_then(|name| app.model.entries.live().edits(name)) else {
-        return;
-    };
-    let view = app.model.view;
-    let ((x0, y0), (x1, y1)) =
-        (view.to_sheet(0.0, 0.0), view.to_sheet(f64::from(view.width), f64::from(view.height)));
-    for mut edit in edits {
-        edit["visible"] = json!([x0, y0, x1 - x0, y1 - y0]);
-        sender.send(&edit.to_string());
-        ctx.request_repaint();
-    }
-    desk.own.retain(|_, (_, at)| at.elapsed() < ECHO);
-}
-
 impl Desk {
-    fn contents(&mut self, app: &mut App, ui: &mut Ui) {
-        self.header(app, ui);
+    /// Shows the panel. `wipes` is true while the image before is compared. Returns the name of the image before when
+    /// the user begins or ends the comparison.
+    pub(super) fn contents(&mut self, wipes: bool, ui: &mut Ui) -> Option<String> {
+        let compared = self.header(wipes, ui);
         ui.separator();
         for light in self.lights() {
             self.lamp(&light, ui);
         }
+        compared
     }
 
     /// Shows the status, undo, the list of shaders and the file.
-    fn header(&mut self, app: &mut App, ui: &mut Ui) {
+    fn header(&mut self, wipes: bool, ui: &mut Ui) -> Option<String> {
+        let mut compared = None;
         let ctx = ui.ctx().clone();
         let (state, constant) = (self.part("state").clone(), self.part("desk").clone());
         let word = match state["status"].as_str() {
@@ -191,10 +159,9 @@ impl Desk {
             ui.label(RichText::new(word).weak());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let before = state["before"].as_str();
-                let shown = matches!(app.model.mix, Mix::Wipe { .. });
-                let button = egui::Button::new("Before").selected(shown);
+                let button = egui::Button::new("Before").selected(wipes);
                 if ui.add_enabled(before.is_some(), button).clicked() {
-                    compare(app, before.unwrap_or_default());
+                    compared = before.map(str::to_owned);
                 }
             });
         });
@@ -247,6 +214,7 @@ impl Desk {
                 self.edit(&ctx, json!({"do": "quit"}));
             }
         });
+        compared
     }
 
     /// Shows a light.
@@ -567,17 +535,6 @@ impl Desk {
                 painter.text(place, anchor, id, font, Color32::WHITE);
             }
         }
-    }
-}
-
-/// Begins or ends the comparison with the image before the last edit.
-fn compare(app: &mut App, before: &str) {
-    let entries = &app.model.entries;
-    let found = (0..entries.len()).find(|k| entries.is_live(*k) && entries.name(*k) == before);
-    let shown = matches!(app.model.mix, Mix::Wipe { .. });
-    if let Some(entry) = found.filter(|entry| *entry != entries.current) {
-        app.model.other = Some(entry);
-        app.model.mix = if shown { Mix::First } else { Mix::Wipe { at: 0.5, down: false } };
     }
 }
 

@@ -1,7 +1,7 @@
 //! The functions of the window that the window system calls.
 
 use super::app::App;
-use super::{desk, panels};
+use super::{lighting, panels};
 use eframe::egui;
 use egui::{Event, Key};
 use std::path::PathBuf;
@@ -61,7 +61,7 @@ impl eframe::App for App {
         if !self.full_screen || self.model.list_open || self.model.side_open {
             panels::around(self, ui);
         }
-        desk::show(self, ui);
+        lighting::show(self, ui);
         self.area = ui.available_rect_before_wrap();
         self.show_image(ui);
         panels::over(self, ui);

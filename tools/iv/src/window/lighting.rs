@@ -1,0 +1,61 @@
+//! The connection of the desk for lighting with the window: where its panel is shown, and where its edits go.
+
+use super::app::App;
+use super::desk::{Desk, ECHO};
+use eframe::egui;
+use egui::Ui;
+use granita_view::Mix;
+use serde_json::json;
+
+/// Shows the panel at the right edge of the window, if an image has one.
+pub(crate) fn show(app: &mut App, ui: &mut Ui) {
+    let mut desk = std::mem::take(&mut app.desk);
+    desk.refresh(&app.model.entries);
+    if desk.is_open() {
+        desk.fields.clear();
+        let wipes = matches!(app.model.mix, Mix::Wipe { .. });
+        let mut compared = None;
+        egui::Panel::right("desk").default_size(330.0).show(ui, |ui| {
+            egui::ScrollArea::vertical()
+                .auto_shrink(false)
+                .show(ui, |ui| compared = desk.contents(wipes, ui));
+        });
+        if let Some(before) = compared {
+            compare(app, &before);
+        }
+        send(&mut desk, app, ui.ctx());
+    }
+    app.desk = desk;
+}
+
+/// Sends the edits to the renderer.
+fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
+    if desk.dragging && !ctx.input(|i| i.pointer.any_down()) {
+        desk.dragging = false;
+        desk.edits.push(json!({"do": "end"}));
+    }
+    let edits = std::mem::take(&mut desk.edits);
+    let Some(sender) = desk.image.as_ref().and_then(|name| app.model.entries.live().edits(name)) else {
+        return;
+    };
+    let view = app.model.view;
+    let ((x0, y0), (x1, y1)) =
+        (view.to_sheet(0.0, 0.0), view.to_sheet(f64::from(view.width), f64::from(view.height)));
+    for mut edit in edits {
+        edit["visible"] = json!([x0, y0, x1 - x0, y1 - y0]);
+        sender.send(&edit.to_string());
+        ctx.request_repaint();
+    }
+    desk.own.retain(|_, (_, at)| at.elapsed() < ECHO);
+}
+
+/// Begins or ends the comparison with the image before the last edit.
+fn compare(app: &mut App, before: &str) {
+    let entries = &app.model.entries;
+    let found = (0..entries.len()).find(|k| entries.is_live(*k) && entries.name(*k) == before);
+    let shown = matches!(app.model.mix, Mix::Wipe { .. });
+    if let Some(entry) = found.filter(|entry| *entry != entries.current) {
+        app.model.other = Some(entry);
+        app.model.mix = if shown { Mix::First } else { Mix::Wipe { at: 0.5, down: false } };
+    }
+}
