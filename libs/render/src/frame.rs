@@ -102,6 +102,11 @@ pub(crate) trait FrameShader: Sync {
     fn frame(&self) -> u64 {
         0
     }
+    /// Returns the numbers of lights, files and objects that changed since the last frame; `None` when nothing of it is
+    /// left.
+    fn changes(&self) -> Option<[usize; 3]> {
+        None
+    }
     /// True when the object of a primitive, by its number in the scene, keeps its colours.
     fn is_locked(&self, primitive: u32) -> bool {
         let _ = primitive;
@@ -305,7 +310,8 @@ pub(crate) fn render<S: FrameShader>(
             kept.sweep();
         }
     }
-    let statistics = frame.counters.statistics(begin.elapsed(), threads);
+    let mut statistics = frame.counters.statistics(begin.elapsed(), threads);
+    statistics.reuse = frame.kept.map(|kept| kept.reuse(frame.shader.changes()));
     if stop.load(Ordering::Relaxed) {
         return Err(RenderError::Stopped);
     }

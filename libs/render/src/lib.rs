@@ -50,4 +50,4 @@ pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_ligh
 pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
-pub use statistics::Statistics;
+pub use statistics::{Reuse, Statistics};

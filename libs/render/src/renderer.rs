@@ -11,7 +11,7 @@ use granita_base::{Location, Severity, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
-use granita_shading::{Memo, ObjectState};
+use granita_shading::{Changes, Memo, ObjectState};
 use granita_shading::{ShaderThread, ShadingContext};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -460,6 +460,10 @@ impl FrameShader for ShadingContext {
 
     fn frame(&self) -> u64 {
         ShadingContext::frame(self)
+    }
+
+    fn changes(&self) -> Option<[usize; 3]> {
+        ShadingContext::changes(self).map(Changes::counts)
     }
 
     fn is_locked(&self, primitive: u32) -> bool {

@@ -68,6 +68,88 @@ pub struct Statistics {
     /// The time from start to end.
     pub frame_time: Duration,
     pub threads: usize,
+    /// What a frame in re-rendering mode took from those before it; `None` for other frames.
+    pub reuse: Option<Reuse>,
+}
+
+/// What a frame in re-rendering mode took from those before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the names say it")]
+pub struct Reuse {
+    /// True when nothing was kept that the frame could use.
+    pub is_anew: bool,
+    pub lights_changed: u64,
+    pub files_changed: u64,
+    /// Objects that other lights illuminate than before.
+    pub objects_changed: u64,
+    pub buckets_kept: u64,
+    /// Buckets whose samples see what they saw, and that were composited and filtered with new colours.
+    pub buckets_composited: u64,
+    /// Batches of grids whose colours stayed.
+    pub batches_kept: u64,
+    /// Batches of grids whose surface shaders ran again.
+    pub batches_shaded: u64,
+    /// The bytes that are kept for the next frame: the results of lights.
+    pub light_bytes: u64,
+    /// The answers to other questions of shaders.
+    pub query_bytes: u64,
+    /// Grids, before and after they were shaded.
+    pub grid_bytes: u64,
+    /// What the samples see.
+    pub sample_bytes: u64,
+}
+
+impl Reuse {
+    /// Returns all counts by the names of the fields, for programs.
+    pub fn counts(&self) -> [(&'static str, u64); 12] {
+        [
+            ("anew", u64::from(self.is_anew)),
+            ("lights_changed", self.lights_changed),
+            ("files_changed", self.files_changed),
+            ("objects_changed", self.objects_changed),
+            ("buckets_kept", self.buckets_kept),
+            ("buckets_composited", self.buckets_composited),
+            ("batches_kept", self.batches_kept),
+            ("batches_shaded", self.batches_shaded),
+            ("light_bytes", self.light_bytes),
+            ("query_bytes", self.query_bytes),
+            ("grid_bytes", self.grid_bytes),
+            ("sample_bytes", self.sample_bytes),
+        ]
+    }
+
+    /// Returns rows of a table for people.
+    fn rows(&self) -> [(&'static str, String); 4] {
+        let mb = |bytes: u64| format!("{:.1} MB", bytes as f64 / 1e6);
+        let changed = match self.is_anew {
+            true => "all, the frame is rendered anew".to_owned(),
+            false => format!(
+                "{} lights, {} files, the lights of {} objects",
+                self.lights_changed, self.files_changed, self.objects_changed
+            ),
+        };
+        [
+            ("changed since the last frame", changed),
+            (
+                "  buckets",
+                format!("{} kept, {} composited again", self.buckets_kept, self.buckets_composited),
+            ),
+            (
+                "  batches of grids",
+                format!("{} kept, {} shaded again", self.batches_kept, self.batches_shaded),
+            ),
+            (
+                "  kept for the next frame",
+                format!(
+                    "lights {}, other answers {}, grids {}, samples {}",
+                    mb(self.light_bytes),
+                    mb(self.query_bytes),
+                    mb(self.grid_bytes),
+                    mb(self.sample_bytes)
+                ),
+            ),
+        ]
+    }
 }
 
 impl Counters {
@@ -95,6 +177,7 @@ impl Counters {
             filter_time: time(&self.filter_nanos),
             frame_time,
             threads,
+            reuse: None,
         }
     }
 }
@@ -161,7 +244,8 @@ impl Statistics {
             ),
         ];
         let mut text = format!("Statistics of camera \"{camera}\"");
-        for (what, value) in rows {
+        let reuse = self.reuse.as_ref().map(Reuse::rows);
+        for (what, value) in rows.into_iter().chain(reuse.into_iter().flatten()) {
             // Writing to a string does not fail.
             let _ = write!(text, "\n  {what:<34} {value}");
         }

@@ -41,6 +41,11 @@ fn frame(record: &FrameRecord) -> Value {
         let mut fields = Map::new();
         fields.insert("name".into(), json!(&**name));
         fields.extend(statistics.counts().map(|(name, n)| (name.to_owned(), json!(n))));
+        if let Some(reuse) = &statistics.reuse {
+            let counts: Map<String, Value> =
+                reuse.counts().map(|(name, n)| (name.to_owned(), json!(n))).into_iter().collect();
+            fields.insert("reuse".to_owned(), counts.into());
+        }
         let seconds: Map<String, Value> =
             statistics.seconds().map(|(name, s)| (name.to_owned(), json!(s))).into_iter().collect();
         fields.insert("seconds".into(), Value::Object(seconds));

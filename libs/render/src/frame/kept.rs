@@ -9,7 +9,7 @@
 //! What is kept may be given up at any time, in the order of [`Layer`]. It is then computed again.
 
 use super::{Frame, FrameShader};
-use crate::PixelRect;
+use crate::{PixelRect, Reuse};
 use granita_gsl::ir::ValueType;
 use granita_hider::film::FilterSpec;
 use granita_hider::{CompositeSettings, KeptSurfaces, ShadedGrid, Wanted};
@@ -217,6 +217,28 @@ impl<O> KeptFrames<O> {
     /// Returns the bytes by layer: the results of lights, other answers, grids, and what samples see.
     pub(crate) fn bytes(&self) -> [usize; LAYERS] {
         self.bytes.each_ref().map(|bytes| bytes.load(Ordering::Relaxed))
+    }
+
+    /// Returns what the present frame took from earlier ones. `changes` holds the numbers of lights, files and objects
+    /// that changed.
+    pub(super) fn reuse(&self, changes: Option<[usize; 3]>) -> Reuse {
+        let [lights, files, objects] = changes.unwrap_or_default().map(|n| n as u64);
+        let count = |n: &AtomicU64| n.load(Ordering::Relaxed);
+        let [light_bytes, query_bytes, grid_bytes, sample_bytes] = self.bytes().map(|n| n as u64);
+        Reuse {
+            is_anew: changes.is_none(),
+            lights_changed: lights,
+            files_changed: files,
+            objects_changed: objects,
+            buckets_kept: count(&self.counts.buckets_same),
+            buckets_composited: count(&self.counts.buckets_composited),
+            batches_kept: count(&self.counts.grids_same),
+            batches_shaded: count(&self.counts.grids_shaded),
+            light_bytes,
+            query_bytes,
+            grid_bytes,
+            sample_bytes,
+        }
     }
 
     fn add_bytes(&self, layer: Layer, bytes: usize) {
