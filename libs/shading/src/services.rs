@@ -3,7 +3,8 @@
 //!
 //! A [`Run`] serves one run of one shader group over one grid. The requests for rays are in `services/rays.rs`,
 //! shadows in `services/shadow.rs`, indirect light and occlusion in `services/light.rs`, and maps in
-//! `services/maps.rs`. This file has the others. Answers that are kept for re-renders are found in `services/recall.rs`.
+//! `services/maps.rs`. This file has the others. Answers that are kept for re-renders are found in
+//! `services/recall.rs`.
 
 mod database;
 mod light;

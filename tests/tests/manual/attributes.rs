@@ -17,7 +17,7 @@ fn the_manual_lists_every_attribute() {
          of any type become those of the attribute as long as nothing is lost; a string where a number belongs, or the \
          wrong number of values, is an error and changes nothing. An attribute marked *hint* \
          tunes how the work is done, and this renderer needs no tuning there. One marked *re-render* may change between \
-         the frames of re-rendering mode: those of objects by `Modify`, the others before `World`.\n",
+         the frames of [re-rendering mode](rerender.md): those of objects by `Modify`, the others before `World`.\n",
     );
     for (scope, title) in [
         (Scope::Camera, "Of cameras"),

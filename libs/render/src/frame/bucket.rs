@@ -1,8 +1,7 @@
 //! Renders one bucket: collect, hide, filter.
 
 use super::job::{Job, LeafSlot, LeafState, Sighting};
-use super::kept::{Broken, GridId, KeptBucket, KeptEye, KeptFrames, Layer};
-use super::shade::MadeGrid;
+use super::kept::{Broken, GridId, KeptBucket, KeptEye, KeptFrames, Layer, MadeGrid};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::output::griddump::Described;
@@ -298,8 +297,8 @@ impl<S: FrameShader> Frame<'_, S> {
         (pixels, ids.map(|ids| kept_surfaces(&surfaces, ids)))
     }
 
-    /// Returns the pixels of a bucket, image by image, from the `values` of its samples. `volumes` returns the texels of
-    /// volume shadow maps, from the number of the image, its channels and its "opaquewidth".
+    /// Returns the pixels of a bucket, image by image, from the `values` of its samples. `volumes` returns the texels
+    /// of volume shadow maps, from the number of the image, its channels and its "opaquewidth".
     fn filtered(
         &self,
         index: usize,

@@ -1,8 +1,7 @@
 //! Primitives in view, and their splits into grids.
 
-use super::kept::GridId;
+use super::kept::{GridId, MadeGrid};
 use super::limits::{Budget, POINTS_OF_A_SPLIT};
-use super::shade::MadeGrid;
 use super::{Frame, FrameShader, ObjectTraits};
 use crate::PixelRect;
 use crate::preshaded::MOST_POINTS;

@@ -1,8 +1,10 @@
 //! What is kept of the frames of a camera for re-renders (reference 11).
 //!
 //! Grids are shaded in batches. A [`Batch`] keeps the points of its grids before the surface shaders ran, and the
-//! answers that these got ([`Memo`]). When something changes that a batch depends on, its shaders run again, and most of
-//! their questions find their answers. What the samples of a bucket see is kept as well ([`KeptBucket`]). A bucket is
+//! answers that these got ([`Memo`]). When something changes that a batch depends on, its shaders run again, and most
+//! of their questions find their answers.
+//!
+//! What the samples of a bucket see is kept as well ([`KeptBucket`]). A bucket is
 //! then composited and filtered again only if a colour in it changed. Nothing is corrected by differences: every sum is
 //! formed again in its order, so that a re-render has the pixels of a new render, to the bit.
 //!
@@ -44,6 +46,12 @@ const LAYERS: usize = 4;
 pub(crate) struct GridId {
     batch: u32,
     member: u32,
+}
+
+/// A grid that was made, and its place among the kept ones.
+pub(super) struct MadeGrid {
+    pub(super) grid: Arc<ShadedGrid>,
+    pub(super) kept: Option<GridId>,
 }
 
 /// The identity of a leaf: the number of its primitive in the scene, and a hash of the splits that led to it.

@@ -2,7 +2,7 @@
 
 use super::cells::{Cells, finer, kept};
 use super::job::{Job, LeafSlot, Sighting};
-use super::kept::{Batch, BatchState, GridId, Member};
+use super::kept::{Batch, BatchState, GridId, MadeGrid, Member};
 use super::precise::Precise;
 use super::{Eye, Frame, FrameShader, Holdout};
 use crate::output::griddump::is_identity;
@@ -53,12 +53,6 @@ struct Shaded<'a> {
 
 /// A requested variable, component by component, and the number of its components. The shader may not have it.
 pub(super) type Variable = (Option<Vec<f32>>, usize);
-
-/// A grid that was made, and its place among the kept ones.
-pub(super) struct MadeGrid {
-    pub(super) grid: Arc<ShadedGrid>,
-    pub(super) kept: Option<GridId>,
-}
 
 /// The shading of a leaf at later times.
 #[derive(Default)]
@@ -173,8 +167,8 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
-    /// Runs the surface shaders on a grid. Returns the requested variables. The answers that the shaders get are kept in
-    /// `memo`.
+    /// Runs the surface shaders on a grid. Returns the requested variables. The answers that the shaders get are kept
+    /// in `memo`.
     pub(super) fn run_surface(
         &self,
         object: &S::Object,
