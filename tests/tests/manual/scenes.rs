@@ -82,7 +82,9 @@ fn scenes_cause_no_messages() {
         let blocks = page.blocks();
         let first = blocks.iter().find(|block| block.info == "pyg").map_or("", |block| block.text.as_str());
         for block in &blocks {
-            if !block.info.starts_with("pyg") || is_script(block) && !has("python3") {
+            if !matches!(&*block.info, "pyg" | "pyg,calls" | "pyg,rerender")
+                || is_script(block) && !has("python3")
+            {
                 continue;
             }
             n += 1;

@@ -55,7 +55,7 @@ struct Options {
     net: Vec<String>,
 
     /// Render buckets for the gelato that started this one
-    #[arg(long, hide = true, conflicts_with_all = ["stream", "net"])]
+    #[arg(long, hide = true, conflicts_with_all = ["stream", "net", "relight"])]
     worker: bool,
 
     /// Show the image while it is rendered in a viewer that listens there: iv, tev, or another program with tev's
@@ -95,7 +95,7 @@ struct Options {
 
     /// Edit the lights while the image is shown, in a page of the browser; with -iv, in a window. The edits are saved
     /// as Pyg, which is rendered after the scene: gelato SCENE.pyg SCENE.lights.pyg
-    #[arg(long, conflicts_with_all = ["stream", "worker", "net", "remote", "turntable"])]
+    #[arg(long, conflicts_with_all = ["stream", "net", "turntable"])]
     relight: bool,
 
     /// Write the image also to this file, in the format of its extension
@@ -136,7 +136,7 @@ struct Options {
     manual: bool,
 
     /// Work for the program that started this one, which goes on meanwhile
-    #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net"])]
+    #[arg(long, hide = true, conflicts_with_all = ["files", "stream", "worker", "net", "relight"])]
     remote: bool,
 
     /// End the run after this number of seconds, with all programs that it started, and exit with status 1

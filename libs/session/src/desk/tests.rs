@@ -256,7 +256,7 @@ fn wrong_edits_are_messages_and_change_nothing() {
         ),
         (json!({"do": "set", "light": "key", "param": "from", "value": [1, 2]}), "is a point"),
         (json!({"do": "set", "light": "key", "layer": 3, "param": "from", "value": [1, 2, 3]}), "no layer 3"),
-        (json!({"do": "link", "light": "key", "pattern": "\\(", "value": true}), "regular expression"),
+        (json!({"do": "link", "light": "key", "pattern": "[", "value": true}), "regular expression"),
         (json!({"do": "add", "shader": "plastic"}), "\"plastic\" is a surface shader, not a light"),
         (json!({"do": "add", "shader": "nosuch"}), "there is no shader \"nosuch\""),
         (json!({"do": "shader", "light": "key", "value": "nosuch"}), "there is no shader \"nosuch\""),
