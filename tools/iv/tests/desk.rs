@@ -5,11 +5,13 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
+mod browser;
+
+use browser::{PATIENCE, Page, Running, browser};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader};
-use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"
@@ -27,18 +29,6 @@ Shader ("surface", "plastic")
 Sphere (1, -1, 1, 360)
 Render ()
 "#;
-
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// A process that ends with the test.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
 
 /// Returns the gelato beside the iv of this build.
 fn program() -> Option<PathBuf> {
@@ -71,67 +61,7 @@ fn gelato(program: &Path, folder: &Path, words: &[&str]) -> Running {
     Running(command.spawn().unwrap())
 }
 
-fn browser() -> Option<PathBuf> {
-    let folders = std::env::var_os("PATH")?;
-    let names = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-    std::env::split_paths(&folders).flat_map(|f| names.map(|n| f.join(n))).find(|path| path.is_file())
-}
-
-/// A browser with one page of 1000 x 700 pixels.
-struct Page {
-    web: tungstenite::WebSocket<TcpStream>,
-    session: String,
-    calls: u64,
-    _browser: Running,
-}
-
 impl Page {
-    fn open(browser: &Path, folder: &Path, url: &str) -> Self {
-        let mut command = Command::new(browser);
-        command
-            .args(["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
-            .args(["--hide-scrollbars", "--no-first-run", "--remote-debugging-port=0"])
-            .arg(format!("--user-data-dir={}", folder.display()))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null());
-        let browser = Running(command.spawn().unwrap());
-        let begin = Instant::now();
-        let (port, path) = loop {
-            let text = std::fs::read_to_string(folder.join("DevToolsActivePort")).unwrap_or_default();
-            if let Some((port, path)) = text.split_once('\n').filter(|(_, path)| !path.is_empty()) {
-                break (port.parse::<u16>().unwrap(), path.trim().to_owned());
-            }
-            assert!(begin.elapsed() < PATIENCE, "the browser does not start");
-            std::thread::sleep(Duration::from_millis(20));
-        };
-        let socket = TcpStream::connect(("127.0.0.1", port)).unwrap();
-        socket.set_read_timeout(Some(PATIENCE)).unwrap();
-        let (web, _) = tungstenite::client(format!("ws://127.0.0.1:{port}{path}"), socket).unwrap();
-        let mut page = Self { web, session: String::new(), calls: 0, _browser: browser };
-        let target = page.call("Target.createTarget", json!({"url": url}))["targetId"].clone();
-        let session = page.call("Target.attachToTarget", json!({"targetId": target, "flatten": true}));
-        page.session = session["sessionId"].as_str().unwrap().to_owned();
-        let size = json!({"width": 1000, "height": 700, "deviceScaleFactor": 1, "mobile": false});
-        page.call("Emulation.setDeviceMetricsOverride", size);
-        page
-    }
-
-    fn call(&mut self, method: &str, params: Value) -> Value {
-        self.calls += 1;
-        let mut call = json!({"id": self.calls, "method": method, "params": params});
-        if !self.session.is_empty() {
-            call["sessionId"] = json!(self.session);
-        }
-        self.web.send(tungstenite::Message::text(call.to_string())).unwrap();
-        loop {
-            let answer: Value = serde_json::from_str(&self.web.read().unwrap().into_text().unwrap()).unwrap();
-            if answer["id"] == json!(self.calls) {
-                assert!(answer.get("error").is_none(), "{method}: {answer}");
-                return answer["result"].clone();
-            }
-        }
-    }
-
     /// Returns the value of an expression of the page.
     fn value(&mut self, code: &str) -> Value {
         let result = self.call("Runtime.evaluate", json!({"expression": code, "returnByValue": true}));
@@ -195,7 +125,7 @@ fn lights_are_edited_in_the_page() {
     let url = lines.find_map(|line| line.strip_prefix("gelato: the desk is at ").map(str::to_owned)).unwrap();
     let profile = folder.path().join("profile");
     std::fs::create_dir(&profile).unwrap();
-    let mut page = Page::open(&browser, &profile, &url);
+    let mut page = Page::open(&browser, &profile, &url, [1000, 700]);
     page.until("desk.parts.state && state().status === 'idle' && lightOf('key')");
     let idle = "state().status === 'idle'";
     // A click opens the light, and a drag of its first slider is one step.
