@@ -21,6 +21,10 @@ use scenes::{KINDS, SCENES, Scene};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
+/// The allocator of `gelato`.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// The selected cases.
 struct Options {
     only: Option<String>,
