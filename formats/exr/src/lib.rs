@@ -14,7 +14,8 @@
 //! **Attributes.** `worldtocamera`, `wrapmodes`, `software`, `owner` (also `copyright`, reference 7.4.4) and
 //! `ImageDescription` (`comments`) are stored in the format's standard attributes, and an environment map in `envmap`.
 //! Others are stored under their own names. `compression` is "none", "rle", "zip" (or "deflate", the default), "zips",
-//! "piz", "pxr24", "b44", "b44a", "dwaa" or "dwab" (both with a quality, as "dwaa:45"). Attributes are written in the
+//! "piz", "pxr24", "b44", "b44a", "dwaa" or "dwab" (both with a quality, as "dwaa:45"). "zip" and "zips" accept a level
+//! from 1 to 12, as "zip:9". Attributes are written in the
 //! order of their names, so that the same image results in the same bytes.
 //!
 //! # Invariants
@@ -38,7 +39,9 @@ pub use input::ExrInput;
 pub use output::ExrOutput;
 
 use exr::compression::Compression;
-use granita_image::{CreateOptions, Format, ImageInput, ImageOutput, Limits, PixelType, Result};
+use granita_image::{
+    CreateOptions, DeflateLevel, Format, ImageInput, ImageOutput, Limits, PixelType, Result,
+};
 use order::Order;
 use std::fmt;
 use std::path::Path;
@@ -85,6 +88,9 @@ impl Format for ExrFormat {
 #[derive(Clone, Copy, Debug)]
 struct CompressionName(&'static str, Option<f32>);
 
+/// The default level of deflate, which is that of OpenEXR's own library since 3.1.3.
+const OPENEXR_LEVEL: u8 = 4;
+
 impl CompressionName {
     fn of(compression: Compression) -> Self {
         match compression {
@@ -103,29 +109,32 @@ impl CompressionName {
         }
     }
 
-    /// Returns the compression of a word; `None` when it cannot be written.
-    fn parse(word: &str) -> Option<Compression> {
-        let word = word.to_ascii_lowercase();
-        let (name, level) = match word.split_once(':') {
-            Some((name, level)) => {
-                (name, Some(level.parse().ok().filter(|l: &f32| l.is_finite() && *l >= 0.0)?))
+    /// Returns the compression of a word, and the level of deflate. `Err` says why it cannot be written.
+    fn parse(word: &str) -> std::result::Result<(Compression, DeflateLevel), String> {
+        let lower = word.to_ascii_lowercase();
+        let (name, level) = DeflateLevel::split(&lower)?;
+        let unsupported = || format!("OpenEXR compression \"{word}\" is not supported");
+        let (name, quality) = match name.split_once(':') {
+            Some((name @ ("dwaa" | "dwab"), quality)) => {
+                let quality = quality.parse().ok().filter(|q: &f32| q.is_finite() && *q >= 0.0);
+                (name, Some(quality.ok_or_else(unsupported)?))
             }
-            None => (&*word, None),
+            _ => (name, None),
         };
-        Some(match (name, level) {
-            ("dwaa", _) => Compression::DWAA(level),
-            ("dwab", _) => Compression::DWAB(level),
-            (_, Some(_)) => return None,
-            ("none", _) => Compression::Uncompressed,
-            ("rle", _) => Compression::RLE,
-            ("zip" | "deflate", _) => Compression::ZIP16,
-            ("zips", _) => Compression::ZIP1,
-            ("piz", _) => Compression::PIZ,
-            ("pxr24", _) => Compression::PXR24,
-            ("b44", _) => Compression::B44,
-            ("b44a", _) => Compression::B44A,
-            _ => return None,
-        })
+        let compression = match name {
+            "dwaa" => Compression::DWAA(quality),
+            "dwab" => Compression::DWAB(quality),
+            "none" => Compression::Uncompressed,
+            "rle" => Compression::RLE,
+            "zip" | "deflate" => Compression::ZIP16,
+            "zips" => Compression::ZIP1,
+            "piz" => Compression::PIZ,
+            "pxr24" => Compression::PXR24,
+            "b44" => Compression::B44,
+            "b44a" => Compression::B44A,
+            _ => return Err(unsupported()),
+        };
+        Ok((compression, level.or(DeflateLevel::new(OPENEXR_LEVEL)).unwrap_or_default()))
     }
 }
 

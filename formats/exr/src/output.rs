@@ -13,7 +13,8 @@ use exr::meta::header::{Header, ImageAttributes};
 use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{SmallVec, Vec2};
 use granita_image::{
-    AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
+    AtomicFile, Content, CreateOptions, DeflateLevel, ImageError, ImageOutput, ImageSpec, PixelType, Pixels,
+    Result, TileRows,
 };
 use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -34,6 +35,8 @@ pub struct ExrOutput {
     file: AtomicFile,
     headers: [Header; 1],
     order: Order,
+    /// The level of the compressions "zip" and "zips".
+    deflate: DeflateLevel,
     /// The offset of the next byte.
     position: u64,
     /// The offset and the content of the table of chunks. An entry is 0 for a chunk that is not written yet.
@@ -60,7 +63,7 @@ impl ExrOutput {
     /// store.
     pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
         let spec = options.spec;
-        let (header, order) = header(path, spec, options.levels)?;
+        let (header, order, deflate) = header(path, spec, options.levels)?;
         let requirements = MetaData::validate(std::slice::from_ref(&header), true)
             .map_err(|e| misuse(path, format!("OpenEXR cannot hold it: {e}")))?;
         let mut front = vec![0x76, 0x2f, 0x31, 0x01];
@@ -85,6 +88,7 @@ impl ExrOutput {
             table: vec![0; header.chunk_count],
             headers: [header],
             order,
+            deflate,
             position: front.len() as u64,
             table_at,
             level: 0,
@@ -135,7 +139,9 @@ impl ExrOutput {
         let data = self.order.gather(pixels, size.0, size.1, area.stride);
         let zip = matches!(self.headers[0].compression, Compression::ZIP1 | Compression::ZIP16);
         let block = if zip && cfg!(target_endian = "little") {
-            let compressed_pixels_le = zip::compress(&data).unwrap_or(data);
+            let half = self.spec.pixel_type == PixelType::Half;
+            let content = if half { Content::Halves } else { Content::Words };
+            let compressed_pixels_le = zip::compress(&data, content, self.deflate).unwrap_or(data);
             if self.spec.is_tiled() {
                 let tile = (self.spec.tile_width as usize, self.spec.tile_height as usize);
                 CompressedBlock::Tile(CompressedTileBlock {
@@ -264,8 +270,8 @@ fn misuse(path: &Path, what: String) -> ImageError {
     ImageError::Misuse { path: path.to_owned(), what }
 }
 
-/// Returns the header of a file for `spec`, and the order of its channels.
-fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order)> {
+/// Returns the header of a file for `spec`, the order of its channels, and the level of deflate.
+fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order, DeflateLevel)> {
     let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
     if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
         let (w, h, n) = (spec.width, spec.height, spec.nchannels());
@@ -299,8 +305,7 @@ fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order
     own.layer_position = Vec2(spec.x, spec.y);
 
     let word = spec.string("compression").unwrap_or("zip");
-    let compression = CompressionName::parse(word)
-        .ok_or_else(|| unsupported(format!("OpenEXR compression \"{word}\" is not supported")))?;
+    let (compression, level) = CompressionName::parse(word).map_err(unsupported)?;
     let (blocks, line_order) = if spec.is_tiled() {
         if spec.tile_height == 0 {
             return Err(misuse(path, format!("tiles of {} x 0 pixels", spec.tile_width)));
@@ -331,7 +336,7 @@ fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order
         .with_shared_attributes(ImageAttributes { pixel_aspect, ..ImageAttributes::new(display) })
         .with_encoding(compression, blocks, line_order);
     let types = vec![sample_type; sorted.len()];
-    Ok((header, Order { types, order, pixel_type: spec.pixel_type }))
+    Ok((header, Order { types, order, pixel_type: spec.pixel_type }, level))
 }
 
 impl ImageOutput for ExrOutput {

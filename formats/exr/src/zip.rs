@@ -4,14 +4,12 @@
 //! halves). Then each byte is replaced by its difference to the one before. The result is deflated ("ZIP" of the
 //! technical introduction to OpenEXR).
 
-use libdeflater::{CompressionLvl, Compressor, Decompressor};
-
-/// The effort, which is that of OpenEXR's own library since 3.1.3.
-const EFFORT: i32 = 4;
+use granita_image::{Content, DeflateLevel, zlib_compress};
+use libdeflater::Decompressor;
 
 /// Returns the packed form of a block's little-endian bytes; `None` when it would not be shorter, because the format
 /// then stores the bytes uncompressed.
-pub(crate) fn compress(bytes: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn compress(bytes: &[u8], content: Content, level: DeflateLevel) -> Option<Vec<u8>> {
     let mut parted: Vec<u8> = Vec::with_capacity(bytes.len());
     parted.extend(bytes.iter().step_by(2));
     parted.extend(bytes.iter().skip(1).step_by(2));
@@ -21,12 +19,7 @@ pub(crate) fn compress(bytes: &[u8]) -> Option<Vec<u8>> {
         *b = this.wrapping_sub(before).wrapping_add(128);
         before = this;
     }
-    let mut deflate = Compressor::new(CompressionLvl::new(EFFORT).ok()?);
-    // The result must be at least one byte shorter.
-    let mut out = vec![0; bytes.len() - 1];
-    let len = deflate.zlib_compress(&parted, &mut out).ok()?;
-    out.truncate(len);
-    Some(out)
+    Some(zlib_compress(&parted, content, level)).filter(|packed| packed.len() < bytes.len())
 }
 
 /// Returns the `len` bytes of a block from its packed form; `None` when the data is damaged or of another length.
@@ -60,7 +53,7 @@ mod tests {
         #[test]
         fn decompression_restores_the_bytes(seed in prop::collection::vec(0u8..4, 0..40), n in 1usize..700) {
             let bytes: Vec<u8> = (0..n).map(|i| seed.get(i % 50).copied().unwrap_or(i as u8)).collect();
-            if let Some(packed) = compress(&bytes) {
+            if let Some(packed) = compress(&bytes, Content::Halves, DeflateLevel::default()) {
                 prop_assert!(packed.len() < n);
                 prop_assert_eq!(decompress(&packed, n), Some(bytes));
                 prop_assert_eq!(decompress(&packed, n + 1), None);
@@ -75,9 +68,10 @@ mod tests {
 
     #[test]
     fn data_that_does_not_shrink_is_not_compressed() {
-        assert_eq!(compress(&[]), None);
-        assert_eq!(compress(&[7]), None);
-        assert_eq!(compress(&[7, 200, 3]), None);
-        assert!(compress(&[0; 100]).is_some());
+        let pack = |bytes: &[u8]| compress(bytes, Content::Words, DeflateLevel::default());
+        assert_eq!(pack(&[]), None);
+        assert_eq!(pack(&[7]), None);
+        assert_eq!(pack(&[7, 200, 3]), None);
+        assert!(pack(&[0; 100]).is_some());
     }
 }

@@ -55,7 +55,7 @@ proptest! {
         (width, height, channels) in (1u32..70, 1u32..70, 1usize..12),
         pixel_type in prop::sample::select(&TYPES[..]),
         tile in prop::sample::select(vec![0u32, 8, 16, 48, 64]),
-        compression in prop::sample::select(vec!["none", "rle", "zip", "zips", "piz", "deflate"]),
+        compression in prop::sample::select(vec!["none", "rle", "zip", "zips", "piz", "deflate", "zip:1", "zips:12"]),
         rows_at_once in 1u32..80,
     ) {
         let dir = tempfile::tempdir().unwrap();

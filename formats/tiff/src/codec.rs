@@ -1,12 +1,8 @@
 //! Compression schemes and predictors of one strip or tile.
 
-use granita_image::Pixels;
+use granita_image::{Content, DeflateLevel, Pixels, zlib_compress};
 use half::f16;
 use std::io::Read;
-
-/// The default effort of deflate. It is 1.5 to 2 times as fast as the customary level 6 of zlib on tiles of
-/// photographs, and its files are as small (`docs/formats.md`).
-pub(crate) const EFFORT: i32 = 4;
 
 /// The compression of strips and tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,21 +58,17 @@ impl Compression {
         }
     }
 
-    /// Converts the value of the attribute `compression` (reference 7.4.1), which may contain the effort of deflate:
-    /// "zip:9".
-    pub(crate) fn from_word(word: &str) -> Option<(Self, i32)> {
-        let word = word.to_ascii_lowercase();
-        let (name, effort) = match word.split_once(':') {
-            Some((name, effort)) => (name, Some(effort.parse().ok().filter(|e| (1..=12).contains(e))?)),
-            None => (word.as_str(), None),
-        };
-        Some(match (name, effort) {
-            ("zip" | "deflate", effort) => (Self::Deflate, effort.unwrap_or(EFFORT)),
-            (_, Some(_)) => return None,
-            ("none", _) => (Self::None, EFFORT),
-            ("lzw", _) => (Self::Lzw, EFFORT),
-            ("packbits", _) => (Self::PackBits, EFFORT),
-            _ => return None,
+    /// Converts the value of the attribute `compression` (reference 7.4.1), which may contain the level of deflate:
+    /// "zip:9". `Err` says why the value is not possible.
+    pub(crate) fn from_word(word: &str) -> Result<(Self, DeflateLevel), String> {
+        let lower = word.to_ascii_lowercase();
+        let (name, level) = DeflateLevel::split(&lower)?;
+        Ok(match (name, level) {
+            ("zip" | "deflate", level) => (Self::Deflate, level.unwrap_or_default()),
+            ("none", None) => (Self::None, DeflateLevel::default()),
+            ("lzw", None) => (Self::Lzw, DeflateLevel::default()),
+            ("packbits", None) => (Self::PackBits, DeflateLevel::default()),
+            _ => return Err(format!("TIFF compression \"{word}\" is not supported")),
         })
     }
 
@@ -115,22 +107,20 @@ impl Compression {
         }
     }
 
-    /// Compresses `data`, which has rows of `row_bytes`. `effort` is that of deflate, from 1 to 12.
-    pub(crate) fn encode(self, data: &[u8], row_bytes: usize, effort: i32) -> std::io::Result<Vec<u8>> {
+    /// Compresses `data`, which has rows of `row_bytes`. `content` and `level` are those of deflate.
+    pub(crate) fn encode(
+        self,
+        data: &[u8],
+        row_bytes: usize,
+        content: Content,
+        level: DeflateLevel,
+    ) -> std::io::Result<Vec<u8>> {
         match self {
             Self::None => Ok(data.to_vec()),
             Self::Lzw => weezl::encode::Encoder::with_tiff_size_switch(weezl::BitOrder::Msb, 8)
                 .encode(data)
                 .map_err(std::io::Error::other),
-            Self::Deflate => {
-                let level = libdeflater::CompressionLvl::new(effort)
-                    .map_err(|e| std::io::Error::other(format!("{e:?}")))?;
-                let mut deflate = libdeflater::Compressor::new(level);
-                let mut out = vec![0; deflate.zlib_compress_bound(data.len())];
-                let len = deflate.zlib_compress(data, &mut out).map_err(std::io::Error::other)?;
-                out.truncate(len);
-                Ok(out)
-            }
+            Self::Deflate => Ok(zlib_compress(data, content, level)),
             // `from_word` returns none of these.
             Self::Zstd | Self::Jpeg | Self::WebP | Self::Group4 => {
                 Err(std::io::ErrorKind::Unsupported.into())
@@ -348,7 +338,7 @@ mod tests {
         #[test]
         fn decompression_restores_the_bytes(data in prop::collection::vec(prop_oneof![Just(0u8), Just(7), any::<u8>()], 1..600), row in 1usize..70) {
             for c in ALL {
-                let packed = c.encode(&data, row, EFFORT).unwrap();
+                let packed = c.encode(&data, row, Content::Bytes, DeflateLevel::default()).unwrap();
                 let mut out = vec![1; data.len()];
                 prop_assert_eq!(c.decode(&packed, &mut out), Ok(()));
                 prop_assert_eq!(&out, &data, "{:?}", c);
@@ -388,7 +378,7 @@ mod tests {
     #[test]
     fn short_data_is_an_error() {
         for c in ALL {
-            let packed = c.encode(&[5; 100], 100, EFFORT).unwrap();
+            let packed = c.encode(&[5; 100], 100, Content::Bytes, DeflateLevel::default()).unwrap();
             let fault = c.decode(&packed, &mut [0; 101]).unwrap_err();
             assert!(fault.contains("100 of 101"), "{fault}");
         }

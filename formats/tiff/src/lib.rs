@@ -24,7 +24,7 @@
 //! `full_width` and `full_height`.
 //!
 //! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and "packbits"; the
-//! default is "zip"; deflate accepts an effort from 1 to 12, as "zip:9"), `rowsperstrip` (default 32), `planarconfig`,
+//! default is "zip"; deflate accepts a level from 1 to 12, as "zip:9"), `rowsperstrip` (default 32), `planarconfig`,
 //! `ImageDescription`, `DocumentName`, `Artist`, `copyright` (or `owner`), `software`, `DateTime`, `Make`, `Model`,
 //! `HostComputer`, `XMP`, and `bigtiff` (int; 1 requests 64-bit offsets). A date is written only when it is given, so
 //! that the same image results in the same bytes.

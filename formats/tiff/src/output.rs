@@ -1,10 +1,11 @@
 //! Writes strips or tiles in the order of arrival, and all directories at the end.
 
-use crate::codec::{Compression, EFFORT, apply_floating, apply_horizontal};
+use crate::codec::{Compression, apply_floating, apply_horizontal};
 use crate::input::is_float;
 use crate::tags;
 use granita_image::{
-    AtomicFile, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result, TileRows,
+    AtomicFile, Content, CreateOptions, DeflateLevel, ImageError, ImageOutput, ImageSpec, PixelType, Pixels,
+    Result, TileRows,
 };
 use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -45,8 +46,8 @@ enum Rows {
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     compression: Compression,
-    /// The effort of deflate.
-    effort: i32,
+    /// The level of deflate.
+    level: DeflateLevel,
     separate: bool,
     rows_per_strip: u32,
 }
@@ -102,10 +103,10 @@ impl Field {
 impl Settings {
     fn of(path: &Path, spec: &ImageSpec, inherited: Option<Self>) -> Result<Self> {
         let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
-        let (compression, effort) = match spec.string("compression") {
-            Some(word) => Compression::from_word(word)
-                .ok_or_else(|| unsupported(format!("TIFF compression \"{word}\" is not supported")))?,
-            None => inherited.map_or((Compression::Deflate, EFFORT), |s| (s.compression, s.effort)),
+        let (compression, level) = match spec.string("compression") {
+            Some(word) => Compression::from_word(word).map_err(unsupported)?,
+            None => inherited
+                .map_or((Compression::Deflate, DeflateLevel::default()), |s| (s.compression, s.level)),
         };
         let separate = match spec.string("planarconfig") {
             Some("separate") => true,
@@ -115,7 +116,7 @@ impl Settings {
         };
         let rows = spec.attributes.int("rowsperstrip").filter(|n| *n > 0);
         let rows = rows.map_or(inherited.map_or(32, |s| s.rows_per_strip), |n| n as u32);
-        Ok(Self { compression, effort, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
+        Ok(Self { compression, level, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
     }
 }
 
@@ -400,7 +401,8 @@ fn pack(pixels: &Pixels, width: usize, step: usize, settings: &Settings) -> std:
     if compression == Compression::None {
         Ok(bytes)
     } else {
-        compression.encode(&bytes, width * size, settings.effort)
+        let content = if size == 1 { Content::Bytes } else { Content::Words };
+        compression.encode(&bytes, width * size, content, settings.level)
     }
 }
 

@@ -61,7 +61,7 @@ proptest! {
         (width, height, channels) in (1u32..70, 1u32..70, 1usize..7),
         pixel_type in prop::sample::select(&TYPES[..]),
         tile in prop::sample::select(vec![0u32, 8, 16, 48, 64]),
-        compression in prop::sample::select(vec!["none", "lzw", "zip", "deflate", "packbits"]),
+        compression in prop::sample::select(vec!["none", "lzw", "zip", "deflate", "packbits", "zip:1", "deflate:12"]),
         (separate, big) in any::<(bool, bool)>(),
         (rows_per_strip, rows_at_once) in (1i32..80, 1u32..80),
     ) {

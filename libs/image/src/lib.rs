@@ -15,6 +15,7 @@
 
 mod block;
 mod contain;
+mod deflate;
 mod error;
 mod format;
 mod live;
@@ -27,6 +28,7 @@ mod spec;
 
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
+pub use deflate::{Content, DeflateLevel, zlib_compress};
 pub use error::{ImageError, Result};
 pub use format::{CreateOptions, Format, ImageInput, ImageOutput, Limits};
 pub use granita_base::AtomicFile;

@@ -239,6 +239,33 @@ fn a_failed_texture_leaves_no_file() {
     fails(MakeOptions { opaque_width: -1.0, ..options() }, "opaquewidth");
     fails(MakeOptions { tile_size: (0, 16), ..options() }, "0 x 16");
     fails(MakeOptions { compression: Some("squeeze".to_owned()), ..options() }, "squeeze");
+    fails(MakeOptions { compression: Some("zip:13".to_owned()), ..options() }, "a number from 1 to 12");
+}
+
+#[test]
+fn texels_do_not_depend_on_the_level_of_compression_nor_the_file_on_threads() {
+    let folder = Folder::new();
+    folder.image("a.tif", (200, 90), 3, |x, y, c| 0.5 + 0.05 * random(x + 200 * y, c as u32));
+    for format in ["tiff", "exr"] {
+        let make = |compression: &str, threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let compression = Some(compression.to_owned());
+            let o = MakeOptions { format: format.to_owned(), compression, ..options() };
+            pool.install(|| folder.make(&["a.tif"], "a.tx", &o)).unwrap();
+            let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+            let texels: Vec<_> = (0..file.levels(0)).map(|l| file.read_level(0, l).unwrap()).collect();
+            (texels, std::fs::read(folder.path("a.tx")).unwrap())
+        };
+        let (plain, _) = make("none", 2);
+        let mut sizes = Vec::new();
+        for compression in ["zip:1", "zip", "zip:6", "deflate:7", "zip:12"] {
+            let (texels, bytes) = make(compression, 2);
+            assert!(texels == plain, "{format} {compression}");
+            assert!(bytes == make(compression, 5).1, "{format} {compression}");
+            sizes.push(bytes.len());
+        }
+        assert!(sizes[4] <= sizes[0], "{sizes:?}");
+    }
 }
 
 #[test]

@@ -91,7 +91,7 @@ pub(crate) struct Args {
     #[arg(long, value_parser = filter, default_value = "box", value_name = "NAME")]
     filter: Filter,
 
-    /// Compression, by its name in the format
+    /// Compression, by its name in the format; zip:LEVEL from 1 (fast) to 12 (small files) [default: zip]
     #[arg(long, value_name = "NAME")]
     compression: Option<String>,
 

@@ -6,8 +6,9 @@
 //!
 //! `maketx` is compared with OpenImageIO's. That one is found by the variable `OIIO_MAKETX`, by the option, or on the
 //! search path. Both get the same image, tile size (64), compression (zip) and type of texels, with one thread and with
-//! two. The programs alternate, and the fastest of four runs counts. The images are enlarged from those in
-//! `examples/first`. `--large` adds an image of 16384 x 16384 pixels for our program only, to measure its memory.
+//! two. The programs alternate, and the fastest of four runs counts. The last column is the size of our file over
+//! theirs. The images are enlarged from those in `examples/first`. `--large` adds an image of 16384 x 16384 pixels for
+//! our program only, to measure its memory.
 //!
 //! `--lookups` measures filtered lookups instead, see `lookups.rs`.
 
@@ -74,8 +75,8 @@ fn run() -> Result<(), String> {
         println!("OpenImageIO's maketx is not here (OIIO_MAKETX, --maketx or the search path): ours alone");
     }
     println!(
-        "{:<38} {:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6}",
-        "maketx", "threads", "ours", "theirs", "ratio", "our MiB", "their MiB", "ratio"
+        "{:<38} {:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6} {:>9}",
+        "maketx", "threads", "ours", "theirs", "ratio", "our MiB", "their MiB", "ratio", "file size"
     );
     for case in &cases {
         for threads in ["1", "2"] {
@@ -103,45 +104,56 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-fn print_row(about: &str, threads: &str, mine: &Cost, other: Option<&Cost>) {
-    let seconds = |c: &Cost| c.wall.as_secs_f64();
-    let mib = |c: &Cost| c.peak_bytes.map(|b| b as f64 / f64::from(1 << 20));
+fn print_row(about: &str, threads: &str, mine: &Made, other: Option<&Made>) {
+    let seconds = |m: &Made| m.cost.wall.as_secs_f64();
+    let mib = |m: &Made| m.cost.peak_bytes.map(|b| b as f64 / f64::from(1 << 20));
     let text = |v: Option<f64>, digits: usize| v.map_or("-".to_owned(), |v| format!("{v:.digits$}"));
     let memory = other.and_then(mib).zip(mib(mine));
     println!(
-        "{about:<38} {threads:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6}",
+        "{about:<38} {threads:>7} {:>8} {:>8} {:>6} {:>9} {:>9} {:>6} {:>9}",
         text(Some(seconds(mine)), 2),
         text(other.map(seconds), 2),
         text(other.map(|o| seconds(mine) / seconds(o)), 2),
         text(mib(mine), 0),
         text(other.and_then(mib), 0),
         text(memory.map(|(theirs, ours)| ours / theirs), 2),
+        text(other.map(|o| mine.size as f64 / o.size as f64), 3),
     );
 }
 
 /// The number of runs of each program for each texture. The fastest run counts.
 const RUNS: usize = 4;
 
+/// The cost of a texture.
+#[derive(Clone, Copy)]
+struct Made {
+    cost: Cost,
+    /// The bytes of the file.
+    size: u64,
+}
+
 /// Keeps the faster run.
-fn quicker(best: &mut Option<Cost>, cost: Cost) {
-    if best.is_none_or(|b| cost.wall < b.wall) {
-        *best = Some(cost);
+fn quicker(best: &mut Option<Made>, made: Made) {
+    if best.is_none_or(|b| made.cost.wall < b.cost.wall) {
+        *best = Some(made);
     }
 }
 
-/// Makes one texture, and returns the cost.
+/// Makes one texture.
 fn texture(
     program: &Path,
     case: &Case,
     own: &[&str],
     common: &[&str],
     output: &Path,
-) -> Result<Cost, String> {
-    measure(1, || {
+) -> Result<Made, String> {
+    let cost = measure(1, || {
         let mut command = Command::new(program);
         command.args(common).args(own).arg(&case.input).arg("-o").arg(output);
         command
-    })
+    })?;
+    let size = std::fs::metadata(output).map_err(|e| format!("{}: {e}", output.display()))?.len();
+    Ok(Made { cost, size })
 }
 
 /// An image that larger ones are made of.
