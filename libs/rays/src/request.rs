@@ -21,6 +21,12 @@ impl Leaving {
         Self { object: std::ptr::from_ref(object).addr(), margin: margin.max(0.0).to_bits() }
     }
 
+    /// Returns words that tell surfaces and margins apart, as long as their objects exist.
+    pub fn words(self) -> [u32; 3] {
+        let object = self.object as u64;
+        [object as u32, (object >> 32) as u32, self.margin]
+    }
+
     /// The distance from the origin, in world units, within which hits of the object are ignored.
     pub fn margin(self) -> f32 {
         f32::from_bits(self.margin)

@@ -262,6 +262,11 @@ impl<O: RayObject> RayScene<O> {
         )
     }
 
+    /// Returns the index of the set in the frame.
+    pub fn number(&self) -> u32 {
+        self.set
+    }
+
     /// True when rays hit an object only approximately where it is. The object is then tessellated from a curved
     /// surface, or it is displaced for the camera but not for rays.
     pub fn is_rough(&self, object: &O) -> bool {

@@ -74,6 +74,8 @@ pub struct ShadingContext {
     pub(crate) files_used: FilesUsed,
     /// The number of object states.
     objects: AtomicU32,
+    /// The number of saves to databases before the frame that the context was made for.
+    pub(crate) saves_before: u64,
     /// True when the scene may be rendered again.
     pub keeps: bool,
     /// What changed before each frame, from the second one on.
@@ -194,6 +196,7 @@ impl ShadingContext {
             stop: environment.stop.clone(),
             files_used: FilesUsed::new(environment.texture_path.clone()),
             objects: AtomicU32::new(0),
+            saves_before: environment.databases.saves(),
             keeps: false,
             history: Vec::new(),
             reporter,

@@ -13,6 +13,7 @@ pub use dependencies::Changes;
 pub(crate) use dependencies::{Dependencies, Dependency};
 pub(crate) use key::{Key, KeyHasher};
 
+use granita_rays::SetHit;
 use granita_shade::{Lanes3, LightResult, LookupResult, PrimvarData, TraceResult};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -30,6 +31,8 @@ pub(crate) enum Answer {
     Lookup(Box<LookupResult>),
     /// Of `trace`.
     Trace(Box<TraceResult>),
+    /// The nearest hits of rays whose hits are shaded. They stay when lights change.
+    Hits(Arc<[SetHit]>),
 }
 
 /// An answer with its dependencies.
@@ -182,6 +185,7 @@ impl Answer {
                     + result.messages.iter().map(message).sum::<usize>()
             }
             Self::Lanes3(lanes) => of3(lanes),
+            Self::Hits(hits) => size_of_val(&**hits),
             Self::Occlusion(blocked, open) => of(blocked) + of3(open),
             Self::Lookup(found) => {
                 found.value.iter().map(of).sum::<usize>()

@@ -25,6 +25,10 @@ impl ShadingContext {
         {
             return false;
         }
+        if self.databases.saves() != self.saves_before {
+            // Frames read what those before them saved.
+            return false;
+        }
         let before = self.scene.clone();
         let follows = |scene: &Scene| scene.get(attr::RERENDER_RESHADERAYS);
         if follows(scene) && !follows(&before) {

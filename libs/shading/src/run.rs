@@ -17,7 +17,7 @@ const STACK_FOR_ONE: usize = 1 << 20;
 /// The bytes of stack that are added when less than [`STACK_FOR_ONE`] is left. Only touched pages use memory.
 const MORE_STACK: usize = 8 << 20;
 
-/// A function that runs a group: [`Executor::run`] or [`Executor::run_asked`].
+/// A function that runs a group: [`Executor::run`], [`Executor::run_asked`] or [`Executor::run_opacity`].
 type RunOf =
     fn(&mut Executor, &Group, &mut Grid, &mut dyn Services, &[(&str, ValueType)]) -> Vec<Option<Vec<f32>>>;
 
@@ -52,7 +52,10 @@ impl ShaderThread<'_> {
         grid: &mut Grid,
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
-        self.shade_as(object, grid, wanted, Executor::run)
+        // Of what shadow rays hit, only the opacity counts. A volume shader may make it of the colour.
+        let only_opacity = grid.ray.shadow && wanted.is_empty() && object.volume.is_none();
+        let how = if only_opacity { Executor::run_opacity } else { Executor::run };
+        self.shade_as(object, grid, wanted, how)
     }
 
     /// Does the same as [`ShaderThread::shade`] for a grid that a camera sees. The answers of its shaders' requests are

@@ -10,7 +10,7 @@ mod database;
 mod light;
 pub(crate) mod maps;
 mod rays;
-mod recall;
+pub(crate) mod recall;
 mod shadow;
 mod sky;
 mod tiles;
@@ -507,40 +507,27 @@ impl Spaces for Run<'_, '_> {
 
 impl Textures for Run<'_, '_> {
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
-        match self.ask(Question::Texture, |_, key| recall::texture(key, query)) {
-            Asked::Known(Answer::Lookup(known)) => *out = *known,
-            Asked::New(ticket) => {
-                self.note_file(query.name);
-                maps::texture(self.thread.textures(), query, out);
-                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
-            }
-            _ => {
-                self.note_file(query.name);
-                maps::texture(self.thread.textures(), query, out);
-            }
+        let asked = self.ask(Question::Texture, |_, key| recall::texture(key, query));
+        if let Asked::Known(Answer::Lookup(known)) = asked {
+            return *out = *known;
         }
+        self.note_file(query.name);
+        maps::texture(self.thread.textures(), query, out);
+        self.keep(asked, || Answer::Lookup(Box::new(out.clone())));
     }
 
     fn texture3d(&mut self, query: &Texture3dQuery<'_>, out: &mut LookupResult) {
-        match self.ask(Question::Texture3d, |_, key| recall::texture3d(key, query)) {
-            Asked::Known(Answer::Lookup(known)) => *out = *known,
-            Asked::New(ticket) => {
-                self.note_file(query.name);
-                maps::texture3d(self.thread.textures(), query, out);
-                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
-            }
-            _ => {
-                self.note_file(query.name);
-                maps::texture3d(self.thread.textures(), query, out);
-            }
+        let asked = self.ask(Question::Texture3d, |_, key| recall::texture3d(key, query));
+        if let Asked::Known(Answer::Lookup(known)) = asked {
+            return *out = *known;
         }
+        self.note_file(query.name);
+        maps::texture3d(self.thread.textures(), query, out);
+        self.keep(asked, || Answer::Lookup(Box::new(out.clone())));
     }
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
         let is_set = self.frame.rays.is_set(query.name);
-        if !is_set {
-            self.note_file(query.name);
-        }
         let space = match is_set {
             true => None,
             false => query.options.space.and_then(|s| self.to_common(s, query.batch.layer)),
@@ -553,17 +540,11 @@ impl Textures for Run<'_, '_> {
                 key.numbers(&space.map_or([0.0; 16], |space| space.to_rows()));
             }),
         };
-        match asked {
-            Asked::Known(Answer::Lookup(known)) => *out = *known,
-            Asked::New(ticket) => {
-                if !is_set {
-                    self.note_file(query.name);
-                }
-                self.look_around(query, space, out);
-                self.keep(ticket, Answer::Lookup(Box::new(out.clone())));
-            }
-            _ => self.look_around(query, space, out),
+        if let Asked::Known(Answer::Lookup(known)) = asked {
+            return *out = *known;
         }
+        self.look_around(query, space, out);
+        self.keep(asked, || Answer::Lookup(Box::new(out.clone())));
     }
 
     fn wants_footprint(&mut self, name: &str, func: Func) -> bool {
@@ -580,14 +561,12 @@ impl Textures for Run<'_, '_> {
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
-        match self.ask(Question::Shadow, |_, key| recall::shadow(key, query)) {
-            Asked::Known(Answer::Lanes3(known)) => recall::copy3(&known, out, query.batch),
-            Asked::New(ticket) => {
-                self.blocked(query, out);
-                self.keep(ticket, Answer::Lanes3(out.clone()));
-            }
-            _ => self.blocked(query, out),
+        let asked = self.ask(Question::Shadow, |_, key| recall::shadow(key, query));
+        if let Asked::Known(Answer::Lanes3(known)) = &asked {
+            return recall::copy3(known, out, query.batch);
         }
+        self.blocked(query, out);
+        self.keep(asked, || Answer::Lanes3(out.clone()));
     }
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {
@@ -644,6 +623,7 @@ impl Run<'_, '_> {
             lanes.copy3(&mut out.n_hit);
             return;
         }
+        self.note_file(query.name);
         if query.options.sample.is_some() && self.drawn(query, space, out) {
             return;
         }
@@ -700,24 +680,26 @@ impl Lights for Run<'_, '_> {
         self.note(Dependency::Light(id));
         let Some(light) = self.frame.light(id) else { return dark };
         self.count_of_light(index);
-        let asked = match light.is_anew {
+        let asked = match light.is_anew || !self.keeps_answers() {
             true => Asked::Unkept,
-            false => self.ask(Question::Light, |run, key| {
-                key.word(id.0);
-                // A volume shader runs after the surface shader, which sets the colours.
-                let of_volume = run.lit.as_ref().filter(|_| run.shaders.usage == ShaderUsage::Volume);
-                recall::light(key, query, of_volume.map(|lit| [&lit.c, &lit.opacity]));
-            }),
+            false => {
+                let shared = self.memory.key(query);
+                self.ask(Question::Light, |run, key| {
+                    key.word(id.0);
+                    // A volume shader runs after the surface shader, which sets the colours.
+                    let of_volume = run.lit.as_ref().filter(|_| run.shaders.usage == ShaderUsage::Volume);
+                    recall::light(key, shared, query.messages, of_volume.map(|lit| [&lit.c, &lit.opacity]));
+                })
+            }
         };
         let result = match asked {
             Asked::Known(Answer::Light(known)) => known,
-            Asked::New(ticket) => {
+            asked => {
                 self.note(Dependency::Light(id));
                 let result = self.light_of(light, query);
-                self.keep(ticket, Answer::Light(result.clone()));
+                self.keep(asked, || Answer::Light(result.clone()));
                 result
             }
-            _ => self.light_of(light, query),
         };
         self.count_of_light(index);
         // The messages of the surface may differ next time.
@@ -735,39 +717,31 @@ impl Lights for Run<'_, '_> {
 
 impl Rays for Run<'_, '_> {
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
-        match self.ask(Question::Trace, |_, key| recall::trace(key, query)) {
-            Asked::Known(Answer::Trace(known)) => *out = *known,
-            Asked::New(ticket) => {
-                self.trace_anew(query, out);
-                self.keep(ticket, Answer::Trace(Box::new(out.clone())));
-            }
-            _ => self.trace_anew(query, out),
+        let asked = self.ask(Question::Trace, |_, key| recall::trace(key, query));
+        if let Asked::Known(Answer::Trace(known)) = asked {
+            return *out = *known;
         }
+        self.trace_anew(query, out);
+        self.keep(asked, || Answer::Trace(Box::new(out.clone())));
     }
 
     fn occlusion(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
-        match self.ask(Question::Occlusion, |_, key| recall::gather(key, query)) {
-            Asked::Known(Answer::Occlusion(blocked, open)) => {
-                query.batch.active.iter().for_each(|i| out[*i as usize] = blocked[*i as usize]);
-                recall::copy3(&open, unoccluded, query.batch);
-            }
-            Asked::New(ticket) => {
-                self.occluded(query, out, unoccluded);
-                self.keep(ticket, Answer::Occlusion(out.to_vec(), unoccluded.clone()));
-            }
-            _ => self.occluded(query, out, unoccluded),
+        let asked = self.ask(Question::Occlusion, |_, key| recall::gather(key, query));
+        if let Asked::Known(Answer::Occlusion(blocked, open)) = &asked {
+            query.batch.active.iter().for_each(|i| out[*i as usize] = blocked[*i as usize]);
+            return recall::copy3(open, unoccluded, query.batch);
         }
+        self.occluded(query, out, unoccluded);
+        self.keep(asked, || Answer::Occlusion(out.to_vec(), unoccluded.clone()));
     }
 
     fn indirect(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
-        match self.ask(Question::Indirect, |_, key| recall::gather(key, query)) {
-            Asked::Known(Answer::Lanes3(known)) => recall::copy3(&known, out, query.batch),
-            Asked::New(ticket) => {
-                self.gathered(query, out);
-                self.keep(ticket, Answer::Lanes3(out.clone()));
-            }
-            _ => self.gathered(query, out),
+        let asked = self.ask(Question::Indirect, |_, key| recall::gather(key, query));
+        if let Asked::Known(Answer::Lanes3(known)) = &asked {
+            return recall::copy3(known, out, query.batch);
         }
+        self.gathered(query, out);
+        self.keep(asked, || Answer::Lanes3(out.clone()));
     }
 
     fn queries_parent(&mut self, set: &str) -> bool {

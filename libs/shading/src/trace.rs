@@ -4,8 +4,9 @@
 //! shaded by the same executor as everything else. The result of a ray depends on the ray alone. The random numbers
 //! at its hits follow from its seed, so that neither threads, buckets nor batches show.
 
-use crate::memo::Dependency;
+use crate::memo::{Answer, Dependencies, Dependency, Entry};
 use crate::object::RayScene;
+use crate::services::recall;
 use crate::{ShaderThread, ShadingContext};
 use granita_base::{Color, Location, Severity, Vec3, hash};
 use granita_dicing::finite;
@@ -106,7 +107,7 @@ impl ShaderThread<'_> {
             .map(|(_, ty)| HitValues { there: vec![false; rays.len()], values: none(*ty) })
             .collect();
         let mut out = vec![Radiance::NOTHING; rays.len()];
-        let hits = scene.closest(self, rays);
+        let hits = self.nearest(scene, rays, why);
         let mut waiting: Vec<Pending> = Vec::with_capacity(rays.len());
         for (k, hit) in hits.iter().enumerate().filter(|(_, h)| h.is_hit()) {
             out[k].distance = hit.t;
@@ -159,6 +160,28 @@ impl ShaderThread<'_> {
             waiting = behind;
         }
         (out, values)
+    }
+
+    /// Returns the nearest hits of rays. They are kept for re-renders, in which geometry stays. Those of the many rays
+    /// for records of indirect light are not kept.
+    fn nearest(&mut self, scene: &RayScene, rays: &[RayRequest], why: RayPurpose) -> Arc<[SetHit]> {
+        let keeps = !why.parent.shadow && !why.indirect && !self.builds_rays;
+        if self.memo.is_none() || !keeps || rays.is_empty() {
+            return scene.closest(self, rays).into();
+        }
+        let key = recall::nearest(scene, rays);
+        if let Some(Answer::Hits(hits)) =
+            self.memo.as_mut().and_then(|memo| memo.find(key)).map(|entry| &entry.answer)
+        {
+            return hits.clone();
+        }
+        let hits: Arc<[SetHit]> = scene.closest(self, rays).into();
+        if let Some(memo) = &mut self.memo {
+            memo.open();
+            let answer = Answer::Hits(hits.clone());
+            memo.close(key, Some(Entry::new(answer, Dependencies::default(), 0, Vec::new())));
+        }
+        hits
     }
 
     /// Returns the share of the light that passes along each ray, 1 where nothing blocks it.

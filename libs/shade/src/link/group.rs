@@ -105,6 +105,12 @@ impl Group {
         self.strings.text(StringId::from_register(held)).cloned().unwrap_or_default()
     }
 
+    /// True when code that opacity does not depend on may be left out: no other shader may read its messages, and it
+    /// saves nothing.
+    pub(crate) fn may_run_opacity(&self) -> bool {
+        !self.keeps() && !self.listens_to(self.usage) && !self.may_save()
+    }
+
     /// True when some layer or connection writes a global.
     pub fn writes(&self, global: Global) -> bool {
         self.writes[global as usize]

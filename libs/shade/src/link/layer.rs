@@ -37,6 +37,8 @@ pub(crate) struct Layer {
     pub(crate) plain: Code,
     /// Optimised code, for grids where no primitive variable replaces the parameters that it relies on.
     pub(crate) better: Option<OptimisedCode>,
+    /// The part of the optimised code that determines opacity, where some of it does not.
+    pub(crate) opacity: Option<Code>,
     /// True when the layer only computes its parameters. It need not run when they are not used.
     pub(crate) inert: bool,
     /// The indices of the layers that take values from this one.

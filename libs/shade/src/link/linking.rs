@@ -6,7 +6,7 @@ use super::connections::{Connection, Endpoint, Named, Whole, compatible, refuse,
 use super::given::given;
 use super::group::Group;
 use super::layer::{Code, Layer, OptimisedCode, ParamPlan};
-use super::optimize::{Known, is_inert, optimize};
+use super::optimize::{Known, is_inert, occurrences, optimize, slice};
 use super::relink::Relink;
 use super::source::{ConnectionSource, LayerSource, LinkOptions};
 use crate::program::{At, Block, Place, Program};
@@ -16,7 +16,7 @@ use crate::{Grid, ShadeError};
 use granita_base::Severity;
 use granita_gsl::ir::{ConstValue, Global, Module, ShaderKind, Symbol, SymbolKind, ValueType};
 use parking_lot::Mutex;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -102,9 +102,18 @@ impl Group {
             again: None,
         };
         let connections = resolve_all(layers, connections, report);
+        let mut better = Vec::new();
         for (k, (source, program)) in layers.iter().zip(programs).enumerate() {
             let entry = Entry { index: k, source, program };
-            group.add_layer(entry, &Linking { connections: &connections, options, fixed }, report)?;
+            better.extend(group.add_layer(
+                entry,
+                &Linking { connections: &connections, options, fixed },
+                report,
+            )?);
+        }
+        let sets_opacity = !matches!(usage, ShaderKind::Light | ShaderKind::Displacement);
+        if sets_opacity && better.len() == layers.len() {
+            group.add_opacity(&better, &connections);
         }
         for connection in &connections {
             group.add_wire(connection);
@@ -139,13 +148,14 @@ impl Group {
         })
     }
 
-    /// Adds a layer: reads the values of its instance, optimises its code, and lays out its symbols.
+    /// Adds a layer: reads the values of its instance, optimises its code, and lays out its symbols. Returns the
+    /// optimised program, if there is one.
     fn add_layer(
         &mut self,
         Entry { index, source, program }: Entry<'_>,
         how: &Linking<'_>,
         report: &mut dyn FnMut(Severity, String),
-    ) -> Result<(), ShadeError> {
+    ) -> Result<Option<Program>, ShadeError> {
         let Linking { connections, options, .. } = *how;
         let module = &source.module;
         let (params, mut lengths) = self.take_params(index, source, how, report);
@@ -179,7 +189,7 @@ impl Group {
             Code { body, tapes }
         };
         let plain = code(program.body.clone());
-        let better = better
+        let optimised = better
             .as_ref()
             .map(|b| OptimisedCode { code: code(b.program.body.clone()), assumed: b.assumed.clone() });
         let inert = options.optimize
@@ -193,11 +203,58 @@ impl Group {
             globals: Vec::new(),
             kept: Vec::new(),
             plain,
-            better,
+            better: optimised,
+            opacity: None,
             inert,
             feeds: connections.iter().filter(|w| w.source_layer == index).map(|w| w.target_layer).collect(),
         });
-        Ok(())
+        Ok(better.map(|better| better.program))
+    }
+
+    /// Adds the code of all layers that determines opacity, where that can run alone. It proceeds from the last layer
+    /// to the first. `programs` holds the optimised ones.
+    fn add_opacity(&mut self, programs: &[Program], connections: &[Resolved]) {
+        let mut globals = Global::ALL.map(|g| g == Global::opacity);
+        let mut params: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); programs.len()];
+        let mut bodies = Vec::new();
+        for (k, program) in programs.iter().enumerate().rev() {
+            let symbols = &program.symbols;
+            let mut needed: Vec<bool> = symbols
+                .iter()
+                .map(|symbol| matches!(symbol.kind, SymbolKind::Global(g) if globals[g as usize]))
+                .collect();
+            let layer = &self.layers[k];
+            params[k].iter().for_each(|p| needed[layer.params[*p].symbol.0 as usize] = true);
+            let Some(body) = slice(&program.body, symbols, &mut needed) else { return };
+            // All defaults are computed.
+            for init in &program.inits {
+                occurrences(init, symbols, &mut |s| needed[s.0 as usize] = true);
+            }
+            bodies.push(body);
+            for (symbol, needed) in symbols.iter().zip(&needed) {
+                if let SymbolKind::Global(g) = symbol.kind {
+                    globals[g as usize] |= needed;
+                }
+            }
+            for wire in connections.iter().filter(|wire| wire.target_layer == k) {
+                let is_needed = match wire.target.end {
+                    Whole::Param(p) => needed[layer.params[p].symbol.0 as usize],
+                    Whole::Global(g) => globals[g as usize],
+                };
+                if is_needed {
+                    match wire.source.end {
+                        Whole::Param(p) => drop(params[wire.source_layer].insert(p)),
+                        Whole::Global(g) => globals[g as usize] = true,
+                    }
+                }
+            }
+        }
+        for ((layer, program), mut body) in self.layers.iter_mut().zip(programs).zip(bodies.into_iter().rev())
+        {
+            calls::resolve(&mut body, &program.symbols, &mut layer.calls);
+            let tapes = fuse(&mut body, &program.inits, &program.symbols, &layer.places, &self.constants);
+            layer.opacity = Some(Code { body, tapes });
+        }
     }
 
     /// Determines the sources of the parameters of a layer, and the lengths of all symbols of its module.

@@ -2,10 +2,11 @@
 
 use super::{compute, compute_as, constant};
 use crate::program::Op;
-use crate::run::lanes;
+use crate::run::gather::{Gather, brdf};
 use crate::run::machine::Machine;
+use crate::run::simd;
 use crate::run::store::Out;
-use granita_base::{Color, Vec3};
+use granita_base::Vec3;
 use granita_gsl::Func;
 use granita_gsl::ir::Global;
 
@@ -25,16 +26,6 @@ pub(super) fn run(m: &mut Machine<'_>, func: Func, op: &Op) {
             });
         }
     }
-}
-
-/// Returns max (0, N.H) ^ (8 / roughness), with H halfway between light and viewer. All vectors have unit length.
-///
-/// The reference names no formula. This is the lobe of Blinn, "Models of Light Reflection for Computer Synthesized
-/// Images", SIGGRAPH 1977, with the exponent 8 / roughness that BMRT and Aqsis use for `specular ()`.
-pub(super) fn brdf(l: Vec3, n: Vec3, v: Vec3, roughness: f32) -> f32 {
-    let h = (l + v).normalize_or_zero();
-    let cos = n.dot(h).max(0.0);
-    if cos == 0.0 { 0.0 } else { lanes::pow(cos, 8.0 / roughness.max(1e-6)) }
 }
 
 /// Computes the sum of all ambient lights.
@@ -86,52 +77,19 @@ fn gather(m: &mut Machine<'_>, op: &Op, specular: bool) {
         m.discard(ns);
         return constant(m, op, 0.0);
     }
-    compute_as(m, dst, true, 3, |m, out, work| {
+    compute_as(m, dst, true, 3, |m, out, _| {
         out.data.fill(0.0);
-        let n = ns.triple();
-        let v = op.args.get(1).map(|&v| m.view(v).triple());
-        let roughness = op.args.get(2).map(|&r| m.view(r).lane(0));
+        let to = Gather {
+            normal: ns.triple().xyz,
+            highlight: specular.then(|| (m.view(op.args[1]).triple().xyz, m.view(op.args[2]).lane(0))),
+            on: &m.mask.on,
+        };
+        let mut sums = out.parts3();
         for light in &lights {
             let without = if specular { &light.nonspecular } else { &light.nondiffuse };
-            for sample in &light.samples {
-                work.each(|i| {
-                    if !sample.lit.get(i).copied().unwrap_or(false) {
-                        return;
-                    }
-                    let (l, n) = (sample.l.get(i).normalize_or_zero(), n.get(i));
-                    let cos = n.dot(l);
-                    if cos.is_nan() || cos <= 0.0 {
-                        return;
-                    }
-                    let factor = match (v, roughness) {
-                        (Some(v), Some(r)) if specular => brdf(l, n, v.get(i), r.get(i)),
-                        _ => cos,
-                    };
-                    let scale = factor * (1.0 - without.get(i).copied().unwrap_or(0.0));
-                    let so_far: Color = Vec3::from(out.parts3().map(|part| part[i]));
-                    out.set3(i, so_far + sample.cl.get(i) * scale);
-                });
-            }
+            light.samples.iter().for_each(|sample| simd::gather(&to, sample, without, &mut sums));
         }
     });
     m.discard(ps);
     m.discard(ns);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn highlights_have_the_values_of_the_formula() {
-        let n = Vec3::Z;
-        assert_eq!(brdf(n, n, n, 0.1), 1.0);
-        // H at 45 degrees: cos^16 is 1/256 at roughness 0.5, cos^8 is 1/16 at 1.
-        let (l, v) = (Vec3::X, Vec3::Z);
-        assert!((brdf(l, n, v, 0.5) - 1.0 / 256.0).abs() < 1e-7);
-        assert!((brdf(l, n, v, 1.0) - 1.0 / 16.0).abs() < 1e-6);
-        // Light and viewer are opposite, so there is no halfway direction.
-        assert_eq!(brdf(Vec3::X, n, -Vec3::X, 0.1), 0.0);
-        assert!(brdf(l, n, v, 0.0).is_finite() && brdf(n, n, n, 0.0) == 1.0);
-    }
 }

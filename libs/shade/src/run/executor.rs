@@ -50,7 +50,7 @@ impl Executor {
         services: &mut dyn Services,
         wanted: &[(&str, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
-        self.run_for(group, grid, services, wanted, true)
+        self.run_for(group, grid, services, wanted, Purpose::Outputs)
     }
 
     /// Does the same as [`Executor::run`], but finds all `wanted` parameters, not only output parameters.
@@ -61,7 +61,20 @@ impl Executor {
         services: &mut dyn Services,
         wanted: &[(&str, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
-        self.run_for(group, grid, services, wanted, false)
+        self.run_for(group, grid, services, wanted, Purpose::Parameters)
+    }
+
+    /// Does the same as [`Executor::run`] for a caller that uses `opacity` alone, as that of surfaces which shadow rays
+    /// hit. Code that only makes colours does not run, except where it has other effects. `C` is undefined afterwards.
+    pub fn run_opacity(
+        &mut self,
+        group: &Group,
+        grid: &mut Grid,
+        services: &mut dyn Services,
+        wanted: &[(&str, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        let purpose = if group.may_run_opacity() { Purpose::Opacity } else { Purpose::Outputs };
+        self.run_for(group, grid, services, wanted, purpose)
     }
 
     fn run_for(
@@ -70,7 +83,7 @@ impl Executor {
         grid: &mut Grid,
         services: &mut dyn Services,
         wanted: &[(&str, ValueType)],
-        outputs: bool,
+        purpose: Purpose,
     ) -> Vec<Option<Vec<f32>>> {
         let n = grid.len();
         if n == 0 {
@@ -86,7 +99,8 @@ impl Executor {
         machine.mask.fill(n);
         machine.base = n;
         machine.prepare(None);
-        machine.layers(true, Some(wanted));
+        machine.layers(true, Some(wanted), purpose);
+        let outputs = purpose != Purpose::Parameters;
         let results = wanted.iter().map(|(name, ty)| machine.output(name, *ty, outputs)).collect();
         let messages = machine.messages(keeps);
         machine.finish();
@@ -115,7 +129,7 @@ impl Executor {
         machine.emitted = Some(LightResult::default());
         machine.cone = query.cone.map(|cone| cone.map(|lanes| (0..n).map(|i| lanes.get(i)).collect()));
         machine.prepare(Some(query));
-        machine.layers(false, None);
+        machine.layers(false, None, Purpose::Outputs);
         let mut result = machine.emitted.take().unwrap_or_default();
         if !group.has_emit() {
             result.ambient = Some(machine.lanes3_of(Global::Cl as usize));
@@ -154,6 +168,17 @@ impl Executor {
     }
 }
 
+/// What a run is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// All results, and requested output parameters.
+    Outputs,
+    /// All results, and requested parameters of any kind.
+    Parameters,
+    /// Opacity alone.
+    Opacity,
+}
+
 /// Returns a machine that has not started.
 fn machine<'a>(
     group: &'a Group,
@@ -188,7 +213,7 @@ fn machine<'a>(
 impl Machine<'_> {
     /// Runs all layers in order. `primvars` is true when parameters take primitive variables. `wanted` holds the
     /// requested results; layers that they do not need are skipped (none without it).
-    fn layers(&mut self, primvars: bool, wanted: Option<&[(&str, ValueType)]>) {
+    fn layers(&mut self, primvars: bool, wanted: Option<&[(&str, ValueType)]>, purpose: Purpose) {
         let mut all = self.borrow_mask();
         all.copy_from(&self.mask);
         let mut idle = std::mem::take(&mut self.st.idle);
@@ -208,7 +233,9 @@ impl Machine<'_> {
             let body = match &code.better {
                 // The search for NaN runs the unfolded code, so that the operation that makes one is reported.
                 _ if self.st.nan_check => &code.plain,
-                Some(better) if !primvars || !self.replaces(&better.assumed) => &better.code,
+                Some(better) if !primvars || !self.replaces(&better.assumed) => {
+                    code.opacity.as_ref().filter(|_| purpose == Purpose::Opacity).unwrap_or(&better.code)
+                }
                 _ => &code.plain,
             };
             self.tapes = &body.tapes;

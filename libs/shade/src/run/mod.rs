@@ -3,6 +3,7 @@
 pub(crate) mod approx;
 pub(crate) mod control;
 pub(crate) mod executor;
+pub(crate) mod gather;
 pub(crate) mod kernel;
 pub(crate) mod lanes;
 pub(crate) mod light;

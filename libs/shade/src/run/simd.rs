@@ -2,10 +2,11 @@
 //! same order, so that the results are the same to the bit. A test compares them. `benches/shading` measures the
 //! gain.
 
+use super::gather::Gather;
 use super::lanes::{self, Binary, Ternary, Unary};
 use super::noise_lanes::{self, NoiseTask};
-use crate::Lane;
 use crate::tape::{NARROW, Strips, WIDE, strips};
+use crate::{Lane, LightSample};
 use granita_machine::widest;
 
 /// `out = f (a)`.
@@ -54,6 +55,12 @@ pub(crate) fn strips_wide(task: &mut Strips<'_>, from: usize, to: usize) {
 #[inline]
 pub(crate) fn strips_narrow(task: &mut Strips<'_>, from: usize, to: usize) {
     widest!(strips::<NARROW>(task, from, to));
+}
+
+/// Adds the light of a sample to the sums of `diffuse` or `specular`.
+#[inline]
+pub(crate) fn gather(to: &Gather<'_>, sample: &LightSample, without: &[f32], sums: &mut [&mut [f32]; 3]) {
+    widest!(super::gather::gather(to, sample, without, sums));
 }
 
 /// Computes noise.

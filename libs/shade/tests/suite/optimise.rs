@@ -78,6 +78,77 @@ proptest! {
     }
 }
 
+/// Returns the opacity of a run for all results, and that of a run for opacity alone, each with the printed text and
+/// the number of answered lookups.
+fn opacities(group: &Group, grid: &Grid) -> [(Vec<u32>, String, usize); 2] {
+    [false, true].map(|alone| {
+        let mut grid = grid.clone();
+        let mut services = Double { grid: Some(grid.clone()), ..Double::with_lights(&LIGHTS) };
+        let mut executor = Executor::new();
+        match alone {
+            true => executor.run_opacity(group, &mut grid, &mut services, &[]),
+            false => executor.run(group, &mut grid, &mut services, &[]),
+        };
+        let bits = |x: &f32| if x.is_nan() { u32::MAX } else { x.to_bits() };
+        let opacity = grid.opacity.xyz.iter().flatten().map(bits).collect();
+        (opacity, services.printed().concat(), services.asked + services.told.len() + services.in_front.len())
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn code_for_opacity_alone_makes_the_same_opacity(
+        first in prop::collection::vec(statement(), 1..4),
+        second in prop::collection::vec(statement(), 1..4),
+        form in 0..4_u32,
+        layered in any::<bool>(),
+    ) {
+        let (first, second) = (first.join("\n"), second.join("\n"));
+        let result = ["opacity = x;", "opacity = color (1, y, 0);", "if (x > y) opacity = x;", "opacity *= y * C[0];"];
+        let head = "float t[3] = {1, 2, 3}; point q = 1; string s = \"\"; float y = 0.5;";
+        let source = format!(
+            "{FUNCTION} surface t (float a = 0.5, float b = 1, float c = 0.3, output float x = 0.5) {{ {head} {first} {} \
+             {second} C *= color (x, y, q[0]); if (C[0] > 0.5) printf (\"%g\", u); }}",
+            result[form as usize],
+        );
+        let before = format!("{FUNCTION} surface b (float a = 1, float b = 0.5, float c = 2, output float x = 0.25) {{ {head} {second} C = x; }}");
+        let group = match layered {
+            true => {
+                let layers = [(&*before, Params::new()), (&*source, Params::new())];
+                both(&layers, &[["a", "x", "b", "x"]])
+            }
+            false => both(&[(&source, Params::new())], &[]),
+        };
+        let [all, alone] = opacities(&group[1], &square(4, 3));
+        prop_assert_eq!((all.0, all.1), (alone.0, alone.1), "{}\n{}", before, source);
+    }
+}
+
+#[test]
+fn code_for_opacity_alone_asks_nothing_that_only_colours_need() {
+    let opaque = "surface t (float Kd = 1) {
+        color sum = ambient () + Kd * diffuse (N);
+        for (float k = 0; k < 4; ++k) { if (sum[0] > 9) break; sum += texture (\"a.tx\", u * k, v); }
+        trace (\"all\", P, N, 0.1, 3) sum += 1;
+        C *= sum * environment (\"b.tx\", N) * indirect (\"all\", P, N);
+    }";
+    let leaf = "surface t () {
+        float a = texture (\"mask.tx\", u, v);
+        color c = texture (\"colour.tx\", u, v);
+        opacity = a;
+        C = opacity * c * diffuse (N);
+    }";
+    for (source, expected) in [(opaque, 0), (leaf, 1)] {
+        let [_, group] = both(&[(source, Params::new())], &[]);
+        let [all, alone] = opacities(&group, &square(4, 3));
+        assert_eq!((&all.0, &all.1), (&alone.0, &alone.1), "{source}");
+        assert!(all.2 > expected, "{source}");
+        assert_eq!(alone.2, expected, "{source}");
+    }
+}
+
 #[test]
 fn constants_are_folded_and_dead_code_is_removed() {
     let source = "surface t (float a = 2, string mode = \"x\", output float r = 0) {

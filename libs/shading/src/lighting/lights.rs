@@ -1,12 +1,13 @@
 //! The light sources of a frame. They are linked once and run for the grids that query them.
 
 use crate::lighting::area::AreaLight;
+use crate::memo::{Key, KeyHasher};
 use crate::object::{LinkedShaders, Linker};
 use granita_base::{Vec3, hash};
 use granita_dicing::finite;
 use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, Light, ShaderUsage, attr};
-use granita_shade::{IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
+use granita_shade::{Batch, IlluminateQuery, Lane3, Lanes3, LightInfo, LightResult};
 use std::sync::Arc;
 
 /// A light source, ready to run.
@@ -92,19 +93,20 @@ pub(crate) fn mend(result: &mut LightResult, active: &[u32]) -> bool {
     bad
 }
 
-/// The result of one light for one query.
+/// A query, and the results of lights for it.
 struct Remembered {
-    light: usize,
     active: Vec<u32>,
     ps: Lanes3,
     ns: Lanes3,
     in_front: bool,
     asks: bool,
-    result: Arc<LightResult>,
+    /// The hash of all of this, once it was needed.
+    key: Option<Key>,
+    results: Vec<(usize, Arc<LightResult>)>,
 }
 
-/// The results of lights within one run of a surface or volume shader. `diffuse` and `specular` of one shader make
-/// the same query, often with the same normal.
+/// The results of lights within one run of a surface or volume shader. All lights of a loop get the same query, and
+/// `diffuse` and `specular` of one shader often make the same one.
 #[derive(Default)]
 pub(crate) struct LightMemory {
     kept: Vec<Remembered>,
@@ -112,24 +114,52 @@ pub(crate) struct LightMemory {
 
 impl LightMemory {
     /// The largest number of different queries in one run. Beyond it the oldest is dropped.
-    const MOST: usize = 64;
+    const MOST: usize = 16;
 
     /// Returns the kept result of the same query: the same positions and axes, to the bit, on at least its lanes.
     pub(crate) fn find(&self, light: usize, query: &IlluminateQuery<'_>) -> Option<Arc<LightResult>> {
-        let holds = |kept: &&Remembered| {
-            (kept.light, kept.in_front, kept.asks) == (light, query.in_front, query.asks)
-                && same_on(&kept.ps, &query.ps, query.batch.active)
-                && same_on(&kept.ns, &query.ns, query.batch.active)
-                && is_subset(query.batch.active, &kept.active)
-        };
-        self.kept.iter().find(holds).map(|kept| kept.result.clone())
+        self.kept.iter().find_map(|kept| {
+            let (_, result) = kept.results.iter().find(|(of, _)| *of == light)?;
+            let same = kept.agrees(query) && is_subset(query.batch.active, &kept.active);
+            same.then(|| result.clone())
+        })
     }
 
     /// Keeps a result.
     pub(crate) fn keep(&mut self, light: usize, query: &IlluminateQuery<'_>, result: &Arc<LightResult>) {
-        if self.kept.len() == Self::MOST {
-            self.kept.remove(0);
-        }
+        self.place(query).results.push((light, result.clone()));
+    }
+
+    /// Returns the hash of the lanes, positions and axes of a query, which lights share.
+    pub(crate) fn key(&mut self, query: &IlluminateQuery<'_>) -> Key {
+        *self.place(query).key.get_or_insert_with(|| {
+            let batch = Batch { layer: 0, ..query.batch };
+            let mut hasher = KeyHasher::default();
+            hasher.batch(batch);
+            hasher.lane3(query.ps, batch);
+            hasher.lane3(query.ns, batch);
+            hasher.word(u32::from(query.in_front) | u32::from(query.asks) << 1);
+            hasher.finish()
+        })
+    }
+
+    /// Returns the place of a query, which is made for a new one.
+    fn place(&mut self, query: &IlluminateQuery<'_>) -> &mut Remembered {
+        let active = query.batch.active;
+        let at = self.kept.iter().position(|kept| kept.active == active && kept.agrees(query));
+        let at = at.unwrap_or_else(|| {
+            if self.kept.len() == Self::MOST {
+                self.kept.remove(0);
+            }
+            self.kept.push(Remembered::new(query));
+            self.kept.len() - 1
+        });
+        &mut self.kept[at]
+    }
+}
+
+impl Remembered {
+    fn new(query: &IlluminateQuery<'_>) -> Self {
         let copy = |lanes: &Lane3<'_>| {
             let mut own = Lanes3::zeros(query.batch.lanes);
             for &i in query.batch.active {
@@ -137,22 +167,40 @@ impl LightMemory {
             }
             own
         };
-        self.kept.push(Remembered {
-            light,
+        Self {
             active: query.batch.active.to_vec(),
             ps: copy(&query.ps),
             ns: copy(&query.ns),
             in_front: query.in_front,
             asks: query.asks,
-            result: result.clone(),
-        });
+            key: None,
+            results: Vec::new(),
+        }
+    }
+
+    /// True when the lanes of a query have the same values.
+    fn agrees(&self, query: &IlluminateQuery<'_>) -> bool {
+        (self.in_front, self.asks) == (query.in_front, query.asks)
+            && same_on(&self.ps, &query.ps, query.batch)
+            && same_on(&self.ns, &query.ns, query.batch)
     }
 }
 
 /// Compares to the bit, so that NaN equals itself and rounding does not matter.
-fn same_on(kept: &Lanes3, asked: &Lane3<'_>, active: &[u32]) -> bool {
-    let bits = |v: Vec3| v.to_array().map(f32::to_bits);
-    active.iter().all(|&i| bits(kept.get(i as usize)) == bits(asked.get(i as usize)))
+fn same_on(kept: &Lanes3, asked: &Lane3<'_>, batch: Batch<'_>) -> bool {
+    kept.xyz.iter().zip(&asked.xyz).all(|(kept, asked)| {
+        let all = batch.active.len() == batch.lanes && asked.stride == 1;
+        match asked.values.get(..batch.lanes).filter(|_| all) {
+            // The lanes follow each other.
+            Some(asked) => {
+                bytemuck::cast_slice::<f32, u32>(&kept[..batch.lanes])
+                    == bytemuck::cast_slice::<f32, u32>(asked)
+            }
+            None => {
+                batch.active.iter().map(|i| *i as usize).all(|i| kept[i].to_bits() == asked.get(i).to_bits())
+            }
+        }
+    })
 }
 
 /// True when all of `part` (increasing) are in `whole` (increasing).
@@ -164,7 +212,6 @@ fn is_subset(part: &[u32], whole: &[u32]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use granita_shade::Batch;
 
     #[test]
     fn subsets_of_lanes_are_recognised() {

@@ -2,10 +2,12 @@
 
 use super::Run;
 use crate::memo::{Answer, Dependencies, Dependency, Entry, Key, KeyHasher};
+use crate::object::RayScene;
+use granita_rays::RayRequest;
 use granita_scene::ShaderUsage;
 use granita_shade::{
-    Batch, EnvironmentQuery, GatherQuery, Grid, IlluminateQuery, Lane3, Lanes3, Message, ShadowQuery,
-    Texture3dQuery, TextureQuery, TraceQuery,
+    Batch, EnvironmentQuery, GatherQuery, Grid, Lane3, Lanes3, Message, ShadowQuery, Texture3dQuery,
+    TextureQuery, TraceQuery,
 };
 use std::sync::Arc;
 
@@ -21,6 +23,7 @@ pub(super) enum Question {
     Indirect,
     Trace,
     Light,
+    Hits,
 }
 
 /// What is known about a question.
@@ -75,7 +78,7 @@ impl Run<'_, '_> {
 
     /// True when answers are kept: for grids that a camera sees, for what their rays hit, and for their lights. Records
     /// of indirect light are kept instead of what their many rays hit.
-    fn keeps_answers(&self) -> bool {
+    pub(super) fn keeps_answers(&self) -> bool {
         self.thread.memo.is_some() && !self.ray.shadow && !self.ray.indirect && !self.thread.builds_rays
     }
 
@@ -107,9 +110,9 @@ impl Run<'_, '_> {
         Asked::New(Ticket { key, outer, calls: self.calls, lane_calls: self.lane_calls.clone() })
     }
 
-    /// Keeps the answer to a question.
-    pub(super) fn keep(&mut self, ticket: Ticket, answer: Answer) {
-        let Ticket { key, outer, calls, lane_calls } = ticket;
+    /// Keeps the answer to a question that was asked, if answers are kept.
+    pub(super) fn keep(&mut self, asked: Asked, answer: impl FnOnce() -> Answer) {
+        let Asked::New(Ticket { key, outer, calls, lane_calls }) = asked else { return };
         let mut depends = std::mem::replace(&mut self.thread.notes, outer).unwrap_or_default();
         if let Some(notes) = &mut self.thread.notes {
             notes.add_all(&depends);
@@ -124,7 +127,7 @@ impl Run<'_, '_> {
                 _ => keeps = false,
             }
         }
-        let entry = keeps.then(|| Entry::new(answer, depends, self.calls - calls, counted));
+        let entry = keeps.then(|| Entry::new(answer(), depends, self.calls - calls, counted));
         if let Some(memo) = &mut self.thread.memo {
             memo.close(key, entry);
         }
@@ -167,10 +170,23 @@ pub(super) fn key_of_hits(grid: &Grid, object: u32) -> Option<Key> {
     Some(hasher.finish())
 }
 
+/// Returns the key of the nearest hits of rays in a geometry set.
+pub(crate) fn nearest(scene: &RayScene, rays: &[RayRequest]) -> Key {
+    let mut hasher = KeyHasher::default();
+    hasher.words(&[Question::Hits as u32, scene.number(), rays.len() as u32]);
+    for request in rays {
+        let RayRequest { ray, leaving, width, spread, .. } = request;
+        let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
+        let numbers = [x, y, z, dx, dy, dz, ray.tmin, ray.tmax, ray.time, *width, *spread];
+        hasher.bytes(bytemuck::cast_slice(&numbers));
+        hasher.bytes(bytemuck::cast_slice(&leaving.words()));
+    }
+    hasher.finish()
+}
+
 pub(super) fn texture(hasher: &mut KeyHasher, query: &TextureQuery<'_>) {
     let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.name);
+    named(hasher, batch, query.name, &[]);
     hasher.word(query.channels as u32);
     for lane in [query.s, query.t, query.dsdx, query.dtdx, query.dsdy, query.dtdy] {
         hasher.lane(lane, batch);
@@ -179,54 +195,36 @@ pub(super) fn texture(hasher: &mut KeyHasher, query: &TextureQuery<'_>) {
 }
 
 pub(super) fn texture3d(hasher: &mut KeyHasher, query: &Texture3dQuery<'_>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.name);
+    named(hasher, query.batch, query.name, &[query.p, query.dpdx, query.dpdy]);
     hasher.word(query.channels as u32);
-    lanes3(hasher, batch, &[query.p, query.dpdx, query.dpdy]);
-    options(hasher, batch, |number, text| query.options.visit(number, text));
+    options(hasher, query.batch, |number, text| query.options.visit(number, text));
 }
 
 pub(super) fn environment(hasher: &mut KeyHasher, query: &EnvironmentQuery<'_>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.name);
+    let lanes = [query.p, query.r, query.drdx, query.drdy, query.dpdx, query.dpdy];
+    named(hasher, query.batch, query.name, &lanes);
     hasher.word(query.channels as u32);
-    lanes3(hasher, batch, &[query.p, query.r, query.drdx, query.drdy, query.dpdx, query.dpdy]);
-    options(hasher, batch, |number, text| query.options.visit(number, text));
+    options(hasher, query.batch, |number, text| query.options.visit(number, text));
     query.messages.iter().for_each(|message| hasher.primvar(message));
 }
 
 pub(super) fn shadow(hasher: &mut KeyHasher, query: &ShadowQuery<'_>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.name);
-    lanes3(hasher, batch, &[query.p, query.dpdx, query.dpdy, query.to_light]);
+    named(hasher, query.batch, query.name, &[query.p, query.dpdx, query.dpdy, query.to_light]);
     hasher.word(u32::from(query.light_infinite));
-    options(hasher, batch, |number, text| query.options.visit(number, text));
+    options(hasher, query.batch, |number, text| query.options.visit(number, text));
     query.messages.iter().for_each(|message| hasher.primvar(message));
 }
 
 pub(super) fn gather(hasher: &mut KeyHasher, query: &GatherQuery<'_>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.set);
-    lanes3(hasher, batch, &[query.p, query.axis]);
-    hasher.lane(query.angle, batch);
-    hasher.lane(query.samples, batch);
-    options(hasher, batch, |number, text| query.options.visit(number, text));
+    aimed(hasher, query.batch, query.set, [query.p, query.axis], [query.angle, query.samples]);
+    options(hasher, query.batch, |number, text| query.options.visit(number, text));
     query.messages.iter().for_each(|message| hasher.primvar(message));
 }
 
 pub(super) fn trace(hasher: &mut KeyHasher, query: &TraceQuery<'_>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    hasher.text(query.set);
-    lanes3(hasher, batch, &[query.p, query.axis]);
-    hasher.lane(query.angle, batch);
-    hasher.lane(query.samples, batch);
+    aimed(hasher, query.batch, query.set, [query.p, query.axis], [query.angle, query.samples]);
     hasher.word(query.sample);
-    options(hasher, batch, |number, text| query.options.visit(number, text));
+    options(hasher, query.batch, |number, text| query.options.visit(number, text));
     for (name, ty) in query.wanted {
         hasher.text(name);
         hasher.word(*ty as u32);
@@ -234,21 +232,36 @@ pub(super) fn trace(hasher: &mut KeyHasher, query: &TraceQuery<'_>) {
     query.messages.iter().for_each(|message| hasher.primvar(message));
 }
 
-/// Adds a question about a light. `colors` are those of the grid where they may differ from run to run.
-pub(super) fn light(hasher: &mut KeyHasher, query: &IlluminateQuery<'_>, colors: Option<[&Lanes3; 2]>) {
-    let batch = query.batch;
-    hasher.batch(batch);
-    lanes3(hasher, batch, &[query.ps, query.ns]);
-    hasher.word(u32::from(query.in_front) | u32::from(query.asks) << 1);
-    for Message { from, value } in query.messages {
+/// Adds a question about a light. `shared` is the key of what all lights are asked ([`LightMemory::key`]), and `colors`
+/// are those of the grid where they may differ from run to run.
+///
+/// [`LightMemory::key`]: crate::lighting::lights::LightMemory::key
+pub(super) fn light(hasher: &mut KeyHasher, shared: Key, messages: &[Message], colors: Option<[&Lanes3; 2]>) {
+    hasher.bytes(bytemuck::cast_slice(&shared));
+    for Message { from, value } in messages {
         hasher.word(*from as u32);
         hasher.primvar(value);
     }
     colors.into_iter().flatten().for_each(|lanes| hasher.lanes3(lanes));
 }
 
-fn lanes3(hasher: &mut KeyHasher, batch: Batch<'_>, list: &[Lane3<'_>]) {
-    list.iter().for_each(|lanes| hasher.lane3(*lanes, batch));
+/// Adds the active lanes, the name of what is asked, and triples.
+fn named(hasher: &mut KeyHasher, batch: Batch<'_>, name: &str, triples: &[Lane3<'_>]) {
+    hasher.batch(batch);
+    hasher.text(name);
+    triples.iter().for_each(|lanes| hasher.lane3(*lanes, batch));
+}
+
+/// Adds a question that sends rays into cones: the geometry set, positions and axes, angles and numbers of samples.
+fn aimed(
+    hasher: &mut KeyHasher,
+    batch: Batch<'_>,
+    set: &str,
+    cones: [Lane3<'_>; 2],
+    sizes: [granita_shade::Lane<'_>; 2],
+) {
+    named(hasher, batch, set, &cones);
+    sizes.into_iter().for_each(|lanes| hasher.lane(lanes, batch));
 }
 
 /// Adds the options that `visit` visits.

@@ -41,7 +41,7 @@ pub(crate) fn occurrences(block: &Block, symbols: &[Symbol], f: &mut dyn FnMut(S
 }
 
 /// Returns a statement without the code inside.
-fn head(stmt: &Stmt) -> Stmt {
+pub(super) fn head(stmt: &Stmt) -> Stmt {
     match stmt {
         Stmt::If { cond, .. } => Stmt::If { cond: *cond, then: vec![], otherwise: vec![] },
         Stmt::Lights { category, position, cone, at, .. } => {

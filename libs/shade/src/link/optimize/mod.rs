@@ -15,6 +15,7 @@ mod effects;
 mod fold;
 mod reuse;
 mod select;
+mod slice;
 
 use crate::program::{Block, Operation, Program, Stmt};
 use granita_gsl::ir::{ConstValue, Module, Symbol, SymbolId, SymbolKind, SymbolType};
@@ -23,6 +24,7 @@ use std::sync::Arc;
 
 pub(crate) use dead::occurrences;
 pub(crate) use effects::{first_written, is_inert, is_partial, written};
+pub(crate) use slice::slice;
 
 /// The value of a parameter before the shader runs.
 #[derive(Clone, Debug)]
