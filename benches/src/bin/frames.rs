@@ -11,11 +11,12 @@ use std::process::{Command, ExitCode};
 type Frame = (&'static str, Option<fn() -> String>, &'static str);
 
 /// All scenes.
-const FRAMES: [Frame; 7] = [
+const FRAMES: [Frame; 8] = [
     ("pot.pyg", None, "32 patches, a floor, traced shadows"),
     ("displaced.pyg", None, "a displaced sphere that fills the frame"),
     ("many.pyg", Some(many), "8000 moving spheres"),
     ("layers.pyg", Some(layers), "100 opaque layers, each hiding those behind it"),
+    ("haze.pyg", Some(haze), "1000 layers of 1 % opacity: 307 million fragments"),
     ("turning.pyg", None, "ground to the horizon, the camera turns by 30 degrees"),
     ("passing.pyg", None, "the same, the camera moves by 100 times its height"),
     ("fine.pyg", Some(fine), "a displaced square of 11 million micropolygons"),
@@ -88,6 +89,17 @@ fn square(s: f64, z: f64) -> String {
 fn layers() -> String {
     let squares = (0..100).rev().map(|i| square(6.0, 5.0 + 0.02 * f64::from(i)));
     format!("{HEAD}{WORLD}{}Render ()\n", squares.collect::<String>())
+}
+
+/// Returns 1000 transparent squares that fill a frame of 160 x 120 pixels, the first one in front.
+fn haze() -> String {
+    let squares = (0..1000).map(|i| square(3.0 + 0.012 * f64::from(i), 5.0 + 0.02 * f64::from(i)));
+    let world = WORLD.replace("plastic", "constant");
+    format!(
+        "{HEAD}Attribute (\"int[2] resolution\", (160, 120))\n{world}\
+         Attribute (\"color opacity\", (0.01, 0.01, 0.01))\n{}Render ()\n",
+        squares.collect::<String>()
+    )
 }
 
 /// Returns a square that fills the frame, with 36 micropolygons per pixel.

@@ -1,6 +1,6 @@
 //! Composites the surfaces of each sample.
 
-use super::{Fragment, NONE, SampleGrid, ShadedGrid, Surfaces};
+use super::{Fragment, SampleGrid, Seen, ShadedGrid, Surfaces};
 use granita_base::Color;
 use granita_dicing::PixelRect;
 use granita_scene::Holdout;
@@ -66,7 +66,8 @@ pub(super) struct Layer {
 
 impl From<&Fragment> for Layer {
     fn from(fragment: &Fragment) -> Self {
-        Self { grid: fragment.grid, at: fragment.at, place: [fragment.u, fragment.v] }
+        let Seen { at, u, v, .. } = fragment.seen;
+        Self { grid: fragment.grid(), at, place: [u, v] }
     }
 }
 
@@ -128,44 +129,74 @@ pub(super) fn resolve_sample(
         return;
     }
     sample.fill(0.0);
-    blend(scenery, (wanted, s), layers, sample);
+    blend(scenery, (wanted, s), layers, &mut Through::default(), sample);
     if wanted.depths {
-        let [z, second] = depths.unwrap_or([f32::INFINITY; 2]);
-        // The mean of infinity and any depth is infinity, so that a single surface gives no depth
-        // (reference 10.1.2).
-        (sample[4], sample[5]) = (z, (z + second) * 0.5);
+        store_depths(depths, sample);
     }
     for (c, value) in sample.iter().enumerate() {
         out[c * n + s] = *value;
     }
 }
 
+/// Stores the depths of the first two surfaces of a sample in its channels.
+pub(super) fn store_depths(depths: Option<[f32; 2]>, sample: &mut [f32]) {
+    let [z, second] = depths.unwrap_or([f32::INFINITY; 2]);
+    // The mean of infinity and any depth is infinity, so that a single surface gives no depth (reference 10.1.2).
+    (sample[4], sample[5]) = (z, (z + second) * 0.5);
+}
+
 /// Collects the surfaces that a sample sees, nearest first, up to the first one that hides everything behind it.
 pub(super) fn collect(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
-    let nearest_z = surfaces.nearest_z[sample];
+    chain(surfaces, sample, layers);
+    join_rims(layers, &surfaces.grids, &mut None);
+}
+
+/// Collects the surfaces as [`collect`], without joining boundary edges.
+pub(super) fn chain(surfaces: &Surfaces<'_>, sample: usize, layers: &mut Vec<Fragment>) {
     layers.clear();
+    let nearest_z = surfaces.nearest_z[sample];
     let mut next = surfaces.first[sample];
-    while next != NONE {
-        let fragment = surfaces.fragments[next as usize];
+    while let Some(fragment) = surfaces.fragments.get(next as usize) {
         if fragment.z < nearest_z {
-            layers.push(fragment);
+            layers.push(*fragment);
         }
         next = fragment.next;
     }
-    // The chain runs from the last to the first added. A stable sort keeps the order of adding among equal depths.
-    layers.reverse();
-    layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+    sort(layers);
     layers.extend(surfaces.nearest[sample].fragment(nearest_z));
-    // Where the widened boundary edges of two grids of one primitive overlap, the surface counts once.
-    let mut last: Option<Fragment> = None;
-    let primitive = |fragment: &Fragment| surfaces.grids[fragment.grid as usize].primitive;
+}
+
+/// Sorts fragments by their depth. They come from the chain of a sample, which runs from the last to the first added.
+pub(super) fn sort(layers: &mut [Fragment]) {
+    // A stable sort keeps the order of adding among equal depths.
+    layers.reverse();
+    if !layers.is_sorted_by(|a, b| a.z.total_cmp(&b.z).is_le()) {
+        layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+    }
+}
+
+/// A fragment on the boundary edge of a grid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rim {
+    z: f32,
+    /// The index of its grid, or the largest number when that is not in the list of grids any more.
+    pub(super) grid: u32,
+    primitive: u32,
+}
+
+/// Removes fragments where the widened boundary edges of two grids of one primitive overlap, so that the surface counts
+/// once. `last` is the fragment before the first one, when that is on a boundary edge, and then the last fragment.
+pub(super) fn join_rims(layers: &mut Vec<Fragment>, grids: &[Arc<ShadedGrid>], last: &mut Option<Rim>) {
+    if last.is_none() && !layers.iter().any(Fragment::is_rim) {
+        return;
+    }
     layers.retain(|fragment| {
-        last.replace(*fragment).is_none_or(|last| {
-            !(fragment.rim
-                && last.rim
-                && last.grid != fragment.grid
-                && primitive(&last) == primitive(fragment)
-                && fragment.z - last.z <= 1e-4 * fragment.z.abs())
+        let z = fragment.z;
+        let rim = || Rim { z, grid: fragment.grid(), primitive: grids[fragment.grid() as usize].primitive };
+        let rim = fragment.is_rim().then(rim);
+        let pair = std::mem::replace(last, rim).zip(rim);
+        pair.is_none_or(|(last, rim)| {
+            !(last.grid != rim.grid && last.primitive == rim.primitive && z - last.z <= 1e-4 * z.abs())
         })
     });
 }
@@ -193,15 +224,16 @@ pub(super) fn volumes(
             let mut through = Color::ONE;
             let mut opaque = f32::INFINITY;
             for fragment in &layers {
-                let grid = &*surfaces.grids[fragment.grid as usize];
+                let Seen { at, u, v, .. } = fragment.seen;
+                let grid = &*surfaces.grids[fragment.grid() as usize];
                 if settings.layers.is_some_and(|most| steps.len() >= most) && !grid.opaque {
                     continue;
                 }
                 let behind = match grid.opaque || grid.holdout != Holdout::None {
                     true => Color::ZERO,
                     false => {
-                        let (place, time) = ([fragment.u, fragment.v], surfaces.time_for(grid, s));
-                        through * (Color::ONE - grid.opacity_at(fragment.at, place, time))
+                        let time = surfaces.time_for(grid, s);
+                        through * (Color::ONE - grid.opacity_at(at, [u, v], time))
                     }
                 };
                 if (Color::ONE - behind).cmpge(settings.opacity_threshold).all() {
@@ -218,49 +250,88 @@ pub(super) fn volumes(
     out
 }
 
-/// Composites the layers of the sample with this index, nearest first. Colours are premultiplied by their opacity.
-fn blend(scenery: Scenery<'_>, (wanted, number): (&Wanted, usize), layers: &[Layer], sample: &mut [f32]) {
+/// The state of a sample between two of its layers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Through {
+    /// The share of light that passes all layers so far.
+    color: Color,
+    /// The number of layers so far.
+    count: u32,
+    /// True when a layer was seen that is not a matte.
+    seen: bool,
+}
+
+impl Default for Through {
+    fn default() -> Self {
+        Self { color: Color::ONE, count: 0, seen: false }
+    }
+}
+
+/// Composites further layers of the sample with this index, nearest first. Colours are premultiplied by their opacity.
+/// Returns true when nothing behind them is seen.
+#[inline(always)]
+pub(super) fn blend(
+    scenery: Scenery<'_>,
+    (wanted, number): (&Wanted, usize),
+    layers: &[Layer],
+    state: &mut Through,
+    sample: &mut [f32],
+) -> bool {
     let settings = scenery.settings;
-    let mut through = Color::ONE;
-    let mut count = 0;
-    let mut seen = false;
+    let most = settings.layers.and_then(|most| u32::try_from(most).ok()).unwrap_or(u32::MAX);
+    let (mut color, mut alpha) = (Color::new(sample[0], sample[1], sample[2]), sample[3]);
+    let mut done = false;
     for &Layer { grid, at, place } in layers {
         let grid = &*scenery.grids[grid as usize];
-        if settings.layers.is_some_and(|most| count >= most) && !grid.opaque {
+        if state.count >= most && !grid.opaque {
             continue;
         }
-        count += 1;
+        state.count = state.count.saturating_add(1);
         let time = scenery.time_for(grid, number);
-        let matte = grid.holdout == Holdout::Matte;
-        let opacity = match (matte, grid.opaque) {
-            (true, _) => Color::ZERO,
-            (_, true) => Color::ONE,
-            _ => grid.opacity_at(at, place, time),
-        };
-        if !matte {
-            let color = grid.color_at(at, place, time) * through;
-            let alpha = opacity * through;
-            for c in 0..3 {
-                sample[c] += color[c];
+        let mut opacity = Color::ZERO;
+        if grid.holdout != Holdout::Matte {
+            let through = state.color;
+            let of_layer;
+            (of_layer, opacity) = grid.shade_at(at, place, time);
+            if grid.opaque {
+                opacity = Color::ONE;
             }
-            sample[3] += (alpha.x + alpha.y + alpha.z) / 3.0;
-            for (k, variable) in wanted.variables.iter().enumerate() {
-                let first = wanted.variable_channel(k);
-                for c in 0..variable.width {
-                    let value = grid.variable_at(variable.offset + c, at, place, time);
-                    if variable.is_color {
-                        sample[first + c] += value * through[c % 3];
-                    } else if !seen {
-                        sample[first + c] = value;
-                    }
-                }
+            color += of_layer * through;
+            let covered = opacity * through;
+            alpha += (covered.x + covered.y + covered.z) / 3.0;
+            if !wanted.variables.is_empty() {
+                blend_variables(grid, wanted, (at, place, time), state, sample);
             }
-            seen = true;
+            state.seen = true;
         }
-        through *= Color::ONE - opacity;
-        let enough = (Color::ONE - through).cmpge(settings.opacity_threshold).all();
+        state.color *= Color::ONE - opacity;
+        let enough = (Color::ONE - state.color).cmpge(settings.opacity_threshold).all();
         if grid.holdout != Holdout::None || enough {
+            done = true;
             break;
+        }
+    }
+    sample[..4].copy_from_slice(&[color.x, color.y, color.z, alpha]);
+    done
+}
+
+/// Composites the variables of a layer behind those of `state`.
+fn blend_variables(
+    grid: &ShadedGrid,
+    wanted: &Wanted,
+    (at, place, time): (u32, [f32; 2], f32),
+    state: &Through,
+    sample: &mut [f32],
+) {
+    for (k, variable) in wanted.variables.iter().enumerate() {
+        let first = wanted.variable_channel(k);
+        for c in 0..variable.width {
+            let value = grid.variable_at(variable.offset + c, at, place, time);
+            if variable.is_color {
+                sample[first + c] += value * state.color[c % 3];
+            } else if !state.seen {
+                sample[first + c] = value;
+            }
         }
     }
 }

@@ -72,3 +72,86 @@ impl KeptSurfaces {
             + self.depths.capacity() * size_of::<[f32; 2]>()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{SamplePattern, Shade, ViewedGrid, WantedVariable};
+    use granita_base::{Color, Vec3, hash};
+    use granita_dicing::{CameraView, PixelRect};
+
+    /// A number from 0 to 1.
+    fn random(grid: u32, k: u32) -> f32 {
+        hash::unit(hash::words(&[grid, k]))
+    }
+
+    fn color(grid: u32, k: u32) -> Color {
+        Color::new(random(grid, k), random(grid, k + 1), random(grid, k + 2))
+    }
+
+    /// Returns overlapping grids. Every third one is opaque, the last is hidden, and one is beside the picture. `turn`
+    /// selects the colours, but has no effect on shapes and opacities.
+    fn grids(camera: &CameraView, turn: u32) -> Vec<Arc<ShadedGrid>> {
+        let grid = |k: u32| {
+            let (x, y) = (random(k, 0) * 4.0 - 2.0, random(k, 1) * 3.0 - 1.5);
+            let (side, z, x) = match k {
+                7 => (1.0, 5.0, 90.0),
+                8 => (60.0, 12.0, 0.0),
+                9 => (60.0, 13.0, 0.0),
+                _ => (1.2, 4.0 + 6.0 * random(k, 2), x),
+            };
+            let at =
+                |i: usize| Vec3::new(x + side * ((i % 3) as f32 - 1.0), y + side * ((i / 3) as f32 - 1.0), z);
+            let view = ViewedGrid::new(camera, 3, vec![0.0], vec![(0..9).map(at).collect()], false);
+            let opaque = k % 3 == 2 || k == 9;
+            let shade = Shade {
+                color: (0..9).map(|i| color(k, 100 + 3 * i + 50 * turn)).collect(),
+                opacity: if opaque { Vec::new() } else { (0..9).map(|i| color(k, 3 + 3 * i)).collect() },
+                variables: (0..36).map(|i| random(k, 200 + i + 50 * turn)).collect(),
+                ..Shade::default()
+            };
+            Arc::new(ShadedGrid { opaque, shades: vec![shade], ..ShadedGrid::new(3, 3, view) })
+        };
+        (0..10).map(grid).collect()
+    }
+
+    #[test]
+    fn kept_surfaces_have_the_values_of_surfaces_that_are_searched_anew() {
+        let camera = crate::tests::camera(false);
+        let rect = PixelRect { x0: 0, y0: 0, x1: 32, y1: 24 };
+        let pattern = SamplePattern::new(&camera, false);
+        let samples = SampleGrid::new(rect, &pattern, &camera, &[rect]);
+        let found = |grids: &[Arc<ShadedGrid>], settings| {
+            let mut surfaces = Surfaces::new(&samples, settings);
+            grids.iter().for_each(|grid| surfaces.add(grid, 0));
+            surfaces
+        };
+        let half = Color::splat(0.5);
+        for (depths, layers) in [(false, None), (true, None), (false, Some(2))] {
+            let settings = CompositeSettings {
+                opacity_threshold: Color::splat(0.996),
+                depth_threshold: half,
+                layers,
+                depths,
+            };
+            let wanted = Wanted {
+                depths,
+                variables: [(0, 3, true), (27, 1, false)]
+                    .map(|(offset, width, is_color)| WantedVariable { offset, width, is_color })
+                    .to_vec(),
+            };
+            let (first, second) = (grids(&camera, 0), grids(&camera, 1));
+            let mut kept = KeptSurfaces::new(&found(&first, settings));
+            let seen = kept.only_seen(first.len());
+            assert!(seen.len() > 4 && !seen.contains(&7) && !seen.contains(&9), "{seen:?}");
+            let mut images = Vec::new();
+            for all in [first, second] {
+                let some: Vec<_> = seen.iter().map(|grid| all[*grid].clone()).collect();
+                let expected = found(&all, settings).resolve(&wanted);
+                assert_eq!(kept.resolve(&samples, &some, &wanted), expected);
+                images.push(expected);
+            }
+            assert!(images[0].iter().zip(&images[1]).any(|(a, b)| a != b), "the colours are others");
+        }
+    }
+}

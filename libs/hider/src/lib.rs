@@ -49,6 +49,7 @@ mod lanes;
 mod raster;
 mod rays;
 mod samples;
+mod settled;
 mod streaks;
 mod visible;
 
@@ -67,26 +68,33 @@ use hit::{Hit, Raster, Sink};
 struct Fragment {
     /// The depth in camera space.
     z: f32,
-    /// The index among the grids of this bucket.
-    grid: u32,
-    /// The index of the lower left point of the micropolygon.
-    at: u32,
-    /// The coordinates in the micropolygon.
-    u: f32,
-    v: f32,
+    /// Its place.
+    seen: Seen,
     /// The index of the next fragment of the sample, or [`NONE`].
     next: u32,
-    /// True when the fragment is on the boundary edge of its grid, where neighbouring grids may overlap slightly.
-    rim: bool,
 }
 
-/// A [`Fragment`] that hides everything behind it, in a compact form that keeps the samples of a bucket in the
-/// processor's cache. Its depth is stored separately.
+impl Fragment {
+    /// The index among the grids of this bucket.
+    fn grid(&self) -> u32 {
+        self.seen.grid & !Seen::RIM
+    }
+
+    /// True when the fragment is on the boundary edge of its grid, where neighbouring grids may overlap slightly.
+    fn is_rim(&self) -> bool {
+        self.seen.grid & Seen::RIM != 0
+    }
+}
+
+/// A place on a grid. For surfaces that hide everything behind them the depth is stored separately, so that the samples
+/// of a bucket stay in the processor's cache.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     /// The index among the grids of this bucket, combined with the bit [`Seen::RIM`]; or [`NONE`].
     grid: u32,
+    /// The index of the lower left point of the micropolygon.
     at: u32,
+    /// The coordinates in the micropolygon.
     u: f32,
     v: f32,
 }
@@ -96,15 +104,8 @@ impl Seen {
     /// The bit of `grid` that is set on the boundary edge of a grid.
     const RIM: u32 = 1 << 31;
 
-    fn new(fragment: &Fragment) -> Self {
-        let Fragment { grid, at, u, v, rim, .. } = *fragment;
-        Self { grid: grid | if rim { Self::RIM } else { 0 }, at, u, v }
-    }
-
     fn fragment(self, z: f32) -> Option<Fragment> {
-        let Self { grid, at, u, v } = self;
-        let found = Fragment { z, grid: grid & !Self::RIM, at, u, v, next: NONE, rim: grid & Self::RIM != 0 };
-        (grid != NONE).then_some(found)
+        (self.grid != NONE).then_some(Fragment { z, seen: self, next: NONE })
     }
 }
 
@@ -143,6 +144,12 @@ pub struct Surfaces<'a> {
     depths: Vec<[f32; 2]>,
     /// For each pixel: the farthest of the nearest depths; NaN when it must be computed again.
     horizon: Vec<f32>,
+    /// The number of transparent fragments from which on they should be composited; see [`Surfaces::is_full`].
+    full: usize,
+    /// The least value of `full`; see [`Surfaces::with_layers`].
+    least_full: usize,
+    /// What was composited before all grids were added; `None` when nothing was.
+    settled: Option<settled::Settled>,
 }
 
 impl<'a> Surfaces<'a> {
@@ -161,6 +168,9 @@ impl<'a> Surfaces<'a> {
             beside: Vec::new(),
             depths: if settings.depths { vec![[f32::INFINITY; 2]; n] } else { Vec::new() },
             horizon: vec![f32::INFINITY; samples.pixels()],
+            full: usize::MAX,
+            least_full: usize::MAX,
+            settled: None,
         }
     }
 
@@ -192,11 +202,17 @@ impl<'a> Surfaces<'a> {
     pub fn add(&mut self, grid: &std::sync::Arc<ShadedGrid>, eye: usize) {
         let Some(index) = u32::try_from(self.grids.len()).ok().filter(|i| *i < Seen::RIM) else { return };
         self.grids.push(grid.clone());
+        if !grid.opaque && self.full < usize::MAX && self.fragments.capacity() == 0 {
+            // Room for what one more grid adds.
+            self.fragments.reserve_exact(self.full + self.full / 8);
+        }
+        let hides = grid.may_hide();
         let samples = self.samples;
         Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut Adding {
             surfaces: self,
             grid,
             index,
+            hides,
         });
     }
 
@@ -205,6 +221,7 @@ impl<'a> Surfaces<'a> {
     /// sample that has one grid directly on one side and another on the opposite side lies in such a crack. It sees
     /// the farther of the two, so that hidden surfaces stay hidden. Without a second grid on the opposite side, the
     /// grid ends there.
+    #[inline(never)]
     fn hit_beside(&mut self, sample: usize, fragment: Fragment, toward: Vec2) {
         if fragment.z >= self.nearest_z[sample] && self.depths.is_empty() {
             return;
@@ -213,14 +230,14 @@ impl<'a> Surfaces<'a> {
         while let Some(other) = self.beside.get_mut(k as usize) {
             k = other.fragment.next;
             let near = (other.fragment.z - fragment.z).abs() <= CRACK_DEPTH * fragment.z.abs();
-            if !near || other.fragment.grid == fragment.grid || other.toward.dot(toward) >= 0.0 {
+            if !near || other.fragment.grid() == fragment.grid() || other.toward.dot(toward) >= 0.0 {
                 continue;
             }
             if !std::mem::replace(&mut other.closed, true) {
                 let first = other.fragment;
                 let farther = if first.z > fragment.z { first } else { fragment };
-                let grid = self.grids[farther.grid as usize].clone();
-                self.hit(&grid, sample, Fragment { next: NONE, ..farther });
+                let grid = self.grids[farther.grid() as usize].clone();
+                self.hit((&grid, true), sample, Fragment { next: NONE, ..farther });
             }
             return;
         }
@@ -231,23 +248,41 @@ impl<'a> Surfaces<'a> {
         }
     }
 
-    fn hit(&mut self, grid: &ShadedGrid, sample: usize, fragment: Fragment) {
+    /// Records that a sample sees a grid. `may_hide` is false when the grid certainly hides nothing.
+    #[inline(always)]
+    fn hit(&mut self, (grid, may_hide): (&ShadedGrid, bool), sample: usize, fragment: Fragment) {
         let z = fragment.z;
         let behind = z >= self.nearest_z[sample];
         if behind && self.depths.is_empty() {
             return;
         }
+        let hides = (may_hide || !self.depths.is_empty()) && self.hides_behind(grid, sample, &fragment);
+        if behind {
+            return;
+        }
+        if hides {
+            self.nearest[sample] = fragment.seen;
+            self.nearest_z[sample] = z;
+            self.horizon[sample / self.samples.per_pixel] = f32::NAN;
+        } else if let Ok(new) = u32::try_from(self.fragments.len()) {
+            self.fragments.push(Fragment { next: self.first[sample], ..fragment });
+            self.first[sample] = new;
+        }
+    }
+
+    /// True when a fragment hides everything behind it. Its depth is recorded when depths are requested.
+    #[inline(never)]
+    fn hides_behind(&mut self, grid: &ShadedGrid, sample: usize, fragment: &Fragment) -> bool {
+        let (z, Seen { at, u, v, .. }) = (fragment.z, fragment.seen);
         let opacity = if grid.opaque {
             granita_base::Color::ONE
         } else {
-            grid.opacity_at(fragment.at, [fragment.u, fragment.v], self.time_for(grid, sample))
+            grid.opacity_at(at, [u, v], self.time_for(grid, sample))
         };
-        let hides =
-            grid.opaque || grid.holdout != Holdout::None || opacity.cmpge(granita_base::Color::ONE).all();
         if !self.depths.is_empty() && opacity.cmpge(self.settings.depth_threshold).any() {
             let [first, second] = &mut self.depths[sample];
             // The boundary edges of neighbouring grids overlap slightly. The overlap is one surface, not two.
-            let same = fragment.rim && (z - *first).abs() <= 1e-4 * z.abs();
+            let same = fragment.is_rim() && (z - *first).abs() <= 1e-4 * z.abs();
             if z < *first {
                 if !same {
                     *second = *first;
@@ -257,17 +292,7 @@ impl<'a> Surfaces<'a> {
                 *second = z;
             }
         }
-        if behind {
-            return;
-        }
-        if hides {
-            self.nearest[sample] = Seen::new(&fragment);
-            self.nearest_z[sample] = z;
-            self.horizon[sample / self.samples.per_pixel] = f32::NAN;
-        } else if let Ok(new) = u32::try_from(self.fragments.len()) {
-            self.fragments.push(Fragment { next: self.first[sample], ..fragment });
-            self.first[sample] = new;
-        }
+        grid.opaque || grid.holdout != Holdout::None || opacity.cmpge(granita_base::Color::ONE).all()
     }
 
     /// Returns the time of a sample when the shading of the grid varies over time, else 0.
@@ -280,9 +305,13 @@ impl<'a> Surfaces<'a> {
         composite::Scenery { samples: self.samples, settings: &self.settings, grids: &self.grids }
     }
 
-    /// Composites every sample. The result has one run of samples for each channel of `wanted`, in order.
+    /// Composites every sample. The result has one run of samples for each channel of `wanted`, in order. `wanted` is
+    /// that of [`Surfaces::settle`], if that was called.
     pub fn resolve(&self, wanted: &Wanted) -> Vec<f32> {
-        composite::resolve(self, wanted)
+        match &self.settled {
+            Some(settled) => settled.resolve(self, wanted),
+            None => composite::resolve(self, wanted),
+        }
     }
 
     /// Returns the texels of a volume shadow map for `pixels`, `n` numbers each, row by row (reference 10.1.3).
@@ -310,6 +339,8 @@ struct Adding<'s, 'a> {
     grid: &'s ShadedGrid,
     /// The index of the grid.
     index: u32,
+    /// False when the grid certainly hides nothing.
+    hides: bool,
 }
 
 impl Sink for Adding<'_, '_> {
@@ -321,12 +352,14 @@ impl Sink for Adding<'_, '_> {
         self.surfaces.depths.is_empty().then_some(&self.surfaces.nearest_z)
     }
 
+    #[inline(always)]
     fn hit(&mut self, hit: Hit) {
         let Hit { sample, z, at, u, v, rim, beside } = hit;
-        let fragment = Fragment { z, grid: self.index, at, u, v, next: NONE, rim };
+        let grid = self.index | if rim { Seen::RIM } else { 0 };
+        let fragment = Fragment { z, seen: Seen { grid, at, u, v }, next: NONE };
         match beside {
             Some(toward) => self.surfaces.hit_beside(sample, fragment, toward),
-            None => self.surfaces.hit(self.grid, sample, fragment),
+            None => self.surfaces.hit((self.grid, self.hides), sample, fragment),
         }
     }
 }

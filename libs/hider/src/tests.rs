@@ -34,7 +34,7 @@ fn param(declaration: &str, data: impl Into<granita_base::ParamData>) -> granita
     granita_base::Param::declared(declaration, data).unwrap()
 }
 
-fn camera(lens: bool) -> CameraView {
+pub(crate) fn camera(lens: bool) -> CameraView {
     let mut params = Params::new();
     params.set(param("string projection", "perspective"));
     let mut set = |name: &str, values: &[f32]| params.set(param(name, values));

@@ -337,6 +337,18 @@ impl ShadedGrid {
         self.over_time(time, of, |a, b, alpha| a.lerp(b, alpha))
     }
 
+    /// Returns the colour and the opacity at a place and a time, as [`Self::color_at`] and [`Self::opacity_at`].
+    #[inline(always)]
+    pub(crate) fn shade_at(&self, at: u32, [u, v]: [f32; 2], time: f32) -> (Color, Color) {
+        match &self.shades[..] {
+            [shade] => {
+                let of = |values: &[Color], default| Self::blend(values, self.nu, at as usize, u, v, default);
+                (of(&shade.color, Color::ZERO), of(&shade.opacity, Color::ONE))
+            }
+            _ => (self.color_at(at, [u, v], time), self.opacity_at(at, [u, v], time)),
+        }
+    }
+
     /// Returns the colour at a place of a grid that is opaque and was shaded once; `None` for other grids.
     #[inline(always)]
     pub(crate) fn only_color_at(&self, at: u32, [u, v]: [f32; 2]) -> Option<Color> {
@@ -345,6 +357,23 @@ impl ShadedGrid {
                 Some(Self::blend(&shade.color, self.nu, at as usize, u, v, Color::ZERO))
             }
             _ => None,
+        }
+    }
+
+    /// False when the grid certainly hides nothing that is behind it, because it was shaded once and a component of
+    /// its opacity is below 1 everywhere.
+    pub(crate) fn may_hide(&self) -> bool {
+        // Interpolation may round up.
+        const BELOW_ONE: Color = Color::splat(0.999);
+        match &self.shades[..] {
+            [Shade { opacity, .. }]
+                if !self.opaque && self.holdout == Holdout::None && !opacity.is_empty() =>
+            {
+                // The order of the arguments skips NaN.
+                let greatest = opacity.iter().fold(Color::NEG_INFINITY, |most, o| o.max(most));
+                !greatest.cmplt(BELOW_ONE).any()
+            }
+            _ => true,
         }
     }
 
@@ -371,12 +400,12 @@ impl ShadedGrid {
         if values.is_empty() {
             return default;
         }
-        let w = Self::weights(u, v);
         let (a, b, c, d) = (values[at], values[at + 1], values[at + nu], values[at + nu + 1]);
         // A value that all corners share is returned exactly.
         if a == b && a == c && a == d {
             return a;
         }
+        let w = Self::weights(u, v);
         a * w[0] + b * w[1] + c * w[2] + d * w[3]
     }
 

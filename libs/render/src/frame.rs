@@ -9,6 +9,7 @@ mod kept;
 mod limits;
 mod measured;
 mod precise;
+mod running;
 mod shade;
 mod sighting;
 mod spread;
@@ -18,7 +19,7 @@ use crate::environment::Progress;
 use crate::output::canvas::{Canvas, Finished};
 use crate::output::griddump::GridDump;
 use crate::output::plan::{OutputImage, OutputSet, Shown};
-use crate::priority::{Priority, Turns};
+use crate::priority::Priority;
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
 use crate::{CameraView, PixelRect, RenderError};
@@ -39,7 +40,7 @@ use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 pub(crate) use demand::{OnDemand, Surroundings};
@@ -213,6 +214,8 @@ struct Frame<'a, S: FrameShader> {
     filters: Vec<film::Support>,
     measure: Measure<'a>,
     composite: CompositeSettings,
+    /// The attribute "limits:transparentgrids".
+    layers_at_once: usize,
     buckets: Buckets,
     /// The pixels whose samples count: the crop window and the margins of the filters.
     region: PixelRect,
@@ -312,7 +315,10 @@ pub(crate) fn render<S: FrameShader>(
         }
     }
     let mut statistics = frame.counters.statistics(begin.elapsed(), threads);
-    statistics.reuse = frame.kept.map(|kept| kept.reuse(frame.shader.changes()));
+    statistics.reuse = frame.kept.map(|kept| {
+        kept.fit();
+        kept.reuse(frame.shader.changes())
+    });
     if stop.load(Ordering::Relaxed) {
         return Err(RenderError::Stopped);
     }
@@ -367,6 +373,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 layers: usize::try_from(scene.get(attr::LIMITS_TRANSPARENTLAYERS)).ok(),
                 depths: plan.wanted.depths,
             },
+            layers_at_once: usize::try_from(scene.get(attr::LIMITS_TRANSPARENTGRIDS)).unwrap_or(0),
             buckets: Buckets::new(&camera.crop, size, order, pattern.per_pixel()),
             region: camera.crop.grown(margin),
             margin,
@@ -433,60 +440,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let name = &self.options.camera.name;
         let sets = &primitive.attributes.geometry_sets;
         sets.iter().any(|set| set == name || &**set == "camera")
-    }
-
-    /// Renders buckets and returns the number of those that failed. The others are on the canvases, those of an eye
-    /// one after the other.
-    fn run(
-        &self,
-        jobs: &Jobs<S::Object>,
-        canvases: &[Mutex<Canvas>],
-        threads: usize,
-        list: &[usize],
-    ) -> usize {
-        let total = list.len();
-        let (done, failed) = (AtomicU64::new(0), AtomicUsize::new(0));
-        let turns = Mutex::new((Turns::new(list.iter().copied(), self.priority()), 0..));
-        let order = MessageOrder::new(self.options.reporter);
-        let next = || {
-            self.hear(canvases);
-            if self.options.stop.load(Ordering::Relaxed) {
-                return None;
-            }
-            let (turns, numbers) = &mut *turns.lock();
-            turns.next(&self.buckets, self.priority()).zip(numbers.next())
-        };
-        std::thread::scope(|scope| {
-            for _ in 0..threads.min(total) {
-                scope.spawn(|| {
-                    let mut thread = self.thread();
-                    while let Some((index, number)) = next() {
-                        let _part = order.begin(number);
-                        self.begin(canvases, index);
-                        let result = catch_unwind(AssertUnwindSafe(|| self.bucket(jobs, index, &mut thread)));
-                        match result {
-                            // Shaders ended early, so these pixels are not valid.
-                            Ok(_) if self.options.stop.load(Ordering::Relaxed) => break,
-                            Ok(values) => {
-                                for (canvas, values) in canvases.iter().zip(&values) {
-                                    self.store(canvas, &self.buckets.order[index], values);
-                                }
-                            }
-                            Err(panic) => {
-                                failed.fetch_add(1, Ordering::Relaxed);
-                                self.report_panic(index, &panic_text(&*panic));
-                                // Its state is inconsistent after a panic.
-                                thread = self.thread();
-                            }
-                        }
-                        let cost = jobs.cost(index);
-                        self.options.progress.done(done.fetch_add(cost, Ordering::Relaxed) + cost);
-                    }
-                });
-            }
-        });
-        add(&self.counters.buckets, total);
-        failed.into_inner()
     }
 
     /// Returns the priority, where the order is free.

@@ -73,7 +73,7 @@ impl Renderer {
             kept.0
                 .take()
                 .and_then(|kept| kept.renewed(&frame))
-                .unwrap_or_else(|| Box::new(KeptFrame { shading: None, ..KeptFrame::new(&frame) })),
+                .unwrap_or_else(|| Box::new(KeptFrame::new(&frame))),
         );
         frame.shading = frame.kept.as_mut().and_then(|kept| kept.shading.take());
         let built = frame.shading.as_ref().map(ShadingContext::built_for_rays);
@@ -488,7 +488,7 @@ impl FrameShader for ShadingContext {
         memo: &mut Memo,
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade_keeping(object, grid, wanted, memo);
-        self.place_points(wanted, &mut found);
+        place_points(self, wanted, &mut found);
         found
     }
 
@@ -504,28 +504,21 @@ impl FrameShader for ShadingContext {
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
         let mut found = thread.shade(object, grid, wanted);
-        self.place_points(wanted, &mut found);
+        place_points(self, wanted, &mut found);
         found
     }
 }
 
-/// What images need of shading.
-trait ImageValues {
-    /// Converts positions to world space.
-    fn place_points(&self, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]);
-}
-
-impl ImageValues for ShadingContext {
-    fn place_points(&self, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]) {
-        // Images show world space positions of surfaces. The space of other points is defined by the shader alone.
-        let origin = self.camera.common_origin;
-        let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
-        let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));
-        for values in points.filter_map(|(values, _)| values.as_mut()).filter(|_| origin != Vec3::ZERO) {
-            let n = (values.len() / 3).max(1);
-            for (component, from) in values.chunks_exact_mut(n).zip(origin.to_array()) {
-                component.iter_mut().for_each(|x| *x += from);
-            }
+/// Converts the requested positions of a grid to world space.
+fn place_points(frame: &ShadingContext, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]) {
+    // Images show world space positions of surfaces. The space of other points is defined by the shader alone.
+    let origin = frame.camera.common_origin;
+    let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
+    let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));
+    for values in points.filter_map(|(values, _)| values.as_mut()).filter(|_| origin != Vec3::ZERO) {
+        let n = (values.len() / 3).max(1);
+        for (component, from) in values.chunks_exact_mut(n).zip(origin.to_array()) {
+            component.iter_mut().for_each(|x| *x += from);
         }
     }
 }

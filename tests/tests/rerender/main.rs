@@ -18,6 +18,7 @@ mod files;
 mod model;
 mod play;
 mod player;
+mod reuse;
 mod scenes;
 mod special;
 

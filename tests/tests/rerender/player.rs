@@ -1,10 +1,12 @@
 //! A session in this process, and the images that it makes.
 
 use granita_base::Reporter;
-use granita_session::{Session, SessionOptions};
+use granita_session::{Outcome, Session, SessionOptions};
 use granita_tests::Image;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// A part of a message that is expected: edits replace lights, also several times before one frame.
 const REPLACED: &str = "is declared again";
@@ -17,6 +19,8 @@ pub(crate) struct Player {
     session: Session,
     /// Returns the errors and warnings so far, without those that are expected.
     messages: Box<dyn Fn() -> Vec<String>>,
+    /// The number of messages that were forgotten.
+    forgotten: usize,
     folder: PathBuf,
 }
 
@@ -33,6 +37,7 @@ impl Player {
         Self {
             session: Session::new(options, reporter, Default::default()),
             messages,
+            forgotten: 0,
             folder: folder.to_owned(),
         }
     }
@@ -45,7 +50,7 @@ impl Player {
         let placed = text.replace('@', &self.folder.to_string_lossy());
         let bytes = std::io::Cursor::new(placed.into_bytes());
         self.session.read_stream("<edits>", Box::new(bytes)).map_err(|error| error.to_string())?;
-        let said = (self.messages)();
+        let said = (self.messages)().split_off(self.forgotten);
         if said.is_empty() { Ok(()) } else { Err(said.join("\n")) }
     }
 
@@ -63,6 +68,21 @@ impl Player {
             std::fs::remove_file(&path).map_err(|e| e.to_string())?;
         }
         Ok(images)
+    }
+
+    /// Returns a flag that ends the current frame.
+    pub(crate) fn stop(&self) -> Arc<AtomicBool> {
+        self.session.stop()
+    }
+
+    /// Forgets the messages so far, which a frame that is ended early may have.
+    pub(crate) fn forget_messages(&mut self) {
+        self.forgotten = (self.messages)().len();
+    }
+
+    /// Ends the session, and returns the records of its frames.
+    pub(crate) fn finish(self) -> Outcome {
+        self.session.finish()
     }
 }
 

@@ -1,17 +1,14 @@
 //! Renders frames whose samples see what they saw before (reference 11).
 
-use super::kept::{Basis, Broken, ImageKey, KeptFrames, ViewKey};
+use super::kept::{Basis, ImageKey, KeptFrames, ViewKey};
+use super::running::BucketWork;
 use super::{Frame, FrameShader};
 use crate::output::canvas::Canvas;
 use crate::output::plan::OutputImage;
-use crate::priority::Turns;
-use crate::statistics::add;
-use granita_base::report::MessageOrder;
 use parking_lot::Mutex;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-impl<S: FrameShader> Frame<'_, S> {
+impl<'a, S: FrameShader> Frame<'a, S> {
     /// True when the frame must end. Results of shaders after that are not valid.
     pub(super) fn is_stopped(&self) -> bool {
         self.options.stop.load(Ordering::Relaxed)
@@ -60,56 +57,21 @@ impl<S: FrameShader> Frame<'_, S> {
         threads: usize,
         list: Vec<usize>,
     ) -> Vec<usize> {
-        let broken: Mutex<Option<Broken>> = Mutex::new(None);
-        let turns = Mutex::new(Turns::new(list.iter().copied(), self.priority()));
-        let order = MessageOrder::new(self.options.reporter);
-        let numbers = AtomicUsize::new(0);
-        self.options.progress.begin(self.first_image(), list.len() as u64);
-        let next = || {
-            self.hear(canvases);
-            if self.options.stop.load(Ordering::Relaxed) || broken.lock().is_some() {
-                return None;
-            }
-            let index = turns.lock().next(&self.buckets, self.priority())?;
-            Some((index, numbers.fetch_add(1, Ordering::Relaxed)))
+        let broken = AtomicBool::new(false);
+        let make = |index: usize, thread: &mut S::Thread<'a>| {
+            let made = self.bucket_again(kept, index, thread).ok();
+            broken.fetch_or(made.is_none(), Ordering::Relaxed);
+            made
         };
-        std::thread::scope(|scope| {
-            for _ in 0..threads.min(list.len()) {
-                scope.spawn(|| {
-                    let mut thread = self.thread();
-                    while let Some((index, number)) = next() {
-                        let _part = order.begin(number);
-                        self.begin(canvases, index);
-                        let result =
-                            catch_unwind(AssertUnwindSafe(|| self.bucket_again(kept, index, &mut thread)));
-                        match result {
-                            // Shaders ended early, so these pixels are not valid.
-                            Ok(_) if self.options.stop.load(Ordering::Relaxed) => break,
-                            Ok(Ok(values)) => {
-                                for (canvas, values) in canvases.iter().zip(&values) {
-                                    self.store(canvas, &self.buckets.order[index], values);
-                                }
-                            }
-                            Ok(Err(why)) => *broken.lock() = Some(why),
-                            // The whole frame is rendered, and reports the bucket that fails.
-                            Err(_) => {
-                                *broken.lock() = Some(Broken::Lost);
-                                thread = self.thread();
-                            }
-                        }
-                        self.options.progress.done(number as u64 + 1);
-                    }
-                });
-            }
-        });
-        add(&self.counters.buckets, list.len());
+        // The whole frame is rendered then, and reports the bucket that fails.
+        let fails = |_, _: &str| broken.store(true, Ordering::Relaxed);
+        self.options.progress.begin(self.first_image(), list.len() as u64);
+        self.each_bucket(canvases, threads, &list, &BucketWork { make: &make, fails: &fails, cost: &|_| 1 });
         self.options.progress.end();
-        match broken.into_inner() {
-            None => Vec::new(),
-            Some(_) => {
-                kept.drop_views();
-                list
-            }
+        if broken.into_inner() && !self.is_stopped() {
+            kept.drop_views_but(None);
+            return list;
         }
+        Vec::new()
     }
 }

@@ -153,13 +153,17 @@ impl<S: FrameShader> Frame<'_, S> {
         let Some(kept) = self.kept.filter(|_| !job.traits.saves) else { return };
         for (_, slot, state) in leaves.iter_mut().filter(|(_, _, state)| state.leaf().is_some()) {
             let Some(id) = kept.of_leaf((job.number, slot.path)) else { continue };
-            // A change of opacity has no effect on samples that are searched anew.
+            // A change of opacity has no effect on the samples of this frame, whose surfaces are searched anew.
             let grid = match self.present(kept, id, thread) {
                 Ok((grid, _)) => grid,
-                Err(Broken::Opacity) => match self.present(kept, id, thread) {
-                    Ok((grid, _)) => grid,
-                    Err(_) => continue,
-                },
+                Err(Broken::Opacity) => {
+                    // Those of other frames saw something else.
+                    kept.drop_views_but(self.view.as_ref());
+                    match self.present(kept, id, thread) {
+                        Ok((grid, _)) => grid,
+                        Err(_) => continue,
+                    }
+                }
                 Err(Broken::Lost) => continue,
             };
             let fits =
@@ -204,7 +208,8 @@ impl<S: FrameShader> Frame<'_, S> {
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
     ) -> (Vec<Vec<f32>>, Option<KeptEye>) {
-        let mut surfaces = Surfaces::new(samples, self.composite);
+        let mut surfaces =
+            Surfaces::new(samples, self.composite).with_layers(self.layers_at_once(jobs, index));
         // The kept grids that were added; `None` when one of them is not kept.
         let mut ids = self.kept.map(|_| Vec::new());
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
@@ -281,6 +286,11 @@ impl<S: FrameShader> Frame<'_, S> {
                         ids
                     });
                     let begin = Instant::now();
+                    if surfaces.is_full() {
+                        let rest = ahead.iter().chain(order.iter().map(|Reverse(turn)| turn)).copied();
+                        let turns = std::iter::once(Turn { z, job: j, leaf }).chain(rest);
+                        surfaces.settle(self.least_depth(eye, jobs, turns), &self.outputs.wanted);
+                    }
                     surfaces.add(&grid, eye);
                     hiding += begin.elapsed();
                 }
@@ -295,6 +305,30 @@ impl<S: FrameShader> Frame<'_, S> {
         let pixels = self.filtered(index, &volumes, samples, &values);
         add_time(&self.counters.filter_nanos, begin.elapsed());
         (pixels, ids.map(|ids| kept_surfaces(&surfaces, ids)))
+    }
+
+    /// Returns the mean number of transparent layers of a sample from which on they are composited before all grids of
+    /// the bucket were added. It is not limited where all layers are needed afterwards: for re-renders and for volume
+    /// shadow maps. Nor is it where shaders save data, because layers that hide others keep these from being shaded.
+    fn layers_at_once(&self, jobs: &Jobs<S::Object>, index: usize) -> usize {
+        let needs_all = self.kept.is_some()
+            || self.outputs.images.iter().any(|image| image.opaque_width.is_some())
+            || jobs.of_bucket[index].iter().any(|job| jobs.list[*job].traits.saves);
+        if needs_all { usize::MAX } else { self.layers_at_once }
+    }
+
+    /// Returns a depth before which no part of a grid lies whose turn is one of `turns`.
+    fn least_depth(&self, eye: usize, jobs: &Jobs<S::Object>, turns: impl Iterator<Item = Turn>) -> f32 {
+        let of = |Turn { z, job, leaf }: Turn| {
+            let job = &jobs.list[job];
+            match leaf {
+                // The hider leaves out what is nearer than the bound of a grid.
+                Some(leaf) => z.min(self.split(job).leaves[leaf as usize].seen[eye].z_min),
+                None if job.seen[eye].is_nearest => z,
+                None => f32::NEG_INFINITY,
+            }
+        };
+        turns.map(of).fold(f32::INFINITY, f32::min)
     }
 
     /// Returns the pixels of a bucket, image by image, from the `values` of its samples. `volumes` returns the texels

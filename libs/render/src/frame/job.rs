@@ -148,6 +148,9 @@ pub(super) struct Sighting {
     pub(super) rect: PixelRect,
     /// The least depth in camera space.
     pub(super) z_min: f32,
+    /// True when no part of it is nearer than `z_min`. For large surfaces close to the eye, rounding may exceed the
+    /// margin of `z_min`.
+    pub(super) is_nearest: bool,
     /// True when motion or the lens may blur it.
     pub(super) blurs: bool,
 }

@@ -4,9 +4,9 @@
 //! answers that these got ([`Memo`]). When something changes that a batch depends on, its shaders run again, and most
 //! of their questions find their answers.
 //!
-//! What the samples of a bucket see is kept as well ([`KeptBucket`]). A bucket is
-//! then composited and filtered again only if a colour in it changed. Nothing is corrected by differences: every sum is
-//! formed again in its order, so that a re-render has the pixels of a new render, to the bit.
+//! What the samples of a bucket see is kept as well ([`KeptBucket`]). A bucket is then composited and filtered again
+//! only if a colour in it changed. Nothing is corrected by differences: every sum is formed again in its order, so that
+//! a re-render has the pixels of a new render, to the bit.
 //!
 //! What is kept may be given up at any time, in the order of [`Layer`]. It is then computed again.
 
@@ -82,9 +82,9 @@ pub(crate) struct KeptCounts {
     /// Buckets that were composited and filtered again.
     pub(crate) buckets_composited: AtomicU64,
     /// Batches whose colours stayed.
-    pub(crate) grids_same: AtomicU64,
+    pub(crate) batches_same: AtomicU64,
     /// Batches whose shaders ran again.
-    pub(crate) grids_shaded: AtomicU64,
+    pub(crate) batches_shaded: AtomicU64,
 }
 
 /// The properties of a frame that its grids depend on.
@@ -152,7 +152,9 @@ pub(super) struct BatchState {
     /// The points before the surface shaders ran; `None` when no shader runs, or after they were given up.
     pub(super) inputs: Option<Grid>,
     /// True when the batch cannot be shaded again.
-    pub(super) lost: bool,
+    lost: bool,
+    /// True when the shaders must run again, because the last time they ended early.
+    forgotten: bool,
     pub(super) memo: Memo,
     /// The points at later times, with their own answers.
     pub(super) later: Vec<(f32, Grid, Memo)>,
@@ -240,17 +242,13 @@ impl<O> KeptFrames<O> {
             objects_changed: objects,
             buckets_kept: count(&self.counts.buckets_same),
             buckets_composited: count(&self.counts.buckets_composited),
-            batches_kept: count(&self.counts.grids_same),
-            batches_shaded: count(&self.counts.grids_shaded),
+            batches_kept: count(&self.counts.batches_same),
+            batches_shaded: count(&self.counts.batches_shaded),
             light_bytes,
             query_bytes,
             grid_bytes,
             sample_bytes,
         }
-    }
-
-    fn add_bytes(&self, layer: Layer, bytes: usize) {
-        self.bytes[layer as usize].fetch_add(bytes, Ordering::Relaxed);
     }
 
     /// Keeps a batch. Returns the number of its first grid; `None` when grids are not kept.
@@ -297,9 +295,7 @@ impl<O> KeptFrames<O> {
             }
             self.given_up.fetch_max(level + 1, Ordering::Relaxed);
             if level >= Layer::Surfaces as u8 {
-                let views = std::mem::take(&mut *self.views.lock());
-                drop(views);
-                self.bytes[Layer::Surfaces as usize].store(0, Ordering::Relaxed);
+                self.drop_views_but(None);
             }
             let batches: Vec<_> = self.batches.read().iter().flatten().cloned().collect();
             for batch in batches {
@@ -331,20 +327,28 @@ impl<O> KeptFrames<O> {
     pub(super) fn new_view(&self, key: ViewKey) -> Arc<KeptView> {
         let view = Arc::new(KeptView { key, buckets: Mutex::default() });
         let mut views = self.views.lock();
-        views.retain(|other| other.key != view.key);
-        while views.len() >= 2 {
-            let oldest = views.remove(0);
-            let bytes: usize = oldest.buckets.lock().values().map(|b| b.lock().bytes()).sum();
-            self.bytes[Layer::Surfaces as usize].fetch_sub(bytes, Ordering::Relaxed);
+        let old = views.iter().position(|other| other.key == view.key);
+        let goes = old.or_else(|| (views.len() >= 2).then_some(0));
+        if let Some(goes) = goes {
+            self.remove_bytes(&views.remove(goes));
         }
         views.push(view.clone());
         view
     }
 
-    /// Forgets what the samples of all frames see.
-    pub(super) fn drop_views(&self) {
-        self.views.lock().clear();
-        self.bytes[Layer::Surfaces as usize].store(0, Ordering::Relaxed);
+    /// Forgets what the samples of all frames see, except those of one that is being made.
+    pub(super) fn drop_views_but(&self, view: Option<&Arc<KeptView>>) {
+        let mut views = self.views.lock();
+        let (stay, go): (Vec<_>, Vec<_>) =
+            views.drain(..).partition(|other| view.is_some_and(|view| Arc::ptr_eq(view, other)));
+        *views = stay;
+        go.iter().for_each(|view| self.remove_bytes(view));
+    }
+
+    /// Subtracts the bytes of what the samples of a frame see.
+    fn remove_bytes(&self, view: &KeptView) {
+        let bytes: usize = view.buckets.lock().values().map(|bucket| bucket.lock().bytes()).sum();
+        self.bytes[Layer::Surfaces as usize].fetch_sub(bytes, Ordering::Relaxed);
     }
 
     /// Drops all grids that no bucket sees.
@@ -381,10 +385,15 @@ impl KeptView {
 
     /// Keeps a bucket.
     pub(super) fn keep<O>(&self, frames: &KeptFrames<O>, rect: PixelRect, bucket: KeptBucket) {
-        frames.add_bytes(Layer::Surfaces, bucket.bytes());
-        let old = self.buckets.lock().insert(rect, Arc::new(Mutex::new(bucket)));
-        if let Some(old) = old {
-            frames.bytes[Layer::Surfaces as usize].fetch_sub(old.lock().bytes(), Ordering::Relaxed);
+        let bytes = bucket.bytes();
+        {
+            // A frame that was dropped meanwhile keeps nothing. The lock orders both.
+            let views = frames.views.lock();
+            if !views.iter().any(|view| std::ptr::eq(&**view, self)) {
+                return;
+            }
+            frames.bytes[Layer::Surfaces as usize].fetch_add(bytes, Ordering::Relaxed);
+            self.buckets.lock().insert(rect, Arc::new(Mutex::new(bucket)));
         }
         frames.fit();
     }
@@ -405,7 +414,16 @@ impl KeptBucket {
 impl BatchState {
     /// Returns the state of a batch of frame `frame` whose grids were shaded from `inputs`.
     pub(super) fn new(frame: u64, inputs: Option<Grid>, memo: Memo, members: Vec<Member>) -> Self {
-        Self { frame, inputs, lost: false, memo, later: Vec::new(), members, bytes: [0; LAYERS] }
+        Self {
+            frame,
+            inputs,
+            lost: false,
+            forgotten: false,
+            memo,
+            later: Vec::new(),
+            members,
+            bytes: [0; LAYERS],
+        }
     }
 
     /// Drops the parts of the first `level` layers.
@@ -421,6 +439,13 @@ impl BatchState {
         if level > Layer::Grids as u8 {
             self.lose();
         }
+    }
+
+    /// Drops all answers, which may be wrong. The shaders must run again.
+    fn forget(&mut self) {
+        self.forgotten = true;
+        self.memo = Memo::default();
+        self.later.iter_mut().for_each(|(_, _, memo)| *memo = Memo::default());
     }
 
     /// Drops everything.
@@ -459,22 +484,21 @@ impl<S: FrameShader> Frame<'_, S> {
         let since = state.frame;
         let locked = self.shader.is_locked(batch.number);
         let stale = |memo: &Memo| self.shader.is_stale(memo, since);
-        if locked || !stale(&state.memo) && !state.later.iter().any(|(_, _, memo)| stale(memo)) {
+        let is_stale = || stale(&state.memo) || state.later.iter().any(|(_, _, memo)| stale(memo));
+        if !state.forgotten && (locked || !is_stale()) {
             if !locked {
                 state.frame = now;
             }
-            kept.counts.grids_same.fetch_add(1, Ordering::Relaxed);
+            kept.counts.batches_same.fetch_add(1, Ordering::Relaxed);
             return Ok(());
         }
-        kept.counts.grids_shaded.fetch_add(1, Ordering::Relaxed);
+        kept.counts.batches_shaded.fetch_add(1, Ordering::Relaxed);
         let result = self.recolor(batch, state, since, thread);
         if self.is_stopped() {
-            // Shaders ended early.
-            state.lose();
-            kept.weigh(state);
-            return Err(Broken::Lost);
+            state.forget();
+        } else {
+            (state.frame, state.forgotten) = (now, false);
         }
-        state.frame = now;
         kept.weigh(state);
         result
     }
@@ -500,6 +524,10 @@ impl<S: FrameShader> Frame<'_, S> {
             later.push((*time, grid, variables));
         }
         self.shader.mute(thread, false);
+        if self.is_stopped() {
+            // Shaders ended early, so these colours are not valid.
+            return Err(Broken::Lost);
+        }
         let mut result = Ok(());
         for member in &mut state.members {
             let Member { grid: old, lanes, per_side, .. } = &*member;

@@ -12,8 +12,21 @@ use granita_hider::{NOWHERE, pixels_of};
 struct Seen {
     bound_px: [f32; 4],
     z_min: f32,
+    is_nearest: bool,
     blurs: bool,
 }
+
+impl Seen {
+    const NOTHING: Self = Self { bound_px: NOWHERE, z_min: f32::INFINITY, is_nearest: true, blurs: false };
+
+    fn sighting(self, region: &PixelRect) -> Sighting {
+        let Self { bound_px, z_min, is_nearest, blurs } = self;
+        Sighting { rect: pixels_of(bound_px, region), z_min, is_nearest, blurs }
+    }
+}
+
+/// The rounding of positions on their way to camera space, relative to the largest coordinate.
+const ROUNDING: f32 = 16.0 * f32::EPSILON;
 
 /// The room in pixels around a bound, for rounding and for widened boundary edges.
 const ROOM_PX: f32 = 0.3;
@@ -26,14 +39,15 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Returns for each eye where all pieces of a primitive together may be visible in the frame's region.
     pub(super) fn sightings_of_all(&self, job: &Job<S::Object>, pieces: &[Piece]) -> Box<[Sighting]> {
         let sighting = |eye: &Eye<'_>| {
-            let (mut bound_px, mut z_min, mut blurs) = (NOWHERE, f32::INFINITY, false);
+            let mut all = Seen::NOTHING;
             for piece in pieces {
                 let seen = self.seen(eye, &**piece, job, &self.region);
-                bound_px = union(bound_px, seen.bound_px);
-                z_min = z_min.min(seen.z_min);
-                blurs |= seen.blurs;
+                all.bound_px = union(all.bound_px, seen.bound_px);
+                all.z_min = all.z_min.min(seen.z_min);
+                all.is_nearest &= seen.is_nearest;
+                all.blurs |= seen.blurs;
             }
-            Sighting { rect: pixels_of(bound_px, &self.region), z_min, blurs }
+            all.sighting(&self.region)
         };
         self.eyes.iter().map(sighting).collect()
     }
@@ -45,10 +59,7 @@ impl<S: FrameShader> Frame<'_, S> {
         piece: &dyn Surface,
         region: &PixelRect,
     ) -> Box<[Sighting]> {
-        let sighting = |eye: &Eye<'_>| {
-            let seen = self.seen(eye, piece, job, region);
-            Sighting { rect: pixels_of(seen.bound_px, region), z_min: seen.z_min, blurs: seen.blurs }
-        };
+        let sighting = |eye: &Eye<'_>| self.seen(eye, piece, job, region).sighting(region);
         self.eyes.iter().map(sighting).collect()
     }
 
@@ -67,15 +78,16 @@ impl<S: FrameShader> Frame<'_, S> {
             boxes.push(bound.padded(displacement(&to_camera)));
         }
         let mut hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
-        if self.is_loose(eye, piece, placement, &hull) {
+        let is_loose = self.is_loose(eye, piece, placement, &hull);
+        if is_loose {
             match self.precise_boxes(eye, piece, job, region) {
                 Some(precise) => boxes = precise,
-                None => return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false },
+                None => return Seen::NOTHING,
             }
             hull = boxes.iter().copied().fold(Bound::EMPTY, Bound::union);
         }
         if !hull.is_finite() || hull.is_empty() {
-            return Seen { bound_px: NOWHERE, z_min: f32::INFINITY, blurs: false };
+            return Seen::NOTHING;
         }
         // A piece that crosses the near plane is bounded over all times at once, because its parts cross the plane
         // between the times.
@@ -102,17 +114,14 @@ impl<S: FrameShader> Frame<'_, S> {
             };
             let turned = placement.times().iter().map(turned).fold(Bound::EMPTY, Bound::union);
             if turned.is_finite() && !turned.is_empty() {
-                return self.seen_in(
-                    eye,
-                    piece,
-                    job,
-                    &turned,
-                    grown(eye.projector.raster_box(&turned), ROOM_PX),
-                );
+                let bound_px = grown(eye.projector.raster_box(&turned), ROOM_PX);
+                let seen = self.seen_in(eye, piece, job, &turned, bound_px);
+                return Seen { is_nearest: false, ..seen };
             }
         }
         let room = ROOM_PX + piece.raster_width() * 0.5;
-        self.seen_in(eye, piece, job, &hull, grown(bound_px, room))
+        let seen = self.seen_in(eye, piece, job, &hull, grown(bound_px, room));
+        Seen { is_nearest: seen.is_nearest && !is_loose, ..seen }
     }
 
     /// Returns the bound of a piece inside of `hull` (camera space, over the whole shutter) with this raster box.
@@ -124,8 +133,14 @@ impl<S: FrameShader> Frame<'_, S> {
         hull: &Bound,
         bound_px: [f32; 4],
     ) -> Seen {
-        let z_min = hull.min.z - 1e-5 * hull.min.z.abs() - 1e-6 - eye.camera.rounding();
-        Seen { bound_px, z_min, blurs: self.blurs(eye, piece, job, hull) }
+        let room = 1e-5 * hull.min.z.abs() + 1e-6 + eye.camera.rounding();
+        let largest = hull.min.abs().max(hull.max.abs()).max_element();
+        Seen {
+            bound_px,
+            z_min: hull.min.z - room,
+            is_nearest: ROUNDING * largest <= room,
+            blurs: self.blurs(eye, piece, job, hull),
+        }
     }
 
     /// True when a piece inside of `hull` (camera space, over the whole shutter) may be blurred.

@@ -163,7 +163,7 @@ attributes! {
     SHADOW_OPACITYTHRESHOLD: Global, Color = "4.3.4", "shadow:opacitythreshold", Floats(&[1.0, 1.0, 1.0]),
         "opacity from which a surface appears in shadow maps";
     LIMITS_TRANSPARENTGRIDS: Global, i32 = "4.3.4", "limits:transparentgrids", Ints(&[32]),
-        "number of layers of transparent grids per batch; it has no effect", Hint;
+        "mean number of transparent layers that are composited together; numbers above 8 have no effect";
     DICE_FIXEDUNAME: Global, Arc<str> = "4.3.4", "dice:fixeduname", Text("u"),
         "variable that measures fixed dicing along u";
     DICE_FIXEDVNAME: Global, Arc<str> = "4.3.4", "dice:fixedvname", Text("v"),
