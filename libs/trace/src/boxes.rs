@@ -111,7 +111,7 @@ impl BoxTree {
             }
             if !link.is_leaf() {
                 let node = &self.nodes[link.0 as usize];
-                let (mask, near) = wide.enter(s, still_plane(s, node), tmax);
+                let (mask, near) = wide.enter(s, &still_plane(s, node), tmax);
                 let first = stack.len();
                 let met = node.children().filter(|(slot, _)| mask >> slot & 1 != 0);
                 stack.extend(met.map(|(slot, link)| (near[slot], link)));

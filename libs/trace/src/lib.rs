@@ -8,7 +8,7 @@
 //!   "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013).
 //! - **Exact**: a tree finds the same hits as a test of all triangles, to the bit. Of several hits at one distance it
 //!   returns the one with the smallest (mesh, triangle).
-//! - **Deterministic**: the number of threads, the order of a batch and the machine (AVX2 or not; no multiply-add is
+//! - **Deterministic**: the number of threads, the order of a batch, the rays that are traversed together and the machine (AVX2 or not; no multiply-add is
 //!   fused) do not change a bit of the result.
 //! - **Any scale**: coordinates are scaled by a power of two. Results do not depend on absolute sizes.
 //! - Rays with a NaN in any number, or with a zero direction, miss.
@@ -40,10 +40,12 @@
 
 mod boxes;
 mod build;
+mod group;
 mod layout;
 mod mesh;
 mod moving;
 mod order;
+mod packet;
 mod probe;
 mod ray;
 mod scene;

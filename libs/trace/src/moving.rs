@@ -7,7 +7,7 @@
 use crate::TriangleMesh;
 use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
-use crate::probe::{Scale, Wide, still_plane};
+use crate::probe::{Scale, still_plane};
 use crate::tree::Tree;
 use granita_base::Vec3;
 use granita_machine::simd::{Simd, WIDE};
@@ -181,20 +181,17 @@ impl Tree for MovedTree<'_> {
     }
 
     #[inline(always)]
-    fn enter<S: Simd>(
-        &self,
-        s: S,
-        node: usize,
-        wide: &Wide<S>,
-        tmax: f32,
-    ) -> (u32, [f32; WIDE], &[u32; WIDE]) {
+    fn planes<'a, S: Simd + 'a>(&'a self, s: S, node: usize) -> impl Fn(usize) -> S::F8 {
         let [a, b] = &self.tree.nodes[node].ends;
         let (alpha, rest) = (s.splat8(self.alpha), s.splat8(1.0 - self.alpha));
         let (first, second) = (still_plane(s, a), still_plane(s, b));
         // The operations are those of `Box3::between`, one by one.
-        let plane = |row: usize| s.add8(s.mul8(first(row), rest), s.mul8(second(row), alpha));
-        let (mask, near) = wide.enter(s, plane, tmax);
-        (mask, near, a.links())
+        move |row: usize| s.add8(s.mul8(first(row), rest), s.mul8(second(row), alpha))
+    }
+
+    #[inline(always)]
+    fn links(&self, node: usize) -> &[u32; WIDE] {
+        self.tree.nodes[node].ends[0].links()
     }
 
     #[inline(always)]

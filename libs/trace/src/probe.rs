@@ -19,11 +19,11 @@ use granita_base::{Bound, Vec3};
 use granita_machine::simd::{NARROW, Simd, WIDE};
 
 /// Origins farther away than this, in sizes of the scene, are moved towards the scene.
-const FAR: f32 = 4.0;
+pub(crate) const FAR: f32 = 4.0;
 /// The largest error of coordinates and distances to planes, relative to the largest distance of a vertex along an
 /// axis. There are at most six roundings of sheared coordinates and three for each of two distances to planes, 2^-24
 /// each.
-const ROOM: f32 = 1.0 / (1 << 20) as f32;
+pub(crate) const ROOM: f32 = 1.0 / (1 << 20) as f32;
 
 /// The coordinates of a tree. They are those of the scene times a power of two that makes the largest less than 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +41,12 @@ impl Scale {
     pub(crate) fn of(bound: &Bound) -> Self {
         let size = bound.min.abs().max(bound.max.abs()).max_element();
         Self::new(if bound.is_empty() { 0.0 } else { size })
+    }
+
+    /// The power of two.
+    #[inline(always)]
+    pub(crate) fn factor(self) -> f32 {
+        self.factor
     }
 
     /// Converts a box of the scene.
@@ -69,27 +75,29 @@ fn power_of_two(e: i32) -> f32 {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Probe {
     /// The origin for near planes, shifted so that the planes come nearer.
-    near_origin: [f32; 3],
+    pub(crate) near_origin: [f32; 3],
     /// The origin for far planes, shifted so that the planes are farther away.
-    far_origin: [f32; 3],
-    inverse: [f32; 3],
+    pub(crate) far_origin: [f32; 3],
+    pub(crate) inverse: [f32; 3],
     /// The rows of a node with the near planes. The rows with the far planes differ in bit 0.
-    near_row: [usize; 3],
+    pub(crate) near_row: [usize; 3],
     /// The axes, ordered so that the last is the ray's longest.
-    axes: [usize; 3],
-    origin: [f32; 3],
+    pub(crate) axes: [usize; 3],
+    pub(crate) origin: [f32; 3],
     /// The shear of x and y along z.
-    shear: [f32; 2],
+    pub(crate) shear: [f32; 2],
     /// The shear of x and y and the scale of z, in double precision.
-    exact: [f64; 3],
+    pub(crate) exact: [f64; 3],
+    /// The direction.
+    pub(crate) dir: [f32; 3],
     /// The smallest distance, in the units of the tree.
     pub(crate) tmin: f32,
     /// The largest distance, in the units of the tree.
     pub(crate) tmax: f32,
     /// The distance by which the origin was moved.
-    advance: f64,
+    pub(crate) advance: f64,
     /// The ray's unit of distance, in the units of the tree.
-    unit: f64,
+    pub(crate) unit: f64,
 }
 
 /// The intersection of a ray with a triangle.
@@ -104,6 +112,13 @@ pub(crate) struct Met {
 }
 
 impl Probe {
+    /// Returns a number for the signs of the direction and its longest axis.
+    #[inline(always)]
+    pub(crate) fn class(&self) -> u32 {
+        let [x, y, z] = self.near_row;
+        (self.axes[2] << 3 | (z & 1) << 2 | (y & 1) << 1 | x & 1) as u32
+    }
+
     /// Returns the probe of a ray. `bounds` is the box of everything in the coordinates of the tree. `None` for rays
     /// that hit nothing, because they are not finite, have no direction, or pass far from everything.
     #[inline(always)]
@@ -143,6 +158,7 @@ impl Probe {
             origin: [origin_of[axes[0]], origin_of[axes[1]], origin_of[z]],
             shear: [exact[0] as f32, exact[1] as f32],
             exact,
+            dir,
             tmin: (f64::from(ray.tmin) * unit - advance) as f32,
             tmax: (f64::from(ray.tmax) * unit - advance) as f32,
             advance,
@@ -223,7 +239,7 @@ impl Probe {
 const NEXT: [usize; 4] = [1, 2, 0, 1];
 
 /// The range of direction lengths that are not rescaled. Within it distances neither overflow nor vanish.
-const MODERATE: std::ops::Range<f32> = 1e-6..1e6;
+pub(crate) const MODERATE: std::ops::Range<f32> = 1e-6..1e6;
 
 /// Returns the largest absolute coordinate.
 #[inline(always)]
@@ -323,7 +339,7 @@ impl<S: Simd> Wide<S> {
     /// Returns the children of a node that the ray hits up to `tmax`, as bits, and the distances at which it enters
     /// them.
     #[inline(always)]
-    pub(crate) fn enter(&self, s: S, plane: impl Fn(usize) -> S::F8, tmax: f32) -> (u32, [f32; WIDE]) {
+    pub(crate) fn enter(&self, s: S, plane: &impl Fn(usize) -> S::F8, tmax: f32) -> (u32, [f32; WIDE]) {
         let (mut near, mut far) = (self.tmin, s.splat8(tmax));
         for a in 0..3 {
             let row = self.near_row[a];

@@ -5,6 +5,7 @@ use crate::layout::Box3;
 use crate::moving::MovingTree;
 use crate::probe::{Met, Probe, Scale};
 use crate::still::StillTree;
+use crate::trace::Best;
 
 /// The trees that rays traverse.
 #[derive(Debug)]
@@ -19,6 +20,11 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
+    /// Returns the best hit of a ray in world space.
+    pub(crate) fn best_hit(&self, probe: &Probe, best: &Best) -> Hit {
+        if best.id == u32::MAX { Hit::MISS } else { self.hit(probe, &best.met, best.id) }
+    }
+
     /// Converts a hit in the coordinates of the trees to one in world space.
     pub(crate) fn hit(&self, probe: &Probe, met: &Met, id: u32) -> Hit {
         let mesh = self.first.partition_point(|first| *first <= id) - 1;

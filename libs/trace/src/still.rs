@@ -3,7 +3,7 @@
 use crate::TriangleMesh;
 use crate::build::{self, Item, Topology};
 use crate::layout::{Block, Box3, Link, Node};
-use crate::probe::{Scale, Wide, still_plane};
+use crate::probe::{Scale, still_plane};
 use crate::tree::Tree;
 use granita_base::{Vec3, parallel_map};
 use granita_machine::memory::with_large_pages;
@@ -104,16 +104,13 @@ impl Tree for StillTree {
     }
 
     #[inline(always)]
-    fn enter<S: Simd>(
-        &self,
-        s: S,
-        node: usize,
-        wide: &Wide<S>,
-        tmax: f32,
-    ) -> (u32, [f32; WIDE], &[u32; WIDE]) {
-        let node = &self.nodes[node];
-        let (mask, near) = wide.enter(s, still_plane(s, node), tmax);
-        (mask, near, node.links())
+    fn planes<'a, S: Simd + 'a>(&'a self, s: S, node: usize) -> impl Fn(usize) -> S::F8 {
+        still_plane(s, &self.nodes[node])
+    }
+
+    #[inline(always)]
+    fn links(&self, node: usize) -> &[u32; WIDE] {
+        self.nodes[node].links()
     }
 
     #[inline(always)]

@@ -1,6 +1,7 @@
 //! Tests of the kernel against a test of all triangles, and of the wide vectors against the portable ones.
 
 use crate::layout::Block;
+use crate::packet::{RAYS, is_coherent};
 use crate::probe::{Met, Probe, Wide};
 use crate::scene::Scene;
 use crate::trace::{Batch, Best, RayScratch, Task};
@@ -146,6 +147,67 @@ fn a_million_rays_equal_brute_force() {
     assert!((100_000..900_000).contains(&found), "{found}");
 }
 
+/// Returns rays that are similar to one ray of [`odd_ray`], with some that are not.
+fn bundle(seed: u32, i: u32) -> Vec<Ray> {
+    let first = odd_ray(seed, i);
+    let pick = hash::words(&[seed, i, 10]);
+    let similar = |k: u32| {
+        let (mut origin, mut dir) = (first.origin, first.dir);
+        let size = 0.1 * dir.length();
+        match pick % 5 {
+            0 => dir += random_point(k, i) * size,
+            1 => origin += random_point(k, i) * 0.1,
+            // Origins on planes of triangles, and directions without rounding errors.
+            2 => origin += (random_point(k, i) * 1.4).round() * 0.125,
+            3 => dir = (dir / size * 2.0).round() + Vec3::new(0.0, random(k, i).round(), 0.0),
+            _ => {
+                dir += random_point(k, i) * size;
+                origin += random_point(k, i + 1) * 0.1;
+            }
+        }
+        Ray { origin, dir, time: odd_ray(k, i).time, ..first }
+    };
+    let odd = |k: u32| k % 11 == 3 && !k.is_multiple_of(7) && !pick.is_multiple_of(3);
+    let n = 10 + hash::words(&[seed, i, 11]) % 200;
+    (0..n).map(|k| if odd(k) { odd_ray(seed ^ k, i) } else { similar(k) }).collect()
+}
+
+#[test]
+fn packets_equal_brute_force() {
+    let (mut found, mut together, mut total) = (0, 0, 0);
+    for seed in 0..8 {
+        let tracer = soup(seed, 40);
+        let scene = &tracer.scene;
+        for i in 0..400 {
+            let rays = bundle(seed, i);
+            total += rays.len();
+            together +=
+                rays.chunks(RAYS).filter(|rays| is_coherent(rays, scene)).map(<[Ray]>::len).sum::<usize>();
+            let batch = Batch { scene, rays: &rays, order: None };
+            let (mut hits, mut plain) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
+            let (mut blocked, mut open) = (vec![false; rays.len()], vec![true; rays.len()]);
+            let mut room = RayScratch::default();
+            batch.trace(Task::Closest(&mut hits), &mut room);
+            batch.run(Portable, Task::Closest(&mut plain), &mut room);
+            batch.trace(Task::Any(&mut blocked), &mut room);
+            batch.run(Portable, Task::Any(&mut open), &mut room);
+            for (k, ray) in rays.iter().enumerate() {
+                let all = bits(&brute_force(scene, ray));
+                assert_eq!(bits(&hits[k]), all, "{seed} {i} {k} {ray:?}");
+                assert_eq!(bits(&plain[k]), all, "{seed} {i} {k} {ray:?}");
+                assert_eq!([blocked[k], open[k]], [hits[k].is_hit(); 2], "{seed} {i} {k} {ray:?}");
+                found += usize::from(hits[k].is_hit());
+            }
+        }
+    }
+    assert!((total / 10..total * 9 / 10).contains(&found), "{found} of {total}");
+    assert!(together > total / 2, "{together} of {total}");
+}
+
+fn bits(h: &Hit) -> (u32, u32, u32, u32, u32) {
+    (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits())
+}
+
 #[test]
 fn wide_and_portable_traversal_agree_to_the_bit() {
     let tracer = soup(99, 500);
@@ -155,7 +217,6 @@ fn wide_and_portable_traversal_agree_to_the_bit() {
     let mut room = RayScratch::default();
     batch.trace(Task::Closest(&mut wide), &mut room);
     batch.run(Portable, Task::Closest(&mut plain), &mut room);
-    let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
     for (a, b) in wide.iter().zip(&plain) {
         assert_eq!(bits(a), bits(b));
     }

@@ -1,10 +1,12 @@
 //! Traversal of a tree.
 //!
-//! The nearest children are visited first. Children that begin behind the best hit so far are skipped. The kernel is
-//! written once and compiled for each kind of machine, see `simd`.
+//! The nearest children are visited first. Children that begin behind the best hit so far are skipped. Coherent rays
+//! that follow each other in a batch are traversed together, see [`crate::packet`]. The kernel is written once and
+//! compiled for each kind of machine, see `simd`.
 
 use crate::build::LEVELS;
 use crate::layout::{Block, Link};
+use crate::packet::{Packet, RAYS, is_coherent};
 use crate::probe::{Met, Probe, Wide};
 use crate::scene::Scene;
 use crate::tree::Tree;
@@ -60,6 +62,14 @@ pub(crate) struct Best {
     pub(crate) id: u32,
 }
 
+impl Best {
+    /// Returns the value for a ray that has hit nothing yet.
+    #[inline(always)]
+    pub(crate) fn none(probe: &Probe) -> Self {
+        Self { met: Met { t: probe.tmax, b1: 0.0, b2: 0.0 }, id: u32::MAX }
+    }
+}
+
 /// A batch, the requested result, and scratch for the traversal.
 struct Tracing<'a, 'b, 't>(&'a Batch<'b>, Task<'t>, &'a mut RayScratch);
 
@@ -81,34 +91,80 @@ impl Batch<'_> {
 
     #[inline(always)]
     pub(crate) fn run<S: Simd>(&self, s: S, task: Task<'_>, stack: &mut RayScratch) {
+        let scene = self.scene;
         match task {
             Task::Closest(hits) => {
-                for k in 0..self.rays.len() {
-                    let (i, soon) = self.at(s, k);
-                    if let Some(hit) = hits.get(soon) {
-                        s.prefetch(hit);
-                    }
-                    hits[i] = self.one(s, &self.rays[i], stack, &mut |_, _, _| Verdict::Take);
-                }
+                self.all::<S, _, false>(
+                    s,
+                    stack,
+                    hits,
+                    (Hit::MISS, |probe, best| scene.best_hit(probe, best)),
+                );
             }
             Task::Any(blocked) => {
-                for k in 0..self.rays.len() {
-                    let (i, _) = self.at(s, k);
-                    let hit = self.one(s, &self.rays[i], stack, &mut |_, _, _| Verdict::Stop);
-                    blocked[i] = hit.is_hit();
-                }
+                self.all::<S, _, true>(s, stack, blocked, (false, |_, best| best.id != u32::MAX));
             }
             Task::Where(hit, accept) => {
-                let Some(ray) = self.rays.first() else { return };
-                let mut judge = |probe: &Probe, met: &Met, id: u32| {
-                    if accept(&self.scene.hit(probe, met, id)) { Verdict::Take } else { Verdict::Pass }
+                let Some(probe) =
+                    self.rays.first().and_then(|ray| Probe::new(ray, scene.scale, &scene.bounds))
+                else {
+                    return;
                 };
-                *hit = self.one(s, ray, stack, &mut judge);
+                let mut judge = |probe: &Probe, met: &Met, id: u32| {
+                    if accept(&scene.hit(probe, met, id)) { Verdict::Take } else { Verdict::Pass }
+                };
+                let best = self.one(s, &probe, self.rays[0].time, stack, &mut judge);
+                *hit = scene.best_hit(&probe, &best);
             }
         }
     }
 
-    /// Returns the index of the ray that is traced as `k`-th, and the index of one that follows soon.
+    /// Traces all rays, and stores the answers to their best hits: the closest ones, or any.
+    #[inline(always)]
+    fn all<S: Simd, T: Copy, const ANY: bool>(
+        &self,
+        s: S,
+        scratch: &mut RayScratch,
+        out: &mut [T],
+        (miss, answer): (T, impl Fn(&Probe, &Best) -> T),
+    ) {
+        let verdict = if ANY { Verdict::Stop } else { Verdict::Take };
+        let (rays, scene) = (self.rays, self.scene);
+        let mut packet: Option<Packet> = None;
+        for first in (0..rays.len()).step_by(RAYS) {
+            let end = rays.len().min(first + RAYS);
+            if self.order.is_some() || !is_coherent(&rays[first..end], scene) {
+                for k in first..end {
+                    let (i, soon) = self.at(s, k);
+                    s.prefetch(&out[soon]);
+                    out[i] = miss;
+                    let Some(probe) = self.probe(&rays[i]) else { continue };
+                    let best = self.one(s, &probe, rays[i].time, scratch, &mut |_, _, _| verdict);
+                    out[i] = answer(&probe, &best);
+                }
+                continue;
+            }
+            let packet = packet.get_or_insert_with(Packet::new);
+            let mut left = packet.load(&rays[first..end], scene);
+            out[first..end].fill(miss);
+            while left != 0 {
+                let some = packet.select(left);
+                left &= !some;
+                packet.enclose(s, some);
+                packet.through::<S, ANY>(s, &scene.still, some, scratch);
+                for i in (first..end).filter(|i| some >> (i - first) & 1 != 0) {
+                    if !scene.moving.is_empty() {
+                        let moving = scene.moving.at(rays[i].time);
+                        packet.single::<S, ANY>(s, &moving, Link::node(0), i - first, scratch);
+                    }
+                    let (probe, best) = packet.result(i - first);
+                    out[i] = answer(&probe, &best);
+                }
+            }
+        }
+    }
+
+    /// Returns the index of the ray that is traced as `k`-th, and that of one that follows soon.
     #[inline(always)]
     fn at<S: Simd>(&self, s: S, k: usize) -> (usize, usize) {
         let Some(order) = self.order else { return (k, k) };
@@ -118,32 +174,38 @@ impl Batch<'_> {
     }
 
     #[inline(always)]
+    fn probe(&self, ray: &Ray) -> Option<Probe> {
+        Probe::new(ray, self.scene.scale, &self.scene.bounds)
+    }
+
+    /// Returns the best hit of one ray.
+    #[inline(always)]
     fn one<S: Simd>(
         &self,
         s: S,
-        ray: &Ray,
+        probe: &Probe,
+        time: f32,
         stack: &mut RayScratch,
         judge: &mut impl FnMut(&Probe, &Met, u32) -> Verdict,
-    ) -> Hit {
-        let Some(probe) = Probe::new(ray, self.scene.scale, &self.scene.bounds) else { return Hit::MISS };
-        let none = Met { t: probe.tmax, b1: 0.0, b2: 0.0 };
-        let mut best = Best { met: none, id: u32::MAX };
-        let wide = Wide::new(s, &probe);
-        let more = through(s, &self.scene.still, (&probe, &wide), stack, &mut best, judge);
+    ) -> Best {
+        let mut best = Best::none(probe);
+        let wide = Wide::new(s, probe);
+        let root = Link::node(0);
+        let more = through(s, (&self.scene.still, root), (probe, &wide), stack, &mut best, judge);
         if more && !self.scene.moving.is_empty() {
-            let moving = self.scene.moving.at(ray.time);
-            through(s, &moving, (&probe, &wide), stack, &mut best, judge);
+            let moving = self.scene.moving.at(time);
+            through(s, (&moving, root), (probe, &wide), stack, &mut best, judge);
         }
-        if best.id == u32::MAX { Hit::MISS } else { self.scene.hit(&probe, &best.met, best.id) }
+        best
     }
 }
 
-/// Visits all triangles whose boxes the ray hits before the best hit so far. Returns false when the search was
+/// Visits all triangles below a link whose boxes the ray hits before the best hit so far. Returns false when the search was
 /// stopped.
 #[inline(always)]
-fn through<S: Simd>(
+pub(crate) fn through<S: Simd>(
     s: S,
-    tree: &impl Tree,
+    (tree, mut link): (&impl Tree, Link),
     (probe, wide): (&Probe, &Wide<S>),
     stack: &mut RayScratch,
     best: &mut Best,
@@ -155,10 +217,11 @@ fn through<S: Simd>(
     let stack = &mut stack.0;
     let mut room = Block::EMPTY;
     let mut size = 0;
-    let mut link = Link::node(0);
     loop {
         while !link.is_leaf() {
-            let (mask, near, links) = tree.enter(s, link.0 as usize, wide, best.met.t);
+            let node = link.0 as usize;
+            let (mask, near) = wide.enter(s, &tree.planes(s, node), best.met.t);
+            let links = tree.links(node);
             if mask == 0 {
                 match pop(stack, &mut size, best.met.t) {
                     Some(next) => link = next,

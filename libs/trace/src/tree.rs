@@ -1,7 +1,6 @@
 //! The interface of a tree of triangles for traversal.
 
 use crate::layout::{Block, Box3, Link};
-use crate::probe::Wide;
 use granita_machine::simd::{Simd, WIDE};
 
 /// The operations of a tree that traversal needs.
@@ -9,15 +8,11 @@ pub(crate) trait Tree {
     /// True when the tree contains no triangles.
     fn is_empty(&self) -> bool;
 
-    /// Returns the children of a node that a ray hits up to `tmax`, the distances at which it enters them, and their
-    /// links.
-    fn enter<S: Simd>(
-        &self,
-        s: S,
-        node: usize,
-        wide: &Wide<S>,
-        tmax: f32,
-    ) -> (u32, [f32; WIDE], &[u32; WIDE]);
+    /// Returns the planes of a node by their row, as [`crate::layout::Node::row`] does.
+    fn planes<'a, S: Simd + 'a>(&'a self, s: S, node: usize) -> impl Fn(usize) -> S::F8;
+
+    /// Returns the links of a node.
+    fn links(&self, node: usize) -> &[u32; WIDE];
 
     /// Returns the triangles of a block. `room` is storage for them if they are not stored in the tree.
     fn block<'a>(&'a self, block: usize, room: &'a mut Block) -> &'a Block;
