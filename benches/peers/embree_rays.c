@@ -1,7 +1,8 @@
-/* Measures Embree's single-ray calls alone: embree_rays LIBRARY FOLDER.
+/* Measures Embree's own calls: embree_rays LIBRARY FOLDER.
    Reads from FOLDER mesh.v (three floats per vertex), mesh.f (three indices per triangle) and NAME.rays (origin, least
-   distance, direction, largest distance). Prints lines "NAME closest|any SECONDS HITS". The seconds are those of one
-   thread. */
+   distance, direction, largest distance). Prints lines "NAME closest|any SECONDS HITS" for single rays, and lines "NAME
+   closest-packets|any-packets SECONDS HITS" for packets of 8 and 16 rays, without and with the hint that they are
+   coherent. The seconds are those of one thread. */
 #include <dlfcn.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -48,6 +49,46 @@ static void fill(RayHit *ray, const float *from) {
     ray->geometry = ray->instance[0] = ray->instance[1] = ~0u;
 }
 
+/* RTCRayHit8 and RTCRayHit16, with space for the fields that newer versions of the library have at their ends, and
+   functions that trace all rays in such packets. */
+#define PACKETS(N)                                                                                                     \
+    typedef struct {                                                                                                   \
+        float origin[3][N], tnear[N], dir[3][N], time[N], tfar[N];                                                     \
+        unsigned mask[N], id[N], flags[N];                                                                             \
+        float normal[3][N], u[N], v[N];                                                                                \
+        unsigned primitive[N], geometry[N], instance[4][N];                                                            \
+    } __attribute__((aligned(64))) RayHit##N;                                                                          \
+    static size_t trace##N(Packets call, void *scene, const float *rays, size_t n, void *arguments, int any) {         \
+        size_t hits = 0;                                                                                               \
+        for (size_t i = 0; i < n; i += N) {                                                                            \
+            RayHit##N p;                                                                                               \
+            int valid[N] __attribute__((aligned(64)));                                                                 \
+            size_t own = n - i < N ? n - i : N;                                                                        \
+            for (size_t k = 0; k < N; k++) {                                                                           \
+                const float *from = rays + 8 * (i + (k < own ? k : 0));                                                \
+                valid[k] = k < own ? -1 : 0;                                                                           \
+                for (int a = 0; a < 3; a++) p.origin[a][k] = from[a], p.dir[a][k] = from[4 + a];                       \
+                p.tnear[k] = from[3], p.tfar[k] = from[7], p.time[k] = 0;                                              \
+                p.mask[k] = ~0u, p.id[k] = p.flags[k] = 0;                                                             \
+                p.geometry[k] = p.instance[0][k] = p.instance[1][k] = ~0u;                                             \
+            }                                                                                                          \
+            call(valid, scene, &p, arguments);                                                                         \
+            for (size_t k = 0; k < own; k++) hits += any ? p.tfar[k] < 0 : p.geometry[k] != ~0u;                       \
+        }                                                                                                              \
+        return hits;                                                                                                   \
+    }
+
+typedef void (*Packets)(const int *, void *, void *, void *);
+PACKETS(8)
+PACKETS(16)
+
+/* RTCIntersectArguments and RTCOccludedArguments of Embree 4. */
+typedef struct {
+    unsigned flags, features;
+    void *context, *filter, *intersect;
+    char more[64];
+} Arguments;
+
 int main(int argc, char **argv) {
     if (argc < 3) return 2;
     void *library = dlopen(argv[1], RTLD_NOW | RTLD_GLOBAL);
@@ -62,6 +103,10 @@ int main(int argc, char **argv) {
     CALL(void, rtcCommitScene, void *);
     CALL(void, rtcIntersect1, void *, void *, void *);
     CALL(void, rtcOccluded1, void *, void *, void *);
+    CALL(void, rtcIntersect8, const int *, void *, void *, void *);
+    CALL(void, rtcOccluded8, const int *, void *, void *, void *);
+    CALL(void, rtcIntersect16, const int *, void *, void *, void *);
+    CALL(void, rtcOccluded16, const int *, void *, void *, void *);
     if (!rtcNewDevice || !rtcIntersect1 || !rtcOccluded1) return 2;
     size_t vertices, indices;
     float *v = whole(argv[2], "mesh.v", &vertices);
@@ -76,8 +121,8 @@ int main(int argc, char **argv) {
     double start = seconds();
     rtcCommitScene(scene);
     printf("build - %.6f 0\n", seconds() - start);
-    const char *names[] = {"camera", "random", "bounce"};
-    for (int k = 0; k < 3; k++) {
+    const char *names[] = {"camera", "random", "bounce", "tiles", "shadow"};
+    for (int k = 0; k < 5; k++) {
         char name[64];
         size_t size, hits = 0, blocked = 0;
         snprintf(name, sizeof name, "%s.rays", names[k]);
@@ -99,6 +144,16 @@ int main(int argc, char **argv) {
             blocked += ray.tfar < 0;
         }
         printf("%s any %.6f %zu\n", names[k], seconds() - start, blocked);
+        /* The calls of packets are absent from libraries that were built without them. */
+        for (int way = 0; way < 8 && rtcIntersect8 && rtcOccluded8 && rtcIntersect16 && rtcOccluded16; way++) {
+            int any = way & 1;
+            /* The hint is RTC_RAY_QUERY_FLAG_COHERENT. All features are enabled. */
+            Arguments arguments = {.flags = way & 2 ? 1u << 16 : 0, .features = ~0u};
+            start = seconds();
+            size_t found = way & 4 ? trace16(any ? rtcOccluded16 : rtcIntersect16, scene, rays, n, &arguments, any)
+                                   : trace8(any ? rtcOccluded8 : rtcIntersect8, scene, rays, n, &arguments, any);
+            printf("%s %s-packets %.6f %zu\n", names[k], any ? "any" : "closest", seconds() - start, found);
+        }
         free(rays);
     }
     return 0;

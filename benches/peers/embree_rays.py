@@ -22,7 +22,7 @@ v = np.fromfile(folder / "mesh.v", "<f4").reshape(-1, 3)
 f = np.fromfile(folder / "mesh.f", "<i4").reshape(-1, 3)
 scene = rtcore_scene.EmbreeScene()
 mesh = TriangleMesh(scene, v, f)
-for name in ["camera", "random", "bounce"]:
+for name in ["camera", "random", "bounce", "tiles", "shadow"]:
     rays = np.fromfile(folder / f"{name}.rays", "<f4").reshape(-1, 8)
     origins, dirs = (np.ascontiguousarray(rays[:, k : k + 3]) for k in (0, 4))
     scene.run(origins[:16], dirs[:16])

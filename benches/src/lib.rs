@@ -23,4 +23,4 @@ mod meshes;
 
 pub use fur::Fur;
 pub use measure::{Cost, find_program, measure, measure_into, release_tool, repository};
-pub use meshes::{KINDS, rays, read_mesh, soup, sphere};
+pub use meshes::{BLOCKS, KINDS, blocks, rays, read_mesh, soup, sphere};

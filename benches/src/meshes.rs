@@ -2,13 +2,16 @@
 
 use granita_base::{Location, ParamData, Reporter, ShapeDesc, Vec3, hash};
 use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
-use granita_trace::{Ray, TriangleMesh};
+use granita_trace::{Hit, Ray, Tracer, TriangleMesh};
 use std::path::Path;
 
 /// The number of pixels of each side of the camera's image. The other kinds have as many rays.
 const SIDE: u32 = 1024;
-/// The kinds of rays.
+/// The kinds of rays whose coherence differs.
 pub const KINDS: [&str; 3] = ["camera", "random", "bounce"];
+/// The kinds of rays that come in blocks of similar rays, as those of a renderer do: a camera's in tiles of 8 x 8
+/// pixels, and those from the visible surface to a light in grids of 16 x 16 points.
+pub const BLOCKS: [&str; 2] = ["tiles", "shadow"];
 
 fn random(i: u32, d: u32) -> f32 {
     hash::unit(hash::words(&[i, d]))
@@ -57,6 +60,37 @@ pub fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
         .map(ray)
         .map(|(origin, dir)| Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 })
         .collect()
+}
+
+/// Returns the rays of a kind of [`BLOCKS`] for a mesh and its tracer. The shadow rays are those of the pixels that show
+/// the mesh.
+pub fn blocks(mesh: &TriangleMesh, tracer: &Tracer, kind: &str) -> Vec<Ray> {
+    let camera = rays(mesh, "camera");
+    let tiled = |size: u32| -> Vec<Ray> {
+        let per_row = SIDE / size;
+        let at = |i: u32| {
+            let (tile, own) = (i / (size * size), i % (size * size));
+            let (x, y) = (tile % per_row * size + own % size, tile / per_row * size + own / size);
+            camera[(y * SIDE + x) as usize]
+        };
+        (0..SIDE * SIDE).map(at).collect()
+    };
+    if kind == "tiles" {
+        return tiled(8);
+    }
+    let eyes = tiled(16);
+    let mut hits = vec![Hit::MISS; eyes.len()];
+    tracer.closest(&eyes, &mut hits);
+    let bound = tracer.bound();
+    let radius = (bound.max - bound.min).length() * 0.5;
+    let light = (bound.min + bound.max) * 0.5 + Vec3::new(-1.0, 2.0, -1.5) * radius;
+    let of = |(eye, hit): (&Ray, &Hit)| {
+        let origin = eye.origin + eye.dir * (hit.t * 0.9999);
+        let to_light = light - origin;
+        let distance = to_light.length();
+        Ray { origin, tmin: 1e-4 * radius, dir: to_light / distance, tmax: distance * 0.999, time: 0.0 }
+    };
+    eyes.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()).map(of).collect()
 }
 
 /// Returns a closed sphere of `n * n` triangles with waves of several lengths. The normals of its triangles point

@@ -2,13 +2,14 @@
 //!
 //! `cargo run --release -p granita-benches --bin rays [-- --python PROGRAM] [--large] [MESH.ply|MESH.obj ...]`
 //!
-//! The built-in mesh is a displaced sphere of a million triangles. Other meshes are files. There are three kinds of
-//! rays: those of a camera (coherent), those from around the mesh through its box, and those from its surface (both
-//! incoherent).
+//! The built-in mesh is a displaced sphere of a million triangles. Other meshes are files. There are five kinds of
+//! rays: those of a camera (coherent, in rows and in tiles), those from the visible surface to a light (coherent), those
+//! from around the mesh through its box, and those from its surface (both incoherent).
 //!
 //! Embree comes from the Python package `embreex`, which is found by the option or in `python3`. It is measured through
-//! the package, and, where there is a C compiler (`cc`), also through its single-ray calls alone. The programs
-//! alternate, and the fastest of four runs counts.
+//! the package, and, where there is a C compiler (`cc`), also through its own calls: those of single rays, and the
+//! fastest of those of packets of 8 and 16 rays, with and without the hint that the rays are coherent. The ratio is that
+//! to the fastest of all its own calls. The programs alternate, and the fastest of four runs counts.
 //!
 //! `--large` also measures the memory of ten million triangles in a geometry set: in a tree, and in whole frames of
 //! `gelato` in which a mirror reflects a mesh, or a displaced patch that rays tessellate.
@@ -18,7 +19,8 @@
 
 use cpu_time::ThreadTime;
 use granita_benches::{
-    KINDS, find_program, measure as cost_of, rays, read_mesh, release_tool, repository, sphere,
+    BLOCKS, KINDS, blocks, find_program, measure as cost_of, rays, read_mesh, release_tool, repository,
+    sphere,
 };
 use granita_trace::{Hit, Ray, Tracer, TracerBuilder, TriangleMesh};
 use std::collections::BTreeMap;
@@ -55,8 +57,8 @@ fn run() -> Result<(), String> {
     let place = tempfile::tempdir().map_err(|e| e.to_string())?;
     let embree = Embree::find(python, place.path());
     println!(
-        "{:<28} {:<15} {:>9} {:>9} {:>9} {:>7} {:>7}",
-        "mesh", "Mray/s", "ours", "Embree", "embreex", "ratio", "ratio"
+        "{:<28} {:<15} {:>9} {:>9} {:>9} {:>9} {:>7}",
+        "mesh", "Mray/s", "ours", "single", "packets", "embreex", "ratio"
     );
     compare("displaced sphere", &sphere(1000), &embree, place.path())?;
     for file in files {
@@ -196,8 +198,12 @@ impl Times {
 }
 
 fn compare(name: &str, mesh: &TriangleMesh, embree: &Embree, place: &Path) -> Result<(), String> {
-    let rays: Vec<Vec<Ray>> = KINDS.iter().map(|kind| rays(mesh, kind)).collect();
-    write(mesh, &rays, place).map_err(|e| e.to_string())?;
+    let tracer = build(mesh.clone(), 2);
+    let plain = KINDS.iter().map(|kind| (*kind, rays(mesh, kind)));
+    let all: Vec<Batch> =
+        plain.chain(BLOCKS.iter().map(|kind| (*kind, blocks(mesh, &tracer, kind)))).collect();
+    drop(tracer);
+    write(mesh, &all, place).map_err(|e| e.to_string())?;
     let (mut ours, mut alone, mut package) = (Times::default(), Times::default(), Times::default());
     let n = mesh.triangles.len();
     let mut walls = [f64::INFINITY; 2];
@@ -208,25 +214,27 @@ fn compare(name: &str, mesh: &TriangleMesh, embree: &Embree, place: &Path) -> Re
             let tracer = build(copy, threads);
             walls[threads - 1] = walls[threads - 1].min(start.elapsed().as_secs_f64());
             if threads == 1 {
-                measure(&tracer, &rays, &mut ours);
+                measure(&tracer, &all, &mut ours);
             }
         }
         alone.read(&embree.alone(place));
         package.read(&embree.package(place));
     }
-    for (kind, rays) in KINDS.iter().zip(&rays) {
+    for (kind, rays) in &all {
         for question in ["closest", "any"] {
-            let rate = |times: &Times| times.rate(kind, question, rays.len());
+            let rate = |times: &Times, question: &str| times.rate(kind, question, rays.len());
             let text = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.2}"));
-            let ratio = |theirs: &Times| rate(&ours).zip(rate(theirs)).map(|(a, b)| a / b);
+            let (own, single) = (rate(&ours, question), rate(&alone, question));
+            let packets = rate(&alone, &format!("{question}-packets"));
+            let best = single.map(|rate| rate.max(packets.unwrap_or_default()));
             println!(
-                "{name:<28} {:<15} {:>9} {:>9} {:>9} {:>7} {:>7}",
+                "{name:<28} {:<15} {:>9} {:>9} {:>9} {:>9} {:>7}",
                 format!("{kind} {question}"),
-                text(rate(&ours)),
-                text(rate(&alone)),
-                text(rate(&package)),
-                text(ratio(&alone)),
-                text(ratio(&package)),
+                text(own),
+                text(single),
+                text(packets),
+                text(rate(&package, question)),
+                text(own.zip(best).map(|(a, b)| a / b)),
             );
         }
     }
@@ -243,8 +251,11 @@ fn compare(name: &str, mesh: &TriangleMesh, embree: &Embree, place: &Path) -> Re
     Ok(())
 }
 
-fn measure(tracer: &Tracer, rays: &[Vec<Ray>], times: &mut Times) {
-    for (kind, rays) in KINDS.iter().zip(rays) {
+/// The name of a kind of rays, and the rays.
+type Batch = (&'static str, Vec<Ray>);
+
+fn measure(tracer: &Tracer, all: &[Batch], times: &mut Times) {
+    for (kind, rays) in all {
         let mut hits = vec![Hit::MISS; rays.len()];
         let start = ThreadTime::now();
         tracer.closest(rays, &mut hits);
@@ -261,7 +272,7 @@ fn measure(tracer: &Tracer, rays: &[Vec<Ray>], times: &mut Times) {
 /// The parts of Embree that are available.
 struct Embree {
     python: Option<PathBuf>,
-    /// The program of single-ray calls, and the library.
+    /// The program of Embree's own calls, and the library.
     alone: Option<(PathBuf, PathBuf)>,
 }
 
@@ -293,7 +304,7 @@ impl Embree {
         Self { python, alone: built.then_some((program, library)) }
     }
 
-    /// Runs the program of single-ray calls, and returns its output.
+    /// Runs the program of Embree's own calls, and returns its output.
     fn alone(&self, place: &Path) -> String {
         let Some((program, library)) = &self.alone else { return String::new() };
         output(Command::new(program).arg(library).arg(place))
@@ -324,17 +335,17 @@ fn output(command: &mut Command) -> String {
     }
 }
 
-fn write(mesh: &TriangleMesh, rays: &[Vec<Ray>], place: &Path) -> std::io::Result<()> {
+fn write(mesh: &TriangleMesh, all: &[Batch], place: &Path) -> std::io::Result<()> {
     let floats = |list: &mut dyn Iterator<Item = f32>| list.flat_map(f32::to_le_bytes).collect::<Vec<u8>>();
     std::fs::write(place.join("mesh.v"), floats(&mut mesh.positions[0].iter().flat_map(|p| p.to_array())))?;
     let indices: Vec<u8> = mesh.triangles.iter().flatten().flat_map(|i| i.to_le_bytes()).collect();
     std::fs::write(place.join("mesh.f"), indices)?;
-    for (kind, rays) in KINDS.iter().zip(rays) {
-        let all =
+    for (kind, rays) in all {
+        let numbers =
             floats(&mut rays.iter().flat_map(|r| {
                 [r.origin.x, r.origin.y, r.origin.z, r.tmin, r.dir.x, r.dir.y, r.dir.z, r.tmax]
             }));
-        std::fs::write(place.join(format!("{kind}.rays")), all)?;
+        std::fs::write(place.join(format!("{kind}.rays")), numbers)?;
     }
     Ok(())
 }
