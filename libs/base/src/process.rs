@@ -252,7 +252,15 @@ impl Process {
     /// Returns the system's error.
     pub fn wait_for_end(&mut self, most: Duration) -> io::Result<ExitStatus> {
         let begin = Instant::now();
-        while begin.elapsed() < most && self.child.try_wait()?.is_none() {
+        self.wait_while(|| begin.elapsed() < most)
+    }
+
+    /// Does the same as [`Process::wait`] as long as `goes_on` is true. A process that has not ended then is ended.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub fn wait_while(&mut self, mut goes_on: impl FnMut() -> bool) -> io::Result<ExitStatus> {
+        while goes_on() && self.child.try_wait()?.is_none() {
             std::thread::sleep(Duration::from_millis(2));
         }
         if self.child.try_wait()?.is_none() {

@@ -76,6 +76,9 @@ pub struct SessionOptions {
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,
+    /// True to compile code of shaders through which many points run to machine code, with the C compiler of the
+    /// system. Pixels do not depend on it.
+    pub native: bool,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,

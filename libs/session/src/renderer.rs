@@ -11,7 +11,7 @@ use crate::{SessionOptions, outputs};
 use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_inputs::Inputs;
-use granita_plugin::Plugins;
+use granita_plugin::{NativeShaders, Plugins};
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
@@ -83,6 +83,8 @@ pub(crate) struct SessionRenderer {
     commands: CommandContext,
     inputs: Inputs,
     plugins: Plugins,
+    /// Compiles shaders to machine code, if that is requested.
+    native: Option<Arc<NativeShaders>>,
     finished: Finished,
     success: bool,
     /// The file for messages, from "error:filename".
@@ -115,6 +117,10 @@ impl SessionRenderer {
         master: Option<WorkerCoordinator>,
     ) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.run.plugin_rules());
+        // A run of an untrusted scene starts no programs.
+        let native = (options.native && !options.run.safe).then(|| {
+            Arc::new(NativeShaders::new(&options.run.environment, &options.run.supervisor, &reporter))
+        });
         let mut registry = granita_plugin::bundled_formats(Limits {
             files: options.run.environment.files().clone(),
             ..Limits::default()
@@ -136,6 +142,7 @@ impl SessionRenderer {
             },
             inputs: Inputs::with_plugins(Arc::new(options.run.clone()), reporter.clone(), plugins.clone()),
             plugins,
+            native,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             looking: Arc::default(),
             desk: Arc::default(),
@@ -334,11 +341,14 @@ impl SessionRenderer {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
-            shaders: Arc::new(Shaders::new(
-                self.search_path(scene, attr::PATH_SHADER),
-                self.plugins.clone(),
-                self.reporter.clone(),
-            )),
+            shaders: Arc::new(
+                Shaders::new(
+                    self.search_path(scene, attr::PATH_SHADER),
+                    self.plugins.clone(),
+                    self.reporter.clone(),
+                )
+                .with_native(self.native.clone()),
+            ),
             texture_path: self.search_path(scene, attr::PATH_TEXTURE),
             variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),

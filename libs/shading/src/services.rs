@@ -31,9 +31,9 @@ use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Group, Host,
-    IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages, RayKind,
-    Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureQuery, Textures,
-    Topology, TraceQuery, TraceResult,
+    IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages,
+    NativeCompiler, RayKind, Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery,
+    TextureQuery, Textures, Topology, TraceQuery, TraceResult,
 };
 use recall::{Asked, Question};
 use std::sync::Arc;
@@ -847,6 +847,10 @@ impl Messages for Run<'_, '_> {
 impl Host for Run<'_, '_> {
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
         self.frame.library.shadeop(text)
+    }
+
+    fn native(&mut self) -> Option<&dyn NativeCompiler> {
+        self.frame.library.native()
     }
 
     fn attribute(&mut self, name: &str) -> Option<Param> {

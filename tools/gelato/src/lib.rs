@@ -147,6 +147,11 @@ struct Options {
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
 
+    /// Compile what shaders compute at many points with the system's C compiler ($CC, or cc), in the background. The
+    /// pixels are the same
+    #[arg(long, conflicts_with = "safe")]
+    native: bool,
+
     /// For untrusted scenes: run no scripts, plugins and programs, read below the scene's folder only, write below one
     /// folder only
     #[arg(long)]
@@ -396,6 +401,7 @@ fn session_options(
         },
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given).filter(|_| !options.relight),
+        native: options.native,
         rerenders_anew: false,
     }
 }
