@@ -30,6 +30,7 @@ pub(crate) fn run() -> Result<(), String> {
     step(root, "lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
     step(root, "docs", &["doc", "--workspace", "--no-deps", "--quiet"])?;
     crate::tidy()?;
+    pages(root)?;
     attack()?;
     other_architecture(root)?;
     dependencies(root)
@@ -75,6 +76,19 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     }
     println!("ci: tests: {} skipped, {:.0} s", skipped.len(), start.elapsed().as_secs_f64());
     if status.success() { Ok(()) } else { Err("tests failed".to_owned()) }
+}
+
+/// Checks the links of the manual and a part of each of its images. The tests of the manual have run before.
+fn pages(root: &Path) -> Result<(), String> {
+    let start = Instant::now();
+    crate::book::check_links(None)?;
+    println!("ci: book: {:.0} s", start.elapsed().as_secs_f64());
+    let start = Instant::now();
+    // The tests have built it.
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), Into::into);
+    crate::gallery::check_all(target.join("debug").join(format!("gelato{}", std::env::consts::EXE_SUFFIX)))?;
+    println!("ci: gallery: {:.0} s", start.elapsed().as_secs_f64());
+    Ok(())
 }
 
 /// Runs the fixed part of `cargo xtask attack`, on systems that support it.

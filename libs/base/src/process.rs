@@ -126,7 +126,13 @@ impl Supervisor {
         unix::end(|| self.state().groups.values().copied().collect());
     }
 
-    /// True when [`Supervisor::end`] was called.
+    /// Prevents new child processes, as [`Supervisor::end`] does, and lets those run that were started. It is for a run
+    /// that is being ended and completes something first.
+    pub fn close(&self) {
+        self.0.ended.store(true, Ordering::SeqCst);
+    }
+
+    /// True when [`Supervisor::end`] or [`Supervisor::close`] was called.
     pub fn has_ended(&self) -> bool {
         self.0.ended.load(Ordering::SeqCst)
     }

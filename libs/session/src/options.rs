@@ -59,6 +59,9 @@ pub struct SessionOptions {
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
+    /// True when the images of frames that are ended early are kept as partial ones (see
+    /// [`granita_render::partial_path`]).
+    pub keep_partial: bool,
     /// The viewer of images of the format "iv"; by default the one at the standard port of this machine.
     pub viewer: Viewer,
     /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.

@@ -104,6 +104,8 @@ pub(crate) struct SessionRenderer {
     requested: RequestedImages,
     /// What the frames of a scene in re-rendering mode keep for the next one.
     kept: Kept,
+    /// True while a frame is rendered and its images are written.
+    busy: Arc<AtomicBool>,
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
@@ -150,6 +152,7 @@ impl SessionRenderer {
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
             kept: Kept::default(),
+            busy: Arc::default(),
             master: master.map(Arc::new),
             options,
             reporter,
@@ -247,6 +250,11 @@ impl SessionRenderer {
         self.commands.stop.clone()
     }
 
+    /// Returns the flag that is true while a frame is rendered and its images are written.
+    pub(crate) fn busy(&self) -> Arc<AtomicBool> {
+        self.busy.clone()
+    }
+
     pub(crate) fn priority(&self) -> Arc<Priority> {
         self.commands.priority.clone()
     }
@@ -279,6 +287,7 @@ impl SessionRenderer {
         let begin = Instant::now();
         let supervisor = self.options.run.supervisor.clone();
         let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
+        let _busy = Busy::new(&self.busy);
         self.commands.stop.store(false, Ordering::SeqCst);
         if supervisor.has_ended() {
             return Err(Stop::Exit);
@@ -356,6 +365,7 @@ impl SessionRenderer {
             threads: self.threads(scene),
             open_files: self.options.open_files,
             stop: self.commands.stop.clone(),
+            keep_partial: self.options.keep_partial,
             crop: self.options.crop.filter(|_| self.desk.lock().is_none()),
             call_text,
             scene_files: self.options.scene_files.clone(),
@@ -407,6 +417,22 @@ impl SessionRenderer {
             return Spread::Over(self.net.clone());
         }
         Spread::Alone
+    }
+}
+
+/// Sets a flag until this is dropped.
+struct Busy(Arc<AtomicBool>);
+
+impl Busy {
+    fn new(flag: &Arc<AtomicBool>) -> Self {
+        flag.store(true, Ordering::SeqCst);
+        Self(flag.clone())
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::SeqCst);
     }
 }
 
