@@ -1,3 +1,4 @@
+// tidy: long: the table of all options, from which parser, help and the options of workers come
 //! The renderer. It reads scene files and writes their images (reference 6.1).
 
 #![forbid(unsafe_code)]

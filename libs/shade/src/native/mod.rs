@@ -2,7 +2,7 @@
 //!
 //! A plan that many points ran through is printed as C ([`print`]) and given to a [`NativeCompiler`], which compiles it
 //! while rendering goes on. Once the code is there, strips of points run through it. Its values equal those of the tape
-//! to the bit: it does the same arithmetic in the same order, without contraction. The tape stays the reference. It runs
+//! to the bit: it does the same arithmetic in the same order, without contraction. The tape is the reference. It runs
 //! for plans with functions that have no native form, and for strips with arguments outside of the range of the
 //! polynomials in `run/approx.rs`.
 
@@ -62,7 +62,7 @@ pub type NativeDone = Box<dyn FnOnce(Arc<dyn NativeCode>) + Send>;
 
 /// Compiles functions.
 pub trait NativeCompiler: Send + Sync + std::fmt::Debug {
-    /// Compiles a source, and then calls `done`. It does not wait for the compiler. `done` is not called when the source
+    /// Compiles a source, and then calls `done`. It does not wait. `done` is not called when the source
     /// cannot be compiled.
     fn compile(&self, source: NativeSource, done: NativeDone);
 }

@@ -1,3 +1,5 @@
+//! Tests of printed plans, and of when they are compiled.
+
 use super::*;
 use crate::run::lanes::{Binary, Ternary, Unary};
 use crate::tape::{Code, Part, Plan, StripStep};
