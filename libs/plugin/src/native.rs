@@ -1,7 +1,7 @@
 //! Shaders as machine code: the C that `granita-shade` prints, compiled by the compiler of the system.
 //!
 //! One thread compiles one source after the other, as rendering goes on. Compiled code is kept in a folder of the
-//! user's, under a hash of the source, the compiler and its options, and is found there by later runs. See [`cache`] for
+//! user, under a hash of the source, the compiler and its options, and is found there by later runs. See [`cache`] for
 //! the rules of that folder.
 
 mod cache;
