@@ -3,22 +3,24 @@
 
 #![allow(clippy::print_stdout, reason = "prints a table")]
 
-use granita_base::{Param, Params, Severity, Transform, Vec3};
+use granita_base::{Environment, Param, Params, Reporter, Severity, Supervisor, Transform, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_gsl::{CompileOptions, ValidModule, compile};
+use granita_machine::widest;
+use granita_plugin::NativeShaders;
 use granita_shade::*;
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The number of points of each side of a grid.
 const SIDE: usize = 16;
 const N: usize = SIDE * SIDE;
 
-/// A host without textures, lights and rays.
-struct Nothing;
+/// A host without textures, lights and rays. It may have a compiler.
+struct Nothing<'a>(Option<&'a dyn NativeCompiler>);
 
-impl Spaces for Nothing {
+impl Spaces for Nothing<'_> {
     fn to_common(&mut self, _: &str, _: usize) -> Option<Transform> {
         Some(Transform::IDENTITY)
     }
@@ -28,7 +30,7 @@ impl Spaces for Nothing {
     }
 }
 
-impl Textures for Nothing {
+impl Textures for Nothing<'_> {
     fn texture(&mut self, _: &TextureQuery<'_>, _: &mut LookupResult) {}
 
     fn environment(&mut self, _: &EnvironmentQuery<'_>, _: &mut LookupResult) {}
@@ -40,7 +42,7 @@ impl Textures for Nothing {
     }
 }
 
-impl Lights for Nothing {
+impl Lights for Nothing<'_> {
     fn light_count(&mut self) -> usize {
         0
     }
@@ -54,19 +56,23 @@ impl Lights for Nothing {
     }
 }
 
-impl Rays for Nothing {}
+impl Rays for Nothing<'_> {}
 
-impl Databases for Nothing {}
+impl Databases for Nothing<'_> {}
 
-impl Messages for Nothing {
+impl Messages for Nothing<'_> {
     fn say(&mut self, _: Severity, text: &str) {
         panic!("{text}");
     }
 }
 
-impl Host for Nothing {
+impl Host for Nothing<'_> {
     fn attribute(&mut self, _: &str) -> Option<Param> {
         None
+    }
+
+    fn native(&mut self) -> Option<&dyn NativeCompiler> {
+        self.0
     }
 }
 
@@ -111,14 +117,25 @@ fn per_point(mut f: impl FnMut()) -> f64 {
 }
 
 fn shader_cost(source: &str, optimize: bool) -> (f64, Lanes3) {
+    cost_with(source, optimize, None)
+}
+
+/// Measures a shader, and returns its colours. With a compiler it first runs until its code is compiled.
+fn cost_with(source: &str, optimize: bool, native: Option<&NativeShaders>) -> (f64, Lanes3) {
     let group = group(source, optimize);
     let mut executor = Executor::new();
     let mut grid = patch();
-    executor.run(&group, &mut grid, &mut Nothing, &[]);
+    let mut host = Nothing(native.map(|native| native as &dyn NativeCompiler));
+    executor.run(&group, &mut grid, &mut host, &[]);
     let colors = grid.c.clone();
+    if let Some(native) = native {
+        (0..300).for_each(|_| drop(executor.run(&group, &mut grid, &mut host, &[])));
+        native.wait(Duration::from_secs(100));
+    }
     let cost = per_point(|| {
-        black_box(executor.run(&group, black_box(&mut grid), &mut Nothing, &[]));
+        black_box(executor.run(&group, black_box(&mut grid), &mut host, &[]));
     });
+    assert_eq!(grid.c, colors, "native code has the values of tapes");
     (cost, colors)
 }
 
@@ -176,23 +193,36 @@ fn main() {
     }
 }
 
+/// Returns a compiler, whose files are in a folder of its own, where the system has one.
+fn compiler(folder: &tempfile::TempDir) -> NativeShaders {
+    let mut environment = Environment::empty();
+    environment.set("XDG_CACHE_HOME", folder.path().to_string_lossy());
+    let print = Reporter::new(Box::new(|message| println!("{message}")));
+    NativeShaders::new(&environment, &Supervisor::default(), &print)
+}
+
 /// Measures the shaders whose names contain `only`.
 fn speed(only: &str) {
-    println!("{N}-point grids, ns per point      unoptimised  optimised  Rust   ratio");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let native = compiler(&folder);
+    println!("{N}-point grids, ns per point      unoptimised  optimised  native   Rust  Rust, wide");
     type ByHand = fn(&Grid, &mut Lanes3);
-    let all: [(&str, &str, ByHand); 2] =
-        [("procedural", PROCEDURAL, by_hand::procedural), ("arithmetic", ARITHMETIC, by_hand::arithmetic)];
-    for (name, source, by_hand) in all.into_iter().filter(|(name, ..)| name.contains(only)) {
+    let all: [(&str, &str, ByHand, ByHand); 2] = [
+        ("procedural", PROCEDURAL, by_hand::procedural, |grid, out| widest!(by_hand::procedural(grid, out))),
+        ("arithmetic", ARITHMETIC, by_hand::arithmetic, |grid, out| widest!(by_hand::arithmetic(grid, out))),
+    ];
+    for (name, source, by_hand, wide) in all.into_iter().filter(|(name, ..)| name.contains(only)) {
         let (plain, _) = shader_cost(source, false);
         let (better, colors) = shader_cost(source, true);
+        let (compiled, _) = cost_with(source, true, Some(&native));
         let grid = patch();
         let mut out = Lanes3::zeros(N);
-        let rust = per_point(|| by_hand(black_box(&grid), black_box(&mut out)));
+        let [rust, wide] = [by_hand, wide].map(|f| per_point(|| f(black_box(&grid), black_box(&mut out))));
         for k in 0..N {
             let difference = (out.get(k) - colors.get(k)).abs().max_element();
             assert!(difference < 1e-3, "{name} point {k}: {} and {}", out.get(k), colors.get(k));
         }
-        println!("{name:<32} {plain:>12.2} {better:>10.2} {rust:>6.2} {:>6.2}", better / rust);
+        println!("{name:<32} {plain:>12.2} {better:>10.2} {compiled:>7.2} {rust:>6.2} {wide:>11.2}");
     }
 }
 
@@ -273,7 +303,9 @@ fn values(expression: &str, points: &[Vec3]) -> Vec<f32> {
         let mut grid = Grid::new(Topology::Scattered { n: chunk.len() });
         grid.p = Lanes3::from_points(chunk);
         let wanted = [("r", ValueType::Float)];
-        all.extend(executor.run(&group, &mut grid, &mut Nothing, &wanted).remove(0).expect("an output"));
+        all.extend(
+            executor.run(&group, &mut grid, &mut Nothing(None), &wanted).remove(0).expect("an output"),
+        );
     }
     all
 }
@@ -421,6 +453,7 @@ mod by_hand {
         ((cubic * t + square) * t + 0.5 * (c - a)) * t + b
     }
 
+    #[inline(always)]
     pub(super) fn procedural(grid: &Grid, out: &mut Lanes3) {
         let knots = [
             Vec3::new(0.1, 0.05, 0.0),
@@ -448,6 +481,7 @@ mod by_hand {
         }
     }
 
+    #[inline(always)]
     pub(super) fn arithmetic(grid: &Grid, out: &mut Lanes3) {
         let (a, b) = (0.25_f32, 3.0_f32);
         let [red, green, blue] = &mut out.xyz;

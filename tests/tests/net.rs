@@ -82,13 +82,13 @@ fn databases_saved_by_workers_are_complete() {
 /// Workers that delay a frame: the text of a shell script, and a part of the expected message.
 const STUCK: [(&str, &str); 6] = [
     // The worker sends nothing.
-    ("exec sleep 1000", "it has been silent for 2 s"),
+    ("exec sleep 1000", "it has been silent for 5 s"),
     // The worker is stopped before it sends its first line.
-    ("kill -STOP $$", "it has been silent for 2 s"),
+    ("kill -STOP $$", "it has been silent for 5 s"),
     // The worker is stopped in the middle of an answer.
     (
         "$GELATO \"$@\" | { dd bs=1 count=30000 2>/dev/null; kill -STOP $$; sleep 1000; }",
-        "it has been silent for 2 s",
+        "it has been silent for 5 s",
     ),
     // The worker has another version.
     (
@@ -98,7 +98,7 @@ const STUCK: [(&str, &str); 6] = [
     // The worker announces four billion bytes, and sends none.
     (
         "$GELATO \"$@\" | head -c 25; printf 'P\\377\\377\\377\\377'; exec sleep 1000",
-        "it has been silent for 2 s",
+        "it has been silent for 5 s",
     ),
     // The worker announces more images than there are.
     (
@@ -125,7 +125,7 @@ fn hanging_workers_do_not_block_a_frame() {
                 let gelato = tools.program("gelato");
                 granita_needs::write_script(&fake, &format!("GELATO='{}'\n{script}", gelato.display()));
                 let command = format!(
-                    "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"float net:timeout\", 2)\n",
+                    "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"float net:timeout\", 5)\n",
                     fake.display()
                 );
                 std::fs::write(place.join("command.pyg"), command).unwrap();

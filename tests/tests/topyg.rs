@@ -49,11 +49,67 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn scenes_converted_by_topyg_render_to_the_same_bits() {
     let mut all = Vec::new();
-    for top in ["tests/suite", "examples"] {
-        scenes(&repository().join(top), &mut all);
-    }
+    scenes(&repository().join("tests/suite"), &mut all);
     assert!(all.len() > 10, "{}", all.len());
     check(&all);
+}
+
+#[test]
+fn examples_converted_by_topyg_render_to_the_same_bits() {
+    check_examples(&["caustics", "indirect"]);
+}
+
+#[test]
+#[ignore = "the examples take ten minutes"]
+fn all_examples_converted_by_topyg_render_to_the_same_bits() {
+    check_examples(&[
+        "caustics",
+        "envlight",
+        "first",
+        "indirect",
+        "occlusion",
+        "relight",
+        "shadows",
+        "subsurface",
+    ]);
+}
+
+/// Renders examples as they are and converted. They run in the root of a checkout, and their images are in `out`.
+fn check_examples(names: &[&str]) {
+    let tools = Tools::build().unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    for name in names {
+        let mut first: Option<BTreeMap<String, Vec<u8>>> = None;
+        for convert in [false, true] {
+            let place = scratch.path().join(format!("{name}-{convert}"));
+            copy(&repository().join("examples"), &place.join("examples"));
+            let folder = place.join("examples").join(name);
+            let _ = std::fs::remove_dir_all(folder.join("out"));
+            if convert {
+                let mut found = Vec::new();
+                scenes(&folder, &mut found);
+                let passes: Vec<String> = found.into_iter().flat_map(|(_, passes)| passes).collect();
+                for scene in passes {
+                    let scene = format!("examples/{name}/{scene}");
+                    let ran = tools.run(&place, "topyg", &[&scene, "-o", "made.pyg"]).unwrap();
+                    assert_eq!(ran.status, 0, "{scene}");
+                    std::fs::rename(place.join("made.pyg"), place.join(&scene)).unwrap();
+                }
+            }
+            // The scene with the name of its folder runs all passes.
+            let scene = format!("examples/{name}/{name}.pyg");
+            let words = ["-threads", "2", "-crop", "0.4", "0.6", "0.45", "0.6", &scene];
+            let ran = tools.run(&place, "gelato", &words).unwrap();
+            assert_eq!(ran.status, 0, "{scene}");
+            let made = files(&folder.join("out"));
+            assert!(!made.is_empty(), "{name}");
+            let wanted = first.get_or_insert_with(|| made.clone());
+            assert!(made.keys().eq(wanted.keys()), "{name}: {:?}", made.keys());
+            for (file, bytes) in &made {
+                assert!(*bytes == wanted[file], "{name}: {file} differs");
+            }
+        }
+    }
 }
 
 /// Tests external scenes in the folder that the variable names.

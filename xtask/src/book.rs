@@ -1,4 +1,6 @@
-//! The manual as a book: its pages as HTML, and the check of its links.
+//! The manual as a book: its pages as HTML, and the checks of its links, of its examples and against the tables.
+
+mod html;
 
 use crate::workspace::Workspace;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,6 +9,52 @@ use std::process::Command;
 
 /// The list of the pages.
 const SUMMARY: &str = "SUMMARY.md";
+
+/// The arguments of `book`.
+#[derive(clap::Args)]
+pub(crate) struct Options {
+    /// The folder; target/book without it.
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Check the links of the pages and of the book, run the examples, and compare the pages with the tables.
+    #[arg(long)]
+    check: bool,
+}
+
+/// Writes the book, or checks it.
+pub(crate) fn run(options: &Options) -> Result<(), String> {
+    if !options.check {
+        return build(options.out.as_deref());
+    }
+    check_links(options.out.as_deref())?;
+    // These tests compare the pages with the tables of calls, functions, attributes and options, and run the examples.
+    let mut tests = Command::new(crate::workspace::cargo());
+    tests.current_dir(Workspace::load()?.root).args(["test", "-p", "granita-tests", "--test", "manual"]);
+    let status = tests.status().map_err(|e| format!("cargo: {e}"))?;
+    if status.success() { Ok(()) } else { Err("the manual and its tables or examples differ".to_owned()) }
+}
+
+/// Checks the links of the pages, and where `mdbook` is installed, those of the HTML that it makes. The tests of the
+/// manual check the rest.
+pub(crate) fn check_links(out: Option<&Path>) -> Result<(), String> {
+    let workspace = Workspace::load()?;
+    if !has_program() {
+        let faults = check(&workspace)?;
+        faults.iter().for_each(|fault| eprintln!("book: {fault}"));
+        println!("book: its HTML is not checked, because mdbook is not installed (cargo install mdbook)");
+        return if faults.is_empty() {
+            Ok(())
+        } else {
+            Err(format!("the manual has {} faults", faults.len()))
+        };
+    }
+    build(out)?;
+    let folder = out.map_or_else(|| workspace.root.join("target/book"), Path::to_owned);
+    let (faults, pages) = html::check(&folder)?;
+    faults.iter().for_each(|fault| eprintln!("book: {fault}"));
+    println!("book: {pages} pages, {} links without a target", faults.len());
+    if faults.is_empty() { Ok(()) } else { Err(format!("the book has {} faults", faults.len())) }
+}
 
 /// Writes the manual as HTML with a search, by `mdbook`.
 pub(crate) fn build(out: Option<&Path>) -> Result<(), String> {
@@ -68,6 +116,9 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>, String> {
             let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
             let target = if path.is_empty() { file.clone() } else { joined(file, path) };
             let place = || format!("docs/{}:{line}: link to {link}", file.display());
+            if target.starts_with("..") {
+                faults.push(format!("{}: it leaves the manual, which is also a book of its own", place()));
+            }
             match pages.get(&target) {
                 Some(found) if !anchor.is_empty() && !found.anchors.contains(anchor) => {
                     faults.push(format!("{}: the page has no such heading", place()));

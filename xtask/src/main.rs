@@ -4,7 +4,7 @@
 //!   other in one direction, and the tests of the ledger;
 //! - `crates` draws `docs/crates.svg`, the crates on their floors;
 //! - `ci` runs all checks that a change must pass: the README's test command, format, lints, docs, `tidy`;
-//! - `book` writes the manual as HTML;
+//! - `book` writes the manual as HTML, or checks its links, its examples and that it is complete;
 //! - `bless [NAME]` accepts the current results of the suite's cases as their references;
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
 //! - `rerender` compares random sequences of re-rendered frames with frames rendered anew;
@@ -67,12 +67,8 @@ enum Chore {
         /// `AREA/CASE`, or the beginning of it; all cases without a name.
         name: Option<String>,
     },
-    /// Write the manual as HTML, by mdbook.
-    Book {
-        /// The folder; target/book without it.
-        #[arg(long, value_name = "FOLDER")]
-        out: Option<std::path::PathBuf>,
-    },
+    /// Write the manual as HTML, by mdbook, or check it.
+    Book(book::Options),
     /// Write target/suite-report/index.html.
     Report,
     /// Render the images of examples/ and docs/pictures, or check that they are those of today.
@@ -129,7 +125,7 @@ fn main() -> ExitCode {
         Chore::Ci => ci::run(),
         Chore::Crates => crates::draw(),
         Chore::Bless { name } => suite::bless(name.as_deref()),
-        Chore::Book { out } => book::build(out.as_deref()),
+        Chore::Book(options) => book::run(&options),
         Chore::Report => suite::report(),
         Chore::Rerender { sequences, seed } => suite::rerender(sequences, seed),
         Chore::Gallery(options) => gallery::run(&options),

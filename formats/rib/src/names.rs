@@ -127,6 +127,34 @@ pub(crate) fn begins_request(line: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_base::{Location, Reporter};
+
+    /// A scene that makes no calls.
+    struct Nothing;
+
+    impl granita_scene::SceneSink for Nothing {
+        fn call(&mut self, _: granita_scene::Call, _: &Location) -> Result<(), granita_scene::Stop> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn all_requests_are_known_to_the_reader() {
+        let (reporter, kept) = Reporter::collecting();
+        for name in REQUESTS {
+            let text = format!("{name}\n");
+            let source = granita_scene::GeneratorSource::bytes("t.rib", text.as_bytes());
+            // Most of them lack arguments, which is another error.
+            let _ = crate::generators()[0].run(&source, &mut Nothing, &reporter);
+        }
+        let unknown: Vec<String> = kept
+            .lock()
+            .iter()
+            .map(ToString::to_string)
+            .filter(|text| text.contains("unknown request"))
+            .collect();
+        assert_eq!(unknown, Vec::<String>::new());
+    }
 
     #[test]
     fn request_names_are_sorted_and_recognised() {

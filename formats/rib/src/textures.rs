@@ -11,7 +11,8 @@ impl Reader<'_> {
     /// Executes `Make...`, `Procedural` and `Geometry`. Returns `None` for other requests.
     pub(crate) fn texture_request(&mut self, request: &Request) -> Option<Done> {
         Some(match request.name.as_str() {
-            "MakeTexture" => self.make(request, 1, 2, None),
+            // A bump map is a texture of heights.
+            "MakeTexture" | "MakeBump" => self.make(request, 1, 2, None),
             "MakeLatLongEnvironment" => self.make(request, 1, 0, Some("-envlatl")),
             "MakeCubeFaceEnvironment" => self.make(request, 6, 0, Some("-envcube")),
             "MakeShadow" => self.make(request, 1, 0, Some("-shadow")),

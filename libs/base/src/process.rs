@@ -126,7 +126,13 @@ impl Supervisor {
         unix::end(|| self.state().groups.values().copied().collect());
     }
 
-    /// True when [`Supervisor::end`] was called.
+    /// Prevents new child processes, as [`Supervisor::end`] does, and lets those run that were started. It is for a run
+    /// that is being ended and completes something first.
+    pub fn close(&self) {
+        self.0.ended.store(true, Ordering::SeqCst);
+    }
+
+    /// True when [`Supervisor::end`] or [`Supervisor::close`] was called.
     pub fn has_ended(&self) -> bool {
         self.0.ended.load(Ordering::SeqCst)
     }
@@ -252,7 +258,15 @@ impl Process {
     /// Returns the system's error.
     pub fn wait_for_end(&mut self, most: Duration) -> io::Result<ExitStatus> {
         let begin = Instant::now();
-        while begin.elapsed() < most && self.child.try_wait()?.is_none() {
+        self.wait_while(|| begin.elapsed() < most)
+    }
+
+    /// Does the same as [`Process::wait`] as long as `goes_on` is true. A process that has not ended then is ended.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub fn wait_while(&mut self, mut goes_on: impl FnMut() -> bool) -> io::Result<ExitStatus> {
+        while goes_on() && self.child.try_wait()?.is_none() {
             std::thread::sleep(Duration::from_millis(2));
         }
         if self.child.try_wait()?.is_none() {

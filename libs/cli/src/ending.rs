@@ -2,6 +2,8 @@
 
 use crate::Status;
 use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Calls `action` when a signal requests the end of the process (`SIGINT`, `SIGTERM`, `SIGHUP`). The process then
 /// ends by that signal. Signals that the process ignores, as under `nohup`, stay ignored. The action runs in its own
@@ -32,6 +34,22 @@ pub fn before_signals(action: impl Fn() + Send + 'static) -> io::Result<()> {
     #[cfg(not(unix))]
     drop(action);
     Ok(())
+}
+
+/// Returns a flag that the next signal of [`before_signals`] sets. It is false forever on systems other than Unix.
+pub(crate) fn next_signal() -> Arc<AtomicBool> {
+    let flag = Arc::new(AtomicBool::new(false));
+    #[cfg(unix)]
+    {
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+        let ignored = ignored();
+        for signal in [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0)
+        {
+            // Without it, the run ends after a time limit.
+            let _ = signal_hook::flag::register(signal, flag.clone());
+        }
+    }
+    flag
 }
 
 /// Returns the signals that this process ignores, as bits from signal 1 on; none where the system does not provide

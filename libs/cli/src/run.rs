@@ -1,13 +1,17 @@
 //! Early ends of a run: by a signal, by `-timeout`, or because the program that it works for is gone.
 
+use crate::ending::next_signal;
 use crate::{Bar, Status, before_signals, leave, when_caller_is_gone};
 use granita_base::{Reporter, Supervisor};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The time that a run has for an orderly end after its time limit.
 const GRACE: Duration = Duration::from_secs(2);
+
+/// The longest time that a frame has for writing its partial images.
+const KEEPING: Duration = Duration::from_secs(60);
 
 /// Ends a run and the processes that it started. Clones end the same run.
 #[derive(Clone)]
@@ -16,6 +20,8 @@ pub struct Ending {
     bar: Bar,
     /// The flag that ends the current frame, once there is a session.
     stop: Arc<OnceLock<Arc<AtomicBool>>>,
+    /// The flag that is true during a frame whose images are kept when it is ended early.
+    busy: Arc<OnceLock<Arc<AtomicBool>>>,
     /// True when the time limit was exceeded.
     late: Arc<AtomicBool>,
 }
@@ -23,7 +29,13 @@ pub struct Ending {
 impl Ending {
     /// Returns the ending of a run whose progress `bar` shows.
     pub fn new(bar: Bar) -> Self {
-        Self { supervisor: Supervisor::default(), bar, stop: Arc::default(), late: Arc::default() }
+        Self {
+            supervisor: Supervisor::default(),
+            bar,
+            stop: Arc::default(),
+            busy: Arc::default(),
+            late: Arc::default(),
+        }
     }
 
     /// Returns the supervisor, which starts and stores the processes of the run.
@@ -36,6 +48,26 @@ impl Ending {
         let _ = self.stop.set(stop);
     }
 
+    /// Makes the end of the run wait while `busy` is true, which it is during a frame that keeps its images when it is
+    /// stopped. A minute is the limit, and a second signal ends the run at once.
+    pub fn keeps(&self, busy: Arc<AtomicBool>) {
+        let _ = self.busy.set(busy);
+    }
+
+    /// Stops the frame that keeps its images, if there is one, and waits for it.
+    fn keep(&self) {
+        let Some(busy) = self.busy.get() else { return };
+        // No other frame begins after this. The flag comes first, because a frame that begins resets `stop`.
+        self.supervisor.close();
+        if let Some(stop) = self.stop.get() {
+            stop.store(true, Ordering::SeqCst);
+        }
+        let (again, begin) = (next_signal(), Instant::now());
+        while busy.load(Ordering::SeqCst) && !again.load(Ordering::SeqCst) && begin.elapsed() < KEEPING {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
     /// Returns true after the time of [`Ending::limit`] was exceeded.
     pub fn is_late(&self) -> bool {
         self.late.load(Ordering::SeqCst)
@@ -44,9 +76,15 @@ impl Ending {
     /// Cleans up before the process ends, while its threads still run. Everything that must not be left behind is
     /// removed here.
     fn tidy(&self) {
+        self.keep();
         self.bar.mute();
         self.supervisor.end();
         granita_base::files::remove_unfinished();
+    }
+
+    /// True when a frame is rendered whose images are kept.
+    fn is_keeping(&self) -> bool {
+        self.busy.get().is_some_and(|busy| busy.load(Ordering::SeqCst))
     }
 
     /// Ends the run on signals and, when `caller` is true, when the program that it works for is gone.
@@ -57,7 +95,10 @@ impl Ending {
             // On a terminal the prompt follows, on a line of its own.
             if ending.bar.is_shown() {
                 ending.bar.close();
-                messages.error("ended by a signal; unfinished files are removed");
+                messages.error(match ending.is_keeping() {
+                    true => "ended by a signal; the frame is kept as partial images (a second signal ends at once)",
+                    false => "ended by a signal; unfinished files are removed",
+                });
             }
             ending.tidy();
         };
@@ -73,7 +114,8 @@ impl Ending {
     }
 
     /// Ends the run after so many seconds. It reports an error that names the current activities, ends the processes,
-    /// stops the frame, and leaves two seconds later with [`Status::WithErrors`].
+    /// stops the frame, and leaves two seconds later with [`Status::WithErrors`]. With [`Ending::keeps`] the frame is
+    /// stopped first.
     pub fn limit(&self, seconds: f64, reporter: &Reporter) {
         let (ending, reporter) = (self.clone(), reporter.clone());
         std::thread::spawn(move || {

@@ -44,11 +44,7 @@ pub struct Leaf {
 impl Rates {
     /// Dices a piece at these rates. Points and curves turn towards `viewer`.
     pub fn dice(&self, piece: &dyn Surface, viewer: &Viewer) -> Dice {
-        let mut dice = piece.dice_between(self.nu, self.nv, &self.sides);
-        if dice.facing.is_some() {
-            dice.turn(&|key, p| viewer.view(key, p));
-        }
-        dice
+        piece.dice_towards(self.nu, self.nv, &self.sides, &|key, p| viewer.view(key, p))
     }
 }
 

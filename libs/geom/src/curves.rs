@@ -3,15 +3,16 @@
 //! With "N" a ribbon is perpendicular to N. Without it the ribbon faces the viewer; see [`crate::Dice::facing`].
 
 use crate::GeomError;
-use crate::bezier::{MAX_DEGREE, bernstein, bernstein_derivative, symmetric_sum};
-use crate::dice::{Dice, Facing, View};
+use crate::curve::{Curves, Evaluator, Points};
+use crate::dice::{Dice, Facing, View, on_ribbon, ribbon_side};
 use crate::key::ShapeKey;
-use crate::net::{hull, rounded_out};
+use crate::net::rounded_out;
 use crate::order::spatial_order;
 use crate::range::{Place, Range};
+use crate::side::SidePoints;
 use crate::spline::Spline;
 use crate::surface::{Piece, SplitDirection, Surface};
-use crate::vars::{Control, Counts, Report, Vars, control, emit, position, take_normals, vertex_count};
+use crate::vars::{Counts, Report, Vars, control, emit, position, take_normals, vertex_count};
 use crate::width::{WidthCounts, Widths};
 use granita_base::{Bound, Severity, Vec3};
 use std::sync::Arc;
@@ -23,19 +24,6 @@ const MOST_SEGMENTS: u32 = 8;
 
 /// The angle in radians between segments from which on they form a crease.
 const CREASE: f32 = 0.01;
-
-struct Curves {
-    times: Vec<f32>,
-    spline: Spline,
-    /// The number of control vertices of a curve.
-    nverts: usize,
-    control: Control,
-    vars: Vars,
-    /// The widths for each key.
-    widths: Vec<Widths>,
-    /// The indices of the curves that can be drawn, ordered so that neighbours are together.
-    order: Vec<u32>,
-}
 
 struct CurvePiece {
     all: Arc<Curves>,
@@ -82,158 +70,12 @@ pub(crate) fn build(
     }
     let times = keys.iter().map(|k| k.time).collect();
     let curves = 0..order.len();
-    let all = Arc::new(Curves { times, spline, nverts, control, vars, widths, order });
-    Ok(vec![Box::new(CurvePiece::new(all, curves, None))])
-}
-
-/// The evaluated values at one place of a curve.
-struct Point {
-    /// The control channels, divided by weights.
-    values: Vec<f64>,
-    /// The derivative along v at each key.
-    tangents: Vec<Vec3>,
-    /// The width at each key.
-    widths: Vec<f32>,
-    v: f64,
-}
-
-impl Curves {
-    /// Gathers the Bezier vertices of a segment: the control channels, then the vertex widths of each key.
-    fn gather(&self, curve: usize, segment: u32, out: &mut Vec<f64>) {
-        let s = &self.spline.segments[segment as usize];
-        let (m, c, stride) = (self.spline.degree + 1, self.control.channels, self.stride());
-        out.clear();
-        out.resize(m * stride, 0.0);
-        for j in 0..m {
-            for k in 0..m {
-                let w = s.matrix.as_ref().map_or(f64::from(u8::from(j == k)), |w| w[j * m + k]);
-                if w == 0.0 {
-                    continue;
-                }
-                let index = curve * self.nverts + s.first + k;
-                let vertex = self.control.vertex(index);
-                let at = &mut out[j * stride..][..stride];
-                for (o, x) in at.iter_mut().zip(vertex) {
-                    *o += w * x;
-                }
-                let weight = if self.control.dim == 4 { vertex[3] } else { 1.0 };
-                for (o, widths) in at[c..].iter_mut().zip(&self.widths) {
-                    if let Widths::Vertex(list) = widths {
-                        *o += w * f64::from(list[index]) * weight;
-                    }
-                }
-            }
-        }
-    }
-
-    fn stride(&self) -> usize {
-        self.control.channels + self.times.len()
-    }
-
-    /// Returns the width at a key and a fraction along the curve, when it is not interpolated like the vertices.
-    fn width(&self, key: usize, curve: usize, fraction: f64) -> Option<f64> {
-        match &self.widths[key] {
-            Widths::Constant(w) => Some(f64::from(*w)),
-            Widths::PerPiece(list) => Some(f64::from(list[curve])),
-            Widths::Linear(list) => {
-                let [a, b] = [list[2 * curve], list[2 * curve + 1]].map(f64::from);
-                Some(a * (1.0 - fraction) + b * fraction)
-            }
-            Widths::Vertex(_) => None,
-        }
-    }
-
-    fn point(&self, curve: usize, place: Place, net: &mut Vec<f64>) -> Point {
-        let dim = self.control.dim;
-        let (mut values, mut tangents) = self.raw(curve, place, net);
-        if let Some(beside) = self.beside(place) {
-            // Segments may have an angle between them. Their ribbons share an edge when both take the direction in
-            // between.
-            let (_, others) = self.raw(curve, beside, net);
-            for (t, other) in tangents.iter_mut().zip(others) {
-                let between = t.normalize_or_zero() + other.normalize_or_zero();
-                let length = (t.length() + other.length()) * 0.5;
-                *t = between.try_normalize().map_or(*t, |d| d * length);
-            }
-        }
-        if dim == 4 {
-            let safe = |w: f64| if w == 0.0 { 1.0 } else { w };
-            let first = safe(values[3]);
-            let (positions, others) = values.split_at_mut(self.control.vars_offset());
-            for p in positions.chunks_exact_mut(4) {
-                let w = safe(p[3]);
-                p[..3].iter_mut().for_each(|x| *x /= w);
-                p[3] = 1.0;
-            }
-            others.iter_mut().for_each(|x| *x /= first);
-        }
-        let v = self.spline.parameter(place.segment, place.a, place.b);
-        let (v0, v1) = self.spline.extent();
-        let widths = (0..self.times.len())
-            .map(|key| {
-                let like_vertices = values[self.control.channels + key];
-                self.width(key, curve, (v - v0) / (v1 - v0)).unwrap_or(like_vertices).max(0.0) as f32
-            })
-            .collect();
-        Point { values, tangents, widths, v }
-    }
-
-    /// Returns all channels at a place, not divided by weights, and the derivative along v at each key.
-    fn raw(&self, curve: usize, place: Place, net: &mut Vec<f64>) -> (Vec<f64>, Vec<Vec3>) {
-        self.gather(curve, place.segment, net);
-        let (stride, degree) = (self.stride(), self.spline.degree);
-        let segment = &self.spline.segments[place.segment as usize];
-        let mut w = [0.0; MAX_DEGREE + 1];
-        bernstein(degree, place.a, place.b, &mut w);
-        let values: Vec<f64> =
-            (0..stride).map(|c| symmetric_sum(&w[..=degree], |k| net[k * stride + c])).collect();
-        let length = (segment.t1 - segment.t0) as f32;
-        let tangents =
-            (0..self.times.len()).map(|key| self.tangent(net, key, place, &values) / length).collect();
-        (values, tangents)
-    }
-
-    /// Returns the same place as the end of the neighbouring segment, if there is one.
-    fn beside(&self, place: Place) -> Option<Place> {
-        if place.b == 0.0 && place.segment > 0 {
-            Some(Place { segment: place.segment - 1, a: 0.0, b: 1.0 })
-        } else if place.a == 0.0 && place.segment + 1 < self.spline.count() {
-            Some(Place { segment: place.segment + 1, a: 1.0, b: 0.0 })
-        } else {
-            None
-        }
-    }
-
-    /// Returns the derivative within the segment at a key. Where it vanishes, the derivative slightly further inside
-    /// is returned.
-    fn tangent(&self, net: &[f64], key: usize, place: Place, values: &[f64]) -> Vec3 {
-        let (stride, dim, degree) = (self.stride(), self.control.dim, self.spline.degree);
-        let mut d = [0.0; MAX_DEGREE + 1];
-        let at = |d: &[f64], c: usize| symmetric_sum(&d[..=degree], |k| net[k * stride + key * dim + c]);
-        bernstein_derivative(degree, place.a, place.b, &mut d);
-        let x = &values[key * dim..];
-        let direct = |d: &[f64], x: &dyn Fn(usize) -> f64| -> [f64; 3] {
-            if dim == 3 {
-                return std::array::from_fn(|c| at(d, c));
-            }
-            let w = if x(3) == 0.0 { 1.0 } else { x(3) };
-            std::array::from_fn(|c| (at(d, c) - x(c) / w * at(d, 3)) / w)
-        };
-        let t = direct(&d, &|c| x[c]);
-        let size = (1..=degree)
-            .flat_map(|k| (0..3).map(move |c| (k, c)))
-            .map(|(k, c)| (net[k * stride + key * dim + c] - net[(k - 1) * stride + key * dim + c]).abs())
-            .fold(0.0, f64::max);
-        let largest = |t: [f64; 3]| t.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        if largest(t) > 1e-6 * size {
-            return Vec3::from(t.map(|x| x as f32));
-        }
-        let (a, b) = (place.a + (0.5 - place.a) * 1e-3, place.b + (0.5 - place.b) * 1e-3);
-        let mut w = [0.0; MAX_DEGREE + 1];
-        bernstein(degree, a, b, &mut w);
-        bernstein_derivative(degree, a, b, &mut d);
-        Vec3::from(direct(&d, &|c| at(&w, c)).map(|x| x as f32))
-    }
+    let mut all = Curves { times, spline, nverts, control, vars, widths, order, bounds: Vec::new() };
+    let (whole, mut net) = (Range::whole(all.spline.count()), Vec::new());
+    let mut bounds_at =
+        |key| all.order.iter().map(|&curve| all.bound(curve as usize, whole, key, &mut net)).collect();
+    all.bounds = (0..keys.len()).map(&mut bounds_at).collect();
+    Ok(vec![Box::new(CurvePiece::new(Arc::new(all), curves, None))])
 }
 
 impl CurvePiece {
@@ -250,30 +92,107 @@ impl CurvePiece {
 
     fn find_bound(&self, key: usize) -> Bound {
         let all = &*self.all;
-        let (stride, dim) = (all.stride(), all.control.dim);
-        let (mut net, mut of_key) = (Vec::new(), Vec::new());
         let mut bound = Bound::EMPTY;
-        for &curve in &all.order[self.curves.clone()] {
-            let mut widest = 0.0_f64;
-            let mut centre = Bound::EMPTY;
-            for segment in self.range[1].segments() {
-                all.gather(curve as usize, segment, &mut net);
-                of_key.clear();
-                for vertex in net.chunks_exact(stride) {
-                    of_key.extend_from_slice(&vertex[key * dim..(key + 1) * dim]);
-                    let weight = if dim == 4 && vertex[3] > 0.0 { vertex[3] } else { 1.0 };
-                    widest = widest.max(vertex[all.control.channels + key] / weight);
+        match all.bounds.get(key) {
+            Some(bounds) if self.range == [Range::whole(1), Range::whole(all.spline.count())] => {
+                bound = bounds[self.curves.clone()].iter().copied().fold(bound, Bound::union);
+            }
+            _ => {
+                let mut net = Vec::new();
+                for &curve in &all.order[self.curves.clone()] {
+                    bound = bound.union(all.bound(curve as usize, self.range[1], key, &mut net));
                 }
-                let range = [Range::whole(1), self.range[1]];
-                centre = centre.union(hull(&mut of_key, [0, all.spline.degree], dim, range, 6));
             }
-            for end in [0.0, 1.0] {
-                widest = widest.max(all.width(key, curve as usize, end).unwrap_or(0.0));
-            }
-            bound = bound.union(centre.padded(widest as f32 * 0.5));
         }
         rounded_out(bound)
     }
+
+    /// Returns the evaluated values at `n` places along the piece.
+    fn points(&self, n: usize, evaluator: Evaluator<'_>) -> Points {
+        evaluator.points((0..n).map(|j| self.range[1].place(j, n)))
+    }
+
+    /// Replaces `out` by the positions of a ribbon that faces the viewer; see [`Surface::positions_towards`].
+    fn ribbon(
+        &self,
+        key: usize,
+        [nu, nv]: [usize; 2],
+        view: &dyn Fn(usize, Vec3) -> View,
+        out: &mut Vec<Vec3>,
+    ) {
+        let (nv, key, dim) = (nv.max(2), key.min(self.bounds.len() - 1), self.all.control.dim);
+        let points = self.points(nv, Evaluator::new(&self.all, self.curve(), key..key + 1));
+        let place = |i: usize| (2.0 * self.range[0].place(i, 2).b - 1.0) as f32;
+        let ends = [0, 1].map(place);
+        let mut borders = Vec::with_capacity(2 * nv);
+        for (j, values) in points.values.chunks_exact(self.all.stride()).enumerate() {
+            let centre = position(&values[key * dim..], 3);
+            let side = ribbon_side(points.tangents[j], view(key, centre).direction());
+            borders.extend(ends.map(|x| on_ribbon(centre, side, x, points.widths[j])));
+        }
+        spread_across(&borders, nu, out);
+    }
+
+    /// Dices the piece. Unless it has normals, it has no positions yet; see [`Dice::turn`].
+    fn unturned(&self, nu: usize, nv: usize) -> Dice {
+        let (nu, nv) = (nu.max(2), nv.max(2));
+        let (all, curve, n) = (&*self.all, self.curve(), nu * nv);
+        let (dim, keys, stride) = (all.control.dim, all.times.len(), all.stride());
+        let points = self.points(nv, Evaluator::new(all, curve, 0..keys).with_variables());
+        let across: Vec<f64> = (0..nu).map(|i| self.range[0].place(i, nu).b).collect();
+        let mut dice = Dice { nu, nv, face: curve as u32, ..Dice::default() };
+        dice.u = across.iter().map(|u| *u as f32).collect::<Vec<f32>>().repeat(nv);
+        dice.v = spread(nu, points.v.iter().map(|v| *v as f32));
+        dice.primvars = all.vars.uniform(curve);
+        if !all.vars.vertex.is_empty() {
+            let rows = points.values.chunks_exact(stride);
+            let values: Vec<f64> =
+                rows.flat_map(|row| std::iter::repeat_n(row, nu)).flatten().copied().collect();
+            emit(&all.vars.vertex, &values, n, stride, keys * dim, &mut dice.primvars);
+        }
+        if !all.vars.linear.is_empty() {
+            let mut corners = Vec::new();
+            for end in [0, 0, 1, 1] {
+                all.vars.push_linear(curve * 2 + end, &mut corners);
+            }
+            let (v0, v1) = all.spline.extent();
+            let s = across.repeat(nv);
+            let t = spread(nu, points.v.iter().map(|v| (v - v0) / (v1 - v0)));
+            all.vars.emit_linear(&corners, &s, &t, &mut dice.primvars);
+        }
+        dice.n = take_normals(n, &mut dice.primvars);
+        let offset: Vec<[f32; 2]> = across.iter().map(|u| [(2.0 * u - 1.0) as f32, 0.0]).collect();
+        let centre = |key: usize| move |values: &[f64]| position(&values[key * dim..], 3);
+        let facing = Facing {
+            centre: (0..keys)
+                .map(|k| spread(nu, points.values.chunks_exact(stride).map(centre(k))))
+                .collect(),
+            tangent: (0..keys)
+                .map(|k| spread(nu, points.tangents.iter().skip(k).step_by(keys).copied()))
+                .collect(),
+            width: (0..keys)
+                .map(|k| spread(nu, points.widths.iter().skip(k).step_by(keys).copied()))
+                .collect(),
+            raster: false,
+            offset: offset.repeat(nv),
+        };
+        dice.facing = Some(facing);
+        if let Some(normals) = dice.n.clone() {
+            // The normals replace the viewer permanently.
+            dice.turn_by(&|_, i, _| View { toward: normals[i], pixel: 1.0 });
+            dice.facing = None;
+        }
+        dice
+    }
+}
+
+/// Returns a list in which each value of another list comes `nu` times.
+fn spread<T: Copy>(nu: usize, values: impl ExactSizeIterator<Item = T>) -> Vec<T> {
+    let mut out = Vec::with_capacity(values.len() * nu);
+    for value in values {
+        out.resize(out.len() + nu, value);
+    }
+    out
 }
 
 /// Appends `nu` points on each line from one border of a ribbon to the other. A ribbon is straight across.
@@ -298,8 +217,7 @@ impl Surface for CurvePiece {
     }
 
     fn positions(&self, key: usize, nu: usize, nv: usize, out: &mut Vec<Vec3>) {
-        let dice = self.dice(2, nv);
-        spread_across(&dice.p[key.min(self.bounds.len() - 1)], nu, out);
+        self.positions_towards(key, nu, nv, &|_, _| View::ALONG_Z, out);
     }
 
     fn positions_towards(
@@ -310,9 +228,12 @@ impl Surface for CurvePiece {
         view: &dyn Fn(usize, Vec3) -> View,
         out: &mut Vec<Vec3>,
     ) {
-        let mut dice = self.dice(2, nv);
-        dice.turn(view);
-        spread_across(&dice.p[key.min(self.bounds.len() - 1)], nu, out);
+        if self.is_facing() {
+            self.ribbon(key, [nu, nv], view, out);
+        } else {
+            let dice = self.dice(2, nv);
+            spread_across(&dice.p[key.min(self.bounds.len() - 1)], nu, out);
+        }
     }
 
     fn domain(&self) -> [f32; 4] {
@@ -360,47 +281,20 @@ impl Surface for CurvePiece {
     }
 
     fn dice(&self, nu: usize, nv: usize) -> Dice {
-        let (nu, nv) = (nu.max(2), nv.max(2));
-        let (all, curve, n) = (&*self.all, self.curve(), nu * nv);
-        let (dim, keys) = (all.control.dim, all.times.len());
-        let mut net = Vec::new();
-        let points: Vec<Point> =
-            (0..nv).map(|j| all.point(curve, self.range[1].place(j, nv), &mut net)).collect();
-        let across: Vec<f64> = (0..nu).map(|i| self.range[0].place(i, nu).b).collect();
-        let mut dice = Dice { nu, nv, face: curve as u32, ..Dice::default() };
-        dice.u = (0..n).map(|i| across[i % nu] as f32).collect();
-        dice.v = (0..n).map(|i| points[i / nu].v as f32).collect();
-        dice.primvars = all.vars.uniform(curve);
-        let values: Vec<f64> = (0..n).flat_map(|i| points[i / nu].values.iter().copied()).collect();
-        emit(&all.vars.vertex, &values, n, all.stride(), keys * dim, &mut dice.primvars);
-        if !all.vars.linear.is_empty() {
-            let mut corners = Vec::new();
-            for end in [0, 0, 1, 1] {
-                all.vars.push_linear(curve * 2 + end, &mut corners);
-            }
-            let (v0, v1) = all.spline.extent();
-            let s: Vec<f64> = (0..n).map(|i| across[i % nu]).collect();
-            let t: Vec<f64> = (0..n).map(|i| (points[i / nu].v - v0) / (v1 - v0)).collect();
-            all.vars.emit_linear(&corners, &s, &t, &mut dice.primvars);
-        }
-        dice.n = take_normals(n, &mut dice.primvars);
-        let lanes = |f: &dyn Fn(&Point) -> Vec3| (0..n).map(|i| f(&points[i / nu])).collect::<Vec<_>>();
-        let facing = Facing {
-            centre: (0..keys).map(|k| lanes(&|p| position(&p.values[k * dim..], 3))).collect(),
-            tangent: (0..keys).map(|k| lanes(&|p| p.tangents[k])).collect(),
-            width: (0..keys).map(|k| (0..n).map(|i| points[i / nu].widths[k]).collect()).collect(),
-            raster: false,
-            offset: (0..n).map(|i| [(2.0 * across[i % nu] - 1.0) as f32, 0.0]).collect(),
-        };
-        dice.facing = Some(facing);
-        match dice.n.clone() {
-            Some(normals) => {
-                // The normals replace the viewer permanently.
-                dice.turn_by(&|_, i, _| View { toward: normals[i], pixel: 1.0 });
-                dice.facing = None;
-            }
-            None => dice.turn(&|_, _| View { toward: Vec3::Z, pixel: 1.0 }),
-        }
+        let mut dice = self.unturned(nu, nv);
+        dice.turn(&|_, _| View::ALONG_Z);
+        dice
+    }
+
+    fn dice_towards(
+        &self,
+        nu: usize,
+        nv: usize,
+        _: &[SidePoints; 4],
+        view: &dyn Fn(usize, Vec3) -> View,
+    ) -> Dice {
+        let mut dice = self.unturned(nu, nv);
+        dice.turn(view);
         dice
     }
 
@@ -413,8 +307,13 @@ impl Surface for CurvePiece {
     }
 
     fn has_crease(&self) -> bool {
-        let mut net = Vec::new();
-        let mut tangents = |place| self.all.raw(self.curve(), place, &mut net).1;
+        let keys = 0..self.all.times.len();
+        let mut evaluator = Evaluator::new(&self.all, self.curve(), keys);
+        let mut tangents = |place| {
+            let mut out = Points::default();
+            evaluator.raw(place, &mut out);
+            out.tangents
+        };
         let mut segments = self.range[1].segments();
         let Some(mut segment) = segments.next() else { return false };
         for next in segments {

@@ -74,6 +74,16 @@ pub struct View {
     pub pixel: f32,
 }
 
+impl View {
+    /// A view along object space z.
+    pub(crate) const ALONG_Z: Self = Self { toward: Vec3::Z, pixel: 1.0 };
+
+    /// Returns the unit vector towards the viewer; z at the viewer itself.
+    pub(crate) fn direction(&self) -> Vec3 {
+        self.toward.try_normalize().unwrap_or(Vec3::Z)
+    }
+}
+
 /// The orientation of the lattice of a point or curve towards the viewer. Each point is
 /// `centre + width / 2 * (offset[0] * side + offset[1] * up)`. For a curve, `side` is perpendicular to the curve and
 /// to the view, and there is no `up`. For a particle, `side` and `up` span the plane perpendicular to the view.
@@ -110,17 +120,23 @@ impl Dice {
         let mut first: Vec<Vec3> = Vec::new();
         for (key, centres) in facing.centre.iter().enumerate() {
             let mut positions = Vec::with_capacity(n);
+            // The points across a curve have the same side.
+            let mut last: Option<([Vec3; 2], Vec3)> = None;
             for (i, &centre) in centres.iter().enumerate() {
                 let view = view(key, i, centre);
                 let width = facing.width[key][i] * if facing.raster { view.pixel } else { 1.0 };
-                let toward = view.toward.try_normalize().unwrap_or(Vec3::Z);
                 let [x, y] = facing.offset[i];
                 let (side, up, along) = match facing.tangent.get(key) {
                     Some(tangents) => {
-                        let side = ribbon_side(tangents[i], toward);
+                        let place = [tangents[i], view.toward];
+                        let (_, side) = *match &mut last {
+                            Some(last) if same_bits(&last.0, &place) => last,
+                            last => last.insert((place, ribbon_side(tangents[i], view.direction()))),
+                        };
                         (side, Vec3::ZERO, tangents[i])
                     }
                     None => {
+                        let toward = view.direction();
                         let wanted = first.get(i).copied().unwrap_or_else(|| toward.any_orthonormal_vector());
                         let side = (wanted - toward * wanted.dot(toward))
                             .try_normalize()
@@ -134,16 +150,32 @@ impl Dice {
                     self.dpdu[i] = side * width;
                     self.dpdv[i] = along;
                 }
-                positions.push(centre + (side * x + up * y) * (width * 0.5));
+                positions.push(placed(centre, [side, up], [x, y], width));
             }
             self.p.push(positions);
         }
     }
 }
 
+/// True when vectors are the same to the bit.
+fn same_bits(a: &[Vec3; 2], b: &[Vec3; 2]) -> bool {
+    let bits = |v: &[Vec3; 2]| v.map(|v| v.to_array().map(f32::to_bits));
+    bits(a) == bits(b)
+}
+
+/// Returns the point at an offset in the cross section around a centre.
+fn placed(centre: Vec3, [side, up]: [Vec3; 2], [x, y]: [f32; 2], width: f32) -> Vec3 {
+    centre + (side * x + up * y) * (width * 0.5)
+}
+
+/// Returns the point of a ribbon at an offset from its centre; see [`Facing::offset`].
+pub(crate) fn on_ribbon(centre: Vec3, side: Vec3, x: f32, width: f32) -> Vec3 {
+    placed(centre, [side, Vec3::ZERO], [x, 0.0], width)
+}
+
 /// Returns the direction across a curve and perpendicular to the view. The cross product of side and tangent points
 /// towards the viewer.
-fn ribbon_side(tangent: Vec3, toward: Vec3) -> Vec3 {
+pub(crate) fn ribbon_side(tangent: Vec3, toward: Vec3) -> Vec3 {
     let along = tangent.try_normalize().unwrap_or_else(|| toward.any_orthonormal_vector());
     let side = along.cross(toward);
     // For a curve that is seen end on, any side is valid.

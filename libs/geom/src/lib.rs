@@ -40,6 +40,7 @@
 mod bezier;
 mod build;
 mod cage;
+mod curve;
 mod curves;
 mod dice;
 mod error;

@@ -146,6 +146,20 @@ pub trait Surface: Send + Sync {
     /// of the piece. A piece that must be split dices its first part only.
     fn dice(&self, nu: usize, nv: usize) -> Dice;
 
+    /// Does the same as [`Surface::dice_between`], with points and curves turned towards the viewer. See
+    /// [`Dice::turn`].
+    fn dice_towards(
+        &self,
+        nu: usize,
+        nv: usize,
+        sides: &[SidePoints; 4],
+        view: &dyn Fn(usize, Vec3) -> View,
+    ) -> Dice {
+        let mut dice = self.dice_between(nu, nv, sides);
+        dice.turn(view);
+        dice
+    }
+
     /// The number of facets that the piece spans, for a mesh of flat faces. A facet is a quadrilateral, or a triangle
     /// of which two corners are the same. 0 for other primitives.
     fn facets(&self) -> usize {

@@ -73,6 +73,82 @@ fn curves_with_normals_are_ribbons() {
 }
 
 #[test]
+fn curves_are_measured_where_they_are_diced() {
+    let mut random = 1_u32;
+    let mut next = || {
+        random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (random >> 8) as f32 / (1 << 24) as f32 - 0.5
+    };
+    let eye = Vec3::new(0.3, 0.4, 5.0);
+    let view = |key: usize, p: Vec3| View { toward: eye + Vec3::X * key as f32 - p, pixel: 0.5 };
+    for (basis, dim) in [
+        (CurveBasis::Bezier, 3),
+        (CurveBasis::BSpline, 3),
+        (CurveBasis::CatmullRom, 4),
+        (CurveBasis::Linear, 3),
+        (CurveBasis::Bezier, 4),
+    ] {
+        let name = if dim == 3 { "vertex point P" } else { "vertex hpoint Pw" };
+        let mut points = || -> Vec<f32> {
+            (0..21 * dim).map(|i| if i % dim == 3 { 1.0 + next() } else { next() }).collect()
+        };
+        let (p, q) = (points(), points());
+        let widths: Vec<f32> = (0..21).map(|_| next().abs()).collect();
+        let keys = [&p, &q]
+            .map(|p| params(&[(name, p), ("vertex float width", &widths), ("vertex float y", &widths)]));
+        let (pieces, said) = try_build(&curves(basis, 3, 7), &keys.each_ref(), None);
+        assert!(said.is_empty(), "{said:?}");
+        for piece in diceable(pieces.unwrap()) {
+            let mut dice = piece.dice(2, 6);
+            let sides = Default::default();
+            for faces in [false, true] {
+                if faces {
+                    dice.turn(&view);
+                    let turned = piece.dice_towards(2, 6, &sides, &view);
+                    assert_eq!((&turned.p, &turned.dpdu, &turned.dpdv), (&dice.p, &dice.dpdu, &dice.dpdv));
+                    assert_eq!((&turned.u, &turned.v, &turned.primvars), (&dice.u, &dice.v, &dice.primvars));
+                }
+                for key in 0..2 {
+                    let mut positions = Vec::new();
+                    match faces {
+                        true => piece.positions_towards(key, 2, 6, &view, &mut positions),
+                        false => piece.positions(key, 2, 6, &mut positions),
+                    }
+                    assert_eq!(bits(&positions), bits(&dice.p[key]), "{basis:?}, key {key}");
+                }
+            }
+            assert!(dice.primvars.iter().any(|v| &*v.name == "y"));
+        }
+    }
+}
+
+#[test]
+fn the_bound_of_a_group_of_curves_contains_those_of_its_parts() {
+    let p: Vec<f32> = (0..50 * 4 * 3).map(|i| ((i * 7919) % 997) as f32 * 0.01).collect();
+    let keys = [&p, &p.iter().map(|x| x * 1.5 - 1.0).collect()]
+        .map(|p: &Vec<f32>| params(&[("P", p), ("constant float width", &[0.1])]));
+    let (pieces, _) = try_build(&curves(CurveBasis::Bezier, 50, 4), &keys.each_ref(), None);
+    let mut stack = pieces.unwrap();
+    let mut groups = 0;
+    while let Some(piece) = stack.pop() {
+        if !piece.is_group() {
+            continue;
+        }
+        let parts = piece.split(SplitDirection::U);
+        for key in 0..2 {
+            let bound = piece.bound(key);
+            let union = parts.iter().map(|part| part.bound(key)).reduce(|a, b| a.union(b)).unwrap();
+            // Each bound has room for rounding, which grows with its coordinates.
+            assert!(bound.min.cmple(union.min).all() && bound.max.cmpge(union.max).all());
+            assert!((bound.max - bound.min).abs_diff_eq(union.max - union.min, 1e-4), "{bound:?} {union:?}");
+        }
+        groups += 1;
+        stack.extend(parts);
+    }
+    assert_eq!(groups, 49);
+}
+
+#[test]
 fn a_set_of_curves_splits_into_single_curves() {
     let mut p = Vec::new();
     for i in 0..37 {

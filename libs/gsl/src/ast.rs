@@ -17,8 +17,6 @@ pub(crate) struct Shader {
     pub(crate) metadata: Vec<Datum>,
     pub(crate) params: Vec<Param>,
     pub(crate) body: Vec<Stmt>,
-    /// The functions declared before the shader.
-    pub(crate) functions: Vec<Function>,
 }
 
 #[derive(Debug)]
@@ -100,6 +98,8 @@ impl Lighting {
 #[derive(Debug)]
 pub(crate) enum StmtKind {
     Empty,
+    /// A statement that could not be parsed.
+    Missing,
     Expr(Expr),
     Block(Vec<Stmt>),
     Variables(ValueType, Vec<Definition>),
@@ -170,6 +170,8 @@ impl Binary {
 
 #[derive(Debug)]
 pub(crate) enum ExprKind {
+    /// An expression that could not be parsed.
+    Missing,
     Number(f32),
     Text(Arc<str>),
     /// A variable with up to three subscripts, which are the element, then the component or the row and the column.

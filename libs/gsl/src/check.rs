@@ -6,10 +6,12 @@ use crate::ast;
 use crate::builtins;
 use crate::diagnostic::{Diagnostics, suggestion};
 use crate::hir::*;
-use crate::ir::{ConstValue, Global, Metadatum, OpCode, SymbolType, ValueType};
+use crate::ir::{ConstValue, Global, Metadatum, OpCode, ShaderKind, SymbolType, ValueType};
+use crate::lost::Lost;
+use crate::parse::File;
 use crate::shadeop::{self, ShadeopForm};
 use crate::source::Pos;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The largest length of an array.
@@ -38,11 +40,16 @@ pub(crate) struct Checker<'a> {
     around: Vec<Around>,
     /// The functions whose bodies are being checked, innermost last.
     inside: Vec<FuncId>,
+    /// The names in parts of the source that could not be parsed.
+    pub(crate) lost: Lost,
+    /// The unknown names that were reported, with the outermost function that they are in.
+    unknown: BTreeSet<(Option<FuncId>, Arc<str>)>,
 }
 
-/// Checks a shader. Errors go to `diags`, and invalid expressions become [`ExprKind::Bad`].
+/// Checks a shader. Errors go to `diags`, and invalid expressions become [`ExprKind::Bad`]. In a file without a shader
+/// the functions are checked.
 pub(crate) fn check(
-    shader: ast::Shader,
+    file: File,
     shadeops: &[(Arc<str>, Pos, Vec<ShadeopForm>)],
     diags: &mut Diagnostics,
 ) -> Shader {
@@ -53,6 +60,8 @@ pub(crate) fn check(
         scopes: vec![Scope::default()],
         around: Vec::new(),
         inside: Vec::new(),
+        lost: file.lost,
+        unknown: BTreeSet::new(),
     };
     for g in Global::ALL {
         let id = VarId(checker.vars.len());
@@ -73,10 +82,17 @@ pub(crate) fn check(
         forms.iter().for_each(|form| checker.shadeop(name, form, *pos));
     }
     checker.scopes.push(Scope::default());
-    for function in shader.functions {
+    for function in file.functions {
         checker.function(function);
     }
     checker.scopes.push(Scope::default());
+    let shader = file.shader.unwrap_or_else(|| ast::Shader {
+        kind: ShaderKind::Generic,
+        name: ast::Name { text: "".into(), pos: Pos::default() },
+        metadata: Vec::new(),
+        params: Vec::new(),
+        body: Vec::new(),
+    });
     let metadata = checker.metadata(shader.metadata);
     let mut params = Vec::new();
     for param in shader.params {
@@ -97,8 +113,11 @@ pub(crate) fn check(
 
 impl Checker<'_> {
     fn unused(&mut self) {
+        if self.lost.has_lost_text() {
+            return;
+        }
         for var in &self.vars {
-            if var.kind != VarKind::Local || var.warned {
+            if var.kind != VarKind::Local || var.warned || self.lost.mentions(&var.name) {
                 continue;
             }
             if !var.read {
@@ -129,7 +148,7 @@ impl Checker<'_> {
             level,
         });
         let old = self.scopes.last_mut().and_then(|s| s.vars.insert(name.text.clone(), id));
-        if let Some(old) = old {
+        if let Some(old) = old.filter(|_| !self.lost.has_lost_braces()) {
             let before = self.diags.sources.location(self.vars[old.0].pos);
             self.diags.error_help(
                 name.pos,
@@ -178,6 +197,19 @@ impl Checker<'_> {
     /// Returns the functions of the source with a name. They are those of the innermost scope that has any.
     pub(crate) fn user_functions(&self, name: &str) -> &[FuncId] {
         self.scopes.iter().rev().find_map(|s| s.funcs.get(name)).map_or(&[], Vec::as_slice)
+    }
+
+    /// Reports a name that cannot be used, once in each function and in the shader. Names that parts of the source may
+    /// declare that could not be parsed are not reported.
+    pub(crate) fn report_name(&mut self, name: &ast::Name, what: String, help: Option<String>) {
+        let is_declared = || self.vars.iter().any(|var| var.name == name.text);
+        let is_doubtful = match self.lost.has_lost_braces() {
+            true => self.lost.declares(&name.text) || is_declared(),
+            false => self.lost.mentions(&name.text),
+        };
+        if !is_doubtful && self.unknown.insert((self.inside.first().copied(), name.text.clone())) {
+            self.diags.error_help(name.pos, what, help);
+        }
     }
 
     pub(crate) fn suggest_variable(&self, name: &str) -> Option<String> {
@@ -339,7 +371,7 @@ impl Checker<'_> {
             formals.push(self.declare(&formal.name, ty, VarKind::Formal { output: formal.output }));
         }
         self.funcs[id.0].formals = formals;
-        if self.is_declared_again(id) {
+        if self.is_declared_again(id) && !self.lost.has_lost_braces() {
             let what = format!("function `{}` is declared twice in the same scope", name.text);
             let help = Some("functions of one name differ in their parameters or their result".to_owned());
             self.diags.error_help(name.pos, what, help);
@@ -351,7 +383,7 @@ impl Checker<'_> {
         let func = &mut self.funcs[id.0];
         func.body = body;
         func.complete = true;
-        if func.ret != ValueType::Void && !func.returns {
+        if func.ret != ValueType::Void && !func.returns && !self.lost.has_lost_braces() {
             let what = format!("function `{}` never returns a value", func.name);
             self.diags.warning(name.pos, what);
         }
@@ -409,6 +441,13 @@ impl Checker<'_> {
         let pos = statement.pos;
         Some(match statement.kind {
             ast::StmtKind::Empty => return None,
+            ast::StmtKind::Missing => {
+                // It may be a `return`.
+                if let Some(id) = self.inside.last() {
+                    self.funcs[id.0].returns = true;
+                }
+                return None;
+            }
             ast::StmtKind::Expr(expr) => StmtKind::Expr(self.effect(&expr)),
             ast::StmtKind::Block(list) => {
                 self.scopes.push(Scope::default());
@@ -487,6 +526,9 @@ impl Checker<'_> {
     /// Returns the statement `break` or `continue` (`word`); `None` (reported) when it is not directly in a loop.
     fn in_loop(&mut self, word: &str, kind: StmtKind, pos: Pos) -> Option<StmtKind> {
         if self.around.last() != Some(&Around::Loop) {
+            if self.lost.has_lost_braces() {
+                return None;
+            }
             let help = (!self.around.is_empty())
                 .then(|| "`lights`, `emit` and `trace` cannot be left early".to_owned());
             self.diags.error_help(pos, format!("`{word}` is not in a loop"), help);
@@ -521,7 +563,7 @@ impl Checker<'_> {
 
     fn return_statement(&mut self, value: Option<ast::Expr>, pos: Pos) -> StmtKind {
         let Some(id) = self.inside.last().copied() else {
-            if let Some(value) = value {
+            if let Some(value) = value.filter(|_| !self.lost.has_lost_braces()) {
                 self.diags.error(value.pos, "a shader returns no value");
             }
             return StmtKind::Return(None);
@@ -575,6 +617,10 @@ impl Checker<'_> {
             ast::Lighting::Lights => builtins::LIGHTS,
             ast::Lighting::Trace => builtins::TRACES,
         };
+        if args.iter().any(|arg| matches!(arg.kind, ast::ExprKind::Missing)) {
+            self.body(body, Around::Lighting);
+            return None;
+        }
         let count = if kind == ast::Lighting::Trace { args.len().min(5) } else { args.len() };
         let Some(form) = forms.iter().find(|f| f.len() == count) else {
             let list: Vec<String> = forms
@@ -624,7 +670,8 @@ impl Checker<'_> {
         var.read = true;
         // Within a loop or function that begins after the declaration, the order of the text is not the order of
         // execution.
-        if var.kind == VarKind::Local && !var.written && !var.warned && var.level == level {
+        let is_clear = var.kind == VarKind::Local && !var.written && !var.warned && var.level == level;
+        if is_clear && !self.lost.mentions(&var.name) {
             var.warned = true;
             let what = format!("variable `{}` is used before it is given a value", var.name);
             self.diags.warning(pos, what);

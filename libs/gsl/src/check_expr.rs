@@ -50,8 +50,10 @@ impl Checker<'_> {
         use Possible::Value;
         match &expr.kind {
             ast::ExprKind::Number(_) | ast::ExprKind::Not(_) => Value(ValueType::Float),
+            ast::ExprKind::Missing => Possible::Bad,
             ast::ExprKind::Text(_) => Value(ValueType::String),
             ast::ExprKind::Variable(name, subscripts) => self.possible_variable(&name.text, subscripts.len()),
+            ast::ExprKind::Call(name, _) if self.lost.declares(&name.text) => Possible::Bad,
             ast::ExprKind::Call(name, args) => {
                 let args = self.possible_arguments(&name.text, args, factor);
                 match self.choose(&name.text, &args, None) {
@@ -97,6 +99,9 @@ impl Checker<'_> {
     }
 
     fn possible_variable(&self, name: &str, subscripts: usize) -> Possible {
+        if self.lost.declares(name) {
+            return Possible::Bad;
+        }
         let Some(id) = self.variable(name) else {
             let constant = builtins::CONSTANTS.iter().any(|(n, _)| *n == name);
             return if constant { Possible::Value(ValueType::Float) } else { Possible::Bad };
@@ -183,6 +188,7 @@ impl Checker<'_> {
         let pos = expr.pos;
         let float = SymbolType::of(ValueType::Float);
         match &expr.kind {
+            ast::ExprKind::Missing => self.bad(pos, wanted),
             ast::ExprKind::Number(n) => number(*n, pos),
             ast::ExprKind::Text(t) => {
                 let kind = ExprKind::Const(ConstValue::Strings([t.clone()].into()));
@@ -190,7 +196,9 @@ impl Checker<'_> {
             }
             ast::ExprKind::Variable(name, _) => {
                 let constant = builtins::CONSTANTS.iter().find(|(n, _)| **n == *name.text);
-                if let (Some((_, value)), None) = (constant, self.variable(&name.text)) {
+                if let (Some((_, value)), None, false) =
+                    (constant, self.variable(&name.text), self.lost.declares(&name.text))
+                {
                     return number(*value, pos);
                 }
                 let Some((place, ty)) = self.place(expr) else { return self.bad(pos, wanted) };
@@ -247,6 +255,10 @@ impl Checker<'_> {
     /// Returns the variable, element or component that an expression names.
     fn place(&mut self, expr: &ast::Expr) -> Option<(Place, SymbolType)> {
         let ast::ExprKind::Variable(name, subscripts) = &expr.kind else { return None };
+        if self.lost.declares(&name.text) {
+            self.lost_place(name, subscripts);
+            return None;
+        }
         let Some(var) = self.variable(&name.text) else {
             if builtins::CONSTANTS.iter().any(|(n, _)| **n == *name.text) {
                 self.diags.error(name.pos, format!("`{}` is a constant", name.text));
@@ -256,10 +268,10 @@ impl Checker<'_> {
                 !self.user_functions(&name.text).is_empty() || builtins::named(&name.text).next().is_some();
             if function {
                 let help = Some(format!("write `{} (...)` to call it", name.text));
-                self.diags.error_help(name.pos, format!("`{}` is a function", name.text), help);
+                self.report_name(name, format!("`{}` is a function", name.text), help);
             } else {
                 let help = self.suggest_variable(&name.text);
-                self.diags.error_help(name.pos, format!("unknown variable `{}`", name.text), help);
+                self.report_name(name, format!("unknown variable `{}`", name.text), help);
             }
             return None;
         };
@@ -296,6 +308,16 @@ impl Checker<'_> {
             }
         }
         Some((place, SymbolType::of(ValueType::Float)))
+    }
+
+    /// Checks the subscripts of a variable whose declaration may be in a part that could not be parsed.
+    fn lost_place(&mut self, name: &ast::Name, subscripts: &[ast::Expr]) {
+        if let Some(var) = self.variable(&name.text).map(|id| &mut self.vars[id.0]) {
+            (var.read, var.written) = (true, true);
+        }
+        for index in subscripts {
+            self.expr(index, Some(ValueType::Float));
+        }
     }
 
     fn subscript(&mut self, index: &ast::Expr, length: Option<u32>, of: &str) -> Expr {
@@ -487,7 +509,8 @@ impl Checker<'_> {
         pos: Pos,
         wanted: Option<ValueType>,
     ) -> Expr {
-        let mixed = a.ty.value.is_triple() && b.ty.value.is_triple();
+        let is_bad = matches!(a.kind, ExprKind::Bad) || matches!(b.kind, ExprKind::Bad);
+        let mixed = !is_bad && a.ty.value.is_triple() && b.ty.value.is_triple();
         if mixed && a.ty.array.is_none() && b.ty.array.is_none() {
             let what = format!("`{}` does not mix {} and {}", op.word(), describe(a.ty), describe(b.ty));
             let help = format!("cast one of them, as `({})`", a.ty.value.word());
@@ -587,6 +610,12 @@ impl Checker<'_> {
 
     fn call(&mut self, name: &ast::Name, args: &[ast::Expr], wish: Wish) -> Expr {
         let pos = name.pos;
+        if self.lost.declares(&name.text) {
+            for arg in args {
+                self.expr(arg, None);
+            }
+            return self.bad(pos, wish.ty);
+        }
         let builtin = builtins::named(&name.text).next().is_some();
         let user = !self.user_functions(&name.text).is_empty();
         if user && !builtin {
@@ -603,7 +632,7 @@ impl Checker<'_> {
                 self.expr(arg, None);
             }
             let help = self.suggest_function(&name.text);
-            self.diags.error_help(pos, format!("unknown function `{}`", name.text), help);
+            self.report_name(name, format!("unknown function `{}`", name.text), help);
             return self.bad(pos, wish.ty);
         }
         let possible = self.possible_arguments(&name.text, args, wish.factor);
@@ -789,7 +818,8 @@ impl Checker<'_> {
         // An array counts as its elements, whose number is open for some parameters.
         let values = &args[at + 1..];
         let given: usize = values.iter().map(|value| value.ty.elements()).sum();
-        if wanted != given && !values.iter().any(|value| value.ty.open) {
+        let is_known = |value: &Expr| !value.ty.open && !matches!(value.kind, ExprKind::Bad);
+        if wanted != given && values.iter().all(is_known) {
             let what = format!("the template prints {wanted} values, {given} given");
             self.diags.warning(template.pos, what);
         }

@@ -2,10 +2,13 @@
 
 use crate::source::{Pos, Sources};
 use granita_base::{Location, Severity};
+use std::collections::BTreeSet;
 use std::fmt;
 
-/// The largest number of errors. More end a compilation.
+/// The largest number of errors that are shown. More end the parsing, and are counted.
 const MAX_ERRORS: usize = 25;
+/// The largest number of errors that are kept, of which the first ones in the source are shown.
+const MAX_KEPT: usize = 1000;
 /// The largest number of warnings that are shown. More are counted.
 const MAX_WARNINGS: usize = 200;
 /// The number of characters of a source line that are shown on either side of the caret.
@@ -57,6 +60,8 @@ pub(crate) struct Diagnostics {
     list: Vec<(Pos, Diagnostic)>,
     errors: usize,
     warnings: usize,
+    /// The files and lines with text that is not a token.
+    doubtful: BTreeSet<(u16, u32)>,
 }
 
 impl Diagnostics {
@@ -76,13 +81,20 @@ impl Diagnostics {
         self.add(Severity::Warning, pos, message.into(), help);
     }
 
+    /// Keeps no further messages about a line, which has text that is not a token.
+    pub(crate) fn doubt(&mut self, pos: Pos) {
+        self.doubtful.insert((pos.file, pos.line));
+    }
+
     fn add(&mut self, severity: Severity, pos: Pos, message: String, help: Option<String>) {
-        if self.list.iter().any(|(p, d)| *p == pos && d.message == message) {
+        if self.doubtful.contains(&(pos.file, pos.line))
+            || self.list.iter().any(|(p, d)| *p == pos && d.message == message)
+        {
             return;
         }
         if severity == Severity::Error {
             self.errors += 1;
-            if self.errors > MAX_ERRORS {
+            if self.errors > MAX_KEPT {
                 return;
             }
         } else {
@@ -111,10 +123,15 @@ impl Diagnostics {
         self.errors > MAX_ERRORS
     }
 
-    /// Returns all diagnostics in the order of the source.
+    /// Returns the diagnostics in the order of the source, up to the largest number of errors.
     pub(crate) fn finish(mut self) -> Vec<Diagnostic> {
         self.list.sort_by_key(|(p, _)| *p);
         let mut list: Vec<Diagnostic> = self.list.into_iter().map(|(_, d)| d).collect();
+        let mut errors = 0;
+        list.retain(|d| {
+            errors += usize::from(d.severity == Severity::Error);
+            d.severity != Severity::Error || errors <= MAX_ERRORS
+        });
         for (severity, word, count, max) in [
             (Severity::Warning, "warnings", self.warnings, MAX_WARNINGS),
             (Severity::Error, "errors", self.errors, MAX_ERRORS),

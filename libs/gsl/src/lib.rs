@@ -1,10 +1,10 @@
 //! The compiler of the shading language, from source text to checked IR and `.gso`, and the parameter query.
 //!
 //! [`compile`] has five stages. The preprocessor works on tokens and not on text, so that every token has its source
-//! position. The parser makes the syntax tree (`ast`). The checker resolves names and chooses overloads from the table
-//! of `builtins` (`hir`). Lowering inlines functions and makes structured statements over typed symbols ([`ir`]).
-//! Validation makes a [`ValidModule`], the type that linking takes. [`gso`] stores a module, and [`GsoArgs`] returns
-//! its parameters without the rest.
+//! position. The parser makes the syntax tree (`ast`). It leaves out what it cannot parse, so that the rest is checked
+//! as well. The checker resolves names and chooses overloads from the table of `builtins` (`hir`). Lowering inlines
+//! functions and makes structured statements over typed symbols ([`ir`]). Validation makes a [`ValidModule`], the type
+//! that linking takes. [`gso`] stores a module, and [`GsoArgs`] returns its parameters without the rest.
 //!
 //! This crate does not read files or the environment. Included files come from a loader of the caller. Every input is
 //! bounded. Macros, nesting and the size of the result have limits, and exceeding one is an error with a position.
@@ -38,6 +38,7 @@ pub mod help;
 mod hir;
 pub mod ir;
 mod listing;
+mod lost;
 mod lower;
 mod overload;
 mod parse;
@@ -109,7 +110,7 @@ fn called(
     for pair in tokens.windows(2) {
         if let (token::TokenKind::Word(name), token::TokenKind::Mark("(")) = (&pair[0].kind, &pair[1].kind)
             && builtins::named(name).next().is_none()
-            && !parse::is_keyword(name)
+            && !token::is_keyword(name)
             && seen.insert(name.clone())
         {
             let forms = find(name);
@@ -130,17 +131,17 @@ fn called(
 /// Returns all errors and warnings, in the order of the source. At least one is an error.
 pub fn compile(source: &str, file: &str, options: &CompileOptions<'_>) -> Result<Compiled, Vec<Diagnostic>> {
     let mut diags = diagnostic::Diagnostics::default();
-    let tokens = preprocess::preprocess(source, file, options, &mut diags);
-    if diags.has_errors() {
+    let Some(tokens) = preprocess::preprocess(source, file, options, &mut diags) else {
         return Err(diags.finish());
-    }
-    let Some(shader) = parse::parse(&tokens, &mut diags) else { return Err(diags.finish()) };
-    if diags.has_errors() {
-        // The parser skipped parts of the source. Their absence would only cause misleading messages.
-        return Err(diags.finish());
-    }
+    };
+    let file_tree = parse::parse(&tokens, &mut diags);
     let shadeops = options.shadeops.map(|find| called(&tokens, find)).unwrap_or_default();
-    let shader = check::check(shader, &shadeops, &mut diags);
+    // What is permitted in a shader depends on what is around it.
+    let is_placed = file_tree.shader.is_some() && !file_tree.lost.has_lost_braces();
+    let shader = check::check(file_tree, &shadeops, &mut diags);
+    if !is_placed {
+        return Err(diags.finish());
+    }
     let module = lower::lower(&shader, &mut diags);
     if diags.has_errors() {
         return Err(diags.finish());

@@ -1,65 +1,21 @@
 // tidy: long: the grammar is one type, with a method for each of its rules
 //! The parser, which converts tokens to the syntax tree by recursive descent (reference 5.9).
 //!
-//! After an error it continues after the next `;` or `}`, so that one run reports several errors. Nesting is
-//! bounded. Input that is nested too deeply is an error, not a stack overflow.
+//! After an error it continues behind the part that it cannot parse, so that one run reports all errors (`recover`).
+//! Nesting is bounded. Input that is nested too deeply is an error, not a stack overflow.
 
 use crate::ast::*;
 use crate::diagnostic::{Diagnostics, suggestion};
 use crate::ir::{ShaderKind, ValueType};
+use crate::lost::Lost;
 use crate::source::Pos;
-use crate::token::{Token, TokenKind};
+use crate::token::{KEYWORDS, RESERVED, Token, TokenKind};
 use std::sync::Arc;
+
+mod recover;
 
 /// The largest depth of nested statements, and of nodes above a leaf of an expression.
 const MAX_NESTING: u16 = 200;
-
-/// The words that may not be names (reference 5.9, "Reserved Words").
-const RESERVED: &[&str] = &[
-    "bool",
-    "case",
-    "char",
-    "class",
-    "const",
-    "default",
-    "double",
-    "enum",
-    "extern",
-    "false",
-    "friend",
-    "inline",
-    "int",
-    "long",
-    "private",
-    "protected",
-    "public",
-    "short",
-    "signed",
-    "sizeof",
-    "static",
-    "struct",
-    "switch",
-    "template",
-    "this",
-    "true",
-    "typedef",
-    "uniform",
-    "union",
-    "unsigned",
-    "varying",
-    "virtual",
-];
-
-/// True when a word is a keyword of the language.
-pub(crate) fn is_keyword(word: &str) -> bool {
-    KEYWORDS.contains(&word) || RESERVED.contains(&word)
-}
-
-/// The words with a meaning (reference 5.9, "Keywords").
-const KEYWORDS: &[&str] = &[
-    "break", "color", "continue", "do", "else", "emit", "float", "for", "if", "lights", "matrix", "normal",
-    "output", "point", "return", "string", "trace", "vector", "void", "while",
-];
 
 const KINDS: &[(&str, ShaderKind)] = &[
     ("surface", ShaderKind::Surface),
@@ -87,16 +43,30 @@ fn type_named(word: &str) -> Option<ValueType> {
 struct Failed;
 type Parsed<T> = Result<T, Failed>;
 
-/// Parses a file; `None` when no shader in it could be parsed. Errors go to `diags`.
-pub(crate) fn parse(tokens: &[Token], diags: &mut Diagnostics) -> Option<Shader> {
-    let mut parser = Parser { tokens, at: 0, depth: 0, diags };
-    parser.file()
+/// A file, as far as it could be parsed.
+pub(crate) struct File {
+    /// `None` when there is none, or when it could not be parsed.
+    pub(crate) shader: Option<Shader>,
+    /// The functions outside of the shader.
+    pub(crate) functions: Vec<Function>,
+    /// The names in the parts that could not be parsed.
+    pub(crate) lost: Lost,
+}
+
+/// Parses a file. Errors go to `diags`.
+pub(crate) fn parse(tokens: &[Token], diags: &mut Diagnostics) -> File {
+    let mut parser = Parser { tokens, at: 0, depth: 0, unclosed: false, lost: Lost::default(), diags };
+    let (shader, functions) = parser.file();
+    File { shader, functions, lost: parser.lost }
 }
 
 struct Parser<'a> {
     tokens: &'a [Token],
     at: usize,
     depth: u16,
+    /// True when a block without its end was reported.
+    unclosed: bool,
+    lost: Lost,
     diags: &'a mut Diagnostics,
 }
 
@@ -160,14 +130,17 @@ impl Parser<'_> {
                 format!("\"{short}\"")
             }
             TokenKind::Mark(m) => format!("`{m}`"),
+            TokenKind::Bad => "text that is not a token".to_owned(),
             TokenKind::End => "the end of the file".to_owned(),
         }
     }
 
     fn expected<T>(&mut self, what: &str) -> Parsed<T> {
-        let found = self.found();
-        let pos = self.pos();
-        self.diags.error(pos, format!("expected {what}, found {found}"));
+        let (pos, found) = (self.pos(), self.found());
+        // Text that is not a token was reported.
+        if *self.peek() != TokenKind::Bad {
+            self.diags.error(pos, format!("expected {what}, found {found}"));
+        }
         Err(Failed)
     }
 
@@ -175,12 +148,15 @@ impl Parser<'_> {
         if self.eat(mark) { Ok(()) } else { self.expected(&format!("`{mark}`")) }
     }
 
-    /// Expects a `;`. A missing one is reported at the token that follows.
+    /// Expects a `;`. A missing one is reported at the token that follows. Where that is on another line or a `}`, the
+    /// statement counts as complete.
     fn expect_end(&mut self) -> Parsed<()> {
         if self.eat(";") {
             return Ok(());
         }
-        self.expected("`;`")
+        let failed = self.expected("`;`");
+        let is_over = self.is("}") || self.is_on_new_line() && *self.peek() != TokenKind::Bad;
+        if is_over { Ok(()) } else { failed }
     }
 
     fn deeper(&mut self) -> Parsed<()> {
@@ -240,41 +216,15 @@ impl Parser<'_> {
         Ok(ty)
     }
 
-    /// Continues after the next `;`, after the `}` that closes a block opened here, or before the `}` that closes the
-    /// block around.
-    fn recover(&mut self) {
-        let mut open = 0usize;
-        loop {
-            match self.peek() {
-                TokenKind::End => return,
-                TokenKind::Mark("{") => open += 1,
-                TokenKind::Mark("}") if open == 0 => return,
-                TokenKind::Mark("}") => {
-                    open -= 1;
-                    if open == 0 {
-                        self.next();
-                        return;
-                    }
-                }
-                TokenKind::Mark(";") if open == 0 => {
-                    self.next();
-                    return;
-                }
-                _ => {}
-            }
-            self.next();
-        }
-    }
-
     // Overall structure (5.9.2).
 
-    fn file(&mut self) -> Option<Shader> {
+    fn file(&mut self) -> (Option<Shader>, Vec<Function>) {
         let mut functions = Vec::new();
         let mut shader: Option<Shader> = None;
         let mut spoiled = false;
         while *self.peek() != TokenKind::End && !self.diags.is_full() {
             let kind = self.word().and_then(|w| KINDS.iter().find(|(k, _)| **w == **k));
-            let before = self.at;
+            let start = self.at;
             let parsed = if let Some(&(_, kind)) = kind {
                 let pos = self.pos();
                 self.next();
@@ -285,14 +235,25 @@ impl Parser<'_> {
                         shader = Some(new);
                     }
                 })
+            } else if shader.is_some() && !self.begins_declaration() && *self.peek() != TokenKind::Bad {
+                let (pos, found) = (self.pos(), self.found());
+                let help = "a `}` before it may be one too many".to_owned();
+                self.lost.lose_braces();
+                self.diags.error_help(
+                    pos,
+                    format!("expected the end of the file, found {found}"),
+                    Some(help),
+                );
+                Err(Failed)
             } else if self.type_here().is_some() {
                 let pos = self.pos();
-                if shader.is_some() {
+                if shader.is_some() && !spoiled {
                     self.diags.error(pos, "functions are declared before the shader");
                 }
                 self.function().map(|f| functions.push(f))
+            } else if *self.peek() == TokenKind::Bad {
+                Err(Failed)
             } else {
-                spoiled = true;
                 let (pos, found) = (self.pos(), self.found());
                 let kinds = ["surface", "displacement", "light", "volume", "shader"];
                 let help = self.word().and_then(|w| suggestion(w, kinds.into_iter()));
@@ -303,46 +264,32 @@ impl Parser<'_> {
             if parsed.is_err() {
                 spoiled = true;
                 self.depth = 0;
-                self.recover();
-                if self.at == before || self.is("}") {
-                    self.next();
-                }
+                self.skip_to_declaration(start);
             }
         }
         if shader.is_none() && !spoiled {
             let pos = self.pos();
             self.diags.error(pos, "there is no shader in this file");
         }
-        let mut shader = shader?;
-        shader.functions = functions;
-        Some(shader)
+        (shader, functions)
     }
 
     fn shader(&mut self, kind: ShaderKind) -> Parsed<Shader> {
-        let name = self.name("the name of the shader")?;
+        let pos = self.pos();
+        let name = match self.name("the name of the shader") {
+            Ok(name) => name,
+            Err(Failed) if self.is("(") || self.is("[") => Name { text: "".into(), pos },
+            Err(Failed) => return Err(Failed),
+        };
         let metadata = self.metadata()?;
         self.expect("(")?;
-        let mut params = Vec::new();
-        if !self.eat(")") {
-            loop {
-                params.push(self.param()?);
-                if self.eat(")") {
-                    break;
-                }
-                if self.is(";") {
-                    let pos = self.pos();
-                    self.diags.error(pos, "parameters are separated by `,`");
-                    self.next();
-                } else if !self.eat(",") {
-                    return self.expected("`,` or `)`");
-                }
-            }
-        }
+        let (params, whole) = self.parameters(Self::param)?;
+        self.find_body(whole);
         if !self.is("{") {
             return self.expected("`{`");
         }
         let body = self.block()?;
-        Ok(Shader { kind, name, metadata, params, body, functions: Vec::new() })
+        Ok(Shader { kind, name, metadata, params, body })
     }
 
     fn param(&mut self) -> Parsed<Param> {
@@ -357,10 +304,18 @@ impl Parser<'_> {
 
     /// Parses `[[ type name = value, ... ]]`, if there is one.
     fn metadata(&mut self) -> Parsed<Vec<Datum>> {
-        let mut list = Vec::new();
         if !(self.is("[") && self.is_at(1, "[")) {
-            return Ok(list);
+            return Ok(Vec::new());
         }
+        let (start, depth) = (self.at, self.depth);
+        self.data().or_else(|Failed| {
+            self.depth = depth;
+            self.skip_metadata(start).map(|()| Vec::new())
+        })
+    }
+
+    fn data(&mut self) -> Parsed<Vec<Datum>> {
+        let mut list = Vec::new();
         self.next();
         self.next();
         if self.is("]") && self.is_at(1, "]") {
@@ -430,37 +385,30 @@ impl Parser<'_> {
             return self.expected("`(` and the parameters of a function");
         }
         self.next();
-        let mut params = Vec::new();
-        if !self.eat(")") {
-            loop {
-                let output = self.eat_word("output");
-                let ty = self.value_type("a parameter")?;
-                let name = self.name("the name of a parameter")?;
-                let array = self.length()?;
-                if self.is("=") {
-                    let pos = self.pos();
-                    self.diags.error(pos, "parameters of functions have no default");
-                    self.next();
-                    self.expr()?;
-                }
-                params.push(Formal { output, ty, name, array });
-                if self.eat(")") {
-                    break;
-                }
-                if self.is(";") {
-                    let pos = self.pos();
-                    self.diags.error(pos, "parameters are separated by `,`");
-                    self.next();
-                } else if !self.eat(",") {
-                    return self.expected("`,` or `)`");
-                }
-            }
+        let (params, whole) = self.parameters(Self::formal)?;
+        if !whole {
+            self.lost.declare(&name.text);
         }
+        self.find_body(whole);
         if !self.is("{") {
             return self.expected("`{` and the body of the function");
         }
         let body = self.block()?;
         Ok(Function { ty, name, params, body })
+    }
+
+    fn formal(&mut self) -> Parsed<Formal> {
+        let output = self.eat_word("output");
+        let ty = self.value_type("a parameter")?;
+        let name = self.name("the name of a parameter")?;
+        let array = self.length()?;
+        if self.is("=") {
+            let pos = self.pos();
+            self.diags.error(pos, "parameters of functions have no default");
+            self.next();
+            self.expr()?;
+        }
+        Ok(Formal { output, ty, name, array })
     }
 
     // Statements (5.9.4).
@@ -474,13 +422,17 @@ impl Parser<'_> {
             if self.eat("}") {
                 return Ok(list);
             }
-            if *self.peek() == TokenKind::End {
-                if self.depth <= MAX_NESTING {
+            if *self.peek() == TokenKind::End || self.begins_shader() {
+                // The innermost block is reported. After text that is cut off, nothing is.
+                let before = self.at.checked_sub(1).map(|at| &self.tokens[at].kind);
+                if !self.unclosed && before != Some(&TokenKind::Bad) {
                     self.diags.error(open, "this `{` is never closed");
                 }
-                return Err(Failed);
+                self.unclosed = true;
+                self.lost.lose_braces();
+                return Ok(list);
             }
-            let depth = self.depth;
+            let (start, depth, pos) = (self.at, self.depth, self.pos());
             match self.statement() {
                 Ok(statement) => list.push(statement),
                 Err(Failed) => {
@@ -488,7 +440,8 @@ impl Parser<'_> {
                         return Err(Failed);
                     }
                     self.depth = depth;
-                    self.recover();
+                    self.skip_statement(start);
+                    list.push(Stmt { kind: StmtKind::Missing, pos });
                 }
             }
         }
@@ -519,12 +472,12 @@ impl Parser<'_> {
                 let pos = self.pos();
                 self.diags.error(pos, "`else` without `if`");
                 self.next();
-                Err(Failed)
+                Ok(StmtKind::Block(vec![self.statement()?]))
             }
             "while" => {
                 self.next();
                 let condition = self.parenthesized()?;
-                Ok(StmtKind::While(condition, Box::new(self.statement()?)))
+                Ok(StmtKind::While(condition, Box::new(self.inner_statement()?)))
             }
             "do" => self.do_loop(),
             "for" => self.for_loop(),
@@ -560,19 +513,19 @@ impl Parser<'_> {
         loop {
             self.next();
             let condition = self.parenthesized()?;
-            arms.push((condition, self.statement()?));
+            arms.push((condition, self.inner_statement()?));
             if !self.eat_word("else") {
                 return Ok(StmtKind::If(arms, None));
             }
             if !self.is_word("if") {
-                return Ok(StmtKind::If(arms, Some(Box::new(self.statement()?))));
+                return Ok(StmtKind::If(arms, Some(Box::new(self.inner_statement()?))));
             }
         }
     }
 
     fn do_loop(&mut self) -> Parsed<StmtKind> {
         self.next();
-        let body = Box::new(self.statement()?);
+        let body = Box::new(self.inner_statement()?);
         if !self.eat_word("while") {
             return self.expected("`while`");
         }
@@ -587,8 +540,16 @@ impl Parser<'_> {
         if !self.is("(") {
             return self.expected("`(`");
         }
-        let arguments = self.arguments()?;
-        Ok(StmtKind::Lighting(kind, arguments, Box::new(self.statement()?)))
+        let (open, depth, pos) = (self.at, self.depth, self.pos());
+        let arguments = match self.arguments() {
+            Ok(arguments) => arguments,
+            Err(Failed) => {
+                self.depth = depth;
+                self.skip_parentheses(open)?;
+                vec![Self::missing(pos)]
+            }
+        };
+        Ok(StmtKind::Lighting(kind, arguments, Box::new(self.inner_statement()?)))
     }
 
     fn expression_statement(&mut self) -> Parsed<StmtKind> {
@@ -598,15 +559,32 @@ impl Parser<'_> {
     }
 
     fn parenthesized(&mut self) -> Parsed<Expr> {
+        let (open, depth, pos) = (self.at, self.depth, self.pos());
         self.expect("(")?;
-        let expr = self.expr()?;
-        self.expect(")")?;
-        Ok(expr)
+        let condition = self.expr().and_then(|expr| self.expect(")").map(|()| expr));
+        condition.or_else(|Failed| {
+            self.depth = depth;
+            self.skip_parentheses(open).map(|()| Self::missing(pos))
+        })
     }
 
     fn for_loop(&mut self) -> Parsed<StmtKind> {
         self.next();
+        let (open, depth, pos) = (self.at, self.depth, self.pos());
         self.expect("(")?;
+        let (init, test, step) = match self.for_header() {
+            Ok(header) => header,
+            Err(Failed) => {
+                self.depth = depth;
+                self.skip_parentheses(open)?;
+                (Stmt { kind: StmtKind::Missing, pos }, None, None)
+            }
+        };
+        Ok(StmtKind::For(Box::new(init), test, step, Box::new(self.inner_statement()?)))
+    }
+
+    /// Parses the header of a `for` loop, after the `(`, and the `)`.
+    fn for_header(&mut self) -> Parsed<(Stmt, Option<Expr>, Option<Expr>)> {
         let pos = self.pos();
         let kind = if self.eat(";") {
             StmtKind::Empty
@@ -618,15 +596,19 @@ impl Parser<'_> {
                 }
                 other => other,
             }
+        } else if matches!((self.peek(), self.peek_at(1)), (TokenKind::Word(_), TokenKind::Word(_))) {
+            // The first of two names in a row is a misspelled type.
+            self.type_name()?;
+            return Err(Failed);
         } else {
             self.expression_statement()?
         };
-        let init = Box::new(Stmt { kind, pos });
+        let init = Stmt { kind, pos };
         let test = if self.is(";") { None } else { Some(self.expr()?) };
         self.expect(";")?;
         let step = if self.is(")") { None } else { Some(self.expr()?) };
         self.expect(")")?;
-        Ok(StmtKind::For(init, test, step, Box::new(self.statement()?)))
+        Ok((init, test, step))
     }
 
     /// Parses variables or a nested function.

@@ -29,19 +29,22 @@ struct Macro {
     body: Vec<Raw>,
 }
 
-/// Converts a source file to tokens. The last one is [`TokenKind::End`]. Errors go to `diags`.
+/// Converts a source file to tokens. The last one is [`TokenKind::End`]. Errors go to `diags`. Returns `None` after an
+/// error in a directive or a macro, without which the rest of the source cannot be understood.
 pub(crate) fn preprocess(
     source: &str,
     file: &str,
     options: &CompileOptions<'_>,
     diags: &mut Diagnostics,
-) -> Vec<Token> {
+) -> Option<Vec<Token>> {
     let mut pre =
         Preprocessor { options, diags, macros: BTreeMap::new(), out: Vec::new(), budget: MAX_TOKENS };
     pre.predefine();
     let end = pre.file(source, file, 0, Pos::default());
     let raw = std::mem::take(&mut pre.out);
-    finish(raw, end, pre.diags)
+    let is_sound = !pre.diags.has_errors();
+    let tokens = finish(raw, end, pre.diags);
+    is_sound.then_some(tokens)
 }
 
 struct Preprocessor<'a> {
@@ -590,6 +593,7 @@ fn stringify(tokens: &[Raw]) -> String {
 /// Converts raw tokens to those of the parser.
 fn finish(raw: Vec<Raw>, end: Pos, diags: &mut Diagnostics) -> Vec<Token> {
     let mut out: Vec<Token> = Vec::with_capacity(raw.len() + 1);
+    let mut bad = Vec::new();
     for token in raw {
         let pos = token.pos;
         let kind = match token.kind {
@@ -598,7 +602,7 @@ fn finish(raw: Vec<Raw>, end: Pos, diags: &mut Diagnostics) -> Vec<Token> {
                 Some(value) => TokenKind::Number(value),
                 None => {
                     diags.error(pos, format!("`{}` is not a number", token.text));
-                    TokenKind::Number(0.0)
+                    TokenKind::Number(1.0)
                 }
             },
             RawKind::Text => {
@@ -620,11 +624,13 @@ fn finish(raw: Vec<Raw>, end: Pos, diags: &mut Diagnostics) -> Vec<Token> {
             RawKind::Bad(what) => {
                 let shown: String = token.text.chars().take(20).collect();
                 diags.error(pos, format!("{what}: `{shown}`"));
-                continue;
+                bad.push(pos);
+                TokenKind::Bad
             }
         };
         out.push(Token { kind, pos });
     }
+    bad.into_iter().for_each(|pos| diags.doubt(pos));
     out.push(Token { kind: TokenKind::End, pos: end });
     out
 }

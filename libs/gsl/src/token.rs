@@ -208,8 +208,57 @@ pub(crate) enum TokenKind {
     Text(Arc<str>),
     /// An operator or punctuation.
     Mark(&'static str),
+    /// Text that is not a token, which was reported.
+    Bad,
     End,
 }
+
+/// The words that may not be names (reference 5.9, "Reserved Words").
+pub(crate) const RESERVED: &[&str] = &[
+    "bool",
+    "case",
+    "char",
+    "class",
+    "const",
+    "default",
+    "double",
+    "enum",
+    "extern",
+    "false",
+    "friend",
+    "inline",
+    "int",
+    "long",
+    "private",
+    "protected",
+    "public",
+    "short",
+    "signed",
+    "sizeof",
+    "static",
+    "struct",
+    "switch",
+    "template",
+    "this",
+    "true",
+    "typedef",
+    "uniform",
+    "union",
+    "unsigned",
+    "varying",
+    "virtual",
+];
+
+/// True when a word is a keyword of the language.
+pub(crate) fn is_keyword(word: &str) -> bool {
+    KEYWORDS.contains(&word) || RESERVED.contains(&word)
+}
+
+/// The words with a meaning (reference 5.9, "Keywords").
+pub(crate) const KEYWORDS: &[&str] = &[
+    "break", "color", "continue", "do", "else", "emit", "float", "for", "if", "lights", "matrix", "normal",
+    "output", "point", "return", "string", "trace", "vector", "void", "while",
+];
 
 /// Returns the static spelling of an operator.
 pub(crate) fn mark(text: &str) -> Option<&'static str> {

@@ -115,7 +115,10 @@ impl Checker<'_> {
         };
         let ret = self.funcs[id.0].ret;
         if self.is_recursive(id) {
-            self.diags.error(pos, format!("function `{}` calls itself; recursion is not allowed", name.text));
+            if !self.lost.has_lost_braces() {
+                let what = format!("function `{}` calls itself; recursion is not allowed", name.text);
+                self.diags.error(pos, what);
+            }
             return self.bad(pos, Some(ret));
         }
         let formals = self.funcs[id.0].formals.clone();

@@ -46,7 +46,10 @@ const BODIES: &[(&str, &str)] = &[
         "float f (float a; float b) { return a + b; } C = f (1, 2);",
         "2:17: error: parameters are separated by `,`",
     ),
-    ("C = 1; } C = 2;", "2:10: error: expected a shader type or a function declaration, found `C`"),
+    (
+        "C = 1; } C = 2;",
+        "2:10: error: expected the end of the file, found `C` [a `}` before it may be one too many]",
+    ),
     (
         "C = ; opacity = ;",
         "2:5: error: expected an expression, found `;`\n2:17: error: expected an expression, found `;`",

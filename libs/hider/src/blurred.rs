@@ -1,9 +1,10 @@
 //! Samples micropolygons that move, that are out of focus, or that reach before the near plane.
 
+use super::candidates::{Candidate, Candidates};
 use super::hit::{Hit, Raster, Sink, before};
 use super::lanes::{LANES, Lanes, Points, Signs, first_lanes};
 use super::rays::Polygon;
-use super::streaks::{Candidate, Streak, Streaks};
+use super::streaks::{Streak, Streaks};
 use super::visible::pixels_of;
 use granita_base::{Vec2, Vec3};
 use granita_dicing::PixelRect;
@@ -16,7 +17,7 @@ pub(super) struct Scratch {
     /// Scratch for micropolygons that move fast.
     pub(super) streaks: Streaks,
     /// The samples that the micropolygon may hit.
-    candidates: Vec<Candidate>,
+    candidates: Candidates,
 }
 
 /// The positions of a micropolygon at some consecutive times: its raster box as seen through a pinhole, and `1 /
@@ -26,12 +27,8 @@ pub(super) struct Scratch {
 /// The box is infinite when the micropolygon is not entirely behind the near plane.
 #[derive(Default)]
 struct Borders {
-    lo_x: Vec<f32>,
-    hi_x: Vec<f32>,
-    lo_y: Vec<f32>,
-    hi_y: Vec<f32>,
-    near: Vec<f32>,
-    far: Vec<f32>,
+    /// The members of [`LaneBoxes`], with padding for loads beyond the last outline.
+    lists: [Vec<f32>; 6],
 }
 
 impl Raster<'_> {
@@ -90,11 +87,9 @@ impl Raster<'_> {
             }
         }
         let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
-        for candidates in room.candidates.chunks(LANES) {
-            // Unused lanes repeat the first candidate.
-            let mut all = [candidates[0]; LANES];
-            all[..candidates.len()].copy_from_slice(candidates);
-            self.rays(simd, &polygon, &all, candidates.len(), &mut |sample, z, u, v, beside| {
+        for first in (0..room.candidates.len()).step_by(LANES) {
+            let (eight, used) = (room.candidates.eight(first), room.candidates.len() - first);
+            self.rays(simd, &polygon, &eight, first_lanes(used), &mut |sample, z, u, v, beside| {
                 sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
             });
         }
@@ -121,7 +116,7 @@ impl Raster<'_> {
             Some(lens) if defocused => *lens,
             _ => [0.0; 4],
         };
-        let reach = borders.reach(slice, lens, scale);
+        let reach = boxes.reach(lens, scale);
         let rect = pixels_of(reach, whole);
         let full = first_lanes(samples.per_pixel - first);
         let nearest = Lanes::splat(nearest);
@@ -141,31 +136,30 @@ impl Raster<'_> {
                     }
                 }
                 let place = samples.places(pixel) + first;
-                let px = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
-                let py = Lanes::load(&tables.fy, place) + y as f32;
-                let mut lens = 0;
+                let x = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
+                let y = Lanes::load(&tables.fy, place) + y as f32;
+                let zero = Lanes::splat(0.0);
+                let (mut lens_x, mut lens_y) = (zero, zero);
                 let room = if defocused {
-                    lens = samples.lenses[pixel] + first as u32;
-                    let sx = Lanes::load(&tables.lens_x, lens as usize) * scale.x;
-                    let sy = Lanes::load(&tables.lens_y, lens as usize) * scale.y;
-                    let (ax, bx) = (px - sx * boxes.near, px - sx * boxes.far);
-                    let (ay, by) = (py - sy * boxes.near, py - sy * boxes.far);
+                    let lens = samples.lenses[pixel] as usize + first;
+                    (lens_x, lens_y) = (Lanes::load(&tables.lens_x, lens), Lanes::load(&tables.lens_y, lens));
+                    let (sx, sy) = (lens_x * scale.x, lens_y * scale.y);
+                    let (ax, bx) = (x - sx * boxes.near, x - sx * boxes.far);
+                    let (ay, by) = (y - sy * boxes.near, y - sy * boxes.far);
                     let x_room = (ax.max(bx) - boxes.lo_x).min(boxes.hi_x - ax.min(bx));
                     x_room.min(ay.max(by) - boxes.lo_y).min(boxes.hi_y - ay.min(by))
                 } else {
-                    let x_room = (px - boxes.lo_x).min(boxes.hi_x - px);
-                    x_room.min(py - boxes.lo_y).min(boxes.hi_y - py)
+                    let x_room = (x - boxes.lo_x).min(boxes.hi_x - x);
+                    x_room.min(y - boxes.lo_y).min(boxes.hi_y - y)
                 };
-                let mut inside = simd.positive(room) & wanted;
-                let time = samples.times.get(pixel).map_or(0, |time| time + first as u32);
-                while inside != 0 {
-                    let lane = inside.trailing_zeros();
-                    inside &= inside - 1;
-                    candidates.push(Candidate {
-                        sample: at as u32 + lane,
-                        time: time + lane,
-                        lens: lens + lane,
-                    });
+                let inside = simd.positive(room) & wanted;
+                if inside != 0 {
+                    let time = match samples.times.get(pixel) {
+                        Some(time) => Lanes::load(&tables.time, *time as usize + first),
+                        None => Lanes::splat(samples.shutter[0]),
+                    };
+                    let eight = Candidate { sample: zero, x, y, time, lens_x, lens_y };
+                    candidates.push_lanes(simd, inside, at, eight);
                 }
             }
         }
@@ -193,16 +187,16 @@ impl Raster<'_> {
     #[inline(always)]
     fn find_borders(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
         let (samples, view) = (self.samples, self.view);
-        borders.clear();
         let strata = samples.time_strata();
         let slices = strata.div_ceil(step);
+        borders.reserve(slices);
         let still = view.times.len() == 1;
         for first in (0..=slices).step_by(LANES) {
             let mut time = Lanes::splat(0.0);
             for (k, time) in time.0.iter_mut().enumerate() {
                 *time = samples.stratum_time(((first + k) * step).min(strata));
             }
-            borders.extend(&self.outlines(self.corners_at(corners, time), pad));
+            borders.set(first, &self.outlines(self.corners_at(corners, time), pad));
             if still {
                 // A micropolygon that does not move has one position.
                 break;
@@ -225,7 +219,7 @@ impl Raster<'_> {
                 }
             }
         }
-        borders.pad();
+        borders.pad(slices);
     }
 
     /// Returns the outlines of the corners at eight times.
@@ -312,77 +306,47 @@ enum Slice {
 }
 
 impl Borders {
-    fn lists(&mut self) -> [&mut Vec<f32>; 6] {
-        [&mut self.lo_x, &mut self.hi_x, &mut self.lo_y, &mut self.hi_y, &mut self.near, &mut self.far]
+    /// Makes room for the outlines at the borders of some slices.
+    #[inline(always)]
+    fn reserve(&mut self, slices: usize) {
+        let size = (slices + 1).next_multiple_of(LANES) + LANES + 1;
+        if self.lists[0].len() < size {
+            self.lists.iter_mut().for_each(|list| list.resize(size, 0.0));
+        }
     }
 
+    /// Stores the outlines at eight times.
     #[inline(always)]
-    fn clear(&mut self) {
-        self.lists().into_iter().for_each(Vec::clear);
-    }
-
-    /// Appends the outlines at eight times.
-    #[inline(always)]
-    fn extend(&mut self, boxes: &LaneBoxes) {
-        for (list, lanes) in self.lists().into_iter().zip(boxes.lists()) {
-            list.extend_from_slice(&lanes.0);
+    fn set(&mut self, first: usize, boxes: &LaneBoxes) {
+        for (list, lanes) in self.lists.iter_mut().zip(boxes.lists()) {
+            list[first..first + LANES].copy_from_slice(&lanes.0);
         }
     }
 
     /// Repeats the first outline `n` times.
     #[inline(always)]
     fn repeat_first(&mut self, n: usize) {
-        for list in self.lists() {
+        for list in &mut self.lists {
             let first = list[0];
-            list.clear();
-            list.resize(n, first);
+            list[..n].fill(first);
         }
     }
 
-    /// Appends padding for loads beyond the last outline.
+    /// Repeats the last outline behind it, for loads beyond the last slice.
     #[inline(always)]
-    fn pad(&mut self) {
-        for list in self.lists() {
-            let last = list.last().copied().unwrap_or(0.0);
-            list.extend_from_slice(&[last; LANES + 1]);
+    fn pad(&mut self, slices: usize) {
+        for list in &mut self.lists {
+            let last = list[slices];
+            list[slices + 1..][..LANES + 1].fill(last);
         }
     }
 
     /// Extends an outline by the first lane of other outlines.
     fn include(&mut self, border: usize, boxes: &LaneBoxes) {
-        for (k, (list, lanes)) in self.lists().into_iter().zip(boxes.lists()).enumerate() {
+        for (k, (list, lanes)) in self.lists.iter_mut().zip(boxes.lists()).enumerate() {
             let value = &mut list[border];
             *value = if k % 2 == 0 { value.min(lanes.0[0]) } else { value.max(lanes.0[0]) };
         }
-    }
-
-    /// Returns the raster box of everything between the borders of the slices, seen through a part (x0, x1, y0, y1)
-    /// of the lens.
-    #[inline(always)]
-    fn reach(&self, slice: Slice, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
-        let lesser = |a: f32, b: f32| if a < b { a } else { b };
-        let greater = |a: f32, b: f32| if a > b { a } else { b };
-        let (first, count) = match slice {
-            Slice::All(k) => (k, 1),
-            Slice::Each(k) => (k, LANES),
-        };
-        let mut reach = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
-        for k in first..first + count {
-            let least = |list: &[f32]| lesser(list[k], list[k + 1]);
-            let most = |list: &[f32]| greater(list[k], list[k + 1]);
-            let (near, far) = (least(&self.near), most(&self.far));
-            let side = |lo: f32, hi: f32, l0: f32, l1: f32, scale: f32| {
-                let (l0, l1) = (l0 * scale, l1 * scale);
-                let [a, b, c, d] = [near * l0, far * l0, near * l1, far * l1];
-                let smallest = lesser(lesser(a, b), lesser(c, d));
-                let largest = greater(greater(a, b), greater(c, d));
-                (lo + smallest, hi + largest)
-            };
-            let x = side(least(&self.lo_x), most(&self.hi_x), x0, x1, scale.x);
-            let y = side(least(&self.lo_y), most(&self.hi_y), y0, y1, scale.y);
-            reach = [reach[0].min(x.0), reach[1].min(y.0), reach[2].max(x.1), reach[3].max(y.1)];
-        }
-        reach
     }
 
     /// Returns the union of the outlines at the borders of the slices.
@@ -394,13 +358,14 @@ impl Borders {
         };
         let least = |list: &[f32]| at(list, 0).min(at(list, 1));
         let most = |list: &[f32]| at(list, 0).max(at(list, 1));
+        let [lo_x, hi_x, lo_y, hi_y, near, far] = &self.lists;
         LaneBoxes {
-            lo_x: least(&self.lo_x),
-            hi_x: most(&self.hi_x),
-            lo_y: least(&self.lo_y),
-            hi_y: most(&self.hi_y),
-            near: least(&self.near),
-            far: most(&self.far),
+            lo_x: least(lo_x),
+            hi_x: most(hi_x),
+            lo_y: least(lo_y),
+            hi_y: most(hi_y),
+            near: least(near),
+            far: most(far),
         }
     }
 }
@@ -419,5 +384,21 @@ impl LaneBoxes {
     #[inline(always)]
     fn lists(&self) -> [&Lanes; 6] {
         [&self.lo_x, &self.hi_x, &self.lo_y, &self.hi_y, &self.near, &self.far]
+    }
+
+    /// Returns the raster box of everything in the outlines, seen through a part (x0, x1, y0, y1) of the lens.
+    #[inline(always)]
+    fn reach(&self, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+        let x = self.side([self.lo_x, self.hi_x], x0 * scale.x, x1 * scale.x);
+        let y = self.side([self.lo_y, self.hi_y], y0 * scale.y, y1 * scale.y);
+        [x[0].least(), y[0].least(), x[1].most(), y[1].most()]
+    }
+
+    /// Returns the least and largest coordinates of `lo..hi`, seen through a part of the lens from `l0` to `l1`.
+    #[inline(always)]
+    fn side(&self, [lo, hi]: [Lanes; 2], l0: f32, l1: f32) -> [Lanes; 2] {
+        let [a, b] = [self.near * l0, self.far * l0];
+        let [c, d] = [self.near * l1, self.far * l1];
+        [lo + a.min(b).min(c.min(d)), hi + a.max(b).max(c.max(d))]
     }
 }

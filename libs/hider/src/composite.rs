@@ -1,6 +1,6 @@
 //! Composites the surfaces of each sample.
 
-use super::{Fragment, SampleGrid, Seen, ShadedGrid, Surfaces};
+use super::{Fragment, NONE, SampleGrid, Seen, ShadedGrid, Surfaces};
 use granita_base::Color;
 use granita_dicing::PixelRect;
 use granita_scene::Holdout;
@@ -90,10 +90,15 @@ impl Scenery<'_> {
 pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
     let n = surfaces.samples.len();
     let mut out = vec![0.0; wanted.channels() * n];
+    // Most samples see one opaque surface and nothing in front of it.
+    let simple = wanted.channels() == 4 && surfaces.depths.is_empty();
     let mut fragments: Vec<Fragment> = Vec::new();
     let mut layers: Vec<Layer> = Vec::new();
     let mut sample: Vec<f32> = vec![0.0; wanted.channels()];
     for s in 0..n {
+        if simple && surfaces.first[s] == NONE && resolve_opaque(surfaces, s, &mut out) {
+            continue;
+        }
         collect(surfaces, s, &mut fragments);
         layers.clear();
         layers.extend(fragments.iter().map(Layer::from));
@@ -101,6 +106,30 @@ pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
         resolve_sample(surfaces.scenery(), (wanted, s), &layers, depths, (&mut sample, &mut out));
     }
     out
+}
+
+/// Stores the colour of a sample that sees at most one surface, and nothing in front of it. Returns false when that is
+/// not the whole result. See [`resolve_sample`].
+#[inline(always)]
+fn resolve_opaque(surfaces: &Surfaces<'_>, s: usize, out: &mut [f32]) -> bool {
+    let Seen { grid, at, u, v } = surfaces.nearest[s];
+    if grid == NONE {
+        return true;
+    }
+    let grid = &*surfaces.grids[(grid & !Seen::RIM) as usize];
+    let Some(color) = grid.only_color_at(at, [u, v]) else { return false };
+    store_opaque(color, surfaces.samples.len(), s, out);
+    true
+}
+
+/// Stores the channels of a sample that sees an opaque surface of this colour.
+#[inline(always)]
+fn store_opaque(color: Color, n: usize, s: usize, out: &mut [f32]) {
+    // A sum of zero and a negative zero is zero, as where layers are added.
+    for c in 0..3 {
+        out[c * n + s] = 0.0 + color[c];
+    }
+    out[3 * n + s] = 1.0;
 }
 
 /// Composites one sample into its places of the result. `depths` are those of its first two surfaces, when depths are
@@ -121,11 +150,8 @@ pub(super) fn resolve_sample(
         && sample.len() == 4
         && let Some(color) = scenery.grids[*grid as usize].only_color_at(*at, *place)
     {
-        // The same as below. A sum of zero and a negative zero is zero.
-        for c in 0..3 {
-            out[c * n + s] = 0.0 + color[c];
-        }
-        out[3 * n + s] = 1.0;
+        // The same as below.
+        store_opaque(color, n, s, out);
         return;
     }
     sample.fill(0.0);

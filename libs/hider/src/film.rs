@@ -130,25 +130,27 @@ impl Support {
         }
     }
 
-    /// Returns the pixels in the support of a pixel: for each the index of its first sample, the weight of its
+    /// Calls `each` for the pixels in the support of a pixel, with the index of its first sample, the weight of its
     /// samples relative to those of other pixels, and the weights of its sample positions in x and y.
     #[inline(always)]
-    fn around<'s>(
-        &'s self,
-        samples: &'s SampleGrid,
+    fn around(
+        &self,
+        samples: &SampleGrid,
         [x, y]: [i32; 2],
-    ) -> impl Iterator<Item = (usize, f32, &'s [f32], &'s [f32])> {
+        mut each: impl FnMut(usize, f32, &[f32], &[f32]),
+    ) {
         let [mx, my] = self.margin;
-        (-my..=my).flat_map(move |dy| (-mx..=mx).map(move |dx| (dx, dy))).map(move |(dx, dy)| {
-            let pixel = samples.pixel(x + dx, y + dy);
-            let (n, places) = (samples.count(pixel), samples.places(pixel));
+        for dy in -my..=my {
             // Relative to the other pixel, this pixel lies in the opposite direction.
-            let wx = &self.x[(mx - dx) as usize][places..places + n];
-            let wy = &self.y[(my - dy) as usize][places..places + n];
-            // All pixels have the same total weight, however many samples they have.
-            let counts = samples.per_pixel as f32 / n as f32;
-            (pixel * samples.per_pixel, counts, wx, wy)
-        })
+            let wy = &self.y[(my - dy) as usize];
+            let row = samples.pixel(x - mx, y + dy);
+            for (pixel, wx) in (row..).zip(self.x.iter().rev()) {
+                let (n, places) = (samples.count(pixel), samples.places(pixel));
+                // All pixels have the same total weight, however many samples they have.
+                let counts = samples.per_pixel as f32 / n as f32;
+                each(pixel * samples.per_pixel, counts, &wx[places..][..n], &wy[places..][..n]);
+            }
+        }
     }
 
     /// Computes a weighted mean for each channel. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added to
@@ -168,35 +170,40 @@ impl Support {
             }
             let mut weight = [0.0_f32; LANES];
             let mut sum = [[0.0_f32; LANES]; TOGETHER];
-            for (first, counts, wx, wy) in self.around(samples, pixel) {
-                let n = wx.len();
-                for k in (0..n).step_by(LANES) {
-                    let (wx, wy) = (eight(&wx[k..]), eight(&wy[k..]));
-                    let mut w = [0.0_f32; LANES];
-                    for i in 0..LANES {
-                        w[i] = wx[i] * wy[i] * counts;
-                    }
-                    if w == [0.0; LANES] {
-                        continue;
-                    }
-                    for i in 0..LANES {
-                        weight[i] += w[i];
-                    }
-                    let used = LANES.min(n - k);
-                    for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
-                        let seen = &values[channel * total + first + k..][..used];
-                        if let Some(seen) = seen.as_array::<LANES>() {
-                            for i in 0..LANES {
-                                sum[i] += w[i] * (seen[i] - base);
-                            }
-                        } else {
-                            for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
-                                *sum += w * (v - base);
+            self.around(
+                samples,
+                pixel,
+                #[inline(always)]
+                |first, counts, wx, wy| {
+                    let n = wx.len();
+                    for k in (0..n).step_by(LANES) {
+                        let (wx, wy) = (eight(&wx[k..]), eight(&wy[k..]));
+                        let mut w = [0.0_f32; LANES];
+                        for i in 0..LANES {
+                            w[i] = wx[i] * wy[i] * counts;
+                        }
+                        if w == [0.0; LANES] {
+                            continue;
+                        }
+                        for i in 0..LANES {
+                            weight[i] += w[i];
+                        }
+                        let used = LANES.min(n - k);
+                        for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
+                            let seen = &values[channel * total + first + k..][..used];
+                            if let Some(seen) = seen.as_array::<LANES>() {
+                                for i in 0..LANES {
+                                    sum[i] += w[i] * (seen[i] - base);
+                                }
+                            } else {
+                                for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
+                                    *sum += w * (v - base);
+                                }
                             }
                         }
                     }
-                }
-            }
+                },
+            );
             let weight: f32 = weight.iter().sum();
             for ((out, sum), base) in out.iter_mut().zip(&sum).zip(&base) {
                 let sum: f32 = sum.iter().sum();
@@ -212,7 +219,7 @@ impl Support {
             let plane = &values[channel * total..(channel + 1) * total];
             let (mut least, mut greatest, mut sum, mut count) =
                 (f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0);
-            for (first, _, wx, wy) in self.around(samples, pixel) {
+            self.around(samples, pixel, |first, _, wx, wy| {
                 for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
                     let v = plane[first + s];
                     if a * b > 0.0 && v.is_finite() {
@@ -222,7 +229,7 @@ impl Support {
                         count += 1;
                     }
                 }
-            }
+            });
             *out = match self.spec.filter {
                 _ if count == 0 => NO_DEPTH,
                 PixelFilter::Min => least,

@@ -22,6 +22,24 @@ pub(super) trait Signs: Simd {
     fn not_negative(self, v: Lanes) -> u32 {
         self.le8(self.splat8(0.0), self.load8(&v.0))
     }
+
+    /// Returns the lanes in which `a` is below `b` as bits.
+    #[inline(always)]
+    fn less(self, a: Lanes, b: Lanes) -> u32 {
+        self.lt8(self.load8(&a.0), self.load8(&b.0))
+    }
+
+    /// Returns the lanes in which `a` is not above `b` as bits.
+    #[inline(always)]
+    fn not_above(self, a: Lanes, b: Lanes) -> u32 {
+        self.le8(self.load8(&a.0), self.load8(&b.0))
+    }
+
+    /// Moves the lanes whose bits are set in `mask` to the front, in order. The other lanes have any values.
+    #[inline(always)]
+    fn pack(self, v: Lanes, mask: u32) -> Lanes {
+        Lanes(self.store8(self.pack8(self.load8(&v.0), mask)))
+    }
 }
 
 impl<S: Simd> Signs for S {}
@@ -43,16 +61,6 @@ impl Lanes {
         let list = &list[at..at + LANES];
         let mut out = [0.0; LANES];
         out.copy_from_slice(list);
-        Self(out)
-    }
-
-    /// Loads the number at the index `at` of each item of `of`.
-    #[inline(always)]
-    pub(super) fn gather<T>(list: &[f32], of: &[T; LANES], at: impl Fn(&T) -> u32) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = list[at(&of[i]) as usize];
-        }
         Self(out)
     }
 
@@ -87,6 +95,29 @@ impl Lanes {
         self.zip(b, |a, b| if a > b { a } else { b })
     }
 
+    /// Returns the least number of all lanes, except for NaN.
+    #[inline(always)]
+    pub(super) fn least(self) -> f32 {
+        self.reduce(f32::min)
+    }
+
+    /// Returns the greatest number of all lanes, except for NaN.
+    #[inline(always)]
+    pub(super) fn most(self) -> f32 {
+        self.reduce(f32::max)
+    }
+
+    #[inline(always)]
+    fn reduce(self, f: impl Fn(f32, f32) -> f32) -> f32 {
+        let mut lanes = self.0;
+        for half in [4, 2, 1] {
+            for i in 0..half {
+                lanes[i] = f(lanes[i], lanes[i + half]);
+            }
+        }
+        lanes[0]
+    }
+
     /// Returns `a` in lanes that are 0 or above, and `b` in the others.
     #[inline(always)]
     pub(super) fn choose(self, a: Self, b: Self) -> Self {
@@ -95,6 +126,12 @@ impl Lanes {
             out[i] = if self.0[i] >= 0.0 { a.0[i] } else { b.0[i] };
         }
         Self(out)
+    }
+
+    /// Returns the numbers, limited to 0 to 1. NaN stays.
+    #[inline(always)]
+    pub(super) fn unit(self) -> Self {
+        self.each(|v| v.clamp(0.0, 1.0))
     }
 
     /// Returns the square roots.

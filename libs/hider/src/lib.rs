@@ -42,6 +42,7 @@
 pub mod film;
 
 mod blurred;
+mod candidates;
 mod composite;
 mod hit;
 mod kept;
@@ -150,6 +151,8 @@ pub struct Surfaces<'a> {
     least_full: usize,
     /// What was composited before all grids were added; `None` when nothing was.
     settled: Option<settled::Settled>,
+    /// Scratch for the search for hits.
+    room: blurred::Scratch,
 }
 
 impl<'a> Surfaces<'a> {
@@ -171,6 +174,7 @@ impl<'a> Surfaces<'a> {
             full: usize::MAX,
             least_full: usize::MAX,
             settled: None,
+            room: blurred::Scratch::default(),
         }
     }
 
@@ -181,15 +185,20 @@ impl<'a> Surfaces<'a> {
         if rect.is_empty() {
             return false;
         }
-        let per_pixel = self.samples.per_pixel;
+        let (per_pixel, varies) = (self.samples.per_pixel, self.samples.varies());
         for y in rect.y0..rect.y1 {
-            for x in rect.x0..rect.x1 {
-                let pixel = self.samples.pixel(x, y);
-                if self.horizon[pixel].is_nan() {
-                    let seen = &self.nearest_z[pixel * per_pixel..][..self.samples.count(pixel)];
-                    self.horizon[pixel] = greatest(seen);
+            let first = self.samples.pixel(rect.x0, y);
+            let row = &mut self.horizon[first..first + rect.width()];
+            // This loop has no branches. It is false for NaN.
+            if row.iter().fold(true, |hidden, horizon| hidden & (*horizon <= z)) {
+                continue;
+            }
+            for (pixel, horizon) in (first..).zip(row) {
+                if horizon.is_nan() {
+                    let count = if varies { self.samples.count(pixel) } else { per_pixel };
+                    *horizon = greatest(&self.nearest_z[pixel * per_pixel..][..count]);
                 }
-                if self.horizon[pixel] > z {
+                if *horizon > z {
                     return false;
                 }
             }
@@ -208,12 +217,10 @@ impl<'a> Surfaces<'a> {
         }
         let hides = grid.may_hide();
         let samples = self.samples;
-        Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut Adding {
-            surfaces: self,
-            grid,
-            index,
-            hides,
-        });
+        let mut room = std::mem::take(&mut self.room);
+        let adding = &mut Adding { surfaces: self, grid, index, hides };
+        Raster { samples, grid, view: &grid.views[eye] }.each_hit(&mut room, adding);
+        self.room = room;
     }
 
     /// Records that a grid passes directly beside a sample, in the direction `toward`. Grids share the points of
@@ -256,14 +263,16 @@ impl<'a> Surfaces<'a> {
         if behind && self.depths.is_empty() {
             return;
         }
-        let hides = (may_hide || !self.depths.is_empty()) && self.hides_behind(grid, sample, &fragment);
+        let plain = grid.opaque && self.depths.is_empty();
+        let hides =
+            plain || (may_hide || !self.depths.is_empty()) && self.hides_behind(grid, sample, &fragment);
         if behind {
             return;
         }
         if hides {
             self.nearest[sample] = fragment.seen;
             self.nearest_z[sample] = z;
-            self.horizon[sample / self.samples.per_pixel] = f32::NAN;
+            self.horizon[self.samples.pixel_of(sample)] = f32::NAN;
         } else if let Ok(new) = u32::try_from(self.fragments.len()) {
             self.fragments.push(Fragment { next: self.first[sample], ..fragment });
             self.first[sample] = new;

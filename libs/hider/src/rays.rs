@@ -3,9 +3,9 @@
 //! The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using 2D
 //! Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
 
+use super::candidates::Candidate;
 use super::hit::{Raster, spans};
-use super::lanes::{LANES, Lanes, Points, Signs, first_lanes};
-use super::streaks::Candidate;
+use super::lanes::{Lanes, Points, Signs};
 use super::visible::ViewedGrid;
 use granita_base::{Vec2, Vec3};
 use granita_machine::simd::Simd;
@@ -166,6 +166,7 @@ impl Raster<'_> {
     /// Intersects rays from the lens points of samples with the two triangles of a micropolygon at the samples'
     /// times. It computes the depth along z and the coordinates in the micropolygon. For a ray that passes beside the
     /// micropolygon, on the widened boundary edge, it computes the direction to the micropolygon ([`Hit::beside`]).
+    /// The samples are those whose bits are set in `used`.
     ///
     /// [`Hit::beside`]: super::hit::Hit::beside
     #[inline(always)]
@@ -173,20 +174,20 @@ impl Raster<'_> {
         &self,
         simd: impl Simd,
         polygon: &Polygon,
-        list: &[Candidate; LANES],
-        used: usize,
+        list: &Candidate<Lanes>,
+        used: u32,
         hit: &mut impl FnMut(usize, f32, f32, f32, Option<Vec2>),
     ) {
         let view = self.view;
         let rays = self.rays_of(list, polygon.pixel);
-        let time = self.times_of(list);
+        let time = list.time;
         let mut p = self.corners_at(&polygon.corners, time);
         for p in &mut p {
             (p.x, p.y) = (p.x - rays.origin[0], p.y - rays.origin[1]);
         }
         let edges = EdgeFunctions::new(polygon, view, p, &rays.direction);
         let far_enough = view.near.max(view.z_min);
-        let mut alive = first_lanes(used);
+        let mut alive = used;
         if let Some([from, to]) = view.existence {
             alive &= simd.not_negative(time - from) & simd.not_negative(-(time - to));
         }
@@ -199,7 +200,7 @@ impl Raster<'_> {
             while inside != 0 {
                 let lane = inside.trailing_zeros() as usize;
                 inside &= inside - 1;
-                hit(list[lane].sample as usize, z.0[lane], u.0[lane], v.0[lane], None);
+                hit(list.sample(lane), z.0[lane], u.0[lane], v.0[lane], None);
             }
         }
         // These rays are beside both triangles, on the widened boundary edge of one.
@@ -216,7 +217,7 @@ impl Raster<'_> {
             if let Some((TriangleHits { z, u, v, .. }, toward)) = on_edge {
                 let z = z.0[lane];
                 if z >= far_enough && z <= view.far {
-                    hit(list[lane].sample as usize, z, u.0[lane], v.0[lane], Some(toward));
+                    hit(list.sample(lane), z, u.0[lane], v.0[lane], Some(toward));
                 }
             }
         }
@@ -225,32 +226,18 @@ impl Raster<'_> {
     /// Returns the rays from the lens points of samples through their raster positions. `pixel` is the size of a
     /// pixel in camera space at z = 1.
     #[inline(always)]
-    fn rays_of(&self, list: &[Candidate; LANES], pixel: Vec2) -> Rays {
-        let (samples, view) = (self.samples, self.view);
-        let on_plane = [
-            (Lanes::gather(&samples.x, list, |c| c.sample) - view.center.x) * pixel.x,
-            (Lanes::gather(&samples.y, list, |c| c.sample) - view.center.y) * pixel.y,
-        ];
+    fn rays_of(&self, list: &Candidate<Lanes>, pixel: Vec2) -> Rays {
+        let view = self.view;
+        let on_plane = [(list.x - view.center.x) * pixel.x, (list.y - view.center.y) * pixel.y];
         let (zero, one) = (Lanes::splat(0.0), Lanes::splat(1.0));
         if !view.perspective {
             Rays { origin: on_plane, direction: Points { x: zero, y: zero, z: one } }
         } else if view.lens_radius > 0.0 {
-            let tables = &*samples.tables;
-            let lens = [&tables.lens_x, &tables.lens_y].map(|l| Lanes::gather(l, list, |c| c.lens));
+            let lens = [list.lens_x, list.lens_y];
             let [x, y] = [0, 1].map(|k| on_plane[k] - lens[k] / view.focus);
             Rays { origin: lens, direction: Points { x, y, z: one } }
         } else {
             Rays { origin: [zero; 2], direction: Points { x: on_plane[0], y: on_plane[1], z: one } }
-        }
-    }
-
-    /// Returns the times of samples.
-    #[inline(always)]
-    fn times_of(&self, list: &[Candidate; LANES]) -> Lanes {
-        let samples = self.samples;
-        match samples.times.is_empty() {
-            true => Lanes::splat(samples.shutter[0]),
-            false => Lanes::gather(&samples.tables.time, list, |c| c.time),
         }
     }
 

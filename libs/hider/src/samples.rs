@@ -193,6 +193,8 @@ pub struct SampleGrid {
     pub lenses: Vec<u32>,
     /// Positions from this index on belong to still pixels.
     still_from: u32,
+    /// 2^32 / `per_pixel`, rounded up; 0 where products with it are not exact enough for [`SampleGrid::pixel_of`].
+    reciprocal: u64,
 }
 
 impl SampleGrid {
@@ -221,6 +223,7 @@ impl SampleGrid {
             times: Vec::with_capacity(if pattern.blur { pixels } else { 0 }),
             lenses: Vec::with_capacity(if pattern.defocus { pixels } else { 0 }),
             still_from,
+            reciprocal: reciprocal(pixels, per_pixel),
         };
         let mut still = vec![pattern.is_reducible(); pixels];
         for part in blurred.iter().filter(|_| pattern.is_reducible()) {
@@ -339,12 +342,31 @@ impl SampleGrid {
         })
     }
 
+    /// Returns the index of the pixel of a sample.
+    #[inline(always)]
+    pub fn pixel_of(&self, sample: usize) -> usize {
+        match self.reciprocal {
+            0 => sample / self.per_pixel,
+            // A product takes less time than a division.
+            reciprocal => ((sample as u64 * reciprocal) >> 32) as usize,
+        }
+    }
+
     /// Returns the index of a pixel inside of the rectangle.
     #[inline(always)]
     pub fn pixel(&self, x: i32, y: i32) -> usize {
         (y - self.rect.y0) as usize * self.rect.width() + (x - self.rect.x0) as usize
     }
 }
+
+/// Returns a number `r` for which `s * r >> 32` is `s / per_pixel` for all samples `s` of the pixels; 0 when there is
+/// none. The product exceeds the quotient by less than `s / 2^32`, which must not reach the next integer.
+fn reciprocal(pixels: usize, per_pixel: usize) -> u64 {
+    let (pixels, n) = (pixels as u64, per_pixel as u64);
+    let most = pixels.checked_mul(n).and_then(|samples| samples.checked_mul(n));
+    if most.is_some_and(|most| most < 1 << 32) { (1 << 32) / n + 1 } else { 0 }
+}
+
 /// Returns point `s` of a correlated multi-jittered pattern of `nx x ny` strata (Kensler, Correlated Multi-Jittered
 /// Sampling, Pixar technical memo 13-01, 2013). The pattern is stratified in both dimensions together and in each
 /// alone.
@@ -390,6 +412,19 @@ mod tests {
             };
             assert!(count(4, 3) && count(12, 1) && count(1, 12), "seed {seed}");
         }
+    }
+
+    #[test]
+    fn the_pixel_of_a_sample_is_a_quotient() {
+        for (pixels, n) in [(1156, 16), (1156, 1), (7, 3), (1156, 1927), (40_000, 99), (1, 4096)] {
+            let r = reciprocal(pixels, n);
+            assert!(r > 0, "{pixels} x {n}");
+            let samples = (0..pixels * n).filter(|s| s % n < 2 || (s + 1) % n < 2);
+            for s in samples {
+                assert_eq!((s as u64 * r) >> 32, (s / n) as u64, "{s} of {pixels} x {n}");
+            }
+        }
+        assert_eq!([reciprocal(1156, 1928), reciprocal(usize::MAX, 3)], [0, 0]);
     }
 
     #[test]

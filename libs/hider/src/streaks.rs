@@ -4,6 +4,7 @@
 //! shutter is divided into parts, and these are divided again as long as the boxes of the parts become smaller. A
 //! sample is tested only against the part that contains its time.
 
+use super::candidates::{Candidate, Candidates};
 use super::hit::Raster;
 use super::lanes::{LANES, Lanes, Points};
 use super::visible::pixels_of;
@@ -23,15 +24,6 @@ const WORTH: usize = 3;
 
 /// The largest number of divisions into eight of one stratum of the shutter.
 const MAX_DEPTH: u32 = 4;
-
-/// A sample that a micropolygon may hit.
-#[derive(Clone, Copy)]
-pub(super) struct Candidate {
-    pub(super) sample: u32,
-    /// The indices of its time and lens point in the tables of patterns.
-    pub(super) time: u32,
-    pub(super) lens: u32,
-}
 
 /// Scratch for the search, kept from one micropolygon to the next.
 #[derive(Default)]
@@ -148,6 +140,7 @@ impl Raster<'_> {
     #[inline(always)]
     pub(super) fn find_live(&self, streaks: &mut Streaks) -> bool {
         let (view, window) = (self.view, self.window());
+        streaks.live.clear();
         if window.is_empty() {
             return false;
         }
@@ -188,7 +181,7 @@ impl Raster<'_> {
 
     /// Appends the samples that may see a micropolygon to the candidates.
     #[inline(always)]
-    pub(super) fn follow(&self, streak: &Streak<'_>, streaks: &mut Streaks, candidates: &mut Vec<Candidate>) {
+    pub(super) fn follow(&self, streak: &Streak<'_>, streaks: &mut Streaks, candidates: &mut Candidates) {
         let (corners, padding) = (streak.corners, self.padding_of(streak));
         let hull_at = |time: Lanes| {
             let [a, b, c, d] = self.corners_at(corners, time);
@@ -263,7 +256,7 @@ impl Raster<'_> {
 
     /// Appends the samples of a part that may see the micropolygon to the candidates.
     #[inline(always)]
-    fn take(&self, part: &Part, streak: &Streak<'_>, candidates: &mut Vec<Candidate>) {
+    fn take(&self, part: &Part, streak: &Streak<'_>, candidates: &mut Candidates) {
         let (samples, tables, rect) = (self.samples, &*self.samples.tables, &part.rect);
         let k = part.stratum;
         for y in rect.y0..rect.y1 {
@@ -273,9 +266,8 @@ impl Raster<'_> {
             }
             let row = samples.pixel(columns.start, y);
             for pixel in row..row + columns.len() {
-                let time = samples.times[pixel] + k as u32;
-                let at = tables.time[time as usize];
-                if !(at >= part.own[0] && at < part.own[1]) {
+                let time = tables.time[samples.times[pixel] as usize + k];
+                if !(time >= part.own[0] && time < part.own[1]) {
                     continue;
                 }
                 let sample = pixel * samples.per_pixel + k;
@@ -283,14 +275,15 @@ impl Raster<'_> {
                 if hidden || samples.varies() && k >= samples.count(pixel) {
                     continue;
                 }
-                let (mut lens, mut shift) = (0, Vec2::ZERO);
+                let mut lens = Vec2::ZERO;
                 if self.view.lens_radius > 0.0 {
-                    lens = samples.lenses[pixel] + k as u32;
-                    let point = Vec2::new(tables.lens_x[lens as usize], tables.lens_y[lens as usize]);
-                    shift = point * self.view.scale;
+                    let at = samples.lenses[pixel] as usize + k;
+                    lens = Vec2::new(tables.lens_x[at], tables.lens_y[at]);
                 }
-                if part.place.holds(Vec2::new(samples.x[sample], samples.y[sample]), shift) {
-                    candidates.push(Candidate { sample: sample as u32, time, lens });
+                let (x, y) = (samples.x[sample], samples.y[sample]);
+                if part.place.holds(Vec2::new(x, y), lens * self.view.scale) {
+                    let one = Candidate { sample: 0.0, x, y, time, lens_x: lens.x, lens_y: lens.y };
+                    candidates.push(sample, one);
                 }
             }
         }

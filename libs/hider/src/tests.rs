@@ -1,9 +1,9 @@
 //! Tests that moving micropolygons are seen by the samples whose rays hit them, and by no others.
 
+use super::candidates::Candidate;
 use super::hit::{Hit, Raster, Sink};
-use super::lanes::LANES;
+use super::lanes::Lanes;
 use super::rays::Polygon;
-use super::streaks::Candidate;
 use super::{SampleGrid, SamplePattern, ShadedGrid, ViewedGrid};
 use granita_base::{MotionTransform, Params, Reporter, Vec2, Vec3, hash};
 use granita_dicing::{CameraView, PixelRect};
@@ -85,7 +85,7 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
             let grid = grid(&camera, times, &at);
             let raster = Raster { samples: &samples, grid: &grid, view: &grid.views[0] };
             let mut found = All::default();
-            raster.each_hit(&mut found);
+            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut found);
             let mut all = All::default();
             let scale = raster.view.scale;
             for (j, i) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
@@ -96,13 +96,18 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
                     pixel: Vec2::new(1.0 / scale.x, 1.0 / scale.y),
                 };
                 for sample in 0..samples.len() {
-                    let (pixel, k) = (sample / samples.per_pixel, (sample % samples.per_pixel) as u32);
+                    let (pixel, k) = (sample / samples.per_pixel, sample % samples.per_pixel);
+                    let lens = samples.lenses.get(pixel).map(|first| *first as usize + k);
+                    let lens = |of: &[f32]| Lanes::splat(lens.map_or(0.0, |lens| of[lens]));
                     let one = Candidate {
-                        sample: sample as u32,
-                        time: samples.times[pixel] + k,
-                        lens: samples.lenses.get(pixel).map_or(0, |lens| lens + k),
+                        sample: Lanes::splat(f32::from_bits(sample as u32)),
+                        x: Lanes::splat(samples.x[sample]),
+                        y: Lanes::splat(samples.y[sample]),
+                        time: Lanes::splat(samples.time(sample)),
+                        lens_x: lens(&samples.tables.lens_x),
+                        lens_y: lens(&samples.tables.lens_y),
                     };
-                    raster.rays(Portable, &polygon, &[one; LANES], 1, &mut |sample, z, u, v, beside| {
+                    raster.rays(Portable, &polygon, &one, 1, &mut |sample, z, u, v, beside| {
                         all.hit(Hit { sample, z, at: at as u32, u, v, rim: true, beside });
                     });
                 }
@@ -111,5 +116,116 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
             assert_eq!(found.0, all.0, "case {case}, lens {lens}");
         }
         assert!(seen > 10_000, "{seen} hits");
+    }
+}
+
+/// Returns the hits of a grid on the samples of some pixels: raster positions, micropolygons and depths.
+fn hits(grid: &ShadedGrid, samples: &SampleGrid) -> BTreeSet<[u32; 4]> {
+    let raster = Raster { samples, grid, view: &grid.views[0] };
+    let mut found = All::default();
+    raster.each_hit(&mut crate::blurred::Scratch::default(), &mut found);
+    let place = |s: usize| [samples.x[s].to_bits(), samples.y[s].to_bits()];
+    found.0.iter().map(|&(s, at, z)| [place(s)[0], place(s)[1], at, z]).collect()
+}
+
+#[test]
+fn parts_of_an_image_have_the_hits_of_the_whole() {
+    let whole = PixelRect { x0: 0, y0: 0, x1: 64, y1: 48 };
+    for (lens, moving) in [(false, false), (false, true), (true, false)] {
+        let camera = camera(lens);
+        let pattern = SamplePattern::new(&camera, moving);
+        let samples_of = |rect: PixelRect| SampleGrid::new(rect, &pattern, &camera, &[whole]);
+        let all = samples_of(whole);
+        let mut seen = 0;
+        for case in 0..60_u32 {
+            let random = |k: u32| hash::unit(hash::words(&[case, k])) * 2.0 - 1.0;
+            let size = 10.0_f32.powf(1.5 * random(0) - 0.5);
+            let at = |u: f32, v: f32, t: f32| {
+                let (x, y) = (5.0 * random(1) + size * u, 4.0 * random(2) + size * v);
+                Vec3::new(x + t * random(3) + 0.3 * v, y, 6.0 + 2.0 * random(4) + u * random(5))
+            };
+            let grid = grid(&camera, if moving { &[0.0, 1.0] } else { &[0.0] }, &at);
+            assert_eq!(grid.views[0].raster.is_empty(), lens || moving);
+            let expected = hits(&grid, &all);
+            seen += expected.len();
+            let mut found = BTreeSet::new();
+            for (x, y) in (0..8).flat_map(|x| (0..6).map(move |y| (8 * x, 8 * y))) {
+                found.extend(hits(&grid, &samples_of(PixelRect { x0: x, y0: y, x1: x + 8, y1: y + 8 })));
+            }
+            assert!(found == expected, "case {case}, lens {lens}, moving {moving}");
+        }
+        assert!(seen > 3000, "{seen} hits");
+    }
+}
+
+/// Takes the nearest hit of each sample, and needs no hits behind it.
+struct Nearest(Vec<f32>, Vec<Option<[u32; 3]>>);
+
+impl Sink for Nearest {
+    fn hides(&mut self, _: &PixelRect, _: f32) -> bool {
+        false
+    }
+
+    fn limits(&self) -> Option<&[f32]> {
+        Some(&self.0)
+    }
+
+    fn hit(&mut self, hit: Hit) {
+        if hit.beside.is_none() && hit.z < self.0[hit.sample] {
+            self.0[hit.sample] = hit.z;
+            self.1[hit.sample] = Some([hit.at, hit.u.to_bits(), hit.v.to_bits()]);
+        }
+    }
+}
+
+#[test]
+fn hits_that_are_not_needed_change_nothing() {
+    let rect = PixelRect { x0: 0, y0: 0, x1: 64, y1: 48 };
+    for (lens, moving) in [(false, false), (true, true)] {
+        let camera = camera(lens);
+        let samples = SampleGrid::new(rect, &SamplePattern::new(&camera, moving), &camera, &[rect]);
+        let far = || vec![f32::INFINITY; samples.len() + SampleGrid::PADDING];
+        let mut nearest = Nearest(far(), vec![None; samples.len()]);
+        let mut expected = nearest.1.clone();
+        let mut depths = far();
+        for case in 0..40_u32 {
+            let random = |k: u32| hash::unit(hash::words(&[case, k])) * 2.0 - 1.0;
+            let at = |u: f32, v: f32, t: f32| {
+                let (x, y) = (2.0 * random(1) + 3.0 * (u - 0.5), 2.0 * random(2) + 3.0 * (v - 0.5));
+                Vec3::new(x + t * random(3), y, 6.0 + 2.0 * random(4) + 3.0 * u * random(5))
+            };
+            let grid = grid(&camera, if moving { &[0.0, 1.0] } else { &[0.0] }, &at);
+            let raster = Raster { samples: &samples, grid: &grid, view: &grid.views[0] };
+            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut nearest);
+            let mut all = Every::default();
+            raster.each_hit(&mut crate::blurred::Scratch::default(), &mut all);
+            for hit in all.0.iter().filter(|hit| hit.beside.is_none()) {
+                if hit.z < depths[hit.sample] {
+                    depths[hit.sample] = hit.z;
+                    expected[hit.sample] = Some([hit.at, hit.u.to_bits(), hit.v.to_bits()]);
+                }
+            }
+        }
+        let same = nearest.1.iter().zip(&expected).filter(|(a, b)| a == b && a.is_some()).count();
+        assert!(same > 2000, "{same} samples");
+        assert!(nearest.1 == expected, "lens {lens}, moving {moving}");
+    }
+}
+
+/// Records all hits in order.
+#[derive(Default)]
+struct Every(Vec<Hit>);
+
+impl Sink for Every {
+    fn hides(&mut self, _: &PixelRect, _: f32) -> bool {
+        false
+    }
+
+    fn limits(&self) -> Option<&[f32]> {
+        None
+    }
+
+    fn hit(&mut self, hit: Hit) {
+        self.0.push(hit);
     }
 }

@@ -83,16 +83,11 @@ impl Projector {
                 let at_focus = (self.scale / lens.focal_distance).abs();
                 at_focus * (lens.radius * (1.0 - lens.focal_distance / z).abs())
             });
-            for x in [hull.min.x, hull.max.x] {
-                for y in [hull.min.y, hull.max.y] {
-                    let q = self.center + Vec2::new(x, y) * scale;
-                    bound = [
-                        bound[0].min(q.x - blur.x),
-                        bound[1].min(q.y - blur.y),
-                        bound[2].max(q.x + blur.x),
-                        bound[3].max(q.y + blur.y),
-                    ];
-                }
+            for x in [hull.min.x, hull.max.x].map(|x| self.center.x + x * scale.x) {
+                (bound[0], bound[2]) = (bound[0].min(x - blur.x), bound[2].max(x + blur.x));
+            }
+            for y in [hull.min.y, hull.max.y].map(|y| self.center.y + y * scale.y) {
+                (bound[1], bound[3]) = (bound[1].min(y - blur.y), bound[3].max(y + blur.y));
             }
         }
         bound
@@ -130,6 +125,10 @@ pub struct ViewedGrid {
     pub z_min: f32,
     /// The raster boxes (x0, y0, x1, y1) of the micropolygons, u fastest; empty where `raster` is empty.
     pub boxes: Vec<[f32; 4]>,
+    /// The raster boxes of the rows of micropolygons along u; empty where `raster` is empty.
+    pub rows: Vec<[f32; 4]>,
+    /// The raster box of all micropolygons.
+    pub extent: [f32; 4],
     /// The distance in raster pixels beside the grid within which a sample searches for another grid on its other
     /// side.
     pub rim_px: f32,
@@ -165,6 +164,8 @@ impl ViewedGrid {
             rect: PixelRect::EVERYWHERE,
             z_min: f32::NEG_INFINITY,
             boxes: Vec::new(),
+            rows: Vec::new(),
+            extent: NOWHERE,
             rim_px: 0.0,
             existence: None,
         };
@@ -175,12 +176,38 @@ impl ViewedGrid {
                 Vec3::new(q.x, q.y, if perspective { 1.0 / p.z } else { p.z })
             };
             grid.raster = grid.p_cam[0].iter().map(project).collect();
+            let of_points = |row: &[Vec3]| row.iter().fold(NOWHERE, |b, q| union(b, [q.x, q.y, q.x, q.y]));
+            let lines: Vec<[f32; 4]> = grid.raster.chunks_exact(nu.max(1)).map(of_points).collect();
+            grid.rows = lines.windows(2).map(|pair| union(pair[0], pair[1])).collect();
+            grid.extent = grid.rows.iter().copied().fold(NOWHERE, union);
         } else if let Some(nv) = grid.p_cam[0].len().checked_div(nu) {
-            let corners = |at: usize| [at, at + 1, at + nu, at + nu + 1].into_iter();
-            let cells = (1..nv).flat_map(|j| (1..nu).map(move |i| (j - 1) * nu + i - 1));
-            grid.boxes = cells.map(|at| grid.bound(corners(at)).0).collect();
+            grid.boxes = grid.find_boxes(nu, nv);
+            grid.extent = grid.boxes.iter().copied().fold(NOWHERE, union);
         }
         grid
+    }
+
+    /// Returns the raster boxes of the micropolygons; see [`ViewedGrid::bound`].
+    fn find_boxes(&self, nu: usize, nv: usize) -> Vec<[f32; 4]> {
+        let projector = self.projector();
+        let all_finite = self.p_cam.iter().flatten().all(|p| p.is_finite());
+        let mut boxes = Vec::with_capacity(nu.saturating_sub(1) * nv.saturating_sub(1));
+        for j in 1..nv {
+            for i in 1..nu {
+                let at = (j - 1) * nu + i - 1;
+                let corners = [at, at + 1, at + nu, at + nu + 1];
+                boxes.push(match all_finite {
+                    true => {
+                        let hull = self.p_cam.iter().fold(Bound::EMPTY, |hull, p| {
+                            corners.iter().fold(hull, |hull, corner| hull.with(p[*corner]))
+                        });
+                        projector.raster_box(&hull)
+                    }
+                    false => self.bound(corners.into_iter()).0,
+                });
+            }
+        }
+        boxes
     }
 
     /// Returns a point between two keys; see [`granita_dicing::key_at`].
@@ -207,7 +234,7 @@ impl ViewedGrid {
                 }
                 hull = hull.with(p);
             }
-            return (self.raster_box(&hull), hull.min.z);
+            return (self.projector().raster_box(&hull), hull.min.z);
         }
         let mut bound = NOWHERE;
         let mut z_min = f32::INFINITY;
@@ -219,19 +246,23 @@ impl ViewedGrid {
         (bound, z_min)
     }
 
-    /// Returns the raster box of the part of a camera space box that is not before the near plane.
-    fn raster_box(&self, hull: &Bound) -> [f32; 4] {
+    /// Returns the projector of its camera.
+    fn projector(&self) -> Projector {
         let lens = Lens { radius: self.lens_radius, focal_distance: self.focus };
-        let projector = Projector {
+        Projector {
             scale: self.scale,
             center: self.center,
             perspective: self.perspective,
             near: self.near,
             far: self.far,
             lens: (self.lens_radius > 0.0).then_some(lens),
-        };
-        projector.raster_box(hull)
+        }
     }
+}
+
+/// Returns the box around two raster boxes. A side that is NaN is left out.
+fn union(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])]
 }
 
 /// Returns the pixels that a raster box touches, clipped to `within`. A box with NaN touches no pixel.
@@ -308,7 +339,10 @@ impl ShadedGrid {
     pub fn bytes(&self) -> usize {
         let views = self.views.iter().map(|view| {
             let points = view.p_cam.iter().map(Vec::len).sum::<usize>() + view.raster.len();
-            size_of::<ViewedGrid>() + size_of::<Vec3>() * points + size_of_val(&view.boxes[..])
+            size_of::<ViewedGrid>()
+                + size_of::<Vec3>() * points
+                + size_of_val(&view.boxes[..])
+                + size_of_val(&view.rows[..])
         });
         let shades = self.shades.iter().map(|shade| {
             size_of_val(&shade.color[..])

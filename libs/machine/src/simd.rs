@@ -16,6 +16,24 @@ pub const NARROW: usize = 4;
 /// 2^112, from the difference of the exponent biases of a half and a float.
 const HALF_BIAS: f32 = f32::from_bits((127 + 112) << 23);
 
+/// For each mask of [`Simd::pack8`]: the lanes that its result takes.
+const PACKED: [[u8; WIDE]; 1 << WIDE] = {
+    let mut packed = [[0; WIDE]; 1 << WIDE];
+    let mut mask = 0;
+    while mask < packed.len() {
+        let (mut lane, mut next) = (0, 0);
+        while lane < WIDE {
+            if mask >> lane & 1 == 1 {
+                packed[mask][next] = lane as u8;
+                next += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    packed
+};
+
 /// Operations on vectors. The `8` or `4` at the end of a name is the number of lanes. Comparisons with NaN are false.
 pub trait Simd: Copy {
     /// A vector of eight numbers.
@@ -57,6 +75,9 @@ pub trait Simd: Copy {
     fn le8(self, a: Self::F8, b: Self::F8) -> u32;
     /// 2 to the power of the integer in the lowest bits of each lane.
     fn power8(self, x: Self::F8) -> Self::F8;
+    /// Moves the lanes whose bits are set in `mask` (below 256) to the front, in order. The other lanes have any
+    /// values.
+    fn pack8(self, x: Self::F8, mask: u32) -> Self::F8;
     /// Returns `x` with 0 in the lanes outside of `from .. to`.
     fn only8(self, x: Self::F8, from: usize, to: usize) -> Self::F8;
 
@@ -257,6 +278,9 @@ impl Simd for Portable {
     #[inline(always)] fn power8(self, x: Self::F8) -> Self::F8 {
         x.map(|x| f32::from_bits((x.to_bits() << 23).wrapping_add(127 << 23)))
     }
+    #[inline(always)] fn pack8(self, x: Self::F8, mask: u32) -> Self::F8 {
+        PACKED[mask as usize].map(|lane| x[lane as usize % WIDE])
+    }
     #[inline(always)] fn only8(self, x: Self::F8, from: usize, to: usize) -> Self::F8 {
         let mut out = [0.0; WIDE];
         out[from..to].copy_from_slice(&x[from..to]);
@@ -274,7 +298,7 @@ impl Simd for Portable {
 
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
-    use super::{HALF_BIAS, NARROW, Simd, WIDE};
+    use super::{HALF_BIAS, NARROW, PACKED, Simd, WIDE};
     use pulp::cast;
     use std::arch::x86_64::*;
 
@@ -320,6 +344,10 @@ mod avx2 {
             let (avx, avx2) = (self.avx, self.avx2);
             let exponent = avx2._mm256_slli_epi32::<23>(avx._mm256_castps_si256(x));
             avx._mm256_castsi256_ps(avx2._mm256_add_epi32(exponent, avx._mm256_set1_epi32(127 << 23)))
+        }
+        #[inline(always)] fn pack8(self, x: __m256, mask: u32) -> __m256 {
+            let lanes = self.sse2._mm_set_epi64x(0, i64::from_le_bytes(PACKED[mask as usize]));
+            self.avx2._mm256_permutevar8x32_ps(x, self.avx2._mm256_cvtepu8_epi32(lanes))
         }
         #[inline(always)] fn only8(self, x: __m256, from: usize, to: usize) -> __m256 {
             let (avx, avx2) = (self.avx, self.avx2);
@@ -375,6 +403,9 @@ mod tests {
                 s.min8(a, b),
                 s.max8(a, b),
                 s.only8(a, 2, 5),
+                s.pack8(a, 0b1010_0110),
+                s.pack8(a, 0),
+                s.pack8(b, 0xff),
                 s.power8(s.bits8(&[0, 1, 2, 3, 120, u32::MAX, u32::MAX - 1, 7])),
                 s.bytes8(&[0, 1, 2, 127, 128, 200, 254, 255]),
                 s.words8(&[0, 1, 255, 256, 32767, 32768, 65534, 65535]),
@@ -407,6 +438,16 @@ mod tests {
         let asked = cfg!(debug_assertions) && std::env::var_os("GRANITA_PORTABLE").is_some();
         let wide = pulp::x86::V3::try_new().is_some() && !asked;
         assert_eq!(Vectors::widest().wide.is_some(), wide);
+    }
+
+    #[test]
+    fn packed_lanes_are_those_of_the_mask_in_order() {
+        let lanes: [f32; WIDE] = std::array::from_fn(|i| i as f32);
+        for mask in 0..1 << WIDE {
+            let packed = Portable.pack8(lanes, mask);
+            let expected: Vec<f32> = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| i as f32).collect();
+            assert_eq!(packed[..expected.len()], expected, "{mask:b}");
+        }
     }
 
     #[test]

@@ -57,6 +57,8 @@ pub struct RenderEnvironment {
     pub open_files: Option<usize>,
     /// Set by the caller to make a running frame end early (`Command ("return")`).
     pub stop: Arc<AtomicBool>,
+    /// True when the images of a frame that `stop` ends are kept as partial ones, under [`crate::partial_path`].
+    pub keep_partial: bool,
     /// Replaces the "crop" of every camera: xmin, xmax, ymin, ymax, as fractions of the image.
     pub crop: Option<[f32; 4]>,
     /// Writes the calls of "griddump:filename".

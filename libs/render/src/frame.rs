@@ -18,6 +18,7 @@ use crate::bucket::{BucketOrder, Buckets};
 use crate::environment::Progress;
 use crate::output::canvas::{Canvas, Finished};
 use crate::output::griddump::GridDump;
+use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet, Shown};
 use crate::priority::Priority;
 use crate::spread::Spread;
@@ -172,6 +173,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) priority: Option<&'a Priority>,
     /// The largest number of bytes that are kept for re-renders; `None` without a limit.
     pub(crate) memory_bytes: Option<usize>,
+    /// Receives the images of a frame that was stopped: those of each eye one after the other, in order of declaration.
+    pub(crate) partials: Option<&'a Mutex<Vec<Partial>>>,
 }
 
 impl<'a> FrameOptions<'a> {
@@ -192,6 +195,7 @@ impl<'a> FrameOptions<'a> {
             spread: &Spread::Alone,
             priority: None,
             memory_bytes: None,
+            partials: None,
         }
     }
 }
@@ -236,7 +240,8 @@ struct Frame<'a, S: FrameShader> {
 /// Returns the statistics, and true when all buckets were rendered.
 ///
 /// # Errors
-/// Returns [`RenderError::Stopped`] when `options.stop` was set. The pixels are then not complete.
+/// Returns [`RenderError::Stopped`] when `options.stop` was set. The pixels are then not complete. `options.partials`
+/// receives them, except when all of them were rendered before, which counts as success.
 pub(crate) fn render<S: FrameShader>(
     scene: &Scene,
     shader: &S,
@@ -246,7 +251,8 @@ pub(crate) fn render<S: FrameShader>(
 ) -> Result<(Statistics, bool), RenderError> {
     let begin = Instant::now();
     let (camera, threads) = (options.camera, options.threads.max(1));
-    let (progress, stop, registry) = (options.progress, options.stop, options.registry);
+    let (progress, stop, registry, partials) =
+        (options.progress, options.stop, options.registry, options.partials);
     let eyes = options.eyes;
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
     let mut order = &*camera.bucketorder;
@@ -279,7 +285,13 @@ pub(crate) fn render<S: FrameShader>(
         }
         return Ok((frame.counters.statistics(begin.elapsed(), threads), true));
     }
-    let canvas = |image, eye| Mutex::new(Canvas::new(image, eye, &frame.buckets, registry));
+    let canvas = |image: &OutputImage, eye| {
+        let canvas = Canvas::new(image, eye, &frame.buckets, registry);
+        Mutex::new(match registry.filter(|_| partials.is_some()) {
+            Some(registry) => canvas.copying(registry.files(), &image.path),
+            None => canvas,
+        })
+    };
     let canvases: Vec<Mutex<Canvas>> = outputs
         .iter()
         .zip(eyes)
@@ -320,7 +332,11 @@ pub(crate) fn render<S: FrameShader>(
         kept.reuse(frame.shader.changes())
     });
     if stop.load(Ordering::Relaxed) {
-        return Err(RenderError::Stopped);
+        let Some(partials) = partials else { return Err(RenderError::Stopped) };
+        if !canvases.iter().all(|canvas| canvas.lock().is_whole()) {
+            partials.lock().extend(canvases.into_iter().map(|canvas| canvas.into_inner().into_partial()));
+            return Err(RenderError::Stopped);
+        }
     }
     for (image, canvas) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(canvases) {
         match canvas.into_inner().finish() {

@@ -47,6 +47,7 @@ pub use environment::{CallText, Progress, RenderEnvironment, Silent};
 pub use error::RenderError;
 pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
 pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_light};
+pub use output::partial::partial_path;
 pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};

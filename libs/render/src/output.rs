@@ -1,6 +1,7 @@
-//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), and grids as scenes
-//! ([`griddump`]).
+//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), the files of frames
+//! that were ended early ([`partial`]), and grids as scenes ([`griddump`]).
 
 pub(crate) mod canvas;
 pub(crate) mod griddump;
+pub(crate) mod partial;
 pub(crate) mod plan;

@@ -4,6 +4,7 @@ use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, KeptFrames, ObjectTraits};
 use crate::output::griddump::GridDump;
+use crate::output::partial::Partial;
 use crate::output::plan::{ImageWriter, OutputSet, WrittenFiles, is_dynamic};
 use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
@@ -13,6 +14,7 @@ use granita_scene::{Output, Primitive, Scene, attr};
 use granita_shade::Grid;
 use granita_shading::{Changes, Memo, ObjectState};
 use granita_shading::{ShaderThread, ShadingContext};
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -138,6 +140,30 @@ impl Renderer {
             Err(error) => {
                 reporter.error(format!("\"griddump:filename\": {error}"));
                 false
+            }
+        }
+    }
+
+    /// Writes the partial images of a frame that was stopped, and reports them. `partials` holds the images of one eye
+    /// after those of the other.
+    fn keep(&self, eyes: &[CameraView], outputs: &[OutputSet], refused: &[PathBuf], partials: Vec<Partial>) {
+        let Self { environment } = self;
+        let images = eyes.iter().zip(outputs).flat_map(|(eye, set)| set.images.iter().map(move |i| (eye, i)));
+        for ((eye, image), partial) in images.zip(partials) {
+            if refused.iter().any(|path| path.as_os_str() == image.path.as_os_str()) {
+                continue;
+            }
+            let (percent, path) = (partial.percent(), image.path.display());
+            match partial.write(image, eye, &environment.registry) {
+                Ok(None) => (),
+                Ok(Some(file)) => environment.reporter.warning(format!(
+                    "output \"{path}\": the frame was ended early; \"{}\" keeps the {percent} % of the pixels that were \
+                     rendered",
+                    file.display()
+                )),
+                Err(error) => {
+                    environment.reporter.error(format!("output \"{path}\": its partial image is not kept: {error}"));
+                }
             }
         }
     }
@@ -307,6 +333,7 @@ impl<'r> FrameInProgress<'r> {
         let dump = if is_first { self.renderer.dump(&self.scene, &self.views[0]) } else { None };
         self.begin_shading()?;
         let Some(shading) = &self.shading else { return Ok(()) };
+        let partials = Mutex::new(Vec::new());
         let options = FrameOptions {
             camera: view,
             eyes: &eyes,
@@ -324,9 +351,12 @@ impl<'r> FrameInProgress<'r> {
                 0 => None,
                 kb => Some(usize::try_from(kb).unwrap_or(0).saturating_mul(1024)),
             },
+            partials: (environment.keep_partial && !self.is_worker).then_some(&partials),
         };
         let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
-        let (statistics, complete) = frame::render(&self.scene, shading, options, &mut outputs, frames)?;
+        let rendered = frame::render(&self.scene, shading, options, &mut outputs, frames)
+            .inspect_err(|_| self.renderer.keep(&eyes, &outputs, &refused, partials.into_inner()));
+        let (statistics, complete) = rendered?;
         self.report.statistics.push((view.name.clone(), statistics));
         if self.is_worker {
             return Ok(());

@@ -25,6 +25,7 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
 /// Returns the finished scene of a fixture, its camera, and the inputs of a frame.
 pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnvironment) {
     let environment = RenderEnvironment {
+        keep_partial: false,
         registry: FormatRegistry::default(),
         shaders: Arc::new(fixture.compiled()),
         texture_path: SearchPath::default(),

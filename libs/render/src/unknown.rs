@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Warns about outputs of variables that are neither globals nor output parameters of a surface or volume shader of
-/// the scene. Their images will be black. The message names the most similar name, or the type of a parameter of
-/// that name.
+/// the scene, nor variables of its primitives ("primitive:NAME"). Their images will be black. The message names the
+/// most similar name, or the type of a parameter of that name.
 ///
 /// Loads the shaders of the scene, as rendering will, but only when an output shows a variable.
 pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Reporter) {
@@ -25,6 +25,20 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
     }
     asked.retain(|(_, ty, name)| !is_global(*ty, name));
     if asked.is_empty() || scene.primitives.is_empty() {
+        return;
+    }
+    asked.retain(|(output, ty, name)| {
+        let Some(own) = name.strip_prefix("primitive:") else { return true };
+        if !is_of_primitives(scene, *ty, own) {
+            let (name, data) = (&output.name, &output.data);
+            let text = format!(
+                "output \"{name}\": data \"{data}\": no primitive has the variable \"{ty} {own}\"; the image is black"
+            );
+            reporter.once(&text, Severity::Warning, &Location::default(), text.clone());
+        }
+        false
+    });
+    if asked.is_empty() {
         return;
     }
     let given = given(scene, library);
@@ -52,6 +66,16 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
         let text = format!("output \"{}\": data \"{}\": {why}; the image is black", output.name, output.data);
         reporter.once(&text, Severity::Warning, &Location::default(), text.clone());
     }
+}
+
+/// True when a primitive has a variable of this name with numbers of this type, or when all have one.
+fn is_of_primitives(scene: &Scene, ty: ParamType, name: &str) -> bool {
+    let width = ty.width();
+    if matches!((name, width), ("C" | "opacity", 3) | ("s" | "t", 1)) {
+        return true;
+    }
+    let params = scene.primitives.iter().filter_map(|primitive| primitive.keys.first()?.params.get(name));
+    params.into_iter().any(|param| param.ty.base != BaseType::String && param.ty.width() == width)
 }
 
 /// A parameter of a shader.

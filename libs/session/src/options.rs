@@ -59,6 +59,9 @@ pub struct SessionOptions {
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
+    /// True when the images of frames that are ended early are kept as partial ones (see
+    /// [`granita_render::partial_path`]).
+    pub keep_partial: bool,
     /// The viewer of images of the format "iv"; by default the one at the standard port of this machine.
     pub viewer: Viewer,
     /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.
@@ -76,6 +79,9 @@ pub struct SessionOptions {
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,
+    /// True to compile code of shaders through which many points run to machine code, with the C compiler of the
+    /// system. Pixels do not depend on it.
+    pub native: bool,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,

@@ -121,7 +121,12 @@ pub(crate) fn amended(
             outputs.iter_mut().for_each(|output| look_alike(output, looking, frame));
         }
         // The user named these files, or the files that their names derive from.
-        outputs.iter().for_each(|output| registry.files().grant_output(Path::new(&*output.name)));
+        for path in outputs.iter().map(|output| Path::new(&*output.name)) {
+            registry.files().grant_output(path);
+            if options.keep_partial {
+                registry.files().grant_output(&granita_render::partial_path(path));
+            }
+        }
         scene.outputs.extend(outputs);
     }
     Arc::new(scene)

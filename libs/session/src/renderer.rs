@@ -11,7 +11,7 @@ use crate::{SessionOptions, outputs};
 use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_inputs::Inputs;
-use granita_plugin::Plugins;
+use granita_plugin::{NativeShaders, Plugins};
 use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
@@ -83,6 +83,8 @@ pub(crate) struct SessionRenderer {
     commands: CommandContext,
     inputs: Inputs,
     plugins: Plugins,
+    /// Compiles shaders to machine code, if that is requested.
+    native: Option<Arc<NativeShaders>>,
     finished: Finished,
     success: bool,
     /// The file for messages, from "error:filename".
@@ -102,6 +104,8 @@ pub(crate) struct SessionRenderer {
     requested: RequestedImages,
     /// What the frames of a scene in re-rendering mode keep for the next one.
     kept: Kept,
+    /// True while a frame is rendered and its images are written.
+    busy: Arc<AtomicBool>,
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
@@ -115,6 +119,10 @@ impl SessionRenderer {
         master: Option<WorkerCoordinator>,
     ) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.run.plugin_rules());
+        // A run of an untrusted scene starts no programs.
+        let native = (options.native && !options.run.safe).then(|| {
+            Arc::new(NativeShaders::new(&options.run.environment, &options.run.supervisor, &reporter))
+        });
         let mut registry = granita_plugin::bundled_formats(Limits {
             files: options.run.environment.files().clone(),
             ..Limits::default()
@@ -136,6 +144,7 @@ impl SessionRenderer {
             },
             inputs: Inputs::with_plugins(Arc::new(options.run.clone()), reporter.clone(), plugins.clone()),
             plugins,
+            native,
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             looking: Arc::default(),
             desk: Arc::default(),
@@ -143,6 +152,7 @@ impl SessionRenderer {
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
             kept: Kept::default(),
+            busy: Arc::default(),
             master: master.map(Arc::new),
             options,
             reporter,
@@ -240,6 +250,11 @@ impl SessionRenderer {
         self.commands.stop.clone()
     }
 
+    /// Returns the flag that is true while a frame is rendered and its images are written.
+    pub(crate) fn busy(&self) -> Arc<AtomicBool> {
+        self.busy.clone()
+    }
+
     pub(crate) fn priority(&self) -> Arc<Priority> {
         self.commands.priority.clone()
     }
@@ -272,6 +287,7 @@ impl SessionRenderer {
         let begin = Instant::now();
         let supervisor = self.options.run.supervisor.clone();
         let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
+        let _busy = Busy::new(&self.busy);
         self.commands.stop.store(false, Ordering::SeqCst);
         if supervisor.has_ended() {
             return Err(Stop::Exit);
@@ -334,11 +350,14 @@ impl SessionRenderer {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
-            shaders: Arc::new(Shaders::new(
-                self.search_path(scene, attr::PATH_SHADER),
-                self.plugins.clone(),
-                self.reporter.clone(),
-            )),
+            shaders: Arc::new(
+                Shaders::new(
+                    self.search_path(scene, attr::PATH_SHADER),
+                    self.plugins.clone(),
+                    self.reporter.clone(),
+                )
+                .with_native(self.native.clone()),
+            ),
             texture_path: self.search_path(scene, attr::PATH_TEXTURE),
             variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),
@@ -346,6 +365,7 @@ impl SessionRenderer {
             threads: self.threads(scene),
             open_files: self.options.open_files,
             stop: self.commands.stop.clone(),
+            keep_partial: self.options.keep_partial,
             crop: self.options.crop.filter(|_| self.desk.lock().is_none()),
             call_text,
             scene_files: self.options.scene_files.clone(),
@@ -397,6 +417,22 @@ impl SessionRenderer {
             return Spread::Over(self.net.clone());
         }
         Spread::Alone
+    }
+}
+
+/// Sets a flag until this is dropped.
+struct Busy(Arc<AtomicBool>);
+
+impl Busy {
+    fn new(flag: &Arc<AtomicBool>) -> Self {
+        flag.store(true, Ordering::SeqCst);
+        Self(flag.clone())
+    }
+}
+
+impl Drop for Busy {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::SeqCst);
     }
 }
 

@@ -45,7 +45,12 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
         extensions: endings.map(str::to_owned).collect(),
     });
     scenes.iter().for_each(|file| files.grant(file));
-    options.extra_outputs.iter().for_each(|output| files.grant_output(Path::new(&output.name)));
+    for path in options.extra_outputs.iter().map(|output| Path::new(&output.name)) {
+        files.grant_output(path);
+        if options.keep_partial {
+            files.grant_output(&granita_render::partial_path(path));
+        }
+    }
     for variable in ["GELATOHOME", "HOME"] {
         if let Some(folder) = options.run.environment.get(variable) {
             files.grant(&Path::new(folder).join(".gelato.pyg"));

@@ -74,6 +74,7 @@ pub struct Session {
     registry: FormatRegistry,
     requested: RequestedImages,
     stop: Arc<AtomicBool>,
+    busy: Arc<AtomicBool>,
     priority: Arc<Priority>,
     /// The names of files of objects that were read as if they were scenes.
     objects: Vec<String>,
@@ -146,7 +147,7 @@ impl Session {
             SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
         let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
         let (registry, requested) = (renderer.registry(), renderer.requested());
-        let (stop, priority) = (renderer.stop(), renderer.priority());
+        let (stop, busy, priority) = (renderer.stop(), renderer.busy(), renderer.priority());
         let (looking, desk_frame, deferral) = (renderer.looking(), renderer.desk(), renderer.deferral());
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
@@ -159,6 +160,7 @@ impl Session {
             registry,
             requested,
             stop,
+            busy,
             priority,
             objects: Vec::new(),
             commanded: false,
@@ -344,6 +346,11 @@ impl Session {
     /// Returns a flag that ends the current frame as soon as possible. Any thread may set it.
     pub fn stop(&self) -> Arc<AtomicBool> {
         self.stop.clone()
+    }
+
+    /// Returns a flag that is true while a frame is rendered and its images are written.
+    pub fn busy(&self) -> Arc<AtomicBool> {
+        self.busy.clone()
     }
 
     /// Returns the priority of buckets of the current frame.

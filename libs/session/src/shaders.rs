@@ -2,9 +2,9 @@
 
 use granita_base::{Location, Reporter, SearchPath};
 use granita_gsl::{CompileOptions, Diagnostic, ValidModule, compile};
-use granita_plugin::Plugins;
+use granita_plugin::{NativeShaders, Plugins};
 use granita_render::{NoShader, ShaderLibrary};
-use granita_shade::Shadeop;
+use granita_shade::{NativeCompiler, Shadeop};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,12 +20,18 @@ pub(crate) struct Shaders {
     reporter: Reporter,
     shadeops: Mutex<BTreeMap<String, FoundShadeop>>,
     known: Mutex<BTreeMap<String, Result<ValidModule, NoShader>>>,
+    native: Option<Arc<NativeShaders>>,
 }
 
 impl Shaders {
     /// Returns the shaders in the folders of `path`.
     pub(crate) fn new(path: SearchPath, plugins: Plugins, reporter: Reporter) -> Self {
-        Self { path, plugins, reporter, shadeops: Mutex::default(), known: Mutex::default() }
+        Self { path, plugins, reporter, shadeops: Mutex::default(), known: Mutex::default(), native: None }
+    }
+
+    /// Sets the compiler for code through which many points run.
+    pub(crate) fn with_native(self, native: Option<Arc<NativeShaders>>) -> Self {
+        Self { native, ..self }
     }
 
     fn find(&self, name: &str) -> Result<ValidModule, NoShader> {
@@ -139,5 +145,9 @@ impl ShaderLibrary for Shaders {
         let found = self.plugins.shadeop(text, &self.path);
         known.insert(text.to_owned(), found.clone());
         found
+    }
+
+    fn native(&self) -> Option<&dyn NativeCompiler> {
+        self.native.as_deref().map(|native| native as &dyn NativeCompiler)
     }
 }

@@ -21,7 +21,7 @@
 //!   place, and the documented substitute is used.
 //!
 //! Deliberately absent: any knowledge of files, textures, rays, lights or scenes; a second way to run
-//! (a ray hit is a small grid); compilation to machine code.
+//! (a ray hit is a small grid); a compiler to machine code (a [`NativeCompiler`] can be given).
 //!
 //! ```
 //! use granita_shade::*;
@@ -80,6 +80,7 @@ mod error;
 mod grid;
 mod join;
 mod link;
+mod native;
 mod ops;
 mod program;
 mod run;
@@ -90,6 +91,7 @@ mod tape;
 pub use error::ShadeError;
 pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Rect, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
+pub use native::{NativeCode, NativeCompiler, NativeDone, NativeSource, NativeStrip};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
 pub use services::{

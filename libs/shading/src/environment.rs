@@ -4,7 +4,7 @@ use granita_base::{Reporter, SearchPath};
 use granita_gsl::ValidModule;
 use granita_image::FormatRegistry;
 use granita_sdb::Databases;
-use granita_shade::Shadeop;
+use granita_shade::{NativeCompiler, Shadeop};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -24,6 +24,11 @@ pub trait ShaderLibrary: Send + Sync {
     /// Returns the reason why the function is not available.
     fn shadeop(&self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
         Err(format!("shadeop {text}: this program loads no shadeops"))
+    }
+
+    /// Returns the compiler for code through which many points run. By default there is none.
+    fn native(&self) -> Option<&dyn NativeCompiler> {
+        None
     }
 }
 

@@ -23,7 +23,7 @@ use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
 use crate::{ShaderThread, ShadingContext};
 use granita_base::{
-    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
+    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample, suggestion,
 };
 use granita_dicing::finite;
 use granita_gsl::Func;
@@ -31,10 +31,11 @@ use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Group, Host,
-    IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages, RayKind,
-    Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureQuery, Textures,
-    Topology, TraceQuery, TraceResult,
+    IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages,
+    NativeCompiler, RayKind, Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery,
+    TextureQuery, Textures, Topology, TraceQuery, TraceResult,
 };
+use granita_texture::Wrap;
 use recall::{Asked, Question};
 use std::sync::Arc;
 
@@ -505,6 +506,26 @@ impl Spaces for Run<'_, '_> {
     }
 }
 
+impl Run<'_, '_> {
+    /// Reports unknown words for wrap modes in a lookup in `file`, each word once.
+    fn report_wraps<'o>(&self, file: &str, words: impl Iterator<Item = &'o str>) {
+        for word in words {
+            let object =
+                if self.owner.is_empty() { String::new() } else { format!("object \"{}\": ", self.owner) };
+            let near = suggestion(word, Wrap::ALL.iter().map(|wrap| wrap.word()));
+            let near = near.map_or(String::new(), |near| format!("; did you mean \"{near}\"?"));
+            self.frame.reporter.once(
+                &format!("wrap {word}"),
+                Severity::Warning,
+                &Location::default(),
+                format!(
+                    "{object}texture \"{file}\": unknown wrap mode \"{word}\": that of the file is used{near}"
+                ),
+            );
+        }
+    }
+}
+
 impl Textures for Run<'_, '_> {
     fn texture(&mut self, query: &TextureQuery<'_>, out: &mut LookupResult) {
         let asked = self.ask(Question::Texture, |_, key| recall::texture(key, query));
@@ -512,6 +533,7 @@ impl Textures for Run<'_, '_> {
             return *out = *known;
         }
         self.note_file(query.name);
+        self.report_wraps(query.name, maps::unknown_wraps(&query.options));
         maps::texture(self.thread.textures(), query, out);
         self.keep(asked, || Answer::Lookup(Box::new(out.clone())));
     }
@@ -522,6 +544,7 @@ impl Textures for Run<'_, '_> {
             return *out = *known;
         }
         self.note_file(query.name);
+        self.report_wraps(query.name, maps::unknown_wraps(&query.options));
         maps::texture3d(self.thread.textures(), query, out);
         self.keep(asked, || Answer::Lookup(Box::new(out.clone())));
     }
@@ -847,6 +870,10 @@ impl Messages for Run<'_, '_> {
 impl Host for Run<'_, '_> {
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {
         self.frame.library.shadeop(text)
+    }
+
+    fn native(&mut self) -> Option<&dyn NativeCompiler> {
+        self.frame.library.native()
     }
 
     fn attribute(&mut self, name: &str) -> Option<Param> {

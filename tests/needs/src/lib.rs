@@ -79,6 +79,15 @@ pub fn write_script(path: &Path, text: &str) {
     assert!(matches!(&written, Ok(status) if status.success()), "{}: {written:?}", path.display());
 }
 
+/// Copies a program that a test starts. Another process writes the copy, for the reason of [`write_script`].
+///
+/// # Panics
+/// Panics when the program cannot be copied.
+pub fn copy_program(from: &Path, to: &Path) {
+    let copied = Command::new("cp").arg(from).arg(to).status();
+    assert!(matches!(&copied, Ok(status) if status.success()), "{}: {copied:?}", to.display());
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 mod tests {

@@ -1,3 +1,4 @@
+// tidy: long: the table of all options, from which parser, help and the options of workers come
 //! The renderer. It reads scene files and writes their images (reference 6.1).
 
 #![forbid(unsafe_code)]
@@ -143,9 +144,19 @@ struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     timeout: Option<f64>,
 
+    /// Keep the images of a frame that Ctrl-C, a signal or -timeout ends early, as partial images: NAME.partial.EXT for
+    /// NAME.EXT
+    #[arg(long)]
+    keeppartial: bool,
+
     /// A folder of plugins, or a library, which is used before bundled ones; may be repeated
     #[arg(long, value_name = "PATH")]
     plugins: Vec<PathBuf>,
+
+    /// Compile what shaders compute at many points with the system's C compiler ($CC, or cc), in the background. The
+    /// pixels are the same
+    #[arg(long, conflicts_with = "safe")]
+    native: bool,
 
     /// For untrusted scenes: run no scripts, plugins and programs, read below the scene's folder only, write below one
     /// folder only
@@ -162,7 +173,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 17] = [
+const NOT_FOR_WORKERS: [(&str, &str); 18] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -179,6 +190,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 17] = [
     ("manual", "nothing is rendered"),
     ("remote", "a scene that is no file has no workers"),
     ("timeout", "workers end with the coordinator"),
+    ("keeppartial", "the coordinator writes the images"),
     ("nofence", "a safe run has no workers"),
 ];
 
@@ -228,6 +240,9 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let status = run(&options, &given, tools, Voices { reporter, bar, answers, told }, &ending);
     if ending.supervisor().has_ended() && !ending.is_late() {
         granita_cli::wait_for_end();
+    }
+    if ending.is_late() {
+        ending.supervisor().end();
     }
     ending.supervisor().release();
     if ending.is_late() { Status::WithErrors } else { status }
@@ -287,6 +302,9 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         return Status::Failed;
     }
     ending.stops(session.stop());
+    if options.keeppartial {
+        ending.keeps(session.busy());
+    }
     render(options, session, &answers, &reporter, relight.as_ref())
 }
 
@@ -386,6 +404,7 @@ fn session_options(
         preview: options.preview,
         shadertype: options.shade.clone(),
         extra_outputs: options.output.iter().map(extra).chain(options.shown()).collect(),
+        keep_partial: options.keeppartial,
         viewer,
         no_startup_files: false,
         safe_output: options.safeout.clone(),
@@ -396,6 +415,7 @@ fn session_options(
         },
         net_workers: options.net.clone(),
         net_arguments: options.for_worker(given).filter(|_| !options.relight),
+        native: options.native,
         rerenders_anew: false,
     }
 }

@@ -65,6 +65,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
         "turntable",
         "up",
         "plugins",
+        "native",
         "safe",
         "safeout",
     ];

@@ -218,7 +218,7 @@ fn a_missing_viewer_is_one_message_that_says_how_to_get_it() {
     std::fs::write(place.join("scene.pyg"), SCENE).unwrap();
     // A program of another folder has no iv beside it, and none is on the path.
     let program = place.join("gelato");
-    std::fs::copy(env!("CARGO_BIN_EXE_gelato"), &program).unwrap();
+    granita_needs::copy_program(Path::new(env!("CARGO_BIN_EXE_gelato")), &program);
     let output = Command::new(&program)
         .current_dir(place)
         .args(["-relight", "scene.pyg"])

@@ -92,7 +92,7 @@ fn an_installation_prints_its_folder_and_pages() {
     let (bin, program) = (home.join("bin"), home.join("bin/granita"));
     std::fs::create_dir_all(&bin).unwrap();
     std::fs::create_dir(home.join("shaders")).unwrap();
-    std::fs::copy(env!("CARGO_BIN_EXE_granita"), &program).unwrap();
+    granita_needs::copy_program(Path::new(env!("CARGO_BIN_EXE_granita")), &program);
     let out = ran(&program, &["-home"]);
     assert_eq!(text(&out.stdout), home.display().to_string(), "{}", text(&out.stderr));
     let share = home.join("share");

@@ -4,7 +4,7 @@ use crate::output::Output;
 use granita_base::{Location, Param, Params, Reporter, Severity};
 use granita_cli::Status;
 use granita_inputs::{Input, InputError, Inputs, RunOptions};
-use granita_pyg::{Writer, WriterOptions};
+use granita_pyg::{PygSource, Writer, WriterOptions};
 use granita_scene::{Call, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, State, Stop, attr};
 
 use std::io;
@@ -36,7 +36,11 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
         calls: 0,
     };
     for input in &job.inputs {
-        match echo.find(input).and_then(|found| echo.read(found)) {
+        let done = match is_standard_input(input) {
+            true => echo.read_standard_input(),
+            false => echo.find(input).and_then(|found| echo.read(found)),
+        };
+        match done {
             Ok(()) => {}
             Err(error) if is_broken_pipe(&error) => return Status::Done,
             Err(error) => {
@@ -59,6 +63,11 @@ pub(crate) fn run(job: &Job, output: Output, reporter: &Reporter) -> Status {
             Status::Failed
         }
     }
+}
+
+/// True for the names of standard input.
+pub(crate) fn is_standard_input(input: &str) -> bool {
+    matches!(input.split_whitespace().collect::<Vec<_>>().as_slice(), ["-"] | ["pyg", "-"])
 }
 
 fn is_broken_pipe(error: &InputError) -> bool {
@@ -84,6 +93,14 @@ impl Echo<'_> {
         let result = input.read(self);
         self.chain.pop();
         result
+    }
+
+    /// Reads Pyg from standard input.
+    fn read_standard_input(&mut self) -> Result<(), InputError> {
+        let source = PygSource::Stream { name: "<stdin>".into(), stream: Box::new(io::stdin()) };
+        let options = self.finder.pyg_options();
+        let reporter = self.reporter;
+        granita_pyg::read(source, self, &options, reporter).map_err(InputError::from)
     }
 
     /// Reports the reason why an input is not read, or not completely. `at` is the position of the call.

@@ -49,7 +49,7 @@ struct Args {
     /// Do not have the kernel enforce -safe as well
     #[arg(long, hide = true, requires = "safe")]
     nofence: bool,
-    /// Scene files, or commands as Input takes them ("pyg < program")
+    /// Scene files, or commands as Input takes them ("pyg < program"); "-" reads Pyg from standard input
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
 }
@@ -74,6 +74,9 @@ pub fn main(words: Vec<OsString>) -> Status {
     let ending = Ending::new(Bar::new(false));
     let reporter = stderr_reporter(ending.supervisor().clone());
     reporter.set_verbosity(if args.verbose { 2 } else { 1 });
+    if let Some(files) = temporary_files(&environment, &reporter) {
+        environment.set_files(files);
+    }
     ending.watch(false, &reporter);
     if let Some(seconds) = args.timeout {
         ending.limit(seconds, &reporter);
@@ -139,6 +142,18 @@ fn stderr_reporter(supervisor: Supervisor) -> Reporter {
             _ => writeln!(err, "topyg: {message}"),
         };
     }))
+}
+
+/// Returns the files of a run with temporary ones in `$GELATOTEMP`; `None` without such a folder.
+fn temporary_files(environment: &Environment, reporter: &Reporter) -> Option<Files> {
+    let folder = environment.get("GELATOTEMP").filter(|folder| !folder.is_empty())?;
+    if !Path::new(folder).is_dir() {
+        reporter.warning(format!(
+            "GELATOTEMP: \"{folder}\" is no folder; temporary files lie in the folder of the system"
+        ));
+        return None;
+    }
+    Some(environment.files().clone().with_temporary(Path::new(folder)))
 }
 
 /// Returns the search path of generators. It consists of `-p`, `GELATO_GENERATOR_PATH`, the current folder and

@@ -194,3 +194,42 @@ fn environment_variables_choose_the_reader() {
         (2, 2, 1)
     );
 }
+
+#[test]
+fn standard_input_is_read() {
+    use std::io::Write;
+    let dir = folder(&[("a.pyg", "World ()\n")]);
+    for words in [&["a.pyg", "-"][..], &["a.pyg", "pyg -"]] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_topyg"))
+            .args(words)
+            .current_dir(dir.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        child.stdin.take().unwrap().write_all(b"Render ()\nSphere (1)\n").unwrap();
+        let out = child.wait_with_output().unwrap();
+        let told = String::from_utf8(out.stderr).unwrap();
+        assert_eq!((out.status.code(), &out.stdout[..]), (Some(1), &b"World ()\nRender ()\n"[..]), "{told}");
+        assert!(told.starts_with("topyg: <stdin>:2: error: Sphere is called without zmin"), "{told}");
+    }
+}
+
+#[test]
+fn a_missing_folder_for_temporary_files_is_reported() {
+    let dir = folder(&[("a.pyg", "World ()\n")]);
+    let run = |temporary: &str| {
+        let out = Command::new(env!("CARGO_BIN_EXE_topyg"))
+            .arg("a.pyg")
+            .current_dir(dir.path())
+            .env("GELATOTEMP", temporary)
+            .output()
+            .unwrap();
+        assert_eq!(out.stdout, b"World ()\n");
+        (out.status.code(), String::from_utf8(out.stderr).unwrap())
+    };
+    let (status, told) = run("nosuch");
+    assert!(status == Some(0) && told.contains("GELATOTEMP: \"nosuch\" is no folder"), "{told}");
+    assert_eq!(run("."), (Some(0), String::new()));
+}

@@ -33,8 +33,8 @@ pub(super) const TEXTURE: &[Choice] = &[
         "wrap",
         S,
         "\"default\"",
-        "The content beyond the map: \"black\", \"periodic\", \"clamp\" or \"mirror\". \"default\", an empty string and \
-         any other word stand for the mode in the file.",
+        "The content beyond the map: \"black\", \"periodic\", \"clamp\" or \"mirror\". \"default\" and an empty string \
+         stand for the mode in the file. So does any other word, with a warning.",
     ),
     o("swrap", S, "\"default\"", "The same along s alone."),
     o("twrap", S, "\"default\"", "The same along t alone."),

@@ -70,6 +70,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.options.progress.end();
         if broken.into_inner() && !self.is_stopped() {
             kept.drop_views_but(None);
+            canvases.iter().for_each(|canvas| canvas.lock().restart());
             return list;
         }
         Vec::new()

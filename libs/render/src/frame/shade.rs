@@ -410,14 +410,13 @@ impl<S: FrameShader> Frame<'_, S> {
     /// Returns the colours of some points of a grid. Colours that are not finite become black, with one message per
     /// object.
     fn colors(&self, values: &Lanes3, lanes: &Range<usize>, primitive: &Primitive, what: &str) -> Vec<Color> {
+        let [r, g, b] = values.xyz.each_ref().map(|c| &c[lanes.clone()]);
+        let colors = r.iter().zip(g).zip(b).map(|((r, g), b)| Color::new(*r, *g, *b));
+        if [r, g, b].into_iter().all(finite::all_usable) {
+            return colors.collect();
+        }
         let mut bad = false;
-        let colors = lanes
-            .clone()
-            .map(|i| {
-                let c = values.get(i);
-                finite::mended(c).inspect(|_| bad = true).unwrap_or(c)
-            })
-            .collect();
+        let colors = colors.map(|c| finite::mended(c).inspect(|_| bad = true).unwrap_or(c)).collect();
         if bad {
             self.report_unusable(what, primitive);
         }

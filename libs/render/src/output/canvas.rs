@@ -6,9 +6,13 @@
 //! while it is rendered is not kept. Its buckets go to the viewer as they arrive.
 
 use crate::bucket::Buckets;
+use crate::output::partial::{Partial, PartialPixels, RowCopies};
 use crate::output::plan::{ImageWriter, OutputImage};
 use crate::{CameraView, PixelRect};
+use granita_base::Files;
 use granita_image::{FormatRegistry, Request};
+use std::io;
+use std::path::Path;
 
 /// Images with more bytes are written while they are rendered.
 const LARGE_BYTES: usize = 1 << 28;
@@ -17,6 +21,8 @@ const LARGE_BYTES: usize = 1 << 28;
 pub(crate) struct Canvas {
     crop: PixelRect,
     channels: usize,
+    /// The number of pixels that were rendered.
+    rendered: usize,
     state: State,
 }
 
@@ -43,6 +49,8 @@ struct Bands {
     /// The first band that is not written.
     next: usize,
     file: Result<ImageWriter, String>,
+    /// The copies of the written bands; `None` when no partial image is requested.
+    copies: Option<io::Result<RowCopies>>,
 }
 
 struct Band {
@@ -98,7 +106,7 @@ impl Canvas {
                 Ok(file) => (Some(file), None),
                 Err(error) => (None, Some(error.to_string())),
             };
-            return Self { crop, channels, state: State::Shown(Viewer { file, trouble }) };
+            return Self { crop, channels, rendered: 0, state: State::Shown(Viewer { file, trouble }) };
         }
         let state = match registry.filter(|_| Self::bytes(image, camera) > large_bytes) {
             None => State::Kept(vec![0.0; values]),
@@ -110,14 +118,24 @@ impl Canvas {
                     bands: (1..rows.len()).map(band).collect(),
                     next: 0,
                     file: image.open(camera, registry).map_err(|e| e.to_string()),
+                    copies: None,
                 })
             }
         };
-        Self { crop, channels, state }
+        Self { crop, channels, rendered: 0, state }
+    }
+
+    /// Prepares a canvas for [`Canvas::into_partial`]. The rows of a large image are copied to a temporary file.
+    pub(crate) fn copying(mut self, files: &Files, path: &Path) -> Self {
+        if let State::Written(bands) = &mut self.state {
+            bands.copies = Some(RowCopies::new(files, path));
+        }
+        self
     }
 
     /// Stores the filtered pixels of a bucket.
     pub(crate) fn store(&mut self, bucket: &PixelRect, values: &[f32]) {
+        self.rendered += bucket.width() * bucket.height();
         let n = self.channels;
         let (width, row) = (self.crop.width() * n, bucket.width() * n);
         let column = (bucket.x0 - self.crop.x0) as usize * n;
@@ -174,6 +192,40 @@ impl Canvas {
         }
     }
 
+    /// Removes all pixels before all buckets are rendered again. It has no effect on images that are written or shown
+    /// meanwhile.
+    pub(crate) fn restart(&mut self) {
+        self.rendered = 0;
+        if let State::Kept(pixels) = &mut self.state {
+            pixels.fill(0.0);
+        }
+    }
+
+    /// True when all pixels were rendered.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.rendered == self.crop.width() * self.crop.height()
+    }
+
+    /// Ends the image of a frame that was stopped. Missing buckets are black. Of a large image, only the canvas of
+    /// [`Canvas::copying`] has the pixels.
+    pub(crate) fn into_partial(self) -> Partial {
+        let total = self.crop.width() * self.crop.height();
+        let pixels = match self.state {
+            State::Kept(pixels) => PartialPixels::Kept(pixels),
+            State::Shown(_) => PartialPixels::Shown,
+            State::Written(mut bands) => {
+                // The file of the whole image is dropped, so that it does not appear.
+                bands.file = Err(String::new());
+                while bands.next < bands.bands.len() {
+                    bands.write(self.crop.width() * self.channels);
+                }
+                let none = || Err(io::Error::other("its rows were not copied"));
+                PartialPixels::Copied(bands.copies.unwrap_or_else(none))
+            }
+        };
+        Partial { rendered: self.rendered, total, pixels }
+    }
+
     /// Ends the image after the last bucket. Missing buckets are black.
     pub(crate) fn finish(self) -> Finished {
         match self.state {
@@ -200,6 +252,11 @@ impl Bands {
         let mut pixels = std::mem::take(&mut self.bands[self.next].pixels);
         pixels.resize(width * height, 0.0);
         self.next += 1;
+        if let Some(Ok(copies)) = &mut self.copies
+            && let Err(error) = copies.write(&pixels)
+        {
+            self.copies = Some(Err(error));
+        }
         if let Ok(file) = &mut self.file
             && let Err(error) = file.write(&pixels)
         {
@@ -216,9 +273,14 @@ mod tests {
     use granita_base::{Param, Params, Reporter};
     use granita_image::Limits;
 
-    #[test]
-    fn images_written_by_rows_equal_those_written_at_once() {
-        let folder = tempfile::tempdir().unwrap();
+    /// Returns the values of a file of an image without one of its buckets. `finish` writes it from the canvas, and
+    /// returns its name.
+    fn written(
+        order: &str,
+        limit: usize,
+        folder: &Path,
+        finish: impl Fn(Canvas, &mut OutputImage, &CameraView, &FormatRegistry) -> std::path::PathBuf,
+    ) -> Vec<f32> {
         let registry = granita_plugin::bundled_formats(Limits::default());
         let camera = granita_scene::Camera {
             name: "main".into(),
@@ -229,41 +291,65 @@ mod tests {
             ]),
         };
         let camera = CameraView::new(&camera, &Reporter::silent());
-        for order in ["horizontal", "vertical", "spiral"] {
-            let buckets = Buckets::new(&camera.crop, [16, 7], BucketOrder { word: order, block: 2 }, 16);
-            let files = [usize::MAX, 0].map(|limit| {
-                let path = folder.path().join(format!("{order}{limit}.tif"));
-                let output = granita_scene::Output {
-                    name: path.to_str().unwrap().into(),
-                    format: "tiff".into(),
-                    data: "rgba".into(),
-                    camera: "main".into(),
-                    params: Params::new(),
-                };
-                let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
-                let image = &mut set.images[0];
-                let mut canvas = Canvas::with_limit(image, &camera, &buckets, Some(&registry), limit);
-                for (k, bucket) in buckets.order.iter().enumerate() {
-                    // One bucket is missing.
-                    if k == 3 {
-                        continue;
-                    }
-                    let value =
-                        |i: usize| ((bucket.x0 * 7 + bucket.y0 * 3) as usize + i) as f32 % 97.0 / 97.0;
-                    let values: Vec<f32> = (0..bucket.width() * bucket.height() * 4).map(value).collect();
-                    canvas.store(bucket, &values);
-                }
-                match canvas.finish() {
-                    Finished::Written(done) => done.unwrap(),
-                    Finished::Shown(_) => panic!("a TIFF file is no viewer"),
-                    Finished::Kept(pixels) => {
-                        image.pixels = pixels;
-                        image.write(&camera, &registry).unwrap();
-                    }
-                }
-                registry.open(&path).unwrap().read_level(0, 0).unwrap().to_floats()
-            });
-            assert!(files[0] == files[1], "{order}");
+        let buckets = Buckets::new(&camera.crop, [16, 7], BucketOrder { word: order, block: 2 }, 16);
+        let output = granita_scene::Output {
+            name: folder.join(format!("{order}{limit}.tif")).to_str().unwrap().into(),
+            format: "tiff".into(),
+            data: "rgba".into(),
+            camera: "main".into(),
+            params: Params::new(),
+        };
+        let mut set = OutputSet::new(&[&output], &camera, &registry, &Reporter::silent()).unwrap();
+        let image = &mut set.images[0];
+        let mut canvas = Canvas::with_limit(image, &camera, &buckets, Some(&registry), limit)
+            .copying(registry.files(), &image.path);
+        for (k, bucket) in buckets.order.iter().enumerate() {
+            // One bucket is missing.
+            if k == 3 {
+                continue;
+            }
+            let value = |i: usize| ((bucket.x0 * 7 + bucket.y0 * 3) as usize + i) as f32 % 97.0 / 97.0;
+            let values: Vec<f32> = (0..bucket.width() * bucket.height() * 4).map(value).collect();
+            canvas.store(bucket, &values);
         }
+        assert!(!canvas.is_whole());
+        let path = finish(canvas, image, &camera, &registry);
+        registry.open(&path).unwrap().read_level(0, 0).unwrap().to_floats()
+    }
+
+    #[test]
+    fn images_written_by_rows_equal_those_written_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        for order in ["horizontal", "vertical", "spiral"] {
+            let whole = [usize::MAX, 0].map(|limit| {
+                written(order, limit, folder.path(), |canvas, image, camera, registry| {
+                    match canvas.finish() {
+                        Finished::Written(done) => done.unwrap(),
+                        Finished::Shown(_) => panic!("a TIFF file is no viewer"),
+                        Finished::Kept(pixels) => {
+                            image.pixels = pixels;
+                            image.write(camera, registry).unwrap();
+                        }
+                    }
+                    image.path.clone()
+                })
+            });
+            let partial = [usize::MAX, 0].map(|limit| {
+                written(order, limit, folder.path(), |canvas, image, camera, registry| {
+                    let partial = canvas.into_partial();
+                    assert!(partial.percent() > 50, "{}", partial.percent());
+                    partial.write(image, camera, registry).unwrap().unwrap()
+                })
+            });
+            assert!(whole[0] == whole[1], "{order}");
+            assert!(partial[0] == whole[0] && partial[1] == whole[0], "{order}");
+        }
+        let mut names: Vec<String> = std::fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        assert_eq!(names.len(), 12, "{names:?}");
+        assert!(names.iter().filter(|name| name.contains(".partial.tif")).count() == 6, "{names:?}");
     }
 }

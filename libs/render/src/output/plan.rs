@@ -536,6 +536,37 @@ impl OutputImage {
             == (&other.channels, &other.filter, other.opaque_width)
     }
 
+    /// True when the program that makes the calls receives the image, which is not a file.
+    pub(crate) fn is_for_program(&self) -> bool {
+        self.format.starts_with("0x")
+    }
+
+    /// Returns the text of a parameter for the format.
+    pub(crate) fn format_parameter(&self, name: &str) -> Option<&str> {
+        let named = self.params.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
+        named.and_then(|p| self.params.string(&p.name)).map(|text| &**text)
+    }
+
+    /// Returns the same image with another file name and another description, without pixels.
+    pub(crate) fn partial(&self, path: &Path, description: &Param) -> Self {
+        let mut params = self.params.clone();
+        params.0.retain(|p| !p.name.eq_ignore_ascii_case(&description.name));
+        params.set(description.clone());
+        let Self { format, filter, channels, names, .. } = self;
+        Self {
+            path: path.to_owned(),
+            format: format.clone(),
+            filter: *filter,
+            channels: channels.clone(),
+            names: names.clone(),
+            params,
+            pixels: Vec::new(),
+            shown: Shown::default(),
+            written: None,
+            ..*self
+        }
+    }
+
     /// Writes the image. The file appears complete under its name, or not at all.
     pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let mut file = self.open(camera, registry)?;

@@ -357,6 +357,10 @@ pub(super) fn typed(param: &Param) -> Result<Param, String> {
         (BaseType::String, ParamData::String(_)) => param.data.clone(),
         (BaseType::String, _) => return Err(format!("{} is given numbers", what())),
         (_, ParamData::String(_)) => return Err(format!("{} is given strings", what())),
+        (BaseType::Int, ParamData::Float(v)) if v.iter().any(|f| f.is_finite() && f.fract() != 0.0) => {
+            let bad = v.iter().find(|f| f.fract() != 0.0).copied().unwrap_or_default();
+            return Err(format!("{} is given {bad}, which is not an integer", what()));
+        }
         (BaseType::Int, _) => match param.data.to_ints() {
             Some(v) => ParamData::Int(v),
             None => return Err(format!("{} is given numbers that are not 32-bit integers", what())),

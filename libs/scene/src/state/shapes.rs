@@ -116,6 +116,11 @@ impl State {
             } else if matches!(&*param.name, "P" | "Pw") && param.ty.interp != Interp::Vertex {
                 param.ty.interp = Interp::Vertex;
             }
+            // What is read as integers has no fractions, whatever type it is declared with.
+            let integer = predeclared(&param.name).is_some_and(|ty| ty.base == BaseType::Int);
+            if integer && param.ty.base == BaseType::Float {
+                param.ty.base = BaseType::Int;
+            }
             match typed(&param) {
                 Ok(param) => good.push(param),
                 Err(text) => {

@@ -186,6 +186,11 @@ pub trait Host {
         Err(format!("shadeop {text}: this program loads no shadeops"))
     }
 
+    /// Returns the compiler for code through which many points run. By default there is none, and tapes run.
+    fn native(&mut self) -> Option<&dyn crate::NativeCompiler> {
+        None
+    }
+
     /// True when the frame must end early. Loops then end, and the results of the shader are not used.
     fn is_stopped(&mut self) -> bool {
         false

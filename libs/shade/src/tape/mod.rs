@@ -23,6 +23,9 @@ mod run;
 mod strips;
 
 pub(crate) use build::fuse;
+pub(crate) use plan::{Part, Plan};
+#[cfg(test)]
+pub(crate) use plan::{Result as PlanResult, StripStep};
 pub(crate) use strips::{NARROW, Room, Strips, WIDE, strips};
 
 use crate::run::lanes::{Binary, Ternary, Unary};
@@ -68,9 +71,9 @@ struct Step {
 
 /// One component of a register that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Input {
-    slot: u32,
-    component: u32,
+pub(crate) struct Input {
+    pub(crate) slot: u32,
+    pub(crate) component: u32,
 }
 
 /// A register that is written as a whole.

@@ -1,7 +1,9 @@
 //! Plans, which are tapes for one choice of varying registers.
 
 use super::{Code, Input, Ref, Tape};
+use crate::native::Native;
 use crate::run::lanes::{Binary as B, Ternary as T};
+use std::sync::Arc;
 
 /// One step over strips. Operands and result are rows of the strip's scratch memory. The result is after its
 /// operands.
@@ -52,6 +54,8 @@ pub(crate) struct Plan {
     pub(crate) steps: Vec<StripStep>,
     /// The results by output of the tape.
     pub(crate) results: Vec<Result>,
+    /// The same as native code, once it is there.
+    pub(crate) native: Arc<Native>,
 }
 
 impl Plan {

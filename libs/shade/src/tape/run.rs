@@ -1,11 +1,16 @@
 //! Runs plans.
 
-use super::Tape;
 use super::build::alone;
 use super::plan::{Part, Plan};
-use super::strips::{LINE, Room, Strips, WIDE};
+use super::strips::{LINE, NARROW, Room, Strips, WIDE};
+use super::{Input, Tape};
+use crate::native::{NativeCode, NativeStrip, print};
 use crate::run::machine::Machine;
 use crate::run::simd;
+use std::ops::Range;
+
+/// The number of points that native code computes together.
+const NATIVE: usize = 256;
 
 impl Machine<'_> {
     /// Runs a tape in the active lanes. Returns `false` when its operations must be run one by one.
@@ -58,21 +63,74 @@ impl Machine<'_> {
     }
 
     /// Computes the steps for all points.
-    fn strips(&self, plan: &Plan, room: &mut Room) {
+    fn strips(&mut self, plan: &Plan, room: &mut Room) {
+        if plan.native.code().is_none()
+            && let Some(compiler) = self.services.native()
+        {
+            plan.native.count(self.n, compiler, || print(plan));
+        }
+        match plan.native.code() {
+            None => self.tape_strips(plan, room, 0..self.n),
+            Some(code) => {
+                for lanes in self.native_strips(code, plan, room) {
+                    self.tape_strips(plan, room, lanes);
+                }
+            }
+        }
+    }
+
+    /// True when so few points are active that narrow strips skip more of the others.
+    fn are_few_active(&self) -> bool {
+        self.mask.count() * 4 < self.n
+    }
+
+    /// Computes the steps for some points, operation by operation.
+    fn tape_strips(&self, plan: &Plan, room: &mut Room, lanes: Range<usize>) {
         let len = plan.rows() * WIDE + LINE;
         if room.rows.len() < len {
             room.rows.resize(len, 0.0);
         }
-        // With few active points, narrow strips skip more of the others.
-        let few = self.mask.count() * 4 < self.n;
-        let wide_end = if few { 0 } else { self.n - self.n % WIDE };
+        let rest = if self.are_few_active() { lanes.len() } else { lanes.len() % WIDE };
+        let wide_end = lanes.end - rest;
+        let mut task = Strips { plan, slots: &self.st.slots, mask: &self.mask, n: self.n, room };
+        if lanes.start < wide_end {
+            simd::strips_wide(&mut task, lanes.start, wide_end);
+        }
+        if wide_end < lanes.end {
+            simd::strips_narrow(&mut task, wide_end, lanes.end);
+        }
+    }
+
+    /// Computes the steps for all points by native code. Returns the points for which it is not right.
+    fn native_strips(&self, code: &dyn NativeCode, plan: &Plan, room: &mut Room) -> Vec<Range<usize>> {
         let n = self.n;
-        let mut task = Strips { plan, slots: &self.st.slots, mask: &self.mask, n, room };
-        if wide_end > 0 {
-            simd::strips_wide(&mut task, 0, wide_end);
+        let Room { scalars, outs, .. } = room;
+        let input =
+            |input: &Input| &self.st.slots[input.slot as usize].data[input.component as usize * n..][..n];
+        let inputs: Vec<&[f32]> = plan.loads.iter().map(input).collect();
+        let mut outputs: Vec<&mut [f32]> = Vec::new();
+        for (result, out) in plan.results.iter().zip(outs) {
+            let parts = result.parts.iter().zip(out.data.chunks_exact_mut(out.width.max(1)));
+            outputs.extend(parts.filter(|(part, _)| matches!(part, Part::Row(_))).map(|(_, values)| values));
         }
-        if wide_end < n {
-            simd::strips_narrow(&mut task, wide_end, n);
+        let whole = self.mask.count() == n;
+        let width = match whole {
+            true => NATIVE,
+            false if self.are_few_active() => NARROW,
+            false => WIDE,
+        };
+        let mut left = Vec::new();
+        for start in (0..n).step_by(width) {
+            let lanes = start..n.min(start + width);
+            if !whole && !self.mask.on[lanes.clone()].contains(&true) {
+                continue;
+            }
+            let mut strip =
+                NativeStrip { inputs: &inputs, scalars, outputs: &mut outputs, lanes: lanes.clone() };
+            if !code.run(&mut strip) {
+                left.push(lanes);
+            }
         }
+        left
     }
 }

@@ -97,6 +97,12 @@ fn wraps<N>(options: &TextureOptions<N, &str>) -> (Option<Wrap>, Option<Wrap>) {
     (options.swrap.and_then(Wrap::from_word), options.twrap.and_then(Wrap::from_word))
 }
 
+/// Returns the words for wrap modes that are not known. An empty one and "default" stand for the mode of the file.
+pub(super) fn unknown_wraps<'o, N>(options: &TextureOptions<N, &'o str>) -> impl Iterator<Item = &'o str> {
+    let words = [options.swrap, options.twrap].into_iter().flatten();
+    words.filter(|word| !matches!(word.trim(), "" | "default") && Wrap::from_word(word).is_none())
+}
+
 /// Returns the map with a name. It is that of the handle if the handle is of this cache; otherwise it is looked up.
 fn find(reader: &TextureReader<'_>, name: &str, handle: Option<&MapHandle>, usage: Use) -> Option<TextureId> {
     let cache = reader.cache();
