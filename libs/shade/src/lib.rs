@@ -88,7 +88,7 @@ mod shadeop;
 mod tape;
 
 pub use error::ShadeError;
-pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Rect, Topology, Uneven};
+pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, RayPath, Rect, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;

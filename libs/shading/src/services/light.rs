@@ -14,7 +14,7 @@ use granita_base::{Color, Vec3, hash};
 use granita_rays::{Leaving, RayRequest};
 use granita_scene::attr;
 use granita_sdb::{Between, Mode, Packed, Probe};
-use granita_shade::{Batch, GatherQuery, Lane, Lanes3, Rect};
+use granita_shade::{Batch, GatherQuery, Lane, Lanes3, RayPath, Rect};
 use granita_trace::Ray;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -579,11 +579,14 @@ impl Gatherer<'_, '_, '_, '_> {
         let request = |((ask, index), (ray, leaving)): ((Ask, u32), (&Ray, &Leaving))| {
             let name = hash::words(&[ask.seed, index, HIT]);
             let (ray, leaving) = (*ray, *leaving);
-            RayRequest { lane: ask.lane, name, ray, leaving, width: 0.0, spread: question.ray_spread(&ask) }
+            let path = RayPath { rays: ask.samples as f32, index, seed: ask.seed, weight: 1.0 };
+            let spread = question.ray_spread(&ask);
+            RayRequest { lane: ask.lane, name, leaving, path, spread, ..RayRequest::new(ray) }
         };
         let requests: Vec<RayRequest> =
             bundle.sources(asks).zip(bundle.rays.iter().zip(&bundle.left)).map(request).collect();
-        let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
+        let bounces = self.run.ray.bounces + 1;
+        let purpose = RayPurpose { indirect: true, bounces, ..self.run.purpose() };
         let found = self.run.thread.radiance(scene, &requests, purpose, question.query.messages);
         found.into_iter().map(|r| (r.color, r.distance)).collect()
     }
