@@ -48,6 +48,8 @@ pub struct RayLimits {
     pub deep_samples: f32,
     /// The attribute "ray:minweight", at least 0.
     pub min_weight: f32,
+    /// The attribute "indirect:maxdepth".
+    pub indirect_depth: u32,
 }
 
 impl RayLimits {
@@ -60,6 +62,7 @@ impl RayLimits {
             max_depth_color: scene.get(attr::RAY_MAXDEPTHCOLOR),
             deep_samples: scene.get(attr::RAY_DEEPSAMPLES).max(0.0),
             min_weight: scene.get(attr::RAY_MINWEIGHT).max(0.0),
+            indirect_depth: u32::try_from(scene.get(attr::INDIRECT_MAXDEPTH)).unwrap_or(0),
         }
     }
 }

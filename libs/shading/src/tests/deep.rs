@@ -1,5 +1,5 @@
 // tidy: tests
-//! Tests what reflections of reflections cost, and that their mean is right.
+//! Tests what reflections of reflections and further bounces of indirect light cost, and that their mean is right.
 
 use super::*;
 use crate::ShadingStatistics;
@@ -240,4 +240,121 @@ fn refracted_rays_hit_the_far_side_of_a_ball() {
     let (grid, counts) = shade_at(&f, &ball, &front);
     assert_eq!(counts.ray_hits_shaded, front.len() as u64 * 4);
     near(grid.c.get(0), Color::splat(0.25));
+}
+
+/// A surface that emits 1 and reflects a part of the indirect light.
+const GLOW: &str =
+    "surface glow (float a = 0.5, float emits = 1) { C = emits + a * diffuse (normalize (N)); }";
+
+const BOUNCE: &str = "light bounce (float samples = 64, float maxpixeldist = -1) {
+    emit (-Ns, 0) {
+        Cl = indirect (\"room\", Ps, Ns, \"samples\", samples, \"maxpixeldist\", maxpixeldist, \"adaptive\", 0);
+    }
+}";
+
+/// Adds a box of 4 units around the origin, whose sides are those of `of`: floor, ceiling and walls. Returns the floor.
+fn add_box(f: &mut Fixture, of: impl Fn(usize) -> AttributeSet) -> std::sync::Arc<Primitive> {
+    let (l, h) = (-2.0, 2.0);
+    let sides: [[[f32; 3]; 4]; 6] = [
+        [[l, l, l], [h, l, l], [h, h, l], [l, h, l]],
+        [[l, l, h], [l, h, h], [h, h, h], [h, l, h]],
+        [[l, l, l], [l, h, l], [l, h, h], [l, l, h]],
+        [[h, l, l], [h, l, h], [h, h, h], [h, h, l]],
+        [[l, l, l], [l, l, h], [h, l, h], [h, l, l]],
+        [[l, h, l], [h, h, l], [h, h, h], [l, h, h]],
+    ];
+    let made = sides.iter().enumerate().map(|(k, corners)| {
+        let p: Vec<f32> = corners.concat();
+        let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
+        f.add(shape, Params(vec![param("vertex point P", &p[..])]), of(k))
+    });
+    made.collect::<Vec<_>>()[0].clone()
+}
+
+/// Returns points of the floor of the box.
+fn on_the_floor() -> Vec<[Vec3; 3]> {
+    let places = (0..256).map(|k| [(k % 16) as f32 * 0.23 - 1.7, (k / 16) as f32 * 0.23 - 1.7]);
+    places.map(|[x, y]| [Vec3::new(x, y, -2.0), Vec3::Z, -Vec3::Z]).collect()
+}
+
+#[test]
+fn indirect_light_in_a_closed_room_is_the_series_of_its_bounces() {
+    // Everything emits 1 and reflects a. After n bounces, the radiance is 1 + a + ... + a^n.
+    for maxpixeldist in [20.0_f32, 0.0] {
+        for bounces in [0, 1, 2, 3, 6] {
+            let mut f = Fixture::new(&[GLOW, BOUNCE]);
+            f.global("int indirect:maxdepth", bounces);
+            f.light("bounce", &[param("float maxpixeldist", maxpixeldist)], Transform::IDENTITY);
+            // Walls that are nearer than the bias would not be hit.
+            let wall = f.attributes("", &["room"], &[param("float shadow:bias", 1e-5)]);
+            let wall = with_surface(wall, "glow", &[param("float a", 0.6)]);
+            let floor = add_box(&mut f, |_| wall.clone());
+            let (grid, _) = shade_at(&f, &floor, &on_the_floor()[..8]);
+            let expected: f32 = (0..=bounces).map(|k| 0.6_f32.powi(k)).sum();
+            for k in 0..grid.len() {
+                let c = grid.c.get(k);
+                let off = (c - expected).abs().max_element();
+                assert!(off < 2e-3 * expected, "{maxpixeldist} {bounces}: {c} {expected}");
+            }
+        }
+    }
+}
+
+/// A room of walls, of which the ceiling emits. Returns the light of points on the floor, and the counts.
+fn in_a_room(bounces: i32, light: &[Param]) -> (f32, ShadingStatistics) {
+    let mut f = Fixture::new(&[GLOW, BOUNCE]);
+    f.global("int indirect:maxdepth", bounces);
+    f.light("bounce", light, Transform::IDENTITY);
+    let wall = with_surface(f.attributes("", &["room"], &[]), "glow", &[param("float emits", 0.0)]);
+    let lamp = with_surface(f.attributes("", &["room"], &[]), "glow", &[]);
+    let floor = add_box(&mut f, |side| if side == 1 { lamp.clone() } else { wall.clone() });
+    let points = on_the_floor();
+    let (grid, counts) = shade_at(&f, &floor, &points);
+    (grid.c.xyz[0].iter().sum::<f32>() / points.len() as f32, counts)
+}
+
+#[test]
+fn shared_records_of_a_second_bounce_agree_with_rays_and_cost_little() {
+    let one = in_a_room(1, &[]);
+    for bounces in [2, 3] {
+        let exact = in_a_room(bounces, &[param("float maxpixeldist", 0.0), param("float samples", 1024.0)]).0;
+        let (found, counts) = in_a_room(bounces, &[]);
+        assert!((found / exact - 1.0).abs() < 0.02, "{bounces}: {found} for {exact}");
+        // The walls reflect much more than the light of one bounce.
+        assert!(found > 1.2 * one.0, "{bounces}: {found} {}", one.0);
+        // The room has 96 square units and cells from 1 to 2 units wide.
+        assert!(counts.light_records > one.1.light_records, "{bounces}");
+        let ratio = counts.light_rays as f32 / one.1.light_rays as f32;
+        assert!(ratio < 1.0 + 0.5 * (bounces - 1) as f32, "{bounces}: {ratio} times the rays");
+    }
+}
+
+#[test]
+fn bounces_do_not_depend_on_threads_or_on_what_is_kept() {
+    let mut f = Fixture::new(&[GLOW, BOUNCE]);
+    f.global("int indirect:maxdepth", 3);
+    f.light("bounce", &[param("float samples", 16.0)], Transform::IDENTITY);
+    let flip = AttributeSet { flip_normals: true, ..f.attributes("", &["room"], &[]) };
+    f.sphere(Vec3::ZERO, 20.0, with_surface(flip, "glow", &[]));
+    let own = with_surface(f.attributes("", &["room"], &[]), "glow", &[param("float emits", 0.0)]);
+    let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, own);
+    let points: Vec<[f32; 2]> = (0..20).map(|i| [i as f32 * 0.4 - 4.0, 0.1]).collect();
+    let reference = shade(&f, &floor, &points);
+    let (scene, camera, environment) = f.finish();
+    for bytes in [0, 1 << 29] {
+        let frame = ShadingContext::new(&scene, &camera, &environment);
+        frame.light_cache.set_limit(bytes);
+        std::thread::scope(|scope| {
+            for part in points.chunks(7) {
+                let (frame, floor, reference, points) = (&frame, &floor, &reference, &points);
+                scope.spawn(move || {
+                    let object = frame.object(floor);
+                    let mut thread = ShaderThread::new(frame);
+                    let mut grid = flat_grid(points);
+                    thread.shade(&object, &mut grid, &[]);
+                    assert_eq!(grid.c, reference.c, "{}", part.len());
+                });
+            }
+        });
+    }
 }
