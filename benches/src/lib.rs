@@ -9,6 +9,8 @@
 //! - `cargo run --release -p granita-benches --bin rays` compares rays with Embree, and `--example trees` compares our
 //!   tree with those of the crate `obvhs`;
 //! - `cargo run --release -p granita-benches --bin relight` compares re-rendered frames with frames rendered anew;
+//! - `cargo run --release -p granita-benches --bin bounces` measures reflections of reflections and further bounces of
+//!   indirect light;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field, prints
 //!   ratios, and reports which tools it could not find.

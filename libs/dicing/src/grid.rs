@@ -102,6 +102,7 @@ pub fn make_grid(
     grid.dtime = view.dtime;
     grid.ray = view.ray;
     grid.object = attributes.name();
+    grid.primitives = vec![primitive.id];
     grid.seed = hash::words(&[
         primitive.id,
         dice.face,

@@ -11,7 +11,7 @@
 //! ```
 //! use granita_base::{Color, MotionTransform, Params, Reporter, ShapeDesc, Vec3};
 //! use granita_dicing::CameraView;
-//! use granita_rays::{GridShader, GridShaders, Leaving, RayDisplacement, RayFrame, RayObject, RayRequest, RayWorld};
+//! use granita_rays::{GridShader, GridShaders, RayDisplacement, RayFrame, RayObject, RayRequest, RayWorld};
 //! use granita_scene::{AttributeSet, Camera, Primitive, Scene, ShapeKey};
 //! use granita_shade::Grid;
 //! use granita_trace::Ray;
@@ -65,7 +65,7 @@
 //! let things = frame.world.scene("things", &frame).unwrap();
 //! let along_z = |x: f32| {
 //!     let ray = Ray { origin: Vec3::new(x, 0.0, -5.0), tmin: 0.0, dir: Vec3::Z, tmax: f32::INFINITY, time: 0.0 };
-//!     RayRequest { lane: 0, name: 0, ray, leaving: Leaving::default(), width: 0.0, spread: 0.0 }
+//!     RayRequest::new(ray)
 //! };
 //! let hits = things.closest(&mut Thread(&frame), &[along_z(0.0), along_z(2.0)]);
 //! assert!((hits[0].t - 4.0).abs() < 1e-3);
@@ -81,6 +81,7 @@
 
 mod areas;
 mod cache;
+mod convex;
 pub mod mesh;
 mod request;
 pub mod sampling;
@@ -92,7 +93,7 @@ mod fixture;
 
 pub use cache::{CACHE_BYTES, CacheCounts, TessellationCache};
 pub use mesh::{HitShading, MeshHit, RayMesh, grid_of};
-pub use request::{Leaving, RayRequest};
+pub use request::{Departure, Leaving, RayRequest};
 pub use scene::{Located, RayScene, SetHit, mesh_hit};
 pub use world::{RayCounts, RayLimits, RayWorld};
 

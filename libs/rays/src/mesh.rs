@@ -237,6 +237,7 @@ pub fn grid_of<O: RayObject>(hits: &[(&RayMesh, MeshHit)], object: &O, how: HitS
     grid.dtime = how.dtime;
     grid.ray = how.ray;
     grid.seed = how.seed;
+    grid.primitives = vec![how.seed];
     grid.flip_normals = object.attributes().flip_normals;
     grid.object = object.name().clone();
 

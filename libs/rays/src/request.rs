@@ -1,6 +1,8 @@
 //! Ray requests, and the surfaces that rays leave.
 
 use crate::RayObject;
+use granita_base::Vec3;
+use granita_shade::RayPath;
 use granita_trace::Ray;
 
 /// The tessellated surface that a ray leaves. The origin of the ray may lie slightly off the tessellation.
@@ -38,6 +40,29 @@ impl Leaving {
     }
 }
 
+/// The surface that reflected rays leave. Convex surfaces are not hit again by rays that leave them outward.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Departure {
+    /// The id of the primitive.
+    pub primitive: u32,
+    /// The point of the surface, in world space.
+    pub p: Vec3,
+    /// The axis of the cone of rays, in world space.
+    pub axis: Vec3,
+    /// The position from which the point is seen, in world space. `None` when it is not known.
+    pub viewer: Option<Vec3>,
+}
+
+impl Departure {
+    /// Returns words that tell departures apart.
+    pub fn words(&self) -> [u32; 11] {
+        let ([px, py, pz], [x, y, z]) = (self.p.to_array(), self.axis.to_array());
+        let [vx, vy, vz] = self.viewer.unwrap_or_default().to_array();
+        let [a, b, c, d, e, f, g, h, i] = [px, py, pz, x, y, z, vx, vy, vz].map(f32::to_bits);
+        [self.primitive, u32::from(self.viewer.is_some()), a, b, c, d, e, f, g, h, i]
+    }
+}
+
 /// A ray to be traced. Its direction is a unit vector, so that distances are in world units.
 #[derive(Clone, Copy, Debug)]
 pub struct RayRequest {
@@ -49,6 +74,10 @@ pub struct RayRequest {
     pub ray: Ray,
     /// The surface that the ray leaves.
     pub leaving: Leaving,
+    /// How it leaves that surface, for reflected rays.
+    pub departure: Option<Departure>,
+    /// The path of rays that ends with this one.
+    pub path: RayPath,
     /// The width of the ray at its origin, in world units.
     pub width: f32,
     /// The growth of the width per world unit of distance.
@@ -56,6 +85,12 @@ pub struct RayRequest {
 }
 
 impl RayRequest {
+    /// Returns a ray that leaves no surface, of width 0, for lane 0.
+    pub fn new(ray: Ray) -> Self {
+        let (leaving, path) = (Leaving::default(), RayPath::default());
+        Self { lane: 0, name: 0, ray, leaving, departure: None, path, width: 0.0, spread: 0.0 }
+    }
+
     /// Returns the width at the origin and its growth per unit of distance.
     pub fn widths(&self) -> [f32; 2] {
         [self.width, self.spread]

@@ -389,8 +389,27 @@ impl<O: RayObject> RayScene<O> {
             if near.is_hit() {
                 *hit = near;
             }
+            if self.is_left(request, hit) {
+                *hit = self.closest_where(thread, request, &mut |hit| self.counts(request, hit));
+            }
         }
         hits
+    }
+
+    /// True when a hit of a ray counts. Hits of the surface that the ray leaves do not count within its margin, and not
+    /// at all where the ray leaves a convex surface.
+    pub fn counts(&self, request: &RayRequest, hit: &SetHit) -> bool {
+        !request.leaving.hides(&**self.object(hit), hit.t) && !self.is_left(request, hit)
+    }
+
+    /// True when a hit is of a convex surface that the ray has left.
+    fn is_left(&self, request: &RayRequest, hit: &SetHit) -> bool {
+        let Some(departure) = request.departure.filter(|_| hit.is_hit()) else { return false };
+        let Some(mesh) = self.solid_of(hit.part).map(|mesh| &self.on_demand_meshes[mesh]) else {
+            return false;
+        };
+        mesh.primitive.id == departure.primitive
+            && mesh.convex.as_ref().is_some_and(|convex| convex.is_left(&departure))
     }
 
     /// Returns the closest hit of another object within the margin of the surface that the ray leaves.
@@ -406,7 +425,7 @@ impl<O: RayObject> RayScene<O> {
             return SetHit::MISS;
         }
         let ray = Ray { tmax: margin.min(ray.tmax), ..*ray };
-        let request = RayRequest { lane: 0, name: 0, ray, leaving, width, spread };
+        let request = RayRequest { leaving, width, spread, ..RayRequest::new(ray) };
         self.closest_where(thread, &request, &mut |hit| !leaving.hides(&**self.object(hit), hit.t))
     }
 

@@ -44,6 +44,12 @@ pub struct RayLimits {
     pub max_depth: u32,
     /// The attribute "ray:maxdepthcolor".
     pub max_depth_color: Color,
+    /// The attribute "ray:deepsamples", at least 0.
+    pub deep_samples: f32,
+    /// The attribute "ray:minweight", at least 0.
+    pub min_weight: f32,
+    /// The attribute "indirect:maxdepth".
+    pub indirect_depth: u32,
 }
 
 impl RayLimits {
@@ -54,6 +60,9 @@ impl RayLimits {
             layers: layers.map_or(MAX_LAYERS, |n| n.saturating_add(1).min(MAX_LAYERS)),
             max_depth: u32::try_from(scene.get(attr::RAY_MAXDEPTH)).unwrap_or(0),
             max_depth_color: scene.get(attr::RAY_MAXDEPTHCOLOR),
+            deep_samples: scene.get(attr::RAY_DEEPSAMPLES).max(0.0),
+            min_weight: scene.get(attr::RAY_MINWEIGHT).max(0.0),
+            indirect_depth: u32::try_from(scene.get(attr::INDIRECT_MAXDEPTH)).unwrap_or(0),
         }
     }
 }
@@ -110,6 +119,11 @@ impl<O: RayObject> RayWorld<O> {
         }
         let (limits, counts) = (RayLimits::new(scene), RayCounts::default());
         Self { sets, scenes, threads, motion, limits, counts, cache: TessellationCache::new(CACHE_BYTES) }
+    }
+
+    /// True when there is any geometry set.
+    pub fn has_sets(&self) -> bool {
+        !self.sets.is_empty()
     }
 
     /// True when rays can be traced against the geometry set of this name.

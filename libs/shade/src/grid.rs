@@ -184,6 +184,37 @@ pub struct RayKind {
     pub shadow: bool,
     /// True for indirect illumination.
     pub indirect: bool,
+    /// The number of bounces of indirect light so far. Rays of reflections keep it.
+    pub bounces: u32,
+}
+
+/// The rays that lead from a point that a camera sees to a hit.
+///
+/// The point may have several rays that were reflected as often as this one. They share a sequence of random numbers,
+/// so that the rays that leave their hits are spread as evenly as those of one hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayPath {
+    /// The number of rays of the point: the product of the numbers of samples along the path.
+    pub rays: f32,
+    /// The index of this ray among them.
+    pub index: u32,
+    /// The seed that they share.
+    pub seed: u32,
+    /// The product of the "Kr" of all calls of `environment ()` along the path.
+    pub weight: f32,
+}
+
+impl Default for RayPath {
+    fn default() -> Self {
+        Self { rays: 1.0, index: 0, seed: 0, weight: 1.0 }
+    }
+}
+
+impl RayPath {
+    /// Returns words that tell paths apart.
+    pub fn words(&self) -> [u32; 4] {
+        [self.rays.to_bits(), self.index, self.seed, self.weight.to_bits()]
+    }
 }
 
 /// Points that are shaded together. Spatial values are in "common" space.
@@ -237,8 +268,13 @@ pub struct Grid {
     /// The seed of each point, for grids whose points must not depend on each other. It replaces the seed and the
     /// lane. Empty otherwise.
     pub names: Vec<u32>,
+    /// The id of the primitive of each rectangle, or of all points that are not in rectangles. Empty when it is not
+    /// known.
+    pub primitives: Vec<u32>,
     /// The ray that it is shaded for.
     pub ray: RayKind,
+    /// For ray hits, the path to each point. Empty otherwise.
+    pub paths: Arc<[RayPath]>,
     /// The name of the object, for messages.
     pub object: Arc<str>,
     /// Messages left by the shaders that ran on this grid before.
@@ -274,7 +310,9 @@ impl Grid {
             flip_normals: false,
             seed: 0,
             names: Vec::new(),
+            primitives: Vec::new(),
             ray: RayKind::default(),
+            paths: Arc::default(),
             object: Arc::from(""),
             messages: Vec::new(),
             parent: Vec::new(),
@@ -299,7 +337,9 @@ impl Grid {
         };
         let values = self.primvars.iter().chain(&self.parent).chain(self.messages.iter().map(|m| &m.value));
         let numbers = lanes + self.u.len() + self.v.len() + self.names.len() + values.map(of).sum::<usize>();
-        size_of::<f32>() * numbers + size_of_val(&self.uneven[..]) + size_of::<Self>()
+        let lists =
+            size_of_val(&self.uneven[..]) + size_of_val(&*self.paths) + size_of_val(&self.primitives[..]);
+        size_of::<f32>() * numbers + lists + size_of::<Self>()
     }
 
     /// True when there are no lanes.

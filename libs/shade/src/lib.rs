@@ -89,7 +89,7 @@ mod shadeop;
 mod tape;
 
 pub use error::ShadeError;
-pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, Rect, Topology, Uneven};
+pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, RayPath, Rect, Topology, Uneven};
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use native::{NativeCode, NativeCompiler, NativeDone, NativeSource, NativeStrip};
 pub use ops::{NoiseForm, noise_at};

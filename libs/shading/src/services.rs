@@ -32,8 +32,8 @@ use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
 use granita_shade::{
     Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Group, Host,
     IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages,
-    NativeCompiler, RayKind, Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery,
-    TextureQuery, Textures, Topology, TraceQuery, TraceResult,
+    NativeCompiler, RayKind, RayPath, Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery,
+    Texture3dQuery, TextureQuery, Textures, Topology, TraceQuery, TraceResult,
 };
 use granita_texture::Wrap;
 use recall::{Asked, Question};
@@ -61,6 +61,27 @@ impl Lift {
         }
         let below = toward.dot(self.n.get(lane)) < 0.0;
         p + self.by[usize::from(below)].get(lane)
+    }
+}
+
+/// The surface at the points of a grid, for the rays that leave it.
+struct SurfaceLanes {
+    /// Vectors from the viewing position.
+    i: Lanes3,
+    /// Geometric normals.
+    ng: Lanes3,
+    /// The id of the primitive of each rectangle.
+    primitives: Vec<u32>,
+}
+
+impl SurfaceLanes {
+    /// Returns the points of a grid. `None` when no ray is traced.
+    fn of(grid: &Grid, frame: &ShadingContext) -> Option<Arc<Self>> {
+        let traces = !grid.ray.shadow && frame.rays.has_sets();
+        traces.then(|| {
+            let (i, ng) = (grid.i.clone(), grid.ng.clone());
+            Arc::new(Self { i, ng, primitives: grid.primitives.clone() })
+        })
     }
 }
 
@@ -103,6 +124,10 @@ pub(crate) struct Run<'r, 'f> {
     /// The seed of each lane ([`Grid::names`]). When it is empty, the seed of the grid and the lane's index are
     /// used.
     names: Vec<u32>,
+    /// For ray hits, the path to each lane ([`Grid::paths`]).
+    paths: Arc<[RayPath]>,
+    /// The surface, where rays may be traced.
+    surface: Option<Arc<SurfaceLanes>>,
     /// The number of hits, when the grid consists of hits and their neighbours.
     centres: Option<u32>,
     /// The number of calls that drew random numbers so far. Two calls of one shader draw different ones.
@@ -161,6 +186,8 @@ impl<'r, 'f> Run<'r, 'f> {
             ray: grid.ray,
             seed: grid.seed,
             names: grid.names.clone(),
+            paths: grid.paths.clone(),
+            surface: SurfaceLanes::of(grid, frame),
             centres: match grid.topology {
                 Topology::Triplets { n } => Some(n as u32).filter(|n| *n > 0),
                 _ => None,
@@ -212,6 +239,8 @@ impl<'r, 'f> Run<'r, 'f> {
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
             lane_calls: vec![0; names.len()],
             names,
+            paths: surface.paths.clone(),
+            surface: surface.surface.clone(),
             centres: surface.centres,
             calls: 0,
             light_calls: Vec::new(),
@@ -469,7 +498,9 @@ fn without_variables(grid: &Grid) -> Grid {
         flip_normals: grid.flip_normals,
         seed: grid.seed,
         names: grid.names.clone(),
+        primitives: grid.primitives.clone(),
         ray: grid.ray,
+        paths: grid.paths.clone(),
         object: grid.object.clone(),
         messages: Vec::new(),
         parent: Vec::new(),

@@ -22,6 +22,7 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
     }
 }";
 
+mod deep;
 mod furnace;
 mod numbers;
 mod rays;

@@ -33,6 +33,8 @@ pub(crate) struct RayPurpose {
     pub(crate) parent: RayKind,
     /// True when hits are for indirect illumination.
     pub(crate) indirect: bool,
+    /// The number of bounces of indirect light up to the hits.
+    pub(crate) bounces: u32,
     /// True when hits are shaded. Otherwise only their places are found.
     pub(crate) shade: bool,
     /// The length of time that the shading stands for.
@@ -130,7 +132,12 @@ impl ShaderThread<'_> {
         let rays_of_frame = &self.frame().rays;
         rays_of_frame.counts.rays.fetch_add(rays.len() as u64, Ordering::Relaxed);
         let limits = rays_of_frame.limits;
-        let kind = RayKind { level: why.parent.level + 1, shadow: false, indirect: why.indirect };
+        let kind = RayKind {
+            level: why.parent.level + 1,
+            shadow: false,
+            indirect: why.indirect,
+            bounces: why.bounces,
+        };
         let mut layer = 0;
         while !waiting.is_empty() {
             let how = why.hits(kind);
@@ -245,9 +252,7 @@ impl ShaderThread<'_> {
     /// Returns the next hit beyond distance `t`.
     fn next_behind(&mut self, scene: &RayScene, request: &RayRequest, t: f32) -> SetHit {
         let past = t + STEP * t.abs();
-        scene.closest_where(self, request, &mut |hit| {
-            hit.t > past && !request.leaving.hides(&**scene.object(hit), hit.t)
-        })
+        scene.closest_where(self, request, &mut |hit| hit.t > past && scene.counts(request, hit))
     }
 
     /// Finds the meshes of hits, some hits at a time. `visit` receives them with the range of their hits.
@@ -311,6 +316,8 @@ impl ShaderThread<'_> {
                     let how = HitShading { time, seed: id, derivatives, ..how };
                     let mut grid = grid_of(&hits, &*object, how);
                     grid.names = names(part.iter().map(|o| &pending[o.1]), rays, id, grid.len());
+                    let paths = part.iter().map(|o| rays[pending[o.1].ray as usize].path);
+                    grid.paths = paths.cycle().take(grid.len()).collect();
                     for (lane, (_, k, _)) in part.iter().enumerate() {
                         out[*k].n = grid.n.get(lane).normalize_or_zero();
                     }
@@ -444,7 +451,7 @@ mod tests {
 
     fn request(origin: Vec3, dir: Vec3, time: f32) -> RayRequest {
         let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time };
-        RayRequest { lane: 0, name: 0, ray, leaving: Leaving::default(), width: 0.0, spread: 0.0 }
+        RayRequest::new(ray)
     }
 
     #[test]
@@ -468,8 +475,9 @@ mod tests {
     }
 
     const UNSHADED: RayPurpose = RayPurpose {
-        parent: RayKind { level: 0, shadow: false, indirect: false },
+        parent: RayKind { level: 0, shadow: false, indirect: false, bounces: 0 },
         indirect: false,
+        bounces: 0,
         shade: false,
         dtime: 0.0,
     };

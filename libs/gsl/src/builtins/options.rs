@@ -84,8 +84,8 @@ pub(super) const ENVIRONMENT: &[Choice] = &[
         "Kr",
         F,
         "1",
-        "Rays only: the factor that the shader multiplies the result by. Where it is 0, no ray is traced. It does not \
-         scale the result.",
+        "Rays only: the factor that the shader multiplies the result by. Where it is 0, no ray is traced. Where it is \
+         little (`ray:minweight`), some rays are. It does not scale the result.",
     ),
     o(
         "space",

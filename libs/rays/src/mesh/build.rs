@@ -7,6 +7,7 @@
 //! settled sides.
 
 use super::{Quad, RayData, RayMesh, RayPrimvar};
+use crate::convex::ConvexSurface;
 use crate::{GridShader, RayDisplacement, RayObject};
 use granita_base::{Bound, Interp, MotionTransform, ParamData, Severity, Vec3};
 use granita_dicing::{
@@ -97,6 +98,8 @@ pub struct OnDemandMesh<O> {
     pixel_world: f32,
     /// The approximate number of triangles at the finest level.
     triangles: f32,
+    /// The surface, when it is known to be convex.
+    pub(crate) convex: Option<ConvexSurface>,
 }
 
 /// A mesh of flat faces that neither moves nor is displaced. Rays are traced against its own triangles.
@@ -165,6 +168,8 @@ pub fn prepare<O: RayObject>(
         let piece = pieces.remove(0);
         return Some(Member::StaticMesh(StaticMesh { primitive, object, placement, piece }));
     }
+    let moves = displaced || placement.times().len() != 1;
+    let convex = ConvexSurface::new(primitive, &attributes.to_world.at(camera.shading_time()), moves);
     let mut on_demand = OnDemandMesh {
         primitive: primitive.clone(),
         object: object.clone(),
@@ -176,6 +181,7 @@ pub fn prepare<O: RayObject>(
         bound: Bound::EMPTY,
         pixel_world: 0.0,
         triangles: 0.0,
+        convex,
     };
     let most = dicing.most_points();
     // Each point has at least two triangles.

@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::fixture::{Frame, Object, Thread};
-use crate::request::Leaving;
 use crate::sampling::{Distribution, in_cone};
 use granita_base::{CurveBasis, MotionTransform, Params, ShapeDesc, Transform, hash};
 use granita_fixture::{Fixture, param, shader};
@@ -27,7 +26,7 @@ fn point(seed: u32, i: u32) -> Vec3 {
 fn request(origin: Vec3, to: Vec3, width: f32, spread: f32) -> RayRequest {
     let dir = (to - origin).normalize();
     let ray = Ray { origin, tmin: 0.0, dir, tmax: f32::INFINITY, time: 0.0 };
-    RayRequest { lane: 0, name: 0, ray, leaving: Leaving::default(), width, spread }
+    RayRequest { width, spread, ..RayRequest::new(ray) }
 }
 
 fn bumpy(f: &Fixture, radius: f32) -> AttributeSet {

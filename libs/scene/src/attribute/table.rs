@@ -171,6 +171,12 @@ attributes! {
     RAY_MAXDEPTH: Global, i32 = "4.3.5", "ray:maxdepth", Ints(&[2]), "largest number of bounces of a ray";
     RAY_MAXDEPTHCOLOR: Global, Color = "4.3.5", "ray:maxdepthcolor", Floats(&[0.0, 0.0, 0.0]),
         "colour of rays beyond the last bounce";
+    RAY_DEEPSAMPLES: Global, f32 = "4.3.5", "ray:deepsamples", Floats(&[1.0]),
+        "rays of a reflection after the first bounce, as a multiple of its share of the samples";
+    RAY_MINWEIGHT: Global, f32 = "4.3.5", "ray:minweight", Floats(&[0.001]),
+        "weight of reflections below which only some of them are traced";
+    INDIRECT_MAXDEPTH: Global, i32 = "4.3.5", "indirect:maxdepth", Ints(&[1]),
+        "largest number of bounces of indirect light";
     PATH_INPUT: Global, Arc<str> = "4.3.6", "path:input", Text(".:$GELATOHOME/inputs"),
         "search path of scene files", Rerender;
     PATH_TEXTURE: Global, Arc<str> = "4.3.6", "path:texture", Text(".:$GELATOHOME/textures"),

@@ -78,7 +78,7 @@ macro_rules! options {
 
             /// Returns the same options with other numbers and texts. A text that becomes `None` counts as not set.
             #[allow(dead_code, reason = "some calls look at each option by itself")]
-            pub(crate) fn map<M, U>(
+            $vis fn map<M, U>(
                 &self,
                 number: impl Fn(N) -> M,
                 text: impl Fn(T) -> Option<U>,

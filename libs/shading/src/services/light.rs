@@ -2,6 +2,8 @@
 //! Answers `indirect ()` and `occlusion ()` (reference 5.8.11), by sampling every point or by interpolation between
 //! few.
 
+mod bounce;
+
 use super::maps::fit;
 use super::rays::{Aim, HIT, TracingLanes, unknown_set};
 use super::{Run, count, option};
@@ -14,7 +16,7 @@ use granita_base::{Color, Vec3, hash};
 use granita_rays::{Leaving, RayRequest};
 use granita_scene::attr;
 use granita_sdb::{Between, Mode, Packed, Probe};
-use granita_shade::{Batch, GatherQuery, Lane, Lanes3, Rect};
+use granita_shade::{Batch, GatherQuery, Lane, Lanes3, RayKind, RayPath, Rect};
 use granita_trace::Ray;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -237,10 +239,15 @@ pub(super) fn occlusion(
 /// Answers `indirect ()`: the mean colour seen by cosine-distributed rays over the hemisphere around the axis. This
 /// is irradiance in the units in which a light of colour `Cl` that faces the surface gives `Cl`.
 ///
-/// Rays of indirect light do not spawn others, so there is one bounce.
+/// Where rays of indirect light hit, it is the light of one bounce less. There is none beyond "indirect:maxdepth"
+/// bounces.
 pub(super) fn indirect(run: &mut Run<'_, '_>, query: &GatherQuery<'_>, out: &mut Lanes3) {
     fit(out, query.batch.lanes);
-    let gathers = !run.ray.indirect && !run.is_too_deep();
+    let ends = run.ray.bounces >= run.frame.rays.limits.indirect_depth;
+    if !ends && run.ray.bounces > 0 {
+        return bounce::indirect(run, query, out);
+    }
+    let gathers = !ends && !run.is_too_deep();
     let found = if gathers { gather(run, Kind::Irradiance, query) } else { None };
     for &lane in query.batch.active {
         let record = found.as_ref().and_then(|f| f[lane as usize].as_deref());
@@ -579,11 +586,17 @@ impl Gatherer<'_, '_, '_, '_> {
         let request = |((ask, index), (ray, leaving)): ((Ask, u32), (&Ray, &Leaving))| {
             let name = hash::words(&[ask.seed, index, HIT]);
             let (ray, leaving) = (*ray, *leaving);
-            RayRequest { lane: ask.lane, name, ray, leaving, width: 0.0, spread: question.ray_spread(&ask) }
+            let path = RayPath { rays: ask.samples as f32, index, seed: ask.seed, weight: 1.0 };
+            let spread = question.ray_spread(&ask);
+            RayRequest { lane: ask.lane, name, leaving, path, spread, ..RayRequest::new(ray) }
         };
         let requests: Vec<RayRequest> =
             bundle.sources(asks).zip(bundle.rays.iter().zip(&bundle.left)).map(request).collect();
-        let purpose = RayPurpose { indirect: true, ..self.run.purpose() };
+        let bounces = self.run.ray.bounces + 1;
+        // Records at hits are those of any point, whatever the rays before did.
+        let level = if bounces > 1 { 0 } else { self.run.ray.level };
+        let parent = RayKind { level, ..self.run.ray };
+        let purpose = RayPurpose { parent, indirect: true, bounces, ..self.run.purpose() };
         let found = self.run.thread.radiance(scene, &requests, purpose, question.query.messages);
         found.into_iter().map(|r| (r.color, r.distance)).collect()
     }

@@ -7,10 +7,13 @@ use crate::object::RayScene;
 use crate::thread::{MAX_RAY_LEVELS, MORE_NESTED};
 use crate::trace::RayPurpose;
 use granita_base::{Color, Vec3, hash, sample};
+use granita_dicing::Projection;
 use granita_rays::sampling::{Distribution, in_cone};
-use granita_rays::{Leaving, RayRequest};
+use granita_rays::{Departure, Leaving, RayRequest};
+use granita_scene::attr;
 use granita_shade::{
-    EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, Primvar, TraceQuery, TraceResult,
+    EnvironmentQuery, HitValues, Lane, Lanes3, LookupResult, Primvar, RayKind, RayPath, TraceQuery,
+    TraceResult,
 };
 use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
@@ -28,6 +31,10 @@ pub(super) const DIRECTION: u32 = 1;
 const FOOTPRINT: u32 = 2;
 const TIME: u32 = 3;
 pub(super) const HIT: u32 = 4;
+const ROULETTE: u32 = 5;
+
+/// The value of "shading:view" for shading as the camera sees the points.
+const DEFAULT_VIEW: &str = "camera";
 
 /// The origin, direction and reach of a ray.
 pub(super) struct Aim {
@@ -120,7 +127,13 @@ impl Run<'_, '_> {
     }
 
     pub(super) fn purpose(&self) -> RayPurpose {
-        RayPurpose { parent: self.ray, indirect: self.ray.indirect, shade: true, dtime: self.dtime }
+        let RayKind { indirect, bounces, .. } = self.ray;
+        RayPurpose { parent: self.ray, indirect, bounces, shade: true, dtime: self.dtime }
+    }
+
+    /// Returns the path of rays to a lane.
+    pub(super) fn path(&self, lane: usize) -> RayPath {
+        self.paths.get(lane).copied().unwrap_or_default()
     }
 }
 
@@ -188,6 +201,97 @@ impl TracingLanes {
     }
 }
 
+/// The rays of one point of a call.
+struct Branch {
+    /// Their number.
+    samples: u32,
+    /// The index of the first one in the sequence of random numbers.
+    first: u32,
+    /// The seed of the sequence.
+    seed: u32,
+    /// The number of rays that share the sequence.
+    rays: f32,
+}
+
+impl Branch {
+    /// Returns the path of a ray with an index in the sequence, whose results have this weight.
+    fn path(&self, index: u32, weight: f32) -> RayPath {
+        RayPath { rays: self.rays, index, seed: self.seed, weight }
+    }
+}
+
+impl Run<'_, '_> {
+    /// Returns the rays that a lane of `environment ()` traces for `asked` samples.
+    ///
+    /// A hit of one of many rays of a point traces its share of the samples, at least one ("ray:deepsamples"). All
+    /// those hits draw from one sequence of random numbers, so that their rays are stratified together.
+    fn branch(&self, lane: usize, seed: u32, asked: u32) -> Branch {
+        let path = self.path(lane);
+        if path.rays <= 1.0 {
+            return Branch { samples: asked, first: 0, seed, rays: asked as f32 };
+        }
+        let share = asked as f32 * self.frame.rays.limits.deep_samples / path.rays;
+        let samples = (share.round() as u32).clamp(1, asked);
+        let call = self.lane_calls.get(lane).copied().unwrap_or(self.calls);
+        Branch {
+            samples,
+            first: path.index.wrapping_mul(samples),
+            seed: hash::words(&[path.seed, self.ray.level, call]),
+            rays: path.rays * samples as f32,
+        }
+    }
+
+    /// Returns how reflected rays around an axis leave the surface at a lane.
+    fn departure(&self, lane: usize, p: Vec3, axis: Vec3) -> Option<Departure> {
+        let surface = self.surface.as_ref()?;
+        let primitive = match surface.primitives[..] {
+            [one] => one,
+            _ => {
+                let rect = self.topology.rects().position(|rect| rect.lanes().contains(&lane))?;
+                *surface.primitives.get(rect)?
+            }
+        };
+        Some(Departure { primitive, p, axis, viewer: self.viewer(lane, p, surface.i.get(lane)) })
+    }
+
+    /// Returns the position that a lane is seen from. `None` when shading looks from elsewhere.
+    fn viewer(&self, lane: usize, p: Vec3, i: Vec3) -> Option<Vec3> {
+        if self.ray.level > 0 {
+            return (lane < self.paths.len()).then_some(p - i);
+        }
+        if &*self.object_attributes.get(attr::SHADING_VIEW) != DEFAULT_VIEW {
+            return None;
+        }
+        let eye = self.frame.eye_world;
+        match self.frame.camera.projection {
+            Projection::Perspective { .. } => Some(eye),
+            // The point of the plane of the camera on the line of sight.
+            Projection::Orthographic => Some(p - i * ((p - eye).dot(i) / i.length_squared())),
+        }
+    }
+}
+
+/// A call of `environment ()` that traces its rays.
+struct Kept {
+    /// The factor of its result, which makes up for calls that trace none.
+    scale: f32,
+    /// The weight of its rays.
+    weight: f32,
+}
+
+/// Decides whether the rays of a call whose result has the weight `weight` in its image are traced. Below `least`, they
+/// are traced with a probability of `weight / least`, so that the mean stays the same (Arvo and Kirk, Particle Transport
+/// and Image Synthesis, SIGGRAPH 1990).
+fn roulette(weight: f32, least: f32, seed: u32) -> Option<Kept> {
+    // NaN compares false.
+    if !(weight < least) {
+        return Some(Kept { scale: 1.0, weight });
+    }
+    let probability = weight / least;
+    let survives = hash::unit(hash::words(&[seed, ROULETTE])) < probability;
+    survives.then_some(Kept { scale: 1.0 / probability, weight: least })
+}
+
 /// Returns a place in the footprint, from -0.5 to 0.5 in both directions. A single sample takes its centre.
 pub(super) fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
     if samples <= 1 {
@@ -224,7 +328,13 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
             .for_each(|c| out.value[c][i] = if query.channels == 1 { value.x } else { value[c] });
         out.alpha[i] = 0.0;
         // With "Kr" 0 the result is multiplied by zero, so no ray is traced.
-        let Some(r) = query.r.get(i).try_normalize().filter(|_| traces && option(o.kr, i, 1.0) != 0.0) else {
+        let kr = option(o.kr, i, 1.0);
+        let Some(r) = query.r.get(i).try_normalize().filter(|_| traces && kr != 0.0) else {
+            continue;
+        };
+        let seed = run.lane_seed(call, lane);
+        let path = run.path(i);
+        let Some(kept) = roulette(path.weight * kr.abs(), run.frame.rays.limits.min_weight, seed) else {
             continue;
         };
         let length = query.r.get(i).length();
@@ -233,27 +343,36 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let (dpdx, dpdy) = (query.dpdx.get(i) * width, query.dpdy.get(i) * width);
         let (drdx, drdy) = (query.drdx.get(i) * (width / length), query.drdy.get(i) * (width / length));
-        let samples = count(o.samples, i);
-        let per_ray = 1.0 / (samples as f32).sqrt();
-        let seed = run.lane_seed(call, lane);
-        sums.push(Sum::new(lane, samples));
-        for index in 0..samples {
-            let (x, y) = in_footprint(index, samples, seed);
+        let asked = count(o.samples, i);
+        let per_ray = 1.0 / (asked as f32).sqrt();
+        let branch = run.branch(i, seed, asked);
+        let departure = run.departure(i, query.p.get(i), r);
+        sums.push(Sum::new(lane, branch.samples, kept.scale));
+        for k in 0..branch.samples {
+            let index = branch.first + k;
+            let (x, y) = in_footprint(index, asked, branch.seed);
             let axis = (r + drdx * x + drdy * y).normalize_or(r);
-            let dir =
-                in_cone(axis, half_angle, Distribution::Uniform, index, hash::words(&[seed, DIRECTION]));
+            let dir = in_cone(
+                axis,
+                half_angle,
+                Distribution::Uniform,
+                index,
+                hash::words(&[branch.seed, DIRECTION]),
+            );
             let aim = Aim {
                 p: query.p.get(i) + dpdx * x + dpdy * y,
                 dir,
                 bias: run.bias(o.bias, i),
                 tmax: Run::reach(o.maxhitdist, i),
-                time: run.ray_time(index, seed),
+                time: run.ray_time(index, branch.seed),
             };
             rays.push(RayRequest {
                 lane,
-                name: hash::words(&[seed, index, HIT]),
+                name: hash::words(&[seed, k, HIT]),
                 ray: aim.ray(),
                 leaving: run.leaving(scene, query.p.get(i)),
+                departure,
+                path: branch.path(index, kept.weight),
                 width: dpdx.length().max(dpdy.length()) * per_ray,
                 spread: (drdx.length().max(drdy.length()) + 2.0 * half_angle.max(0.0)) * per_ray,
             });
@@ -268,7 +387,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     }
     for sum in sums {
         let i = sum.lane as usize;
-        let share = 1.0 / sum.samples as f32;
+        let share = sum.scale / sum.samples as f32;
         let (color, opacity) = (sum.color * share, sum.opacity * share);
         (0..query.channels).for_each(|c| out.value[c][i] = color[c.min(2)]);
         out.alpha[i] = (opacity.x + opacity.y + opacity.z) / 3.0;
@@ -292,6 +411,8 @@ const DEEP: u32 = 8;
 struct Sum {
     lane: u32,
     samples: u32,
+    /// The factor of the mean of the samples.
+    scale: f32,
     color: Color,
     opacity: Color,
     /// The number of hits, and the sums of their distances, places and normals.
@@ -302,9 +423,9 @@ struct Sum {
 }
 
 impl Sum {
-    fn new(lane: u32, samples: u32) -> Self {
+    fn new(lane: u32, samples: u32, scale: f32) -> Self {
         let (color, opacity) = (Color::ZERO, Color::ZERO);
-        Self { lane, samples, color, opacity, hits: 0, distance: 0.0, p: Vec3::ZERO, n: Vec3::ZERO }
+        Self { lane, samples, scale, color, opacity, hits: 0, distance: 0.0, p: Vec3::ZERO, n: Vec3::ZERO }
     }
 }
 
@@ -366,7 +487,10 @@ fn probe(
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();
         let name = hash::words(&[seed, index, HIT]);
         let leaving = run.leaving(scene, query.p.get(i));
-        rays.push(RayRequest { lane, name, ray: aim.ray(), leaving, width: 0.0, spread });
+        let path = run.path(i);
+        let branch = Branch { samples, first: 0, seed, rays: path.rays * samples as f32 };
+        let path = branch.path(index, path.weight);
+        rays.push(RayRequest { lane, name, leaving, path, spread, ..RayRequest::new(aim.ray()) });
     }
     (lanes, rays)
 }

@@ -151,6 +151,8 @@ impl Run<'_, '_> {
             hasher.words(&self.names);
             hasher.words(&self.lane_calls);
         }
+        hasher.word(self.ray.bounces);
+        self.paths.iter().for_each(|path| hasher.words(&path.words()));
     }
 }
 
@@ -175,11 +177,14 @@ pub(crate) fn nearest(scene: &RayScene, rays: &[RayRequest]) -> Key {
     let mut hasher = KeyHasher::default();
     hasher.words(&[Question::Hits as u32, scene.number(), rays.len() as u32]);
     for request in rays {
-        let RayRequest { ray, leaving, width, spread, .. } = request;
+        let RayRequest { ray, leaving, departure, width, spread, .. } = request;
         let ([x, y, z], [dx, dy, dz]) = (ray.origin.to_array(), ray.dir.to_array());
         let numbers = [x, y, z, dx, dy, dz, ray.tmin, ray.tmax, ray.time, *width, *spread];
         hasher.bytes(bytemuck::cast_slice(&numbers));
         hasher.bytes(bytemuck::cast_slice(&leaving.words()));
+        if let Some(departure) = departure {
+            hasher.words(&departure.words());
+        }
     }
     hasher.finish()
 }

@@ -173,10 +173,10 @@ impl<'b> Bundle<'b> {
             .map(|((lane, name, width, spread), (ray, leaving))| RayRequest {
                 lane,
                 name,
-                ray,
                 leaving,
                 width,
                 spread,
+                ..RayRequest::new(ray)
             })
             .collect();
         let purpose = run.purpose();

@@ -210,7 +210,7 @@ fn ray_kinds() {
         let source = "surface t (output float r = 0) { r = raylevel () + 10 * isshadowray () + 100 * isindirectray (); }";
         let group = link(&[(source, Params::new())], &[]);
         let mut grid = square(2, 1);
-        grid.ray = RayKind { level, shadow, indirect };
+        grid.ray = RayKind { level, shadow, indirect, bounces: u32::from(indirect) };
         let wanted =
             level as f32 + f32::from(u8::from(shadow)) * 10.0 + f32::from(u8::from(indirect)) * 100.0;
         assert_eq!(output(&group, &mut grid, &mut Double::default(), "r", ValueType::Float), [wanted; 2]);
