@@ -9,6 +9,9 @@ use crate::files::{copy, emptied, made, repository, run};
 use crate::home::PROGRAM;
 use std::path::PathBuf;
 
+/// The folders of `examples` that the first example reads. `python -m gelato first` copies them.
+const EXAMPLES: [&str; 2] = ["data", "first"];
+
 /// Makes the wheel, and returns its path.
 pub(super) fn make(release: &Release) -> Result<PathBuf, String> {
     let root = repository();
@@ -19,7 +22,9 @@ pub(super) fn make(release: &Release) -> Result<PathBuf, String> {
         run(release.command("cp").arg("-R").arg(release.home.join(folder)).arg(&home))?;
     }
     let examples = made(home.join("examples"))?;
-    run(release.command("cp").arg("-R").arg(release.home.join("examples/first")).arg(examples))?;
+    for folder in EXAMPLES {
+        run(release.command("cp").arg("-R").arg(release.home.join("examples").join(folder)).arg(&examples))?;
+    }
     super::modes(&home)?;
     let (major, minor) = release.needs.promised();
     let tag = format!("py3-none-manylinux_{major}_{minor}_{}", std::env::consts::ARCH);
@@ -32,5 +37,29 @@ pub(super) fn make(release: &Release) -> Result<PathBuf, String> {
         Ok(path)
     } else {
         Err(format!("packaging/wheel.py did not write {}", path.display()))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_wheel_has_the_folders_that_the_first_example_reads() {
+        let mut named = std::collections::BTreeSet::new();
+        for entry in std::fs::read_dir(repository().join("examples/first")).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_some_and(|e| e == "pyg") {
+                let text = std::fs::read_to_string(path).unwrap();
+                let folder =
+                    |rest: &str| rest.split(|c: char| !c.is_alphanumeric()).next().unwrap().to_owned();
+                named.extend(text.split("examples/").skip(1).map(folder));
+            }
+        }
+        assert!(named.iter().eq(EXAMPLES), "{named:?}");
+        // The program of the wheel copies the same folders.
+        let main = std::fs::read_to_string(repository().join("bindings/python/gelato/__main__.py")).unwrap();
+        assert!(main.contains(&format!("for name in {EXAMPLES:?}:").replace(['[', ']'], "")), "{EXAMPLES:?}");
     }
 }

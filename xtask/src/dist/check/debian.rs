@@ -2,7 +2,7 @@
 
 use super::super::Release;
 use super::super::deb::SHARED_NAMES;
-use super::{Place, in_time, same_image};
+use super::{EXAMPLE, Place, in_time, same_image};
 use crate::files::{answer, run, write};
 use std::path::Path;
 use std::process::Command;
@@ -21,11 +21,13 @@ fn unpacked(release: &Release, package: &Path, image: &Path) -> Result<(), Strin
     let start = Instant::now();
     run(Command::new("dpkg-deb").arg("-x").arg(package).arg(&place.folder))?;
     let (bin, work) = (place.folder.join("usr/bin"), place.folder.join("work"));
+    place.model("deb, unpacked", &bin.join("gelato"), start)?;
+    let start = Instant::now();
     let examples = place.folder.join("usr/share/doc/granita/examples/");
     run(Command::new("mkdir").arg(&work))?;
     run(Command::new("cp").arg("-RL").arg(examples).arg(&work))?;
     let made = place.first(&bin.join("gelato"), &work)?;
-    in_time("deb, unpacked", start)?;
+    in_time("deb, unpacked", "for the example", start, EXAMPLE)?;
     same_image(&bin.join("granita"), &made, image)?;
     for name in SHARED_NAMES {
         if bin.join(name).exists() {
@@ -93,11 +95,10 @@ fn bare_system(release: &Release, package: &Path) -> Result<(), String> {
     let name = package.file_name().unwrap_or_default().to_string_lossy();
     let place = Place::new(release, "bare")?;
     let script = format!(
-        "set -e; start=$(date +%s); apt-get install -y -qq --no-install-recommends /{name} >/dev/null 2>&1; cp -RL \
-         /usr/share/doc/granita/examples /srv; cd /srv; gelato -silent -threads $(nproc) examples/first/first.pyg; test -s \
-         examples/first/out/first.png; echo check: deb, bare system: $(($(date +%s) - start)) s to the first image; maketx \
-         -version; iv -info examples/first/out/first.png; dpkg --remove granita >/dev/null; test ! -e /usr/bin/maketx; \
-         test ! -e /usr/lib/granita"
+        "set -e; start=$(date +%s); apt-get install -y -qq --no-install-recommends /{name} >/dev/null 2>&1; cd /srv; \
+         gelato -silent -up z teapot.pyg -o teapot.png; test -s teapot.png; \
+         echo check: deb, bare system: $(($(date +%s) - start)) s to the first image; maketx -version; \
+         iv -info teapot.png; dpkg --remove granita >/dev/null; test ! -e /usr/bin/maketx; test ! -e /usr/lib/granita"
     );
     write(&place.folder.join("script"), &script)?;
     let mut make = Command::new("mmdebstrap");
