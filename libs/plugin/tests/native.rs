@@ -9,6 +9,7 @@ use granita_gsl::ir::ValueType;
 use granita_gsl::{CompileOptions, compile};
 use granita_plugin::NativeShaders;
 use granita_shade::*;
+use parking_lot::Mutex;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -246,6 +247,50 @@ fn native_code_has_the_values_of_tapes_to_the_bit() {
         assert!(compiler.left.load(Ordering::Relaxed) > 0, "tapes compute the rest");
         let files = std::fs::read_dir(cache.path().join("granita")).unwrap().count();
         assert_eq!(files, ready, "turn {turn}: each function is a file, and nothing else is left");
+    }
+}
+
+/// A compiler that keeps the sources.
+#[derive(Debug, Default)]
+struct Keeping(Mutex<Vec<String>>);
+
+impl NativeCompiler for Keeping {
+    fn compile(&self, source: NativeSource, _: NativeDone) {
+        self.0.lock().push(source.text);
+    }
+}
+
+#[test]
+fn native_code_uses_vectors() {
+    let version = std::process::Command::new("cc").arg("--version").output();
+    if !version.is_ok_and(|v| String::from_utf8_lossy(&v.stdout).contains("Free Software Foundation")) {
+        return granita_needs::skip("GCC (its report of loops with vectors)");
+    }
+    let keeping = Keeping::default();
+    let group = group();
+    for turn in 0..70 {
+        run(&group, &grid(1000, turn, false), Some(&keeping));
+    }
+    let sources = keeping.0.lock();
+    assert!(!sources.is_empty());
+    let folder = tempfile::tempdir().unwrap();
+    for text in &*sources {
+        std::fs::write(folder.path().join("shader.c"), text).unwrap();
+        let mut compile = std::process::Command::new("cc");
+        compile.current_dir(&folder).args([
+            "-std=gnu99",
+            "-O3",
+            "-w",
+            "-ffp-contract=off",
+            "-fno-math-errno",
+        ]);
+        compile.args(["-fno-trapping-math", "-fopt-info-vec-optimized", "-c", "shader.c"]);
+        if cfg!(target_arch = "x86_64") {
+            compile.arg("-mavx2");
+        }
+        let said = compile.output().unwrap();
+        let said = String::from_utf8_lossy(&said.stderr);
+        assert!(said.contains("loop vectorized"), "{said}\n{}", &text[text.find("noinline").unwrap()..]);
     }
 }
 

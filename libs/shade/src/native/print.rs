@@ -38,29 +38,36 @@ pub(crate) fn print(plan: &Plan) -> Option<NativeSource> {
             writeln!(body, "    bad |= !{condition};").ok()?;
         }
     }
+    // Only for parameters do compilers trust `restrict`, without which they do not use vectors for many arrays.
+    let count = plan.loads.len();
+    let read = (0..count).map(|k| format!("const float *restrict in{k}, "));
+    let written = (0..outputs.len()).map(|k| format!("float *restrict out{k}, "));
     let mut text = format!(
-        "{PRELUDE}\nint granita (const float *const *in, const float *scalars, float *const *out, long from, long to)\n{{\n"
+        "{PRELUDE}\nstatic __attribute__ ((noinline)) int lanes ({}const float *scalars, long from, long to)\n{{\n",
+        read.chain(written).collect::<String>()
     );
-    for k in 0..plan.loads.len() {
-        writeln!(text, "  const float *restrict in{k} = in[{k}];").ok()?;
-    }
     for k in &plan.splats {
         writeln!(text, "  const float s{k} = scalars[{k}];").ok()?;
     }
-    for k in 0..outputs.len() {
-        writeln!(text, "  float *restrict out{k} = out[{k}];").ok()?;
-    }
     text.push_str("  int bad = 0;\n  for (long i = from; i < to; ++i) {\n");
-    for k in 0..plan.loads.len() {
+    for k in 0..count {
         writeln!(text, "    const float a{k} = in{k}[i];").ok()?;
     }
     text.push_str(&body);
     for (k, row) in outputs.iter().enumerate() {
         writeln!(text, "    out{k}[i] = {};", name(plan, *row)).ok()?;
     }
-    text.push_str("  }\n  return bad;\n}\n");
+    let read = (0..count).map(|k| format!("in[{k}], "));
+    let written = (0..outputs.len()).map(|k| format!("out[{k}], "));
+    write!(
+        text,
+        "  }}\n  return bad;\n}}\n\nint granita (const float *const *in, const float *scalars, float *const *out, \
+         long from, long to)\n{{\n  return lanes ({}scalars, from, to);\n}}\n",
+        read.chain(written).collect::<String>()
+    )
+    .ok()?;
     let scalars = plan.constants.len() + plan.uniform.len() + plan.scalars.len();
-    Some(NativeSource { text, inputs: plan.loads.len(), scalars, outputs: outputs.len() })
+    Some(NativeSource { text, inputs: count, scalars, outputs: outputs.len() })
 }
 
 /// Returns the name of a row.

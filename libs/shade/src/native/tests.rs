@@ -60,13 +60,11 @@ fn plan(code: Code) -> Plan {
 fn a_plan_is_a_loop_over_its_steps() {
     let source = print(&plan(Code::Three(Ternary::MulAdd))).unwrap();
     assert_eq!((source.inputs, source.scalars, source.outputs), (2, 1, 1));
-    let (_, own) = source.text.split_once("\nint granita").unwrap();
-    let expected = " (const float *const *in, const float *scalars, float *const *out, long from, long to)
+    let (_, own) = source.text.split_once("((noinline)) ").unwrap();
+    let expected = "int lanes (const float *restrict in0, const float *restrict in1, float *restrict out0, \
+const float *scalars, long from, long to)
 {
-  const float *restrict in0 = in[0];
-  const float *restrict in1 = in[1];
   const float s0 = scalars[0];
-  float *restrict out0 = out[0];
   int bad = 0;
   for (long i = from; i < to; ++i) {
     const float a0 = in0[i];
@@ -75,6 +73,11 @@ fn a_plan_is_a_loop_over_its_steps() {
     out0[i] = v3;
   }
   return bad;
+}
+
+int granita (const float *const *in, const float *scalars, float *const *out, long from, long to)
+{
+  return lanes (in[0], in[1], out[0], scalars, from, to);
 }
 ";
     assert_eq!(own, expected);
