@@ -62,8 +62,8 @@ pub fn rays(mesh: &TriangleMesh, kind: &str) -> Vec<Ray> {
         .collect()
 }
 
-/// Returns the rays of a kind of [`BLOCKS`] for a mesh and its tracer. The shadow rays are those of the pixels that show
-/// the mesh.
+/// Returns the rays of a kind of [`BLOCKS`] for a mesh and its tracer. The shadow rays are those of the pixels that
+/// show the mesh.
 pub fn blocks(mesh: &TriangleMesh, tracer: &Tracer, kind: &str) -> Vec<Ray> {
     let camera = rays(mesh, "camera");
     let tiled = |size: u32| -> Vec<Ray> {

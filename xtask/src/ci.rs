@@ -124,8 +124,8 @@ const PORTABLE: [&str; 9] = [
 /// The crates with code for AVX2 beside the portable code.
 const DISPATCHED: [&str; 3] = ["granita-trace", "granita-texture", "granita-shade"];
 
-/// The compiler of this machine stands in for the other architecture's. A check links nothing, so what it makes of the C
-/// code of dependencies is never used.
+/// The compiler of this machine stands in for the other architecture's. A check links nothing, so what it makes of the
+/// C code of dependencies is never used.
 const STAND_INS: [(&str, &str); 2] =
     [("CC_aarch64_unknown_linux_gnu", "cc"), ("AR_aarch64_unknown_linux_gnu", "ar")];
 

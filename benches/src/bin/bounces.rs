@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release -p granita-benches --bin bounces`
 //!
-//! Each scene is rendered with one thread and one to four bounces. The table has the processor time, also relative to one
-//! bounce, and the rays.
+//! Each scene is rendered with one thread and one to four bounces. The table has the processor time, also relative to
+//! one bounce, and the rays.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]

@@ -3,13 +3,13 @@
 //! `cargo run --release -p granita-benches --bin rays [-- --python PROGRAM] [--large] [MESH.ply|MESH.obj ...]`
 //!
 //! The built-in mesh is a displaced sphere of a million triangles. Other meshes are files. There are five kinds of
-//! rays: those of a camera (coherent, in rows and in tiles), those from the visible surface to a light (coherent), those
-//! from around the mesh through its box, and those from its surface (both incoherent).
+//! rays: those of a camera (coherent, in rows and in tiles), those from the visible surface to a light (coherent),
+//! those from around the mesh through its box, and those from its surface (both incoherent).
 //!
 //! Embree comes from the Python package `embreex`, which is found by the option or in `python3`. It is measured through
 //! the package, and, where there is a C compiler (`cc`), also through its own calls: those of single rays, and the
-//! fastest of those of packets of 8 and 16 rays, with and without the hint that the rays are coherent. The ratio is that
-//! to the fastest of all its own calls. The programs alternate, and the fastest of four runs counts.
+//! fastest of those of packets of 8 and 16 rays, with and without the hint that the rays are coherent. The ratio is
+//! that to the fastest of all its own calls. The programs alternate, and the fastest of four runs counts.
 //!
 //! `--large` also measures the memory of ten million triangles in a geometry set: in a tree, and in whole frames of
 //! `gelato` in which a mirror reflects a mesh, or a displaced patch that rays tessellate.

@@ -9,8 +9,8 @@ use crate::request::Departure;
 use granita_base::{ShapeDesc, Transform};
 use granita_scene::Primitive;
 
-/// The distance from the sphere, relative to its radius, from which on a viewer is outside. Viewers on the sphere itself
-/// (reflections inside of a ball) are rounded.
+/// The distance from the sphere, relative to its radius, from which on a viewer is outside. Viewers on the sphere
+/// itself (reflections inside of a ball) are rounded.
 const OUTSIDE: f32 = 1.0e-3;
 
 /// A part of a sphere or of an ellipsoid that neither moves nor is displaced.
@@ -25,8 +25,8 @@ pub(crate) struct ConvexSurface {
 }
 
 impl ConvexSurface {
-    /// Returns the surface of a primitive. `moves` is true when it moves, changes its shape or is displaced. `None` when
-    /// it is not known to be convex. `to_world` places the primitive.
+    /// Returns the surface of a primitive. `moves` is true when it moves, changes its shape or is displaced. `None`
+    /// when it is not known to be convex. `to_world` places the primitive.
     pub(crate) fn new(primitive: &Primitive, to_world: &Transform, moves: bool) -> Option<Self> {
         let ShapeDesc::Sphere { radius, zmin, zmax, thetamax_deg } = primitive.shape else { return None };
         let radius = radius.abs();

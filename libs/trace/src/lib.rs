@@ -8,8 +8,8 @@
 //!   "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013).
 //! - **Exact**: a tree finds the same hits as a test of all triangles, to the bit. Of several hits at one distance it
 //!   returns the one with the smallest (mesh, triangle).
-//! - **Deterministic**: the number of threads, the order of a batch, the rays that are traversed together and the machine (AVX2 or not; no multiply-add is
-//!   fused) do not change a bit of the result.
+//! - **Deterministic**: the number of threads, the order of a batch, the rays that are traversed together and the
+//!   machine (AVX2 or not; no multiply-add is fused) do not change a bit of the result.
 //! - **Any scale**: coordinates are scaled by a power of two. Results do not depend on absolute sizes.
 //! - Rays with a NaN in any number, or with a zero direction, miss.
 //! - **Independent of the division into parts**: tracers that are made [`TracerBuilder::within`] one bound find the
@@ -49,6 +49,7 @@ mod packet;
 mod probe;
 mod ray;
 mod scene;
+mod single;
 mod still;
 mod trace;
 mod tracer;
@@ -60,6 +61,6 @@ mod tests;
 pub use boxes::{BoxScratch, BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
+pub use single::RayScratch;
 pub use still::Triangles;
-pub use trace::RayScratch;
 pub use tracer::{Tracer, TracerBuilder};

@@ -17,7 +17,7 @@ use crate::group::{Class, Group, Lane};
 use crate::layout::{Block, Link};
 use crate::probe::{Probe, Wide};
 use crate::scene::Scene;
-use crate::trace::{Best, RayScratch, Verdict, through};
+use crate::single::{Best, RayScratch, Verdict, through};
 use crate::tree::Tree;
 use granita_machine::simd::{NARROW, Simd, WIDE};
 

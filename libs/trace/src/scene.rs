@@ -4,8 +4,8 @@ use crate::Hit;
 use crate::layout::Box3;
 use crate::moving::MovingTree;
 use crate::probe::{Met, Probe, Scale};
+use crate::single::Best;
 use crate::still::StillTree;
-use crate::trace::Best;
 
 /// The trees that rays traverse.
 #[derive(Debug)]

@@ -5,8 +5,9 @@ use crate::moving::MovingTree;
 use crate::order::{self, Sorter};
 use crate::probe::Scale;
 use crate::scene::Scene;
+use crate::single::RayScratch;
 use crate::still::{StillTree, Triangles, corners_elsewhere};
-use crate::trace::{Batch, RayScratch, Task};
+use crate::trace::{Batch, Task};
 use crate::{Hit, MeshId, Ray, TriangleMesh};
 use granita_base::Bound;
 

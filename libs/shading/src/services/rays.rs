@@ -280,8 +280,8 @@ struct Kept {
 }
 
 /// Decides whether the rays of a call whose result has the weight `weight` in its image are traced. Below `least`, they
-/// are traced with a probability of `weight / least`, so that the mean stays the same (Arvo and Kirk, Particle Transport
-/// and Image Synthesis, SIGGRAPH 1990).
+/// are traced with a probability of `weight / least`, so that the mean stays the same (Arvo and Kirk, Particle
+/// Transport and Image Synthesis, SIGGRAPH 1990).
 fn roulette(weight: f32, least: f32, seed: u32) -> Option<Kept> {
     // NaN compares false.
     if !(weight < least) {
