@@ -99,7 +99,7 @@ pub struct OnDemandMesh<O> {
     /// The approximate number of triangles at the finest level.
     triangles: f32,
     /// The surface, when it is known to be convex.
-    pub(crate) convex: Option<ConvexSurface>,
+    pub(crate) convex: Option<Box<ConvexSurface>>,
 }
 
 /// A mesh of flat faces that neither moves nor is displaced. Rays are traced against its own triangles.
@@ -169,7 +169,8 @@ pub fn prepare<O: RayObject>(
         return Some(Member::StaticMesh(StaticMesh { primitive, object, placement, piece }));
     }
     let moves = displaced || placement.times().len() != 1;
-    let convex = ConvexSurface::new(primitive, &attributes.to_world.at(camera.shading_time()), moves);
+    let at = attributes.to_world.at(camera.shading_time());
+    let convex = ConvexSurface::new(primitive, &at, moves).map(Box::new);
     let mut on_demand = OnDemandMesh {
         primitive: primitive.clone(),
         object: object.clone(),
