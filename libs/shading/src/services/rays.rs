@@ -283,8 +283,7 @@ struct Kept {
 /// are traced with a probability of `weight / least`, so that the mean stays the same (Arvo and Kirk, Particle
 /// Transport and Image Synthesis, SIGGRAPH 1990).
 fn roulette(weight: f32, least: f32, seed: u32) -> Option<Kept> {
-    // NaN compares false.
-    if !(weight < least) {
+    if weight >= least || weight.is_nan() || least.is_nan() {
         return Some(Kept { scale: 1.0, weight });
     }
     let probability = weight / least;

@@ -171,7 +171,7 @@ pub(super) fn indirect(run: &mut Run<'_, '_>, query: &GatherQuery<'_>, out: &mut
     let mut rest: Vec<u32> = lanes.traced.clone();
     if !scene.queries_parents {
         for jittered in [true, false] {
-            rest = deeper.from_cells(rest, jittered, out);
+            rest = deeper.take_from_cells(rest, jittered, out);
         }
     }
     deeper.by_rays(&rest, out);
@@ -202,7 +202,7 @@ struct Missing {
 
 impl Deeper<'_, '_, '_, '_> {
     /// Sets the light of lanes whose cells have a record. Returns the other lanes.
-    fn from_cells(&mut self, lanes: Vec<u32>, jittered: bool, out: &mut Lanes3) -> Vec<u32> {
+    fn take_from_cells(&mut self, lanes: Vec<u32>, jittered: bool, out: &mut Lanes3) -> Vec<u32> {
         let number = self.run.object.number;
         let spots: Vec<Option<(Cell, Spot)>> = lanes
             .iter()
