@@ -72,6 +72,7 @@ fn the_wheel_has_a_right_record_and_runs_its_tools() {
     };
     write("home/bin/granita", "#!/bin/sh\necho ran \"$@\"\n");
     write("home/examples/first/first.pyg", "Render ()\n");
+    write("home/examples/data/model.obj", "");
     for name in ["LICENSE-MIT", "LICENSE-APACHE", "LICENSES-OF-OTHERS", "sbom.cdx.json"] {
         write(&format!("doc/{name}"), name);
     }
@@ -92,6 +93,7 @@ fn the_wheel_has_a_right_record_and_runs_its_tools() {
     assert!(
         rendered.ends_with("here/examples/first/out/first.png")
             && at("here/examples/first/first.pyg").is_file()
+            && at("here/examples/data/model.obj").is_file()
     );
     assert_eq!(python(&[]).status.code(), Some(2));
     let program = "from gelato import _renderer; print (_renderer._program())";
