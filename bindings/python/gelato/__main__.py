@@ -53,13 +53,13 @@ def run_topyg():
 
 
 def _first(folder):
-    """Copies the first example and what it reads into a folder, and renders it there."""
+    """Copies the examples of the package into a folder, and renders the first one there."""
     home = _home()
     example = os.path.join("examples", "first")
     try:
-        for name in "data", "first":
-            part = os.path.join("examples", name)
-            shutil.copytree(os.path.join(home, part), os.path.join(folder, part), dirs_exist_ok=True)
+        shutil.copytree(
+            os.path.join(home, "examples"), os.path.join(folder, "examples"), dirs_exist_ok=True
+        )
     except (OSError, shutil.Error) as error:
         sys.exit("gelato: first: %s" % error)
     words = [os.path.join(home, "bin", "granita"), "gelato", "-cwd", folder, "-threads", str(os.cpu_count() or 1)]

@@ -1,10 +1,11 @@
 //! Tests shading as a whole: shaders, lights and rays over small scenes with known results.
 
-use crate::fixture::{Finish as _, Fixture, flat_grid, param};
-use crate::{ShaderThread, ShadingContext};
-use granita_base::{Color, Params, ShapeDesc, Transform, Vec3};
-use granita_scene::Primitive;
-use granita_shade::Grid;
+use crate::fixture::{Finish as _, Fixture, flat_grid, param, shader};
+use crate::{ShaderThread, ShadingContext, ShadingStatistics};
+use granita_base::{Color, Param, Params, ShapeDesc, Transform, Vec3};
+use granita_scene::{AttributeSet, Primitive};
+use granita_shade::{Grid, Lanes3};
+use std::sync::Arc;
 
 mod maps;
 
@@ -27,16 +28,43 @@ mod furnace;
 mod numbers;
 mod rays;
 
-/// Shades points of the plane z = 0 with the state of a primitive.
-fn shade(fixture: &Fixture, primitive: &Primitive, points: &[[f32; 2]]) -> Grid {
-    let (scene, camera, environment) = fixture.finish();
+/// Shades a grid with the state of a primitive. Also returns the counts of the frame.
+fn shade_grid(f: &Fixture, primitive: &Primitive, mut grid: Grid) -> (Grid, ShadingStatistics) {
+    let (scene, camera, environment) = f.finish();
     let frame = ShadingContext::new(&scene, &camera, &environment);
     let object = frame.object(primitive);
-    let mut grid = flat_grid(points);
-    grid.c = granita_shade::Lanes3::splat(object.color, points.len());
-    grid.opacity = granita_shade::Lanes3::splat(object.opacity, points.len());
+    grid.c = Lanes3::splat(object.color, grid.len());
+    grid.opacity = Lanes3::splat(object.opacity, grid.len());
     ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    (grid, frame.statistics())
+}
+
+/// Shades points of the plane z = 0 with the state of a primitive.
+fn shade(f: &Fixture, primitive: &Primitive, points: &[[f32; 2]]) -> Grid {
+    shade_grid(f, primitive, flat_grid(points)).0
+}
+
+/// Returns a grid of points, each with a position, a normal and a view direction.
+fn grid_at(points: &[[Vec3; 3]]) -> Grid {
+    let mut grid = flat_grid(&vec![[0.0; 2]; points.len()]);
+    for (k, [p, n, i]) in points.iter().enumerate() {
+        grid.p.set(k, *p);
+        grid.n.set(k, *n);
+        grid.ng.set(k, *n);
+        grid.i.set(k, *i);
+    }
     grid
+}
+
+fn with_surface(attributes: AttributeSet, name: &str, params: &[Param]) -> AttributeSet {
+    AttributeSet { surface: Some(shader(name, params, Transform::IDENTITY)), ..attributes }
+}
+
+/// Adds a rectangle with corners a, b, c, d in order.
+fn quad(f: &mut Fixture, corners: [Vec3; 4], attributes: AttributeSet) -> Arc<Primitive> {
+    let p: Vec<f32> = corners.iter().flat_map(|p| p.to_array()).collect();
+    let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
+    f.add(shape, Params(vec![param("vertex point P", &p[..])]), attributes)
 }
 
 fn near(a: Color, b: Color) {

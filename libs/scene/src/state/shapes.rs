@@ -16,6 +16,13 @@ pub fn predeclared(name: &str) -> Option<ParamType> {
     VARIABLES.iter().find(|row| row.name == name).map(|row| row.ty)
 }
 
+/// True for the parameters of a shape that are integers whatever type they are declared with. On other shapes, variables
+/// may have the same names.
+fn is_read_as_integers(shape: &ShapeDesc, name: &str) -> bool {
+    let ShapeDesc::Mesh { subdivide, .. } = shape else { return false };
+    (*subdivide || name == "holes") && predeclared(name).is_some_and(|ty| ty.base == BaseType::Int)
+}
+
 /// The largest coordinate of a vertex, in object space units. Squares of larger ones overflow.
 const FARTHEST: f32 = 1e20;
 
@@ -116,9 +123,7 @@ impl State {
             } else if matches!(&*param.name, "P" | "Pw") && param.ty.interp != Interp::Vertex {
                 param.ty.interp = Interp::Vertex;
             }
-            // What is read as integers has no fractions, whatever type it is declared with.
-            let integer = predeclared(&param.name).is_some_and(|ty| ty.base == BaseType::Int);
-            if integer && param.ty.base == BaseType::Float {
+            if param.ty.base == BaseType::Float && is_read_as_integers(shape, &param.name) {
                 param.ty.base = BaseType::Int;
             }
             match typed(&param) {

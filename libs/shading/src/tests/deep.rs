@@ -2,35 +2,16 @@
 //! Tests what reflections of reflections and further bounces of indirect light cost, and that their mean is right.
 
 use super::*;
-use crate::ShadingStatistics;
-use crate::fixture::shader;
-use granita_base::Param;
-use granita_scene::AttributeSet;
 
-/// Shades points, each with a position, a normal and a view direction, of a primitive. Also returns the counts.
+/// Shades points of a primitive that lie anywhere. Also returns the counts of the frame.
 fn shade_at(f: &Fixture, primitive: &Primitive, points: &[[Vec3; 3]]) -> (Grid, ShadingStatistics) {
-    let (scene, camera, environment) = f.finish();
-    let frame = ShadingContext::new(&scene, &camera, &environment);
-    let object = frame.object(primitive);
-    let mut grid = flat_grid(&vec![[0.0; 2]; points.len()]);
-    for (k, [p, n, i]) in points.iter().enumerate() {
-        grid.p.set(k, *p);
-        grid.n.set(k, *n);
-        grid.ng.set(k, *n);
-        grid.i.set(k, *i);
-    }
+    let mut grid = grid_at(points);
     grid.topology = granita_shade::Topology::Scattered { n: points.len() };
     grid.primitives = vec![primitive.id];
     grid.seed = 17;
-    grid.c = granita_shade::Lanes3::splat(object.color, points.len());
-    grid.opacity = granita_shade::Lanes3::splat(object.opacity, points.len());
-    ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
+    let shaded = shade_grid(f, primitive, grid);
     assert_eq!(f.complaints(), Vec::<String>::new());
-    (grid, frame.statistics())
-}
-
-fn with_surface(attributes: AttributeSet, name: &str, params: &[Param]) -> AttributeSet {
-    AttributeSet { surface: Some(shader(name, params, Transform::IDENTITY)), ..attributes }
+    shaded
 }
 
 /// A blurred mirror of `samples` rays that keeps a part of the light and adds some of its own.
@@ -253,7 +234,7 @@ const BOUNCE: &str = "light bounce (float samples = 64, float maxpixeldist = -1)
 }";
 
 /// Adds a box of 4 units around the origin, whose sides are those of `of`: floor, ceiling and walls. Returns the floor.
-fn add_box(f: &mut Fixture, of: impl Fn(usize) -> AttributeSet) -> std::sync::Arc<Primitive> {
+fn add_box(f: &mut Fixture, of: impl Fn(usize) -> AttributeSet) -> Arc<Primitive> {
     let (l, h) = (-2.0, 2.0);
     let sides: [[[f32; 3]; 4]; 6] = [
         [[l, l, l], [h, l, l], [h, h, l], [l, h, l]],
@@ -263,11 +244,7 @@ fn add_box(f: &mut Fixture, of: impl Fn(usize) -> AttributeSet) -> std::sync::Ar
         [[l, l, l], [l, l, h], [h, l, h], [h, l, l]],
         [[l, h, l], [h, h, l], [h, h, h], [l, h, h]],
     ];
-    let made = sides.iter().enumerate().map(|(k, corners)| {
-        let p: Vec<f32> = corners.concat();
-        let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
-        f.add(shape, Params(vec![param("vertex point P", &p[..])]), of(k))
-    });
+    let made = sides.iter().enumerate().map(|(k, corners)| quad(f, corners.map(Vec3::from_array), of(k)));
     made.collect::<Vec<_>>()[0].clone()
 }
 

@@ -1,43 +1,11 @@
 //! Tests rays against closed forms, and the options of the functions that trace them.
 
 use super::*;
-use crate::fixture::shader;
-use granita_base::Param;
-use granita_scene::AttributeSet;
 use std::f32::consts::{FRAC_PI_4, PI};
 
-/// Shades points, each with a normal and a view direction, with the state of a primitive. Also returns the counts
-/// of the frame.
-fn shade_at(
-    fixture: &Fixture,
-    primitive: &Primitive,
-    points: &[[Vec3; 3]],
-) -> (Grid, crate::ShadingStatistics) {
-    let (scene, camera, environment) = fixture.finish();
-    let frame = ShadingContext::new(&scene, &camera, &environment);
-    let object = frame.object(primitive);
-    let mut grid = flat_grid(&vec![[0.0; 2]; points.len()]);
-    for (k, [p, n, i]) in points.iter().enumerate() {
-        grid.p.set(k, *p);
-        grid.n.set(k, *n);
-        grid.ng.set(k, *n);
-        grid.i.set(k, *i);
-    }
-    grid.c = granita_shade::Lanes3::splat(object.color, points.len());
-    grid.opacity = granita_shade::Lanes3::splat(object.opacity, points.len());
-    ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
-    (grid, frame.statistics())
-}
-
-fn with_surface(attributes: AttributeSet, name: &str, params: &[Param]) -> AttributeSet {
-    AttributeSet { surface: Some(shader(name, params, Transform::IDENTITY)), ..attributes }
-}
-
-/// Adds a rectangle with corners a, b, c, d in order.
-fn quad(f: &mut Fixture, corners: [Vec3; 4], attributes: AttributeSet) {
-    let p: Vec<f32> = corners.iter().flat_map(|p| p.to_array()).collect();
-    let shape = ShapeDesc::Mesh { subdivide: false, nverts: [4].into(), verts: [0, 1, 2, 3].into() };
-    f.add(shape, Params(vec![param("vertex point P", &p[..])]), attributes);
+/// Shades points as [`grid_at`] has them. Also returns the counts of the frame.
+fn shade_at(f: &Fixture, primitive: &Primitive, points: &[[Vec3; 3]]) -> (Grid, ShadingStatistics) {
+    shade_grid(f, primitive, grid_at(points))
 }
 
 fn white() -> Param {

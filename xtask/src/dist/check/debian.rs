@@ -86,7 +86,7 @@ fn alternatives(release: &Release) -> Result<(), String> {
     Ok(())
 }
 
-/// Installs the package in a new Debian system, and renders the first image there.
+/// Installs the package in a new Debian system, and renders the first image and the first example there.
 fn bare_system(release: &Release, package: &Path) -> Result<(), String> {
     if answer(Command::new("mmdebstrap").arg("--version")).is_err() {
         println!("check: deb: mmdebstrap is not installed: not tried in a bare system");
@@ -98,7 +98,8 @@ fn bare_system(release: &Release, package: &Path) -> Result<(), String> {
         "set -e; start=$(date +%s); apt-get install -y -qq --no-install-recommends /{name} >/dev/null 2>&1; cd /srv; \
          gelato -silent -up z teapot.pyg -o teapot.png; test -s teapot.png; \
          echo check: deb, bare system: $(($(date +%s) - start)) s to the first image; maketx -version; \
-         iv -info teapot.png; dpkg --remove granita >/dev/null; test ! -e /usr/bin/maketx; test ! -e /usr/lib/granita"
+         cp -RL /usr/share/doc/granita/examples .; gelato -silent examples/first/first.pyg; \
+         iv -info examples/first/out/first.png; dpkg --remove granita >/dev/null; test ! -e /usr/bin/maketx; test ! -e /usr/lib/granita"
     );
     write(&place.folder.join("script"), &script)?;
     let mut make = Command::new("mmdebstrap");

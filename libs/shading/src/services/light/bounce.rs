@@ -21,7 +21,6 @@ use granita_scene::attr;
 use granita_sdb::Mode;
 use granita_shade::{Batch, GatherQuery, Lane, Lane3, Lanes3};
 use granita_trace::Ray;
-use std::cell::Cell as Counter;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -200,7 +199,7 @@ struct Missing {
     place: [Vec3; 2],
 }
 
-impl Deeper<'_, '_, '_, '_> {
+impl<'q> Deeper<'_, '_, '_, 'q> {
     /// Sets the light of lanes whose cells have a record. Returns the other lanes.
     fn take_from_cells(&mut self, lanes: Vec<u32>, jittered: bool, out: &mut Lanes3) -> Vec<u32> {
         let number = self.run.object.number;
@@ -276,20 +275,14 @@ impl Deeper<'_, '_, '_, '_> {
         let active: Vec<u32> = (0..cells.len() as u32).collect();
         let asked = count(Some(self.query.samples), lane);
         let samples = [(asked / SAMPLES_PART).max(LEAST_SAMPLES.min(asked)) as f32];
-        let angle = [self.query.angle.get(lane)];
-        let mut numbers = Vec::new();
-        self.query.options.visit(|number| numbers.extend(number.map(|n| n.get(lane))), |_| ());
-        let next = Counter::new(0);
-        let uniform = |_: Lane<'_>| {
-            let k = next.replace(next.get() + 1);
-            Lane { values: &numbers[k..=k], stride: 0 }
-        };
+        // All cells have the values of the first lane.
+        let uniform = |of: Lane<'q>| Lane { values: &of.values[lane * of.stride..], stride: 0 };
         let query = GatherQuery {
             batch: Batch { lanes: cells.len(), active: &active, ..self.query.batch },
             set: self.query.set,
             p: Lane3::over(&positions),
             axis: Lane3::over(&axes),
-            angle: Lane { values: &angle, stride: 0 },
+            angle: uniform(self.query.angle),
             samples: Lane { values: &samples, stride: 0 },
             options: self.query.options.map(uniform, Some),
             messages: &[],
