@@ -16,8 +16,8 @@ pub fn predeclared(name: &str) -> Option<ParamType> {
     VARIABLES.iter().find(|row| row.name == name).map(|row| row.ty)
 }
 
-/// True for the parameters of a shape that are integers whatever type they are declared with. On other shapes, variables
-/// may have the same names.
+/// True for the parameters of a shape that are integers whatever type they are declared with. On other shapes,
+/// variables may have the same names.
 fn is_read_as_integers(shape: &ShapeDesc, name: &str) -> bool {
     let ShapeDesc::Mesh { subdivide, .. } = shape else { return false };
     (*subdivide || name == "holes") && predeclared(name).is_some_and(|ty| ty.base == BaseType::Int)
