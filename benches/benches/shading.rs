@@ -66,6 +66,8 @@ impl Messages for Nothing<'_> {
     }
 }
 
+impl Recall for Nothing<'_> {}
+
 impl Host for Nothing<'_> {
     fn attribute(&mut self, _: &str) -> Option<Param> {
         None

@@ -50,6 +50,7 @@
 //! # impl Host for Nothing {
 //! #     fn attribute(&mut self, _: &str) -> Option<granita_base::Param> { None }
 //! # }
+//! # impl Recall for Nothing {}
 //! let source = "surface show_u () { C = u; }";
 //! let module = granita_gsl::compile(source, "show_u.gsl", &Default::default()).unwrap().module;
 //! let params = granita_base::Params::new();
@@ -94,10 +95,11 @@ pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use native::{NativeCode, NativeCompiler, NativeDone, NativeSource, NativeStrip};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
+pub use run::parts::PartValues;
 pub use services::{
     Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Databases, EnvironmentOptions, EnvironmentQuery,
     GatherOptions, GatherQuery, HitValues, Host, IlluminateQuery, Lane, Lane3, LightInfo, LightResult,
-    LightSample, Lights, LookupResult, MapHandle, Messages, Rays, Services, ShadowOptions, ShadowQuery,
+    LightSample, Lights, LookupResult, MapHandle, Messages, Rays, Recall, Services, ShadowOptions, ShadowQuery,
     Spaces, SubsurfaceQuery, Texture3dQuery, TextureOptions, TextureQuery, Textures, TraceOptions,
     TraceQuery, TraceResult,
 };

@@ -86,6 +86,8 @@ impl Messages for Nothing {
     }
 }
 
+impl Recall for Nothing {}
+
 impl Host for Nothing {
     fn attribute(&mut self, _: &str) -> Option<Param> {
         None

@@ -14,7 +14,7 @@ pub(crate) use dependencies::{Dependencies, Dependency};
 pub(crate) use key::{Key, KeyHasher};
 
 use granita_rays::SetHit;
-use granita_shade::{Lanes3, LightResult, LookupResult, PrimvarData, TraceResult};
+use granita_shade::{Lanes3, LightResult, LookupResult, PartValues, PrimvarData, TraceResult};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -33,6 +33,8 @@ pub(crate) enum Answer {
     Trace(Box<TraceResult>),
     /// The nearest hits of rays whose hits are shaded. They stay when lights change.
     Hits(Arc<[SetHit]>),
+    /// The values of a part of a shader. It is the answer to no question.
+    Part(Arc<PartValues>),
 }
 
 /// An answer with its dependencies.
@@ -118,6 +120,16 @@ impl Memo {
         self.entries.get(&key)
     }
 
+    /// True when the answer to a question is kept.
+    pub(crate) fn has(&self, key: Key) -> bool {
+        self.entries.contains_key(&key)
+    }
+
+    /// Returns what an answer depends on.
+    pub(crate) fn depends(&self, key: Key) -> Option<&Dependencies> {
+        self.entries.get(&key).map(|entry| &entry.depends)
+    }
+
     /// Begins to answer a question.
     pub(crate) fn open(&mut self) {
         self.open.push(Vec::new());
@@ -186,6 +198,7 @@ impl Answer {
             }
             Self::Lanes3(lanes) => of3(lanes),
             Self::Hits(hits) => size_of_val(&**hits),
+            Self::Part(values) => values.bytes(),
             Self::Occlusion(blocked, open) => of(blocked) + of3(open),
             Self::Lookup(found) => {
                 found.value.iter().map(of).sum::<usize>()

@@ -99,6 +99,10 @@ impl ShadingContext {
             }
             changes.add(Dependency::Light(id));
             let state = LightState::new(light, linker);
+            let info = |state: &Option<LightState>| state.as_ref().map(|state| state.info.clone());
+            if self.lights.get(index).map(info) != Some(info(&state)) {
+                changes.add(Dependency::Kind(id));
+            }
             match self.lights.get_mut(index) {
                 Some(place) => *place = state,
                 None => self.lights.push(state),

@@ -17,7 +17,7 @@ mod tiles;
 
 use crate::lighting::area::{self, AreaLight};
 use crate::lighting::lights::{LightMemory, LightState, mend};
-use crate::memo::{Answer, Dependency};
+use crate::memo::{Answer, Dependencies, Dependency};
 use crate::object::RayScene;
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
@@ -148,6 +148,8 @@ pub(crate) struct Run<'r, 'f> {
     is_anew: bool,
     /// The key of a grid of ray hits.
     hits: Option<[u64; 2]>,
+    /// What the run depended on before the part of a shader that runs.
+    part: Option<Dependencies>,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -199,6 +201,7 @@ impl<'r, 'f> Run<'r, 'f> {
             sky: Vec::new(),
             databases: Vec::new(),
             appended: 0,
+            part: None,
         }
     }
 
@@ -248,6 +251,7 @@ impl<'r, 'f> Run<'r, 'f> {
             sky: Vec::new(),
             databases: Vec::new(),
             appended: 0,
+            part: None,
         }
     }
 
@@ -721,7 +725,7 @@ impl Lights for Run<'_, '_> {
 
     fn light_info(&mut self, index: usize) -> LightInfo {
         let Some(&id) = self.lights.get(index) else { return LightInfo::default() };
-        self.note(Dependency::Light(id));
+        self.note(Dependency::Kind(id));
         self.frame.light(id).map(|l| l.info.clone()).unwrap_or_default()
     }
 

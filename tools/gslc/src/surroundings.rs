@@ -5,7 +5,7 @@ use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
 use granita_gsl::ir::ShaderKind;
 use granita_plugin::Plugins;
 use granita_shade::{
-    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LightInfo,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LightInfo, Recall,
     LightResult, Lights, LookupResult, Messages, Rays, Shadeop, ShadowQuery, Spaces, Texture3dQuery,
     TextureQuery, Textures,
 };
@@ -135,6 +135,8 @@ impl Messages for Surroundings<'_> {
         }
     }
 }
+
+impl Recall for Surroundings<'_> {}
 
 impl Host for Surroundings<'_> {
     fn shadeop(&mut self, text: &str) -> Result<Arc<dyn Shadeop>, String> {

@@ -325,7 +325,7 @@ impl<'p> Walk<'p> {
 }
 
 /// Globals that functions and statements of light may read.
-const SURROUNDINGS: [Global; 9] = [
+pub(super) const SURROUNDINGS: [Global; 9] = [
     Global::P,
     Global::N,
     Global::Ng,
@@ -338,7 +338,7 @@ const SURROUNDINGS: [Global; 9] = [
 ];
 
 /// True when a function reads only its operands.
-fn is_plain(func: Func) -> bool {
+pub(super) fn is_plain(func: Func) -> bool {
     use Func as F;
     matches!(
         func,

@@ -1,6 +1,7 @@
 //! Linked layers.
 
 use super::connections::Connection;
+use super::parts::Parts;
 use crate::call::Call;
 use crate::program::{Block, Place};
 use crate::tape::Tape;
@@ -51,6 +52,8 @@ pub(crate) struct Code {
     pub(crate) body: Block,
     /// The tapes of its [`Operation::Fused`](crate::program::Operation::Fused).
     pub(crate) tapes: Vec<Tape>,
+    /// The parts of the body that re-renders run apart.
+    pub(crate) parts: Parts,
 }
 
 /// Optimised code of a layer.

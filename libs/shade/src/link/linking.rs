@@ -1,12 +1,13 @@
 //! Links layers and connections to groups.
 
-use super::analyse::analyse;
+use super::analyse::{Analysis, analyse};
 use super::calls;
 use super::connections::{Connection, Endpoint, Named, Whole, compatible, refuse, resolve};
 use super::given::given;
 use super::group::Group;
 use super::layer::{Code, Layer, OptimisedCode, ParamPlan};
 use super::optimize::{Known, is_inert, occurrences, optimize, slice};
+use super::parts::{Parts, divide};
 use super::relink::Relink;
 use super::source::{ConnectionSource, LayerSource, LinkOptions};
 use crate::program::{At, Block, Place, Program};
@@ -179,19 +180,21 @@ impl Group {
         let mut calls = Vec::new();
         let mut inits = program.inits.clone();
         inits.iter_mut().for_each(|init| calls::resolve(init, symbols, &mut calls));
-        let mut code = |mut body: Block| {
+        let mut code = |mut body: Block, facts: &Analysis| {
             calls::resolve(&mut body, symbols, &mut calls);
             let tapes = if options.optimize {
                 fuse(&mut body, &program.inits, symbols, &places, &self.constants)
             } else {
                 Vec::new()
             };
-            Code { body, tapes }
+            let parts = divide(&body, &tapes, symbols, &places, facts);
+            Code { body, tapes, parts }
         };
-        let plain = code(program.body.clone());
-        let optimised = better
-            .as_ref()
-            .map(|b| OptimisedCode { code: code(b.program.body.clone()), assumed: b.assumed.clone() });
+        let plain = code(program.body.clone(), &self.facts[index]);
+        let optimised = better.as_ref().zip(facts.as_ref()).map(|(b, facts)| OptimisedCode {
+            code: code(b.program.body.clone(), facts),
+            assumed: b.assumed.clone(),
+        });
         let inert = options.optimize
             && program.inits.iter().chain([&program.body]).all(|block| is_inert(block, &program.symbols));
         self.layers.push(Layer {
@@ -253,7 +256,7 @@ impl Group {
         {
             calls::resolve(&mut body, &program.symbols, &mut layer.calls);
             let tapes = fuse(&mut body, &program.inits, &program.symbols, &layer.places, &self.constants);
-            layer.opacity = Some(Code { body, tapes });
+            layer.opacity = Some(Code { body, tapes, parts: Parts::default() });
         }
     }
 

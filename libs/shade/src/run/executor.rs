@@ -221,8 +221,15 @@ impl Machine<'_> {
             Some(wanted) => self.group.find_idle(wanted, &mut idle),
             None => idle.clear(),
         }
+        let active = |layer: &usize| idle.get(*layer) != Some(&true);
+        let in_parts = primvars
+            && purpose == Purpose::Outputs
+            && !self.st.nan_check
+            && !self.group.keeps()
+            && (0..self.group.layers.len()).filter(active).count() == 1
+            && self.services.keeps_parts();
         for layer in 0..self.group.layers.len() {
-            if idle.get(layer) == Some(&true) {
+            if !active(&layer) {
                 continue;
             }
             self.layer = layer;
@@ -239,7 +246,10 @@ impl Machine<'_> {
                 _ => &code.plain,
             };
             self.tapes = &body.tapes;
-            self.block(&body.body);
+            match in_parts && !body.parts.list.is_empty() {
+                true => self.parts(body),
+                false => self.block(&body.body),
+            }
             self.keep_globals();
             self.readmit(&all);
         }

@@ -10,6 +10,7 @@ pub(crate) mod light;
 pub(crate) mod machine;
 pub(crate) mod noise_lanes;
 pub(crate) mod params;
+pub(crate) mod parts;
 pub(crate) mod simd;
 pub(crate) mod store;
 pub(crate) mod strings;

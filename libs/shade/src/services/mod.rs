@@ -23,15 +23,15 @@ pub use queries::{
     TextureQuery, TraceQuery, TraceResult,
 };
 
-use crate::Lanes3;
+use crate::{Lanes3, PartValues};
 use granita_base::{Color, Location, Param, Severity, Transform};
 use granita_gsl::Func;
 use std::sync::Arc;
 
 /// All services that a running shader may request. Types that implement the parts implement it.
-pub trait Services: Spaces + Textures + Lights + Rays + Databases + Messages + Host {}
+pub trait Services: Spaces + Textures + Lights + Rays + Databases + Messages + Host + Recall {}
 
-impl<S: Spaces + Textures + Lights + Rays + Databases + Messages + Host> Services for S {}
+impl<S: Spaces + Textures + Lights + Rays + Databases + Messages + Host + Recall> Services for S {}
 
 /// Coordinate systems and units.
 pub trait Spaces {
@@ -194,6 +194,40 @@ pub trait Host {
     /// True when the frame must end early. Loops then end, and the results of the shader are not used.
     fn is_stopped(&mut self) -> bool {
         false
+    }
+}
+
+/// What is kept of a run for the next one on the same points.
+///
+/// A shader is divided into parts, by numbers from 0. Each part depends on what its requests depended on, and on the
+/// parts that it read values of. A part whose dependencies did not change need not run again. By default nothing is kept,
+/// and shaders run as a whole.
+pub trait Recall {
+    /// True when the values of parts are kept for this run.
+    fn keeps_parts(&mut self) -> bool {
+        false
+    }
+
+    /// True when the values of a part are kept and still right.
+    fn is_part_kept(&mut self, part: u32) -> bool {
+        let _ = part;
+        false
+    }
+
+    /// Returns the values of a part that need not run.
+    fn recall_part(&mut self, part: u32) -> Option<Arc<PartValues>> {
+        let _ = part;
+        None
+    }
+
+    /// Begins a part. `sees_lights` is true when it may depend on which lights shine on the object.
+    fn begin_part(&mut self, sees_lights: bool) {
+        let _ = sees_lights;
+    }
+
+    /// Ends a part, which read values of the parts `reads`.
+    fn end_part(&mut self, part: u32, reads: &[u32], values: &Arc<PartValues>) {
+        let _ = (part, reads, values);
     }
 }
 

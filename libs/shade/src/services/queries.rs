@@ -105,7 +105,7 @@ pub struct ShadowQuery<'a> {
 }
 
 /// The properties of a light that are available without running it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LightInfo {
     /// True when its shader has no `emit`.
     pub ambient: bool,

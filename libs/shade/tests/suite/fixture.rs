@@ -4,6 +4,7 @@ use granita_base::{Param, ParamData, ParamType, Params, Severity, Transform, Vec
 use granita_gsl::ir::ValueType;
 use granita_gsl::{CompileOptions, ValidModule, compile};
 use granita_shade::*;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Services whose results are known.
@@ -29,6 +30,20 @@ pub(crate) struct Double {
     pub(crate) told: Vec<(String, Vec<String>)>,
     /// True when the frame must end.
     pub(crate) is_stopped: bool,
+    /// The value of the texture "level".
+    pub(crate) level: f32,
+    /// What is kept of runs, where it is kept.
+    pub(crate) kept: Option<KeptParts>,
+}
+
+/// The parts of a shader that are kept, with what each depends on.
+#[derive(Clone, Default)]
+pub(crate) struct KeptParts {
+    pub(crate) values: BTreeMap<u32, (Arc<PartValues>, BTreeSet<&'static str>)>,
+    /// What was asked since the last part began.
+    pub(crate) asked: BTreeSet<&'static str>,
+    /// The parts that ran.
+    pub(crate) ran: Vec<u32>,
 }
 
 /// Returns all numbers of a key.
@@ -41,6 +56,13 @@ fn numbers(key: DatabaseKey<'_>, i: usize) -> Vec<f32> {
 }
 
 impl Double {
+    /// Notes that a part asked something.
+    fn ask(&mut self, what: &'static str) {
+        if let Some(kept) = &mut self.kept {
+            kept.asked.insert(what);
+        }
+    }
+
     /// Records the messages of a query.
     fn note(&mut self, name: &str, messages: &[Primvar]) {
         self.told.push((name.to_owned(), messages.iter().map(|m| m.name.to_string()).collect()));
@@ -103,6 +125,7 @@ impl Spaces for Double {
 impl Textures for Double {
     fn texture(&mut self, q: &TextureQuery<'_>, out: &mut LookupResult) {
         self.asked += 1;
+        self.ask("texture");
         if let Some(handle) = q.handle {
             let found = &mut self.found;
             let kept = handle.get_or_find(|| {
@@ -118,6 +141,7 @@ impl Textures for Double {
                 let i = i as usize;
                 channel[i] = match q.name {
                     "st" => [q.s.get(i), q.t.get(i), c as f32][c],
+                    "level" => self.level + q.s.get(i),
                     "d" => [q.dsdx.get(i), q.dtdy.get(i), q.dtdx.get(i)][c],
                     "blur" => q.options.sblur.map_or(-1.0, |b| b.get(i)),
                     "wrap" => f32::from(q.options.swrap == Some("black") && q.options.twrap.is_some()),
@@ -172,6 +196,7 @@ impl Lights for Double {
 
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
         self.in_front.push(query.in_front);
+        self.ask(if self.lights[index].1.ambient { "ambient" } else { "light" });
         let mut grid = self.grid.clone().expect("a grid for lights");
         grid.messages.extend_from_slice(query.messages);
         let mut executor = std::mem::take(&mut self.executor);
@@ -257,6 +282,32 @@ impl Messages for Double {
 
     fn say(&mut self, severity: Severity, text: &str) {
         self.said.push((severity, text.to_owned()));
+    }
+}
+
+impl Recall for Double {
+    fn keeps_parts(&mut self) -> bool {
+        self.kept.is_some()
+    }
+
+    fn is_part_kept(&mut self, part: u32) -> bool {
+        self.kept.as_ref().is_some_and(|kept| kept.values.contains_key(&part))
+    }
+
+    fn recall_part(&mut self, part: u32) -> Option<Arc<PartValues>> {
+        self.kept.as_ref()?.values.get(&part).map(|(values, _)| values.clone())
+    }
+
+    fn begin_part(&mut self, _: bool) {
+        self.kept.iter_mut().for_each(|kept| kept.asked.clear());
+    }
+
+    fn end_part(&mut self, part: u32, reads: &[u32], values: &Arc<PartValues>) {
+        let Some(kept) = &mut self.kept else { return };
+        let mut depends = std::mem::take(&mut kept.asked);
+        depends.extend(reads.iter().filter_map(|part| kept.values.get(part)).flat_map(|(_, depends)| depends));
+        kept.values.insert(part, (values.clone(), depends));
+        kept.ran.push(part);
     }
 }
 

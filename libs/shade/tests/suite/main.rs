@@ -17,4 +17,5 @@ mod manual;
 mod messages;
 mod nan;
 mod optimise;
+mod parts;
 mod tapes;

@@ -8,6 +8,8 @@ use std::collections::BTreeSet;
 pub(crate) enum Dependency {
     /// A light: its shaders, their parameters, its place and its attributes.
     Light(LightId),
+    /// Whether a light is ambient, and its categories.
+    Kind(LightId),
     /// A file, by its number in the context.
     File(u32),
     /// The lights of an object, by the number of its state in the context.
@@ -83,6 +85,8 @@ impl Changes {
                 Dependency::Light(_) => 0,
                 Dependency::File(_) => 1,
                 Dependency::Object(_) => 2,
+                // Its light changed as well.
+                Dependency::Kind(_) => continue,
             }] += 1;
         }
         counts

@@ -6,8 +6,8 @@ use crate::object::RayScene;
 use granita_rays::RayRequest;
 use granita_scene::ShaderUsage;
 use granita_shade::{
-    Batch, EnvironmentQuery, GatherQuery, Grid, Lane3, Lanes3, Message, ShadowQuery, Texture3dQuery,
-    TextureQuery, TraceQuery,
+    Batch, EnvironmentQuery, GatherQuery, Grid, Lane3, Lanes3, Message, PartValues, Recall, ShadowQuery,
+    Texture3dQuery, TextureQuery, TraceQuery,
 };
 use std::sync::Arc;
 
@@ -24,6 +24,7 @@ pub(super) enum Question {
     Trace,
     Light,
     Hits,
+    Part,
 }
 
 /// What is known about a question.
@@ -153,6 +154,66 @@ impl Run<'_, '_> {
         }
         hasher.word(self.ray.bounces);
         self.paths.iter().for_each(|path| hasher.words(&path.words()));
+    }
+}
+
+impl Run<'_, '_> {
+    /// Returns the key of a part of the shaders that run.
+    fn key_of_part(&self, part: u32) -> Key {
+        let mut hasher = KeyHasher::default();
+        hasher.words(&[Question::Part as u32, self.shaders.usage as u32, part]);
+        hasher.finish()
+    }
+}
+
+impl Recall for Run<'_, '_> {
+    fn keeps_parts(&mut self) -> bool {
+        // Of what rays hit, whole results are kept.
+        let is_seen = self.ray.level == 0 && self.hits.is_none() && self.names.is_empty();
+        is_seen && self.shaders.usage != ShaderUsage::Light && self.keeps_answers()
+    }
+
+    fn is_part_kept(&mut self, part: u32) -> bool {
+        let key = self.key_of_part(part);
+        self.thread.memo.as_ref().is_some_and(|memo| memo.has(key))
+    }
+
+    fn recall_part(&mut self, part: u32) -> Option<Arc<PartValues>> {
+        let key = self.key_of_part(part);
+        let entry = self.thread.memo.as_mut()?.find(key)?;
+        let Answer::Part(values) = &entry.answer else { return None };
+        if let Some(notes) = &mut self.thread.notes {
+            notes.add_all(&entry.depends);
+        }
+        Some(values.clone())
+    }
+
+    fn begin_part(&mut self, sees_lights: bool) {
+        if let Some(memo) = &mut self.thread.memo {
+            memo.open();
+        }
+        self.part = self.thread.notes.replace(Dependencies::default());
+        if sees_lights {
+            self.note(Dependency::Object(self.object.number));
+        }
+    }
+
+    fn end_part(&mut self, part: u32, reads: &[u32], values: &Arc<PartValues>) {
+        let key = self.key_of_part(part);
+        let outer = self.part.take();
+        let mut depends = std::mem::replace(&mut self.thread.notes, outer).unwrap_or_default();
+        let sources: Vec<Key> = reads.iter().map(|part| self.key_of_part(*part)).collect();
+        let Some(memo) = &mut self.thread.memo else { return };
+        for source in sources {
+            if let Some(more) = memo.depends(source) {
+                depends.add_all(more);
+            }
+        }
+        if let Some(notes) = &mut self.thread.notes {
+            notes.add_all(&depends);
+        }
+        depends.shrink();
+        memo.close(key, Some(Entry::new(Answer::Part(values.clone()), depends, 0, Vec::new())));
     }
 }
 

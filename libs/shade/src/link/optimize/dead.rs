@@ -17,27 +17,31 @@ pub(super) fn remove(block: &mut Block, symbols: &[Symbol]) {
 }
 
 /// Calls `f` for each symbol that is read.
-fn reads(block: &Block, f: &mut dyn FnMut(SymbolId)) {
+fn reads(block: &[Stmt], f: &mut dyn FnMut(SymbolId)) {
     for stmt in block {
         match stmt {
-            Stmt::Op(op) => op.args.iter().for_each(|&s| f(s)),
             Stmt::Loop { cond: Some(cond), .. } => f(*cond),
-            _ => {}
+            _ => operands(stmt, f),
         }
-        let inside = blocks(stmt);
-        if !inside.is_empty() {
-            // Operands are found through the one list of them.
-            let mut head = head(stmt);
-            operands_mut(&mut head, |s| f(*s));
-        }
-        inside.into_iter().for_each(|b| reads(b, f));
+        blocks(stmt).into_iter().for_each(|b| reads(b, f));
     }
 }
 
 /// Calls `f` for each use of a symbol that code reads or writes.
-pub(crate) fn occurrences(block: &Block, symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
+pub(crate) fn occurrences(block: &[Stmt], symbols: &[Symbol], f: &mut dyn FnMut(SymbolId)) {
     reads(block, f);
     block.iter().for_each(|stmt| written(stmt, symbols, f));
+}
+
+/// Calls `f` for each symbol that a statement itself reads, without those that blocks inside and the condition of a loop
+/// read.
+pub(crate) fn operands(stmt: &Stmt, f: &mut dyn FnMut(SymbolId)) {
+    match stmt {
+        Stmt::Op(op) => op.args.iter().for_each(|s| f(*s)),
+        // Operands are found through the one list of them.
+        _ if !blocks(stmt).is_empty() => operands_mut(&mut head(stmt), |s| f(*s)),
+        _ => {}
+    }
 }
 
 /// Returns a statement without the code inside.

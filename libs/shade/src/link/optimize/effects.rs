@@ -7,7 +7,7 @@ use granita_gsl::ir::{OpCode, Symbol, SymbolId, SymbolKind, ValueType};
 
 /// How far an operation may be moved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Effect {
+pub(crate) enum Effect {
     /// The result follows from the operands alone.
     Pure,
     /// The result follows from the operands and the grid, at any position in the code.
@@ -19,7 +19,7 @@ pub(super) enum Effect {
 }
 
 /// Returns the effect of an operation.
-pub(super) fn effect(op: &Op, symbols: &[Symbol]) -> Effect {
+pub(crate) fn effect(op: &Op, symbols: &[Symbol]) -> Effect {
     let ty = |s: &SymbolId| symbols[s.0 as usize].ty.value;
     let Operation::Stored(code) = op.code else { return Effect::Pure };
     match code {

@@ -4,7 +4,7 @@ use super::effects::{Effect, effect, first_written, is_partial, written};
 use super::{Constants, Known, blocks_mut, operands_mut};
 use crate::program::{Block, Op, Operation, Program, Stmt};
 use crate::{
-    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LayerSource,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LayerSource, Recall,
     LightInfo, LightResult, Lights, LinkOptions, LookupResult, Messages, Rays, ShadowQuery, Spaces,
     TextureQuery, Textures, Topology,
 };
@@ -262,6 +262,8 @@ impl Messages for Nothing {
         self.said = true;
     }
 }
+
+impl Recall for Nothing {}
 
 impl Host for Nothing {
     fn attribute(&mut self, _: &str) -> Option<Param> {

@@ -2,7 +2,8 @@
 //!
 //! Values that are known at link time (constants, the values of the instance, defaults) are [folded](fold) through
 //! the code and resolve conditions. Repeated computations are done [once](reuse). Unused code is [removed](dead),
-//! and loop-invariant code moves in front of its loop. All passes work on the structured code of a program, whose
+//! and loop-invariant code moves in front of its loop. Code that no question to the renderer has an influence on moves
+//! in [front](early) of the questions. All passes work on the structured code of a program, whose
 //! symbols keep their indices. Constants are appended to them.
 //!
 //! A primitive variable may replace a parameter that was folded. The code as it was compiled is kept, and a grid
@@ -11,6 +12,7 @@
 //! There is one intended difference: errors that code reports as it runs are not found in code that was removed.
 
 mod dead;
+mod early;
 mod effects;
 mod fold;
 mod reuse;
@@ -22,8 +24,8 @@ use granita_gsl::ir::{ConstValue, Module, Symbol, SymbolId, SymbolKind, SymbolTy
 use std::collections::HashMap;
 use std::sync::Arc;
 
-pub(crate) use dead::occurrences;
-pub(crate) use effects::{first_written, is_inert, is_partial, written};
+pub(crate) use dead::{occurrences, operands};
+pub(crate) use effects::{Effect, effect, first_written, is_inert, is_partial, written};
 pub(crate) use slice::slice;
 
 /// The value of a parameter before the shader runs.
@@ -56,6 +58,7 @@ pub(crate) fn optimize(module: &Module, program: &Program, known: &[Known]) -> B
     dead::hoist(&mut body, &pool.symbols);
     select::select(&mut body, &mut pool.symbols);
     dead::merge_copies(&mut body, &pool.symbols);
+    early::advance(&mut body, &pool.symbols);
     let inits = program.inits.clone();
     Better { program: Program { symbols: pool.symbols, inits, body }, assumed }
 }
@@ -122,7 +125,7 @@ pub(crate) fn operations(block: &[Stmt]) -> usize {
 }
 
 /// Returns the blocks inside of a statement.
-fn blocks(stmt: &Stmt) -> Vec<&Block> {
+pub(crate) fn blocks(stmt: &Stmt) -> Vec<&Block> {
     match stmt {
         Stmt::If { then, otherwise, .. } => vec![then, otherwise],
         Stmt::Loop { test, body, step, .. } => vec![test, body, step],
