@@ -11,64 +11,125 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub struct KeptSurfaces {
     settings: CompositeSettings,
-    /// For each sample: the end of its layers. Samples that follow each other often see one layer.
-    ends: Vec<u32>,
-    layers: Vec<Layer>,
+    /// For each sample, the number of its layers, or [`MANY`].
+    counts: Vec<u8>,
+    /// The numbers of layers of the samples with [`MANY`], in order.
+    many: Vec<u32>,
+    /// The layers of all samples, in their order.
+    places: Vec<KeptPlace>,
+    /// By layer, the number of its grid, where the numbers of grids and points do not fit into one word.
+    grids: Vec<u32>,
+    /// The number of bits of [`KeptPlace::at`] that are the index of a point.
+    point_bits: u32,
     /// As in [`Surfaces`].
     depths: Vec<[f32; 2]>,
 }
 
+/// The count of a sample whose number of layers is kept apart.
+const MANY: u8 = u8::MAX;
+
+/// A layer of a sample, without the grid where that is kept apart.
+#[derive(Clone, Copy, Debug)]
+struct KeptPlace {
+    /// The index of the lower left point of the micropolygon; above its bits, the number of the grid.
+    at: u32,
+    /// The coordinates in the micropolygon.
+    place: [f32; 2],
+}
+
 impl KeptSurfaces {
-    /// Keeps what the samples of a bucket see.
-    pub fn new(surfaces: &Surfaces<'_>) -> Self {
+    /// Keeps what the samples of a bucket see. The grids that some sample sees are numbered anew. Returns their numbers
+    /// among all grids of the bucket as well, increasing.
+    pub fn new(surfaces: &Surfaces<'_>) -> (Self, Vec<usize>) {
+        Self::in_words(surfaces, u32::BITS)
+    }
+
+    /// Does the same. Numbers of grids and points are kept apart when they need more than `word` bits together.
+    fn in_words(surfaces: &Surfaces<'_>, word: u32) -> (Self, Vec<usize>) {
         let n = surfaces.samples.len();
-        let mut ends = Vec::with_capacity(n);
-        let mut layers = Vec::with_capacity(n);
+        let (mut counts, mut many) = (Vec::with_capacity(n), Vec::new());
+        let mut layers: Vec<Layer> = Vec::with_capacity(n);
         let mut fragments = Vec::new();
         for sample in 0..n {
             composite::collect(surfaces, sample, &mut fragments);
             layers.extend(fragments.iter().map(Layer::from));
-            ends.push(u32::try_from(layers.len()).unwrap_or(u32::MAX));
+            counts.push(u8::try_from(fragments.len()).unwrap_or(MANY));
+            if counts.last() == Some(&MANY) {
+                many.push(u32::try_from(fragments.len()).unwrap_or(u32::MAX));
+            }
         }
-        layers.shrink_to_fit();
-        Self { settings: surfaces.settings, ends, layers, depths: surfaces.depths.clone() }
+        let mut numbers = vec![u32::MAX; surfaces.grids.len()];
+        let mut last_point = 0;
+        for layer in &layers {
+            numbers[layer.grid as usize] = 0;
+            last_point = last_point.max(layer.at);
+        }
+        let seen: Vec<usize> = (0..numbers.len()).filter(|grid| numbers[*grid] == 0).collect();
+        for (number, grid) in (0..).zip(&seen) {
+            numbers[*grid] = number;
+        }
+        let bits = |largest: u32| u32::BITS - largest.leading_zeros();
+        let (point_bits, grid_bits) = (bits(last_point), bits(seen.len() as u32));
+        let apart = point_bits + grid_bits > word;
+        let place = |Layer { grid, at, place }: &Layer| {
+            let above = if apart { 0 } else { numbers[*grid as usize].unbounded_shl(point_bits) };
+            KeptPlace { at: at | above, place: *place }
+        };
+        let places = layers.iter().map(place).collect();
+        let grids = layers.iter().filter(|_| apart).map(|layer| numbers[layer.grid as usize]).collect();
+        let (settings, depths) = (surfaces.settings, surfaces.depths.clone());
+        (Self { settings, counts, many, places, grids, point_bits, depths }, seen)
     }
 
-    /// Composites every sample, as [`Surfaces::resolve`]. `samples` are those of the bucket, and `grids` its grids in
-    /// the order in which they were added.
+    /// Composites every sample, as [`Surfaces::resolve`]. `samples` are those of the bucket, and `grids` those that some
+    /// sample sees.
     pub fn resolve(&self, samples: &SampleGrid, grids: &[Arc<ShadedGrid>], wanted: &Wanted) -> Vec<f32> {
         let scenery = Scenery { samples, settings: &self.settings, grids };
         let mut out = vec![0.0; wanted.channels() * samples.len()];
         let mut values: Vec<f32> = vec![0.0; wanted.channels()];
-        let mut begin = 0;
-        for (sample, end) in self.ends.iter().enumerate().take(samples.len()) {
-            let layers = &self.layers[begin as usize..*end as usize];
+        let mut layers: Vec<Layer> = Vec::new();
+        let (mut many, mut begin) = (self.many.iter(), 0);
+        for (sample, count) in self.counts.iter().enumerate().take(samples.len()) {
             let depths = self.depths.get(sample).copied();
-            composite::resolve_sample(scenery, (wanted, sample), layers, depths, (&mut values, &mut out));
-            begin = *end;
+            let mut resolve = |layers: &[Layer]| {
+                composite::resolve_sample(scenery, (wanted, sample), layers, depths, (&mut values, &mut out));
+            };
+            let count = match *count {
+                1 => {
+                    resolve(&[self.layer(begin)]);
+                    begin += 1;
+                    continue;
+                }
+                MANY => many.next().map_or(0, |count| *count as usize),
+                few => usize::from(few),
+            };
+            layers.clear();
+            layers.extend((begin..begin + count).map(|k| self.layer(k)));
+            resolve(&layers);
+            begin += count;
         }
         out
     }
 
-    /// Numbers the grids anew that some sample sees. Returns their old numbers, increasing. `grids` is the number of
-    /// grids that were added.
-    pub fn only_seen(&mut self, grids: usize) -> Vec<usize> {
-        let mut new = vec![u32::MAX; grids];
-        for layer in &self.layers {
-            new[layer.grid as usize] = 0;
+    /// Returns a layer.
+    #[inline(always)]
+    fn layer(&self, k: usize) -> Layer {
+        let KeptPlace { at, place } = self.places[k];
+        match self.grids.get(k) {
+            Some(grid) => Layer { grid: *grid, at, place },
+            None => {
+                let grid = at.unbounded_shr(self.point_bits);
+                Layer { grid, at: at ^ grid.unbounded_shl(self.point_bits), place }
+            }
         }
-        let seen: Vec<usize> = (0..grids).filter(|grid| new[*grid] == 0).collect();
-        for (number, grid) in (0..).zip(&seen) {
-            new[*grid] = number;
-        }
-        self.layers.iter_mut().for_each(|layer| layer.grid = new[layer.grid as usize]);
-        seen
     }
 
     /// The bytes on the heap.
     pub fn bytes(&self) -> usize {
-        self.ends.capacity() * size_of::<u32>()
-            + self.layers.capacity() * size_of::<Layer>()
+        self.counts.capacity()
+            + self.many.capacity() * size_of::<u32>()
+            + self.places.capacity() * size_of::<KeptPlace>()
+            + self.grids.capacity() * size_of::<u32>()
             + self.depths.capacity() * size_of::<[f32; 2]>()
     }
 }
@@ -98,6 +159,7 @@ mod tests {
                 7 => (1.0, 5.0, 90.0),
                 8 => (60.0, 12.0, 0.0),
                 9 => (60.0, 13.0, 0.0),
+                10.. => (60.0, 3.0 + 0.001 * k as f32, 0.0),
                 _ => (1.2, 4.0 + 6.0 * random(k, 2), x),
             };
             let at =
@@ -112,13 +174,19 @@ mod tests {
             };
             Arc::new(ShadedGrid { opaque, shades: vec![shade], ..ShadedGrid::new(3, 3, view) })
         };
-        (0..10).map(grid).collect()
+        // All samples see the last ones.
+        let thin = (10..270).map(grid).map(|mut grid| {
+            let thin = Arc::make_mut(&mut grid);
+            (thin.opaque, thin.shades[0].opacity) = (false, vec![Color::splat(1e-4); 9]);
+            grid
+        });
+        (0..10).map(grid).chain(thin).collect()
     }
 
     #[test]
     fn kept_surfaces_have_the_values_of_surfaces_that_are_searched_anew() {
         let camera = crate::tests::camera(false);
-        let rect = PixelRect { x0: 0, y0: 0, x1: 32, y1: 24 };
+        let rect = PixelRect { x0: 0, y0: 0, x1: 20, y1: 15 };
         let pattern = SamplePattern::new(&camera, false);
         let samples = SampleGrid::new(rect, &pattern, &camera, &[rect]);
         let found = |grids: &[Arc<ShadedGrid>], settings| {
@@ -141,14 +209,17 @@ mod tests {
                     .to_vec(),
             };
             let (first, second) = (grids(&camera, 0), grids(&camera, 1));
-            let mut kept = KeptSurfaces::new(&found(&first, settings));
-            let seen = kept.only_seen(first.len());
+            let (kept, seen) = KeptSurfaces::new(&found(&first, settings));
+            let (apart, same) = KeptSurfaces::in_words(&found(&first, settings), 4);
+            assert!(kept.grids.is_empty() && apart.grids.len() == apart.places.len() && same == seen);
+            assert!(kept.many.len() > 9, "{}", kept.many.len());
             assert!(seen.len() > 4 && !seen.contains(&7) && !seen.contains(&9), "{seen:?}");
             let mut images = Vec::new();
             for all in [first, second] {
                 let some: Vec<_> = seen.iter().map(|grid| all[*grid].clone()).collect();
                 let expected = found(&all, settings).resolve(&wanted);
                 assert_eq!(kept.resolve(&samples, &some, &wanted), expected);
+                assert_eq!(apart.resolve(&samples, &some, &wanted), expected);
                 images.push(expected);
             }
             assert!(images[0].iter().zip(&images[1]).any(|(a, b)| a != b), "the colours are others");

@@ -391,7 +391,6 @@ impl<S: FrameShader> Frame<'_, S> {
 
 /// Keeps what samples see, and the kept grids that they see.
 fn kept_surfaces(surfaces: &Surfaces<'_>, ids: Vec<GridId>) -> KeptEye {
-    let mut kept = KeptSurfaces::new(surfaces);
-    let seen = kept.only_seen(ids.len());
+    let (kept, seen) = KeptSurfaces::new(surfaces);
     (kept, seen.into_iter().map(|grid| ids[grid]).collect())
 }
