@@ -7,7 +7,7 @@
 use crate::{SampleGrid, Tables};
 use granita_base::Filter;
 use granita_dicing::PixelRect;
-use granita_machine::widest;
+use granita_machine::simd::{Kernel, Simd, dispatch};
 
 /// The way in which the values of samples are combined into a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,39 +59,84 @@ pub fn filter(
     pixels: &PixelRect,
 ) -> Vec<f32> {
     let source = Source { samples, values, channels };
-    widest!(filter_all(support, &source, pixels))
+    dispatch(Filtering { support, source, pixels })
+}
+
+/// The work of [`filter`].
+struct Filtering<'a> {
+    support: &'a Support,
+    source: Source<'a>,
+    pixels: &'a PixelRect,
+}
+
+impl Kernel for Filtering<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Vec<f32> {
+        filter_all(simd, self.support, &self.source, self.pixels)
+    }
 }
 
 /// Does the work of [`filter`]. Vector instructions do not change the result.
 #[inline(always)]
-fn filter_all(support: &Support, source: &Source<'_>, pixels: &PixelRect) -> Vec<f32> {
+fn filter_all(simd: impl Simd, support: &Support, source: &Source<'_>, pixels: &PixelRect) -> Vec<f32> {
     let channels = source.channels.len();
     let mut out = vec![0.0; pixels.width() * pixels.height() * channels];
-    let mut at = 0;
-    for y in pixels.y0..pixels.y1 {
-        for x in pixels.x0..pixels.x1 {
-            let pixel = &mut out[at..at + channels];
-            match support.spec.filter {
-                PixelFilter::Weighted(_) => support.weighted(source, [x, y], pixel),
-                _ => support.picked(source, [x, y], pixel),
+    let PixelFilter::Weighted(_) = support.spec.filter else {
+        let places = (pixels.y0..pixels.y1).flat_map(|y| (pixels.x0..pixels.x1).map(move |x| [x, y]));
+        for (pixel, out) in places.zip(out.chunks_exact_mut(channels.max(1))) {
+            support.picked(source, pixel, out);
+        }
+        return out;
+    };
+    for first in (0..channels).step_by(TOGETHER) {
+        let last = channels.min(first + TOGETHER);
+        let some = Source { channels: &source.channels[first..last], ..*source };
+        let flat = flat_pixels(&some);
+        let mut at = 0;
+        for y in pixels.y0..pixels.y1 {
+            for x in pixels.x0..pixels.x1 {
+                support.weighted(simd, &some, &flat, [x, y], &mut out[at + first..at + last]);
+                at += channels;
             }
-            at += channels;
         }
     }
     out
 }
 
-/// Returns the first eight numbers, with zeros for those that are missing.
+/// Returns the value of each pixel whose samples all have the same finite value in a channel, and NaN for other pixels.
+/// Channel `c` of pixel `p` is at `c * pixels + p`.
 #[inline(always)]
-fn eight(numbers: &[f32]) -> [f32; LANES] {
+fn flat_pixels(source: &Source<'_>) -> Vec<f32> {
+    let Source { samples, values, channels } = *source;
+    let (total, most) = (samples.len(), samples.per_pixel);
+    let mut flat = Vec::with_capacity(channels.len() * (total / most));
+    for channel in channels {
+        let plane = &values[channel * total..][..total];
+        flat.extend(plane.chunks_exact(most).enumerate().map(|(pixel, values)| {
+            let first = values[0];
+            let differs = values[..samples.count(pixel)]
+                .iter()
+                .fold(0, |differs, value| differs | (value.to_bits() ^ first.to_bits()));
+            if differs == 0 && first.is_finite() { first } else { f32::NAN }
+        }));
+    }
+    flat
+}
+
+/// Returns the first eight numbers, with another one for those that are missing.
+#[inline(always)]
+fn eight(numbers: &[f32], missing: f32) -> [f32; LANES] {
     numbers.first_chunk().copied().unwrap_or_else(|| {
-        let mut out = [0.0; LANES];
+        let mut out = [missing; LANES];
         out[..numbers.len()].copy_from_slice(numbers);
         out
     })
 }
 
 /// The samples and channels that are filtered.
+#[derive(Clone, Copy)]
 struct Source<'a> {
     samples: &'a SampleGrid,
     /// Channel `c` of sample `s` at `c * samples.len() + s`.
@@ -153,62 +198,97 @@ impl Support {
         }
     }
 
-    /// Computes a weighted mean for each channel. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added to
-    /// lane `s % LANES`.
+    /// Computes a weighted mean for each channel. Where all samples that a pixel needs have one value, it is that value.
     #[inline(always)]
-    fn weighted(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
-        let Source { samples, values, channels } = *source;
+    fn weighted(
+        &self,
+        simd: impl Simd,
+        source: &Source<'_>,
+        flat: &[f32],
+        pixel: [i32; 2],
+        out: &mut [f32],
+    ) {
+        let mut left: [usize; TOGETHER] = [0; TOGETHER];
+        let mut count = 0;
+        for (k, out) in out.iter_mut().enumerate() {
+            match self.flat_value(source, flat, k, pixel) {
+                // The sum of deviations from the value is zero.
+                Some(value) => *out = value + 0.0,
+                None => (left[count], count) = (k, count + 1),
+            }
+        }
+        match count {
+            0 => {}
+            1 => self.means(simd, source, [left[0]], pixel, out),
+            2 => self.means(simd, source, [left[0], left[1]], pixel, out),
+            3 => self.means(simd, source, [left[0], left[1], left[2]], pixel, out),
+            _ => self.means(simd, source, left, pixel, out),
+        }
+    }
+
+    /// Returns the one value that all samples in the support of a pixel have in a channel; `None` when they differ.
+    #[inline(always)]
+    fn flat_value(&self, source: &Source<'_>, flat: &[f32], channel: usize, [x, y]: [i32; 2]) -> Option<f32> {
+        let pixels = source.samples.len() / source.samples.per_pixel;
+        let flat = &flat[channel * pixels..][..pixels];
+        let value = flat[source.samples.pixel(x, y)];
+        let [mx, my] = self.margin;
+        let is_same = |dy: i32| {
+            let row = &flat[source.samples.pixel(x - mx, y + dy)..][..self.x.len()];
+            row.iter().all(|other| other.to_bits() == value.to_bits())
+        };
+        (!value.is_nan() && (-my..=my).all(is_same)).then_some(value)
+    }
+
+    /// Computes the weighted means of some of the channels. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added
+    /// to lane `s % LANES`.
+    #[inline(always)]
+    fn means<S: Simd, const N: usize>(
+        &self,
+        simd: S,
+        source: &Source<'_>,
+        channels: [usize; N],
+        pixel: [i32; 2],
+        out: &mut [f32],
+    ) {
+        let Source { samples, values, channels: of_image } = *source;
         let total = samples.len();
         let own = samples.pixel(pixel[0], pixel[1]) * samples.per_pixel;
-        for (out, channels) in out.chunks_mut(TOGETHER).zip(channels.chunks(TOGETHER)) {
-            // Deviations from one value are summed instead of the values, so that a constant channel stays exactly
-            // constant.
-            let mut base = [0.0_f32; TOGETHER];
-            for (base, channel) in base.iter_mut().zip(channels) {
-                let v = values[channel * total + own];
-                *base = if v.is_finite() { v } else { 0.0 };
-            }
-            let mut weight = [0.0_f32; LANES];
-            let mut sum = [[0.0_f32; LANES]; TOGETHER];
-            self.around(
-                samples,
-                pixel,
-                #[inline(always)]
-                |first, counts, wx, wy| {
-                    let n = wx.len();
-                    for k in (0..n).step_by(LANES) {
-                        let (wx, wy) = (eight(&wx[k..]), eight(&wy[k..]));
-                        let mut w = [0.0_f32; LANES];
-                        for i in 0..LANES {
-                            w[i] = wx[i] * wy[i] * counts;
-                        }
-                        if w == [0.0; LANES] {
-                            continue;
-                        }
-                        for i in 0..LANES {
-                            weight[i] += w[i];
-                        }
-                        let used = LANES.min(n - k);
-                        for ((sum, base), channel) in sum.iter_mut().zip(&base).zip(channels) {
-                            let seen = &values[channel * total + first + k..][..used];
-                            if let Some(seen) = seen.as_array::<LANES>() {
-                                for i in 0..LANES {
-                                    sum[i] += w[i] * (seen[i] - base);
-                                }
-                            } else {
-                                for ((sum, w), v) in sum.iter_mut().zip(&w).zip(seen) {
-                                    *sum += w * (v - base);
-                                }
-                            }
-                        }
+        let planes = channels.map(|k| &values[of_image[k] * total..][..total]);
+        // Deviations from one value are summed instead of the values, so that a constant channel stays exactly
+        // constant.
+        let base = planes.map(|plane| if plane[own].is_finite() { plane[own] } else { 0.0 });
+        let deviation_from = base.map(|base| simd.splat8(base));
+        let zero = simd.splat8(0.0);
+        let (mut weight, mut sum) = (zero, [zero; N]);
+        self.around(
+            samples,
+            pixel,
+            #[inline(always)]
+            |first, counts, wx, wy| {
+                let n = wx.len();
+                let counts = simd.splat8(counts);
+                for k in (0..n).step_by(LANES) {
+                    let (wx, wy) = (eight(&wx[k..], 0.0), eight(&wy[k..], 0.0));
+                    let w = simd.mul8(simd.mul8(simd.load8(&wx), simd.load8(&wy)), counts);
+                    if simd.lt8(w, zero) | simd.lt8(zero, w) == 0 {
+                        continue;
                     }
-                },
-            );
-            let weight: f32 = weight.iter().sum();
-            for ((out, sum), base) in out.iter_mut().zip(&sum).zip(&base) {
-                let sum: f32 = sum.iter().sum();
-                *out = if weight == 0.0 { *base } else { base + sum / weight };
-            }
+                    weight = simd.add8(weight, w);
+                    let last = n.min(k + LANES);
+                    for c in 0..N {
+                        let seen = simd.load8(&eight(&planes[c][first + k..first + last], base[c]));
+                        let deviation = simd.sub8(seen, deviation_from[c]);
+                        sum[c] = simd.add8(sum[c], simd.mul8(w, deviation));
+                    }
+                }
+            },
+        );
+        let total_of = |lanes: S::F8| simd.store8(lanes).iter().sum::<f32>();
+        let weight = total_of(weight);
+        for c in 0..N {
+            let mean = base[c] + total_of(sum[c]) / weight;
+            out[channels[c]] = if weight == 0.0 { base[c] } else { mean };
         }
     }
 
@@ -244,6 +324,7 @@ impl Support {
 mod tests {
     use super::*;
     use crate::SamplePattern;
+    use granita_machine::simd::Portable;
     use granita_base::{Params, Reporter};
 
     fn samples(rect: PixelRect) -> SampleGrid {
@@ -279,6 +360,32 @@ mod tests {
                 assert!(out.iter().all(|v| *v == 0.3), "{shape:?} {width}");
             }
         }
+    }
+
+    #[test]
+    fn pixels_of_one_value_have_the_mean_of_their_samples() {
+        let spec = FilterSpec { filter: PixelFilter::Weighted(Filter::Mitchell), width: [2.0, 3.0] };
+        let samples = samples(PIXELS.grown(1));
+        let support = Support::new(&spec, &samples.tables);
+        let n = samples.len();
+        // Both channels vary to the right of a column, the second one less often.
+        let value = |k: usize, c: usize| match samples.x[k] {
+            x if x > 12.0 && k % (1 + 400 * c) == 0 => (k as f32).sin(),
+            _ => [-0.0, 0.7][c],
+        };
+        let values: Vec<f32> = (0..2 * n).map(|k| value(k % n, k / n)).collect();
+        let source = Source { samples: &samples, values: &values, channels: &[0, 1] };
+        let found = super::filter(&support, &samples, &values, &[0, 1], &PIXELS);
+        let mut ways = [0; 2];
+        let flat = flat_pixels(&source);
+        for (k, pixel) in found.chunks(2).enumerate() {
+            let place = [PIXELS.x0 + k as i32 % 4, PIXELS.y0 + k as i32 / 4];
+            let mut means = [0.0; 2];
+            support.means(Portable, &source, [0, 1], place, &mut means);
+            assert_eq!(means.map(f32::to_bits), [pixel[0], pixel[1]].map(f32::to_bits), "{place:?}");
+            (0..2).for_each(|c| ways[c] += usize::from(support.flat_value(&source, &flat, c, place).is_some()));
+        }
+        assert!(ways[0] > 0 && ways[0] < ways[1], "{ways:?}");
     }
 
     #[test]
