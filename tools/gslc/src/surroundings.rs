@@ -5,8 +5,8 @@ use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
 use granita_gsl::ir::ShaderKind;
 use granita_plugin::Plugins;
 use granita_shade::{
-    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LightInfo, Recall,
-    LightResult, Lights, LookupResult, Messages, Rays, Shadeop, ShadowQuery, Spaces, Texture3dQuery,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LightInfo,
+    LightResult, Lights, LookupResult, Messages, Rays, Recall, Shadeop, ShadowQuery, Spaces, Texture3dQuery,
     TextureQuery, Textures,
 };
 use granita_shading::lookups;

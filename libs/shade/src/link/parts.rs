@@ -139,8 +139,7 @@ impl Divider<'_> {
                 self.read_surroundings(own, unit);
                 // The loop sets these globals, and restores them at its end.
                 let set = [Global::L, Global::Cl, Global::Pl, Global::Nl].map(|g| g as u32);
-                let before: Vec<u32> =
-                    set.into_iter().filter(|slot| unit.writes.contains(slot)).collect();
+                let before: Vec<u32> = set.into_iter().filter(|slot| unit.writes.contains(slot)).collect();
                 let mut own = own.clone();
                 own.extend(set);
                 self.block(body, &mut own, unit, true)?;
@@ -245,9 +244,11 @@ impl Divider<'_> {
 
     /// Returns the registers of parameters.
     fn params(&self) -> impl Iterator<Item = u32> {
-        let params = self.symbols.iter().zip(self.places).filter(|(symbol, _)| {
-            matches!(symbol.kind, SymbolKind::Param(_))
-        });
+        let params = self
+            .symbols
+            .iter()
+            .zip(self.places)
+            .filter(|(symbol, _)| matches!(symbol.kind, SymbolKind::Param(_)));
         params.filter_map(|(_, place)| match place.at {
             At::Slot(slot) => Some(slot),
             At::Const(_) => None,
@@ -307,9 +308,13 @@ impl Divider<'_> {
         if list.len() < 2 {
             return Some(Parts::default());
         }
-        let is_result = |slot: &u32| (*slot as usize) < Global::ALL.len() || self.params().any(|p| p == *slot);
-        let results: Vec<(u32, u32)> =
-            values.iter().filter(|(slot, _)| is_result(slot)).map(|(slot, (_, from))| (*slot, *from)).collect();
+        let is_result =
+            |slot: &u32| (*slot as usize) < Global::ALL.len() || self.params().any(|p| p == *slot);
+        let results: Vec<(u32, u32)> = values
+            .iter()
+            .filter(|(slot, _)| is_result(slot))
+            .map(|(slot, (_, from))| (*slot, *from))
+            .collect();
         for (part, cost) in list.iter_mut().zip(costs) {
             part.unkept = cost <= FEW_OPERATIONS;
         }

@@ -305,7 +305,8 @@ impl Recall for Double {
     fn end_part(&mut self, part: u32, reads: &[u32], values: &Arc<PartValues>) {
         let Some(kept) = &mut self.kept else { return };
         let mut depends = std::mem::take(&mut kept.asked);
-        depends.extend(reads.iter().filter_map(|part| kept.values.get(part)).flat_map(|(_, depends)| depends));
+        depends
+            .extend(reads.iter().filter_map(|part| kept.values.get(part)).flat_map(|(_, depends)| depends));
         kept.values.insert(part, (values.clone(), depends));
         kept.ran.push(part);
     }

@@ -4,8 +4,8 @@ use super::effects::{Effect, effect, first_written, is_partial, written};
 use super::{Constants, Known, blocks_mut, operands_mut};
 use crate::program::{Block, Op, Operation, Program, Stmt};
 use crate::{
-    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LayerSource, Recall,
-    LightInfo, LightResult, Lights, LinkOptions, LookupResult, Messages, Rays, ShadowQuery, Spaces,
+    Databases, EnvironmentQuery, Executor, Grid, Group, Host, IlluminateQuery, Lanes3, LayerSource,
+    LightInfo, LightResult, Lights, LinkOptions, LookupResult, Messages, Rays, Recall, ShadowQuery, Spaces,
     TextureQuery, Textures, Topology,
 };
 use granita_base::{Param, Params, Severity, Transform};
