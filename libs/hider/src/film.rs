@@ -66,14 +66,17 @@ pub fn filter(
 #[inline(always)]
 fn filter_all(support: &Support, source: &Source<'_>, pixels: &PixelRect) -> Vec<f32> {
     let channels = source.channels.len();
+    let weighted = matches!(support.spec.filter, PixelFilter::Weighted(_));
+    let uniform = if weighted { source.uniform_pixels() } else { Vec::new() };
     let mut out = vec![0.0; pixels.width() * pixels.height() * channels];
     let mut at = 0;
     for y in pixels.y0..pixels.y1 {
         for x in pixels.x0..pixels.x1 {
             let pixel = &mut out[at..at + channels];
-            match support.spec.filter {
-                PixelFilter::Weighted(_) => support.weighted(source, [x, y], pixel),
-                _ => support.picked(source, [x, y], pixel),
+            if !weighted {
+                support.picked(source, [x, y], pixel);
+            } else if !support.constant(source, &uniform, [x, y], pixel) {
+                support.weighted(source, [x, y], pixel);
             }
             at += channels;
         }
@@ -98,6 +101,24 @@ struct Source<'a> {
     values: &'a [f32],
     /// The indices of the requested channels.
     channels: &'a [usize],
+}
+
+impl Source<'_> {
+    /// Returns, for each pixel of the samples, true when all of its samples have the same values.
+    #[inline(always)]
+    fn uniform_pixels(&self) -> Vec<bool> {
+        let Self { samples, values, channels } = *self;
+        let total = samples.len();
+        let uniform = |pixel: usize| {
+            let (first, n) = (pixel * samples.per_pixel, samples.count(pixel));
+            channels.iter().all(|channel| {
+                let own = &values[channel * total + first..][..n];
+                // This loop has no branches. It is false for NaN.
+                own.iter().fold(true, |same, v| same & (*v == own[0]))
+            })
+        };
+        (0..samples.pixels()).map(uniform).collect()
+    }
 }
 
 /// The weights of every sample position in the patterns, for the pixels around its own.
@@ -151,6 +172,39 @@ impl Support {
                 each(pixel * samples.per_pixel, counts, &wx[places..][..n], &wy[places..][..n]);
             }
         }
+    }
+
+    /// Stores the values of a pixel whose support has the same values everywhere, as [`Support::weighted`] would
+    /// compute them. Returns false when it is not such a pixel.
+    #[inline(always)]
+    fn constant(&self, source: &Source<'_>, uniform: &[bool], [x, y]: [i32; 2], out: &mut [f32]) -> bool {
+        let Source { samples, values, channels } = *source;
+        let [mx, my] = self.margin;
+        let rows = 0..2 * my + 1;
+        let row = |k: i32| {
+            let first = samples.pixel(x - mx, y - my + k);
+            first..first + self.x.len()
+        };
+        for k in rows.clone() {
+            if uniform[row(k)].contains(&false) {
+                return false;
+            }
+        }
+        for (out, channel) in out.iter_mut().zip(channels) {
+            let first = |pixel: usize| values[channel * samples.len() + pixel * samples.per_pixel];
+            let own = first(samples.pixel(x, y));
+            // Sums with a negative zero may be a positive one.
+            let usable = own.is_finite() && own.to_bits() != (-0.0_f32).to_bits();
+            for k in rows.clone() {
+                for pixel in row(k) {
+                    if !usable || first(pixel) != own {
+                        return false;
+                    }
+                }
+            }
+            *out = own;
+        }
+        true
     }
 
     /// Computes a weighted mean for each channel. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added to
@@ -277,6 +331,47 @@ mod tests {
                 let values = vec![0.3_f32; samples.len()];
                 let out = filter(&spec, &samples, &values, &[0], &PIXELS);
                 assert!(out.iter().all(|v| *v == 0.3), "{shape:?} {width}");
+            }
+        }
+    }
+
+    #[test]
+    fn constant_regions_are_filtered_as_others() {
+        let (rect, samples) = (PIXELS.grown(2), samples(PIXELS.grown(2)));
+        let last = samples.len();
+        // The values of the left part of the image and of a pixel and a single sample in the right part.
+        for [left, pixel, sample] in [
+            [0.0, 0.0, 0.0],
+            [0.3, 0.3, 0.3],
+            [-0.0, 0.0, 1.0],
+            [1.0, f32::INFINITY, 0.5],
+            [f32::NAN, 0.2, 0.1],
+        ] {
+            let mut values = vec![left; 2 * last];
+            let (width, n) = (rect.width(), samples.per_pixel);
+            for (s, value) in values.iter_mut().enumerate() {
+                if (s % last) / n % width > width / 2 {
+                    *value = 0.25;
+                }
+            }
+            let one = samples.pixel(PIXELS.x1 - 1, PIXELS.y0) * n;
+            values[one..one + n].fill(pixel);
+            values[last + samples.pixel(PIXELS.x1 - 1, PIXELS.y1 - 1) * n + n - 1] = sample;
+            for shape in Filter::ALL {
+                let spec = FilterSpec { filter: PixelFilter::Weighted(shape), width: [3.0, 2.0] };
+                let support = Support::new(&spec, &samples.tables);
+                let source = Source { samples: &samples, values: &values, channels: &[1, 0] };
+                let out = filter(&spec, &samples, &values, source.channels, &PIXELS);
+                let pixels = (PIXELS.y0..PIXELS.y1).flat_map(|y| (PIXELS.x0..PIXELS.x1).map(move |x| [x, y]));
+                for (place, out) in pixels.zip(out.chunks_exact(2)) {
+                    let mut expected = [0.0; 2];
+                    support.weighted(&source, place, &mut expected);
+                    assert_eq!(
+                        [out[0], out[1]].map(f32::to_bits),
+                        expected.map(f32::to_bits),
+                        "{shape:?} {place:?}"
+                    );
+                }
             }
         }
     }
