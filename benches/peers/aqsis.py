@@ -106,7 +106,7 @@ def fur(count, moving=False):
                 f'"uniform color Cs" {numbers(colours)} "constantwidth" [0.012]')
 
     shapes = ["MotionBegin [0 1]", curves(0), curves(0.2), "MotionEnd"] if moving else [curves(0)]
-    return ["AttributeBegin", "Translate 0 0 32", 'Basis "bezier" 3 "bezier" 3', *shapes, "Color [0.3 0.15 0.1]",
+    return ["AttributeBegin", "Translate 0 0 96", 'Basis "bezier" 3 "bezier" 3', *shapes, "Color [0.3 0.15 0.1]",
             "Sphere 0.92 -0.92 0.92 360", "AttributeEnd"]
 
 
@@ -157,7 +157,7 @@ def layers(count):
 
 RIPPLED = ('Displacement "ripples"', 'Attribute "displacementbound" "float sphere" [0.04]')
 # Aqsis turns curves to face the axis of the camera, not the eye. From far away both are the same.
-FAR = ('Projection "perspective" "float fov" [6]',)
+FAR = ('Projection "perspective" "float fov" [2]',)
 # Everything is behind the plane of focus. Aqsis blurs what is before it and what is behind it with the same sign, so that
 # what a blurred edge shows of farther objects would differ.
 LENS = ("DepthOfField 1.4 0.5 5",)
