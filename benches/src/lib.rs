@@ -13,7 +13,9 @@
 //!   indirect light;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field, prints
-//!   ratios, and reports which tools it could not find.
+//!   ratios, and reports which tools it could not find;
+//! - `python3 benches/peers/light.py` compares indirect light with Mitsuba and Cycles, and `benches/peers/aqsis.py`
+//!   compares whole frames with Aqsis on the same RIB files.
 //!
 //! The current numbers are in `docs/performance.md`, with the commands that print them.
 

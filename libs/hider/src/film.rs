@@ -384,6 +384,45 @@ mod tests {
     }
 
     #[test]
+    fn constant_regions_are_filtered_as_others() {
+        let (rect, samples) = (PIXELS.grown(2), samples(PIXELS.grown(2)));
+        let last = samples.len();
+        // The values of the left part of the image and of a pixel and a single sample in the right part.
+        for [left, pixel, sample] in [
+            [0.0, 0.0, 0.0],
+            [0.3, 0.3, 0.3],
+            [-0.0, 0.0, 1.0],
+            [1.0, f32::INFINITY, 0.5],
+            [f32::NAN, 0.2, 0.1],
+        ] {
+            let mut values = vec![left; 2 * last];
+            let (width, n) = (rect.width(), samples.per_pixel);
+            for (s, value) in values.iter_mut().enumerate() {
+                if (s % last) / n % width > width / 2 {
+                    *value = 0.25;
+                }
+            }
+            let one = samples.pixel(PIXELS.x1 - 1, PIXELS.y0) * n;
+            values[one..one + n].fill(pixel);
+            values[last + samples.pixel(PIXELS.x1 - 1, PIXELS.y1 - 1) * n + n - 1] = sample;
+            for shape in Filter::ALL {
+                let spec = FilterSpec { filter: PixelFilter::Weighted(shape), width: [3.0, 2.0] };
+                let support = Support::new(&spec, &samples.tables);
+                let source = Source { samples: &samples, values: &values, channels: &[1, 0] };
+                let out = filter(&spec, &samples, &values, source.channels, &PIXELS);
+                let pixels = (PIXELS.y0..PIXELS.y1).flat_map(|y| (PIXELS.x0..PIXELS.x1).map(move |x| [x, y]));
+                for (place, out) in pixels.zip(out.chunks_exact(2)) {
+                    let mut expected = [0.0; 2];
+                    support.means(Portable, &source, [0, 1], place, &mut expected);
+                    // A NaN may have any sign.
+                    let bits = |x: f32| if x.is_nan() { f32::NAN.to_bits() } else { x.to_bits() };
+                    assert_eq!([out[0], out[1]].map(bits), expected.map(bits), "{shape:?} {place:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_filtered_ramp_is_a_ramp_within_noise() {
         let samples = samples(PIXELS.grown(1));
         let spec = FilterSpec { filter: PixelFilter::Weighted(Filter::Gaussian), width: [2.0, 2.0] };

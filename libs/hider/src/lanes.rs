@@ -23,18 +23,6 @@ pub(super) trait Signs: Simd {
         self.le8(self.splat8(0.0), self.load8(&v.0))
     }
 
-    /// Returns the lanes in which `a` is below `b` as bits.
-    #[inline(always)]
-    fn less(self, a: Lanes, b: Lanes) -> u32 {
-        self.lt8(self.load8(&a.0), self.load8(&b.0))
-    }
-
-    /// Returns the lanes in which `a` is not above `b` as bits.
-    #[inline(always)]
-    fn not_above(self, a: Lanes, b: Lanes) -> u32 {
-        self.le8(self.load8(&a.0), self.load8(&b.0))
-    }
-
     /// Moves the lanes whose bits are set in `mask` to the front, in order. The other lanes have any values.
     #[inline(always)]
     fn pack(self, v: Lanes, mask: u32) -> Lanes {
@@ -126,12 +114,6 @@ impl Lanes {
             out[i] = if self.0[i] >= 0.0 { a.0[i] } else { b.0[i] };
         }
         Self(out)
-    }
-
-    /// Returns the numbers, limited to 0 to 1. NaN stays.
-    #[inline(always)]
-    pub(super) fn unit(self) -> Self {
-        self.each(|v| v.clamp(0.0, 1.0))
     }
 
     /// Returns the square roots.

@@ -258,23 +258,25 @@ impl<'a> Surfaces<'a> {
     /// Records that a sample sees a grid. `may_hide` is false when the grid certainly hides nothing.
     #[inline(always)]
     fn hit(&mut self, (grid, may_hide): (&ShadedGrid, bool), sample: usize, fragment: Fragment) {
-        let z = fragment.z;
+        let Fragment { z, seen, .. } = fragment;
         let behind = z >= self.nearest_z[sample];
         if behind && self.depths.is_empty() {
             return;
         }
         let plain = grid.opaque && self.depths.is_empty();
-        let hides =
-            plain || (may_hide || !self.depths.is_empty()) && self.hides_behind(grid, sample, &fragment);
+        // A reference to `fragment` itself would keep it in memory, which most hits do not need.
+        let hides = plain
+            || (may_hide || !self.depths.is_empty())
+                && self.hides_behind(grid, sample, &Fragment { z, seen, next: NONE });
         if behind {
             return;
         }
         if hides {
-            self.nearest[sample] = fragment.seen;
+            self.nearest[sample] = seen;
             self.nearest_z[sample] = z;
             self.horizon[self.samples.pixel_of(sample)] = f32::NAN;
         } else if let Ok(new) = u32::try_from(self.fragments.len()) {
-            self.fragments.push(Fragment { next: self.first[sample], ..fragment });
+            self.fragments.push(Fragment { z, seen, next: self.first[sample] });
             self.first[sample] = new;
         }
     }

@@ -2,7 +2,7 @@
 
 use super::blurred::Scratch;
 use super::hit::{Hit, Raster, Sink, before, spans};
-use super::lanes::{LANES, Lanes, Signs, first_lanes};
+use super::lanes::{LANES, first_lanes};
 use super::visible::pixels_of;
 use granita_base::{Vec2, Vec3};
 use granita_dicing::PixelRect;
@@ -58,9 +58,32 @@ impl Edge {
         spans(self.d, Vec2::new(x - self.ox, y - self.oy), pad)
     }
 
+    /// Returns the numbers of the edge in all lanes of vectors.
     #[inline(always)]
-    fn lanes(&self, x: Lanes, y: Lanes) -> Lanes {
-        (x - self.ox) * self.a + (y - self.oy) * self.b
+    fn wide<S: Simd>(&self, simd: S) -> WideEdge<S> {
+        let [a, b, ox, oy, least_rim] =
+            [self.a, self.b, self.ox, self.oy, self.least_rim].map(|x| simd.splat8(x));
+        WideEdge { a, b, ox, oy, least_rim }
+    }
+}
+
+/// The numbers of an [`Edge`] in all lanes of vectors. They are vectors of the machine instead of [`Lanes`], because
+/// compilers would otherwise combine several edges in one vector.
+struct WideEdge<S: Simd> {
+    a: S::F8,
+    b: S::F8,
+    ox: S::F8,
+    oy: S::F8,
+    least_rim: S::F8,
+}
+
+impl<S: Simd> WideEdge<S> {
+    /// Returns the function of the edge at eight points.
+    #[inline(always)]
+    fn at(&self, simd: S, x: S::F8, y: S::F8) -> S::F8 {
+        let along_x = simd.mul8(simd.sub8(x, self.ox), self.a);
+        let along_y = simd.mul8(simd.sub8(y, self.oy), self.b);
+        simd.add8(along_x, along_y)
     }
 }
 
@@ -89,8 +112,9 @@ impl Window {
 }
 
 /// One of the two triangles of a micropolygon that does not move, in raster space.
-struct Triangle {
+struct Triangle<S: Simd> {
     edges: [Edge; 3],
+    wide: [WideEdge<S>; 3],
     /// The third coordinates of its corners; see [`super::ViewedGrid::raster`].
     depths: [f32; 3],
     /// 1 / twice its area.
@@ -100,7 +124,7 @@ struct Triangle {
     /// True when the micropolygon is on the boundary edge of its grid.
     any_rim: bool,
     /// A depth that is not behind any of its hits.
-    nearest: Lanes,
+    nearest: f32,
 }
 
 impl Raster<'_> {
@@ -158,7 +182,7 @@ impl Raster<'_> {
 
     /// Samples a micropolygon that does not move and lies entirely before the camera, without a lens.
     #[inline(always)]
-    fn still(&self, simd: impl Simd, (at, window): (usize, &Window), rim: [bool; 4], sink: &mut impl Sink) {
+    fn still<S: Simd>(&self, simd: S, (at, window): (usize, &Window), rim: [bool; 4], sink: &mut impl Sink) {
         let (view, samples) = (self.view, self.samples);
         let nu = self.grid.nu;
         let corner = [at, at + 1, at + nu + 1, at + nu].map(|i| view.raster[i]);
@@ -173,7 +197,7 @@ impl Raster<'_> {
         if rect.is_empty() {
             return;
         }
-        let nearest = Lanes::splat(before(if view.perspective { 1.0 / hi.z } else { lo.z }));
+        let nearest = before(if view.perspective { 1.0 / hi.z } else { lo.z });
         // The triangles are (0, 1, 2) and (0, 2, 3). The diagonal is not a boundary edge.
         let triangles = [([0, 1, 2], [rim[0], rim[1], false]), ([0, 2, 3], [false, rim[2], rim[3]])];
         for (second, (index, rims)) in triangles.into_iter().enumerate() {
@@ -184,9 +208,10 @@ impl Raster<'_> {
                 continue;
             }
             let sign = area.signum();
-            let edges: [Edge; 3] =
-                std::array::from_fn(|k| Edge::new(q[k], q[(k + 1) % 3], sign, self.widening(rims[k])));
+            let edge = |k: usize| Edge::new(q[k], q[(k + 1) % 3], sign, self.widening(rims[k]));
+            let edges = [edge(0), edge(1), edge(2)];
             let triangle = Triangle {
+                wide: [edges[0].wide(simd), edges[1].wide(simd), edges[2].wide(simd)],
                 edges,
                 depths: p.map(|p| p.z),
                 inverse: 1.0 / area.abs(),
@@ -194,91 +219,107 @@ impl Raster<'_> {
                 any_rim,
                 nearest,
             };
-            for run in samples.runs(rect) {
-                for first in run.clone().step_by(LANES) {
-                    self.eight(simd, (at as u32, &triangle), (first, run.end - first), sink);
-                }
-            }
+            samples.each_run(
+                rect,
+                #[inline(always)]
+                |run| {
+                    for first in run.clone().step_by(LANES) {
+                        self.eight(simd, (at as u32, &triangle), (first, run.end - first), sink);
+                    }
+                },
+            );
         }
     }
 
     /// Samples a triangle with the first `used` of the eight samples from the index `first` on.
     #[inline(always)]
-    fn eight(
+    fn eight<S: Simd>(
         &self,
-        simd: impl Simd,
-        (at, triangle): (u32, &Triangle),
+        simd: S,
+        (at, triangle): (u32, &Triangle<S>),
         (first, used): (usize, usize),
         sink: &mut impl Sink,
     ) {
         let (view, samples) = (self.view, self.samples);
-        let edges = &triangle.edges;
-        let (x, y) = (Lanes::load(&samples.x, first), Lanes::load(&samples.y, first));
-        let e = [edges[0].lanes(x, y), edges[1].lanes(x, y), edges[2].lanes(x, y)];
-        let slack = |k: usize| e[k] - edges[k].least_rim;
-        let mut inside = simd.positive(slack(0).min(slack(1)).min(slack(2)));
+        let (edges, wide) = (&triangle.edges, &triangle.wide);
+        let (x, y) = (eight_at(simd, &samples.x, first), eight_at(simd, &samples.y, first));
+        let e = [wide[0].at(simd, x, y), wide[1].at(simd, x, y), wide[2].at(simd, x, y)];
+        let slack = |k: usize| simd.sub8(e[k], wide[k].least_rim);
+        let least = simd.min8(simd.min8(slack(0), slack(1)), slack(2));
+        let mut inside = simd.lt8(simd.splat8(0.0), least);
         if inside == 0 {
             return;
         }
         inside &= first_lanes(used);
         if let Some(limits) = sink.limits() {
-            inside &= simd.positive(Lanes::load(limits, first) - triangle.nearest);
+            let room = simd.sub8(eight_at(simd, limits, first), simd.splat8(triangle.nearest));
+            inside &= simd.lt8(simd.splat8(0.0), room);
         }
         if inside == 0 {
             return;
         }
         // Edge k lies opposite to corner k + 2.
-        let w = [e[1], e[2], e[0]].map(|e| (e * triangle.inverse).unit());
-        let (z, w) = self.depth(&triangle.depths, w);
+        let (zero, one, inverse) = (simd.splat8(0.0), simd.splat8(1.0), simd.splat8(triangle.inverse));
+        let weight = |e: S::F8| simd.min8(one, simd.max8(zero, simd.mul8(e, inverse)));
+        let w = [weight(e[1]), weight(e[2]), weight(e[0])];
+        let depths = [0, 1, 2].map(|k: usize| simd.splat8(triangle.depths[k]));
+        // The depth follows from the third coordinates of the corners, and the weights are correct for the
+        // perspective and sum to one.
+        let sum = simd.add8(simd.add8(w[0], w[1]), w[2]);
+        let term = |k: usize| simd.mul8(w[k], depths[k]);
+        let third = simd.div8(simd.add8(simd.add8(term(0), term(1)), term(2)), sum);
+        let z = if view.perspective { simd.div8(one, third) } else { third };
         let near = view.near.max(view.z_min);
-        inside &= simd.not_above(Lanes::splat(near), z) & simd.not_above(z, Lanes::splat(view.far));
+        inside &= simd.le8(simd.splat8(near), z) & simd.le8(z, simd.splat8(view.far));
         if let Some(limits) = sink.limits() {
-            inside &= simd.less(z, Lanes::load(limits, first));
+            inside &= simd.lt8(z, eight_at(simd, limits, first));
         }
-        let (u, v) = place(triangle.second, w);
+        if inside == 0 {
+            return;
+        }
+        let share = |k: usize| {
+            let w = if view.perspective { simd.mul8(term(k), z) } else { w[k] };
+            simd.div8(w, sum)
+        };
+        let (w1, w2) = (share(1), share(2));
+        let along = simd.min8(simd.add8(w1, w2), one);
+        let (u, v) = if triangle.second { (w1, along) } else { (along, w2) };
+        let [z, u, v] = [z, u, v].map(|lanes| simd.store8(lanes));
         let hit = |lane: usize, beside: Option<Vec2>| Hit {
             sample: first + lane,
-            z: z.0[lane],
+            z: z[lane],
             at,
-            u: u.0[lane],
-            v: v.0[lane],
+            u: u[lane],
+            v: v[lane],
             rim: triangle.any_rim,
             beside,
         };
+        if !triangle.any_rim {
+            // The boundary edge is not widened, so that these samples are inside.
+            while inside != 0 {
+                let lane = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                sink.hit(hit(lane, None));
+            }
+            return;
+        }
+        let [x, y] = [x, y].map(|lanes| simd.store8(lanes));
+        let e = e.map(|lanes| simd.store8(lanes));
         while inside != 0 {
             let lane = inside.trailing_zeros() as usize;
             inside &= inside - 1;
-            let crossed = match triangle.any_rim {
-                true => (0..3).find(|k| e[*k].0[lane] <= edges[*k].least),
-                // The boundary edge is not widened, so that these samples are inside.
-                false => None,
-            };
+            let crossed = (0..3).find(|k| e[*k][lane] <= edges[*k].least);
             let beside = crossed.map(|k| &edges[k]);
-            if beside.is_some_and(|edge| !edge.spans(x.0[lane], y.0[lane], view.rim_px)) {
+            if beside.is_some_and(|edge| !edge.spans(x[lane], y[lane], view.rim_px)) {
                 continue;
             }
             sink.hit(hit(lane, beside.map(|edge| Vec2::new(edge.a, edge.b))));
         }
     }
-
-    /// Returns the depth from the third coordinates of the corners, and the perspective-correct weights, which sum to
-    /// one.
-    #[inline(always)]
-    fn depth(&self, corners: &[f32; 3], w: [Lanes; 3]) -> (Lanes, [Lanes; 3]) {
-        let sum = w[0] + w[1] + w[2];
-        let third = (w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]) / sum;
-        if self.view.perspective {
-            let z = Lanes::splat(1.0) / third;
-            (z, std::array::from_fn(|k| w[k] * corners[k] * z / sum))
-        } else {
-            (third, w.map(|w| w / sum))
-        }
-    }
 }
 
-/// Returns the coordinates in the micropolygon from the weights in one of its triangles.
+/// Loads the numbers from index `at` on.
 #[inline(always)]
-fn place(second: bool, w: [Lanes; 3]) -> (Lanes, Lanes) {
-    let along = (w[1] + w[2]).min(Lanes::splat(1.0));
-    if second { (w[1], along) } else { (along, w[2]) }
+fn eight_at<S: Simd>(simd: S, list: &[f32], at: usize) -> S::F8 {
+    simd.load8(list[at..at + LANES].first_chunk().unwrap_or(&[0.0; LANES]))
 }

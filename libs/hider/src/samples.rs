@@ -328,18 +328,20 @@ impl SampleGrid {
         open + (close - open) * (stratum as f32 / self.time_strata() as f32)
     }
 
-    /// Returns the samples of some pixels inside of the rectangle, in runs of neighbours.
-    pub fn runs(&self, rect: PixelRect) -> impl Iterator<Item = std::ops::Range<usize>> {
+    /// Calls `each` with the samples of some pixels inside of the rectangle, in runs of neighbours.
+    #[inline(always)]
+    pub fn each_run(&self, rect: PixelRect, mut each: impl FnMut(std::ops::Range<usize>)) {
         // A run is a row, or a pixel when the numbers of samples vary.
         let rows = !self.varies();
-        let (width, columns) = if rows { (rect.width(), 1) } else { (1, rect.width() as i32) };
-        (rect.y0..rect.y1).flat_map(move |y| {
-            (0..columns).map(move |column| {
+        let columns = if rows { 1 } else { rect.width() as i32 };
+        for y in rect.y0..rect.y1 {
+            for column in 0..columns {
                 let pixel = self.pixel(rect.x0 + column, y);
                 let first = pixel * self.per_pixel;
-                first..first + if rows { width * self.per_pixel } else { self.count(pixel) }
-            })
-        })
+                let len = if rows { rect.width() * self.per_pixel } else { self.count(pixel) };
+                each(first..first + len);
+            }
+        }
     }
 
     /// Returns the index of the pixel of a sample.
