@@ -364,7 +364,7 @@ mod tests {
         let n = samples.len();
         // Both channels vary to the right of a column, the second one less often.
         let value = |k: usize, c: usize| match samples.x[k] {
-            x if x > 12.0 && k % (1 + 400 * c) == 0 => (k as f32).sin(),
+            x if x > 12.0 && k.is_multiple_of(1 + 400 * c) => (k as f32).sin(),
             _ => [-0.0, 0.7][c],
         };
         let values: Vec<f32> = (0..2 * n).map(|k| value(k % n, k / n)).collect();
