@@ -26,7 +26,7 @@ mod tests;
 
 use crate::outputs::{DeskFrame, Requested};
 use crate::{Session, SessionError};
-use edit::Edit;
+use edit::{Edit, Received};
 use geometry::Eye;
 use granita_base::SearchPath;
 use granita_image::PixelRect;
@@ -93,6 +93,14 @@ struct Shown {
     complete: bool,
 }
 
+/// A complete image, as the panel describes it.
+#[derive(Clone, Copy, Debug, Default)]
+struct CompleteImage {
+    /// The number of the last edit that it shows.
+    number: Option<u64>,
+    coarse: bool,
+}
+
 /// A desk. It is prepared before the scene is read, and runs after its `Render`.
 pub struct Desk {
     screen: Screen,
@@ -113,6 +121,10 @@ pub struct Desk {
     dragging: Option<Instant>,
     visible: Option<PixelRect>,
     shown: Option<Shown>,
+    /// The number of the last edit that has one.
+    number: Option<u64>,
+    /// The last complete image.
+    complete: CompleteImage,
     /// The pixels of the last complete image.
     last: Option<Plane>,
     has_before: bool,
@@ -166,6 +178,8 @@ impl Desk {
             dragging: None,
             visible: None,
             shown: None,
+            number: None,
+            complete: CompleteImage::default(),
             last: None,
             has_before: false,
             saved: None,
@@ -203,10 +217,11 @@ fn listen(session: &Session, said: &Arc<Mutex<Vec<String>>>) {
 
 /// True when an edit stops the current frame.
 fn interrupts(text: &str, running: &Running) -> bool {
-    match Edit::parse(text) {
-        Err(_) | Ok((Edit::See | Edit::Begin, _)) => false,
-        Ok((Edit::Light(..), _)) => running.coarse.is_none_or(|begin| begin.elapsed() > COARSE),
-        Ok(_) => true,
+    let Ok(Received { edit, .. }) = Received::parse(text) else { return false };
+    match edit {
+        Edit::See | Edit::Begin => false,
+        Edit::Light(..) => running.coarse.is_none_or(|begin| begin.elapsed() > COARSE),
+        _ => true,
     }
 }
 
@@ -323,6 +338,9 @@ impl Desk {
         let complete = self.screen.is_complete();
         self.shown =
             Some(Shown { rig: self.rig.clone(), coarse: frame.coarse, complete: complete || !stopped });
+        if complete {
+            self.complete = CompleteImage { number: self.number, coarse: frame.coarse };
+        }
         if complete && !frame.coarse {
             self.last = Some(self.screen.color());
         }
@@ -344,9 +362,10 @@ impl Desk {
 
     /// Applies an edit of a viewer.
     fn receive(&mut self, text: &str, session: &Session) {
-        let edit = match Edit::parse(text) {
-            Ok((edit, visible)) => {
+        let edit = match Received::parse(text) {
+            Ok(Received { edit, visible, number }) => {
                 self.visible = visible.or(self.visible);
+                self.number = number.or(self.number);
                 edit
             }
             Err(what) => return self.message = Some((what, true)),

@@ -130,18 +130,20 @@ fn lights_are_edited_in_the_window() {
     BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let folder = place();
     // The image has 240 x 160 pixels in an area of 470 x 576, so it is shown at 100 %.
-    let script = "sleep 12
+    let script = "desk
 wait
 expect desk: idle
 expect desk: key lit
 screenshot first.png
 key R
 drag X Y X2 Y
-frames 20
-sleep 5
+latency
 wait
+expect desk: idle
 expect desk: key lit edited
 screenshot second.png
+light key -40 10
+latency
 quit
 ";
     // Where the light is, by the camera: x = -0.8, y = 0.8, z = 3, with a field of view of 40 degrees.
@@ -162,6 +164,7 @@ quit
     let Some(address) = listens else { panic!("iv does not listen") };
     let _gelato = gelato(&program, folder.path(), &["-relight", "-display", &address, "scene.pyg"]);
     let said: Vec<String> = lines.collect();
+    let reports: Vec<&str> = said.iter().filter_map(|line| line.strip_prefix("latency: edits ")).collect();
     let mut errors = String::new();
     std::io::Read::read_to_string(&mut iv.0.stderr.take().unwrap(), &mut errors).unwrap();
     if errors.contains("the window cannot be opened") {
@@ -169,4 +172,11 @@ quit
         return;
     }
     assert!(iv.0.wait().unwrap().success(), "{said:?} {errors}");
+    // Each of the two drags moves the light eight times, unless two moves end in the same frame of the window.
+    assert_eq!(reports.len(), 2, "{said:?}");
+    for report in reports {
+        let (edits, last) = report.split_once("; final ").unwrap();
+        let times: Vec<f64> = edits.split(' ').chain([last]).map(|time| time.parse().unwrap()).collect();
+        assert!(times.len() >= 8 && times.iter().all(|time| (0.0..60_000.0).contains(time)), "{report}");
+    }
 }

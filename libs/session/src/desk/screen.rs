@@ -230,6 +230,12 @@ impl Screen {
         self.state().panel.keys().cloned().collect()
     }
 
+    /// Returns a part of the panel; an empty text when there is no such part.
+    #[cfg(test)]
+    pub(crate) fn part(&self, name: &str) -> String {
+        self.state().panel.get(name).cloned().unwrap_or_default()
+    }
+
     /// Returns the name of the image of the pixels before the last edit.
     pub(crate) fn before_name(&self) -> String {
         format!("{} before", self.0.name)

@@ -235,6 +235,31 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
 }
 
 #[test]
+fn the_panel_reports_the_last_edit_that_the_image_shows() {
+    let mut f = Fixture::new();
+    let image = |f: &Fixture| {
+        let state: Value = serde_json::from_str(&f.desk.screen.part("state")).unwrap();
+        state["image"].clone()
+    };
+    assert_eq!(image(&f), json!({"edit": null, "coarse": false}));
+    f.edit(json!({"do": "begin", "number": 1}));
+    assert_eq!(image(&f), json!({"edit": 1, "coarse": false}), "it changes nothing");
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 30, "number": 2}));
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40, "number": 3}));
+    assert_eq!(image(&f), json!({"edit": 1, "coarse": false}), "it is not rendered yet");
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 3, "coarse": true}));
+    f.edit(json!({"do": "end", "number": 4}));
+    assert_eq!(image(&f), json!({"edit": 3, "coarse": true}));
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 4, "coarse": false}));
+    // An edit without a number leaves the number of the one before.
+    f.edit(json!({"do": "on", "light": "key", "value": false}));
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 4, "coarse": false}));
+}
+
+#[test]
 fn wrong_edits_are_messages_and_change_nothing() {
     let mut f = Fixture::new();
     for (edit, message) in [

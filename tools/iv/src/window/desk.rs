@@ -98,6 +98,28 @@ impl Desk {
         self.part(&format!("light/{id}"))
     }
 
+    /// True when an image has a panel and its sender renders nothing.
+    pub(super) fn is_idle(&self) -> bool {
+        self.part("state")["status"] == "idle"
+    }
+
+    /// Returns the number of the last edit that the last complete image shows, and true when that image is coarse; `None`
+    /// when the sender does not report it.
+    pub(super) fn complete_image(&self) -> Option<(u64, bool)> {
+        let image = &self.part("state")["image"];
+        Some((image["edit"].as_u64()?, image["coarse"].as_bool()?))
+    }
+
+    /// Returns the position of a light in the image, in pixels; `None` for a light that is not there.
+    pub(super) fn place(&self, id: &str) -> Option<&Value> {
+        Some(&self.light(id)["at"]).filter(|at| at.is_array())
+    }
+
+    /// Opens the controls of a light.
+    pub(super) fn choose(&mut self, id: &str) {
+        self.chosen = Some(id.to_owned());
+    }
+
     /// Adds an edit. While a button of the pointer is pressed, it belongs to a drag.
     fn edit(&mut self, ctx: &egui::Context, edit: Value) {
         if ctx.input(|i| i.pointer.any_down()) && !self.dragging {

@@ -29,7 +29,7 @@ pub(crate) fn show(app: &mut App, ui: &mut Ui) {
 }
 
 /// Sends the edits to the renderer.
-fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
+fn send(desk: &mut Desk, app: &mut App, ctx: &egui::Context) {
     if desk.dragging && !ctx.input(|i| i.pointer.any_down()) {
         desk.dragging = false;
         desk.edits.push(json!({"do": "end"}));
@@ -43,6 +43,7 @@ fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
         (view.to_sheet(0.0, 0.0), view.to_sheet(f64::from(view.width), f64::from(view.height)));
     for mut edit in edits {
         edit["visible"] = json!([x0, y0, x1 - x0, y1 - y0]);
+        edit["number"] = json!(app.latency.sent(app.input, edit["light"].is_string()));
         sender.send(&edit.to_string());
         ctx.request_repaint();
     }
