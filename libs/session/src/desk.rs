@@ -127,9 +127,13 @@ pub struct Desk {
     complete: CompleteImage,
     /// The pixels of the last complete image.
     last: Option<Plane>,
+    /// The pixels before the last edit, until they are shown in an image of their own.
+    before: Option<Plane>,
     has_before: bool,
     /// The lights that were saved, and the name of the file.
     saved: Option<(Rig, String)>,
+    /// True when the renderer is prepared for the coarse frames of drags.
+    is_prepared: bool,
     ends: bool,
 }
 
@@ -181,8 +185,10 @@ impl Desk {
             number: None,
             complete: CompleteImage::default(),
             last: None,
+            before: None,
             has_before: false,
             saved: None,
+            is_prepared: false,
             ends: false,
         })
     }
@@ -276,8 +282,8 @@ impl Desk {
             edits.iter().for_each(|edit| self.receive(edit, session));
         } else if let Some(frame) = next {
             self.render(frame, session)?;
-        } else {
-            return Ok(());
+        } else if !self.show_before() {
+            return self.prepare_drags(session);
         }
         self.show_panel(session);
         Ok(())
@@ -347,9 +353,34 @@ impl Desk {
         if !stopped {
             self.hear();
         }
-        self.show_objects(session);
         self.status = Status::Idle;
+        if complete {
+            self.show_panel(session);
+            self.show_before();
+        }
+        self.show_objects(session);
         Ok(())
+    }
+
+    /// Renders the coarse frame of the current lights once, without showing it, while nothing else is to be done. The
+    /// renderer keeps what the samples of coarse frames see, so that the first frame of a drag takes no longer than the
+    /// others. An edit stops it.
+    fn prepare_drags(&mut self, session: &mut Session) -> Result<(), SessionError> {
+        let is_due = !self.is_prepared && self.dragging.is_none();
+        let Some(checkpoint) = self.checkpoint.as_ref().filter(|_| is_due) else { return Ok(()) };
+        session.state().return_to(checkpoint);
+        for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
+            session.call(call)?;
+        }
+        self.screen.hide(true);
+        session.render_for_desk(Some(DeskFrame { coarse: true, crop: None }));
+        let result = session.call(Call::Render { camera: None });
+        session.render_for_desk(None);
+        self.screen.hide(false);
+        self.is_prepared = !session.stop().load(Ordering::Relaxed);
+        // The frames that are shown report the same.
+        self.said.lock().clear();
+        result
     }
 
     /// Shows the messages of the session in the panel.
@@ -436,12 +467,18 @@ impl Desk {
         Ok(None)
     }
 
-    /// Shows the last complete image as the one before the edit.
+    /// Keeps the last complete image as the one before the edit.
     fn keep_before(&mut self) {
-        if let Some(last) = self.last.take() {
-            self.screen.show_before(&last);
-            self.has_before = true;
-        }
+        self.before = self.last.take().or(self.before.take());
+    }
+
+    /// Shows the image before the edit. Returns false when the viewer has it already. It is sent after the first image
+    /// with the edit, which a user waits for.
+    fn show_before(&mut self) -> bool {
+        let Some(before) = self.before.take() else { return false };
+        self.screen.show_before(&before);
+        self.has_before = true;
+        true
     }
 
     /// Writes the patch, into the current folder.

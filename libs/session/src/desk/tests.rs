@@ -215,7 +215,10 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
             f.desk.next_frame(),
             Some(DeskFrame { coarse: true, crop: f.desk.crop(PixelRect::at(8, 4, 20, 16)) })
         );
+        // The image before the drag is sent after the first image of the drag.
+        assert_eq!(f.desk.has_before, value == 40);
         f.image();
+        assert!(f.desk.has_before);
     }
     let coarse = f.image();
     let changed: Vec<[usize; 2]> = (0..48 * 36)
@@ -232,6 +235,26 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
     f.edit(json!({"do": "undo"}));
     assert!(f.checked("undo") == first);
     assert_eq!(f.desk.history.redo_label(), Some("key: intensity"));
+}
+
+#[test]
+fn drags_are_prepared_without_a_change_of_the_image() {
+    let mut f = Fixture::new();
+    let first = f.checked("no edit");
+    assert!(!f.desk.is_prepared);
+    f.desk.turn(&mut f.session).unwrap();
+    assert!(f.desk.is_prepared && f.desk.screen.is_complete() && f.desk.next_frame().is_none());
+    assert!(f.checked("prepared") == first);
+    f.edit(json!({"do": "begin"}));
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
+    let coarse = f.image();
+    // The same drag without the preparation.
+    let mut g = Fixture::new();
+    g.edit(json!({"do": "begin"}));
+    g.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
+    assert!(g.image() == coarse && coarse != first);
+    f.edit(json!({"do": "end"}));
+    f.checked("the end of the drag");
 }
 
 #[test]
