@@ -45,6 +45,9 @@ use std::time::{Duration, Instant};
 const IDLE: Duration = Duration::from_millis(200);
 /// The time for which the coarse frame of a drag is not stopped by further edits of the drag.
 const COARSE: Duration = Duration::from_secs(2);
+/// The same for the first coarse frame, which also finds what the samples see. A frame that is stopped keeps nothing of
+/// that, so that no later frame of the drag would be faster.
+const FIRST_COARSE: Duration = Duration::from_secs(20);
 /// The time without an edit after which a drag counts as ended, because its page was closed.
 const LOST_DRAG: Duration = Duration::from_secs(20);
 
@@ -82,8 +85,8 @@ impl Status {
 /// What the thread that receives edits must know of the current frame.
 #[derive(Debug, Default)]
 struct Running {
-    /// The time at which the coarse frame of a drag began; `None` for any other frame.
-    coarse: Option<Instant>,
+    /// The time until which the coarse frame of a drag is not stopped by edits of the drag; `None` for any other frame.
+    coarse_until: Option<Instant>,
 }
 
 /// The image that was rendered last.
@@ -132,8 +135,8 @@ pub struct Desk {
     has_before: bool,
     /// The lights that were saved, and the name of the file.
     saved: Option<(Rig, String)>,
-    /// True when the renderer is prepared for the coarse frames of drags.
-    is_prepared: bool,
+    /// The crop window of the last complete coarse frame, whose visible surfaces the renderer has kept.
+    prepared: Option<Option<[f32; 4]>>,
     ends: bool,
 }
 
@@ -188,7 +191,7 @@ impl Desk {
             before: None,
             has_before: false,
             saved: None,
-            is_prepared: false,
+            prepared: None,
             ends: false,
         })
     }
@@ -226,7 +229,7 @@ fn interrupts(text: &str, running: &Running) -> bool {
     let Ok(Received { edit, .. }) = Received::parse(text) else { return false };
     match edit {
         Edit::See | Edit::Begin => false,
-        Edit::Light(..) => running.coarse.is_none_or(|begin| begin.elapsed() > COARSE),
+        Edit::Light(..) => running.coarse_until.is_none_or(|until| Instant::now() > until),
         _ => true,
     }
 }
@@ -333,7 +336,8 @@ impl Desk {
             session.call(call)?;
         }
         self.screen.begin_frame(self.seen().filter(|_| !frame.coarse));
-        self.running.lock().coarse = frame.coarse.then(Instant::now);
+        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
+        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
         session.render_for_desk(Some(frame));
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
@@ -346,6 +350,9 @@ impl Desk {
             Some(Shown { rig: self.rig.clone(), coarse: frame.coarse, complete: complete || !stopped });
         if complete {
             self.complete = CompleteImage { number: self.number, coarse: frame.coarse };
+        }
+        if complete && frame.coarse {
+            self.prepared = Some(frame.crop);
         }
         if complete && !frame.coarse {
             self.last = Some(self.screen.color());
@@ -366,7 +373,7 @@ impl Desk {
     /// renderer keeps what the samples of coarse frames see, so that the first frame of a drag takes no longer than the
     /// others. An edit stops it.
     fn prepare_drags(&mut self, session: &mut Session) -> Result<(), SessionError> {
-        let is_due = !self.is_prepared && self.dragging.is_none();
+        let is_due = self.prepared.is_none() && self.dragging.is_none();
         let Some(checkpoint) = self.checkpoint.as_ref().filter(|_| is_due) else { return Ok(()) };
         session.state().return_to(checkpoint);
         for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
@@ -377,7 +384,7 @@ impl Desk {
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
         self.screen.hide(false);
-        self.is_prepared = !session.stop().load(Ordering::Relaxed);
+        self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
         // The frames that are shown report the same.
         self.said.lock().clear();
         result

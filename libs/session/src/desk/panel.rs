@@ -2,9 +2,10 @@
 //!
 //! The panel consists of parts, of which those that changed are sent: "desk" (what does not change), "state" (status,
 //! undo, messages, the order of the lights), "objects" (the names of objects, and how many each light illuminates), and
-//! "light/ID" for each light. Positions in the image are pixels of its data window. In "state", "image" describes the last
-//! complete image: "edit" is the number of the last edit that it shows (null without numbers), and "coarse" is true for
-//! an image of a drag. The pixels of the image are sent before this part.
+//! "light/ID" for each light. Positions in the image are pixels of its data window.
+//!
+//! In "state", "image" describes the last complete image: "edit" is the number of the last edit that it shows (null
+//! without numbers), and "coarse" is true for an image of a drag. The pixels of the image are sent before this part.
 
 use super::Desk;
 use super::geometry::angles_deg;

@@ -241,9 +241,10 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
 fn drags_are_prepared_without_a_change_of_the_image() {
     let mut f = Fixture::new();
     let first = f.checked("no edit");
-    assert!(!f.desk.is_prepared);
+    assert_eq!(f.desk.prepared, None);
     f.desk.turn(&mut f.session).unwrap();
-    assert!(f.desk.is_prepared && f.desk.screen.is_complete() && f.desk.next_frame().is_none());
+    assert_eq!(f.desk.prepared, Some(None));
+    assert!(f.desk.screen.is_complete() && f.desk.next_frame().is_none());
     assert!(f.checked("prepared") == first);
     f.edit(json!({"do": "begin"}));
     f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
@@ -255,6 +256,20 @@ fn drags_are_prepared_without_a_change_of_the_image() {
     assert!(g.image() == coarse && coarse != first);
     f.edit(json!({"do": "end"}));
     f.checked("the end of the drag");
+}
+
+#[test]
+fn edits_of_a_drag_do_not_stop_its_coarse_frame_at_once() {
+    let set = r#"{"do":"set","light":"key","param":"intensity","value":2}"#;
+    let now = Instant::now();
+    for (until, stops) in [(None, true), (Some(now), true), (Some(now + FIRST_COARSE), false)] {
+        // The clock may not have advanced since.
+        std::thread::sleep(Duration::from_millis(2));
+        let running = Running { coarse_until: until };
+        assert_eq!(interrupts(set, &running), stops);
+        assert!(interrupts(r#"{"do":"end"}"#, &running) && interrupts(r#"{"do":"undo"}"#, &running));
+        assert!(!interrupts(r#"{"do":"begin"}"#, &running) && !interrupts("no edit", &running));
+    }
 }
 
 #[test]
