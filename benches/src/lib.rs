@@ -9,8 +9,8 @@
 //! - `cargo run --release -p granita-benches --bin rays` compares rays with Embree, and `--example trees` compares our
 //!   tree with those of the crate `obvhs`;
 //! - `cargo run --release -p granita-benches --bin relight` compares re-rendered frames with frames rendered anew;
-//! - `cargo run --release -p granita-benches --bin desk` measures how quickly the desk for lighting answers, in a page and
-//!   in a window;
+//! - `cargo run --release -p granita-benches --bin desk` measures how quickly the desk for lighting answers, in a page
+//!   and in a window;
 //! - `cargo run --release -p granita-benches --bin bounces` measures reflections of reflections and further bounces of
 //!   indirect light;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;

@@ -4,8 +4,8 @@
 //! light is dragged, and each event of the drag is timed until an image with its change is painted, and the release
 //! until the final image is painted. A part whose programs are missing is skipped with a line.
 //!
-//! `desk page` and `desk window` run one of the parts. `--tools FOLDER` measures the tools in a folder, such as those of
-//! another checkout, instead of those of this one.
+//! `desk page` and `desk window` run one of the parts. `--tools FOLDER` measures the tools in a folder, such as those
+//! of another checkout, instead of those of this one.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
 
 /// The number of drags of each kind.
-const TURNS: usize = 5;
+const TURNS: usize = 3;
 
 /// The scene, below the folder of the bench.
 const SCENE: &str = "examples/relight/relight.pyg";
