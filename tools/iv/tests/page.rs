@@ -161,6 +161,7 @@ fn large_images_show_all_their_pixels() {
         std::fs::create_dir(&place).unwrap();
         let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]).unwrap();
         let begin = Instant::now();
+        page.until("document.getElementById('zoom')").unwrap();
         let evaluate = |page: &mut Page, code: &str| page.value(code).unwrap();
         let until = |page: &mut Page, what: &str, holds: &dyn Fn(&[f32], &str) -> bool| loop {
             let zoom = evaluate(page, "document.getElementById('zoom').textContent");

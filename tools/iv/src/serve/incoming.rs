@@ -1,7 +1,7 @@
 //! The socket of a page, which is read only when there is something to read.
 //!
-//! The thread of a page waits for changes of images. Another thread waits for bytes of the browser and wakes it, so that
-//! a message of the browser is processed at once.
+//! The thread of a page waits for changes of images. Another thread waits for bytes of the browser and wakes it, so
+//! that a message of the browser is processed at once.
 
 use parking_lot::{Condvar, Mutex};
 use std::io::{ErrorKind, Read, Write};

@@ -34,7 +34,7 @@ pub(crate) struct Desk {
     panel: Arc<Panel>,
     parts: BTreeMap<String, Value>,
     /// The id of the light whose controls are open.
-    chosen: Option<String>,
+    pub(super) chosen: Option<String>,
     /// What the next drag in the image does.
     mode: Option<Pointing>,
     /// True while edits belong to one step.
@@ -85,7 +85,7 @@ impl Desk {
         ctx.memory(|m| m.focused()).is_some_and(|id| self.fields.contains(&id))
     }
 
-    fn part(&self, name: &str) -> &Value {
+    pub(super) fn part(&self, name: &str) -> &Value {
         self.parts.get(name).unwrap_or(&Value::Null)
     }
 
@@ -94,30 +94,8 @@ impl Desk {
         ids.filter_map(|id| self.parts.get(&format!("light/{}", id.as_str()?)).cloned()).collect()
     }
 
-    fn light(&self, id: &str) -> &Value {
+    pub(super) fn light(&self, id: &str) -> &Value {
         self.part(&format!("light/{id}"))
-    }
-
-    /// True when an image has a panel and its sender renders nothing.
-    pub(super) fn is_idle(&self) -> bool {
-        self.part("state")["status"] == "idle"
-    }
-
-    /// Returns the number of the last edit that the last complete image shows, and true when that image is coarse; `None`
-    /// when the sender does not report it.
-    pub(super) fn complete_image(&self) -> Option<(u64, bool)> {
-        let image = &self.part("state")["image"];
-        Some((image["edit"].as_u64()?, image["coarse"].as_bool()?))
-    }
-
-    /// Returns the position of a light in the image, in pixels; `None` for a light that is not there.
-    pub(super) fn place(&self, id: &str) -> Option<&Value> {
-        Some(&self.light(id)["at"]).filter(|at| at.is_array())
-    }
-
-    /// Opens the controls of a light.
-    pub(super) fn choose(&mut self, id: &str) {
-        self.chosen = Some(id.to_owned());
     }
 
     /// Adds an edit. While a button of the pointer is pressed, it belongs to a drag.

@@ -5,7 +5,7 @@ use super::desk::{Desk, ECHO};
 use eframe::egui;
 use egui::Ui;
 use granita_view::Mix;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Shows the panel at the right edge of the window, if an image has one.
 pub(crate) fn show(app: &mut App, ui: &mut Ui) {
@@ -58,5 +58,30 @@ fn compare(app: &mut App, before: &str) {
     if let Some(entry) = found.filter(|entry| *entry != entries.current) {
         app.model.other = Some(entry);
         app.model.mix = if shown { Mix::First } else { Mix::Wipe { at: 0.5, down: false } };
+    }
+}
+
+/// What scripts and measurements use.
+impl Desk {
+    /// True when an image has a panel and its sender renders nothing.
+    pub(super) fn is_idle(&self) -> bool {
+        self.part("state")["status"] == "idle"
+    }
+
+    /// Returns the number of the last edit that the last complete image shows, and true when that image is coarse.
+    /// Returns `None` when the sender does not report it.
+    pub(super) fn complete_image(&self) -> Option<(u64, bool)> {
+        let image = &self.part("state")["image"];
+        Some((image["edit"].as_u64()?, image["coarse"].as_bool()?))
+    }
+
+    /// Returns the position of a light in the image, in pixels; `None` for a light that is not there.
+    pub(super) fn place(&self, id: &str) -> Option<&Value> {
+        Some(&self.light(id)["at"]).filter(|at| at.is_array())
+    }
+
+    /// Opens the controls of a light.
+    pub(super) fn choose(&mut self, id: &str) {
+        self.chosen = Some(id.to_owned());
     }
 }
