@@ -9,6 +9,8 @@
 //! - `cargo run --release -p granita-benches --bin rays` compares rays with Embree, and `--example trees` compares our
 //!   tree with those of the crate `obvhs`;
 //! - `cargo run --release -p granita-benches --bin relight` compares re-rendered frames with frames rendered anew;
+//! - `cargo run --release -p granita-benches --bin desk` measures how quickly the desk for lighting answers, in a page
+//!   and in a window;
 //! - `cargo run --release -p granita-benches --bin bounces` measures reflections of reflections and further bounces of
 //!   indirect light;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;
@@ -24,7 +26,9 @@
 mod fur;
 mod measure;
 mod meshes;
+mod screen;
 
 pub use fur::Fur;
-pub use measure::{Cost, find_program, measure, measure_into, release_tool, repository};
+pub use measure::{Cost, copy_files, find_program, measure, measure_into, release_tool, repository};
 pub use meshes::{BLOCKS, KINDS, blocks, rays, read_mesh, soup, sphere};
+pub use screen::Screen;

@@ -107,6 +107,22 @@ pub fn release_tool(name: &str) -> Result<PathBuf, String> {
     }
 }
 
+/// Copies the files of a folder, without its folders, into a folder that is made when it is missing.
+///
+/// # Errors
+/// Returns a message when a file cannot be copied.
+pub fn copy_files(from: &Path, to: &Path) -> Result<(), String> {
+    let failed = |path: &PathBuf, e: std::io::Error| format!("{}: {e}", path.display());
+    std::fs::create_dir_all(to).map_err(|e| e.to_string())?;
+    for entry in std::fs::read_dir(from).map_err(|e| failed(&from.to_owned(), e))? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        if let Some(name) = path.file_name().filter(|_| path.is_file()) {
+            std::fs::copy(&path, to.join(name)).map_err(|e| failed(&path, e))?;
+        }
+    }
+    Ok(())
+}
+
 /// Returns the path of a program on the search path.
 pub fn find_program(name: &str) -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;

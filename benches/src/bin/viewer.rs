@@ -8,11 +8,10 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
 use granita_base::hash;
-use granita_benches::{Cost, find_program, measure_into, release_tool};
+use granita_benches::{Cost, Screen, find_program, measure_into, release_tool};
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
-use std::io::BufRead;
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode};
 
 fn main() -> ExitCode {
     match run() {
@@ -41,7 +40,7 @@ fn run() -> Result<(), String> {
     let (photo, texture) = (place.path().join("photo.exr"), place.path().join("texture.tif"));
     write_photo(&photo, &formats).map_err(|e| e.to_string())?;
     write_texture(&texture, &formats).map_err(|e| e.to_string())?;
-    let screen = Screen::start()?;
+    let screen = Screen::start([1280, 800])?;
     let small = small_files(place.path(), &formats).map_err(|e| e.to_string())?;
     let small: Vec<&str> = small.iter().map(|name| &**name).collect();
     // The smallest image shows the cost of the window and the driver alone.
@@ -122,37 +121,6 @@ fn write_texture(path: &Path, formats: &FormatRegistry) -> granita_image::Result
         }
     }
     file.close()
-}
-
-/// A virtual screen of its own.
-struct Screen {
-    server: Child,
-    /// The output of the server, open as long as the server runs.
-    _words: std::io::BufReader<ChildStdout>,
-    name: String,
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        // Both calls fail when the server has already ended.
-        let _ = self.server.kill();
-        let _ = self.server.wait();
-    }
-}
-
-impl Screen {
-    fn start() -> Result<Self, String> {
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"])
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .map_err(|e| format!("Xvfb: {e}"))?;
-        let mut words = std::io::BufReader::new(server.stdout.take().ok_or("Xvfb says nothing")?);
-        let mut line = String::new();
-        words.read_line(&mut line).map_err(|e| format!("Xvfb: {e}"))?;
-        Ok(Self { server, _words: words, name: format!(":{}", line.trim()) })
-    }
 }
 
 /// Runs a script. Returns its output and its cost.

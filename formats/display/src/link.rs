@@ -45,7 +45,8 @@ impl Default for Patience {
 /// The interval at which a thread that waits for the system checks whether it should end.
 const TICK: Duration = Duration::from_millis(50);
 /// The time during which small packets are collected before they are sent together. It is too short to be visible, and
-/// waking a thread for each bucket would take more time of the render than all other work for the viewer.
+/// waking a thread for each bucket would take more time of the render than all other work for the viewer. Parts of a
+/// panel are not delayed, because a user waits for them and the pixels before them.
 const COLLECT: Duration = Duration::from_millis(20);
 /// The approximate number of bytes that are passed to the system at once.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -78,6 +79,8 @@ struct State {
     connected: bool,
     /// True when the viewer supports the extension.
     two_way: bool,
+    /// True when the queue has a packet that is sent at once, with all packets before it.
+    urgent: bool,
     /// True while a caller waits until all is sent.
     hurried: bool,
     /// True when nothing more will be queued.
@@ -167,7 +170,12 @@ impl Link {
             Packet::UpdateImage { values, .. } => values.len() * 4,
             _ => 0,
         };
-        self.append(bytes, is_ours(packet), |out| packet.encode(out))
+        self.append(bytes, is_ours(packet), |out| packet.encode(out))?;
+        if matches!(packet, Packet::Panel { .. }) {
+            self.shared.state().urgent = true;
+            self.shared.changed.notify_all();
+        }
+        Ok(())
     }
 
     /// Does the same for an update with borrowed data.
@@ -359,9 +367,10 @@ fn send_packets(shared: &Shared, socket: &mut TcpStream) -> std::result::Result<
                 return Err(what.clone());
             }
             if !state.queue.is_empty() {
-                if !state.ending && !state.hurried {
+                if !state.ending && !state.hurried && !state.urgent {
                     shared.wait(&mut state, COLLECT);
                 }
+                state.urgent = false;
                 break std::mem::take(&mut state.queue);
             }
             shared.changed.notify_all();

@@ -26,7 +26,7 @@ mod tests;
 
 use crate::outputs::{DeskFrame, Requested};
 use crate::{Session, SessionError};
-use edit::Edit;
+use edit::{Edit, Received};
 use geometry::Eye;
 use granita_base::SearchPath;
 use granita_image::PixelRect;
@@ -45,6 +45,9 @@ use std::time::{Duration, Instant};
 const IDLE: Duration = Duration::from_millis(200);
 /// The time for which the coarse frame of a drag is not stopped by further edits of the drag.
 const COARSE: Duration = Duration::from_secs(2);
+/// The same for the first coarse frame, which also finds what the samples see. A frame that is stopped keeps nothing of
+/// that, so that no later frame of the drag would be faster.
+const FIRST_COARSE: Duration = Duration::from_secs(20);
 /// The time without an edit after which a drag counts as ended, because its page was closed.
 const LOST_DRAG: Duration = Duration::from_secs(20);
 
@@ -82,8 +85,8 @@ impl Status {
 /// What the thread that receives edits must know of the current frame.
 #[derive(Debug, Default)]
 struct Running {
-    /// The time at which the coarse frame of a drag began; `None` for any other frame.
-    coarse: Option<Instant>,
+    /// The time until which the coarse frame of a drag is not stopped by edits of the drag; `None` for any other frame.
+    coarse_until: Option<Instant>,
 }
 
 /// The image that was rendered last.
@@ -91,6 +94,14 @@ struct Shown {
     rig: Rig,
     coarse: bool,
     complete: bool,
+}
+
+/// A complete image, as the panel describes it.
+#[derive(Clone, Copy, Debug, Default)]
+struct CompleteImage {
+    /// The number of the last edit that it shows.
+    number: Option<u64>,
+    coarse: bool,
 }
 
 /// A desk. It is prepared before the scene is read, and runs after its `Render`.
@@ -113,11 +124,19 @@ pub struct Desk {
     dragging: Option<Instant>,
     visible: Option<PixelRect>,
     shown: Option<Shown>,
+    /// The number of the last edit that has one.
+    number: Option<u64>,
+    /// The last complete image.
+    complete: CompleteImage,
     /// The pixels of the last complete image.
     last: Option<Plane>,
+    /// The pixels before the last edit, until they are shown in an image of their own.
+    before: Option<Plane>,
     has_before: bool,
     /// The lights that were saved, and the name of the file.
     saved: Option<(Rig, String)>,
+    /// The crop window of the last complete coarse frame, whose visible surfaces the renderer has kept.
+    prepared: Option<Option<[f32; 4]>>,
     ends: bool,
 }
 
@@ -166,9 +185,13 @@ impl Desk {
             dragging: None,
             visible: None,
             shown: None,
+            number: None,
+            complete: CompleteImage::default(),
             last: None,
+            before: None,
             has_before: false,
             saved: None,
+            prepared: None,
             ends: false,
         })
     }
@@ -203,10 +226,11 @@ fn listen(session: &Session, said: &Arc<Mutex<Vec<String>>>) {
 
 /// True when an edit stops the current frame.
 fn interrupts(text: &str, running: &Running) -> bool {
-    match Edit::parse(text) {
-        Err(_) | Ok((Edit::See | Edit::Begin, _)) => false,
-        Ok((Edit::Light(..), _)) => running.coarse.is_none_or(|begin| begin.elapsed() > COARSE),
-        Ok(_) => true,
+    let Ok(Received { edit, .. }) = Received::parse(text) else { return false };
+    match edit {
+        Edit::See | Edit::Begin => false,
+        Edit::Light(..) => running.coarse_until.is_none_or(|until| Instant::now() > until),
+        _ => true,
     }
 }
 
@@ -261,8 +285,8 @@ impl Desk {
             edits.iter().for_each(|edit| self.receive(edit, session));
         } else if let Some(frame) = next {
             self.render(frame, session)?;
-        } else {
-            return Ok(());
+        } else if !self.show_before() {
+            return self.prepare_drags(session);
         }
         self.show_panel(session);
         Ok(())
@@ -312,7 +336,8 @@ impl Desk {
             session.call(call)?;
         }
         self.screen.begin_frame(self.seen().filter(|_| !frame.coarse));
-        self.running.lock().coarse = frame.coarse.then(Instant::now);
+        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
+        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
         session.render_for_desk(Some(frame));
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
@@ -323,15 +348,46 @@ impl Desk {
         let complete = self.screen.is_complete();
         self.shown =
             Some(Shown { rig: self.rig.clone(), coarse: frame.coarse, complete: complete || !stopped });
+        if complete {
+            self.complete = CompleteImage { number: self.number, coarse: frame.coarse };
+        }
+        if complete && frame.coarse {
+            self.prepared = Some(frame.crop);
+        }
         if complete && !frame.coarse {
             self.last = Some(self.screen.color());
         }
         if !stopped {
             self.hear();
         }
-        self.show_objects(session);
         self.status = Status::Idle;
+        if complete {
+            self.show_panel(session);
+            self.show_before();
+        }
+        self.show_objects(session);
         Ok(())
+    }
+
+    /// Renders the coarse frame of the current lights once, without showing it, while nothing else is to be done. The
+    /// renderer keeps what the samples of coarse frames see, so that the first frame of a drag takes no longer than the
+    /// others. An edit stops it.
+    fn prepare_drags(&mut self, session: &mut Session) -> Result<(), SessionError> {
+        let is_due = self.prepared.is_none() && self.dragging.is_none();
+        let Some(checkpoint) = self.checkpoint.as_ref().filter(|_| is_due) else { return Ok(()) };
+        session.state().return_to(checkpoint);
+        for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
+            session.call(call)?;
+        }
+        self.screen.hide(true);
+        session.render_for_desk(Some(DeskFrame { coarse: true, crop: None }));
+        let result = session.call(Call::Render { camera: None });
+        session.render_for_desk(None);
+        self.screen.hide(false);
+        self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
+        // The frames that are shown report the same.
+        self.said.lock().clear();
+        result
     }
 
     /// Shows the messages of the session in the panel.
@@ -344,9 +400,10 @@ impl Desk {
 
     /// Applies an edit of a viewer.
     fn receive(&mut self, text: &str, session: &Session) {
-        let edit = match Edit::parse(text) {
-            Ok((edit, visible)) => {
+        let edit = match Received::parse(text) {
+            Ok(Received { edit, visible, number }) => {
                 self.visible = visible.or(self.visible);
+                self.number = number.or(self.number);
                 edit
             }
             Err(what) => return self.message = Some((what, true)),
@@ -417,12 +474,18 @@ impl Desk {
         Ok(None)
     }
 
-    /// Shows the last complete image as the one before the edit.
+    /// Keeps the last complete image as the one before the edit.
     fn keep_before(&mut self) {
-        if let Some(last) = self.last.take() {
-            self.screen.show_before(&last);
-            self.has_before = true;
-        }
+        self.before = self.last.take().or(self.before.take());
+    }
+
+    /// Shows the image before the edit. Returns false when the viewer has it already. It is sent after the first image
+    /// with the edit, which a user waits for.
+    fn show_before(&mut self) -> bool {
+        let Some(before) = self.before.take() else { return false };
+        self.screen.show_before(&before);
+        self.has_before = true;
+        true
     }
 
     /// Writes the patch, into the current folder.

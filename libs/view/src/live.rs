@@ -609,9 +609,14 @@ impl Live {
 
     /// Waits until [`Live::version`] is no longer `seen`, at most for the time `longest`. Returns the version.
     pub fn wait(&self, seen: u64, longest: Duration) -> u64 {
+        self.wait_unless(seen, longest, || false)
+    }
+
+    /// Does the same, and also ends when `ends` is true. It is tested at the beginning and after each [`Live::wake`].
+    pub fn wait_unless(&self, seen: u64, longest: Duration, ends: impl Fn() -> bool) -> u64 {
         let end = Instant::now() + longest;
         let mut version = self.lock_version();
-        while *version == seen {
+        while *version == seen && !ends() {
             let left = end.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 break;
@@ -619,6 +624,13 @@ impl Live {
             self.0.changed.wait_for(&mut version, left);
         }
         *version
+    }
+
+    /// Wakes the threads in [`Live::wait_unless`], without a change.
+    pub fn wake(&self) {
+        // With the lock, no thread is between its test and its wait.
+        let _version = self.lock_version();
+        self.0.changed.notify_all();
     }
 
     /// Calls `changed` after every change, from the thread that made it. It must be fast and must not change

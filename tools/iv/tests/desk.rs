@@ -5,14 +5,10 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
-mod browser;
-
-use browser::{PATIENCE, Page, Running, browser};
-use serde_json::{Value, json};
+use granita_browser::{Page, Running};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"
 Attribute ("int[2] resolution", (240, 160))
@@ -61,61 +57,10 @@ fn gelato(program: &Path, folder: &Path, words: &[&str]) -> Running {
     Running(command.spawn().unwrap())
 }
 
-impl Page {
-    /// Returns the value of an expression of the page.
-    fn value(&mut self, code: &str) -> Value {
-        let result = self.call("Runtime.evaluate", json!({"expression": code, "returnByValue": true}));
-        assert!(result.get("exceptionDetails").is_none(), "{code}: {result}");
-        result["result"]["value"].clone()
-    }
-
-    /// Waits until an expression of the page is true.
-    fn until(&mut self, code: &str) {
-        let begin = Instant::now();
-        // The page may not be loaded yet.
-        let tried = format!("(() => {{ try {{ return !!({code}); }} catch {{ return false; }} }})()");
-        while self.value(&tried) != json!(true) {
-            assert!(begin.elapsed() < PATIENCE, "{code}");
-            std::thread::sleep(Duration::from_millis(30));
-        }
-    }
-
-    fn mouse(&mut self, kind: &str, [x, y]: [f64; 2]) {
-        let buttons = u8::from(kind != "mouseReleased");
-        let event =
-            json!({"type": kind, "x": x, "y": y, "button": "left", "buttons": buttons, "clickCount": 1});
-        self.call("Input.dispatchMouseEvent", event);
-    }
-
-    fn drag(&mut self, from: [f64; 2], to: [f64; 2]) {
-        self.mouse("mousePressed", from);
-        for k in 1..=6 {
-            let part = f64::from(k) / 6.0;
-            self.mouse("mouseMoved", [0, 1].map(|i| from[i] + (to[i] - from[i]) * part));
-        }
-        self.mouse("mouseReleased", to);
-    }
-
-    /// Returns the middle of the first element of a selector.
-    fn middle(&mut self, selector: &str) -> [f64; 2] {
-        let code = format!(
-            "(() => {{ const r = document.querySelector({selector:?}).getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; }})()"
-        );
-        let value = self.value(&code);
-        [0, 1].map(|i| value[i].as_f64().unwrap())
-    }
-
-    fn click(&mut self, selector: &str) {
-        let at = self.middle(selector);
-        self.mouse("mousePressed", at);
-        self.mouse("mouseReleased", at);
-    }
-}
-
 #[test]
 fn lights_are_edited_in_the_page() {
     let Some(program) = program() else { return };
-    let Some(browser) = browser() else {
+    let Some(browser) = granita_browser::find() else {
         granita_needs::skip("chromium (or another browser)");
         return;
     };
@@ -125,45 +70,47 @@ fn lights_are_edited_in_the_page() {
     let url = lines.find_map(|line| line.strip_prefix("gelato: the desk is at ").map(str::to_owned)).unwrap();
     let profile = folder.path().join("profile");
     std::fs::create_dir(&profile).unwrap();
-    let mut page = Page::open(&browser, &profile, &url, [1000, 700]);
-    page.until("desk.parts.state && state().status === 'idle' && lightOf('key')");
+    let mut page = Page::open(&browser, &profile, &url, [1000, 700]).unwrap();
+    page.until("desk.parts.state && state().status === 'idle' && lightOf('key')").unwrap();
     let idle = "state().status === 'idle'";
     // A click opens the light, and a drag of its first slider is one step.
-    page.click(".lamp > header .name");
-    page.until("document.querySelector('.lamp.open')");
-    let slider = page.middle(".lamp.open input[type=range]");
-    page.drag(slider, [slider[0] + 40.0, slider[1]]);
-    page.until("lightOf('key').layers[0].params[0].value > 3.5 && state().undo === 'key: intensity'");
-    page.until(idle);
+    page.click(".lamp > header .name").unwrap();
+    page.until("document.querySelector('.lamp.open')").unwrap();
+    let slider = page.middle(".lamp.open input[type=range]").unwrap();
+    page.drag(slider, [slider[0] + 40.0, slider[1]]).unwrap();
+    page.until("lightOf('key').layers[0].params[0].value > 3.5 && state().undo === 'key: intensity'")
+        .unwrap();
+    page.until(idle).unwrap();
     // The light is dragged in the image.
-    let handle = page.middle(".handle.chosen");
-    page.drag(handle, [handle[0] + 60.0, handle[1] + 10.0]);
-    page.until("state().undo === 'key: position' && lightOf('key').position[0] > -0.7");
-    page.until(idle);
+    let handle = page.middle(".handle.chosen").unwrap();
+    page.drag(handle, [handle[0] + 60.0, handle[1] + 10.0]).unwrap();
+    page.until("state().undo === 'key: position' && lightOf('key').position[0] > -0.7").unwrap();
+    page.until(idle).unwrap();
     // It is aimed at a point of the ball.
-    page.click(".lamp.open .row button");
-    page.until("desk.mode === 'aim'");
-    let view = page.middle("#view");
-    page.mouse("mousePressed", view);
-    page.mouse("mouseReleased", view);
-    page.until("state().undo === 'key: aim' && desk.mode === null");
-    page.until(idle);
+    page.click(".lamp.open .row button").unwrap();
+    page.until("desk.mode === 'aim'").unwrap();
+    let view = page.middle("#view").unwrap();
+    page.mouse("mousePressed", view).unwrap();
+    page.mouse("mouseReleased", view).unwrap();
+    page.until("state().undo === 'key: aim' && desk.mode === null").unwrap();
+    page.until(idle).unwrap();
     // The wipe shows the image before.
-    page.click("#before");
+    page.click("#before").unwrap();
     page.until(
         "compare.tiles && compare.tiles.list.every(t => t.store) && !document.getElementById('wipe').hidden",
-    );
-    page.click("#before");
+    )
+    .unwrap();
+    page.click("#before").unwrap();
     // Off, and back by undo.
-    page.click(".lamp > header button");
-    page.until("lightOf('key').lit === false");
-    page.click("#undo");
-    page.until("lightOf('key').lit === true && state().redo === 'key: off'");
-    page.value("edit({do: 'set', light: 'key', param: 'intensity', value: 'x'})");
-    page.until("document.getElementById('deskmessage').textContent.includes('is a float')");
-    page.click("#save");
-    page.until("state().saved");
-    page.value("edit({do: 'quit'})");
+    page.click(".lamp > header button").unwrap();
+    page.until("lightOf('key').lit === false").unwrap();
+    page.click("#undo").unwrap();
+    page.until("lightOf('key').lit === true && state().redo === 'key: off'").unwrap();
+    page.value("edit({do: 'set', light: 'key', param: 'intensity', value: 'x'})").unwrap();
+    page.until("document.getElementById('deskmessage').textContent.includes('is a float')").unwrap();
+    page.click("#save").unwrap();
+    page.until("state().saved").unwrap();
+    page.value("edit({do: 'quit'})").unwrap();
     assert!(running.0.wait().unwrap().success());
     let saved = std::fs::read_to_string(folder.path().join("scene.lights.pyg")).unwrap();
     assert!(saved.contains("Light (\"key\", \"spotlight\""), "{saved}");
@@ -183,18 +130,20 @@ fn lights_are_edited_in_the_window() {
     BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let folder = place();
     // The image has 240 x 160 pixels in an area of 470 x 576, so it is shown at 100 %.
-    let script = "sleep 12
+    let script = "desk
 wait
 expect desk: idle
 expect desk: key lit
 screenshot first.png
 key R
 drag X Y X2 Y
-frames 20
-sleep 5
+latency
 wait
+expect desk: idle
 expect desk: key lit edited
 screenshot second.png
+light key -40 10
+latency
 quit
 ";
     // Where the light is, by the camera: x = -0.8, y = 0.8, z = 3, with a field of view of 40 degrees.
@@ -215,6 +164,7 @@ quit
     let Some(address) = listens else { panic!("iv does not listen") };
     let _gelato = gelato(&program, folder.path(), &["-relight", "-display", &address, "scene.pyg"]);
     let said: Vec<String> = lines.collect();
+    let reports: Vec<&str> = said.iter().filter_map(|line| line.strip_prefix("latency: edits ")).collect();
     let mut errors = String::new();
     std::io::Read::read_to_string(&mut iv.0.stderr.take().unwrap(), &mut errors).unwrap();
     if errors.contains("the window cannot be opened") {
@@ -222,4 +172,11 @@ quit
         return;
     }
     assert!(iv.0.wait().unwrap().success(), "{said:?} {errors}");
+    // Each of the two drags moves the light eight times, unless two moves end in the same frame of the window.
+    assert_eq!(reports.len(), 2, "{said:?}");
+    for report in reports {
+        let (edits, last) = report.split_once("; final ").unwrap();
+        let times: Vec<f64> = edits.split(' ').chain([last]).map(|time| time.parse().unwrap()).collect();
+        assert!(times.len() >= 8 && times.iter().all(|time| (0.0..60_000.0).contains(time)), "{report}");
+    }
 }

@@ -2,11 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
-mod browser;
-
 use base64::Engine;
-use browser::{PATIENCE, Page, Running, browser};
 use granita_base::Param;
+use granita_browser::{PATIENCE, Page, Running};
 use granita_display::{IvFormat, Packet};
 use granita_image::{CreateOptions, Draw, Format, ImageSpec, Limits, PixelRect, PixelType, Pixels};
 use serde_json::json;
@@ -16,19 +14,17 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-impl Page {
-    /// Returns the pixels of the page as shown on the screen, of 600 x 400 pixels with three interleaved channels.
-    fn screenshot(&mut self) -> Vec<f32> {
-        let shot = self.call("Page.captureScreenshot", json!({"format": "png"}));
-        let png = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
-        let formats = granita_plugin::bundled_formats(Limits::default());
-        let input = formats.open_bytes(Path::new("shot.png"), png.into()).unwrap();
-        let spec = input.spec(0, 0).unwrap();
-        assert_eq!((spec.width, spec.height), (600, 400));
-        let n = spec.nchannels();
-        let values = input.read_level(0, 0).unwrap().to_floats();
-        values.chunks(n).flat_map(|pixel| pixel[..3].to_vec()).collect()
-    }
+/// Returns the pixels of a page as shown on the screen, of 600 x 400 pixels with three interleaved channels.
+fn screenshot(page: &mut Page) -> Vec<f32> {
+    let shot = page.call("Page.captureScreenshot", json!({"format": "png"})).unwrap();
+    let png = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().unwrap()).unwrap();
+    let formats = granita_plugin::bundled_formats(Limits::default());
+    let input = formats.open_bytes(Path::new("shot.png"), png.into()).unwrap();
+    let spec = input.spec(0, 0).unwrap();
+    assert_eq!((spec.width, spec.height), (600, 400));
+    let n = spec.nchannels();
+    let values = input.read_level(0, 0).unwrap().to_floats();
+    values.chunks(n).flat_map(|pixel| pixel[..3].to_vec()).collect()
 }
 
 /// True when a pixel has about this colour on the screen. Its components are 0 to 255.
@@ -89,7 +85,7 @@ fn serve() -> (Running, String, String) {
 
 #[test]
 fn the_page_shows_what_a_renderer_sends() {
-    let Some(browser) = browser() else {
+    let Some(browser) = granita_browser::find() else {
         granita_needs::skip("chromium (or another browser)");
         return;
     };
@@ -116,17 +112,17 @@ fn the_page_shows_what_a_renderer_sends() {
     for hash in ["", "#plain"] {
         let place = folder.path().join(format!("profile{hash}"));
         std::fs::create_dir(&place).unwrap();
-        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]);
+        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]).unwrap();
         let begin = Instant::now();
-        while let Some(fault) = fault(&page.screenshot()) {
+        while let Some(fault) = fault(&screenshot(&mut page)) {
             assert!(begin.elapsed() < PATIENCE, "{hash} {fault}");
             std::thread::sleep(Duration::from_millis(50));
         }
         // With one stop more, half of the value is full brightness. The change by the page's own controls is visible.
         let brighter = "document.getElementById('exposure').value = 1; tuned()";
-        page.call("Runtime.evaluate", json!({"expression": brighter}));
+        page.value(brighter).unwrap();
         let shot = loop {
-            let shot = page.screenshot();
+            let shot = screenshot(&mut page);
             if fault(&shot).is_some() || begin.elapsed() > PATIENCE {
                 break shot;
             }
@@ -145,7 +141,7 @@ fn share(shot: &[f32], colors: &[[f32; 3]]) -> f32 {
 
 #[test]
 fn large_images_show_all_their_pixels() {
-    let Some(browser) = browser() else {
+    let Some(browser) = granita_browser::find() else {
         granita_needs::skip("chromium (or another browser)");
         return;
     };
@@ -163,14 +159,13 @@ fn large_images_show_all_their_pixels() {
     for hash in ["", "#plain"] {
         let place = folder.path().join(format!("profile{hash}"));
         std::fs::create_dir(&place).unwrap();
-        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]);
+        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]).unwrap();
         let begin = Instant::now();
-        let evaluate = |page: &mut Page, code: &str| {
-            page.call("Runtime.evaluate", json!({"expression": code}))["result"]["value"].clone()
-        };
+        page.until("document.getElementById('zoom')").unwrap();
+        let evaluate = |page: &mut Page, code: &str| page.value(code).unwrap();
         let until = |page: &mut Page, what: &str, holds: &dyn Fn(&[f32], &str) -> bool| loop {
             let zoom = evaluate(page, "document.getElementById('zoom').textContent");
-            let shot = page.screenshot();
+            let shot = screenshot(page);
             if holds(&shot, zoom.as_str().unwrap_or_default()) {
                 return;
             }

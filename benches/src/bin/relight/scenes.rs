@@ -1,7 +1,7 @@
 //! The scenes, and one edit of each kind for each of them.
 
-use granita_benches::{Fur, repository};
-use std::path::{Path, PathBuf};
+use granita_benches::{Fur, copy_files, repository};
+use std::path::Path;
 use std::process::Command;
 
 /// The kinds of edits: the name, and the least ratio of a frame rendered anew over a re-rendered one.
@@ -165,7 +165,7 @@ impl Scene {
     pub(crate) fn prepare(&self, gelato: &Path, place: &Path) -> Result<(), String> {
         let Some(file) = self.file.filter(|file| file.starts_with("examples/")) else { return Ok(()) };
         for folder in ["examples/first", "examples/relight", "examples/data"] {
-            copy(&repository().join(folder), &place.join(folder))?;
+            copy_files(&repository().join(folder), &place.join(folder))?;
         }
         let text = std::fs::read_to_string(repository().join(file)).map_err(|e| format!("{file}: {e}"))?;
         let commands = text.lines().filter(|line| line.starts_with("Command ("));
@@ -178,17 +178,4 @@ impl Scene {
         let said = String::from_utf8_lossy(&done.stderr);
         if said.contains("error") { Err(format!("{file}: {said}")) } else { Ok(()) }
     }
-}
-
-/// Copies the files of a folder.
-fn copy(from: &Path, to: &Path) -> Result<(), String> {
-    let failed = |path: &PathBuf, e: std::io::Error| format!("{}: {e}", path.display());
-    std::fs::create_dir_all(to).map_err(|e| e.to_string())?;
-    for entry in std::fs::read_dir(from).map_err(|e| failed(&from.to_owned(), e))? {
-        let path = entry.map_err(|e| e.to_string())?.path();
-        if let Some(name) = path.file_name().filter(|_| path.is_file()) {
-            std::fs::copy(&path, to.join(name)).map_err(|e| failed(&path, e))?;
-        }
-    }
-    Ok(())
 }

@@ -1,13 +1,24 @@
 //! The edits that viewers send, as JSON.
 //!
 //! An edit is an object with the word of its kind in "do", and further values by kind (see [`Edit`]). All edits may
-//! have "visible", the rectangle `[x, y, width, height]` of the image that the user sees.
+//! have "visible", the rectangle `[x, y, width, height]` of the image that the user sees, and "number", an integer that
+//! comes back in the panel when the image shows the edit.
 
 use granita_image::PixelRect;
 use serde_json::Value;
 
 /// The largest number of bytes of a name, and of a pattern.
 const NAME_BYTES: usize = 1024;
+
+/// A message of a viewer.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Received {
+    pub(crate) edit: Edit,
+    /// The part of the image that the user sees, in pixels of the image.
+    pub(crate) visible: Option<PixelRect>,
+    /// The number that the viewer gave to the edit.
+    pub(crate) number: Option<u64>,
+}
 
 /// What a user did.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,21 +81,23 @@ pub(crate) enum Change {
     Restore,
 }
 
-impl Edit {
-    /// Parses an edit and the rectangle that the user sees.
+impl Received {
+    /// Parses a message.
     ///
     /// # Errors
     /// Returns a message when the text is not an edit.
-    pub(crate) fn parse(text: &str) -> Result<(Self, Option<PixelRect>), String> {
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
         let value: Value =
             serde_json::from_str(text).map_err(|error| format!("an edit is not JSON: {error}"))?;
-        let edit = Self::of(&value).ok_or_else(|| {
+        let edit = Edit::of(&value).ok_or_else(|| {
             let text: String = text.chars().take(200).collect();
             format!("not an edit: {text}")
         })?;
-        Ok((edit, visible(&value["visible"])))
+        Ok(Self { edit, visible: visible(&value["visible"]), number: value["number"].as_u64() })
     }
+}
 
+impl Edit {
     fn of(value: &Value) -> Option<Self> {
         let word = value["do"].as_str()?;
         Some(match word {
@@ -200,10 +213,11 @@ mod tests {
                 Edit::Add { shader: "spotlight".to_owned(), id: None },
             ),
         ] {
-            assert_eq!(Edit::parse(text), Ok((edit, None)), "{text}");
+            assert_eq!(Received::parse(text), Ok(Received { edit, visible: None, number: None }), "{text}");
         }
-        let seen = Edit::parse(r#"{"do":"see","visible":[10.5,20,30,40]}"#).unwrap();
-        assert_eq!(seen, (Edit::See, Some(PixelRect::at(10, 20, 30, 40))));
+        let seen = Received::parse(r#"{"do":"see","visible":[10.5,20,30,40],"number":7}"#).unwrap();
+        let visible = Some(PixelRect::at(10, 20, 30, 40));
+        assert_eq!(seen, Received { edit: Edit::See, visible, number: Some(7) });
         for bad in [
             "",
             "[]",
@@ -217,13 +231,17 @@ mod tests {
             r#"{"do":"distance","light":"key","value":-1}"#,
             r#"{"do":"set","light":"a\u0000b","param":"x","value":1}"#,
         ] {
-            assert!(Edit::parse(bad).is_err(), "{bad}");
+            assert!(Received::parse(bad).is_err(), "{bad}");
         }
         let long = format!(r#"{{"do":"delete","light":"{}"}}"#, "x".repeat(2000));
-        assert!(Edit::parse(&long).is_err());
+        assert!(Received::parse(&long).is_err());
         for seen in ["[0,0,0,5]", "[0,0,1e300,5]", "\"x\"", "[1,2,3]"] {
             let text = format!(r#"{{"do":"see","visible":{seen}}}"#);
-            assert_eq!(Edit::parse(&text).unwrap().1, None, "{seen}");
+            assert_eq!(Received::parse(&text).unwrap().visible, None, "{seen}");
+        }
+        for number in ["-1", "1.5", "\"1\"", "null"] {
+            let text = format!(r#"{{"do":"undo","number":{number}}}"#);
+            assert_eq!(Received::parse(&text).unwrap().number, None, "{number}");
         }
     }
 }

@@ -3,6 +3,9 @@
 //! The panel consists of parts, of which those that changed are sent: "desk" (what does not change), "state" (status,
 //! undo, messages, the order of the lights), "objects" (the names of objects, and how many each light illuminates), and
 //! "light/ID" for each light. Positions in the image are pixels of its data window.
+//!
+//! In "state", "image" describes the last complete image: "edit" is the number of the last edit that it shows (null
+//! without numbers), and "coarse" is true for an image of a drag. The pixels of the image are sent before this part.
 
 use super::Desk;
 use super::geometry::angles_deg;
@@ -23,6 +26,10 @@ const LIGHTS: usize = 1000;
 impl Desk {
     /// Shows what changed in the panel.
     pub(super) fn show_panel(&mut self, session: &Session) {
+        if self.next_frame().is_none() {
+            // The image shows edits that change nothing without another frame.
+            self.complete.number = self.number;
+        }
         let constant = json!({
             "version": 1,
             "window": self.window().map(|w| [w.x0, w.y0, w.width() as i32, w.height() as i32]),
@@ -45,6 +52,7 @@ impl Desk {
         let ids: Vec<&str> = lamps.iter().take(LIGHTS).map(|lamp| &*lamp.id).collect();
         let state = json!({
             "status": self.status.word(),
+            "image": {"edit": self.complete.number, "coarse": self.complete.coarse},
             "message": self.message.as_ref().map(|(text, is_error)| json!({"text": text, "error": is_error})),
             "undo": self.history.undo_label(),
             "redo": self.history.redo_label(),

@@ -57,6 +57,8 @@ struct State {
     interrupted: bool,
     /// True when the image of the frame is complete.
     complete: bool,
+    /// True while the pixels of the frame are discarded.
+    hidden: bool,
     /// The reason why the viewer receives nothing more.
     gone: Option<String>,
     /// The number of ticks since the viewer was last tested.
@@ -172,6 +174,11 @@ impl Screen {
         (state.priority, state.complete) = (priority, false);
     }
 
+    /// Begins or ends a frame whose pixels are discarded. It leaves the image and its completeness as they are.
+    pub(crate) fn hide(&self, hidden: bool) {
+        self.state().hidden = hidden;
+    }
+
     /// True when the last frame has all its pixels.
     pub(crate) fn is_complete(&self) -> bool {
         self.state().complete
@@ -228,6 +235,12 @@ impl Screen {
     /// Returns the names of the parts of the panel.
     pub(crate) fn parts(&self) -> Vec<String> {
         self.state().panel.keys().cloned().collect()
+    }
+
+    /// Returns a part of the panel; an empty text when there is no such part.
+    #[cfg(test)]
+    pub(crate) fn part(&self, name: &str) -> String {
+        self.state().panel.get(name).cloned().unwrap_or_default()
     }
 
     /// Returns the name of the image of the pixels before the last edit.
@@ -329,7 +342,7 @@ impl Screen {
     /// Draws a rectangle of the window.
     fn draw(&self, kind: Kind, rect: &PixelRect, pixels: &Pixels) {
         let mut state = self.state();
-        let Some(window) = state.window else { return };
+        let Some(window) = state.window.filter(|_| !state.hidden) else { return };
         let values = pixels.floats();
         let plane = match kind {
             Kind::Color => &mut state.color,
@@ -418,8 +431,10 @@ impl ImageOutput for DeskImage {
     }
 
     fn begin_rectangle(&mut self, rect: &PixelRect) {
+        let mut state = self.screen.state();
         if self.kind == Kind::Color
-            && let Some(image) = &mut self.screen.state().image
+            && !state.hidden
+            && let Some(image) = &mut state.image
         {
             image.begin_rectangle(&rect.moved(self.at[0], self.at[1]));
         }
@@ -444,8 +459,9 @@ impl ImageOutput for DeskImage {
     }
 
     fn close(self: Box<Self>) -> Result<()> {
-        if self.kind == Kind::Color {
-            self.screen.state().complete = true;
+        let mut state = self.screen.state();
+        if self.kind == Kind::Color && !state.hidden {
+            state.complete = true;
         }
         Ok(())
     }

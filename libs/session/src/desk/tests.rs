@@ -215,7 +215,10 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
             f.desk.next_frame(),
             Some(DeskFrame { coarse: true, crop: f.desk.crop(PixelRect::at(8, 4, 20, 16)) })
         );
+        // The image before the drag is sent after the first image of the drag.
+        assert_eq!(f.desk.has_before, value == 40);
         f.image();
+        assert!(f.desk.has_before);
     }
     let coarse = f.image();
     let changed: Vec<[usize; 2]> = (0..48 * 36)
@@ -232,6 +235,66 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
     f.edit(json!({"do": "undo"}));
     assert!(f.checked("undo") == first);
     assert_eq!(f.desk.history.redo_label(), Some("key: intensity"));
+}
+
+#[test]
+fn drags_are_prepared_without_a_change_of_the_image() {
+    let mut f = Fixture::new();
+    let first = f.checked("no edit");
+    assert_eq!(f.desk.prepared, None);
+    f.desk.turn(&mut f.session).unwrap();
+    assert_eq!(f.desk.prepared, Some(None));
+    assert!(f.desk.screen.is_complete() && f.desk.next_frame().is_none());
+    assert!(f.checked("prepared") == first);
+    f.edit(json!({"do": "begin"}));
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
+    let coarse = f.image();
+    // The same drag without the preparation.
+    let mut g = Fixture::new();
+    g.edit(json!({"do": "begin"}));
+    g.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
+    assert!(g.image() == coarse && coarse != first);
+    f.edit(json!({"do": "end"}));
+    f.checked("the end of the drag");
+}
+
+#[test]
+fn edits_of_a_drag_do_not_stop_its_coarse_frame_at_once() {
+    let set = r#"{"do":"set","light":"key","param":"intensity","value":2}"#;
+    let now = Instant::now();
+    for (until, stops) in [(None, true), (Some(now), true), (Some(now + FIRST_COARSE), false)] {
+        // The clock may not have advanced since.
+        std::thread::sleep(Duration::from_millis(2));
+        let running = Running { coarse_until: until };
+        assert_eq!(interrupts(set, &running), stops);
+        assert!(interrupts(r#"{"do":"end"}"#, &running) && interrupts(r#"{"do":"undo"}"#, &running));
+        assert!(!interrupts(r#"{"do":"begin"}"#, &running) && !interrupts("no edit", &running));
+    }
+}
+
+#[test]
+fn the_panel_reports_the_last_edit_that_the_image_shows() {
+    let mut f = Fixture::new();
+    let image = |f: &Fixture| {
+        let state: Value = serde_json::from_str(&f.desk.screen.part("state")).unwrap();
+        state["image"].clone()
+    };
+    assert_eq!(image(&f), json!({"edit": null, "coarse": false}));
+    f.edit(json!({"do": "begin", "number": 1}));
+    assert_eq!(image(&f), json!({"edit": 1, "coarse": false}), "it changes nothing");
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 30, "number": 2}));
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40, "number": 3}));
+    assert_eq!(image(&f), json!({"edit": 1, "coarse": false}), "it is not rendered yet");
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 3, "coarse": true}));
+    f.edit(json!({"do": "end", "number": 4}));
+    assert_eq!(image(&f), json!({"edit": 3, "coarse": true}));
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 4, "coarse": false}));
+    // An edit without a number leaves the number of the one before.
+    f.edit(json!({"do": "on", "light": "key", "value": false}));
+    f.image();
+    assert_eq!(image(&f), json!({"edit": 4, "coarse": false}));
 }
 
 #[test]

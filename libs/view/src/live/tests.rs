@@ -155,6 +155,18 @@ fn waiting_threads_are_woken_by_changes() {
     let other = live.clone();
     let maker = std::thread::spawn(move || other.create("a", 1, 1, &names(&["Y"])));
     assert!(live.wait(seen, Duration::from_secs(20)) > seen);
+    // Without a change, a thread ends its wait when it is woken and has something else to do.
+    let seen = live.version();
+    let (other, begin) = (live.clone(), std::time::Instant::now());
+    let flag = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let set = flag.clone();
+    std::thread::spawn(move || {
+        set.store(true, std::sync::atomic::Ordering::SeqCst);
+        other.wake();
+    });
+    let ends = || flag.load(std::sync::atomic::Ordering::SeqCst);
+    assert_eq!(live.wait_unless(seen, Duration::from_secs(60), ends), seen);
+    assert!(begin.elapsed() < Duration::from_secs(60));
     maker.join().unwrap().unwrap();
     assert_eq!(live.shown(), 0);
     live.show("a");

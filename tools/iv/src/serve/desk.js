@@ -21,7 +21,7 @@ function visible() {
   return [x0, y0, x1 - x0, y1 - y0];
 }
 function edit(what) {
-  if (desk.may && socket && socket.readyState === 1) socket.send(JSON.stringify({ edit: { ...what, visible: visible() }, image: desk.id }));
+  if (desk.may && socket && socket.readyState === 1) socket.send(JSON.stringify({ edit: { ...what, visible: visible(), number: ++desk.sent }, image: desk.id }));
 }
 function drag(what) {
   if (!desk.drag) { desk.drag = true; edit({ do: "begin" }); }

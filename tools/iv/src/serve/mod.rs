@@ -8,6 +8,7 @@
 mod blocks;
 mod detail;
 mod http;
+mod incoming;
 mod page;
 
 use crate::listen::{self, NetArgs, files};
@@ -16,6 +17,7 @@ use granita_cli::Status;
 use granita_display::{Place, Places, listen_address};
 use granita_image::FormatRegistry;
 use granita_view::Live;
+use incoming::Incoming;
 use page::{Message, Page};
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -36,7 +38,7 @@ const CONNECTIONS: usize = 64;
 const CONNECTIONS_OF_ADDRESS: usize = 48;
 /// The longest time for which a message waits for a browser that does not read.
 const STALL: Duration = Duration::from_secs(20);
-/// The interval at which messages of a browser are read while nothing changes.
+/// The interval at which the thread of a page checks whether the server ends.
 const TICK: Duration = Duration::from_millis(40);
 
 /// A server of pages. It ends when it is dropped.
@@ -156,9 +158,7 @@ fn converse(shared: &Shared, place: &Place, mut socket: TcpStream) {
 
 /// Keeps a page up to date until it is closed. `more` holds the bytes that came with its request.
 fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
-    if socket.set_read_timeout(Some(Duration::from_millis(1))).is_err()
-        || socket.set_write_timeout(Some(TICK)).is_err()
-    {
+    if socket.set_write_timeout(Some(TICK)).is_err() {
         return;
     }
     // A page on another machine has the address, but lights may be changed from this machine only.
@@ -168,6 +168,9 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
         .max_frame_size(Some(1 << 16))
         .write_buffer_size(0)
         .max_write_buffer_size(64 << 20);
+    let live = shared.live.clone();
+    let Ok(socket) = Incoming::new(socket, move || live.wake()) else { return };
+    let is_ready = socket.readiness();
     let mut web = WebSocket::from_partially_read(socket, more, Role::Server, Some(config));
     let mut page = Page::new(shared.live.clone(), may_edit);
     while !shared.places.is_ending() {
@@ -194,7 +197,7 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
             }
         }
         if !page.is_behind() {
-            shared.live.wait(page.version(), TICK);
+            shared.live.wait_unless(page.version(), TICK, &is_ready);
         }
     }
     let _ = web.close(None);
@@ -202,7 +205,7 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
 }
 
 /// Sends a message, as long as the browser keeps reading. Returns false when the connection is lost.
-fn send(web: &mut WebSocket<TcpStream>, message: tungstenite::Message) -> bool {
+fn send(web: &mut WebSocket<Incoming>, message: tungstenite::Message) -> bool {
     let begin = Instant::now();
     let mut result = web.write(message);
     loop {

@@ -168,6 +168,7 @@ impl Page {
     pub(super) fn news(&mut self) -> Vec<Message> {
         let version = self.live.version();
         let mut messages = Vec::new();
+        let mut panel = None;
         if self.version != Some(version) {
             self.version = Some(version);
             let list = self.images();
@@ -175,12 +176,21 @@ impl Page {
                 messages.push(Message::Text(list.to_string()));
                 self.list = list;
             }
-            messages.extend(self.panel_news());
+            panel = self.panel_news();
         }
+        self.image_news(&mut messages);
+        // The panel was read before the pixels and follows them, so that what it reports of the image is visible. Only
+        // of large images more pixels may be pending.
+        messages.extend(panel);
+        messages
+    }
+
+    /// Appends the changes of the selected image.
+    fn image_news(&mut self, messages: &mut Vec<Message>) {
         let Some(info) = self.chosen() else {
             self.pending.clear();
             self.detail = None;
-            return messages;
+            return;
         };
         self.channels.retain(|c| *c < info.channels.len());
         if self.channels.is_empty() {
@@ -240,7 +250,6 @@ impl Page {
                 }
             }
         }
-        messages
     }
 
     fn images(&self) -> Value {
@@ -518,6 +527,26 @@ mod tests {
             Message::Pixels(_) => None,
         };
         page.news().into_iter().filter_map(text).collect()
+    }
+
+    #[test]
+    fn panels_follow_the_pixels_that_they_describe() {
+        let live = Live::default();
+        live.create("a", 4, 4, &names(&["Y"])).unwrap();
+        let id = live.info("a").unwrap().id;
+        let mut page = Page::new(live.clone(), true);
+        page.hear(&json!({"show": id, "channels": [0]}).to_string());
+        page.hear(&json!({"panel": id}).to_string());
+        page.news();
+        live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 4, 4), &[1.0; 16]).unwrap();
+        live.show_panel("a", "state", "{\"n\":1}").unwrap();
+        let kinds: Vec<bool> = page.news().iter().map(|m| matches!(m, Message::Pixels(_))).collect();
+        // The list comes first, because the image has a panel now.
+        assert_eq!(kinds, [false, true, false]);
+        live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 4, 4), &[2.0; 16]).unwrap();
+        live.show_panel("a", "state", "{\"n\":2}").unwrap();
+        let kinds: Vec<bool> = page.news().iter().map(|m| matches!(m, Message::Pixels(_))).collect();
+        assert_eq!(kinds, [true, false]);
     }
 
     #[test]

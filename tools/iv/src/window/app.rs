@@ -4,6 +4,7 @@ use super::Outcome;
 use super::blit::Blit;
 use super::desk::{Desk, Pointing};
 use super::keys;
+use super::latency::Latency;
 use super::model::{Command, Model};
 use super::script::{Running, Step};
 use eframe::{egui, egui_wgpu};
@@ -62,6 +63,9 @@ pub(crate) struct App {
     pub(super) outcome: Outcome,
     pub(super) shot: Shot,
     pub(super) shown_title: String,
+    /// The time of the input of this frame, and what the desk does with its edits.
+    pub(super) input: Instant,
+    pub(super) latency: Latency,
     /// The index of the current entry and the time at which it became current. For the first entry, this is the time at
     /// which the program began to make the window.
     since: (usize, Instant),
@@ -87,6 +91,7 @@ impl App {
             frames: 0,
             until: None,
             quiet: 0,
+            since: started,
             bench: None,
             screenshot: None,
         });
@@ -108,6 +113,8 @@ impl App {
             outcome,
             shot: Shot::default(),
             shown_title: String::new(),
+            input: started,
+            latency: Latency::default(),
             since: (0, started),
             first_image: [None; 2],
         }

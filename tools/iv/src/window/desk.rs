@@ -34,7 +34,7 @@ pub(crate) struct Desk {
     panel: Arc<Panel>,
     parts: BTreeMap<String, Value>,
     /// The id of the light whose controls are open.
-    chosen: Option<String>,
+    pub(super) chosen: Option<String>,
     /// What the next drag in the image does.
     mode: Option<Pointing>,
     /// True while edits belong to one step.
@@ -85,7 +85,7 @@ impl Desk {
         ctx.memory(|m| m.focused()).is_some_and(|id| self.fields.contains(&id))
     }
 
-    fn part(&self, name: &str) -> &Value {
+    pub(super) fn part(&self, name: &str) -> &Value {
         self.parts.get(name).unwrap_or(&Value::Null)
     }
 
@@ -94,7 +94,7 @@ impl Desk {
         ids.filter_map(|id| self.parts.get(&format!("light/{}", id.as_str()?)).cloned()).collect()
     }
 
-    fn light(&self, id: &str) -> &Value {
+    pub(super) fn light(&self, id: &str) -> &Value {
         self.part(&format!("light/{id}"))
     }
 

@@ -5,7 +5,7 @@ use super::desk::{Desk, ECHO};
 use eframe::egui;
 use egui::Ui;
 use granita_view::Mix;
-use serde_json::json;
+use serde_json::{Value, json};
 
 /// Shows the panel at the right edge of the window, if an image has one.
 pub(crate) fn show(app: &mut App, ui: &mut Ui) {
@@ -29,7 +29,7 @@ pub(crate) fn show(app: &mut App, ui: &mut Ui) {
 }
 
 /// Sends the edits to the renderer.
-fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
+fn send(desk: &mut Desk, app: &mut App, ctx: &egui::Context) {
     if desk.dragging && !ctx.input(|i| i.pointer.any_down()) {
         desk.dragging = false;
         desk.edits.push(json!({"do": "end"}));
@@ -43,6 +43,7 @@ fn send(desk: &mut Desk, app: &App, ctx: &egui::Context) {
         (view.to_sheet(0.0, 0.0), view.to_sheet(f64::from(view.width), f64::from(view.height)));
     for mut edit in edits {
         edit["visible"] = json!([x0, y0, x1 - x0, y1 - y0]);
+        edit["number"] = json!(app.latency.sent(app.input, edit["light"].is_string()));
         sender.send(&edit.to_string());
         ctx.request_repaint();
     }
@@ -57,5 +58,30 @@ fn compare(app: &mut App, before: &str) {
     if let Some(entry) = found.filter(|entry| *entry != entries.current) {
         app.model.other = Some(entry);
         app.model.mix = if shown { Mix::First } else { Mix::Wipe { at: 0.5, down: false } };
+    }
+}
+
+/// What scripts and measurements use.
+impl Desk {
+    /// True when an image has a panel and its sender renders nothing.
+    pub(super) fn is_idle(&self) -> bool {
+        self.part("state")["status"] == "idle"
+    }
+
+    /// Returns the number of the last edit that the last complete image shows, and true when that image is coarse.
+    /// Returns `None` when the sender does not report it.
+    pub(super) fn complete_image(&self) -> Option<(u64, bool)> {
+        let image = &self.part("state")["image"];
+        Some((image["edit"].as_u64()?, image["coarse"].as_bool()?))
+    }
+
+    /// Returns the position of a light in the image, in pixels; `None` for a light that is not there.
+    pub(super) fn place(&self, id: &str) -> Option<&Value> {
+        Some(&self.light(id)["at"]).filter(|at| at.is_array())
+    }
+
+    /// Opens the controls of a light.
+    pub(super) fn choose(&mut self, id: &str) {
+        self.chosen = Some(id.to_owned());
     }
 }

@@ -8,6 +8,7 @@ mod blit;
 mod desk;
 mod entries;
 mod keys;
+mod latency;
 mod lighting;
 mod lost;
 mod model;

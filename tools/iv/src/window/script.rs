@@ -9,6 +9,9 @@
 //! | `move X Y` | moves the pointer, in pixels of the screen |
 //! | `click X Y [Shift+][Ctrl+]` | clicks with the primary button |
 //! | `drag X Y X Y [Shift+][Ctrl+]` | drags with the primary button, in eight steps |
+//! | `desk` | waits until the desk for lighting is there and renders nothing, at most 60 s |
+//! | `light ID DX DY` | chooses a light of the desk and drags it in the image by DX and DY pixels of the screen, in eight steps |
+//! | `latency` | waits until the image shows all edits of the desk, at most 60 s, and prints the milliseconds from each edit to the first image with it, and from the last input to the final image |
 //! | `scroll X Y N` | turns the wheel by N steps away from the user |
 //! | `type TEXT` | enters text at a prompt |
 //! | `file NAME` | adds an image file and shows it |
@@ -34,6 +37,10 @@ pub(crate) enum Step {
     Move(f32, f32),
     Click(f32, f32, String),
     Drag([f32; 4], String),
+    Desk,
+    /// The id of a light, and the distance.
+    Light(String, [f32; 2]),
+    Latency,
     Scroll(f32, f32, f32),
     Type(String),
     File(PathBuf),
@@ -77,6 +84,9 @@ fn step(line: &str) -> Option<Step> {
         "move" => Step::Move(number(0)?, number(1)?),
         "click" => Step::Click(number(0)?, number(1)?, modifiers(2)),
         "drag" => Step::Drag([number(0)?, number(1)?, number(2)?, number(3)?], modifiers(4)),
+        "desk" => Step::Desk,
+        "light" => Step::Light((*words.first()?).to_owned(), [number(1)?, number(2)?]),
+        "latency" => Step::Latency,
         "scroll" => Step::Scroll(number(0)?, number(1)?, number(2)?),
         "type" => Step::Type(rest.to_owned()),
         "file" => Step::File(rest.into()),
@@ -99,6 +109,8 @@ pub(super) struct Running {
     pub(super) until: Option<Instant>,
     /// The number of consecutive frames in which everything was loaded.
     pub(super) quiet: u32,
+    /// The time at which the last step began.
+    pub(super) since: Instant,
     pub(super) bench: Option<Bench>,
     pub(super) screenshot: Option<PathBuf>,
 }
@@ -119,9 +131,10 @@ mod tests {
     #[test]
     fn lines_of_scripts_are_parsed_or_refused() {
         assert_eq!(step("drag 1 2 3 4 Shift+"), Some(Step::Drag([1., 2., 3., 4.], "Shift+".to_owned())));
+        assert_eq!(step("light key 3 -4"), Some(Step::Light("key".to_owned(), [3., -4.])));
         assert_eq!(step("key Ctrl+S"), Some(Step::Key("Ctrl+S".to_owned())));
         assert_eq!(step("expect a b"), Some(Step::Expect("a b".to_owned())));
-        for bad in ["key Nothing", "move 1", "frames x", "dance"] {
+        for bad in ["key Nothing", "move 1", "light key 3", "frames x", "dance"] {
             assert_eq!(step(bad), None, "{bad}");
         }
     }

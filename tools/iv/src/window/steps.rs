@@ -1,6 +1,7 @@
 //! The steps of a script, frame by frame.
 
 use super::app::App;
+use super::latency::LONGEST;
 use super::script::{Bench, Step};
 use super::{keys, panels};
 use eframe::egui;
@@ -38,7 +39,12 @@ impl App {
             script.quiet = 0;
             script.steps.pop_front();
         }
-        true
+        let is_done = match script.steps.front() {
+            Some(Step::Desk) => self.desk.is_idle(),
+            Some(Step::Latency) => self.latency.is_done(),
+            _ => true,
+        };
+        is_done || self.input.duration_since(script.since) > LONGEST
     }
 
     pub(super) fn go_on(&mut self, ctx: &egui::Context) {
@@ -50,12 +56,19 @@ impl App {
                 break;
             }
             let Some(step) = script.steps.pop_front() else { break };
+            script.since = Instant::now();
             self.step(step, ctx);
         }
         let settled = self.model.is_settled();
         if let Some(script) = &self.script {
             // While data is read, the window is drawn again when it arrives.
-            match script.steps.front() == Some(&Step::Wait) && !settled {
+            let waits = match script.steps.front() {
+                Some(Step::Wait) => !settled,
+                // More frames would take time from the renderer.
+                Some(Step::Desk | Step::Latency) => script.events.is_empty(),
+                _ => false,
+            };
+            match waits {
                 true => ctx.request_repaint_after(Duration::from_millis(50)),
                 false => ctx.request_repaint(),
             }
@@ -66,7 +79,7 @@ impl App {
         let Some(script) = &mut self.script else { return };
         let ppp = ctx.pixels_per_point();
         match step {
-            Step::Wait => {}
+            Step::Wait | Step::Desk => {}
             Step::Frames(n) => script.frames = n,
             Step::Sleep(s) => {
                 script.until = Some(Instant::now() + Duration::from_secs_f64(s.clamp(0.0, 60.0)))
@@ -79,6 +92,18 @@ impl App {
                 script.events.push_back(vec![button(p, false, m)]);
             }
             Step::Drag(line, text) => script.events.extend(drag_events(line, ppp, modifiers(&text))),
+            Step::Light(id, [dx, dy]) => {
+                let place = self.desk.place(&id).and_then(|at| self.pixel_point(at, ppp));
+                let Some(place) = place else { return self.fail(&format!("no light \"{id}\" in the image")) };
+                self.desk.choose(&id);
+                let (x, y) = (place.x * ppp, place.y * ppp);
+                let Some(script) = &mut self.script else { return };
+                script.events.extend(drag_events([x, y, x + dx, y + dy], ppp, Modifiers::NONE));
+            }
+            Step::Latency => {
+                let report = self.latency.report();
+                granita_cli::print(&format!("{report}\n"));
+            }
             Step::Scroll(x, y, n) => {
                 script.events.push_back(vec![Event::PointerMoved(point([x, y], ppp))]);
                 script.events.push_back(vec![wheel(n)]);

@@ -5,10 +5,12 @@ use super::{lighting, panels};
 use eframe::egui;
 use egui::{Event, Key};
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 impl eframe::App for App {
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
+        self.input = Instant::now();
+        self.latency.begin(self.input);
         if let Some(script) = &mut self.script {
             // Only the script controls the pointer and the keys.
             raw_input.events.retain(|e| {
@@ -64,6 +66,9 @@ impl eframe::App for App {
         lighting::show(self, ui);
         self.area = ui.available_rect_before_wrap();
         self.show_image(ui);
+        if self.latency.drawn(self.desk.complete_image(), self.model.complete) {
+            ctx.request_repaint();
+        }
         panels::over(self, ui);
         if let Some(command) = self.model.pending.take() {
             self.run(command, &ctx);
