@@ -13,6 +13,7 @@
 
 mod calls;
 mod changes;
+pub(crate) mod coarse;
 mod edit;
 mod geometry;
 mod history;
@@ -26,6 +27,7 @@ mod tests;
 
 use crate::outputs::{DeskFrame, Requested};
 use crate::{Session, SessionError};
+use coarse::Coarse;
 use edit::{Edit, Received};
 use geometry::Eye;
 use granita_base::SearchPath;
@@ -316,6 +318,14 @@ impl Desk {
         (!seen.is_empty() && seen != all).then_some(seen)
     }
 
+    /// Returns the coarse image, and the pixels of the window in which it is shown.
+    fn coarse(&self) -> Option<(Coarse, PixelRect)> {
+        let window = self.window()?;
+        let all = PixelRect::at(0, 0, window.width() as u32, window.height() as u32);
+        let resolution = self.eye.as_ref()?.resolution().map(|n| n as i32);
+        Some((Coarse::new(resolution), self.seen().unwrap_or(all)))
+    }
+
     /// Returns the crop window of a camera that renders a part of the window.
     fn crop(&self, part: PixelRect) -> Option<[f32; 4]> {
         let window = self.window()?;
@@ -336,6 +346,7 @@ impl Desk {
             session.call(call)?;
         }
         self.screen.begin_frame(self.seen().filter(|_| !frame.coarse));
+        self.screen.be_coarse(self.coarse().filter(|_| frame.coarse));
         let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
         self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
         session.render_for_desk(Some(frame));
@@ -380,10 +391,12 @@ impl Desk {
             session.call(call)?;
         }
         self.screen.hide(true);
+        self.screen.be_coarse(self.coarse());
         session.render_for_desk(Some(DeskFrame { coarse: true, crop: None }));
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
         self.screen.hide(false);
+        self.screen.be_coarse(None);
         self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
         // The frames that are shown report the same.
         self.said.lock().clear();

@@ -1,5 +1,6 @@
 //! Images and attributes that the command line adds or replaces.
 
+use crate::desk::coarse::Coarse;
 use crate::looking::Looking;
 use crate::{ExtraOutput, SessionOptions};
 use granita_base::{BaseType, Location, MotionTransform, Param, ParamType, Reporter};
@@ -43,10 +44,13 @@ impl Requested {
     }
 }
 
+/// The largest "spatialquality" of coarse frames of a desk, along each axis. The other qualities are at most its square.
+const COARSE_QUALITY: i32 = 2;
+
 /// How a frame of the desk differs from one of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct DeskFrame {
-    /// True for one sample per pixel.
+    /// True for a coarse image with few samples.
     pub(crate) coarse: bool,
     /// The crop window of the camera; `None` for that of the scene.
     pub(crate) crop: Option<[f32; 4]>,
@@ -137,10 +141,19 @@ fn for_desk(scene: &mut Scene, frame: DeskFrame, options: &SessionOptions) {
     scene.outputs.retain(|o| o.get(attr::DYNAMIC) && matches!(&*o.data, "z" | "avgz"));
     scene.globals.remove(attr::NET_WORKERS.name());
     for camera in &mut scene.cameras {
+        let crop = frame.crop.or(options.crop);
         if frame.coarse {
-            camera.params.set(attr::SPATIALQUALITY.param([1, 1]));
-        }
-        if let Some(crop) = frame.crop.or(options.crop) {
+            let coarse = Coarse::new(camera.get(attr::RESOLUTION));
+            let quality = camera.get(attr::SPATIALQUALITY).map(|n| n.min(COARSE_QUALITY));
+            camera.params.set(attr::SPATIALQUALITY.param(quality));
+            for quality in [attr::TEMPORALQUALITY, attr::DOFQUALITY] {
+                let few = camera.get(quality).min(COARSE_QUALITY * COARSE_QUALITY);
+                camera.params.set(quality.param(few));
+            }
+            camera.params.set(attr::RESOLUTION.param(coarse.resolution()));
+            let crop = crop.unwrap_or(camera.get(attr::CROP));
+            camera.params.set(attr::CROP.param(coarse.grown_crop(crop)));
+        } else if let Some(crop) = crop {
             camera.params.set(attr::CROP.param(crop));
         }
     }

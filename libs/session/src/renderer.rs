@@ -104,6 +104,8 @@ pub(crate) struct SessionRenderer {
     requested: RequestedImages,
     /// What the frames of a scene in re-rendering mode keep for the next one.
     kept: Kept,
+    /// What the coarse frames of a desk keep, which have another resolution.
+    coarse_kept: Kept,
     /// True while a frame is rendered and its images are written.
     busy: Arc<AtomicBool>,
     /// The coordinator that this session renders buckets for.
@@ -152,6 +154,7 @@ impl SessionRenderer {
             viewer: OnceLock::new(),
             requested: RequestedImages::default(),
             kept: Kept::default(),
+            coarse_kept: Kept::default(),
             busy: Arc::default(),
             master: master.map(Arc::new),
             options,
@@ -317,12 +320,14 @@ impl SessionRenderer {
         let renderer = Renderer::new(self.environment(&scene));
         self.progress.over.store(false, Ordering::Relaxed);
         let keeps = scene.get(attr::RERENDER) && !self.options.rerenders_anew;
+        let is_coarse = desk.is_some_and(|desk| desk.coarse);
+        let kept = if is_coarse { &mut self.coarse_kept } else { &mut self.kept };
         let result = match keeps {
-            true => renderer.rerender(&scene, camera, &mut self.kept),
+            true => renderer.rerender(&scene, camera, kept),
             false => renderer.render(&scene, camera),
         };
         if !keeps {
-            self.kept = Kept::default();
+            (self.kept, self.coarse_kept) = (Kept::default(), Kept::default());
         }
         let report = match result {
             Ok(report) => Some(report),

@@ -3,6 +3,7 @@
 //! Each frame, also one of a part of the image, is drawn into the same live image, which stays open between frames. A
 //! frame that is stopped leaves the earlier pixels where it did not come to.
 
+use super::coarse::Coarse;
 use granita_image::{
     CreateOptions, Format, FormatRegistry, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelRect,
     PixelType, Pixels, Request, Result,
@@ -55,6 +56,8 @@ struct State {
     edits: VecDeque<String>,
     /// True when one of the waiting edits stops the current frame.
     interrupted: bool,
+    /// The coarse image that the frame is, and the pixels of the window in which it is shown.
+    coarse: Option<(Coarse, PixelRect)>,
     /// True when the image of the frame is complete.
     complete: bool,
     /// True while the pixels of the frame are discarded.
@@ -172,6 +175,11 @@ impl Screen {
     pub(crate) fn begin_frame(&self, priority: Option<PixelRect>) {
         let mut state = self.state();
         (state.priority, state.complete) = (priority, false);
+    }
+
+    /// Makes the next frame one of a coarse image, which is shown in some pixels of the window; `None` for a full one.
+    pub(crate) fn be_coarse(&self, coarse: Option<(Coarse, PixelRect)>) {
+        self.state().coarse = coarse;
     }
 
     /// Begins or ends a frame whose pixels are discarded. It leaves the image and its completeness as they are.
@@ -304,9 +312,12 @@ impl Screen {
         format.create(path, &CreateOptions::new(&spec, 1))
     }
 
-    /// Begins an image of a frame. Returns the place of its first pixel in the window.
-    fn begin(&self, kind: Kind, spec: &ImageSpec) -> Result<[i32; 2]> {
+    /// Begins an image of a frame. Returns its place in the window.
+    fn begin(&self, kind: Kind, spec: &ImageSpec) -> Result<Place> {
         let mut state = self.state();
+        if let (Some((coarse, shown)), Some(window)) = (state.coarse, state.window) {
+            return Ok(Place::Coarse { coarse, first: [spec.x, spec.y], window, shown });
+        }
         let place = PixelRect::at(spec.x, spec.y, spec.width, spec.height);
         if state.window.is_none() && kind == Kind::Color {
             state.window = Some(place);
@@ -336,7 +347,7 @@ impl Screen {
         if plane.channels != n || plane.values.len() != n * pixels {
             *plane = Plane { channels: n, values: vec![0.0; n * pixels] };
         }
-        Ok([spec.x - window.x0, spec.y - window.y0])
+        Ok(Place::Full([spec.x - window.x0, spec.y - window.y0]))
     }
 
     /// Draws a rectangle of the window.
@@ -392,8 +403,48 @@ impl Format for DeskFormat {
 
     fn create(&self, _: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         let spec = ImageSpec { pixel_type: PixelType::Float, ..options.spec.clone() };
-        let at = self.screen.begin(self.kind, &spec)?;
-        Ok(Box::new(DeskImage { screen: self.screen.clone(), kind: self.kind, at }))
+        let place = self.screen.begin(self.kind, &spec)?;
+        let channels = spec.nchannels();
+        Ok(Box::new(DeskImage { screen: self.screen.clone(), kind: self.kind, place, channels }))
+    }
+}
+
+/// The place of an image of a frame in the window.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// The image has pixels of the window, from this one on.
+    Full([i32; 2]),
+    /// The image has pixels of a coarse image.
+    Coarse {
+        coarse: Coarse,
+        /// Its first pixel in the coarse image.
+        first: [i32; 2],
+        /// The window in the full image.
+        window: PixelRect,
+        /// The pixels of the window in which it is shown.
+        shown: PixelRect,
+    },
+}
+
+impl Place {
+    /// Returns the pixels of the window that show a rectangle of the image.
+    fn in_window(&self, rect: &PixelRect) -> PixelRect {
+        match *self {
+            Self::Full([x, y]) => rect.moved(x, y),
+            Self::Coarse { coarse, first: [x, y], window, shown } => {
+                coarse.enlarged(&rect.moved(x, y)).moved(-window.x0, -window.y0).intersection(&shown)
+            }
+        }
+    }
+
+    /// Returns the pixels of the image that a rectangle of the window shows.
+    fn in_image(&self, rect: &PixelRect) -> PixelRect {
+        match *self {
+            Self::Full([x, y]) => rect.moved(-x, -y),
+            Self::Coarse { coarse, first: [x, y], window, .. } => {
+                coarse.reduced(&rect.moved(window.x0, window.y0)).moved(-x, -y)
+            }
+        }
     }
 }
 
@@ -401,8 +452,9 @@ impl Format for DeskFormat {
 struct DeskImage {
     screen: Screen,
     kind: Kind,
-    /// The place of its first pixel in the window.
-    at: [i32; 2],
+    place: Place,
+    /// The number of channels.
+    channels: usize,
 }
 
 impl DeskImage {
@@ -426,7 +478,16 @@ impl ImageOutput for DeskImage {
     }
 
     fn write_rectangle(&mut self, rect: &PixelRect, pixels: &Pixels) -> Result<()> {
-        self.screen.draw(self.kind, &rect.moved(self.at[0], self.at[1]), pixels);
+        let shown = self.place.in_window(rect);
+        let Place::Coarse { coarse, first: [x, y], window, .. } = self.place else {
+            self.screen.draw(self.kind, &shown, pixels);
+            return Ok(());
+        };
+        if !shown.is_empty() {
+            let (from, to) = (rect.moved(x, y), shown.moved(window.x0, window.y0));
+            let values = coarse.enlarge(&from, &pixels.floats(), self.channels, &to);
+            self.screen.draw(self.kind, &shown, &Pixels::Float(values));
+        }
         Ok(())
     }
 
@@ -436,7 +497,7 @@ impl ImageOutput for DeskImage {
             && !state.hidden
             && let Some(image) = &mut state.image
         {
-            image.begin_rectangle(&rect.moved(self.at[0], self.at[1]));
+            image.begin_rectangle(&self.place.in_window(rect));
         }
     }
 
@@ -449,10 +510,12 @@ impl ImageOutput for DeskImage {
         let mut requests = state.image.as_mut().map(|image| image.requests()).unwrap_or_default();
         requests.splice(0..0, own);
         requests.extend(state.interrupted.then_some(Request::Abort));
-        let [x0, y0] = self.at;
         let inside = |request| match request {
-            Request::Center { x, y } => Request::Center { x: x - x0, y: y - y0 },
-            Request::Priority(rect) => Request::Priority(rect.moved(-x0, -y0)),
+            Request::Center { x, y } => {
+                let PixelRect { x0: x, y0: y, .. } = self.place.in_image(&PixelRect::at(x, y, 1, 1));
+                Request::Center { x, y }
+            }
+            Request::Priority(rect) => Request::Priority(self.place.in_image(&rect)),
             Request::Abort => Request::Abort,
         };
         requests.into_iter().map(inside).collect()

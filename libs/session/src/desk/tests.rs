@@ -14,7 +14,7 @@ use tempfile::TempDir;
 const SCENE: &str = r#"
 Attribute ("int[2] resolution", (48, 36))
 Attribute ("int[2] limits:bucketsize", (16, 16))
-Attribute ("int[2] spatialquality", (2, 2))
+Attribute ("int[2] spatialquality", (3, 3))
 Output ("IMAGE", "tiff", "rgba", "main", "int[4] quantize", (0, 0, 0, 0), "float dither", 0)
 Translate (0, 1.9, -6)
 Rotate (20, 1, 0, 0)
@@ -87,8 +87,14 @@ fn viewer() -> String {
 
 impl Fixture {
     fn new() -> Self {
+        Self::sized([48, 36])
+    }
+
+    /// Returns the desk of an image of this width and height.
+    fn sized([width, height]: [u32; 2]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let text = SCENE.replace("IMAGE", folder.path().join("image.tif").to_str().unwrap());
+        let text = text.replace("(48, 36)", &format!("({width}, {height})"));
         let scene = folder.path().join("scene.pyg");
         std::fs::write(&scene, text).unwrap();
         let (mut session, kept) = session();
@@ -235,6 +241,36 @@ fn a_drag_is_coarse_in_the_visible_part_and_one_step() {
     f.edit(json!({"do": "undo"}));
     assert!(f.checked("undo") == first);
     assert_eq!(f.desk.history.redo_label(), Some("key: intensity"));
+}
+
+#[test]
+fn a_drag_of_a_large_image_shows_fewer_pixels_enlarged() {
+    let mut f = Fixture::sized([400, 300]);
+    let first = f.image();
+    f.desk.turn(&mut f.session).unwrap();
+    assert!(f.image() == first, "a drag is prepared unseen");
+    let visible = PixelRect::at(40, 50, 201, 151);
+    f.edit(json!({"do": "begin", "visible": [40, 50, 201, 151]}));
+    f.edit(json!({"do": "set", "light": "key", "param": "intensity", "value": 40}));
+    let coarse = f.image();
+    let pixel = |image: &[f32], x: i32, y: i32| {
+        let at = 4 * (y * 400 + x) as usize;
+        image[at..at + 4].to_vec()
+    };
+    let (mut same, mut changed) = (true, 0);
+    for (x, y) in (0..300).flat_map(|y| (0..400).map(move |x| (x, y))) {
+        let now = pixel(&coarse, x, y);
+        if visible.contains(&PixelRect::at(x, y, 1, 1)) {
+            changed += usize::from(now != pixel(&first, x, y));
+            let (left, above) = ((x / 2 * 2).max(40), (y / 2 * 2).max(50));
+            same &= now == pixel(&coarse, left, above);
+        } else {
+            assert!(now == pixel(&first, x, y), "{x} {y} is not visible");
+        }
+    }
+    assert!(same && changed > 10_000, "{changed}");
+    f.edit(json!({"do": "end", "visible": [40, 50, 201, 151]}));
+    f.checked("the end of a drag");
 }
 
 #[test]
