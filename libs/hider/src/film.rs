@@ -198,7 +198,8 @@ impl Support {
         }
     }
 
-    /// Computes a weighted mean for each channel. Where all samples that a pixel needs have one value, it is that value.
+    /// Computes a weighted mean for each channel. Where all samples that a pixel needs have one value, it is that
+    /// value.
     #[inline(always)]
     fn weighted(&self, simd: impl Simd, source: &Source<'_>, flat: &[f32], pixel: [i32; 2], out: &mut [f32]) {
         let mut left: [usize; TOGETHER] = [0; TOGETHER];
@@ -234,8 +235,8 @@ impl Support {
         (!value.is_nan() && (-my..my + 1).all(is_same)).then_some(value)
     }
 
-    /// Computes the weighted means of some of the channels. Each sum has [`LANES`] lanes. Sample `s` of a pixel is added
-    /// to lane `s % LANES`.
+    /// Computes the weighted means of some of the channels. Each sum has [`LANES`] lanes. Sample `s` of a pixel is
+    /// added to lane `s % LANES`.
     #[inline(always)]
     fn means<S: Simd, const N: usize>(
         &self,

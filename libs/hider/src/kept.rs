@@ -81,8 +81,8 @@ impl KeptSurfaces {
         (Self { settings, counts, many, places, grids, point_bits, depths }, seen)
     }
 
-    /// Composites every sample, as [`Surfaces::resolve`]. `samples` are those of the bucket, and `grids` those that some
-    /// sample sees.
+    /// Composites every sample, as [`Surfaces::resolve`]. `samples` are those of the bucket, and `grids` those that
+    /// some sample sees.
     pub fn resolve(&self, samples: &SampleGrid, grids: &[Arc<ShadedGrid>], wanted: &Wanted) -> Vec<f32> {
         let scenery = Scenery { samples, settings: &self.settings, grids };
         let mut out = vec![0.0; wanted.channels() * samples.len()];

@@ -94,6 +94,8 @@ impl Messages for Host<'_> {
     }
 }
 
+impl Recall for Host<'_> {}
+
 impl granita_shade::Host for Host<'_> {
     fn attribute(&mut self, _: &str) -> Option<Param> {
         None

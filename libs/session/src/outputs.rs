@@ -44,7 +44,8 @@ impl Requested {
     }
 }
 
-/// The largest "spatialquality" of coarse frames of a desk, along each axis. The other qualities are at most its square.
+/// The largest "spatialquality" of coarse frames of a desk, along each axis. The other qualities are at most its
+/// square.
 const COARSE_QUALITY: i32 = 2;
 
 /// How a frame of the desk differs from one of the scene.

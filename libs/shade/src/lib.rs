@@ -95,12 +95,11 @@ pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use native::{NativeCode, NativeCompiler, NativeDone, NativeSource, NativeStrip};
 pub use ops::{NoiseForm, noise_at};
 pub use run::executor::Executor;
-pub use run::parts::PartValues;
 pub use services::{
     Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Databases, EnvironmentOptions, EnvironmentQuery,
     GatherOptions, GatherQuery, HitValues, Host, IlluminateQuery, Lane, Lane3, LightInfo, LightResult,
-    LightSample, Lights, LookupResult, MapHandle, Messages, Rays, Recall, Services, ShadowOptions,
-    ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureOptions, TextureQuery, Textures,
-    TraceOptions, TraceQuery, TraceResult,
+    LightSample, Lights, LookupResult, MapHandle, Messages, PartValues, Rays, Recall, Services,
+    ShadowOptions, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery, TextureOptions, TextureQuery,
+    Textures, TraceOptions, TraceQuery, TraceResult,
 };
 pub use shadeop::{OptionValue, Shadeop, ShadeopArg, ShadeopContext, ShadeopData, Spot, is_text_option};

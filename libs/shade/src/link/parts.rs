@@ -1,7 +1,7 @@
 //! Divides the code of a layer into parts for re-renders: a forward partition by what may change.
 //!
-//! Code depends on changes through *sources*: lookups in files, lights, rays. The class of a statement is the set of the
-//! sources that its values depend on. Statements that follow each other and have one class are a [`Part`]. In a
+//! Code depends on changes through *sources*: lookups in files, lights, rays. The class of a statement is the set of
+//! the sources that its values depend on. Statements that follow each other and have one class are a [`Part`]. In a
 //! re-render only the parts run whose sources changed. What they read from other parts, the frontier, was kept lane by
 //! lane when these ran.
 //!
@@ -39,8 +39,8 @@ pub(crate) struct Part {
     pub(crate) range: Range<usize>,
     /// The chains to which it belongs.
     pub(crate) chains: u64,
-    /// True when its values are not kept, because they are strings, or computed sooner than kept. It runs in a re-render
-    /// when another part or the result needs it.
+    /// True when its values are not kept, because they are strings, or computed sooner than kept. It runs in a
+    /// re-render when another part or the result needs it.
     pub(crate) unkept: bool,
     /// The registers that it reads from other parts, and the parts that wrote them last.
     pub(crate) reads: Vec<(u32, u32)>,
@@ -120,8 +120,8 @@ impl Divider<'_> {
         Some(unit)
     }
 
-    /// Adds statements to a unit. `own` holds the registers that were written before in the same lanes. `inside` is true
-    /// when other lanes may keep their values.
+    /// Adds statements to a unit. `own` holds the registers that were written before in the same lanes. `inside` is
+    /// true when other lanes may keep their values.
     fn block(&self, list: &[Stmt], own: &mut BTreeSet<u32>, unit: &mut Unit, inside: bool) -> Option<()> {
         list.iter().try_for_each(|stmt| self.stmt(stmt, own, unit, inside))
     }

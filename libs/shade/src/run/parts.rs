@@ -3,27 +3,9 @@
 use crate::link::{Code, Part, Parts};
 use crate::run::machine::Machine;
 use crate::run::store::Slot;
+use crate::services::{KeptValue, PartValues};
 use std::collections::HashMap;
 use std::sync::Arc;
-
-/// The values that other parts read of a part of a shader, after it ran.
-#[derive(Clone, Debug, Default)]
-pub struct PartValues(Vec<Kept>);
-
-/// The values of a register.
-#[derive(Clone, Debug)]
-struct Kept {
-    slot: u32,
-    varying: bool,
-    values: Box<[f32]>,
-}
-
-impl PartValues {
-    /// The bytes that the values take.
-    pub fn bytes(&self) -> usize {
-        self.0.iter().map(|kept| size_of::<Kept>() + size_of_val(&*kept.values)).sum()
-    }
-}
 
 impl Parts {
     /// Finds the parts that must run. `is_kept` is true for those whose values are kept and still right.
@@ -80,7 +62,7 @@ impl<'a> Machine<'a> {
     fn part_values(&self, part: &Part) -> PartValues {
         let kept = part.keeps.iter().map(|slot| {
             let Slot { data, varying } = &self.st.slots[*slot as usize];
-            Kept { slot: *slot, varying: *varying, values: data.as_slice().into() }
+            KeptValue { slot: *slot, varying: *varying, values: data.as_slice().into() }
         });
         PartValues(kept.collect())
     }
@@ -96,7 +78,7 @@ impl<'a> Machine<'a> {
             return;
         }
         let known = values[from as usize].0.iter().find(|kept| kept.slot == slot);
-        let Some(Kept { varying, values, .. }) = known else { return };
+        let Some(KeptValue { varying, values, .. }) = known else { return };
         let register = &mut self.st.slots[slot as usize];
         register.varying = *varying;
         register.data.clear();

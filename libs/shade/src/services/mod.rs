@@ -9,6 +9,7 @@
 mod handle;
 mod lanes;
 mod options;
+mod parts;
 mod queries;
 
 pub use handle::MapHandle;
@@ -17,13 +18,15 @@ pub use options::{EnvironmentOptions, GatherOptions, ShadowOptions, TextureOptio
 pub(crate) use options::{
     OptionTable, QueryOptions, SaveOptions, StepOptions, SubsurfaceOptions, is_lookup_option,
 };
+pub(crate) use parts::KeptValue;
+pub use parts::PartValues;
 pub use queries::{
     DatabaseKey, DatabaseQuery, DatabaseSave, EnvironmentQuery, GatherQuery, HitValues, IlluminateQuery,
     LightInfo, LightResult, LightSample, LookupResult, ShadowQuery, SubsurfaceQuery, Texture3dQuery,
     TextureQuery, TraceQuery, TraceResult,
 };
 
-use crate::{Lanes3, PartValues};
+use crate::Lanes3;
 use granita_base::{Color, Location, Param, Severity, Transform};
 use granita_gsl::Func;
 use std::sync::Arc;
@@ -200,8 +203,8 @@ pub trait Host {
 /// What is kept of a run for the next one on the same points.
 ///
 /// A shader is divided into parts, by numbers from 0. Each part depends on what its requests depended on, and on the
-/// parts that it read values of. A part whose dependencies did not change need not run again. By default nothing is kept,
-/// and shaders run as a whole.
+/// parts that it read values of. A part whose dependencies did not change need not run again. By default nothing is
+/// kept, and shaders run as a whole.
 pub trait Recall {
     /// True when the values of parts are kept for this run.
     fn keeps_parts(&mut self) -> bool {

@@ -33,8 +33,8 @@ pub(crate) fn occurrences(block: &[Stmt], symbols: &[Symbol], f: &mut dyn FnMut(
     block.iter().for_each(|stmt| written(stmt, symbols, f));
 }
 
-/// Calls `f` for each symbol that a statement itself reads, without those that blocks inside and the condition of a loop
-/// read.
+/// Calls `f` for each symbol that a statement itself reads, without those that blocks inside and the condition of a
+/// loop read.
 pub(crate) fn operands(stmt: &Stmt, f: &mut dyn FnMut(SymbolId)) {
     match stmt {
         Stmt::Op(op) => op.args.iter().for_each(|s| f(*s)),

@@ -1,7 +1,7 @@
 //! Moves operations in front of the questions to the renderer that come before them.
 //!
-//! What lights, rays and files have no influence on is then computed first, in one piece. Re-renders need not compute it
-//! again ([`crate::link::Parts`]).
+//! What lights, rays and files have no influence on is then computed first, in one piece. Re-renders need not compute
+//! it again ([`crate::link::Parts`]).
 
 use super::effects::may_complain;
 use super::{Effect, blocks, effect, is_partial, occurrences, written};
