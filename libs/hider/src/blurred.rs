@@ -67,12 +67,12 @@ impl Raster<'_> {
         if whole.is_empty() {
             return;
         }
-        let corners = self.corners([at, at + 1, at + nu + 1, at + nu]);
-        let z_min = self.least_depth(&corners);
+        let z_min = view.depths[mp];
         let nearest = before(z_min);
         if sink.hides(&whole, nearest) {
             return;
         }
+        let corners = self.corners([at, at + 1, at + nu + 1, at + nu]);
         let travel_px = if z_min < self.closest() { f32::INFINITY } else { self.travel_px(at) };
         room.candidates.clear();
         if self.is_fast(travel_px) {
@@ -177,19 +177,9 @@ impl Raster<'_> {
 
     /// Returns the corners of a micropolygon.
     #[inline(always)]
-    fn corners(&self, indices: [usize; 4]) -> Corners {
+    pub(super) fn corners(&self, indices: [usize; 4]) -> Corners {
         let at = |key: Option<&Vec<Vec3>>| key.map_or([Vec3::ZERO; 4], |p| indices.map(|i| p[i]));
         Corners { indices, ends: [at(self.view.p_cam.first()), at(self.view.p_cam.last())] }
-    }
-
-    /// Returns the least depth of the corners at any time.
-    #[inline(always)]
-    fn least_depth(&self, corners: &Corners) -> f32 {
-        // Depths change linearly from key to key.
-        let least = corners.ends.as_flattened().iter().fold(f32::INFINITY, |least, p| least.min(p.z));
-        let keys = &self.view.p_cam;
-        let between = keys.get(1..keys.len().saturating_sub(1)).unwrap_or(&[]);
-        between.iter().flat_map(|p| corners.indices.map(|k| p[k].z)).fold(least, f32::min)
     }
 
     /// Returns the depth from which on points are projected.
