@@ -1,7 +1,7 @@
 //! Samples micropolygons that move, that are out of focus, or that reach before the near plane.
 
 use super::candidates::{Candidate, Candidates};
-use super::hit::{Hit, Raster, Sink, before};
+use super::hit::{Corners, Hit, Raster, Sink, before};
 use super::lanes::{LANES, Lanes, Points, first_lanes};
 use super::rays::Polygon;
 use super::streaks::{Streak, Streaks};
@@ -18,14 +18,6 @@ pub(super) struct Scratch {
     pub(super) streaks: Streaks,
     /// The samples that the micropolygon may hit.
     candidates: Candidates,
-}
-
-/// The corners of a micropolygon, in order around it.
-pub(super) struct Corners {
-    /// Their indices in the grid.
-    pub(super) indices: [usize; 4],
-    /// Their positions at the first and at the last key, in camera space.
-    ends: [[Vec3; 4]; 2],
 }
 
 /// The positions of a micropolygon at some consecutive times: its raster box as seen through a pinhole, and `1 /
@@ -108,8 +100,8 @@ impl Raster<'_> {
         }
     }
 
-    /// Appends the samples that may see the micropolygon at the places `boxes` to the candidates. `DEFOCUS` is true with
-    /// a lens.
+    /// Appends the samples that may see the micropolygon at the places `boxes` to the candidates. `DEFOCUS` is true
+    /// with a lens.
     #[inline(always)]
     fn sift<S: Simd, const DEFOCUS: bool>(
         &self,

@@ -3,9 +3,8 @@
 //! The edge functions are those of homogeneous rasterization (Olano and Greer, Triangle Scan Conversion using 2D
 //! Homogeneous Coordinates, 1997), so that corners behind the camera need no clipping.
 
-use super::blurred::Corners;
 use super::candidates::{Candidate, Candidates};
-use super::hit::{Raster, spans};
+use super::hit::{Corners, Raster, spans};
 use super::lanes::{Lanes, Points, first_lanes};
 use super::visible::ViewedGrid;
 use granita_base::{Vec2, Vec3};

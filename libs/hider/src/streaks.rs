@@ -4,9 +4,8 @@
 //! shutter is divided into parts, and these are divided again as long as the boxes of the parts become smaller. A
 //! sample is tested only against the part that contains its time.
 
-use super::blurred::Corners;
 use super::candidates::{Candidate, Candidates};
-use super::hit::Raster;
+use super::hit::{Corners, Raster};
 use super::lanes::{LANES, Lanes, Points};
 use super::visible::pixels_of;
 use granita_base::{Bound, DVec3, Vec2, Vec3};
