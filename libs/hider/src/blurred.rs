@@ -1,8 +1,8 @@
 //! Samples micropolygons that move, that are out of focus, or that reach before the near plane.
 
 use super::candidates::{Candidate, Candidates};
-use super::hit::{Hit, Raster, Sink, before};
-use super::lanes::{LANES, Lanes, Points, Signs, first_lanes};
+use super::hit::{Corners, Hit, Raster, Sink, before};
+use super::lanes::{LANES, Lanes, Points, first_lanes};
 use super::rays::Polygon;
 use super::streaks::{Streak, Streaks};
 use super::visible::pixels_of;
@@ -27,6 +27,9 @@ pub(super) struct Scratch {
 /// The box is infinite when the micropolygon is not entirely behind the near plane.
 #[derive(Default)]
 struct Borders {
+    /// The times at every border of a stratum, and at every eighth one. The last one is repeated. They are the same for
+    /// all micropolygons.
+    times: [Vec<f32>; 2],
     /// The members of [`LaneBoxes`], with padding for loads beyond the last outline.
     lists: [Vec<f32>; 6],
 }
@@ -56,93 +59,92 @@ impl Raster<'_> {
         if whole.is_empty() {
             return;
         }
-        let corners = [at, at + 1, at + nu + 1, at + nu];
-        // Depths change linearly from key to key.
-        let depths = view.p_cam.iter().flat_map(|p| corners.map(|k| p[k].z));
-        let z_min = depths.fold(f32::INFINITY, f32::min);
+        let z_min = view.depths[mp];
         let nearest = before(z_min);
         if sink.hides(&whole, nearest) {
             return;
         }
-        let travel_px = if z_min < self.closest() { f32::INFINITY } else { self.travel_px(corners[0]) };
+        let corners = self.corners([at, at + 1, at + nu + 1, at + nu]);
+        let travel_px = if z_min < self.closest() { f32::INFINITY } else { self.travel_px(at) };
         room.candidates.clear();
         if self.is_fast(travel_px) {
             let streak = Streak { corners: &corners, whole: &whole, pad, nearest, limits: sink.limits() };
-            self.follow(&streak, &mut room.streaks, &mut room.candidates);
+            self.follow(simd, &streak, &mut room.streaks, &mut room.candidates);
         } else {
             let strata = samples.time_strata();
             let groups = samples.per_pixel.div_ceil(LANES);
             // Each sample is tested in its own part of the shutter, or all samples of a group in their parts
             // together.
             let together = travel_px <= groups as f32;
-            let step = if together { LANES } else { 1 };
-            self.find_borders(&corners, step, pad, &mut room.borders);
+            self.find_borders(simd, &corners, together, pad, &mut room.borders);
             for group in 0..groups {
                 let slice = match together {
                     _ if strata == 1 => Slice::All(0),
                     true => Slice::All(group),
                     false => Slice::Each(group * LANES),
                 };
-                self.sift(simd, group, slice, (&whole, nearest, sink.limits()), room);
+                let boxes = room.borders.during(simd, slice);
+                let wanted = Wanted { group, whole: &whole, nearest, limits: sink.limits() };
+                if view.lens_radius > 0.0 {
+                    self.sift::<_, true>(simd, &wanted, (&boxes, slice), &mut room.candidates);
+                } else {
+                    self.sift::<_, false>(simd, &wanted, (&boxes, slice), &mut room.candidates);
+                }
             }
         }
         let polygon = Polygon { corners, rim, pixel: Vec2::new(1.0 / view.scale.x, 1.0 / view.scale.y) };
         for first in (0..room.candidates.len()).step_by(LANES) {
-            let (eight, used) = (room.candidates.eight(first), room.candidates.len() - first);
-            self.rays(simd, &polygon, &eight, first_lanes(used), &mut |sample, z, u, v, beside| {
+            self.rays(simd, &polygon, (&room.candidates, first), &mut |sample, z, u, v, beside| {
                 sink.hit(Hit { sample, z, at: at as u32, u, v, rim: any_rim, beside });
             });
         }
     }
 
-    /// Appends the samples that may see the micropolygon to the candidates. Of each pixel in `whole` it tests the
-    /// `group`-th group of eight samples, and of these the samples that need hits at the depth `nearest`.
+    /// Appends the samples that may see the micropolygon at the places `boxes` to the candidates. `DEFOCUS` is true
+    /// with a lens.
     #[inline(always)]
-    fn sift(
+    fn sift<S: Simd, const DEFOCUS: bool>(
         &self,
-        simd: impl Simd,
-        group: usize,
-        slice: Slice,
-        (whole, nearest, limits): (&PixelRect, f32, Option<&[f32]>),
-        room: &mut Scratch,
+        simd: S,
+        wanted: &Wanted<'_>,
+        (boxes, slice): (&LaneBoxes<S>, Slice),
+        candidates: &mut Candidates,
     ) {
-        let (samples, view) = (self.samples, self.view);
-        let Scratch { borders, candidates, .. } = room;
-        let first = group * LANES;
-        let boxes = borders.during(slice);
-        let scale = view.scale;
-        let defocused = view.lens_radius > 0.0;
-        let lens = match samples.tables.lens_boxes.get(group) {
-            Some(lens) if defocused => *lens,
+        let (samples, scale) = (self.samples, self.view.scale);
+        let tables = &*samples.tables;
+        let first = wanted.group * LANES;
+        let lens = match tables.lens_boxes.get(wanted.group) {
+            Some(lens) if DEFOCUS => *lens,
             _ => [0.0; 4],
         };
         let reach = boxes.reach(lens, scale);
-        let rect = pixels_of(reach, whole);
+        let reach = match slice {
+            // All lanes are the same.
+            Slice::All(_) => [reach[0].lane(0), reach[1].lane(0), reach[2].lane(0), reach[3].lane(0)],
+            Slice::Each(_) => [reach[0].least(), reach[1].least(), reach[2].most(), reach[3].most()],
+        };
+        let rect = pixels_of(reach, wanted.whole);
         let full = first_lanes(samples.per_pixel - first);
-        let nearest = Lanes::splat(nearest);
-        let tables = &*samples.tables;
+        let nearest = Lanes::splat(simd, wanted.nearest);
+        let zero = Lanes::splat(simd, 0.0);
         for y in rect.y0..rect.y1 {
             let row = samples.pixel(rect.x0, y);
             for pixel in row..row + rect.width() {
                 let at = pixel * samples.per_pixel + first;
-                let mut wanted = match samples.varies() {
-                    true => first_lanes(samples.count(pixel).saturating_sub(first)),
-                    false => full,
-                };
-                if let Some(limits) = limits {
-                    wanted &= simd.positive(Lanes::load(limits, at) - nearest);
-                    if wanted == 0 {
+                let mut inside = full;
+                if let Some(limits) = wanted.limits {
+                    inside &= nearest.below(Lanes::load(simd, limits, at));
+                    if inside == 0 {
                         continue;
                     }
                 }
-                let place = samples.places(pixel) + first;
-                let x = Lanes::load(&tables.fx, place) + (rect.x0 + (pixel - row) as i32) as f32;
-                let y = Lanes::load(&tables.fy, place) + y as f32;
-                let zero = Lanes::splat(0.0);
+                // Samples that a pixel lacks have no position, so that they are outside.
+                let (x, y) = (Lanes::load(simd, &samples.x, at), Lanes::load(simd, &samples.y, at));
                 let (mut lens_x, mut lens_y) = (zero, zero);
-                let room = if defocused {
+                let room = if DEFOCUS {
                     let lens = samples.lenses[pixel] as usize + first;
-                    (lens_x, lens_y) = (Lanes::load(&tables.lens_x, lens), Lanes::load(&tables.lens_y, lens));
+                    lens_x = Lanes::load(simd, &tables.lens_x, lens);
+                    lens_y = Lanes::load(simd, &tables.lens_y, lens);
                     let (sx, sy) = (lens_x * scale.x, lens_y * scale.y);
                     let (ax, bx) = (x - sx * boxes.near, x - sx * boxes.far);
                     let (ay, by) = (y - sy * boxes.near, y - sy * boxes.far);
@@ -152,17 +154,24 @@ impl Raster<'_> {
                     let x_room = (x - boxes.lo_x).min(boxes.hi_x - x);
                     x_room.min(y - boxes.lo_y).min(boxes.hi_y - y)
                 };
-                let inside = simd.positive(room) & wanted;
+                inside &= room.positive();
                 if inside != 0 {
                     let time = match samples.times.get(pixel) {
-                        Some(time) => Lanes::load(&tables.time, *time as usize + first),
-                        None => Lanes::splat(samples.shutter[0]),
+                        Some(time) => Lanes::load(simd, &tables.time, *time as usize + first),
+                        None => Lanes::splat(simd, samples.shutter[0]),
                     };
-                    let eight = Candidate { sample: zero, x, y, time, lens_x, lens_y };
-                    candidates.push_lanes(simd, inside, at, eight);
+                    let eight = Candidate { x, y, time, lens_x, lens_y };
+                    candidates.push_lanes::<_, DEFOCUS>(simd, inside, at, eight);
                 }
             }
         }
+    }
+
+    /// Returns the corners of a micropolygon.
+    #[inline(always)]
+    pub(super) fn corners(&self, indices: [usize; 4]) -> Corners {
+        let at = |key: Option<&Vec<Vec3>>| key.map_or([Vec3::ZERO; 4], |p| indices.map(|i| p[i]));
+        Corners { indices, ends: [at(self.view.p_cam.first()), at(self.view.p_cam.last())] }
     }
 
     /// Returns the depth from which on points are projected.
@@ -182,21 +191,32 @@ impl Raster<'_> {
         if far_enough { path.abs().max_element() } else { f32::INFINITY }
     }
 
-    /// Finds the positions of a micropolygon at every `step`-th stratum boundary of the shutter and at its end. The
-    /// boxes are padded for rounding and by `pad` raster pixels for the boundary edge.
+    /// Finds the positions of a micropolygon at every stratum boundary of the shutter, or at every eighth one for
+    /// samples that are tested `together`, and at its end. The boxes are padded for rounding and by `pad` raster
+    /// pixels for the boundary edge.
     #[inline(always)]
-    fn find_borders(&self, corners: &[usize; 4], step: usize, pad: f32, borders: &mut Borders) {
+    fn find_borders<S: Simd>(
+        &self,
+        simd: S,
+        corners: &Corners,
+        together: bool,
+        pad: f32,
+        borders: &mut Borders,
+    ) {
         let (samples, view) = (self.samples, self.view);
         let strata = samples.time_strata();
+        let step = if together { LANES } else { 1 };
         let slices = strata.div_ceil(step);
         borders.reserve(slices);
         let still = view.times.len() == 1;
+        let which = usize::from(together);
+        if borders.times[which].is_empty() {
+            let size = (slices + 1).next_multiple_of(LANES);
+            borders.times[which].extend((0..size).map(|k| samples.stratum_time((k * step).min(strata))));
+        }
         for first in (0..=slices).step_by(LANES) {
-            let mut time = Lanes::splat(0.0);
-            for (k, time) in time.0.iter_mut().enumerate() {
-                *time = samples.stratum_time(((first + k) * step).min(strata));
-            }
-            borders.set(first, &self.outlines(self.corners_at(corners, time), pad));
+            let time = Lanes::load(simd, &borders.times[which], first);
+            borders.set(first, &self.outlines(simd, self.corners_at(simd, corners, time), pad));
             if still {
                 // A micropolygon that does not move has one position.
                 break;
@@ -212,21 +232,24 @@ impl Raster<'_> {
             let time = view.times[key];
             let at = (time - open) / (close - open) * (strata as f32 / step as f32);
             if at > 0.0 && at <= slices as f32 {
-                let outline = self.outlines(self.corners_at(corners, Lanes::splat(time)), pad);
+                let outline =
+                    self.outlines(simd, self.corners_at(simd, corners, Lanes::splat(simd, time)), pad);
                 let slice = (at as usize).min(slices - 1);
                 for border in slice.saturating_sub(1)..=(slice + 2).min(slices) {
                     borders.include(border, &outline);
                 }
             }
         }
-        borders.pad(slices);
+        if !together {
+            borders.pad(slices);
+        }
     }
 
     /// Returns the outlines of the corners at eight times.
     #[inline(always)]
-    fn outlines(&self, p: [Points; 4], pad: f32) -> LaneBoxes {
+    fn outlines<S: Simd>(&self, simd: S, p: [Points<S>; 4], pad: f32) -> LaneBoxes<S> {
         let view = self.view;
-        let [most, least] = [f32::INFINITY, f32::NEG_INFINITY].map(Lanes::splat);
+        let (most, least) = (Lanes::splat(simd, f32::INFINITY), Lanes::splat(simd, f32::NEG_INFINITY));
         let mut boxes =
             LaneBoxes { lo_x: most, hi_x: least, lo_y: most, hi_y: least, near: most, far: least };
         for p in &p {
@@ -245,10 +268,10 @@ impl Raster<'_> {
         (boxes.lo_x, boxes.hi_x) = (boxes.lo_x + view.center.x - room, boxes.hi_x + view.center.x + room);
         (boxes.lo_y, boxes.hi_y) = (boxes.lo_y + view.center.y - room, boxes.hi_y + view.center.y + room);
         if view.lens_radius > 0.0 {
-            let (focus, one) = (Lanes::splat(1.0 / view.focus), Lanes::splat(1.0));
+            let (focus, one) = (Lanes::splat(simd, 1.0 / view.focus), Lanes::splat(simd, 1.0));
             (boxes.near, boxes.far) = (focus - one / boxes.near, focus - one / boxes.far);
         }
-        let zero = Lanes::splat(0.0);
+        let zero = Lanes::splat(simd, 0.0);
         LaneBoxes {
             lo_x: clear.choose(boxes.lo_x, least),
             hi_x: clear.choose(boxes.hi_x, most),
@@ -261,21 +284,22 @@ impl Raster<'_> {
 
     /// Returns the positions of the corners at eight times.
     #[inline(always)]
-    pub(super) fn corners_at(&self, corners: &[usize; 4], time: Lanes) -> [Points; 4] {
+    pub(super) fn corners_at<S: Simd>(&self, simd: S, corners: &Corners, time: Lanes<S>) -> [Points<S>; 4] {
         let view = self.view;
-        let mut out = [Points::splat(Vec3::ZERO); 4];
-        match (&view.times[..], &view.p_cam[..]) {
-            ([_], [p]) => {
+        let [first, last] = &corners.ends;
+        let mut out = [Points::splat(simd, Vec3::ZERO); 4];
+        match &view.times[..] {
+            [_] => {
                 for k in 0..4 {
-                    out[k] = Points::splat(p[corners[k]]);
+                    out[k] = Points::splat(simd, first[k]);
                 }
             }
-            ([t0, t1], [a, b]) => {
+            [t0, t1] => {
                 let alpha = (time - *t0) / (t1 - t0);
-                let alpha = alpha.max(Lanes::splat(0.0)).min(Lanes::splat(1.0));
-                let rest = Lanes::splat(1.0) - alpha;
+                let alpha = alpha.max(Lanes::splat(simd, 0.0)).min(Lanes::splat(simd, 1.0));
+                let rest = Lanes::splat(simd, 1.0) - alpha;
                 for k in 0..4 {
-                    let (a, b) = (Points::splat(a[corners[k]]), Points::splat(b[corners[k]]));
+                    let (a, b) = (Points::splat(simd, first[k]), Points::splat(simd, last[k]));
                     out[k] = Points {
                         x: a.x * rest + b.x * alpha,
                         y: a.y * rest + b.y * alpha,
@@ -284,16 +308,37 @@ impl Raster<'_> {
                 }
             }
             _ => {
-                let keys = time.0.map(|time| granita_dicing::key_at(&view.times, time));
+                let all = self.corners_between(&corners.indices, &time.numbers());
                 for k in 0..4 {
-                    let p = keys.map(|(key, next, alpha)| view.between(key, next, alpha, corners[k]));
-                    let [x, y, z] = [p.map(|p| p.x), p.map(|p| p.y), p.map(|p| p.z)];
-                    out[k] = Points { x: Lanes(x), y: Lanes(y), z: Lanes(z) };
+                    out[k] = Points::new(simd, &all[k]);
                 }
             }
         }
         out
     }
+
+    /// Returns the coordinates of the corners with these indices at eight times, for any number of keys.
+    #[inline(never)]
+    fn corners_between(&self, indices: &[usize; 4], time: &[f32; LANES]) -> [[[f32; LANES]; 3]; 4] {
+        let view = self.view;
+        let keys = time.map(|time| granita_dicing::key_at(&view.times, time));
+        indices.map(|corner| {
+            let p = keys.map(|(key, next, alpha)| view.between(key, next, alpha, corner));
+            [p.map(|p| p.x), p.map(|p| p.y), p.map(|p| p.z)]
+        })
+    }
+}
+
+/// The samples that a micropolygon is tested against.
+struct Wanted<'a> {
+    /// The number of a group of eight samples of each pixel.
+    group: usize,
+    /// The pixels.
+    whole: &'a PixelRect,
+    /// A depth that is not behind any hit.
+    nearest: f32,
+    /// See [`Sink::limits`].
+    limits: Option<&'a [f32]>,
 }
 
 /// The slices of the shutter in which eight samples are tested.
@@ -303,6 +348,27 @@ enum Slice {
     All(usize),
     /// Each sample is tested in its own slice, beginning with this one.
     Each(usize),
+}
+
+impl Slice {
+    /// Returns the numbers at the beginnings of the slices, or with an `offset` of 1 at their ends.
+    #[inline(always)]
+    fn at<S: Simd>(self, simd: S, list: &[f32], offset: usize) -> Lanes<S> {
+        match self {
+            Self::All(k) => Lanes::splat(simd, list[k + offset]),
+            Self::Each(k) => Lanes::load(simd, list, k + offset),
+        }
+    }
+
+    #[inline(always)]
+    fn least<S: Simd>(self, simd: S, list: &[f32]) -> Lanes<S> {
+        self.at(simd, list, 0).min(self.at(simd, list, 1))
+    }
+
+    #[inline(always)]
+    fn most<S: Simd>(self, simd: S, list: &[f32]) -> Lanes<S> {
+        self.at(simd, list, 0).max(self.at(simd, list, 1))
+    }
 }
 
 impl Borders {
@@ -317,9 +383,9 @@ impl Borders {
 
     /// Stores the outlines at eight times.
     #[inline(always)]
-    fn set(&mut self, first: usize, boxes: &LaneBoxes) {
+    fn set<S: Simd>(&mut self, first: usize, boxes: &LaneBoxes<S>) {
         for (list, lanes) in self.lists.iter_mut().zip(boxes.lists()) {
-            list[first..first + LANES].copy_from_slice(&lanes.0);
+            list[first..first + LANES].copy_from_slice(&lanes.numbers());
         }
     }
 
@@ -342,61 +408,55 @@ impl Borders {
     }
 
     /// Extends an outline by the first lane of other outlines.
-    fn include(&mut self, border: usize, boxes: &LaneBoxes) {
+    fn include<S: Simd>(&mut self, border: usize, boxes: &LaneBoxes<S>) {
         for (k, (list, lanes)) in self.lists.iter_mut().zip(boxes.lists()).enumerate() {
             let value = &mut list[border];
-            *value = if k % 2 == 0 { value.min(lanes.0[0]) } else { value.max(lanes.0[0]) };
+            *value = if k % 2 == 0 { value.min(lanes.lane(0)) } else { value.max(lanes.lane(0)) };
         }
     }
 
     /// Returns the union of the outlines at the borders of the slices.
     #[inline(always)]
-    fn during(&self, slice: Slice) -> LaneBoxes {
-        let at = |list: &[f32], offset: usize| match slice {
-            Slice::All(k) => Lanes::splat(list[k + offset]),
-            Slice::Each(k) => Lanes::load(list, k + offset),
-        };
-        let least = |list: &[f32]| at(list, 0).min(at(list, 1));
-        let most = |list: &[f32]| at(list, 0).max(at(list, 1));
+    fn during<S: Simd>(&self, simd: S, slice: Slice) -> LaneBoxes<S> {
         let [lo_x, hi_x, lo_y, hi_y, near, far] = &self.lists;
         LaneBoxes {
-            lo_x: least(lo_x),
-            hi_x: most(hi_x),
-            lo_y: least(lo_y),
-            hi_y: most(hi_y),
-            near: least(near),
-            far: most(far),
+            lo_x: slice.least(simd, lo_x),
+            hi_x: slice.most(simd, hi_x),
+            lo_y: slice.least(simd, lo_y),
+            hi_y: slice.most(simd, hi_y),
+            near: slice.least(simd, near),
+            far: slice.most(simd, far),
         }
     }
 }
 
 /// The outlines that eight samples are tested against; see [`Borders`].
-struct LaneBoxes {
-    lo_x: Lanes,
-    hi_x: Lanes,
-    lo_y: Lanes,
-    hi_y: Lanes,
-    near: Lanes,
-    far: Lanes,
+struct LaneBoxes<S: Simd> {
+    lo_x: Lanes<S>,
+    hi_x: Lanes<S>,
+    lo_y: Lanes<S>,
+    hi_y: Lanes<S>,
+    near: Lanes<S>,
+    far: Lanes<S>,
 }
 
-impl LaneBoxes {
+impl<S: Simd> LaneBoxes<S> {
     #[inline(always)]
-    fn lists(&self) -> [&Lanes; 6] {
+    fn lists(&self) -> [&Lanes<S>; 6] {
         [&self.lo_x, &self.hi_x, &self.lo_y, &self.hi_y, &self.near, &self.far]
     }
 
-    /// Returns the raster box of everything in the outlines, seen through a part (x0, x1, y0, y1) of the lens.
+    /// Returns the raster boxes (x0, y0, x1, y1) of the outlines, seen through a part (x0, x1, y0, y1) of the lens.
     #[inline(always)]
-    fn reach(&self, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [f32; 4] {
+    fn reach(&self, [x0, x1, y0, y1]: [f32; 4], scale: Vec2) -> [Lanes<S>; 4] {
         let x = self.side([self.lo_x, self.hi_x], x0 * scale.x, x1 * scale.x);
         let y = self.side([self.lo_y, self.hi_y], y0 * scale.y, y1 * scale.y);
-        [x[0].least(), y[0].least(), x[1].most(), y[1].most()]
+        [x[0], y[0], x[1], y[1]]
     }
 
     /// Returns the least and largest coordinates of `lo..hi`, seen through a part of the lens from `l0` to `l1`.
     #[inline(always)]
-    fn side(&self, [lo, hi]: [Lanes; 2], l0: f32, l1: f32) -> [Lanes; 2] {
+    fn side(&self, [lo, hi]: [Lanes<S>; 2], l0: f32, l1: f32) -> [Lanes<S>; 2] {
         let [a, b] = [self.near * l0, self.far * l0];
         let [c, d] = [self.near * l1, self.far * l1];
         [lo + a.min(b).min(c.min(d)), hi + a.max(b).max(c.max(d))]

@@ -1,15 +1,14 @@
 //! The samples that a micropolygon may hit.
 
-use super::lanes::{LANES, Lanes, Signs};
+use super::lanes::{LANES, Lanes};
+use granita_machine::simd::Simd;
 
-/// The lists of [`Candidates`]. The indices of samples are stored as the bits of numbers.
-const LISTS: usize = 6;
+/// The lists of [`Candidates`] besides the indices of samples.
+const LISTS: usize = 5;
 
 /// A sample that a micropolygon may hit.
 #[derive(Clone, Copy)]
 pub(super) struct Candidate<T> {
-    /// The index of the sample.
-    pub(super) sample: T,
     /// Its raster position.
     pub(super) x: T,
     pub(super) y: T,
@@ -22,7 +21,7 @@ pub(super) struct Candidate<T> {
 
 impl<T> Candidate<T> {
     fn lists(self) -> [T; LISTS] {
-        [self.sample, self.x, self.y, self.time, self.lens_x, self.lens_y]
+        [self.x, self.y, self.time, self.lens_x, self.lens_y]
     }
 }
 
@@ -30,6 +29,8 @@ impl<T> Candidate<T> {
 #[derive(Default)]
 pub(super) struct Candidates {
     len: usize,
+    /// The indices of the samples, as the bits of numbers.
+    samples: Vec<f32>,
     /// The members of [`Candidate`], with room for more.
     lists: [Vec<f32>; LISTS],
 }
@@ -48,22 +49,29 @@ impl Candidates {
     /// Makes room for eight more candidates and for loads behind the last one.
     #[inline(always)]
     fn reserve(&mut self) {
-        if self.len + 2 * LANES > self.lists[0].len() {
+        if self.len + 2 * LANES > self.samples.len() {
             self.grow();
         }
     }
 
     #[cold]
     fn grow(&mut self) {
-        let size = (2 * self.lists[0].len()).max(256);
+        let size = (2 * self.samples.len()).max(256);
+        self.samples.resize(size, 0.0);
         self.lists.iter_mut().for_each(|list| list.resize(size, 0.0));
+    }
+
+    /// Returns the index of the sample of a candidate.
+    #[inline(always)]
+    pub(super) fn sample(&self, at: usize) -> usize {
+        self.samples[at].to_bits() as usize
     }
 
     /// Appends one candidate.
     #[inline(always)]
     pub(super) fn push(&mut self, sample: usize, one: Candidate<f32>) {
         self.reserve();
-        let one = Candidate { sample: f32::from_bits(sample as u32), ..one };
+        self.samples[self.len] = f32::from_bits(sample as u32);
         for (list, value) in self.lists.iter_mut().zip(one.lists()) {
             list[self.len] = value;
         }
@@ -71,29 +79,38 @@ impl Candidates {
     }
 
     /// Appends those of eight consecutive samples, from the index `first` on, whose bits are set in `mask`.
+    /// Without `DEFOCUS` their points on the lens are left out.
     #[inline(always)]
-    pub(super) fn push_lanes(&mut self, simd: impl Signs, mask: u32, first: usize, eight: Candidate<Lanes>) {
+    pub(super) fn push_lanes<S: Simd, const DEFOCUS: bool>(
+        &mut self,
+        simd: S,
+        mask: u32,
+        first: usize,
+        eight: Candidate<Lanes<S>>,
+    ) {
         self.reserve();
         let first = first as u32;
-        let sample = Lanes(std::array::from_fn(|i| f32::from_bits(first + i as u32)));
-        for (list, lanes) in self.lists.iter_mut().zip(Candidate { sample, ..eight }.lists()) {
-            list[self.len..self.len + LANES].copy_from_slice(&simd.pack(lanes, mask).0);
+        let sample = Lanes::from_bits(simd, &std::array::from_fn(|i| first + i as u32));
+        let place = self.len..self.len + LANES;
+        self.samples[place.clone()].copy_from_slice(&sample.pack(mask).numbers());
+        for (list, lanes) in
+            self.lists.iter_mut().zip(eight.lists()).take(if DEFOCUS { LISTS } else { LISTS - 2 })
+        {
+            list[place.clone()].copy_from_slice(&lanes.pack(mask).numbers());
         }
         self.len += mask.count_ones() as usize;
     }
 
     /// Returns the eight candidates from the index `at` on. Those behind the last one have any values.
     #[inline(always)]
-    pub(super) fn eight(&self, at: usize) -> Candidate<Lanes> {
-        let [sample, x, y, time, lens_x, lens_y] = self.lists.each_ref().map(|list| Lanes::load(list, at));
-        Candidate { sample, x, y, time, lens_x, lens_y }
-    }
-}
-
-impl Candidate<Lanes> {
-    /// Returns the index of the sample of a lane.
-    #[inline(always)]
-    pub(super) fn sample(&self, lane: usize) -> usize {
-        self.sample.0[lane].to_bits() as usize
+    pub(super) fn eight<S: Simd>(&self, simd: S, at: usize) -> Candidate<Lanes<S>> {
+        let [x, y, time, lens_x, lens_y] = &self.lists;
+        Candidate {
+            x: Lanes::load(simd, x, at),
+            y: Lanes::load(simd, y, at),
+            time: Lanes::load(simd, time, at),
+            lens_x: Lanes::load(simd, lens_x, at),
+            lens_y: Lanes::load(simd, lens_y, at),
+        }
     }
 }

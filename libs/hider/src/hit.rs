@@ -2,7 +2,7 @@
 
 use super::SampleGrid;
 use super::visible::{ShadedGrid, ViewedGrid};
-use granita_base::Vec2;
+use granita_base::{Vec2, Vec3};
 use granita_dicing::PixelRect;
 
 /// A grid that is rasterized over samples.
@@ -11,6 +11,14 @@ pub(super) struct Raster<'a> {
     pub(super) grid: &'a ShadedGrid,
     /// The grid as seen by the eye whose samples these are.
     pub(super) view: &'a ViewedGrid,
+}
+
+/// The corners of a micropolygon, in order around it.
+pub(super) struct Corners {
+    /// Their indices in the grid.
+    pub(super) indices: [usize; 4],
+    /// Their positions at the first and at the last key, in camera space.
+    pub(super) ends: [[Vec3; 4]; 2],
 }
 
 /// A hit of a sample on a micropolygon.

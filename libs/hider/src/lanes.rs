@@ -1,6 +1,4 @@
-//! Vectors of eight numbers that compilers turn into vector instructions.
-
-#![allow(clippy::needless_range_loop, reason = "loops of a fixed length become vector instructions")]
+//! Vectors of eight numbers with operators.
 
 use granita_machine::simd::{Simd, WIDE};
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -8,79 +6,64 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// The number of lanes.
 pub(super) const LANES: usize = WIDE;
 
-/// Comparisons that return one bit for each lane, which compilers do not vectorise by themselves. Comparisons with
-/// NaN are false.
-pub(super) trait Signs: Simd {
-    /// Returns the lanes above 0 as bits.
-    #[inline(always)]
-    fn positive(self, v: Lanes) -> u32 {
-        self.lt8(self.splat8(0.0), self.load8(&v.0))
-    }
-
-    /// Returns the lanes that are 0 or above as bits.
-    #[inline(always)]
-    fn not_negative(self, v: Lanes) -> u32 {
-        self.le8(self.splat8(0.0), self.load8(&v.0))
-    }
-
-    /// Moves the lanes whose bits are set in `mask` to the front, in order. The other lanes have any values.
-    #[inline(always)]
-    fn pack(self, v: Lanes, mask: u32) -> Lanes {
-        Lanes(self.store8(self.pack8(self.load8(&v.0), mask)))
-    }
+/// One number for each of eight samples, in a vector of the machine. Compilers would combine numbers of different
+/// arrays in one vector, or leave them in none.
+#[derive(Clone, Copy)]
+pub(super) struct Lanes<S: Simd> {
+    simd: S,
+    lanes: S::F8,
 }
 
-impl<S: Simd> Signs for S {}
-
-/// One number for each of eight samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(32))]
-pub(super) struct Lanes(pub(super) [f32; LANES]);
-
-impl Lanes {
+impl<S: Simd> Lanes<S> {
     #[inline(always)]
-    pub(super) fn splat(v: f32) -> Self {
-        Self([v; LANES])
+    pub(super) fn splat(simd: S, v: f32) -> Self {
+        Self { simd, lanes: simd.splat8(v) }
+    }
+
+    #[inline(always)]
+    pub(super) fn new(simd: S, numbers: &[f32; LANES]) -> Self {
+        Self { simd, lanes: simd.load8(numbers) }
     }
 
     /// Loads the numbers from index `at` on.
     #[inline(always)]
-    pub(super) fn load(list: &[f32], at: usize) -> Self {
-        let list = &list[at..at + LANES];
-        let mut out = [0.0; LANES];
-        out.copy_from_slice(list);
-        Self(out)
+    pub(super) fn load(simd: S, list: &[f32], at: usize) -> Self {
+        Self::new(simd, list[at..at + LANES].first_chunk().unwrap_or(&[0.0; LANES]))
     }
 
-    // These are loops instead of `map`, because compilers turn loops into vector instructions.
+    /// Loads numbers from their bits.
     #[inline(always)]
-    fn each(self, f: impl Fn(f32) -> f32) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = f(self.0[i]);
-        }
-        Self(out)
+    pub(super) fn from_bits(simd: S, bits: &[u32; LANES]) -> Self {
+        Self { simd, lanes: simd.bits8(bits) }
+    }
+
+    /// Returns the numbers.
+    #[inline(always)]
+    pub(super) fn numbers(self) -> [f32; LANES] {
+        self.simd.store8(self.lanes)
     }
 
     #[inline(always)]
-    fn zip(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        let mut out = [0.0; LANES];
-        for i in 0..LANES {
-            out[i] = f(self.0[i], b.0[i]);
-        }
-        Self(out)
+    fn with(self, lanes: S::F8) -> Self {
+        Self { lanes, ..self }
     }
 
     /// Returns the lesser number of each lane. A NaN of `b` stays.
     #[inline(always)]
     pub(super) fn min(self, b: Self) -> Self {
-        self.zip(b, |a, b| if a < b { a } else { b })
+        self.with(self.simd.min8(self.lanes, b.lanes))
     }
 
     /// Returns the greater number of each lane. A NaN of `b` stays.
     #[inline(always)]
     pub(super) fn max(self, b: Self) -> Self {
-        self.zip(b, |a, b| if a > b { a } else { b })
+        self.with(self.simd.max8(self.lanes, b.lanes))
+    }
+
+    /// Returns the number of a lane.
+    #[inline(always)]
+    pub(super) fn lane(self, lane: usize) -> f32 {
+        self.numbers()[lane]
     }
 
     /// Returns the least number of all lanes, except for NaN.
@@ -97,7 +80,7 @@ impl Lanes {
 
     #[inline(always)]
     fn reduce(self, f: impl Fn(f32, f32) -> f32) -> f32 {
-        let mut lanes = self.0;
+        let mut lanes = self.numbers();
         for half in [4, 2, 1] {
             for i in 0..half {
                 lanes[i] = f(lanes[i], lanes[i + half]);
@@ -109,23 +92,43 @@ impl Lanes {
     /// Returns `a` in lanes that are 0 or above, and `b` in the others.
     #[inline(always)]
     pub(super) fn choose(self, a: Self, b: Self) -> Self {
-        let mut out = b.0;
-        for i in 0..LANES {
-            out[i] = if self.0[i] >= 0.0 { a.0[i] } else { b.0[i] };
-        }
-        Self(out)
+        self.with(self.simd.choose8(self.lanes, a.lanes, b.lanes))
     }
 
     /// Returns the square roots.
     #[inline(always)]
     pub(super) fn root(self) -> Self {
-        self.each(f32::sqrt)
+        self.with(self.simd.sqrt8(self.lanes))
     }
 
-    /// Returns 1, or -1 for numbers below 0.
+    /// Returns 1 in lanes that are 0 or above, and -1 in the others.
     #[inline(always)]
     pub(super) fn sign(self) -> Self {
-        self.each(|v| if v < 0.0 { -1.0 } else { 1.0 })
+        self.choose(Self::splat(self.simd, 1.0), Self::splat(self.simd, -1.0))
+    }
+
+    /// Returns the lanes below those of `b` as bits, without those with NaN.
+    #[inline(always)]
+    pub(super) fn below(self, b: Self) -> u32 {
+        self.simd.lt8(self.lanes, b.lanes)
+    }
+
+    /// Returns the lanes above 0 as bits.
+    #[inline(always)]
+    pub(super) fn positive(self) -> u32 {
+        Self::splat(self.simd, 0.0).below(self)
+    }
+
+    /// Returns the lanes that are 0 or above as bits.
+    #[inline(always)]
+    pub(super) fn not_negative(self) -> u32 {
+        self.simd.le8(self.simd.splat8(0.0), self.lanes)
+    }
+
+    /// Moves the lanes whose bits are set in `mask` to the front, in order. The other lanes have any values.
+    #[inline(always)]
+    pub(super) fn pack(self, mask: u32) -> Self {
+        self.with(self.simd.pack8(self.lanes, mask))
     }
 }
 
@@ -136,50 +139,84 @@ pub(super) fn first_lanes(n: usize) -> u32 {
 }
 
 macro_rules! operator {
-    ($trait:ident, $name:ident, $op:tt) => {
-        impl $trait for Lanes {
+    ($trait:ident, $name:ident, $of_lanes:ident) => {
+        impl<S: Simd> $trait for Lanes<S> {
             type Output = Self;
             #[inline(always)]
             fn $name(self, b: Self) -> Self {
-                self.zip(b, |a, b| a $op b)
+                self.with(self.simd.$of_lanes(self.lanes, b.lanes))
             }
         }
-        impl $trait<f32> for Lanes {
+        impl<S: Simd> $trait<f32> for Lanes<S> {
             type Output = Self;
             #[inline(always)]
             fn $name(self, b: f32) -> Self {
-                self.zip(Self::splat(b), |a, b| a $op b)
+                self.with(self.simd.$of_lanes(self.lanes, self.simd.splat8(b)))
             }
         }
     };
 }
 
-operator!(Add, add, +);
-operator!(Sub, sub, -);
-operator!(Mul, mul, *);
-operator!(Div, div, /);
+operator!(Add, add, add8);
+operator!(Sub, sub, sub8);
+operator!(Mul, mul, mul8);
+operator!(Div, div, div8);
 
-impl Neg for Lanes {
+impl<S: Simd> Neg for Lanes<S> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.each(|v| -v)
+        self.with(self.simd.neg8(self.lanes))
     }
 }
 
 /// A point or direction in each lane.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Points {
-    pub(super) x: Lanes,
-    pub(super) y: Lanes,
-    pub(super) z: Lanes,
+#[derive(Clone, Copy)]
+pub(super) struct Points<S: Simd> {
+    pub(super) x: Lanes<S>,
+    pub(super) y: Lanes<S>,
+    pub(super) z: Lanes<S>,
 }
 
-impl Points {
+impl<S: Simd> Points<S> {
     /// Returns the same point in all lanes.
     #[inline(always)]
-    pub(super) fn splat(p: granita_base::Vec3) -> Self {
-        Self { x: Lanes::splat(p.x), y: Lanes::splat(p.y), z: Lanes::splat(p.z) }
+    pub(super) fn splat(simd: S, p: granita_base::Vec3) -> Self {
+        Self { x: Lanes::splat(simd, p.x), y: Lanes::splat(simd, p.y), z: Lanes::splat(simd, p.z) }
+    }
+
+    /// Returns the points with these x, y and z.
+    #[inline(always)]
+    pub(super) fn new(simd: S, [x, y, z]: &[[f32; LANES]; 3]) -> Self {
+        Self { x: Lanes::new(simd, x), y: Lanes::new(simd, y), z: Lanes::new(simd, z) }
+    }
+
+    /// Returns itself in lanes in which `which` is 0 or above, and `other` in the others.
+    #[inline(always)]
+    pub(super) fn or(&self, which: Lanes<S>, other: &Self) -> Self {
+        Self {
+            x: which.choose(self.x, other.x),
+            y: which.choose(self.y, other.y),
+            z: which.choose(self.z, other.z),
+        }
+    }
+
+    /// Returns the lesser coordinates.
+    #[inline(always)]
+    pub(super) fn min(&self, b: &Self) -> Self {
+        Self { x: self.x.min(b.x), y: self.y.min(b.y), z: self.z.min(b.z) }
+    }
+
+    /// Returns the greater coordinates.
+    #[inline(always)]
+    pub(super) fn max(&self, b: &Self) -> Self {
+        Self { x: self.x.max(b.x), y: self.y.max(b.y), z: self.z.max(b.z) }
+    }
+
+    /// Returns the point of a lane.
+    #[inline(always)]
+    pub(super) fn lane(&self, lane: usize) -> granita_base::Vec3 {
+        granita_base::Vec3::new(self.x.lane(lane), self.y.lane(lane), self.z.lane(lane))
     }
 
     #[inline(always)]
@@ -192,7 +229,7 @@ impl Points {
     }
 
     #[inline(always)]
-    pub(super) fn dot(&self, b: &Self) -> Lanes {
+    pub(super) fn dot(&self, b: &Self) -> Lanes<S> {
         self.x * b.x + self.y * b.y + self.z * b.z
     }
 }

@@ -139,7 +139,7 @@ impl Raster<'_> {
     fn find(&self, simd: impl Simd, room: &mut Scratch, sink: &mut impl Sink) {
         let grid = self.grid;
         let (mu, mv) = (grid.nu.saturating_sub(1), grid.nv.saturating_sub(1));
-        if !self.find_live(&mut room.streaks) {
+        if !self.find_live(simd, &mut room.streaks) {
             return;
         }
         let window = Window::new(self.window(), self.view.rim_px);

@@ -5,11 +5,12 @@
 //! sample is tested only against the part that contains its time.
 
 use super::candidates::{Candidate, Candidates};
-use super::hit::Raster;
+use super::hit::{Corners, Raster};
 use super::lanes::{LANES, Lanes, Points};
 use super::visible::pixels_of;
 use granita_base::{Bound, DVec3, Vec2, Vec3};
 use granita_dicing::PixelRect;
+use granita_machine::simd::Simd;
 
 /// The distance in raster pixels that a point moves within one stratum of the shutter, from which on its micropolygon
 /// is fast.
@@ -35,8 +36,7 @@ pub(super) struct Streaks {
 
 /// A micropolygon that moves fast.
 pub(super) struct Streak<'a> {
-    /// The indices of its corners in the grid, in order around it.
-    pub(super) corners: &'a [usize; 4],
+    pub(super) corners: &'a Corners,
     /// The pixels in which it may be visible.
     pub(super) whole: &'a PixelRect,
     /// The width in raster pixels by which its boundary edge is widened.
@@ -45,6 +45,14 @@ pub(super) struct Streak<'a> {
     pub(super) nearest: f32,
     /// The limits of [`super::raster::Sink::limits`].
     pub(super) limits: Option<&'a [f32]>,
+}
+
+/// The shape whose path is bounded.
+enum Hull<'a> {
+    /// The corners of a micropolygon.
+    Corners(&'a Corners),
+    /// The camera space boxes of a grid at all keys.
+    Boxes(&'a [Bound]),
 }
 
 /// The padding of a path.
@@ -138,7 +146,7 @@ impl Raster<'_> {
 
     /// Finds the strata of the shutter in which the grid may be visible here. Returns whether there are any.
     #[inline(always)]
-    pub(super) fn find_live(&self, streaks: &mut Streaks) -> bool {
+    pub(super) fn find_live(&self, simd: impl Simd, streaks: &mut Streaks) -> bool {
         let (view, window) = (self.view, self.window());
         streaks.live.clear();
         if window.is_empty() {
@@ -156,21 +164,10 @@ impl Raster<'_> {
         let hulls: Vec<Bound> = view.p_cam.iter().map(|p| Bound::around(p.iter().copied())).collect();
         let largest = hulls.iter().map(|hull| hull.min.abs().max(hull.max.abs()));
         let padding = self.padding(view.rim_px, largest.fold(Vec3::ZERO, Vec3::max));
-        let hull_at = |time: Lanes| {
-            let boxes = time.0.map(|time| {
-                let (key, next, alpha) = granita_dicing::key_at(&view.times, time);
-                let (a, b) = (hulls[key], hulls[next]);
-                [a.min * (1.0 - alpha) + b.min * alpha, a.max * (1.0 - alpha) + b.max * alpha]
-            });
-            [0, 1].map(|k| Points {
-                x: Lanes(boxes.map(|h| h[k].x)),
-                y: Lanes(boxes.map(|h| h[k].y)),
-                z: Lanes(boxes.map(|h| h[k].z)),
-            })
-        };
+        let hull = Hull::Boxes(&hulls);
         let strata = self.samples.time_strata();
         for first in (0..strata).step_by(LANES) {
-            let places = self.places(&hull_at, self.strata_times(first), padding);
+            let places = self.places(simd, &hull, self.strata_times(first), padding);
             for (k, place) in places.iter().enumerate().take(strata - first) {
                 let reach = place.reach(self.lens_box(first + k), view.scale);
                 streaks.live.push(!pixels_of(reach, &window).is_empty());
@@ -181,31 +178,21 @@ impl Raster<'_> {
 
     /// Appends the samples that may see a micropolygon to the candidates.
     #[inline(always)]
-    pub(super) fn follow(&self, streak: &Streak<'_>, streaks: &mut Streaks, candidates: &mut Candidates) {
+    pub(super) fn follow<S: Simd>(
+        &self,
+        simd: S,
+        streak: &Streak<'_>,
+        streaks: &mut Streaks,
+        candidates: &mut Candidates,
+    ) {
         let (corners, padding) = (streak.corners, self.padding_of(streak));
-        let hull_at = |time: Lanes| {
-            let [a, b, c, d] = self.corners_at(corners, time);
-            let least = |a: Lanes, b: Lanes, c: Lanes, d: Lanes| a.min(b).min(c.min(d));
-            let most = |a: Lanes, b: Lanes, c: Lanes, d: Lanes| a.max(b).max(c.max(d));
-            [
-                Points {
-                    x: least(a.x, b.x, c.x, d.x),
-                    y: least(a.y, b.y, c.y, d.y),
-                    z: least(a.z, b.z, c.z, d.z),
-                },
-                Points {
-                    x: most(a.x, b.x, c.x, d.x),
-                    y: most(a.y, b.y, c.y, d.y),
-                    z: most(a.z, b.z, c.z, d.z),
-                },
-            ]
-        };
+        let hull = Hull::Corners(corners);
         let strata = self.samples.time_strata();
         let Streaks { live, parts } = streaks;
         parts.clear();
         for first in (0..strata).step_by(LANES) {
             let times = self.strata_times(first);
-            let places = self.places(&hull_at, times, padding);
+            let places = self.places(simd, &hull, times, padding);
             for (stratum, k) in (first..strata).zip(0..LANES) {
                 if live.get(stratum) != Some(&false) {
                     let own = [f32::NEG_INFINITY, f32::INFINITY];
@@ -220,7 +207,7 @@ impl Raster<'_> {
                 }
                 let times = eighths(part.times);
                 let (new, last) = (parts.len(), LANES - 1);
-                for (k, place) in self.places(&hull_at, times, padding).into_iter().enumerate() {
+                for (k, place) in self.places(simd, &hull, times, padding).into_iter().enumerate() {
                     let from = if k == 0 { part.own[0] } else { times[k] };
                     let own = [from, if k == last { part.own[1] } else { times[k + 1] }];
                     let piece = Part::new(part.stratum, [times[k], times[k + 1]], own, place);
@@ -282,7 +269,7 @@ impl Raster<'_> {
                 }
                 let (x, y) = (samples.x[sample], samples.y[sample]);
                 if part.place.holds(Vec2::new(x, y), lens * self.view.scale) {
-                    let one = Candidate { sample: 0.0, x, y, time, lens_x: lens.x, lens_y: lens.y };
+                    let one = Candidate { x, y, time, lens_x: lens.x, lens_y: lens.y };
                     candidates.push(sample, one);
                 }
             }
@@ -302,7 +289,7 @@ impl Raster<'_> {
         let mut points: Vec<DVec3> = Vec::with_capacity(8);
         for &time in part.times.iter().chain(keys) {
             let (key, next, alpha) = granita_dicing::key_at(&view.times, time);
-            points.extend(streak.corners.map(|k| {
+            points.extend(streak.corners.indices.map(|k| {
                 let (a, b) = (view.p_cam[key][k].as_dvec3(), view.p_cam[next][k].as_dvec3());
                 a.lerp(b, f64::from(alpha))
             }));
@@ -340,56 +327,76 @@ impl Raster<'_> {
         }))
     }
 
-    /// Returns the places between each of some times and the next. `hull_at` returns the least and largest camera
-    /// space coordinates at some times. Points move along straight lines from key to key, so that the boxes at both
-    /// times and at the keys between them contain the path.
+    /// Returns the least and largest camera space coordinates of a hull at eight times.
     #[inline(always)]
-    fn places(
+    fn hull_at<S: Simd>(&self, simd: S, hull: &Hull<'_>, time: Lanes<S>) -> [Points<S>; 2] {
+        match hull {
+            Hull::Corners(corners) => {
+                let [a, b, c, d] = self.corners_at(simd, corners, time);
+                [a.min(&b).min(&c.min(&d)), a.max(&b).max(&c.max(&d))]
+            }
+            Hull::Boxes(boxes) => {
+                let [lo, hi] = self.boxes_at(boxes, &time.numbers());
+                [Points::new(simd, &lo), Points::new(simd, &hi)]
+            }
+        }
+    }
+
+    /// Returns the least and largest coordinates of boxes of the keys at eight times.
+    #[inline(never)]
+    fn boxes_at(&self, hulls: &[Bound], time: &[f32; LANES]) -> [[[f32; LANES]; 3]; 2] {
+        let boxes = time.map(|time| {
+            let (key, next, alpha) = granita_dicing::key_at(&self.view.times, time);
+            let (a, b) = (hulls[key], hulls[next]);
+            [a.min * (1.0 - alpha) + b.min * alpha, a.max * (1.0 - alpha) + b.max * alpha]
+        });
+        [0, 1].map(|k| [boxes.map(|h| h[k].x), boxes.map(|h| h[k].y), boxes.map(|h| h[k].z)])
+    }
+
+    /// Returns the places between each of some times and the next. Points move along straight lines from key to key,
+    /// so that the boxes at both times and at the keys between them contain the path.
+    #[inline(always)]
+    fn places<S: Simd>(
         &self,
-        hull_at: &impl Fn(Lanes) -> [Points; 2],
+        simd: S,
+        hull: &Hull<'_>,
         times: [f32; LANES + 1],
         padding: Padding,
     ) -> [Place; LANES] {
         let view = self.view;
-        let [mut lo, mut hi] = hull_at(Lanes::load(&times, 0));
-        let join = |lo: &mut Points, hi: &mut Points, [l, h]: [Points; 2]| {
-            *lo = Points { x: lo.x.min(l.x), y: lo.y.min(l.y), z: lo.z.min(l.z) };
-            *hi = Points { x: hi.x.max(h.x), y: hi.y.max(h.y), z: hi.z.max(h.z) };
-        };
-        join(&mut lo, &mut hi, hull_at(Lanes::load(&times, 1)));
+        let [a_lo, a_hi] = self.hull_at(simd, hull, Lanes::load(simd, &times, 0));
+        let [b_lo, b_hi] = self.hull_at(simd, hull, Lanes::load(simd, &times, 1));
+        let (mut lo, mut hi) = (a_lo.min(&b_lo), a_hi.max(&b_hi));
         for &key in view.times.iter().skip(1).take(view.times.len().saturating_sub(2)) {
-            let (mut with_lo, mut with_hi) = (lo, hi);
-            join(&mut with_lo, &mut with_hi, hull_at(Lanes::splat(key)));
-            for k in (0..LANES).filter(|k| times[*k] <= key && key <= times[k + 1]) {
-                let lanes = |of: &mut Points, with: &Points| {
-                    (of.x.0[k], of.y.0[k], of.z.0[k]) = (with.x.0[k], with.y.0[k], with.z.0[k]);
-                };
-                lanes(&mut lo, &with_lo);
-                lanes(&mut hi, &with_hi);
+            let [key_lo, key_hi] = self.hull_at(simd, hull, Lanes::splat(simd, key));
+            // 1 for the parts that contain the key, else -1.
+            let mut within = [-1.0; LANES];
+            for (k, within) in within.iter_mut().enumerate() {
+                if times[k] <= key && key <= times[k + 1] {
+                    *within = 1.0;
+                }
             }
+            let within = Lanes::new(simd, &within);
+            lo = lo.min(&key_lo).or(within, &lo);
+            hi = hi.max(&key_hi).or(within, &hi);
         }
-        let (r, closest) = (padding.cam, Lanes::splat(self.closest()));
+        let (r, closest) = (padding.cam, Lanes::splat(simd, self.closest()));
         let last_z = hi.z + r.z;
         let (z0, z1) = ((lo.z - r.z).max(closest), last_z.max(closest));
-        let side = |lo: Lanes, hi: Lanes, r: f32, scale: f32, center: f32| {
-            let (a, b) = ((lo - r) * scale, (hi + r) * scale);
-            let (mut lo, mut hi) = (a.min(b), a.max(b));
-            if view.perspective {
-                (lo, hi) = ((lo / z0).min(lo / z1), (hi / z0).max(hi / z1));
-            }
-            let room = hi.max(-lo) * 1e-5 + (padding.px + 1e-5 * center.abs());
-            (lo + center - room, hi + center + room)
-        };
-        let x = side(lo.x, hi.x, r.x, view.scale.x, view.center.x);
-        let y = side(lo.y, hi.y, r.y, view.scale.y, view.center.y);
-        let (focus, one) = (Lanes::splat(1.0 / view.focus), Lanes::splat(1.0));
+        let depths = [z0, z1];
+        let x = self.side([lo.x - r.x, hi.x + r.x], view.scale.x, &depths);
+        let y = self.side([lo.y - r.y, hi.y + r.y], view.scale.y, &depths);
+        let (x, y) = (padded(x, view.center.x, padding.px), padded(y, view.center.y, padding.px));
+        let (focus, one) = (Lanes::splat(simd, 1.0 / view.focus), Lanes::splat(simd, 1.0));
         let (near, far) = (focus - one / z0, focus - one / z1);
         // Rounding moves a hit by less than this margin.
         let least_z = self.closest() * (1.0 - 1e-5);
+        let [lo_x, hi_x, lo_y, hi_y] = [x[0].numbers(), x[1].numbers(), y[0].numbers(), y[1].numbers()];
+        let [near, far, last_z] = [near.numbers(), far.numbers(), last_z.numbers()];
         std::array::from_fn(|k| {
-            let (lo, hi) = (Vec2::new(x.0.0[k], y.0.0[k]), Vec2::new(x.1.0[k], y.1.0[k]));
-            let lens = if view.lens_radius > 0.0 { [near.0[k], far.0[k]] } else { [0.0; 2] };
-            if last_z.0[k] < least_z {
+            let (lo, hi) = (Vec2::new(lo_x[k], lo_y[k]), Vec2::new(hi_x[k], hi_y[k]));
+            let lens = if view.lens_radius > 0.0 { [near[k], far[k]] } else { [0.0; 2] };
+            if last_z[k] < least_z {
                 Place { lo: Vec2::INFINITY, hi: Vec2::NEG_INFINITY, lens: [0.0; 2] }
             } else if lo.is_finite() && hi.is_finite() {
                 Place { lo, hi, lens }
@@ -399,9 +406,20 @@ impl Raster<'_> {
         })
     }
 
+    /// Returns the least and largest raster coordinates of `lo..hi` in camera space, relative to the centre.
+    #[inline(always)]
+    fn side<S: Simd>(&self, [lo, hi]: [Lanes<S>; 2], scale: f32, [z0, z1]: &[Lanes<S>; 2]) -> [Lanes<S>; 2] {
+        let (a, b) = (lo * scale, hi * scale);
+        let (lo, hi) = (a.min(b), a.max(b));
+        match self.view.perspective {
+            true => [(lo / *z0).min(lo / *z1), (hi / *z0).max(hi / *z1)],
+            false => [lo, hi],
+        }
+    }
+
     #[inline(always)]
     fn padding_of(&self, streak: &Streak<'_>) -> Padding {
-        let places = self.view.p_cam.iter().flat_map(|p| streak.corners.map(|k| p[k].abs()));
+        let places = self.view.p_cam.iter().flat_map(|p| streak.corners.indices.map(|k| p[k].abs()));
         self.padding(streak.pad, places.fold(Vec3::ZERO, Vec3::max))
     }
 
@@ -429,6 +447,13 @@ impl Raster<'_> {
             _ => [0.0; 4],
         }
     }
+}
+
+/// Returns absolute raster coordinates from those relative to the centre, padded for rounding and by `px`.
+#[inline(always)]
+fn padded<S: Simd>([lo, hi]: [Lanes<S>; 2], center: f32, px: f32) -> [Lanes<S>; 2] {
+    let room = hi.max(-lo) * 1e-5 + (px + 1e-5 * center.abs());
+    [lo + center - room, hi + center + room]
 }
 
 /// Returns nine times that divide the time between two into eight equal parts.

@@ -1,8 +1,7 @@
 //! Tests that moving micropolygons are seen by the samples whose rays hit them, and by no others.
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Candidates};
 use super::hit::{Hit, Raster, Sink};
-use super::lanes::Lanes;
 use super::rays::Polygon;
 use super::{SampleGrid, SamplePattern, ShadedGrid, ViewedGrid};
 use granita_base::{MotionTransform, Params, Reporter, Vec2, Vec3, hash};
@@ -91,23 +90,24 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
             for (j, i) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 let at = j * 3 + i;
                 let polygon = Polygon {
-                    corners: [at, at + 1, at + 4, at + 3],
+                    corners: raster.corners([at, at + 1, at + 4, at + 3]),
                     rim: [j == 0, i == 1, j == 1, i == 0],
                     pixel: Vec2::new(1.0 / scale.x, 1.0 / scale.y),
                 };
                 for sample in 0..samples.len() {
                     let (pixel, k) = (sample / samples.per_pixel, sample % samples.per_pixel);
                     let lens = samples.lenses.get(pixel).map(|first| *first as usize + k);
-                    let lens = |of: &[f32]| Lanes::splat(lens.map_or(0.0, |lens| of[lens]));
+                    let lens = |of: &[f32]| lens.map_or(0.0, |lens| of[lens]);
                     let one = Candidate {
-                        sample: Lanes::splat(f32::from_bits(sample as u32)),
-                        x: Lanes::splat(samples.x[sample]),
-                        y: Lanes::splat(samples.y[sample]),
-                        time: Lanes::splat(samples.time(sample)),
+                        x: samples.x[sample],
+                        y: samples.y[sample],
+                        time: samples.time(sample),
                         lens_x: lens(&samples.tables.lens_x),
                         lens_y: lens(&samples.tables.lens_y),
                     };
-                    raster.rays(Portable, &polygon, &one, 1, &mut |sample, z, u, v, beside| {
+                    let mut candidates = Candidates::default();
+                    candidates.push(sample, one);
+                    raster.rays(Portable, &polygon, (&candidates, 0), &mut |sample, z, u, v, beside| {
                         all.hit(Hit { sample, z, at: at as u32, u, v, rim: true, beside });
                     });
                 }

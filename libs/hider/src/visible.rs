@@ -125,6 +125,8 @@ pub struct ViewedGrid {
     pub z_min: f32,
     /// The raster boxes (x0, y0, x1, y1) of the micropolygons, u fastest; empty where `raster` is empty.
     pub boxes: Vec<[f32; 4]>,
+    /// The least camera space depths of the micropolygons of `boxes` at any time.
+    pub depths: Vec<f32>,
     /// The raster boxes of the rows of micropolygons along u; empty where `raster` is empty.
     pub rows: Vec<[f32; 4]>,
     /// The raster box of all micropolygons.
@@ -164,6 +166,7 @@ impl ViewedGrid {
             rect: PixelRect::EVERYWHERE,
             z_min: f32::NEG_INFINITY,
             boxes: Vec::new(),
+            depths: Vec::new(),
             rows: Vec::new(),
             extent: NOWHERE,
             rim_px: 0.0,
@@ -181,33 +184,36 @@ impl ViewedGrid {
             grid.rows = lines.windows(2).map(|pair| union(pair[0], pair[1])).collect();
             grid.extent = grid.rows.iter().copied().fold(NOWHERE, union);
         } else if let Some(nv) = grid.p_cam[0].len().checked_div(nu) {
-            grid.boxes = grid.find_boxes(nu, nv);
+            (grid.boxes, grid.depths) = grid.find_boxes(nu, nv);
             grid.extent = grid.boxes.iter().copied().fold(NOWHERE, union);
         }
         grid
     }
 
-    /// Returns the raster boxes of the micropolygons; see [`ViewedGrid::bound`].
-    fn find_boxes(&self, nu: usize, nv: usize) -> Vec<[f32; 4]> {
+    /// Returns the raster boxes and the least depths of the micropolygons; see [`ViewedGrid::bound`].
+    fn find_boxes(&self, nu: usize, nv: usize) -> (Vec<[f32; 4]>, Vec<f32>) {
         let projector = self.projector();
         let all_finite = self.p_cam.iter().flatten().all(|p| p.is_finite());
-        let mut boxes = Vec::with_capacity(nu.saturating_sub(1) * nv.saturating_sub(1));
+        let count = nu.saturating_sub(1) * nv.saturating_sub(1);
+        let (mut boxes, mut depths) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for j in 1..nv {
             for i in 1..nu {
                 let at = (j - 1) * nu + i - 1;
                 let corners = [at, at + 1, at + nu, at + nu + 1];
-                boxes.push(match all_finite {
+                let (bound, depth) = match all_finite {
                     true => {
                         let hull = self.p_cam.iter().fold(Bound::EMPTY, |hull, p| {
                             corners.iter().fold(hull, |hull, corner| hull.with(p[*corner]))
                         });
-                        projector.raster_box(&hull)
+                        (projector.raster_box(&hull), hull.min.z)
                     }
-                    false => self.bound(corners.into_iter()).0,
-                });
+                    false => self.bound(corners.into_iter()),
+                };
+                boxes.push(bound);
+                depths.push(depth);
             }
         }
-        boxes
+        (boxes, depths)
     }
 
     /// Returns a point between two keys; see [`granita_dicing::key_at`].
@@ -342,6 +348,7 @@ impl ShadedGrid {
             size_of::<ViewedGrid>()
                 + size_of::<Vec3>() * points
                 + size_of_val(&view.boxes[..])
+                + size_of_val(&view.depths[..])
                 + size_of_val(&view.rows[..])
         });
         let shades = self.shades.iter().map(|shade| {

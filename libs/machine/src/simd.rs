@@ -63,12 +63,16 @@ pub trait Simd: Copy {
     fn mul8(self, a: Self::F8, b: Self::F8) -> Self::F8;
     /// `a / b`.
     fn div8(self, a: Self::F8, b: Self::F8) -> Self::F8;
+    /// `-x`.
+    fn neg8(self, x: Self::F8) -> Self::F8;
     /// The square root.
     fn sqrt8(self, x: Self::F8) -> Self::F8;
     /// `a < b ? a : b`, which is `b` when one is NaN.
     fn min8(self, a: Self::F8, b: Self::F8) -> Self::F8;
     /// `a > b ? a : b`, which is `b` when one is NaN.
     fn max8(self, a: Self::F8, b: Self::F8) -> Self::F8;
+    /// `x >= 0 ? a : b`.
+    fn choose8(self, x: Self::F8, a: Self::F8, b: Self::F8) -> Self::F8;
     /// Bit `i` of the result is `a[i] < b[i]`.
     fn lt8(self, a: Self::F8, b: Self::F8) -> u32;
     /// Bit `i` of the result is `a[i] <= b[i]`.
@@ -270,9 +274,13 @@ impl Simd for Portable {
     #[inline(always)] fn sub8(self, a: Self::F8, b: Self::F8) -> Self::F8 { each(a, b, |a, b| a - b) }
     #[inline(always)] fn mul8(self, a: Self::F8, b: Self::F8) -> Self::F8 { each(a, b, |a, b| a * b) }
     #[inline(always)] fn div8(self, a: Self::F8, b: Self::F8) -> Self::F8 { each(a, b, |a, b| a / b) }
+    #[inline(always)] fn neg8(self, x: Self::F8) -> Self::F8 { x.map(|x| -x) }
     #[inline(always)] fn sqrt8(self, x: Self::F8) -> Self::F8 { x.map(f32::sqrt) }
     #[inline(always)] fn min8(self, a: Self::F8, b: Self::F8) -> Self::F8 { each(a, b, lesser) }
     #[inline(always)] fn max8(self, a: Self::F8, b: Self::F8) -> Self::F8 { each(a, b, greater) }
+    #[inline(always)] fn choose8(self, x: Self::F8, a: Self::F8, b: Self::F8) -> Self::F8 {
+        std::array::from_fn(|i| if x[i] >= 0.0 { a[i] } else { b[i] })
+    }
     #[inline(always)] fn lt8(self, a: Self::F8, b: Self::F8) -> u32 { compare(a, b, |a, b| a < b) }
     #[inline(always)] fn le8(self, a: Self::F8, b: Self::F8) -> u32 { compare(a, b, |a, b| a <= b) }
     #[inline(always)] fn power8(self, x: Self::F8) -> Self::F8 {
@@ -331,9 +339,16 @@ mod avx2 {
         #[inline(always)] fn sub8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_sub_ps(a, b) }
         #[inline(always)] fn mul8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_mul_ps(a, b) }
         #[inline(always)] fn div8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_div_ps(a, b) }
+        #[inline(always)] fn neg8(self, x: __m256) -> __m256 {
+            self.avx._mm256_xor_ps(x, self.avx._mm256_set1_ps(-0.0))
+        }
         #[inline(always)] fn sqrt8(self, x: __m256) -> __m256 { self.avx._mm256_sqrt_ps(x) }
         #[inline(always)] fn min8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_min_ps(a, b) }
         #[inline(always)] fn max8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_max_ps(a, b) }
+        #[inline(always)] fn choose8(self, x: __m256, a: __m256, b: __m256) -> __m256 {
+            let above = self.avx._mm256_cmp_ps::<_CMP_GE_OQ>(x, self.avx._mm256_setzero_ps());
+            self.avx._mm256_blendv_ps(b, a, above)
+        }
         #[inline(always)] fn lt8(self, a: __m256, b: __m256) -> u32 {
             self.avx._mm256_movemask_ps(self.avx._mm256_cmp_ps::<_CMP_LT_OQ>(a, b)).cast_unsigned()
         }
@@ -399,7 +414,9 @@ mod tests {
                 s.sub8(a, b),
                 s.mul8(a, b),
                 s.div8(a, b),
+                s.neg8(a),
                 s.sqrt8(a),
+                s.choose8(a, b, a),
                 s.min8(a, b),
                 s.max8(a, b),
                 s.only8(a, 2, 5),
