@@ -14,7 +14,7 @@
 //! Each value is the better of two runs.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use cpu_time::{ProcessTime, ThreadTime};
 use granita_benches::{KINDS, rays, read_mesh, soup, sphere};
@@ -33,13 +33,7 @@ use std::time::{Duration, Instant};
 const TURNS: usize = 2;
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("trees: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("trees", run())
 }
 
 fn run() -> Result<(), String> {

@@ -32,3 +32,15 @@ pub use fur::Fur;
 pub use measure::{Cost, copy_files, find_program, measure, measure_into, release_tool, repository};
 pub use meshes::{BLOCKS, KINDS, blocks, rays, read_mesh, soup, sphere};
 pub use screen::Screen;
+
+/// Prints the message of a benchmark that failed, after its name. Returns the status of the program.
+#[allow(clippy::print_stderr, reason = "a message for a terminal")]
+pub fn exit(name: &str, done: Result<(), String>) -> std::process::ExitCode {
+    match done {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("{name}: {what}");
+            std::process::ExitCode::FAILURE
+        }
+    }
+}

@@ -6,7 +6,7 @@
 //! one bounce, and the rays.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_benches::{measure, measure_into, release_tool, repository};
 use std::path::Path;
@@ -24,13 +24,7 @@ const SCENES: [(&str, &str, &str); 4] = [
 const BOUNCES: u32 = 4;
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("bounces: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("bounces", run())
 }
 
 fn run() -> Result<(), String> {

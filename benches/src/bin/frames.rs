@@ -1,7 +1,7 @@
 //! Measures the wall clock time and the peak memory of whole frames.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_benches::{measure, release_tool, repository};
 use std::fmt::Write;
@@ -23,13 +23,7 @@ const FRAMES: [Frame; 8] = [
 ];
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("frames: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("frames", run())
 }
 
 fn run() -> Result<(), String> {

@@ -2,7 +2,7 @@
 //! reads nothing.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_benches::{Cost, Fur, measure, release_tool, repository};
 use std::io::Read;
@@ -26,13 +26,7 @@ const SCENES: [(&str, &str); 3] = [
 ];
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("live: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("live", run())
 }
 
 fn run() -> Result<(), String> {

@@ -34,13 +34,7 @@ use std::time::Instant;
 const RUNS: usize = 4;
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("rays: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("rays", run())
 }
 
 fn run() -> Result<(), String> {

@@ -3,7 +3,7 @@
 //! `cargo run --release -p granita-benches --bin reading [MEGABYTES]`. The scene is a row of meshes that are made here.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_base::{Location, Param, ParamData, Params, Reporter, ShapeDesc};
 use granita_benches::measure;
@@ -26,13 +26,7 @@ fn main() -> ExitCode {
         [megabytes] => megabytes.parse().map_err(|_| format!("{megabytes} is no size")).and_then(compare),
         _ => Err("reading [MEGABYTES]".into()),
     };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("reading: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("reading", done)
 }
 
 /// A sink that counts calls and drops them.

@@ -44,13 +44,7 @@ const BASE: [(&str, f64); 6] = [
 ];
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("trade: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("trade", run())
 }
 
 /// The values of all parameters.

@@ -5,7 +5,7 @@
 //! screen.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_base::hash;
 use granita_benches::{Cost, Screen, find_program, measure_into, release_tool};
@@ -14,13 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("viewer: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("viewer", run())
 }
 
 /// The number of texels of each side of the texture.

@@ -1,7 +1,7 @@
 //! Measures the cost of a second eye, more samples, a second thread and preview mode, as ratios of alternating runs.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 use granita_benches::{Cost, Fur, measure, release_tool, repository};
 use std::path::Path;
@@ -46,13 +46,7 @@ const fn speed_up(what: &'static str, sides: Sides, wall: bool, bar: f64) -> Rat
 }
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("views: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("views", run())
 }
 
 fn run() -> Result<(), String> {

@@ -48,6 +48,9 @@ impl Requested {
 /// square.
 const COARSE_QUALITY: i32 = 2;
 
+/// The part of "rerender:memory" that is for coarse frames of a desk, as a divisor.
+const COARSE_MEMORY: i32 = 8;
+
 /// How a frame of the desk differs from one of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct DeskFrame {
@@ -141,6 +144,14 @@ pub(crate) fn amended(
 fn for_desk(scene: &mut Scene, frame: DeskFrame, options: &SessionOptions) {
     scene.outputs.retain(|o| o.get(attr::DYNAMIC) && matches!(&*o.data, "z" | "avgz"));
     scene.globals.remove(attr::NET_WORKERS.name());
+    // What coarse frames keep and what the others keep are within the limit together.
+    let memory_kb = scene.get(attr::RERENDER_MEMORY);
+    if memory_kb > 0 {
+        let coarse_kb = (memory_kb / COARSE_MEMORY).max(1);
+        let own_kb = if frame.coarse { coarse_kb } else { (memory_kb - coarse_kb).max(1) };
+        let param = attr::RERENDER_MEMORY.param(own_kb);
+        scene.globals.insert(param.name.clone(), param);
+    }
     for camera in &mut scene.cameras {
         let crop = frame.crop.or(options.crop);
         if frame.coarse {
@@ -332,5 +343,25 @@ fn extra_outputs(
         }
         "all" => vec![Output { data: "rgba".into(), ..plain }],
         _ => vec![plain],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coarse_and_final_frames_of_a_desk_share_the_memory() {
+        let kept = |memory_kb: i32, coarse| {
+            let mut scene = Scene::default();
+            let param = attr::RERENDER_MEMORY.param(memory_kb);
+            scene.globals.insert(param.name.clone(), param);
+            for_desk(&mut scene, DeskFrame { coarse, crop: None }, &SessionOptions::default());
+            scene.get(attr::RERENDER_MEMORY)
+        };
+        assert_eq!([kept(1000, true), kept(1000, false)], [125, 875]);
+        // 0 is no limit, and stays none.
+        assert_eq!([kept(0, true), kept(0, false)], [0, 0]);
+        assert_eq!([kept(1, true), kept(1, false)], [1, 1]);
     }
 }

@@ -61,6 +61,24 @@ fn locked_objects_that_nothing_changes_are_the_same_to_the_bit() {
     both(&mut keeping, &mut anew, &text).unwrap();
 }
 
+/// A light that becomes ambient is seen by `ambient ()`, and no longer by `diffuse ()`.
+#[test]
+fn lights_become_ambient_and_back() {
+    let mut stage = scenes::scene(0);
+    let place = Place::new(&stage);
+    let (mut keeping, mut anew) = (place.keeping(1), place.anew(1));
+    let mut before = both(&mut keeping, &mut anew, &(stage.pyg() + "Render ()\n")).unwrap();
+    for shader in ["ambientlight", "pointlight", "ambientlight"] {
+        let light = stage.lights.iter_mut().find(|light| light.id == "fill").unwrap();
+        light.shader = shader;
+        light.params.0.retain(|(name, _)| *name == "float intensity");
+        let text = format!("World ()\n{}Render ()\n", light.pyg());
+        let images = both(&mut keeping, &mut anew, &text).unwrap();
+        assert!(compare(&images, &before).is_err(), "{shader}");
+        before = images;
+    }
+}
+
 /// With "rerender:reshaderays" 0, images may show old reflections only. They are right when it is 1 again, and when
 /// no reflected object changes.
 #[test]

@@ -8,7 +8,7 @@
 //! of another checkout, instead of those of this one.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 mod page;
 mod times;
@@ -26,13 +26,7 @@ const TURNS: usize = 3;
 const SCENE: &str = "examples/relight/relight.pyg";
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("desk: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("desk", run())
 }
 
 fn run() -> Result<(), String> {

@@ -13,7 +13,7 @@
 //! `--lookups` measures filtered lookups instead, see `lookups.rs`.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 mod lookups;
 
@@ -24,13 +24,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("peers: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("peers", run())
 }
 
 /// A comparison: its description, the input, and further arguments of both programs.

@@ -11,7 +11,7 @@
 //! and maps; without it one is built for release.
 
 #![forbid(unsafe_code)]
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
+#![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
 mod child;
 mod scenes;
@@ -48,13 +48,7 @@ fn main() -> ExitCode {
         Some((first, rest)) if first == "--child" => child::run(rest),
         _ => options(&words).and_then(|options| run(&options)),
     };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(what) => {
-            eprintln!("relight: {what}");
-            ExitCode::FAILURE
-        }
-    }
+    granita_benches::exit("relight", done)
 }
 
 fn options(words: &[String]) -> Result<Options, String> {

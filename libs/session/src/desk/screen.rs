@@ -497,7 +497,10 @@ impl ImageOutput for DeskImage {
             && !state.hidden
             && let Some(image) = &mut state.image
         {
-            image.begin_rectangle(&self.place.in_window(rect));
+            let shown = self.place.in_window(rect);
+            if !shown.is_empty() {
+                image.begin_rectangle(&shown);
+            }
         }
     }
 

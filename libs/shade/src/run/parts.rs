@@ -78,6 +78,7 @@ impl<'a> Machine<'a> {
             return;
         }
         let known = values[from as usize].0.iter().find(|kept| kept.slot == slot);
+        debug_assert!(known.is_some(), "what parts read of others is kept");
         let Some(KeptValue { varying, values, .. }) = known else { return };
         let register = &mut self.st.slots[slot as usize];
         register.varying = *varying;
