@@ -42,12 +42,15 @@ function drop_() {
 // What the server says.
 function paneled(news) {
   if (news.panel !== desk.id) return;
+  const shown = () => JSON.stringify(state().image), before = shown();
   if (news.all) desk.parts = {};
   for (const [part, text] of Object.entries(news.parts)) {
     if (text === null) delete desk.parts[part];
     else try { desk.parts[part] = JSON.parse(text); } catch { delete desk.parts[part]; }
   }
   showDesk();
+  // The pixels of an image come before the panel that calls it complete.
+  if (shown() !== before) draw();
 }
 function seekDesk() {
   const found = images.find(p => p.panel && current && p.id === current.id) || images.find(p => p.panel);
@@ -309,15 +312,16 @@ function showDesk() {
       if (c) c.node.replaceWith(next.node); else $("lamps").append(next.node);
       desk.cards.set(l.id, c = next);
     }
-    c.update(l);
+    // Most of what arrives concerns few of the lights. The controls of the open one take back values that were refused.
+    const open = desk.chosen === l.id, news = [l, desk.parts.objects, open];
+    if (open || !c.shown || c.shown.some((part, i) => part !== news[i])) { c.update(l); c.shown = news; }
     if (place ? place.nextElementSibling !== c.node : $("lamps").firstElementChild !== c.node) place ? place.after(c.node) : $("lamps").prepend(c.node);
     place = c.node;
   }
   for (const b of $("desk").querySelectorAll("button, input, select")) if (!["undo", "redo", "before"].includes(b.id) && !b.closest(".lamp")) b.disabled = !desk.may;
   $("lamps").inert = !desk.may;
   setCompare();
-  showHandles();
-  draw();
+  drawMarks();
 }
 
 // The lights in the image.

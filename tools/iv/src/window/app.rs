@@ -12,7 +12,6 @@ use egui::{Color32, ColorImage, Event, Modifiers, PointerButton, Pos2, TextureHa
 use granita_image::{PixelRect, Request};
 use granita_view::{Mix, save_canvas, save_pixels};
 use parking_lot::Mutex;
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -85,16 +84,7 @@ impl App {
         ctx: &egui::Context,
     ) -> Self {
         ctx.set_theme(egui::Theme::Dark);
-        let script = steps.map(|steps| Running {
-            steps: steps.into(),
-            events: VecDeque::new(),
-            frames: 0,
-            until: None,
-            quiet: 0,
-            since: started,
-            bench: None,
-            screenshot: None,
-        });
+        let script = steps.map(|steps| Running::new(steps, started));
         Self {
             model,
             texture: None,

@@ -11,6 +11,7 @@
 //! | `drag X Y X Y [Shift+][Ctrl+]` | drags with the primary button, in eight steps |
 //! | `desk` | waits until the desk for lighting is there and renders nothing, at most 60 s |
 //! | `light ID DX DY` | chooses a light of the desk and drags it in the image by DX and DY pixels of the screen, in eight steps |
+//! | `light ID DX DY S` | the same within S seconds, at most 60, in 30 steps each second |
 //! | `latency` | waits until the image shows all edits of the desk, at most 60 s, and prints the milliseconds from each edit to the first image with it, and from the last input to the final image |
 //! | `scroll X Y N` | turns the wheel by N steps away from the user |
 //! | `type TEXT` | enters text at a prompt |
@@ -25,7 +26,7 @@
 use eframe::egui::Event;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// One line of a script.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,8 +39,8 @@ pub(crate) enum Step {
     Click(f32, f32, String),
     Drag([f32; 4], String),
     Desk,
-    /// The id of a light, and the distance.
-    Light(String, [f32; 2]),
+    /// The id of a light, the distance, and the seconds that the drag takes; 0 for one step in each frame.
+    Light(String, [f32; 2], f32),
     Latency,
     Scroll(f32, f32, f32),
     Type(String),
@@ -85,7 +86,10 @@ fn step(line: &str) -> Option<Step> {
         "click" => Step::Click(number(0)?, number(1)?, modifiers(2)),
         "drag" => Step::Drag([number(0)?, number(1)?, number(2)?, number(3)?], modifiers(4)),
         "desk" => Step::Desk,
-        "light" => Step::Light((*words.first()?).to_owned(), [number(1)?, number(2)?]),
+        "light" => {
+            let seconds = if words.len() > 3 { number(3)?.clamp(0.0, 60.0) } else { 0.0 };
+            Step::Light((*words.first()?).to_owned(), [number(1)?, number(2)?], seconds)
+        }
         "latency" => Step::Latency,
         "scroll" => Step::Scroll(number(0)?, number(1)?, number(2)?),
         "type" => Step::Type(rest.to_owned()),
@@ -105,6 +109,9 @@ pub(super) struct Running {
     pub(super) steps: VecDeque<Step>,
     /// The events of the next frames. The first list belongs to the next frame.
     pub(super) events: VecDeque<Vec<Event>>,
+    /// The shortest time between two of these lists, and the earliest time of the next one.
+    pub(super) interval: Duration,
+    pub(super) due: Instant,
     pub(super) frames: u32,
     pub(super) until: Option<Instant>,
     /// The number of consecutive frames in which everything was loaded.
@@ -113,6 +120,38 @@ pub(super) struct Running {
     pub(super) since: Instant,
     pub(super) bench: Option<Bench>,
     pub(super) screenshot: Option<PathBuf>,
+}
+
+impl Running {
+    /// Returns the script before its first step.
+    pub(super) fn new(steps: Vec<Step>, now: Instant) -> Self {
+        Self {
+            steps: steps.into(),
+            events: VecDeque::new(),
+            interval: Duration::ZERO,
+            due: now,
+            frames: 0,
+            until: None,
+            quiet: 0,
+            since: now,
+            bench: None,
+            screenshot: None,
+        }
+    }
+
+    /// Returns the events of a frame that begins now.
+    pub(super) fn events(&mut self, now: Instant) -> Vec<Event> {
+        if now < self.due {
+            return Vec::new();
+        }
+        let Some(events) = self.events.pop_front() else { return Vec::new() };
+        if self.events.is_empty() {
+            self.interval = Duration::ZERO;
+        }
+        // A frame that came late does not delay those after it.
+        self.due = (self.due + self.interval).max(now.checked_sub(self.interval).unwrap_or(now));
+        events
+    }
 }
 
 /// A measurement of frames.
@@ -129,12 +168,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn events_keep_their_pace() {
+        let begin = Instant::now();
+        let at = |ms: u64| begin + Duration::from_millis(ms);
+        let mut running = Running::new(Vec::new(), begin);
+        running.events = vec![vec![Event::PointerGone]; 3].into();
+        (running.interval, running.due) = (Duration::from_millis(30), begin);
+        let counts = [0, 10, 29, 45, 60, 90].map(|ms| running.events(at(ms)).len());
+        assert_eq!(counts, [1, 0, 0, 1, 1, 0]);
+        running.events = vec![vec![Event::PointerGone]; 2].into();
+        let counts = [91, 92].map(|ms| running.events(at(ms)).len());
+        assert_eq!(counts, [1, 1], "the pace ended with its events");
+    }
+
+    #[test]
     fn lines_of_scripts_are_parsed_or_refused() {
         assert_eq!(step("drag 1 2 3 4 Shift+"), Some(Step::Drag([1., 2., 3., 4.], "Shift+".to_owned())));
-        assert_eq!(step("light key 3 -4"), Some(Step::Light("key".to_owned(), [3., -4.])));
+        assert_eq!(step("light key 3 -4"), Some(Step::Light("key".to_owned(), [3., -4.], 0.0)));
+        assert_eq!(step("light key 3 -4 1.5"), Some(Step::Light("key".to_owned(), [3., -4.], 1.5)));
         assert_eq!(step("key Ctrl+S"), Some(Step::Key("Ctrl+S".to_owned())));
         assert_eq!(step("expect a b"), Some(Step::Expect("a b".to_owned())));
-        for bad in ["key Nothing", "move 1", "light key 3", "frames x", "dance"] {
+        for bad in ["key Nothing", "move 1", "light key 3", "light key 3 4 x", "frames x", "dance"] {
             assert_eq!(step(bad), None, "{bad}");
         }
     }

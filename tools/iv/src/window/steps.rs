@@ -10,6 +10,9 @@ use granita_cli::Status;
 use granita_view::save_canvas;
 use std::time::{Duration, Instant};
 
+/// The time between two frames of the window while the script waits. More frames would take time from the renderer.
+const PAUSE: Duration = Duration::from_millis(250);
+
 impl App {
     fn fail(&self, what: &str) {
         granita_cli::print(&format!("script: {what}\n"));
@@ -61,17 +64,16 @@ impl App {
         }
         let settled = self.model.is_settled();
         if let Some(script) = &self.script {
-            // While data is read, the window is drawn again when it arrives.
-            let waits = match script.steps.front() {
-                Some(Step::Wait) => !settled,
-                // More frames would take time from the renderer.
-                Some(Step::Desk | Step::Latency) => script.events.is_empty(),
-                _ => false,
+            // While data is read, the window is drawn again when it arrives, and while a renderer works, with its images.
+            let pause = match script.steps.front() {
+                Some(Step::Wait) if !settled => Duration::from_millis(50),
+                Some(Step::Desk | Step::Latency) if script.events.is_empty() => PAUSE,
+                _ => {
+                    let next = if script.events.is_empty() { script.until } else { Some(script.due) };
+                    next.map_or(Duration::ZERO, |next| next.duration_since(Instant::now()).min(PAUSE))
+                }
             };
-            match waits {
-                true => ctx.request_repaint_after(Duration::from_millis(50)),
-                false => ctx.request_repaint(),
-            }
+            ctx.request_repaint_after(pause);
         }
     }
 
@@ -91,14 +93,18 @@ impl App {
                 script.events.push_back(vec![Event::PointerMoved(p), button(p, true, m)]);
                 script.events.push_back(vec![button(p, false, m)]);
             }
-            Step::Drag(line, text) => script.events.extend(drag_events(line, ppp, modifiers(&text))),
-            Step::Light(id, [dx, dy]) => {
+            Step::Drag(line, text) => script.events.extend(drag_events(line, ppp, modifiers(&text), 8)),
+            Step::Light(id, [dx, dy], seconds) => {
                 let place = self.desk.place(&id).and_then(|at| self.pixel_point(at, ppp));
                 let Some(place) = place else { return self.fail(&format!("no light \"{id}\" in the image")) };
                 self.desk.choose(&id);
                 let (x, y) = (place.x * ppp, place.y * ppp);
                 let Some(script) = &mut self.script else { return };
-                script.events.extend(drag_events([x, y, x + dx, y + dy], ppp, Modifiers::NONE));
+                let count = if seconds > 0.0 { (seconds * 30.0).ceil() } else { 8.0 };
+                let line = [x, y, x + dx, y + dy];
+                script.events.extend(drag_events(line, ppp, Modifiers::NONE, count as usize));
+                script.interval = Duration::from_secs_f32(seconds / count);
+                script.due = Instant::now();
             }
             Step::Latency => {
                 let report = self.latency.report();
@@ -246,12 +252,18 @@ fn key_events(text: &str) -> Vec<Vec<Event>> {
     vec![vec![event(true)], vec![event(false)]]
 }
 
-/// Returns for each frame the events of a drag with the primary button along a line, in pixels of the screen.
-fn drag_events([x0, y0, x1, y1]: [f32; 4], pixels_per_point: f32, modifiers: Modifiers) -> Vec<Vec<Event>> {
+/// Returns for each frame the events of a drag with the primary button along a line, in pixels of the screen, in a
+/// number of steps.
+fn drag_events(
+    [x0, y0, x1, y1]: [f32; 4],
+    pixels_per_point: f32,
+    modifiers: Modifiers,
+    count: usize,
+) -> Vec<Vec<Event>> {
     let (start, end) = (point([x0, y0], pixels_per_point), point([x1, y1], pixels_per_point));
     let mut frames = vec![vec![Event::PointerMoved(start), button(start, true, modifiers)]];
-    for i in 1..=8 {
-        let f = i as f32 / 8.0;
+    for i in 1..=count {
+        let f = i as f32 / count as f32;
         let p = point([x0 + (x1 - x0) * f, y0 + (y1 - y0) * f], pixels_per_point);
         frames.push(vec![Event::PointerMoved(p)]);
     }

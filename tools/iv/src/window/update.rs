@@ -22,14 +22,13 @@ impl eframe::App for App {
                         | Event::PointerGone
                 )
             });
-            if let Some(events) = script.events.pop_front() {
-                for event in &events {
-                    if let Event::PointerButton { modifiers, .. } | Event::Key { modifiers, .. } = event {
-                        raw_input.events.push(Event::ModifiersChanged(*modifiers));
-                    }
+            let events = script.events(self.input);
+            for event in &events {
+                if let Event::PointerButton { modifiers, .. } | Event::Key { modifiers, .. } = event {
+                    raw_input.events.push(Event::ModifiersChanged(*modifiers));
                 }
-                raw_input.events.extend(events);
             }
+            raw_input.events.extend(events);
         }
         let dropped: Vec<PathBuf> = raw_input.dropped_files.iter().map(|f| f.path().to_owned()).collect();
         if !dropped.is_empty() {
