@@ -148,8 +148,7 @@ impl<'a> Sampler<'a> {
         let (width, height) = (l.tile_width as usize, l.tile_height as usize);
         let (first, n) = (self.first, self.channels);
         let (tile, x, y) = self.tile_of(level, x, y);
-        (x + 1 < width && y + 1 < height)
-            .then(|| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| tile.texel(x + dx, y + dy, first, n)))
+        (x + 1 < width && y + 1 < height).then(|| tile.four(x, y, first, n))
     }
 
     /// Does the same as [`Sampler::texel`], but returns the numbers as they are stored.

@@ -127,6 +127,22 @@ impl Tile {
         }
     }
 
+    /// Does the same as [`Tile::texel`], for the texel, the one to its right, and the two below them, which are all in
+    /// the tile.
+    #[inline]
+    pub(crate) fn four(&self, x: usize, y: usize, first: usize, n: usize) -> [[f32; 4]; 4] {
+        let (at, step) = self.place(x, y, first);
+        let right = if self.layout == Layout::Texels { self.channels } else { 1 };
+        let places = [at, at + right, at + self.row, at + self.row + right];
+        match &self.pixels {
+            Pixels::U8(v) => places.map(|at| every(v, at, step, n).map(|v| from_raw(PixelType::U8, v))),
+            Pixels::U16(v) => places.map(|at| every(v, at, step, n).map(|v| from_raw(PixelType::U16, v))),
+            Pixels::U32(v) => places.map(|at| every(v, at, step, n)),
+            Pixels::Half(v) => places.map(|at| every(v, at, step, n)),
+            Pixels::Float(v) => places.map(|at| every(v, at, step, n)),
+        }
+    }
+
     /// Adds `count` texels from (x, y) to the right, which are the next of a row. The channels are `first .. first +
     /// n`, with the values of [`Tile::raw`].
     #[inline]
