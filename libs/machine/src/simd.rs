@@ -73,6 +73,9 @@ pub trait Simd: Copy {
     fn max8(self, a: Self::F8, b: Self::F8) -> Self::F8;
     /// `x >= 0 ? a : b`.
     fn choose8(self, x: Self::F8, a: Self::F8, b: Self::F8) -> Self::F8;
+    /// The largest whole numbers that are not above those of `x`, whose magnitudes are below 2^31. For others, and for
+    /// NaN, the results are any numbers.
+    fn floor8(self, x: Self::F8) -> [i32; WIDE];
     /// Bit `i` of the result is `a[i] < b[i]`.
     fn lt8(self, a: Self::F8, b: Self::F8) -> u32;
     /// Bit `i` of the result is `a[i] <= b[i]`.
@@ -281,6 +284,13 @@ impl Simd for Portable {
     #[inline(always)] fn choose8(self, x: Self::F8, a: Self::F8, b: Self::F8) -> Self::F8 {
         std::array::from_fn(|i| if x[i] >= 0.0 { a[i] } else { b[i] })
     }
+    #[inline(always)] fn floor8(self, x: Self::F8) -> [i32; WIDE] {
+        // The instruction that rounds down does not exist on all machines, and the library's function is slow.
+        x.map(|x| {
+            let whole = x as i32;
+            whole.wrapping_sub(i32::from(x < whole as f32))
+        })
+    }
     #[inline(always)] fn lt8(self, a: Self::F8, b: Self::F8) -> u32 { compare(a, b, |a, b| a < b) }
     #[inline(always)] fn le8(self, a: Self::F8, b: Self::F8) -> u32 { compare(a, b, |a, b| a <= b) }
     #[inline(always)] fn power8(self, x: Self::F8) -> Self::F8 {
@@ -327,12 +337,10 @@ mod avx2 {
         }
         #[inline(always)] fn halves8(self, x: &[u16; WIDE]) -> __m256 {
             let (avx, avx2) = (self.avx, self.avx2);
-            let bits = avx2._mm256_cvtepu16_epi32(cast(*x));
-            let magnitude = avx2._mm256_and_si256(bits, avx._mm256_set1_epi32(0x7fff));
-            let magnitude = avx._mm256_castsi256_ps(avx2._mm256_slli_epi32::<13>(magnitude));
-            let magnitude = avx._mm256_mul_ps(magnitude, avx._mm256_set1_ps(HALF_BIAS));
-            let sign = avx2._mm256_and_si256(bits, avx._mm256_set1_epi32(0x8000));
-            avx._mm256_or_ps(magnitude, avx._mm256_castsi256_ps(avx2._mm256_slli_epi32::<16>(sign)))
+            // Extended by its sign, a half needs one mask. The product keeps the sign.
+            let bits = avx2._mm256_slli_epi32::<13>(avx2._mm256_cvtepi16_epi32(cast(*x)));
+            let bits = avx2._mm256_and_si256(bits, avx._mm256_set1_epi32(0x8fff_e000_u32.cast_signed()));
+            avx._mm256_mul_ps(avx._mm256_castsi256_ps(bits), avx._mm256_set1_ps(HALF_BIAS))
         }
         #[inline(always)] fn store8(self, x: __m256) -> [f32; WIDE] { cast(x) }
         #[inline(always)] fn add8(self, a: __m256, b: __m256) -> __m256 { self.avx._mm256_add_ps(a, b) }
@@ -348,6 +356,9 @@ mod avx2 {
         #[inline(always)] fn choose8(self, x: __m256, a: __m256, b: __m256) -> __m256 {
             let above = self.avx._mm256_cmp_ps::<_CMP_GE_OQ>(x, self.avx._mm256_setzero_ps());
             self.avx._mm256_blendv_ps(b, a, above)
+        }
+        #[inline(always)] fn floor8(self, x: __m256) -> [i32; WIDE] {
+            cast(self.avx._mm256_cvttps_epi32(self.avx._mm256_floor_ps(x)))
         }
         #[inline(always)] fn lt8(self, a: __m256, b: __m256) -> u32 {
             self.avx._mm256_movemask_ps(self.avx._mm256_cmp_ps::<_CMP_LT_OQ>(a, b)).cast_unsigned()
@@ -468,7 +479,41 @@ mod tests {
     }
 
     #[test]
+    fn numbers_are_rounded_down_on_all_machines() {
+        struct Floor([f32; WIDE]);
+
+        impl Kernel for Floor {
+            type Output = [i32; WIDE];
+
+            #[inline(always)]
+            fn run<S: Simd>(self, s: S) -> [i32; WIDE] {
+                s.floor8(s.load8(&self.0))
+            }
+        }
+
+        let x = [0.0, -0.0, 0.999, -0.001, 7.0, -7.0, -2e9, 2e9];
+        let expected = [0, 0, 0, -1, 7, -7, -2_000_000_000, 2_000_000_000];
+        assert_eq!(dispatch(Floor(x)), expected);
+        assert_eq!(Vectors::PORTABLE.run(Floor(x)), expected);
+    }
+
+    #[test]
     fn halves_convert_to_their_ieee_values() {
+        struct Halves([u16; WIDE]);
+
+        impl Kernel for Halves {
+            type Output = [u32; WIDE];
+
+            #[inline(always)]
+            fn run<S: Simd>(self, s: S) -> [u32; WIDE] {
+                s.store8(s.halves8(&self.0)).map(f32::to_bits)
+            }
+        }
+
         assert_eq!([0x3c00, 0xc000, 0x0001, 0x7bff].map(half), [1.0, -2.0, 5.960_464_5e-8, 65504.0]);
+        let finite: Vec<u16> = (0..=u16::MAX).filter(|bits| bits & 0x7c00 != 0x7c00).collect();
+        for bits in finite.as_chunks::<WIDE>().0 {
+            assert_eq!(dispatch(Halves(*bits)), bits.map(|bits| half(bits).to_bits()));
+        }
     }
 }

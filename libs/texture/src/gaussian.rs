@@ -45,6 +45,16 @@ pub(crate) struct Gaussian {
     half: (f32, f32),
 }
 
+/// The shape of the rows of a [`Gaussian`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct RowShape {
+    pub(crate) slant: f32,
+    pub(crate) half: (f32, f32),
+    /// The exponents `b` and `c` of a row, per step and per squared step in y.
+    pub(crate) b: f32,
+    pub(crate) c: f32,
+}
+
 impl Gaussian {
     /// Makes a Gaussian for a footprint of these squared full widths in texels. Both widths of the ellipse are at
     /// least 1.
@@ -66,6 +76,18 @@ impl Gaussian {
         }
     }
 
+    /// True when a row may be longer than eight texels.
+    #[inline]
+    pub(crate) fn is_long(&self) -> bool {
+        self.reach.0 > 3.5
+    }
+
+    /// Returns the numbers of which [`Gaussian::row`] and [`Gaussian::exponents`] compute their results.
+    #[inline(always)]
+    pub(crate) fn row_shape(&self) -> RowShape {
+        RowShape { slant: self.slant, half: self.half, b: self.xy, c: self.yy }
+    }
+
     /// Returns the first covered texel in the row at `dy` from the centre, and the first one after them. The centre
     /// is at `cx`.
     #[inline(always)]
@@ -75,6 +97,34 @@ impl Gaussian {
             let (middle, half) = (cx + self.slant * dy, squared.sqrt());
             (1 + floor(middle - half), 1 + floor(middle + half))
         })
+    }
+
+    /// Returns bounds of the columns that the rows `y.0 .. y.1` cover. The centre is at `(cx, cy)`. A margin of up to
+    /// one texel on each side covers rounding.
+    #[inline]
+    pub(crate) fn bounds(&self, (cx, cy): (f32, f32), (y, end): (i32, i32)) -> (i32, i32) {
+        let (from, to) = (y as f32 - cy, (end - 1) as f32 - cy);
+        // The row that is nearest to the centre is the longest.
+        let nearest = 0.0_f32.max(from).min(to);
+        let half = (self.half.0 - self.half.1 * nearest * nearest).max(0.0).sqrt();
+        let (a, b) = (self.slant * from, self.slant * to);
+        (floor(cx + a.min(b) - half), 1 + floor(cx + a.max(b) + half))
+    }
+
+    /// Returns the first and the last column that the rows `y.0 .. y.1` cover, and `None` when they cover none. The
+    /// centre is at `(cx, cy)`.
+    pub(crate) fn columns(&self, (cx, cy): (f32, f32), (mut y, end): (i32, i32)) -> Option<(i32, i32)> {
+        let mut columns: Option<(i32, i32)> = None;
+        while y < end {
+            if let Some((from, to)) = self.row(cx, y as f32 - cy)
+                && from < to
+            {
+                let (first, last) = columns.unwrap_or((from, to - 1));
+                columns = Some((first.min(from), last.max(to - 1)));
+            }
+            y += 1;
+        }
+        columns
     }
 
     /// Returns the exponents of the row at `dy`.

@@ -60,6 +60,19 @@ fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: 
     spread.add(0.0, q.tblur);
     let spread = spread.scaled(size[0], size[1]);
     let (a, b) = spread.squares();
+    if a <= 1.0 {
+        // The footprint would be widened to one texel, which is one probe of weight 1.
+        let mut count = 0;
+        by_channels(file, q.first_channel, q.fill, out, |first, n| {
+            if !q.s.is_finite() || !q.t.is_finite() {
+                return [0.0; 4];
+            }
+            count += 1;
+            positive_zero(reader.sampler(file, first, n).bilinear(0, q.s, q.t, wrap))
+        });
+        reader.probes += count;
+        return;
+    }
     let footprint = if b >= 1.0 && a <= MAX_RATIO * MAX_RATIO * b {
         Footprint { spread, b }
     } else {
@@ -89,14 +102,25 @@ fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: 
             sampler.gaussian(*level, q.s, q.t, gaussian, wrap)
         });
         let Some((probes, (ds, dt))) = &narrow else { return round.unwrap_or_default() };
-        let mut mean = Mean::default();
-        for (x, weight) in probes.iter() {
-            mean.add(sampler.bilinear(0, q.s + x * ds, q.t + x * dt, wrap), weight);
-        }
         count += u64::from(probes.count);
-        round.map_or(mean.value(), |round| mix(mean.value(), round, wide))
+        let mean = if probes.count == 1 {
+            positive_zero(sampler.bilinear(0, q.s, q.t, wrap))
+        } else {
+            let mut mean = Mean::default();
+            for (x, weight) in probes.iter() {
+                mean.add(sampler.bilinear(0, q.s + x * ds, q.t + x * dt, wrap), weight);
+            }
+            mean.value()
+        };
+        round.map_or(mean, |round| mix(mean, round, wide))
     });
     reader.probes += count;
+}
+
+/// Returns the mean of one value as [`Mean`] computes it: a negative zero becomes positive.
+#[inline]
+fn positive_zero(value: [f32; 4]) -> [f32; 4] {
+    value.map(|v| v + 0.0)
 }
 
 /// An ellipse, with the square of its width across, in texels of the largest level.

@@ -8,7 +8,7 @@ use crate::level::Level;
 use crate::made::TileMaker;
 use crate::shared::Shared;
 use crate::simd::{LANES, Row, Sums};
-use crate::tiles::{Cell, Tile, TileKey};
+use crate::tiles::{Cell, MOST_PLACED, Placed, Tile, TileKey, add_rows};
 use crate::wrap::{Wrap, cell};
 use granita_base::Vec3;
 use std::sync::Arc;
@@ -73,6 +73,21 @@ impl Held {
             Some(held) => held.cell.tile(),
             None => unreachable!("the place was found or filled above"),
         }
+    }
+
+    /// Returns the tiles at these places if the thread holds all of them.
+    #[inline(always)]
+    fn placed(&self, places: &Few<Place>) -> Option<Few<Placed<'_>>> {
+        let placed = |place: &Place| {
+            let held = self.tiles[Self::place(&place.key)].as_ref().filter(|held| held.key == place.key)?;
+            Some(Placed { tile: held.cell.tile(), corner: place.corner, to: place.to })
+        };
+        let (first, others) = places.as_slice().split_first()?;
+        let mut all = Few::of(placed(first)?);
+        for place in others {
+            all.push(placed(place)?)?;
+        }
+        Some(all)
     }
 
     #[cold]
@@ -148,8 +163,7 @@ impl<'a> Sampler<'a> {
         let (width, height) = (l.tile_width as usize, l.tile_height as usize);
         let (first, n) = (self.first, self.channels);
         let (tile, x, y) = self.tile_of(level, x, y);
-        (x + 1 < width && y + 1 < height)
-            .then(|| [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| tile.texel(x + dx, y + dy, first, n)))
+        (x + 1 < width && y + 1 < height).then(|| tile.four(x, y, first, n))
     }
 
     /// Does the same as [`Sampler::texel`], but returns the numbers as they are stored.
@@ -200,27 +214,76 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// Adds all texels under a Gaussian with this centre, if they lie in one tile. It covers only the columns `x.0 ..=
-    /// x.1` and the rows `y.0 ..= y.1`, which are all inside of the level. Returns true when they were added.
+    /// Adds the texels under a Gaussian with this centre that lie in the rows `y.0 .. y.1`. All lie in one tile, at
+    /// this column and row of tiles. Returns false, and adds nothing, when it is stored texel by texel.
     #[inline]
-    pub(crate) fn add_rows(
+    pub(crate) fn add_tile(
         &mut self,
         level: usize,
-        x: (i32, i32),
+        (tx, ty): (u32, u32),
         y: (i32, i32),
         (centre, gaussian): ((f32, f32), &Gaussian),
         sums: &mut Sums,
     ) -> bool {
         let l = &self.file.levels[level];
-        let (tile_width, tile_height) = (l.tile_width as i32, l.tile_height as i32);
-        let channels = (self.first, self.channels);
-        let (tx, ty) = (x.0 as u32 / l.tile_width, y.0 as u32 / l.tile_height);
-        let corner = ((tx * l.tile_width) as i32, (ty * l.tile_height) as i32);
-        if x.1 >= corner.0 + tile_width || y.1 >= corner.1 + tile_height || y.0 > y.1 {
-            return false;
-        }
         let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
-        self.held.tile(key, self.shared, self.file).add_rows(channels, (centre, corner, y), gaussian, sums)
+        let corner = ((tx * l.tile_width) as i32, (ty * l.tile_height) as i32);
+        let tile = self.held.tile(key, self.shared, self.file);
+        let placed = Placed { tile, corner, to: corner.0 + l.tile_width as i32 };
+        add_rows(&[placed], (self.first, self.channels), (centre, y), gaussian, sums)
+    }
+
+    /// Adds the texels under a Gaussian with this centre that lie in the rows `y.0 .. y.1`, which are inside of one row
+    /// of tiles. An image of the wrap mode [`Wrap::Periodic`] repeats to all sides. Returns false, and adds nothing,
+    /// when the texels are not in a few tiles that the thread can hold together.
+    #[inline]
+    pub(crate) fn add_band(
+        &mut self,
+        level: usize,
+        y: (i32, i32),
+        wrap: (Wrap, Wrap),
+        (centre, gaussian): ((f32, f32), &Gaussian),
+        sums: &mut Sums,
+    ) -> bool {
+        let channels = (self.first, self.channels);
+        // Bounds of the columns are computed faster than the columns. The bounds may touch a tile that the footprint
+        // does not touch. It does not matter where the thread holds that tile, but such a tile must not be read.
+        let bounds = gaussian.bounds(centre, y);
+        if let Some(places) = self.places(level, bounds, y.0, wrap)
+            && let Some(placed) = self.held.placed(&places)
+        {
+            return add_rows(placed.as_slice(), channels, (centre, y), gaussian, sums);
+        }
+        let Some(columns) = gaussian.columns(centre, y) else { return true };
+        let Some(places) = self.places(level, columns, y.0, wrap) else { return false };
+        for place in places.as_slice() {
+            self.held.tile(place.key, self.shared, self.file);
+        }
+        // With little memory, or where tiles are far apart, one may have replaced another.
+        let Some(placed) = self.held.placed(&places) else { return false };
+        add_rows(placed.as_slice(), channels, (centre, y), gaussian, sums)
+    }
+
+    /// Returns the tiles of the columns `x.0 ..= x.1` of row `y` of a level. Returns `None` when they are many, and for
+    /// texels outside of an image that does not repeat.
+    #[inline(always)]
+    fn places(&self, level: usize, x: (i32, i32), y: i32, wrap: (Wrap, Wrap)) -> Option<Few<Place>> {
+        let l = &self.file.levels[level];
+        let width = l.width as i32;
+        let (ty, top) = tile_at(y, l.height as i32, l.tile_height, wrap.1)?;
+        let place = |from: i32| {
+            let (tx, left) = tile_at(from, width, l.tile_width, wrap.0)?;
+            let to = left + (l.tile_width as i32).min(width - (tx * l.tile_width) as i32);
+            let key = TileKey { file: self.file.index, level: level as u32, tx, ty };
+            Some(Place { key, corner: (left, top), to })
+        };
+        let mut places = Few::of(place(x.0)?);
+        let mut from = places.last().to;
+        while from <= x.1 {
+            places.push(place(from)?)?;
+            from = places.last().to;
+        }
+        Some(places)
     }
 
     /// Returns texel (x, y) of a face of a level, which must be inside.
@@ -292,6 +355,60 @@ impl<'a> Sampler<'a> {
         let [a, b, c, d] = corners.map(|c| c.unwrap_or(sum));
         mix(mix(a, b, fx), mix(c, d, fx), fy)
     }
+}
+
+/// The position of a tile: see [`Placed`].
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    key: TileKey,
+    corner: (i32, i32),
+    to: i32,
+}
+
+/// A list of one to [`MOST_PLACED`] items.
+struct Few<T> {
+    items: [T; MOST_PLACED],
+    count: usize,
+}
+
+impl<T: Copy> Few<T> {
+    #[inline(always)]
+    fn of(item: T) -> Self {
+        Self { items: [item; MOST_PLACED], count: 1 }
+    }
+
+    /// Adds an item. Returns `None` when the list is full.
+    #[inline(always)]
+    fn push(&mut self, item: T) -> Option<()> {
+        *self.items.get_mut(self.count)? = item;
+        self.count += 1;
+        Some(())
+    }
+
+    #[inline(always)]
+    fn last(&self) -> &T {
+        &self.items[self.count - 1]
+    }
+
+    #[inline(always)]
+    fn as_slice(&self) -> &[T] {
+        &self.items[..self.count]
+    }
+}
+
+/// Returns the index of the tile of row (column) `x` of an image of `n` rows, and the first row of the tile in the same
+/// copy of the image. Returns `None` for a row outside of an image that does not repeat.
+#[inline]
+fn tile_at(x: i32, n: i32, size: u32, wrap: Wrap) -> Option<(u32, i32)> {
+    let inside = if (0..n).contains(&x) {
+        x
+    } else if wrap == Wrap::Periodic {
+        x.rem_euclid(n)
+    } else {
+        return None;
+    };
+    let tile = inside as u32 / size;
+    Some((tile, x - inside + (tile * size) as i32))
 }
 
 /// Splits a level of detail into the two levels around it and the share of the coarser one.

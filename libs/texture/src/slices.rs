@@ -8,7 +8,7 @@
 use crate::TextureId;
 use crate::block::Block;
 use crate::file::TextureFile;
-use crate::footprint::{Ellipse, Mean, Spread, mix};
+use crate::footprint::{Ellipse, MAX_ANISOTROPY, Mean, Spread, mix};
 use crate::lookup::Lookup3d;
 use crate::plain::by_channels;
 use crate::reader::TextureReader;
@@ -55,6 +55,28 @@ fn read(input: &dyn ImageInput, channels: usize) -> Result<Vec<Block>, String> {
         blocks.push(next);
     }
     Ok(blocks)
+}
+
+/// Probes along an axis: the distance of each from the centre, and its weight. They are as many as an ellipse has at
+/// most.
+struct Line {
+    probes: [(f32, f32); 2 * MAX_ANISOTROPY as usize],
+    count: usize,
+}
+
+impl Line {
+    fn of(probes: impl Iterator<Item = (f32, f32)>) -> Self {
+        let mut line = Self { probes: [(0.0, 0.0); 2 * MAX_ANISOTROPY as usize], count: 0 };
+        for (place, probe) in line.probes.iter_mut().zip(probes) {
+            *place = probe;
+            line.count += 1;
+        }
+        line
+    }
+
+    fn probes(&self) -> &[(f32, f32)] {
+        &self.probes[..self.count]
+    }
 }
 
 impl Shared {
@@ -107,39 +129,48 @@ fn texture3d(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup3d, o
     // separately.
     let blur = (sane(Vec3::new(q.sblur, q.tblur, q.tblur)) * size).abs();
     let all = f64::from(blur.min_element().max(blur.max_element() / MAX_BLUR_RATIO));
-    (ellipse.a, ellipse.b) = (ellipse.a.hypot(all), ellipse.b.hypot(all));
+    if all > 0.0 {
+        (ellipse.a, ellipse.b) = (ellipse.a.hypot(all), ellipse.b.hypot(all));
+    }
     let probes = ellipse.probes(1.0);
     let step = (first * ellipse.axis[0] + second * ellipse.axis[1]) / size;
     let (level, share) = levels(probes.width.log2(), blocks.len() - 1);
     let width = f64::from(probes.width);
-    let more: [Vec<(f32, f32)>; 3] = std::array::from_fn(|k| {
+    // The probes of the additional blur along each axis.
+    let more: [Line; 3] = std::array::from_fn(|k| {
         let more = (f64::from(blur[k]).powi(2) - all * all).max(0.0).sqrt();
-        let line = Ellipse { axis: [1.0, 0.0], a: width.hypot(more), b: width };
-        line.probes(1.0).iter().map(|(x, weight)| (x / size[k], weight)).collect()
+        if more > 0.0 {
+            let line = Ellipse { axis: [1.0, 0.0], a: width.hypot(more), b: width };
+            Line::of(line.probes(1.0).iter().map(|(x, weight)| (x / size[k], weight)))
+        } else {
+            Line::of(std::iter::once((0.0, 1.0)))
+        }
     });
-    let around: Vec<(Vec3, f32)> = more[2]
-        .iter()
-        .flat_map(|z| more[1].iter().map(move |y| (y, z)))
-        .flat_map(|(y, z)| more[0].iter().map(move |x| (Vec3::new(x.0, y.0, z.0), x.1 * y.1 * z.1)))
-        .collect();
+    let [across, down, back] = &more;
+    let wrap = [swrap, twrap, twrap];
     let mut count = 0;
     by_channels(file, q.first_channel, q.fill, out, |first, n| {
         if !q.p.is_finite() {
             return [0.0; 4];
         }
         let mut mean = Mean::default();
-        for ((x, weight), (beside, more)) in
-            probes.iter().flat_map(|probe| around.iter().map(move |a| (probe, a)))
-        {
-            let (p, weight) = (q.p + step * x + *beside, weight * more);
-            let wrap = [swrap, twrap, twrap];
-            let mut value = blocks[level].at(p, wrap, first, n);
-            if share > 0.0 {
-                value = mix(value, blocks[level + 1].at(p, wrap, first, n), share);
+        for (along, weight) in probes.iter() {
+            let on_axis = q.p + step * along;
+            for &(z, z_weight) in back.probes() {
+                for &(y, y_weight) in down.probes() {
+                    for &(x, x_weight) in across.probes() {
+                        let (p, weight) =
+                            (on_axis + Vec3::new(x, y, z), weight * (x_weight * y_weight * z_weight));
+                        let mut value = blocks[level].at(p, wrap, first, n);
+                        if share > 0.0 {
+                            value = mix(value, blocks[level + 1].at(p, wrap, first, n), share);
+                        }
+                        mean.add(value, weight);
+                    }
+                }
             }
-            mean.add(value, weight);
         }
-        count += u64::from(probes.count) * around.len() as u64;
+        count += u64::from(probes.count) * more.iter().map(|line| line.count as u64).product::<u64>();
         mean.value()
     });
     reader.probes += count;

@@ -125,6 +125,7 @@ impl Sampler<'_> {
     pub(crate) fn cube_mean(&mut self, level: usize, lobe: &Lobe) -> Option<[f32; 4]> {
         let layout: CubeLayout = self.file.layout;
         let n = self.level(level).face_width;
+        let per_column = 1.0 / f64::from(n);
         let mut sums = Sums::new(0.0, false);
         for (face, f) in layout.faces().iter().enumerate() {
             let in_face = |v: Vec3| [v.dot(f.forward), v.dot(f.right), v.dot(f.up)].map(f64::from);
@@ -171,8 +172,13 @@ impl Sampler<'_> {
                     lobe.in_frame(d.x, d.y, d.z)
                 };
                 for i in columns.clone().step_by(LANES) {
-                    let x = |k: usize| ((2.0 * f64::from(i + k as i32) + 1.0) / f64::from(n) - 1.0) as f32;
-                    let x = std::array::from_fn(x);
+                    let twice = |k: usize| 2.0 * f64::from(i + k as i32) + 1.0;
+                    // Where the quotient is a product, to the bit, the product is faster.
+                    let x = if n.is_power_of_two() {
+                        std::array::from_fn(|k| (twice(k) * per_column - 1.0) as f32)
+                    } else {
+                        std::array::from_fn(|k| (twice(k) / f64::from(n) - 1.0) as f32)
+                    };
                     let line = Line {
                         at,
                         across: [right, [0.0; 3]],

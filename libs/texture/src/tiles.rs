@@ -1,7 +1,7 @@
 //! The tile cache. It is sharded and bounded in memory, and each tile is read once for any number of threads.
 
 use crate::gaussian::Gaussian;
-use crate::simd::{LANES, Row, Rows, Run, Sums, Texel};
+use crate::simd::{LANES, Piece, Row, Rows, Run, Sums, Texel};
 use crate::statistics::{Counters, add as count};
 use granita_base::{Lru, hash};
 use granita_image::{PixelType, Pixels};
@@ -127,6 +127,22 @@ impl Tile {
         }
     }
 
+    /// Does the same as [`Tile::texel`], for the texel, the one to its right, and the two below them, which are all in
+    /// the tile.
+    #[inline]
+    pub(crate) fn four(&self, x: usize, y: usize, first: usize, n: usize) -> [[f32; 4]; 4] {
+        let (at, step) = self.place(x, y, first);
+        let right = if self.layout == Layout::Texels { self.channels } else { 1 };
+        let places = [at, at + right, at + self.row, at + self.row + right];
+        match &self.pixels {
+            Pixels::U8(v) => places.map(|at| every(v, at, step, n).map(|v| from_raw(PixelType::U8, v))),
+            Pixels::U16(v) => places.map(|at| every(v, at, step, n).map(|v| from_raw(PixelType::U16, v))),
+            Pixels::U32(v) => places.map(|at| every(v, at, step, n)),
+            Pixels::Half(v) => places.map(|at| every(v, at, step, n)),
+            Pixels::Float(v) => places.map(|at| every(v, at, step, n)),
+        }
+    }
+
     /// Adds `count` texels from (x, y) to the right, which are the next of a row. The channels are `first .. first +
     /// n`, with the values of [`Tile::raw`].
     #[inline]
@@ -182,30 +198,6 @@ impl Tile {
             Pixels::Half(v) => weighted(v, (at, plane, n), weights, lanes, sums),
             Pixels::Float(v) => weighted(v, (at, plane, n), weights, lanes, sums),
         }
-    }
-
-    /// Adds the texels of rows that lie under a Gaussian. `(centre, corner, y)` are those of [`Rows`]. Returns false,
-    /// and adds nothing, when the tile is stored texel by texel.
-    #[inline]
-    pub(crate) fn add_rows(
-        &self,
-        (first, n): (usize, usize),
-        place: ((f32, f32), (i32, i32), (i32, i32)),
-        gaussian: &Gaussian,
-        sums: &mut Sums,
-    ) -> bool {
-        if self.layout == Layout::Texels && self.channels > 1 {
-            return false;
-        }
-        let shape = (self.plane, self.row, first, n);
-        match &self.pixels {
-            Pixels::U8(v) => add_rows(v, shape, place, gaussian, sums),
-            Pixels::U16(v) => add_rows(v, shape, place, gaussian, sums),
-            Pixels::U32(v) => add_rows(v, shape, place, gaussian, sums),
-            Pixels::Half(v) => add_rows(v, shape, place, gaussian, sums),
-            Pixels::Float(v) => add_rows(v, shape, place, gaussian, sums),
-        }
-        true
     }
 
     /// Passes all channels of the texel at (x, y) to `f`. The tile is stored texel by texel.
@@ -268,21 +260,93 @@ fn weighted<T: Texel>(
     }
 }
 
-/// Implements [`Tile::add_rows`].
+/// A tile that a footprint touches, and its position in the image. Where an image repeats, that is the position in the
+/// copy that the footprint touches.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed<'a> {
+    pub(crate) tile: &'a Tile,
+    /// The position of texel (0, 0) of the tile in the image.
+    pub(crate) corner: (i32, i32),
+    /// The first column that belongs to the next tile.
+    pub(crate) to: i32,
+}
+
+/// The largest number of tiles side by side for [`add_rows`].
+pub(crate) const MOST_PLACED: usize = 8;
+
+/// Adds the texels under a Gaussian that lie in the rows `y.0 .. y.1` of the image. `placed` are the tiles that these
+/// rows touch, from left to right, at least one and at most [`MOST_PLACED`]. Returns false, and adds nothing, when they
+/// are stored texel by texel.
 #[inline]
-fn add_rows<T: Texel>(
-    values: &[T],
-    (plane, stride, first, n): (usize, usize, usize, usize),
-    (centre, corner, y): ((f32, f32), (i32, i32), (i32, i32)),
+pub(crate) fn add_rows(
+    placed: &[Placed<'_>],
+    channels: (usize, usize),
+    (centre, y): ((f32, f32), (i32, i32)),
+    gaussian: &Gaussian,
+    sums: &mut Sums,
+) -> bool {
+    let place = (centre, y);
+    match placed[0].tile.pixels.pixel_type() {
+        PixelType::U8 => add_rows_of::<u8>(placed, channels, place, gaussian, sums),
+        PixelType::U16 => add_rows_of::<u16>(placed, channels, place, gaussian, sums),
+        PixelType::U32 => add_rows_of::<u32>(placed, channels, place, gaussian, sums),
+        PixelType::Half => add_rows_of::<f16>(placed, channels, place, gaussian, sums),
+        PixelType::Float => add_rows_of::<f32>(placed, channels, place, gaussian, sums),
+    }
+}
+
+/// Implements [`add_rows`] for one type of texels.
+#[inline]
+fn add_rows_of<T: Texel>(
+    placed: &[Placed<'_>],
+    (first, n): (usize, usize),
+    (centre, y): ((f32, f32), (i32, i32)),
+    g: &Gaussian,
+    sums: &mut Sums,
+) -> bool {
+    /// Returns the values of a tile, and `None` where they are stored texel by texel.
+    #[inline]
+    fn piece<'a, T: Texel>(placed: &Placed<'a>, first: usize) -> Option<Piece<'a, T>> {
+        let Placed { tile, corner, to } = *placed;
+        let values = T::of(&tile.pixels).filter(|_| tile.layout == Layout::Planes || tile.channels == 1)?;
+        let (stride, plane) = (tile.row, tile.plane);
+        let at = (first * plane) as isize - corner.0 as isize - corner.1 as isize * stride as isize;
+        Some(Piece { values, at, stride, plane, to })
+    }
+
+    let Some(one) = piece::<T>(&placed[0], first) else { return false };
+    if let [_] = placed {
+        sum_rows(&[one], n, (centre, y), g, sums);
+        return true;
+    }
+    let mut pieces = [one; MOST_PLACED];
+    for (piece_of, placed) in pieces.iter_mut().zip(placed) {
+        let Some(piece) = piece(placed, first) else { return false };
+        *piece_of = piece;
+    }
+    sum_rows(&pieces[..placed.len()], n, (centre, y), g, sums);
+    true
+}
+
+/// Adds the rows of [`add_rows`].
+#[inline]
+fn sum_rows<T: Texel>(
+    pieces: &[Piece<'_, T>],
+    n: usize,
+    (centre, y): ((f32, f32), (i32, i32)),
     g: &Gaussian,
     sums: &mut Sums,
 ) {
-    let rows = Rows { values, plane, stride, first, centre, corner, y };
-    match n {
-        1 => sums.rows::<T, 1>(g, rows),
-        2 => sums.rows::<T, 2>(g, rows),
-        3 => sums.rows::<T, 3>(g, rows),
-        _ => sums.rows::<T, 4>(g, rows),
+    let rows = Rows { pieces, centre, y };
+    match (n, g.is_long()) {
+        (1, false) => sums.rows::<T, 1, false>(g, rows),
+        (1, true) => sums.rows::<T, 1, true>(g, rows),
+        (2, false) => sums.rows::<T, 2, false>(g, rows),
+        (2, true) => sums.rows::<T, 2, true>(g, rows),
+        (3, false) => sums.rows::<T, 3, false>(g, rows),
+        (3, true) => sums.rows::<T, 3, true>(g, rows),
+        (_, false) => sums.rows::<T, 4, false>(g, rows),
+        (_, true) => sums.rows::<T, 4, true>(g, rows),
     }
 }
 

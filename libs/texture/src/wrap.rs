@@ -68,9 +68,21 @@ impl Wrap {
         match self {
             Self::Black | Self::Clamp => x.clamp(-64.0, 65.0),
             Self::Periodic if (0.0..=1.0).contains(&x) => x,
-            Self::Periodic => x - x.floor(),
-            Self::Mirror => x - 2.0 * (x * 0.5).floor(),
+            Self::Periodic => x - floor(x),
+            Self::Mirror => x - 2.0 * floor(x * 0.5),
         }
+    }
+}
+
+/// Returns the largest whole number that is not above `x`. The instruction for it does not exist on all machines, and a
+/// call of the library's function takes longer than a bilinear lookup should.
+#[inline]
+fn floor(x: f32) -> f32 {
+    if x.abs() < 1e9 {
+        let whole = x as i32 as f32;
+        if x < whole { whole - 1.0 } else { whole }
+    } else {
+        x.floor()
     }
 }
 
@@ -79,8 +91,8 @@ impl Wrap {
 #[inline]
 pub(crate) fn cell(s: f32, n: u32) -> (i32, f32) {
     let x = s * n as f32 - 0.5;
-    let floor = x.floor();
-    (floor as i32, x - floor)
+    let whole = floor(x);
+    (whole as i32, x - whole)
 }
 
 #[cfg(test)]
@@ -112,5 +124,13 @@ mod tests {
         assert_eq!(Wrap::parse_pair("periodic,clamp"), Some((Wrap::Periodic, Wrap::Clamp)));
         assert_eq!(Wrap::parse_pair("mirror"), Some((Wrap::Mirror, Wrap::Mirror)));
         assert_eq!(Wrap::parse_pair("a,b"), None);
+    }
+
+    #[test]
+    fn numbers_are_rounded_down_as_the_library_does() {
+        for x in [0.0, 0.5, -0.5, 1.0, -1.0, 0.999_999_9, -1e-30, 123.75, -8_388_607.5, 1e9, -3e9, 1e30] {
+            assert_eq!(floor(x), x.floor(), "{x}");
+        }
+        assert!(floor(f32::NAN).is_nan());
     }
 }

@@ -3,6 +3,7 @@
 
 mod support;
 
+use granita_image::{ImageSpec, PixelType};
 use granita_texture::make::MakeOptions;
 use granita_texture::{CacheOptions, Lookup, Use, Wrap};
 use support::{Folder, at, bits, random, value, wide};
@@ -177,6 +178,79 @@ fn blur_and_width_enlarge_the_footprint() {
     };
     assert_eq!(w(0.0, 0.5), 0.0);
     assert_eq!(w(2.0, 0.1), w(1.0, 0.2));
+}
+
+/// Results do not depend on the division of an image into tiles, to the bit, for all types and wrap modes. In a file of
+/// one tile, whole footprints are summed at once.
+#[test]
+fn results_do_not_depend_on_tiles() {
+    for (pixel_type, image) in [
+        (PixelType::U8, "a.tif"),
+        (PixelType::U16, "a.tif"),
+        (PixelType::Half, "a.exr"),
+        (PixelType::Float, "a.tif"),
+    ] {
+        let folder = Folder::new();
+        let spec = ImageSpec::new(150, 90, 3, pixel_type);
+        folder.image_of(image, spec, |x, y, c| random(x + 150 * y, c as u32));
+        let names = [(16, "small.tx"), (64, "usual.tx"), (256, "whole.tx")].map(|(tile, name)| {
+            let options = MakeOptions { tile_size: (tile, tile), ..options() };
+            folder.make(&[image], name, &options).unwrap();
+            name
+        });
+        // With little memory, a thread holds one tile.
+        let results: Vec<Vec<u32>> = [(0, 1 << 30), (1, 1 << 30), (2, 1 << 30), (0, 1 << 14)]
+            .iter()
+            .map(|&(name, memory_bytes)| {
+                let cache = folder.cache(CacheOptions { memory_bytes, ..CacheOptions::default() });
+                let id = cache.find(names[name]).unwrap();
+                let mut reader = cache.reader();
+                let lookups = hashed_lookups(if memory_bytes < 1 << 20 { 100 } else { 3000 });
+                lookups
+                    .iter()
+                    .flat_map(|lookup| {
+                        let mut values = [f32::NAN; 4];
+                        reader.texture(id, lookup, &mut values);
+                        bits(&values)
+                    })
+                    .collect()
+            })
+            .collect();
+        assert_eq!(results[0], results[1], "{pixel_type:?}");
+        assert_eq!(results[0], results[2], "{pixel_type:?}");
+        assert_eq!(results[0][..results[3].len()], results[3], "{pixel_type:?}");
+    }
+}
+
+/// A footprint of at most one texel is the bilinear value, to the bit.
+#[test]
+fn footprints_below_a_texel_are_bilinear_values() {
+    let folder = Folder::new();
+    folder.image("a.tif", (64, 32), 3, |x, y, c| random(x + 64 * y, c as u32) - 0.5);
+    folder.make(&["a.tif"], "a.tx", &wrapped(Wrap::Periodic, Wrap::Mirror)).unwrap();
+    let (cache, id) = folder.open("a.tx");
+    let look = |lookup: &Lookup| {
+        let mut values = [f32::NAN; 3];
+        cache.texture(id, lookup, &mut values);
+        values
+    };
+    for i in 0..2000 {
+        let (s, t) = (random(i, 20) * 3.0 - 1.0, random(i, 21) * 3.0 - 1.0);
+        let (sin, cos) = (random(i, 22) * 6.3).sin_cos();
+        let sharp = look(&at(s, t));
+        let q = Lookup { dsdx: 0.99 * cos / 64.0, dtdx: 0.99 * sin / 32.0, ..at(s, t) };
+        assert_eq!(bits(&look(&q)), bits(&sharp), "{s} {t}");
+        // The four texels around, looked up at their centres.
+        let (x, y) = (s * 64.0 - 0.5, t * 32.0 - 0.5);
+        let texel =
+            |dx: f32, dy: f32| look(&at((x.floor() + dx + 0.5) / 64.0, (y.floor() + dy + 0.5) / 32.0));
+        let (fx, fy) = (x - x.floor(), y - y.floor());
+        let [a, b, c, d] = [texel(0.0, 0.0), texel(1.0, 0.0), texel(0.0, 1.0), texel(1.0, 1.0)];
+        for k in 0..3 {
+            let (top, bottom) = (a[k] + (b[k] - a[k]) * fx, c[k] + (d[k] - c[k]) * fx);
+            assert!((sharp[k] - (top + (bottom - top) * fy)).abs() < 1e-4, "{s} {t}");
+        }
+    }
 }
 
 #[test]
