@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 28] = [
+pub const TARGETS: [(&str, Target); 29] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -34,6 +34,7 @@ pub const TARGETS: [(&str, Target); 28] = [
     ("sgi", sgi),
     ("iff", iff),
     ("dds", dds),
+    ("dpx", dpx),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -187,6 +188,11 @@ pub fn iff(bytes: &[u8]) {
 /// Reads DDS.
 pub fn dds(bytes: &[u8]) {
     image(bytes, "dds");
+}
+
+/// Reads DPX.
+pub fn dpx(bytes: &[u8]) {
+    image(bytes, "dpx");
 }
 
 /// Reads Wavefront OBJ.

@@ -1,4 +1,4 @@
-//! Plain images with rows and without tiles. Only DDS has levels and several images.
+//! Plain images with rows and without tiles. Only DDS has levels. DDS and DPX have several images.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -12,6 +12,7 @@
 //! | "sgi" | every kind without a colour map | 8 and 16 bits, any number of channels |
 //! | "iff" (Maya) | 8 and 16 bits, floats, RGB, RGBA, depth | the same; floats with depth |
 //! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
+//! | "dpx" | 8 to 16 bits, floats; elements are images | 8, 10, 12 and 16 bits; 1, 3 and 4 channels |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
@@ -23,7 +24,7 @@
 //!
 //! # Memory of readers
 //!
-//! SGI, IFF, DDS, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG that is not
+//! SGI, IFF, DDS, DPX, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG that is not
 //! interlaced is decoded row after row without keeping rows. A request for rows before the last ones begins again. The
 //! others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the first request
 //! and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
@@ -34,6 +35,9 @@
 
 mod dds;
 mod devil;
+mod dpx;
+mod fields;
+mod film;
 mod gif;
 mod iff;
 mod jpeg;
@@ -48,6 +52,7 @@ mod whole;
 
 pub use self::dds::DdsFormat;
 pub use self::devil::DevilFormat;
+pub use self::dpx::DpxFormat;
 pub use self::iff::IffFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
@@ -66,6 +71,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(SgiFormat),
         Arc::new(IffFormat),
         Arc::new(DdsFormat),
+        Arc::new(DpxFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     all

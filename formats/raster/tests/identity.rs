@@ -36,7 +36,7 @@ fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, ro
 }
 
 /// The formats that keep every value, with their types and numbers of channels.
-const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
+const LOSSLESS: [(&str, &[PixelType], &[usize]); 11] = [
     ("png", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pnm", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pfm", &[PixelType::Float], &[1, 3]),
@@ -47,6 +47,7 @@ const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
     ("sgi", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4, 7]),
     ("iff", &[PixelType::U8, PixelType::U16], &[3, 4]),
     ("dds", &[PixelType::U8], &[1, 2, 3, 4]),
+    ("dpx", &[PixelType::U8, PixelType::U16], &[1, 3, 4]),
 ];
 
 proptest! {
@@ -126,6 +127,8 @@ fn unsupported_types_and_channels_are_refused_by_name() {
         ("pfm", 4, PixelType::Float, "4"),
         ("hdr", 2, PixelType::Float, "2"),
         ("qoi", 2, PixelType::U8, "2"),
+        ("dpx", 2, PixelType::U8, "2"),
+        ("dpx", 3, PixelType::Float, "Float"),
     ] {
         let spec = ImageSpec::new(4, 4, n, pixel_type);
         let result = format(name).create(&path, &CreateOptions::new(&spec, 1));
@@ -216,6 +219,8 @@ fn formats_are_recognised_by_their_first_bytes() {
     assert_eq!(find(b"P6\n3 3"), ["pnm"]);
     assert_eq!(find(b"PF\n3 3"), ["pfm"]);
     assert_eq!(find(b"RIFF....WEBPVP8 "), ["webp"]);
+    assert_eq!(find(b"SDPX\0\0"), ["dpx"]);
+    assert_eq!(find(b"XPDS\0\0"), ["dpx"]);
     assert_eq!(find(b"Parameter (\"x\")"), [""; 0]);
     assert_eq!(find(b""), [""; 0]);
 }

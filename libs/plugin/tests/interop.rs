@@ -146,6 +146,7 @@ fn write_others(folder: &Path, list: &mut String) {
         ("webp", "webp", &INTEGERS[..1], &[3], exact),
         ("jpeg", "jpg", &INTEGERS[..1], &[1, 3], 0.06),
         ("dds", "dds", &INTEGERS[..1], &[1, 3, 4], exact),
+        ("dpx", "dpx", &INTEGERS, &[1, 3, 4], exact),
     ] {
         for pixel_type in types {
             for n in channels {
@@ -153,6 +154,21 @@ fn write_others(folder: &Path, list: &mut String) {
                 let name = format!("{pixel_type:?}_{n}.{extension}");
                 write(folder, &name, format, &[spec], tolerance, list);
             }
+        }
+    }
+}
+
+/// Writes DPX files of 10 and 12 bits. Values are rounded to the nearest of these.
+fn write_film(folder: &Path, list: &mut String) {
+    for bits in [10, 12] {
+        for n in [1, 3, 4] {
+            // OpenImageIO reads the last word of a row of 10 bits only where it is full.
+            let mut spec = ImageSpec::new(84, 61, n, PixelType::U16);
+            spec.attributes.set(Param::declared("int BitsPerSample", bits).unwrap());
+            // It also leaves the lowest of 16 bits 0, for 12 bits.
+            let low = if bits == 12 { 15.0 / 65535.0 } else { 0.0 };
+            let tolerance = low + 0.6 / ((1 << bits) - 1) as f32;
+            write(folder, &format!("{bits}_{n}.dpx"), "dpx", &[spec], tolerance, list);
         }
     }
 }
@@ -189,6 +205,7 @@ fn openimageio_reads_our_files() {
     write_tiffs(dir.path(), &mut list);
     write_exrs(dir.path(), &mut list);
     write_others(dir.path(), &mut list);
+    write_film(dir.path(), &mut list);
     blocks(dir.path(), &mut list);
     let listing = dir.path().join("list.tsv");
     std::fs::write(&listing, &list).unwrap();

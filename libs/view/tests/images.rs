@@ -66,6 +66,7 @@ fn every_format_shows_its_pixels() {
         ("sgi", None),
         ("iff", None),
         ("dds", None),
+        ("dpx", None),
         ("qoi", None),
         ("webp", None),
     ] {

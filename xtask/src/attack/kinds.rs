@@ -185,6 +185,7 @@ pub(crate) const KINDS: &[Kind] = &[
         commands: &["gelato -safe -worker shader.pyg < {}"],
     },
     image("dds", "dds"),
+    image("dpx", "dpx"),
     image("hdr", "hdr"),
     image("iff", "iff"),
     image("sgi", "sgi"),
