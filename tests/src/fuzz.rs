@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 29] = [
+pub const TARGETS: [(&str, Target); 30] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -35,6 +35,7 @@ pub const TARGETS: [(&str, Target); 29] = [
     ("iff", iff),
     ("dds", dds),
     ("dpx", dpx),
+    ("cineon", cineon),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -193,6 +194,11 @@ pub fn dds(bytes: &[u8]) {
 /// Reads DPX.
 pub fn dpx(bytes: &[u8]) {
     image(bytes, "dpx");
+}
+
+/// Reads Cineon.
+pub fn cineon(bytes: &[u8]) {
+    image(bytes, "cin");
 }
 
 /// Reads Wavefront OBJ.

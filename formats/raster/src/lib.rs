@@ -13,6 +13,7 @@
 //! | "iff" (Maya) | 8 and 16 bits, floats, RGB, RGBA, depth | the same; floats with depth |
 //! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
 //! | "dpx" | 8 to 16 bits, floats; elements are images | 8, 10, 12 and 16 bits; 1, 3 and 4 channels |
+//! | "cineon" | 8 to 16 bits | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
@@ -24,15 +25,16 @@
 //!
 //! # Memory of readers
 //!
-//! SGI, IFF, DDS, DPX, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG that is not
-//! interlaced is decoded row after row without keeping rows. A request for rows before the last ones begins again. The
-//! others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the first request
-//! and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
+//! SGI, IFF, DDS, DPX, Cineon, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG
+//! that is not interlaced is decoded row after row without keeping rows. A request for rows before the last ones begins
+//! again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the
+//! first request and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
 #![forbid(unsafe_code)]
 
+mod cineon;
 mod dds;
 mod devil;
 mod dpx;
@@ -50,6 +52,7 @@ mod sgi;
 mod turn;
 mod whole;
 
+pub use self::cineon::CineonFormat;
 pub use self::dds::DdsFormat;
 pub use self::devil::DevilFormat;
 pub use self::dpx::DpxFormat;
@@ -72,6 +75,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(IffFormat),
         Arc::new(DdsFormat),
         Arc::new(DpxFormat),
+        Arc::new(CineonFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     all

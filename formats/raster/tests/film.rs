@@ -292,3 +292,67 @@ fn dpx_metadata_and_windows_survive_write_and_read() {
     assert_eq!((got.x, got.y, got.full_width, got.full_height), (5, 6, 100, 50));
     assert_eq!(got.attributes.iter().count(), spec.attributes.iter().count());
 }
+
+/// Returns a Cineon file of RGB or grey with 10 bits, three in each word.
+fn cineon(big: bool, size: [u32; 2], channels: u8, packing: u8, words: &[u32]) -> Vec<u8> {
+    let long = |v: u32| if big { v.to_be_bytes() } else { v.to_le_bytes() };
+    let mut file = vec![0xff; 2048];
+    file[..4].copy_from_slice(&long(0x802a_5fd7));
+    file[4..8].copy_from_slice(&long(2048));
+    [file[192], file[193]] = [0, channels];
+    for c in 0..usize::from(channels) {
+        let at = 196 + 28 * c;
+        file[at..at + 4].copy_from_slice(&[0, if channels == 1 { 0 } else { 1 + c as u8 }, 10, 0]);
+        file[at + 4..at + 8].copy_from_slice(&long(size[0]));
+        file[at + 8..at + 12].copy_from_slice(&long(size[1]));
+    }
+    [file[680], file[681], file[682], file[683]] = [0, packing, 0, 1];
+    file[684..688].fill(0);
+    file[1072..1076].copy_from_slice(&long(24_f32.to_bits()));
+    file[1108..1116].copy_from_slice(b"scene 5\0");
+    file.extend(words.iter().flat_map(|w| long(*w)));
+    file
+}
+
+#[test]
+fn cineon_values_are_those_of_the_file() {
+    let expected = Pixels::U16([1, 2, 3, 1020, 512, 0].map(|v| wide(v, 10)).to_vec());
+    let words = [1 << 22 | 2 << 12 | 3 << 2, 1020 << 22 | 512 << 12];
+    for big in [true, false] {
+        let (_folder, input) = open("cineon", &cineon(big, [2, 1], 3, 5, &words)).unwrap();
+        assert_eq!(input.read_level(0, 0).unwrap(), expected);
+        let spec = input.spec(0, 0).unwrap();
+        assert_eq!(spec.channels.join(" "), "R G B");
+        assert_eq!(spec.attributes.int("BitsPerSample"), Some(10));
+        assert_eq!(spec.attributes.float("cineon:FrameRate"), Some(24.0));
+        assert_eq!(spec.string("cineon:SlateInfo"), Some("scene 5"));
+        assert_eq!(spec.string("cineon:LabelText"), None);
+        // The highest bit of the packing is set where cells hold as many values as fit.
+        assert_eq!(pixels("cineon", &cineon(big, [2, 1], 3, 0x85, &words)).unwrap(), expected);
+        let low = words.map(|w| w >> 2);
+        assert_eq!(pixels("cineon", &cineon(big, [2, 1], 3, 6, &low)).unwrap(), expected);
+        assert_eq!(pixels("cineon", &cineon(big, [6, 1], 1, 5, &words)).unwrap(), expected);
+    }
+}
+
+#[test]
+fn cineon_files_that_are_damaged_or_of_other_kinds_are_refused_by_name() {
+    let file = cineon(true, [2, 1], 3, 5, &[0, 0]);
+    let with = |at: usize, value: u8| {
+        let mut file = file.clone();
+        file[at] = value;
+        error("cineon", &file)
+    };
+    assert!(with(193, 0).contains("0 channels"));
+    assert!(with(193, 9).contains("9 channels"));
+    assert!(with(192, 4).contains("orientation 4"));
+    assert!(with(198, 11).contains("different sizes"));
+    assert!(with(680, 1).contains("interleave 1"));
+    assert!(with(681, 1).contains("packing 1"));
+    assert!(with(682, 1).contains("signed"));
+    assert!(with(4, 0xff).contains("but the file ends"));
+    assert!(error("cineon", &file[..1000]).contains("of which the file has 1000"));
+    assert!(error("cineon", &cineon(true, [0, 1], 3, 5, &[])).contains("0 x 1"));
+    assert!(error("cineon", &cineon(true, [u32::MAX, 1], 3, 5, &[])).contains("exceeds"));
+    assert!(error("cineon", &cineon(true, [2, 9], 3, 5, &[0, 0])).contains("1 of 9 rows"));
+}

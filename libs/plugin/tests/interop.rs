@@ -198,6 +198,20 @@ fn blocks(folder: &Path, list: &mut String) {
     }
 }
 
+/// Adds files of formats that the suite only reads. The expected pixels are those that it reads.
+fn fixtures(folder: &Path, list: &mut String) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
+    for (name, tolerance) in [("cineon/big.cin", 1e-6), ("cineon/little.cin", 1e-6)] {
+        let path = corpus.join(name);
+        let input = bundled_formats(Limits::default()).open(&path).unwrap();
+        let spec = input.spec(0, 0).unwrap();
+        let raw = folder.join(name.replace('/', "_")).with_extension("f32");
+        floats(&raw, &input.read_level(0, 0).unwrap().to_floats());
+        let (w, h, n, path, raw) = (spec.width, spec.height, spec.nchannels(), path.display(), raw.display());
+        writeln!(list, "{path}\t0\t{w}\t{h}\t{n}\t{raw}\t{tolerance}").unwrap();
+    }
+}
+
 #[test]
 fn openimageio_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
@@ -206,6 +220,7 @@ fn openimageio_reads_our_files() {
     write_exrs(dir.path(), &mut list);
     write_others(dir.path(), &mut list);
     write_film(dir.path(), &mut list);
+    fixtures(dir.path(), &mut list);
     blocks(dir.path(), &mut list);
     let listing = dir.path().join("list.tsv");
     std::fs::write(&listing, &list).unwrap();

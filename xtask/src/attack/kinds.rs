@@ -186,6 +186,7 @@ pub(crate) const KINDS: &[Kind] = &[
     },
     image("dds", "dds"),
     image("dpx", "dpx"),
+    image("cineon", "cin"),
     image("hdr", "hdr"),
     image("iff", "iff"),
     image("sgi", "sgi"),
