@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 30] = [
+pub const TARGETS: [(&str, Target); 31] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -36,6 +36,7 @@ pub const TARGETS: [(&str, Target); 30] = [
     ("dds", dds),
     ("dpx", dpx),
     ("cineon", cineon),
+    ("psd", psd),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -199,6 +200,11 @@ pub fn dpx(bytes: &[u8]) {
 /// Reads Cineon.
 pub fn cineon(bytes: &[u8]) {
     image(bytes, "cin");
+}
+
+/// Reads PSD.
+pub fn psd(bytes: &[u8]) {
+    image(bytes, "psd");
 }
 
 /// Reads Wavefront OBJ.

@@ -1,4 +1,4 @@
-//! Plain images with rows and without tiles. Only DDS has levels. DDS and DPX have several images.
+//! Plain images with rows and without tiles. Only DDS has levels. DDS, DPX and PSD have several images.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -14,6 +14,7 @@
 //! | "dds" | BC1 to BC7 and uncompressed, levels, cubes, arrays | uncompressed, levels |
 //! | "dpx" | 8 to 16 bits, floats; elements are images | 8, 10, 12 and 16 bits; 1, 3 and 4 channels |
 //! | "cineon" | 8 to 16 bits | no |
+//! | "psd" | PSD and PSB, layers are images | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
@@ -25,10 +26,11 @@
 //!
 //! # Memory of readers
 //!
-//! SGI, IFF, DDS, DPX, Cineon, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file. PNG
-//! that is not interlaced is decoded row after row without keeping rows. A request for rows before the last ones begins
-//! again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the
-//! first request and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
+//! SGI, IFF, DDS, DPX, Cineon, PSD, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file.
+//! Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after row without
+//! keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP,
+//! interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded as a whole at
+//! `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
@@ -47,6 +49,7 @@ mod pfm;
 mod plain;
 mod png;
 mod pnm;
+mod psd;
 mod rows;
 mod sgi;
 mod turn;
@@ -60,6 +63,7 @@ pub use self::iff::IffFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
 pub use self::png::PngFormat;
+pub use self::psd::PsdFormat;
 pub use self::sgi::SgiFormat;
 
 use granita_image::Format;
@@ -76,6 +80,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(DdsFormat),
         Arc::new(DpxFormat),
         Arc::new(CineonFormat),
+        Arc::new(PsdFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     all

@@ -187,6 +187,7 @@ pub(crate) const KINDS: &[Kind] = &[
     image("dds", "dds"),
     image("dpx", "dpx"),
     image("cineon", "cin"),
+    image("psd", "psd"),
     image("hdr", "hdr"),
     image("iff", "iff"),
     image("sgi", "sgi"),
