@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 31] = [
+pub const TARGETS: [(&str, Target); 32] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -37,6 +37,7 @@ pub const TARGETS: [(&str, Target); 31] = [
     ("dpx", dpx),
     ("cineon", cineon),
     ("psd", psd),
+    ("ico", ico),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -205,6 +206,11 @@ pub fn cineon(bytes: &[u8]) {
 /// Reads PSD.
 pub fn psd(bytes: &[u8]) {
     image(bytes, "psd");
+}
+
+/// Reads ICO.
+pub fn ico(bytes: &[u8]) {
+    image(bytes, "ico");
 }
 
 /// Reads Wavefront OBJ.

@@ -15,6 +15,7 @@
 //! | "dpx" | 8 to 16 bits, floats; elements are images | 8, 10, 12 and 16 bits; 1, 3 and 4 channels |
 //! | "cineon" | 8 to 16 bits | no |
 //! | "psd" | PSD and PSB, layers are images | no |
+//! | "ico" | the largest image | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
@@ -28,9 +29,9 @@
 //!
 //! SGI, IFF, DDS, DPX, Cineon, PSD, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file.
 //! Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after row without
-//! keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, QOI, WebP,
-//! interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded as a whole at
-//! `close`, except DDS, which is written as rows arrive.
+//! keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, ICO, QOI,
+//! WebP, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded as a whole
+//! at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 

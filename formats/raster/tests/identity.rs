@@ -320,3 +320,42 @@ fn the_extension_chooses_the_pnm_kind() {
         assert_eq!(format.leaves_out(&path, n).is_some(), kept < n, "{name}");
     }
 }
+
+/// The largest image of the file is read. Its colours are not multiplied by alpha.
+#[test]
+fn the_largest_image_of_an_icon_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    // Each image is a bitmap of 32 bits with the rows of its colours and of a mask, from the lowest on.
+    let bitmap = |side: u32, value: u8| {
+        let mut out: Vec<u8> = [40, side, 2 * side, 32 << 16 | 1, 0, 0, 0, 0, 0, 0]
+            .iter()
+            .flat_map(|w: &u32| w.to_le_bytes())
+            .collect();
+        out.extend((0..side * side).flat_map(|i| [value, 2, 3, if i == 0 { 128 } else { 255 }]));
+        out.extend(vec![0; (side * 4) as usize]);
+        out
+    };
+    let images = [bitmap(1, 9), bitmap(2, 7)];
+    let mut file = vec![0, 0, 1, 0, 2, 0];
+    let mut at = 6 + 32;
+    for (image, side) in images.iter().zip([1, 2]) {
+        file.extend([side, side, 0, 0, 1, 0, 32, 0]);
+        file.extend((image.len() as u32).to_le_bytes());
+        file.extend((at as u32).to_le_bytes());
+        at += image.len();
+    }
+    file.extend(images.concat());
+    let path = dir.path().join("a.ico");
+    std::fs::write(&path, &file).unwrap();
+    assert!(format("ico").recognizes(&file[..38]));
+    let input = format("ico").open(&path, &Limits::default()).unwrap();
+    let spec = input.spec(0, 0).unwrap();
+    assert_eq!((spec.width, spec.height, spec.attributes.int("unassociatedalpha")), (2, 2, Some(1)));
+    let expected = [3, 2, 7, 255, 3, 2, 7, 255, 3, 2, 7, 128, 3, 2, 7, 255];
+    assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(expected.to_vec()));
+    for cut in 0..file.len() {
+        std::fs::write(&path, &file[..cut]).unwrap();
+        let read = format("ico").open(&path, &Limits::default()).and_then(|input| input.read_level(0, 0));
+        assert!(read.is_ok() || read.is_err_and(|e| e.to_string().contains("a.ico")), "{cut}");
+    }
+}
