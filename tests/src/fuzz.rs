@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 32] = [
+pub const TARGETS: [(&str, Target); 33] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -37,6 +37,7 @@ pub const TARGETS: [(&str, Target); 32] = [
     ("dpx", dpx),
     ("cineon", cineon),
     ("psd", psd),
+    ("fits", fits),
     ("ico", ico),
     ("obj", obj),
     ("ply", ply),
@@ -206,6 +207,11 @@ pub fn cineon(bytes: &[u8]) {
 /// Reads PSD.
 pub fn psd(bytes: &[u8]) {
     image(bytes, "psd");
+}
+
+/// Reads FITS.
+pub fn fits(bytes: &[u8]) {
+    image(bytes, "fits");
 }
 
 /// Reads ICO.

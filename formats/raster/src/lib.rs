@@ -1,4 +1,4 @@
-//! Plain images with rows and without tiles. Only DDS has levels. DDS, DPX and PSD have several images.
+//! Plain images with rows and without tiles. Only DDS has levels. DDS, DPX, PSD and FITS have several images.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -15,6 +15,7 @@
 //! | "dpx" | 8 to 16 bits, floats; elements are images | 8, 10, 12 and 16 bits; 1, 3 and 4 channels |
 //! | "cineon" | 8 to 16 bits | no |
 //! | "psd" | PSD and PSB, layers are images | no |
+//! | "fits" | images of 8 to 64 bits | no |
 //! | "ico" | the largest image | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
@@ -27,11 +28,11 @@
 //!
 //! # Memory of readers
 //!
-//! SGI, IFF, DDS, DPX, Cineon, PSD, PFM and binary PNM of 8 and 16 bits find any rows by their position in the file.
-//! Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after row without
-//! keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF, ICO, QOI,
-//! WebP, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded as a whole
-//! at `close`, except DDS, which is written as rows arrive.
+//! SGI, IFF, DDS, DPX, Cineon, PSD, FITS, PFM and binary PNM of 8 and 16 bits find any rows by their position in the
+//! file. Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after row
+//! without keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF,
+//! ICO, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded
+//! as a whole at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
@@ -43,6 +44,7 @@ mod devil;
 mod dpx;
 mod fields;
 mod film;
+mod fits;
 mod gif;
 mod iff;
 mod jpeg;
@@ -60,6 +62,7 @@ pub use self::cineon::CineonFormat;
 pub use self::dds::DdsFormat;
 pub use self::devil::DevilFormat;
 pub use self::dpx::DpxFormat;
+pub use self::fits::FitsFormat;
 pub use self::iff::IffFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
@@ -82,6 +85,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(DpxFormat),
         Arc::new(CineonFormat),
         Arc::new(PsdFormat),
+        Arc::new(FitsFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     all

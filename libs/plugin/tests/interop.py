@@ -130,6 +130,8 @@ def make(folder):
                     given = dict(oiio__BitsPerSample=bits, dpx__Packing=packing, oiio__Endian=endian)
                     near = 16.0 / 65535 if bits == 12 else exact
                     cases.append((name, channels, kind, 0, near, given))
+    for kind in ["uint8", "float", "double"]:
+        cases.append(("%s.fits" % kind, 1, kind, 0, exact, {}))
     for name, channels, kind, tile, tolerance, attributes in cases:
         path = "%s/%s" % (folder, name)
         # Of chunks that are no multiple of four, and of rows of DPX that end inside of a word, OpenImageIO does not read

@@ -188,6 +188,7 @@ pub(crate) const KINDS: &[Kind] = &[
     image("dpx", "dpx"),
     image("cineon", "cin"),
     image("psd", "psd"),
+    image("fits", "fits"),
     image("ico", "ico"),
     image("hdr", "hdr"),
     image("iff", "iff"),
