@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 33] = [
+pub const TARGETS: [(&str, Target); 35] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -38,6 +38,8 @@ pub const TARGETS: [(&str, Target); 33] = [
     ("cineon", cineon),
     ("psd", psd),
     ("fits", fits),
+    ("rla", rla),
+    ("softimage", softimage),
     ("ico", ico),
     ("obj", obj),
     ("ply", ply),
@@ -212,6 +214,16 @@ pub fn psd(bytes: &[u8]) {
 /// Reads FITS.
 pub fn fits(bytes: &[u8]) {
     image(bytes, "fits");
+}
+
+/// Reads RLA.
+pub fn rla(bytes: &[u8]) {
+    image(bytes, "rla");
+}
+
+/// Reads Softimage PIC.
+pub fn softimage(bytes: &[u8]) {
+    image(bytes, "pic");
 }
 
 /// Reads ICO.

@@ -1,4 +1,4 @@
-//! Plain images with rows and without tiles. Only DDS has levels. DDS, DPX, PSD and FITS have several images.
+//! Plain images with rows and without tiles. Only DDS has levels. DDS, DPX, PSD, FITS and RLA have several images.
 //!
 //! | format | read | written |
 //! |---|---|---|
@@ -16,6 +16,8 @@
 //! | "cineon" | 8 to 16 bits | no |
 //! | "psd" | PSD and PSB, layers are images | no |
 //! | "fits" | images of 8 to 64 bits | no |
+//! | "rla" | integers and floats; concatenated files are images | no |
+//! | "softimage" | PIC of 8 and 16 bits | no |
 //! | "ico" | the largest image | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
@@ -28,11 +30,11 @@
 //!
 //! # Memory of readers
 //!
-//! SGI, IFF, DDS, DPX, Cineon, PSD, FITS, PFM and binary PNM of 8 and 16 bits find any rows by their position in the
-//! file. Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after row
-//! without keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR, GIF,
-//! ICO, QOI, WebP, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are encoded
-//! as a whole at `close`, except DDS, which is written as rows arrive.
+//! SGI, IFF, DDS, DPX, Cineon, PSD, FITS, RLA, PFM and binary PNM of 8 and 16 bits find any rows by their position in
+//! the file. Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after
+//! row without keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR,
+//! GIF, ICO, QOI, WebP, PIC, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are
+//! encoded as a whole at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
@@ -53,8 +55,10 @@ mod plain;
 mod png;
 mod pnm;
 mod psd;
+mod rla;
 mod rows;
 mod sgi;
+mod softimage;
 mod turn;
 mod whole;
 
@@ -68,7 +72,9 @@ pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
 pub use self::png::PngFormat;
 pub use self::psd::PsdFormat;
+pub use self::rla::RlaFormat;
 pub use self::sgi::SgiFormat;
+pub use self::softimage::SoftimageFormat;
 
 use granita_image::Format;
 use std::sync::Arc;
@@ -88,5 +94,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(FitsFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
+    // Radiance files have the extension of Softimage as well, and are written under it. RLA files have no mark.
+    all.extend([Arc::new(SoftimageFormat) as Arc<dyn Format>, Arc::new(RlaFormat)]);
     all
 }

@@ -130,6 +130,10 @@ def make(folder):
                     given = dict(oiio__BitsPerSample=bits, dpx__Packing=packing, oiio__Endian=endian)
                     near = 16.0 / 65535 if bits == 12 else exact
                     cases.append((name, channels, kind, 0, near, given))
+    # Its floats are in the byte order of the machine. The format has one order for all values.
+    for kind in ["uint8", "uint16"]:
+        for channels in [1, 3, 4]:
+            cases.append(("%s_%d.rla" % (kind, channels), channels, kind, 0, exact, {}))
     for kind in ["uint8", "float", "double"]:
         cases.append(("%s.fits" % kind, 1, kind, 0, exact, {}))
     for name, channels, kind, tile, tolerance, attributes in cases:

@@ -210,6 +210,8 @@ fn fixtures(folder: &Path, list: &mut String) {
         // Without their background, colours are rounded differently.
         ("psd/layers.psd", 1.01 / 255.0),
         ("psd/sixteen.psb", 1e-6),
+        ("softimage/mixed.pic", 1e-6),
+        ("softimage/plain16.pic", 1e-6),
     ] {
         let path = corpus.join(name);
         let input = bundled_formats(Limits::default()).open(&path).unwrap();

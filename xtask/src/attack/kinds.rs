@@ -189,6 +189,8 @@ pub(crate) const KINDS: &[Kind] = &[
     image("cineon", "cin"),
     image("psd", "psd"),
     image("fits", "fits"),
+    image("rla", "rla"),
+    image("softimage", "pic"),
     image("ico", "ico"),
     image("hdr", "hdr"),
     image("iff", "iff"),
