@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 35] = [
+pub const TARGETS: [(&str, Target); 36] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -41,6 +41,7 @@ pub const TARGETS: [(&str, Target); 35] = [
     ("rla", rla),
     ("softimage", softimage),
     ("ico", ico),
+    ("jpegxl", jpegxl),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -229,6 +230,11 @@ pub fn softimage(bytes: &[u8]) {
 /// Reads ICO.
 pub fn ico(bytes: &[u8]) {
     image(bytes, "ico");
+}
+
+/// Reads JPEG XL.
+pub fn jpegxl(bytes: &[u8]) {
+    image(bytes, "jxl");
 }
 
 /// Reads Wavefront OBJ.

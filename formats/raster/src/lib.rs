@@ -19,6 +19,7 @@
 //! | "rla" | integers and floats; concatenated files are images | no |
 //! | "softimage" | PIC of 8 and 16 bits | no |
 //! | "ico" | the largest image | no |
+//! | "jpegxl" | grey and RGB with alpha, the first frame | without loss, 8 bits; 16 without alpha |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
@@ -33,8 +34,8 @@
 //! SGI, IFF, DDS, DPX, Cineon, PSD, FITS, RLA, PFM and binary PNM of 8 and 16 bits find any rows by their position in
 //! the file. Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after
 //! row without keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR,
-//! GIF, ICO, QOI, WebP, PIC, interlaced PNG, text PNM) are decoded as a whole at the first request and kept. Images are
-//! encoded as a whole at `close`, except DDS, which is written as rows arrive.
+//! GIF, ICO, QOI, WebP, JPEG XL, PIC, interlaced PNG, text PNM) are decoded as a whole at the first request and kept.
+//! Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
 
@@ -50,6 +51,7 @@ mod fits;
 mod gif;
 mod iff;
 mod jpeg;
+mod jpegxl;
 mod pfm;
 mod plain;
 mod png;
@@ -68,6 +70,7 @@ pub use self::devil::DevilFormat;
 pub use self::dpx::DpxFormat;
 pub use self::fits::FitsFormat;
 pub use self::iff::IffFormat;
+pub use self::jpegxl::JpegXlFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
 pub use self::png::PngFormat;
@@ -92,6 +95,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(CineonFormat),
         Arc::new(PsdFormat),
         Arc::new(FitsFormat),
+        Arc::new(JpegXlFormat),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     // Radiance files have the extension of Softimage as well, and are written under it. RLA files have no mark.

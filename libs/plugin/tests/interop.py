@@ -134,6 +134,11 @@ def make(folder):
     for kind in ["uint8", "uint16"]:
         for channels in [1, 3, 4]:
             cases.append(("%s_%d.rla" % (kind, channels), channels, kind, 0, exact, {}))
+    for kind in ["uint8", "uint16"]:
+        for channels in [1, 3, 4]:
+            lossless = dict(compression="jpegxl:100")
+            cases.append(("%s_%d.jxl" % (kind, channels), channels, kind, 0, exact, lossless))
+    cases.append(("lossy.jxl", 3, "uint8", 0, close, dict(compression="jpegxl:80")))
     for kind in ["uint8", "float", "double"]:
         cases.append(("%s.fits" % kind, 1, kind, 0, exact, {}))
     for name, channels, kind, tile, tolerance, attributes in cases:

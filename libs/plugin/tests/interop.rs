@@ -147,6 +147,8 @@ fn write_others(folder: &Path, list: &mut String) {
         ("jpeg", "jpg", &INTEGERS[..1], &[1, 3], 0.06),
         ("dds", "dds", &INTEGERS[..1], &[1, 3, 4], exact),
         ("dpx", "dpx", &INTEGERS, &[1, 3, 4], exact),
+        ("jpegxl", "jxl", &INTEGERS, &[1, 3], exact),
+        ("jpegxl", "jxl", &INTEGERS[..1], &[4], exact),
     ] {
         for pixel_type in types {
             for n in channels {

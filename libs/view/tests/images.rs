@@ -67,6 +67,7 @@ fn every_format_shows_its_pixels() {
         ("iff", None),
         ("dds", None),
         ("dpx", None),
+        ("jpegxl", None),
         ("qoi", None),
         ("webp", None),
     ] {

@@ -192,6 +192,7 @@ pub(crate) const KINDS: &[Kind] = &[
     image("rla", "rla"),
     image("softimage", "pic"),
     image("ico", "ico"),
+    image("jpegxl", "jxl"),
     image("hdr", "hdr"),
     image("iff", "iff"),
     image("sgi", "sgi"),
