@@ -247,8 +247,9 @@ impl PlainFormat {
             ColorType::Rgba32F => (4, PixelType::Float),
             other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
         };
-        drop(decoder);
         let mut spec = ImageSpec::new(width, height, channels, pixel_type);
+        describe(&mut decoder, &mut spec);
+        drop(decoder);
         if straight(self.image) && spec.alpha_channel().is_some() {
             spec.attributes.set(param("unassociatedalpha", 1.into()));
         }
@@ -293,6 +294,24 @@ fn straight(format: ImageFormat) -> bool {
 fn turn(decoder: &mut impl ImageDecoder) -> Turn {
     let found = contained(|| decoder.orientation()).ok().and_then(std::result::Result::ok);
     Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
+}
+
+/// Adds what the file has besides its pixels: the name of its profile, the length of its Exif data, and its XMP.
+fn describe(decoder: &mut impl ImageDecoder, spec: &mut ImageSpec) {
+    /// The number of bytes of the longest text that is kept.
+    const LONGEST: usize = 1 << 20;
+    // Damaged metadata is left out.
+    let found = |data: std::result::Result<image::ImageResult<Option<Vec<u8>>>, String>| data.ok()?.ok()?;
+    if let Some(icc) = found(contained(|| decoder.icc_profile())) {
+        spec.attributes.set(param("ICCProfile", granita_image::color::profile(&icc).as_str().into()));
+    }
+    if let Some(exif) = found(contained(|| decoder.exif_metadata())) {
+        spec.attributes.set(param("Exif", format!("{} bytes", exif.len()).as_str().into()));
+    }
+    if let Some(xmp) = found(contained(|| decoder.xmp_metadata())).filter(|xmp| xmp.len() <= LONGEST) {
+        let text = String::from_utf8_lossy(&xmp);
+        spec.attributes.set(param("XMP", text.trim_end_matches('\0').into()));
+    }
 }
 
 fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {

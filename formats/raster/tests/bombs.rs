@@ -136,6 +136,8 @@ fn compressed_texts_and_profiles_are_limited() {
     let (_folder, input) = open("a.png", &file).unwrap();
     let spec = input.spec(0, 0).unwrap();
     assert_eq!((spec.string("DocumentName"), spec.string("Artist")), (None, Some("somebody")));
+    // The name of a profile is not compressed.
+    assert_eq!(spec.string("ICCProfile"), Some("x"));
     assert_eq!(input.read_rows(0, 0, 0, 2).unwrap(), Pixels::U8(vec![0; 4]));
 }
 

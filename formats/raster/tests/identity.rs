@@ -172,7 +172,12 @@ fn texts_of_png_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let mut spec = ImageSpec::new(1, 1, 1, PixelType::U16);
-    for (name, text) in [("ImageDescription", "\u{3b1}\u{3b2}"), ("Artist", "J\u{f6}rg")] {
+    for (name, text) in [
+        ("ImageDescription", "\u{3b1}\u{3b2}"),
+        ("Artist", "J\u{f6}rg"),
+        ("png:Comment", "other"),
+        ("png:Source", "\u{3b1}"),
+    ] {
         spec.attributes.set(Param::declared(&format!("string {name}"), text).unwrap());
     }
     write(&path, &*format("png"), &spec, &Pixels::U16(vec![1]), 1);
@@ -274,6 +279,7 @@ fn jpeg_files_are_turned_upright() {
             let (w, h) = if transposed { (16, 32) } else { (32, 16) };
             let spec = input.spec(0, 0).unwrap();
             assert_eq!((spec.width, spec.height), (w, h), "{number}");
+            assert_eq!(spec.string("Exif"), Some("26 bytes"));
             let Pixels::U8(all) = input.read_level(0, 0).unwrap() else { panic!() };
             // Returns the middle of a quarter, counted from the corner of the first stored pixel.
             let at = |along_x: bool, along_y: bool| {

@@ -5,7 +5,7 @@ use crate::colors::Colors;
 use crate::directory::Directory;
 use crate::{strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
-use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
+use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result, color};
 use std::sync::OnceLock;
 
 /// The offsets and lengths in bytes of the strips or tiles of a level, in order.
@@ -277,6 +277,16 @@ fn channel_names(
 fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) -> Result<()> {
     for (tag, name) in tags::STRINGS {
         if let Some(text) = directory.text(source, tag)? {
+            let ty = ParamType::of(BaseType::String);
+            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
+        }
+    }
+    // A profile is not applied. Much longer data is not one.
+    let profile = directory.bytes(source, tags::ICC_PROFILE, 1 << 24).ok().flatten();
+    let exif = directory.entry(tags::EXIF_IFD).map(|_| "a directory of its own".to_owned());
+    let found = [("ICCProfile", profile.map(|bytes| color::profile(&bytes))), ("Exif", exif)];
+    for (name, text) in found {
+        if let Some(text) = text {
             let ty = ParamType::of(BaseType::String);
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
         }
