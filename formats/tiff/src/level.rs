@@ -3,7 +3,7 @@
 use crate::codec::Compression;
 use crate::colors::Colors;
 use crate::directory::Directory;
-use crate::{strip_file, tags};
+use crate::{fax, strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
 use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result, color};
 use std::sync::OnceLock;
@@ -46,6 +46,8 @@ pub(crate) struct Level {
     pub(crate) chunk: (u32, u32),
     /// True when the file declares it as a smaller version of another image.
     pub(crate) reduced: bool,
+    /// The arrangement of rows of CCITT run lengths and group 3.
+    pub(crate) fax: fax::Rows,
     pub(crate) directory: Directory,
     pub(crate) table: OnceLock<ChunkTable>,
 }
@@ -145,6 +147,12 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         colors,
         chunk,
         reduced: number(tags::NEW_SUBFILE_TYPE, 0)? & 1 == 1,
+        fax: match compression {
+            Compression::Group3 => {
+                fax::Rows::Marked { two_dimensional: number(tags::T4_OPTIONS, 0)? & 1 == 1 }
+            }
+            _ => fax::Rows::Aligned,
+        },
         directory,
         table: OnceLock::new(),
     })
@@ -178,7 +186,9 @@ fn check_combination(
         Compression::WebP if separate || !matches!(samples, 3 | 4) => {
             return unsupported(format!("with {name} data of other than 3 or 4 channels together"));
         }
-        Compression::Group4 if bits != 1 || samples != 1 || predictor != 1 => {
+        Compression::Group4 | Compression::Group3 | Compression::Runs
+            if bits != 1 || samples != 1 || predictor != 1 =>
+        {
             return unsupported(format!("with {name} data of {samples} channels of {bits} bits"));
         }
         _ => {}

@@ -221,7 +221,15 @@ fn fax_webp_and_reversed_bits_are_decoded() {
     let (channels, bilevel) = read(&corpus("bilevel.tif")).unwrap();
     assert_eq!(channels, ["Y"]);
     assert!(bilevel.to_floats().contains(&0.0) && bilevel.to_floats().contains(&1.0));
-    for name in ["group4.tif", "group4_reversed.tif", "lzw_reversed.tif"] {
+    for name in [
+        "group4.tif",
+        "group4_reversed.tif",
+        "lzw_reversed.tif",
+        "ccitt.tif",
+        "group3.tif",
+        "group3_differences.tif",
+        "group3_filled.tif",
+    ] {
         assert!(read(&corpus(name)).unwrap().1 == bilevel, "{name}");
     }
     let colors = read(&corpus("colors.tif")).unwrap();
@@ -248,6 +256,9 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         corpus("group4.tif"),
         corpus("group4_reversed.tif"),
+        corpus("ccitt.tif"),
+        corpus("group3.tif"),
+        corpus("group3_differences.tif"),
         corpus("lzw_reversed.tif"),
         corpus("webp_lossless.tif"),
         corpus("webp_tiles.tif"),
