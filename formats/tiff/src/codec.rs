@@ -23,6 +23,8 @@ pub(crate) enum Compression {
     Runs,
     /// This compression is only read, by [`crate::fax`].
     Group3,
+    /// This compression is only read, by [`crate::logluv`].
+    SgiLog,
 }
 
 impl Compression {
@@ -40,7 +42,8 @@ impl Compression {
             3 => return Ok(Self::Group3),
             4 => return Ok(Self::Group4),
             6 => "old-style JPEG (of 1992)".into(),
-            34676 | 34677 => "LogLuv".into(),
+            34676 => return Ok(Self::SgiLog),
+            34677 => "LogLuv of 24 bits".into(),
             34712 => "JPEG 2000".into(),
             34887 => "LERC".into(),
             34925 => "LZMA".into(),
@@ -61,6 +64,7 @@ impl Compression {
             Self::Group4 => 4,
             Self::Runs => 2,
             Self::Group3 => 3,
+            Self::SgiLog => 34676,
         }
     }
 
@@ -91,6 +95,7 @@ impl Compression {
             Self::Group4 => "group4",
             Self::Runs => "ccitt",
             Self::Group3 => "group3",
+            Self::SgiLog => "sgilog",
         }
     }
 
@@ -105,7 +110,7 @@ impl Compression {
             Self::Lzw => decode_lzw(data, out),
             Self::Deflate => decode_deflate(data, out),
             Self::Zstd => decode_zstd(data, out),
-            Self::Jpeg | Self::WebP | Self::Group4 | Self::Runs | Self::Group3 => {
+            Self::Jpeg | Self::WebP | Self::Group4 | Self::Runs | Self::Group3 | Self::SgiLog => {
                 (0, Some("it is decoded elsewhere".to_owned()))
             }
             Self::PackBits => decode_packbits(data, out),
@@ -132,9 +137,13 @@ impl Compression {
                 .map_err(std::io::Error::other),
             Self::Deflate => Ok(zlib_compress(data, content, level)),
             // `from_word` returns none of these.
-            Self::Zstd | Self::Jpeg | Self::WebP | Self::Group4 | Self::Runs | Self::Group3 => {
-                Err(std::io::ErrorKind::Unsupported.into())
-            }
+            Self::Zstd
+            | Self::Jpeg
+            | Self::WebP
+            | Self::Group4
+            | Self::Runs
+            | Self::Group3
+            | Self::SgiLog => Err(std::io::ErrorKind::Unsupported.into()),
             Self::PackBits => {
                 // Runs must not cross rows (TIFF 6.0, section 9).
                 let mut out = Vec::with_capacity(data.len() + data.len() / 64);

@@ -5,7 +5,7 @@ use crate::colors::Colors;
 use crate::directory::{Layout, read_directories};
 use crate::level::{Level, understand};
 use crate::strip_file::Chunk;
-use crate::{codec, fax, jpeg, webp};
+use crate::{codec, fax, jpeg, logluv, webp};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
@@ -143,6 +143,9 @@ impl TiffInput {
         let mut packed = source.read_vec(offset, if plain { needed as u64 } else { count }, what)?;
         if level.reversed {
             codec::reverse_bits(&mut packed);
+        }
+        if level.compression == Compression::SgiLog {
+            return logluv::decode(&packed, size, samples).map(Pixels::Float).map_err(malformed);
         }
         let mut bytes = match level.by_crate {
             Some(format) => {

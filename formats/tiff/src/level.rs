@@ -76,7 +76,17 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     let compression = Compression::from_code(number(tags::COMPRESSION, 1)?)
         .map_err(|name| source.unsupported(format!("TIFF compression {name} is not supported")))?;
     let photometric = number(tags::PHOTOMETRIC, if samples >= 3 { 2 } else { 1 })?;
-    let sample = sample_type(source, &directory, samples, photometric)?;
+    let mut sample = sample_type(source, &directory, samples, photometric)?;
+    if compression == Compression::SgiLog {
+        // The bits of the tags are those that a program wanted to have when it wrote the file.
+        let three = (photometric, samples) == (32845, 3);
+        if !three && (photometric, samples) != (32844, 1) {
+            return Err(source.unsupported(
+                "TIFF with sgilog data of other than LogL and LogLuv colours is not supported",
+            ));
+        }
+        sample = Sample { pixel_type: PixelType::Float, bits: 32, format: 3 };
+    }
     let (pixel_type, bits) = (sample.pixel_type, sample.bits);
     let separate = number(tags::PLANAR_CONFIG, 1)? == 2 && samples > 1;
 
@@ -89,7 +99,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     let colors = match compression {
         // The strips and tiles are images that describe their colours themselves, and the decoder converts them.
         Compression::Jpeg if ycc => None,
-        Compression::WebP => None,
+        Compression::WebP | Compression::SgiLog => None,
         _ => Colors::of(source, &directory, photometric, (pixel_type, bits, samples))?,
     };
     let predictor = number(tags::PREDICTOR, 1)?;
@@ -185,6 +195,9 @@ fn check_combination(
         }
         Compression::WebP if separate || !matches!(samples, 3 | 4) => {
             return unsupported(format!("with {name} data of other than 3 or 4 channels together"));
+        }
+        Compression::SgiLog if separate || predictor != 1 => {
+            return unsupported("with sgilog data in planes or with a predictor".to_owned());
         }
         Compression::Group4 | Compression::Group3 | Compression::Runs
             if bits != 1 || samples != 1 || predictor != 1 =>
