@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 28] = [
+pub const TARGETS: [(&str, Target); 36] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -34,6 +34,14 @@ pub const TARGETS: [(&str, Target); 28] = [
     ("sgi", sgi),
     ("iff", iff),
     ("dds", dds),
+    ("dpx", dpx),
+    ("cineon", cineon),
+    ("psd", psd),
+    ("fits", fits),
+    ("rla", rla),
+    ("softimage", softimage),
+    ("ico", ico),
+    ("jpegxl", jpegxl),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -187,6 +195,46 @@ pub fn iff(bytes: &[u8]) {
 /// Reads DDS.
 pub fn dds(bytes: &[u8]) {
     image(bytes, "dds");
+}
+
+/// Reads DPX.
+pub fn dpx(bytes: &[u8]) {
+    image(bytes, "dpx");
+}
+
+/// Reads Cineon.
+pub fn cineon(bytes: &[u8]) {
+    image(bytes, "cin");
+}
+
+/// Reads PSD.
+pub fn psd(bytes: &[u8]) {
+    image(bytes, "psd");
+}
+
+/// Reads FITS.
+pub fn fits(bytes: &[u8]) {
+    image(bytes, "fits");
+}
+
+/// Reads RLA.
+pub fn rla(bytes: &[u8]) {
+    image(bytes, "rla");
+}
+
+/// Reads Softimage PIC.
+pub fn softimage(bytes: &[u8]) {
+    image(bytes, "pic");
+}
+
+/// Reads ICO.
+pub fn ico(bytes: &[u8]) {
+    image(bytes, "ico");
+}
+
+/// Reads JPEG XL.
+pub fn jpegxl(bytes: &[u8]) {
+    image(bytes, "jxl");
 }
 
 /// Reads Wavefront OBJ.

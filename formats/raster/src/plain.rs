@@ -1,9 +1,9 @@
 //! The formats that the `image` crate reads and writes, with one row of a table for each.
 
+use crate::fields::param;
 use crate::jpeg::{self, Ending};
 use crate::turn::Turn;
 use crate::whole::{Decoded, Place, WholeInput, WholeOutput, divide_by_alpha};
-use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
     PixelType, Pixels, Result, contained,
@@ -36,7 +36,7 @@ pub struct PlainFormat {
 const BYTES: &[PixelType] = &[PixelType::U8];
 
 /// All plain formats. Formats without a signature come last.
-pub const FORMATS: [PlainFormat; 8] = [
+pub const FORMATS: [PlainFormat; 9] = [
     PlainFormat {
         name: "jpeg",
         aliases: &["jpg"],
@@ -98,6 +98,18 @@ pub const FORMATS: [PlainFormat; 8] = [
         encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Gif),
     },
     PlainFormat {
+        name: "ico",
+        aliases: &[],
+        extensions: &["ico"],
+        magic: &[b"\0\0\x01\0"],
+        title: "ICO",
+        image: ImageFormat::Ico,
+        types: &[],
+        channels: &[],
+        drops_alpha: false,
+        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::Ico),
+    },
+    PlainFormat {
         name: "qoi",
         aliases: &[],
         extensions: &["qoi"],
@@ -150,6 +162,10 @@ impl Format for PlainFormat {
 
     fn recognizes(&self, head: &[u8]) -> bool {
         match self.image {
+            // The entry of the first image follows, in which a byte is reserved.
+            ImageFormat::Ico => {
+                head.starts_with(self.magic[0]) && matches!(head.get(4..10), Some([n, 0, .., 0]) if *n > 0)
+            }
             ImageFormat::WebP => head.starts_with(b"RIFF") && head.get(8..12) == Some(b"WEBP"),
             ImageFormat::Pnm => {
                 self.magic.iter().any(|m| head.starts_with(m))
@@ -231,11 +247,11 @@ impl PlainFormat {
             ColorType::Rgba32F => (4, PixelType::Float),
             other => return Err(place.unsupported(format!("{} of {other:?} is not supported", self.title))),
         };
-        drop(decoder);
         let mut spec = ImageSpec::new(width, height, channels, pixel_type);
+        describe(&mut decoder, &mut spec);
+        drop(decoder);
         if straight(self.image) && spec.alpha_channel().is_some() {
-            let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
-            spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+            spec.attributes.set(param("unassociatedalpha", 1.into()));
         }
         Ok(Box::new(WholeInput::new(self.name, place, spec, decode, most_packed(self.image, width))?))
     }
@@ -270,7 +286,7 @@ fn most_packed(format: ImageFormat, width: u32) -> u64 {
 
 /// True when colours are by definition not multiplied by alpha. For Targa and BMP files this is not defined.
 fn straight(format: ImageFormat) -> bool {
-    matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif)
+    matches!(format, ImageFormat::WebP | ImageFormat::Qoi | ImageFormat::Gif | ImageFormat::Ico)
 }
 
 /// Returns the turn that makes the pixels of a file upright, from its Exif data. Without useful data the image is not
@@ -278,6 +294,24 @@ fn straight(format: ImageFormat) -> bool {
 fn turn(decoder: &mut impl ImageDecoder) -> Turn {
     let found = contained(|| decoder.orientation()).ok().and_then(std::result::Result::ok);
     Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
+}
+
+/// Adds what the file has besides its pixels: the name of its profile, the length of its Exif data, and its XMP.
+fn describe(decoder: &mut impl ImageDecoder, spec: &mut ImageSpec) {
+    /// The number of bytes of the longest text that is kept.
+    const LONGEST: usize = 1 << 20;
+    // Damaged metadata is left out.
+    let found = |data: std::result::Result<image::ImageResult<Option<Vec<u8>>>, String>| data.ok()?.ok()?;
+    if let Some(icc) = found(contained(|| decoder.icc_profile())) {
+        spec.attributes.set(param("ICCProfile", granita_image::color::profile(&icc).as_str().into()));
+    }
+    if let Some(exif) = found(contained(|| decoder.exif_metadata())) {
+        spec.attributes.set(param("Exif", format!("{} bytes", exif.len()).as_str().into()));
+    }
+    if let Some(xmp) = found(contained(|| decoder.xmp_metadata())).filter(|xmp| xmp.len() <= LONGEST) {
+        let text = String::from_utf8_lossy(&xmp);
+        spec.attributes.set(param("XMP", text.trim_end_matches('\0').into()));
+    }
 }
 
 fn decoder(place: &Place, format: ImageFormat) -> Result<impl ImageDecoder> {

@@ -1,13 +1,14 @@
 //! PNG, read and written by the `png` crate.
 
+use crate::fields::param;
 use crate::whole::{Decoded, Place, Source, WholeInput, WholeOutput, divide_by_alpha};
-use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
     Pixels, Result,
 };
 use parking_lot::Mutex;
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
+use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
@@ -18,7 +19,8 @@ use std::sync::{Arc, OnceLock};
 /// unassociatedalpha` 1. An image that is written without this attribute is divided by its alpha. Where alpha is 0,
 /// colours are not changed.
 ///
-/// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as texts.
+/// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as texts, and other
+/// texts under their keywords with the prefix "png:".
 /// `compression` may be "none", "fast" or "zip" (the default).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PngFormat;
@@ -32,6 +34,12 @@ const EXPANDED: u64 = 24 * DEFLATE;
 /// The largest number of bytes of a text that is kept. Longer texts are omitted, because uncompressed they may be a
 /// thousand times as long as the file.
 const LONGEST_TEXT: usize = 1 << 20;
+
+/// The largest number of texts that are kept, and of chunks that are searched for a profile.
+const MOST_TEXTS: usize = 256;
+
+/// The beginning of the names of texts whose keywords have no attribute of their own.
+const PREFIX: &str = "png:";
 
 /// The keyword of a text chunk (PNG specification, 11.3.3.1), and the name of the attribute.
 const TEXTS: [(&str, &str); 5] = [
@@ -209,23 +217,84 @@ fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
     let pixel_type = if depth == BitDepth::Sixteen { PixelType::U16 } else { PixelType::U8 };
     let mut spec = ImageSpec::new(info.width, info.height, channels, pixel_type);
     if alpha {
-        let (ty, data) = (ParamType::of(BaseType::Int), 1.into());
-        spec.attributes.set(Param { name: "unassociatedalpha".into(), ty, data });
+        spec.attributes.set(param("unassociatedalpha", 1.into()));
     }
-    for (keyword, name) in TEXTS {
-        let latin =
-            info.uncompressed_latin1_text.iter().find(|t| t.keyword == keyword).map(|t| t.text.clone());
-        let utf8 = || {
-            let mut chunk = info.utf8_text.iter().find(|t| t.keyword == keyword)?.clone();
-            chunk.decompress_text_with_limit(LONGEST_TEXT).ok()?;
-            chunk.get_text().ok()
+    let mut found = texts(info);
+    // Those with attributes of their own come first, so that others do not displace them.
+    found.sort_by_key(|(keyword, _)| {
+        TEXTS.iter().position(|(known, _)| known == keyword).unwrap_or(TEXTS.len())
+    });
+    for (keyword, text) in found.into_iter().take(MOST_TEXTS) {
+        let own = TEXTS.iter().find(|(known, _)| *known == keyword).map(|(_, name)| (*name).to_owned());
+        let name = match (own, keyword.as_str()) {
+            (Some(name), _) => name,
+            (None, "XML:com.adobe.xmp") => "XMP".to_owned(),
+            (None, keyword) => format!("{PREFIX}{keyword}"),
         };
-        if let Some(text) = latin.or_else(utf8) {
-            let ty = ParamType::of(BaseType::String);
-            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
+        // Of several texts with one keyword the first one is kept.
+        if spec.attributes.get(&name).is_none() {
+            spec.attributes.set(param(&name, text.as_str().into()));
         }
     }
+    if let Some(exif) = &info.exif_metadata {
+        spec.attributes.set(param("Exif", format!("{} bytes", exif.len()).as_str().into()));
+    }
+    if let Some(name) = profile_name(place)? {
+        spec.attributes.set(param("ICCProfile", name.as_str().into()));
+    }
     Ok((spec, info.interlaced))
+}
+
+/// Returns the keyword of an attribute with the prefix. It has 1 to 79 characters of ASCII.
+fn keyword(name: &str) -> Option<&str> {
+    name.strip_prefix(PREFIX).filter(|keyword| (1..80).contains(&keyword.len()) && keyword.is_ascii())
+}
+
+/// Returns the keywords and texts before the pixels. Texts that are too long or damaged are left out.
+fn texts(info: &png::Info<'_>) -> Vec<(String, String)> {
+    let mut texts: Vec<(String, String)> = Vec::new();
+    texts.extend(info.uncompressed_latin1_text.iter().map(|t| (t.keyword.clone(), t.text.clone())));
+    for chunk in &info.compressed_latin1_text {
+        let mut chunk = chunk.clone();
+        if chunk.decompress_text_with_limit(LONGEST_TEXT).is_ok()
+            && let Ok(text) = chunk.get_text()
+        {
+            texts.push((chunk.keyword, text));
+        }
+    }
+    for chunk in &info.utf8_text {
+        let mut chunk = chunk.clone();
+        if chunk.decompress_text_with_limit(LONGEST_TEXT).is_ok()
+            && let Ok(text) = chunk.get_text()
+        {
+            texts.push((chunk.keyword, text));
+        }
+    }
+    texts
+}
+
+/// Returns the name of the colour profile, which precedes the pixels. The profile itself is not unpacked.
+fn profile_name(place: &Place) -> Result<Option<String>> {
+    let mut file = place.source()?;
+    let mut skip = 8;
+    for _ in 0..MOST_TEXTS {
+        let mut head = [0; 8];
+        let read = file.seek_relative(skip).and_then(|()| file.read_exact(&mut head));
+        let [a, b, c, d, kind @ ..] = head;
+        if read.is_err() || kind == *b"IDAT" {
+            return Ok(None);
+        }
+        if kind == *b"iCCP" {
+            // A name of up to 79 Latin characters ends with a NUL.
+            let mut name = Vec::new();
+            file.take(79).read_to_end(&mut name).map_err(|e| place.io(e))?;
+            let name: String = name.iter().take_while(|b| **b != 0).map(|b| char::from(*b)).collect();
+            return Ok(Some(name));
+        }
+        // The checksum follows the content.
+        skip = i64::from(u32::from_be_bytes([a, b, c, d])) + 4;
+    }
+    Ok(None)
 }
 
 fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
@@ -268,16 +337,19 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
         Some("fast") => png::Compression::Fast,
         _ => png::Compression::Balanced,
     });
-    for (keyword, name) in TEXTS {
-        let given = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
-        if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
-            let text = text.replace('\0', " ");
-            // Plain chunks can store only Latin-1.
-            if text.chars().all(|c| u32::from(c) < 256) {
-                encoder.add_text_chunk(keyword.to_owned(), text).map_err(fault)?;
-            } else {
-                encoder.add_itxt_chunk(keyword.to_owned(), text).map_err(fault)?;
-            }
+    let given = |name: &str| {
+        let param = spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name))?;
+        spec.string(&param.name)
+    };
+    let known = TEXTS.iter().filter_map(|(keyword, name)| Some((*keyword, given(name)?)));
+    let others = spec.attributes.iter().filter_map(|p| Some((keyword(&p.name)?, spec.string(&p.name)?)));
+    for (keyword, text) in known.chain(others) {
+        let text = text.replace('\0', " ");
+        // Plain chunks can store only Latin-1.
+        if text.chars().all(|c| u32::from(c) < 256) {
+            encoder.add_text_chunk(keyword.to_owned(), text).map_err(fault)?;
+        } else {
+            encoder.add_itxt_chunk(keyword.to_owned(), text).map_err(fault)?;
         }
     }
     let mut writer = encoder.write_header().map_err(fault)?;

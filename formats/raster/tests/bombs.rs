@@ -58,6 +58,31 @@ fn headers_that_claim_more_pixels_than_the_data_are_refused() {
     }
 }
 
+/// The file of CVE-2026-43996: an index of 32 bits so large that adding the length of a colour to it wraps around. It
+/// passed the check, and colours were read beyond the palette. Smaller indices beyond it are wrong as well.
+#[test]
+fn tga_indices_beyond_the_palette_are_refused() {
+    let paletted = |bits: u8, index: &[u8]| {
+        let mut file = vec![0, 1, 1, 0, 0, 4, 0, 32, 0, 0, 0, 0, 1, 0, 1, 0, bits, 0x20];
+        file.extend([10, 20, 30, 255].repeat(4));
+        file.extend(index);
+        file
+    };
+    assert_eq!(read("a.tga", &paletted(8, &[3])).unwrap(), Pixels::U8(vec![30, 20, 10, 255]));
+    let indices: [(u8, &[u8]); 6] = [
+        (8, &[4]),
+        (8, &[255]),
+        (16, &[4, 0]),
+        (16, &[0xfc, 0xff]),
+        (32, &[0xfc, 0xff, 0xff, 0xff]),
+        (32, &[0xff, 0xff, 0xff, 0x3f]),
+    ];
+    for (bits, index) in indices {
+        let error = read("a.tga", &paletted(bits, index)).unwrap_err();
+        assert!(matches!(error, ImageError::Malformed { .. } | ImageError::Unsupported { .. }), "{error}");
+    }
+}
+
 /// The screen of the GIF is small, but its image is not. The file is refused before memory is allocated for the image.
 #[test]
 fn gif_images_larger_than_their_screen_are_refused() {
@@ -111,6 +136,8 @@ fn compressed_texts_and_profiles_are_limited() {
     let (_folder, input) = open("a.png", &file).unwrap();
     let spec = input.spec(0, 0).unwrap();
     assert_eq!((spec.string("DocumentName"), spec.string("Artist")), (None, Some("somebody")));
+    // The name of a profile is not compressed.
+    assert_eq!(spec.string("ICCProfile"), Some("x"));
     assert_eq!(input.read_rows(0, 0, 0, 2).unwrap(), Pixels::U8(vec![0; 4]));
 }
 

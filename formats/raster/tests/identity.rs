@@ -36,7 +36,7 @@ fn write(path: &Path, format: &dyn Format, spec: &ImageSpec, pixels: &Pixels, ro
 }
 
 /// The formats that keep every value, with their types and numbers of channels.
-const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
+const LOSSLESS: [(&str, &[PixelType], &[usize]); 11] = [
     ("png", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pnm", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4]),
     ("pfm", &[PixelType::Float], &[1, 3]),
@@ -47,6 +47,7 @@ const LOSSLESS: [(&str, &[PixelType], &[usize]); 10] = [
     ("sgi", &[PixelType::U8, PixelType::U16], &[1, 2, 3, 4, 7]),
     ("iff", &[PixelType::U8, PixelType::U16], &[3, 4]),
     ("dds", &[PixelType::U8], &[1, 2, 3, 4]),
+    ("dpx", &[PixelType::U8, PixelType::U16], &[1, 3, 4]),
 ];
 
 proptest! {
@@ -126,6 +127,8 @@ fn unsupported_types_and_channels_are_refused_by_name() {
         ("pfm", 4, PixelType::Float, "4"),
         ("hdr", 2, PixelType::Float, "2"),
         ("qoi", 2, PixelType::U8, "2"),
+        ("dpx", 2, PixelType::U8, "2"),
+        ("dpx", 3, PixelType::Float, "Float"),
     ] {
         let spec = ImageSpec::new(4, 4, n, pixel_type);
         let result = format(name).create(&path, &CreateOptions::new(&spec, 1));
@@ -169,7 +172,12 @@ fn texts_of_png_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let mut spec = ImageSpec::new(1, 1, 1, PixelType::U16);
-    for (name, text) in [("ImageDescription", "\u{3b1}\u{3b2}"), ("Artist", "J\u{f6}rg")] {
+    for (name, text) in [
+        ("ImageDescription", "\u{3b1}\u{3b2}"),
+        ("Artist", "J\u{f6}rg"),
+        ("png:Comment", "other"),
+        ("png:Source", "\u{3b1}"),
+    ] {
         spec.attributes.set(Param::declared(&format!("string {name}"), text).unwrap());
     }
     write(&path, &*format("png"), &spec, &Pixels::U16(vec![1]), 1);
@@ -216,6 +224,8 @@ fn formats_are_recognised_by_their_first_bytes() {
     assert_eq!(find(b"P6\n3 3"), ["pnm"]);
     assert_eq!(find(b"PF\n3 3"), ["pfm"]);
     assert_eq!(find(b"RIFF....WEBPVP8 "), ["webp"]);
+    assert_eq!(find(b"SDPX\0\0"), ["dpx"]);
+    assert_eq!(find(b"XPDS\0\0"), ["dpx"]);
     assert_eq!(find(b"Parameter (\"x\")"), [""; 0]);
     assert_eq!(find(b""), [""; 0]);
 }
@@ -269,6 +279,7 @@ fn jpeg_files_are_turned_upright() {
             let (w, h) = if transposed { (16, 32) } else { (32, 16) };
             let spec = input.spec(0, 0).unwrap();
             assert_eq!((spec.width, spec.height), (w, h), "{number}");
+            assert_eq!(spec.string("Exif"), Some("26 bytes"));
             let Pixels::U8(all) = input.read_level(0, 0).unwrap() else { panic!() };
             // Returns the middle of a quarter, counted from the corner of the first stored pixel.
             let at = |along_x: bool, along_y: bool| {
@@ -313,5 +324,44 @@ fn the_extension_chooses_the_pnm_kind() {
         let expected: Vec<u8> = values.chunks(n).flat_map(|p| p[..kept].to_vec()).collect();
         assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(expected));
         assert_eq!(format.leaves_out(&path, n).is_some(), kept < n, "{name}");
+    }
+}
+
+/// The largest image of the file is read. Its colours are not multiplied by alpha.
+#[test]
+fn the_largest_image_of_an_icon_is_read() {
+    let dir = tempfile::tempdir().unwrap();
+    // Each image is a bitmap of 32 bits with the rows of its colours and of a mask, from the lowest on.
+    let bitmap = |side: u32, value: u8| {
+        let mut out: Vec<u8> = [40, side, 2 * side, 32 << 16 | 1, 0, 0, 0, 0, 0, 0]
+            .iter()
+            .flat_map(|w: &u32| w.to_le_bytes())
+            .collect();
+        out.extend((0..side * side).flat_map(|i| [value, 2, 3, if i == 0 { 128 } else { 255 }]));
+        out.extend(vec![0; (side * 4) as usize]);
+        out
+    };
+    let images = [bitmap(1, 9), bitmap(2, 7)];
+    let mut file = vec![0, 0, 1, 0, 2, 0];
+    let mut at = 6 + 32;
+    for (image, side) in images.iter().zip([1, 2]) {
+        file.extend([side, side, 0, 0, 1, 0, 32, 0]);
+        file.extend((image.len() as u32).to_le_bytes());
+        file.extend((at as u32).to_le_bytes());
+        at += image.len();
+    }
+    file.extend(images.concat());
+    let path = dir.path().join("a.ico");
+    std::fs::write(&path, &file).unwrap();
+    assert!(format("ico").recognizes(&file[..38]));
+    let input = format("ico").open(&path, &Limits::default()).unwrap();
+    let spec = input.spec(0, 0).unwrap();
+    assert_eq!((spec.width, spec.height, spec.attributes.int("unassociatedalpha")), (2, 2, Some(1)));
+    let expected = [3, 2, 7, 255, 3, 2, 7, 255, 3, 2, 7, 128, 3, 2, 7, 255];
+    assert_eq!(input.read_level(0, 0).unwrap(), Pixels::U8(expected.to_vec()));
+    for cut in 0..file.len() {
+        std::fs::write(&path, &file[..cut]).unwrap();
+        let read = format("ico").open(&path, &Limits::default()).and_then(|input| input.read_level(0, 0));
+        assert!(read.is_ok() || read.is_err_and(|e| e.to_string().contains("a.ico")), "{cut}");
     }
 }

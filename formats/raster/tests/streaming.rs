@@ -48,6 +48,7 @@ fn a_few_rows_are_read_without_reading_the_whole_file() {
         // The part is a row of tiles of 64.
         ("iff", PixelType::U16, 0.15),
         ("dds", PixelType::Float, 0.02),
+        ("dpx", PixelType::U16, 0.02),
         // All rows up to these are decoded, but not the later ones, and the front twice.
         ("png", PixelType::U8, 0.7),
     ] {
@@ -78,6 +79,7 @@ proptest! {
             ("sgi", PixelType::U16),
             ("iff", PixelType::U8),
             ("dds", PixelType::U8),
+            ("dpx", PixelType::U8),
             ("png", PixelType::U16),
             ("tga", PixelType::U8),
         ] {

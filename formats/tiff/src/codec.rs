@@ -19,6 +19,12 @@ pub(crate) enum Compression {
     WebP,
     /// This compression is only read, by [`crate::strip_file`].
     Group4,
+    /// This compression is only read, by [`crate::fax`].
+    Runs,
+    /// This compression is only read, by [`crate::fax`].
+    Group3,
+    /// This compression is only read, by [`crate::logluv`].
+    SgiLog,
 }
 
 impl Compression {
@@ -32,11 +38,12 @@ impl Compression {
             7 => return Ok(Self::Jpeg),
             50000 => return Ok(Self::Zstd),
             50001 => return Ok(Self::WebP),
+            2 => return Ok(Self::Runs),
+            3 => return Ok(Self::Group3),
             4 => return Ok(Self::Group4),
-            2 => "CCITT run-length".into(),
-            3 => "CCITT group 3".into(),
             6 => "old-style JPEG (of 1992)".into(),
-            34676 | 34677 => "LogLuv".into(),
+            34676 => return Ok(Self::SgiLog),
+            34677 => "LogLuv of 24 bits".into(),
             34712 => "JPEG 2000".into(),
             34887 => "LERC".into(),
             34925 => "LZMA".into(),
@@ -55,6 +62,9 @@ impl Compression {
             Self::Zstd => 50000,
             Self::WebP => 50001,
             Self::Group4 => 4,
+            Self::Runs => 2,
+            Self::Group3 => 3,
+            Self::SgiLog => 34676,
         }
     }
 
@@ -83,6 +93,9 @@ impl Compression {
             Self::Jpeg => "jpeg",
             Self::WebP => "webp",
             Self::Group4 => "group4",
+            Self::Runs => "ccitt",
+            Self::Group3 => "group3",
+            Self::SgiLog => "sgilog",
         }
     }
 
@@ -97,7 +110,9 @@ impl Compression {
             Self::Lzw => decode_lzw(data, out),
             Self::Deflate => decode_deflate(data, out),
             Self::Zstd => decode_zstd(data, out),
-            Self::Jpeg | Self::WebP | Self::Group4 => (0, Some("it is decoded elsewhere".to_owned())),
+            Self::Jpeg | Self::WebP | Self::Group4 | Self::Runs | Self::Group3 | Self::SgiLog => {
+                (0, Some("it is decoded elsewhere".to_owned()))
+            }
             Self::PackBits => decode_packbits(data, out),
         };
         match fault {
@@ -122,9 +137,13 @@ impl Compression {
                 .map_err(std::io::Error::other),
             Self::Deflate => Ok(zlib_compress(data, content, level)),
             // `from_word` returns none of these.
-            Self::Zstd | Self::Jpeg | Self::WebP | Self::Group4 => {
-                Err(std::io::ErrorKind::Unsupported.into())
-            }
+            Self::Zstd
+            | Self::Jpeg
+            | Self::WebP
+            | Self::Group4
+            | Self::Runs
+            | Self::Group3
+            | Self::SgiLog => Err(std::io::ErrorKind::Unsupported.into()),
             Self::PackBits => {
                 // Runs must not cross rows (TIFF 6.0, section 9).
                 let mut out = Vec::with_capacity(data.len() + data.len() / 64);

@@ -2,6 +2,7 @@
 
 use crate::directory::Directory;
 use crate::tags;
+use granita_image::color::{cmyk_to_rgb, lab_to_srgb};
 use granita_image::{FileSource, PixelType, Pixels, Result};
 
 /// The conversion of the first channels of a pixel to a colour. Further channels stay as they are.
@@ -84,17 +85,17 @@ impl Colors {
             let (color, rest) = pixel.split_at(self.inks());
             let whole = |i: usize| (color[i] * top).round();
             out.extend(match self {
-                Self::Cmyk => [0, 1, 2].map(|i| (1.0 - color[i]) * (1.0 - color[3])),
+                Self::Cmyk => cmyk_to_rgb([color[0], color[1], color[2], color[3]]),
                 Self::CieLab => {
                     let signed = |n: f32| if n > top / 2.0 { n - top - 1.0 } else { n };
                     let unit = (top + 1.0) / 256.0;
-                    lab_to_rgb([color[0] * 100.0, signed(whole(1)) / unit, signed(whole(2)) / unit])
+                    lab_to_srgb([color[0] * 100.0, signed(whole(1)) / unit, signed(whole(2)) / unit])
                 }
                 Self::IccLab => {
                     // 100 is 255 in 8 bits, and 65280 in 16.
                     let unit = (top + 1.0) / 256.0;
                     let [l, a, b] = [0, 1, 2].map(|i| whole(i) / unit);
-                    lab_to_rgb([l / 2.55, a - 128.0, b - 128.0])
+                    lab_to_srgb([l / 2.55, a - 128.0, b - 128.0])
                 }
                 Self::YCbCr(tags) => tags.rgb([0, 1, 2].map(|i| color[i] * 255.0)),
             });
@@ -164,46 +165,9 @@ impl YCbCr {
     }
 }
 
-/// Converts a CIE L*a*b* colour to sRGB from 0 to 1. Colours outside the gamut are clamped. By convention the colours
-/// are relative to the illuminant D50. They are adapted to D65, that of sRGB, by Bradford's matrix, so that white
-/// remains white.
-fn lab_to_rgb([l, a, b]: [f32; 3]) -> [f32; 3] {
-    // The formula is that of CIE 15:2004, 8.2.1.
-    let linear = |f: f32| if f > 6.0 / 29.0 { f * f * f } else { (f - 4.0 / 29.0) * (108.0 / 841.0) };
-    let f = (l + 16.0) / 116.0;
-    let [x, y, z] = [0.96422 * linear(f + a / 500.0), linear(f), 0.82521 * linear(f - b / 200.0)];
-    // The matrix converts XYZ of D50 to linear sRGB. It is the product of Bradford's matrix and that of IEC 61966-2-1.
-    [
-        3.133_856 * x - 1.616_867 * y - 0.490_615 * z,
-        -0.978_768 * x + 1.916_142 * y + 0.033_454 * z,
-        0.071_945 * x - 0.228_991 * y + 1.405_243 * z,
-    ]
-    .map(|v| {
-        let v = v.clamp(0.0, 1.0);
-        if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The well-known L*a*b* (D50) of the primaries of sRGB, to a tenth of a thousandth.
-    const PRIMARIES: [([f32; 3], [u8; 3]); 5] = [
-        ([100.0, 0.0, 0.0], [255; 3]),
-        ([54.2905, 80.8049, 69.8910], [255, 0, 0]),
-        ([87.8185, -79.2711, 80.9946], [0, 255, 0]),
-        ([29.5683, 68.2874, -112.0297], [0, 0, 255]),
-        ([53.3890, 0.0, 0.0], [127; 3]),
-    ];
-
-    #[test]
-    fn lab_primaries_become_rgb_primaries() {
-        for (lab, rgb) in PRIMARIES {
-            let got = lab_to_rgb(lab).map(|v| (v * 255.0).round() as i32);
-            assert!(got.iter().zip(rgb).all(|(a, b)| (a - i32::from(b)).abs() <= 1), "{lab:?}: {got:?}");
-        }
-    }
 
     #[test]
     fn cie_and_icc_lab_give_the_same_colour() {

@@ -5,7 +5,7 @@ use crate::colors::Colors;
 use crate::directory::{Layout, read_directories};
 use crate::level::{Level, understand};
 use crate::strip_file::Chunk;
-use crate::{codec, jpeg, webp};
+use crate::{codec, fax, jpeg, logluv, webp};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
@@ -127,7 +127,7 @@ impl TiffInput {
         let densest = match level.compression {
             Compression::None => 1,
             // A run of 128 KiB takes four bytes. A row that equals the one above takes a bit.
-            Compression::Zstd | Compression::Group4 => 1 << 15,
+            Compression::Zstd | Compression::Group4 | Compression::Group3 => 1 << 15,
             _ => 4096,
         };
         if count.saturating_mul(densest) < needed as u64 {
@@ -143,6 +143,9 @@ impl TiffInput {
         let mut packed = source.read_vec(offset, if plain { needed as u64 } else { count }, what)?;
         if level.reversed {
             codec::reverse_bits(&mut packed);
+        }
+        if level.compression == Compression::SgiLog {
+            return logluv::decode(&packed, size, samples).map(Pixels::Float).map_err(malformed);
         }
         let mut bytes = match level.by_crate {
             Some(format) => {
@@ -322,6 +325,7 @@ fn unpack(
             jpeg::decode(tables, &packed, &mut bytes, size, samples, level.ycc)?;
         }
         Compression::WebP => webp::decode(&packed, &mut bytes, size, samples)?,
+        Compression::Runs | Compression::Group3 => fax::decode(&packed, &mut bytes, size.0, level.fax)?,
         other => other.decode(&packed, &mut bytes)?,
     }
     Ok(bytes)

@@ -3,9 +3,9 @@
 use crate::codec::Compression;
 use crate::colors::Colors;
 use crate::directory::Directory;
-use crate::{strip_file, tags};
+use crate::{fax, strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
-use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
+use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result, color};
 use std::sync::OnceLock;
 
 /// The offsets and lengths in bytes of the strips or tiles of a level, in order.
@@ -46,6 +46,8 @@ pub(crate) struct Level {
     pub(crate) chunk: (u32, u32),
     /// True when the file declares it as a smaller version of another image.
     pub(crate) reduced: bool,
+    /// The arrangement of rows of CCITT run lengths and group 3.
+    pub(crate) fax: fax::Rows,
     pub(crate) directory: Directory,
     pub(crate) table: OnceLock<ChunkTable>,
 }
@@ -74,7 +76,17 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     let compression = Compression::from_code(number(tags::COMPRESSION, 1)?)
         .map_err(|name| source.unsupported(format!("TIFF compression {name} is not supported")))?;
     let photometric = number(tags::PHOTOMETRIC, if samples >= 3 { 2 } else { 1 })?;
-    let sample = sample_type(source, &directory, samples, photometric)?;
+    let mut sample = sample_type(source, &directory, samples, photometric)?;
+    if compression == Compression::SgiLog {
+        // The bits of the tags are those that a program wanted to have when it wrote the file.
+        let three = (photometric, samples) == (32845, 3);
+        if !three && (photometric, samples) != (32844, 1) {
+            return Err(source.unsupported(
+                "TIFF with sgilog data of other than LogL and LogLuv colours is not supported",
+            ));
+        }
+        sample = Sample { pixel_type: PixelType::Float, bits: 32, format: 3 };
+    }
     let (pixel_type, bits) = (sample.pixel_type, sample.bits);
     let separate = number(tags::PLANAR_CONFIG, 1)? == 2 && samples > 1;
 
@@ -87,7 +99,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     let colors = match compression {
         // The strips and tiles are images that describe their colours themselves, and the decoder converts them.
         Compression::Jpeg if ycc => None,
-        Compression::WebP => None,
+        Compression::WebP | Compression::SgiLog => None,
         _ => Colors::of(source, &directory, photometric, (pixel_type, bits, samples))?,
     };
     let predictor = number(tags::PREDICTOR, 1)?;
@@ -145,6 +157,12 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         colors,
         chunk,
         reduced: number(tags::NEW_SUBFILE_TYPE, 0)? & 1 == 1,
+        fax: match compression {
+            Compression::Group3 => {
+                fax::Rows::Marked { two_dimensional: number(tags::T4_OPTIONS, 0)? & 1 == 1 }
+            }
+            _ => fax::Rows::Aligned,
+        },
         directory,
         table: OnceLock::new(),
     })
@@ -178,7 +196,12 @@ fn check_combination(
         Compression::WebP if separate || !matches!(samples, 3 | 4) => {
             return unsupported(format!("with {name} data of other than 3 or 4 channels together"));
         }
-        Compression::Group4 if bits != 1 || samples != 1 || predictor != 1 => {
+        Compression::SgiLog if separate || predictor != 1 => {
+            return unsupported("with sgilog data in planes or with a predictor".to_owned());
+        }
+        Compression::Group4 | Compression::Group3 | Compression::Runs
+            if bits != 1 || samples != 1 || predictor != 1 =>
+        {
             return unsupported(format!("with {name} data of {samples} channels of {bits} bits"));
         }
         _ => {}
@@ -277,6 +300,16 @@ fn channel_names(
 fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) -> Result<()> {
     for (tag, name) in tags::STRINGS {
         if let Some(text) = directory.text(source, tag)? {
+            let ty = ParamType::of(BaseType::String);
+            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
+        }
+    }
+    // A profile is not applied. Much longer data is not one.
+    let profile = directory.bytes(source, tags::ICC_PROFILE, 1 << 24).ok().flatten();
+    let exif = directory.entry(tags::EXIF_IFD).map(|_| "a directory of its own".to_owned());
+    let found = [("ICCProfile", profile.map(|bytes| color::profile(&bytes))), ("Exif", exif)];
+    for (name, text) in found {
+        if let Some(text) = text {
             let ty = ParamType::of(BaseType::String);
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
         }

@@ -5,9 +5,9 @@
 //!   16 and 32-bit floats, with any number of channels
 //! - signed integers and 64-bit values, which become floats of the same number
 //! - strips and tiles, in one plane or one per channel
-//! - uncompressed data, and LZW, deflate, PackBits, Zstandard, JPEG, WebP and CCITT group 4, with all three predictors
+//! - uncompressed data, and LZW, deflate, PackBits, Zstandard, JPEG, WebP and CCITT, with all three predictors
 //! - both byte orders, both orders of bits, and 32-bit and 64-bit offsets ("BigTIFF")
-//! - CMYK, YCbCr and CIE L*a*b*, which become RGB (module `colors`)
+//! - CMYK, YCbCr and CIE L*a*b*, which become RGB (module `colors`), and LogLuv, which becomes floats of RGB
 //!
 //! The crate `tiff` decodes signed integers, 64-bit values and group 4. One strip or tile at a time is passed to it as
 //! a file of its own (module `strip_file`).
@@ -34,9 +34,9 @@
 //! - One tile is read by one positioned read, from any thread, without reading the rest.
 //! - Memory is allocated by the numbers of a header only after they are checked against limits and file size.
 //!
-//! Deliberately absent are CCITT run lengths and group 3, LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv, ITU L*a*b*,
-//! values of other sizes (10, 12, 24 bits), complex values, and names of channels. TIFF cannot store names of channels,
-//! so they are read as "R", "G", "B", "A", "channel4" ...
+//! Deliberately absent are LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv of 24 bits, ITU L*a*b*, values of other
+//! sizes (10, 12, 24 bits), complex values, and names of channels. TIFF cannot store names of channels, so they are
+//! read as "R", "G", "B", "A", "channel4" ...
 //!
 //! ```
 //! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
@@ -59,9 +59,11 @@
 mod codec;
 mod colors;
 mod directory;
+mod fax;
 mod input;
 mod jpeg;
 mod level;
+mod logluv;
 mod output;
 mod strip_file;
 mod tags;

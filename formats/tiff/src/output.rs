@@ -95,8 +95,11 @@ impl Field {
     }
 
     /// Returns an entry with an integer as a fraction.
-    fn rational(tag: u16, value: u32) -> Self {
-        Self { tag, kind: 5, count: 1, bytes: [value.to_le_bytes(), 1u32.to_le_bytes()].concat() }
+    /// Returns a fraction. It is a signed one only where the value is negative, because the specification requires
+    /// unsigned ones.
+    fn rational(tag: u16, value: i32) -> Self {
+        let kind = if value < 0 { 10 } else { 5 };
+        Self { tag, kind, count: 1, bytes: [value.to_le_bytes(), 1_i32.to_le_bytes()].concat() }
     }
 }
 
@@ -320,7 +323,8 @@ impl TiffOutput {
         }
         // The windows are relative to the upper left corner of the display window, because TIFF has no other origin.
         let (x, y) = (i64::from(spec.x) - i64::from(spec.full_x), i64::from(spec.y) - i64::from(spec.full_y));
-        let (x, y) = (x.clamp(0, i64::from(u32::MAX)) as u32, y.clamp(0, i64::from(u32::MAX)) as u32);
+        let within = |v: i64| v.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
+        let (x, y) = (within(x), within(y));
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
         if cube || (spec.full_width, spec.full_height) != (spec.width, spec.height) || (x, y) != (0, 0) {
             fields.push(Field::long(tags::FULL_WIDTH, spec.full_width));

@@ -68,3 +68,7 @@ pub(crate) const STRINGS: [(u16, &str); 12] = [
 /// The matrices, as tag and name of the attribute.
 pub(crate) const MATRICES: [(u16, &str); 2] =
     [(WORLD_TO_SCREEN, "worldtoscreen"), (WORLD_TO_CAMERA, "worldtocamera")];
+
+pub(crate) const T4_OPTIONS: u16 = 292;
+pub(crate) const EXIF_IFD: u16 = 34665;
+pub(crate) const ICC_PROFILE: u16 = 34675;

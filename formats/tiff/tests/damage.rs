@@ -186,8 +186,8 @@ fn unsupported_features_are_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.tif");
     for (tag, value, word) in [
-        (259, 2, "CCITT run-length"),
-        (259, 3, "CCITT group 3"),
+        (259, 2, "ccitt data of 1 channels of 8 bits"),
+        (259, 3, "group3 data of 1 channels of 8 bits"),
         (259, 4, "group4 data of 1 channels of 8 bits"),
         (259, 6, "old-style JPEG (of 1992)"),
         (259, 34676, "LogLuv"),

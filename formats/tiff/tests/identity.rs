@@ -238,6 +238,32 @@ fn metadata_windows_and_matrices_survive_write_and_read() {
     assert_eq!(got.attributes.get("worldtoscreen"), None);
 }
 
+/// A data window may begin left of and above the display window. Its position is then a signed fraction.
+#[test]
+fn windows_left_of_and_above_the_display_window_survive() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("a.tif");
+    for (position, full, expected) in [
+        ((-3, -5), (0, 0), (-3, -5)),
+        ((-3, 5), (0, 0), (-3, 5)),
+        ((i32::MIN, i32::MAX), (0, 0), (i32::MIN, i32::MAX)),
+        // TIFF has no other origin than the corner of the display window.
+        ((-3, -5), (-10, 4), (7, -9)),
+        ((i32::MIN, 0), (100, 0), (i32::MIN, 0)),
+    ] {
+        let mut spec = ImageSpec::new(10, 8, 3, PixelType::U8);
+        (spec.x, spec.y) = position;
+        (spec.full_x, spec.full_y, spec.full_width, spec.full_height) = (full.0, full.1, 640, 480);
+        write(&path, &[spec], 8);
+        let input = TiffFormat.open(&path, &Limits::default()).unwrap();
+        let got = input.spec(0, 0).unwrap();
+        assert_eq!((got.x, got.y, got.full_x, got.full_y), (expected.0, expected.1, 0, 0));
+        assert_eq!((got.full_width, got.full_height), (640, 480));
+        let kinds = tags(&std::fs::read(&path).unwrap());
+        assert!(kinds.iter().any(|t| t.0 == 286) && kinds.iter().any(|t| t.0 == 287));
+    }
+}
+
 #[test]
 fn shadow_maps_survive_write_and_read() {
     let dir = tempfile::tempdir().unwrap();
@@ -274,8 +300,8 @@ fn tags(bytes: &[u8]) -> Vec<(u16, Vec<u8>)> {
                 1 | 2 => 1,
                 3 => 2,
                 4 | 11 => 4,
-                // The values are fractions.
-                5 => 8,
+                // The values are fractions, unsigned or signed.
+                5 | 10 => 8,
                 other => panic!("type {other} of tag {}", u16_at(entry)),
             };
             let length = size * u32_at(entry + 4);

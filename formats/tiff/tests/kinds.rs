@@ -221,7 +221,15 @@ fn fax_webp_and_reversed_bits_are_decoded() {
     let (channels, bilevel) = read(&corpus("bilevel.tif")).unwrap();
     assert_eq!(channels, ["Y"]);
     assert!(bilevel.to_floats().contains(&0.0) && bilevel.to_floats().contains(&1.0));
-    for name in ["group4.tif", "group4_reversed.tif", "lzw_reversed.tif"] {
+    for name in [
+        "group4.tif",
+        "group4_reversed.tif",
+        "lzw_reversed.tif",
+        "ccitt.tif",
+        "group3.tif",
+        "group3_differences.tif",
+        "group3_filled.tif",
+    ] {
         assert!(read(&corpus(name)).unwrap().1 == bilevel, "{name}");
     }
     let colors = read(&corpus("colors.tif")).unwrap();
@@ -240,6 +248,29 @@ fn fax_webp_and_reversed_bits_are_decoded() {
     assert_eq!(read_bytes(&file.of_numbers(&turned)).unwrap().1, expected);
 }
 
+/// The tags of bits and types do not describe the data, which is logarithmic.
+#[test]
+fn logarithmic_luminances_become_floats() {
+    for (photometric, samples, bits, format) in
+        [(32844, 1, 16, 1), (32844, 1, 16, 2), (32845, 3, 16, 2), (32845, 3, 32, 3)]
+    {
+        let file =
+            File::new((5, 4), samples, bits).with(262, &[photometric]).with(339, &vec![format; samples]);
+        let file = File { compression: 34676, ..file };
+        // Each row is a run of the luminance 2, and of the chromaticity of white.
+        let row =
+            [&[131, 0x41, 131, 0x00][..], if samples == 3 { &[131, 86, 131, 194] } else { &[] }].concat();
+        let (channels, pixels) = read_bytes(&file.of_chunks(&[row.repeat(3), row.clone()])).unwrap();
+        assert_eq!(channels.len(), samples);
+        assert_eq!((pixels.pixel_type(), pixels.len()), (PixelType::Float, 20 * samples));
+        assert!(pixels.to_floats().iter().all(|v| (v - 2.0).abs() < 0.03), "{pixels:?}");
+        let error = read_bytes(&file.of_chunks(&[row.clone(), row.clone()])).unwrap_err().to_string();
+        assert!(error.contains("row 1 is not 5 pixels"), "{error}");
+    }
+    let planes = File { compression: 34676, separate: true, ..File::new((5, 4), 3, 16).with(262, &[32845]) };
+    assert!(read_bytes(&planes.of_chunks(&vec![vec![0]; 6])).unwrap_err().to_string().contains("in planes"));
+}
+
 /// Returns one small file of each kind.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let corpus = |name| (name, std::fs::read(corpus(name)).unwrap());
@@ -248,6 +279,9 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         corpus("group4.tif"),
         corpus("group4_reversed.tif"),
+        corpus("ccitt.tif"),
+        corpus("group3.tif"),
+        corpus("group3_differences.tif"),
         corpus("lzw_reversed.tif"),
         corpus("webp_lossless.tif"),
         corpus("webp_tiles.tif"),

@@ -9,11 +9,13 @@
 //! - a written file appears under its name complete, at [`ImageOutput::close`], or not at all;
 //! - values keep their stored type ([`Pixels`]), and only the caller converts them.
 //!
-//! Colour management, image processing and particular formats are deliberately absent.
+//! Colour management (beyond the formulas of [`color`]), image processing and particular formats are deliberately
+//! absent.
 
 #![forbid(unsafe_code)]
 
 mod block;
+pub mod color;
 mod contain;
 mod deflate;
 mod error;

@@ -119,10 +119,33 @@ def make(folder):
     cases.append(("rgb.pfm", 3, "float", 0, exact, {}))
     cases.append(("rgb.hdr", 3, "float", 0, 4e-3, {}))
     cases.append(("rgb.webp", 3, "uint8", 0, exact, dict(compression="lossless")))
+    for channels in [1, 3, 4]:
+        for kind, bits in [("uint8", 8), ("uint16", 10), ("uint16", 12), ("uint16", 16)]:
+            for packing in ["Packed", "Filled, method A", "Filled, method B"] if bits in [10, 12] else [""]:
+                for endian in ["little", "big"]:
+                    # Of 10 bits of one channel, OpenImageIO does not read what it writes.
+                    if bits == 10 and channels == 1 or packing == "Packed" and endian == "big":
+                        continue
+                    name = "%d_%d_%s_%s.dpx" % (bits, channels, packing[-1:], endian)
+                    given = dict(oiio__BitsPerSample=bits, dpx__Packing=packing, oiio__Endian=endian)
+                    near = 16.0 / 65535 if bits == 12 else exact
+                    cases.append((name, channels, kind, 0, near, given))
+    # Its floats are in the byte order of the machine. The format has one order for all values.
+    for kind in ["uint8", "uint16"]:
+        for channels in [1, 3, 4]:
+            cases.append(("%s_%d.rla" % (kind, channels), channels, kind, 0, exact, {}))
+    for kind in ["uint8", "uint16"]:
+        for channels in [1, 3, 4]:
+            lossless = dict(compression="jpegxl:100")
+            cases.append(("%s_%d.jxl" % (kind, channels), channels, kind, 0, exact, lossless))
+    cases.append(("lossy.jxl", 3, "uint8", 0, close, dict(compression="jpegxl:80")))
+    for kind in ["uint8", "float", "double"]:
+        cases.append(("%s.fits" % kind, 1, kind, 0, exact, {}))
     for name, channels, kind, tile, tolerance, attributes in cases:
         path = "%s/%s" % (folder, name)
-        # Of chunks that are no multiple of four, OpenImageIO does not read what it writes.
-        size = (84, 60) if name.endswith(".iff") else (85, 61)
+        # Of chunks that are no multiple of four, and of rows of DPX that end inside of a word, OpenImageIO does not read
+        # what it writes.
+        size = (84, 60) if name.endswith((".iff", ".dpx")) else (85, 61)
         if write(path, noise(*size, channels), kind, tile, **attributes):
             dump(path, 1, tolerance)
     textures(folder)

@@ -146,6 +146,9 @@ fn write_others(folder: &Path, list: &mut String) {
         ("webp", "webp", &INTEGERS[..1], &[3], exact),
         ("jpeg", "jpg", &INTEGERS[..1], &[1, 3], 0.06),
         ("dds", "dds", &INTEGERS[..1], &[1, 3, 4], exact),
+        ("dpx", "dpx", &INTEGERS, &[1, 3, 4], exact),
+        ("jpegxl", "jxl", &INTEGERS, &[1, 3], exact),
+        ("jpegxl", "jxl", &INTEGERS[..1], &[4], exact),
     ] {
         for pixel_type in types {
             for n in channels {
@@ -153,6 +156,21 @@ fn write_others(folder: &Path, list: &mut String) {
                 let name = format!("{pixel_type:?}_{n}.{extension}");
                 write(folder, &name, format, &[spec], tolerance, list);
             }
+        }
+    }
+}
+
+/// Writes DPX files of 10 and 12 bits. Values are rounded to the nearest of these.
+fn write_film(folder: &Path, list: &mut String) {
+    for bits in [10, 12] {
+        for n in [1, 3, 4] {
+            // OpenImageIO reads the last word of a row of 10 bits only where it is full.
+            let mut spec = ImageSpec::new(84, 61, n, PixelType::U16);
+            spec.attributes.set(Param::declared("int BitsPerSample", bits).unwrap());
+            // It also leaves the lowest of 16 bits 0, for 12 bits.
+            let low = if bits == 12 { 15.0 / 65535.0 } else { 0.0 };
+            let tolerance = low + 0.6 / ((1 << bits) - 1) as f32;
+            write(folder, &format!("{bits}_{n}.dpx"), "dpx", &[spec], tolerance, list);
         }
     }
 }
@@ -182,6 +200,31 @@ fn blocks(folder: &Path, list: &mut String) {
     }
 }
 
+/// Adds files of formats that the suite only reads. The expected pixels are those that it reads.
+fn fixtures(folder: &Path, list: &mut String) {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
+    for (name, tolerance) in [
+        ("cineon/big.cin", 1e-6),
+        ("cineon/little.cin", 1e-6),
+        ("psd/cmyk.psd", 1.01 / 255.0),
+        // The colour of transparent pixels is not black there.
+        ("psd/indexed.psd", 3.01 / 255.0),
+        // Without their background, colours are rounded differently.
+        ("psd/layers.psd", 1.01 / 255.0),
+        ("psd/sixteen.psb", 1e-6),
+        ("softimage/mixed.pic", 1e-6),
+        ("softimage/plain16.pic", 1e-6),
+    ] {
+        let path = corpus.join(name);
+        let input = bundled_formats(Limits::default()).open(&path).unwrap();
+        let spec = input.spec(0, 0).unwrap();
+        let raw = folder.join(name.replace('/', "_")).with_extension("f32");
+        floats(&raw, &input.read_level(0, 0).unwrap().to_floats());
+        let (w, h, n, path, raw) = (spec.width, spec.height, spec.nchannels(), path.display(), raw.display());
+        writeln!(list, "{path}\t0\t{w}\t{h}\t{n}\t{raw}\t{tolerance}").unwrap();
+    }
+}
+
 #[test]
 fn openimageio_reads_our_files() {
     let dir = tempfile::tempdir().unwrap();
@@ -189,6 +232,8 @@ fn openimageio_reads_our_files() {
     write_tiffs(dir.path(), &mut list);
     write_exrs(dir.path(), &mut list);
     write_others(dir.path(), &mut list);
+    write_film(dir.path(), &mut list);
+    fixtures(dir.path(), &mut list);
     blocks(dir.path(), &mut list);
     let listing = dir.path().join("list.tsv");
     std::fs::write(&listing, &list).unwrap();

@@ -143,6 +143,11 @@ fn metadata_survives_write_and_read() {
         ("png", PixelType::U16, &["ImageDescription", "DocumentName", "Artist", "copyright", "software"]),
         ("sgi", PixelType::U8, &["ImageDescription"]),
         ("iff", PixelType::U8, &["Artist", "DateTime"]),
+        (
+            "dpx",
+            PixelType::U8,
+            &["ImageDescription", "DocumentName", "copyright", "software", "dpx:SlateInfo"],
+        ),
     ] {
         let mut spec = ImageSpec::new(4, 3, 3, pixel_type);
         // OpenEXR has one attribute for two of these names, so both have the same text.

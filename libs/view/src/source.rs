@@ -83,7 +83,9 @@ struct Rows {
 impl Rows {
     fn of(input: &dyn ImageInput, image: usize) -> Self {
         let together = input.rows_together(image, 0);
-        let places = ["tiff", "shadow", "exr", "sgi", "iff", "dds", "pfm", "pnm"];
+        let places = [
+            "tiff", "shadow", "exr", "sgi", "iff", "dds", "dpx", "cineon", "psd", "fits", "rla", "pfm", "pnm",
+        ];
         Self {
             by_position: together.is_some() || places.contains(&input.format_name()),
             at_once: if together.is_some_and(|rows| rows <= GROUP) { GROUP } else { u32::MAX },

@@ -66,6 +66,8 @@ fn every_format_shows_its_pixels() {
         ("sgi", None),
         ("iff", None),
         ("dds", None),
+        ("dpx", None),
+        ("jpegxl", None),
         ("qoi", None),
         ("webp", None),
     ] {

@@ -70,9 +70,10 @@ fn the_available_part_of_a_file_is_shown() {
 #[test]
 fn files_truncated_anywhere_do_not_panic() {
     let folder = tempfile::tempdir().unwrap();
-    for format in
-        ["exr", "png", "tiff", "jpeg", "pnm", "hdr", "sgi", "iff", "dds", "qoi", "webp", "bmp", "tga"]
-    {
+    for format in [
+        "exr", "png", "tiff", "jpeg", "pnm", "hdr", "sgi", "iff", "dds", "dpx", "jpegxl", "qoi", "webp",
+        "bmp", "tga",
+    ] {
         let path = folder.path().join(format!("a.{format}"));
         let mut spec = ImageSpec::new(64, 48, 3, PixelType::U8);
         if matches!(format, "exr" | "hdr") {

@@ -35,7 +35,11 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Without a window", group = "still")]
     pub(crate) compare: bool,
 
-    /// Print the output of -info, -stats or -compare as JSON
+    /// Print the image formats of this build: names, extensions, and what is read and written
+    #[arg(long, help_heading = "Without a window", group = "still")]
+    pub(crate) formats: bool,
+
+    /// Print the output of -info, -stats, -compare or -formats as JSON
     #[arg(long, help_heading = "Without a window", requires = "still", conflicts_with_all = ["thumbnail", "ascii"])]
     pub(crate) json: bool,
 

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod formats;
 mod info;
 mod json;
 mod listen;

@@ -1,7 +1,7 @@
 //! The actions of `iv` without a window.
 
 use crate::args::Args;
-use crate::{info, json};
+use crate::{formats, info, json};
 use granita_base::files::is_same_file;
 use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
@@ -29,6 +29,13 @@ impl Still<'_> {
     /// Runs the requested action. Returns `None` when the window is requested.
     pub(crate) fn run(&self) -> Option<Status> {
         let args = self.args;
+        if args.formats {
+            match args.json {
+                true => print_json(&formats::json(self.formats)),
+                false => self.say(formats::text(self.formats)),
+            }
+            return Some(Status::Done);
+        }
         let files = expand(&args.files, self.formats);
         let wanted = args.info || args.stats || args.compare || args.ascii || args.thumbnail.is_some();
         if !wanted {

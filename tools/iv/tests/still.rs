@@ -43,6 +43,30 @@ fn images() -> tempfile::TempDir {
     folder
 }
 
+#[test]
+fn formats_of_the_build_are_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (status, text, _) = iv(folder.path(), &["-formats"]);
+    assert_eq!(status, 0);
+    let line = |name: &str| {
+        let found = text.lines().find(|line| line.split_whitespace().next() == Some(name));
+        found.unwrap_or_else(|| panic!("no {name} in {text}")).split_whitespace().collect::<Vec<_>>()
+    };
+    assert_eq!(line("exr")[1..4], ["yes", "yes", "exr"]);
+    assert_eq!(line("gif")[1..4], ["yes", "-", "gif"]);
+    assert_eq!(line("iv")[1..3], ["-", "yes"]);
+    assert_eq!(text.lines().count(), formats().formats().len() + 1);
+    let (status, text, _) = iv(folder.path(), &["-formats", "-json"]);
+    assert_eq!(status, 0);
+    let value: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let all = value.as_array().unwrap();
+    let dpx = all.iter().find(|format| format["name"] == "dpx").unwrap();
+    assert_eq!(
+        (&dpx["reads"], &dpx["writes"], &dpx["types"][0]),
+        (&true.into(), &true.into(), &"u16".into())
+    );
+}
+
 /// Tests a format of a shared library in the folder where tools look for plugins by default.
 #[cfg(unix)]
 #[test]
