@@ -70,6 +70,8 @@ pub struct DeskOptions {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Status {
     Idle,
+    /// The first coarse frame is rendered, without being shown.
+    Preparing,
     Coarse,
     Final,
 }
@@ -78,6 +80,7 @@ impl Status {
     fn word(self) -> &'static str {
         match self {
             Self::Idle => "idle",
+            Self::Preparing => "preparing",
             Self::Coarse => "coarse",
             Self::Final => "final",
         }
@@ -338,6 +341,8 @@ impl Desk {
     /// Renders the current lights.
     fn render(&mut self, frame: DeskFrame, session: &mut Session) -> Result<(), SessionError> {
         self.status = if frame.coarse { Status::Coarse } else { Status::Final };
+        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
+        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
         self.show_panel(session);
         self.said.lock().clear();
         let Some(checkpoint) = &self.checkpoint else { return Ok(()) };
@@ -347,8 +352,6 @@ impl Desk {
         }
         self.screen.begin_frame(self.seen().filter(|_| !frame.coarse));
         self.screen.be_coarse(self.coarse().filter(|_| frame.coarse));
-        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
-        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
         session.render_for_desk(Some(frame));
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
@@ -382,10 +385,16 @@ impl Desk {
 
     /// Renders the coarse frame of the current lights once, without showing it, while nothing else is to be done. The
     /// renderer keeps what the samples of coarse frames see, so that the first frame of a drag takes no longer than the
-    /// others. An edit stops it.
+    /// others. An edit stops it, except those of a drag, whose first frame it is.
     fn prepare_drags(&mut self, session: &mut Session) -> Result<(), SessionError> {
         let is_due = self.prepared.is_none() && self.dragging.is_none();
-        let Some(checkpoint) = self.checkpoint.as_ref().filter(|_| is_due) else { return Ok(()) };
+        if !is_due || self.checkpoint.is_none() {
+            return Ok(());
+        }
+        self.status = Status::Preparing;
+        self.running.lock().coarse_until = Some(Instant::now() + FIRST_COARSE);
+        self.show_panel(session);
+        let Some(checkpoint) = &self.checkpoint else { return Ok(()) };
         session.state().return_to(checkpoint);
         for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
             session.call(call)?;
@@ -397,9 +406,12 @@ impl Desk {
         session.render_for_desk(None);
         self.screen.hide(false);
         self.screen.be_coarse(None);
+        *self.running.lock() = Running::default();
+        self.status = Status::Idle;
         self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
         // The frames that are shown report the same.
         self.said.lock().clear();
+        self.show_panel(session);
         result
     }
 

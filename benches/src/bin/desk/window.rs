@@ -19,7 +19,7 @@ pub(crate) fn measure(tools: &Tools, place: &Path) -> Result<(), String> {
     for (what, light, [x, y]) in DRAGS {
         // The first drag, which is not counted, opens what the others use.
         let turn = format!("light {light} {x} {y} 1.5\nlatency\nlight {light} {} {} 1.5\nlatency\n", -x, -y);
-        let script = format!("desk\nsleep 10\n{}quit\n", turn.repeat(TURNS.div_ceil(2) + 1));
+        let script = format!("desk\nsleep 2\ndesk\n{}quit\n", turn.repeat(TURNS.div_ceil(2) + 1));
         std::fs::write(place.join("script.txt"), script).map_err(|e| e.to_string())?;
         let mut iv = Command::new(&tools.iv);
         iv.current_dir(place)

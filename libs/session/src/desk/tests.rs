@@ -9,6 +9,7 @@ use granita_image::Limits;
 use serde_json::{Value, json};
 use std::io::Read;
 use std::net::TcpListener;
+use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 
 const SCENE: &str = r#"
@@ -292,6 +293,28 @@ fn drags_are_prepared_without_a_change_of_the_image() {
     assert!(g.image() == coarse && coarse != first);
     f.edit(json!({"do": "end"}));
     f.checked("the end of the drag");
+}
+
+#[test]
+fn a_drag_does_not_stop_its_preparation() {
+    let mut f = Fixture::new();
+    f.image();
+    let (running, is_done) = (f.desk.running.clone(), AtomicBool::new(false));
+    let set = r#"{"do":"set","light":"key","param":"intensity","value":2}"#;
+    std::thread::scope(|scope| {
+        let kept = scope.spawn(|| {
+            let mut kept = false;
+            while !is_done.load(Ordering::Relaxed) {
+                kept |= !interrupts(set, &running.lock());
+            }
+            kept
+        });
+        f.desk.turn(&mut f.session).unwrap();
+        is_done.store(true, Ordering::Relaxed);
+        assert!(kept.join().unwrap());
+    });
+    assert_eq!((f.desk.prepared, f.desk.status), (Some(None), Status::Idle));
+    assert!(interrupts(set, &running.lock()), "the preparation has ended");
 }
 
 #[test]

@@ -278,7 +278,7 @@ function showDesk() {
   $("desk").hidden = !here;
   if (!here) { showHandles(); setCompare(); return; }
   const s = state(), d = desk.parts.desk || {};
-  const words = { idle: "up to date", coarse: "rendering, coarse", final: "rendering" };
+  const words = { idle: "up to date", preparing: "up to date, preparing drags", coarse: "rendering, coarse", final: "rendering" };
   $("deskstate").textContent = desk.may ? words[s.status] || "" : "the renderer has ended, or this page only watches";
   $("deskstate").className = "wide " + (desk.may ? s.status : "off");
   $("deskmessage").hidden = !s.message;

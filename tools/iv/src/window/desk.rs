@@ -151,6 +151,7 @@ impl Desk {
         let ctx = ui.ctx().clone();
         let (state, constant) = (self.part("state").clone(), self.part("desk").clone());
         let word = match state["status"].as_str() {
+            Some("preparing") => "up to date, preparing drags",
             Some("coarse") => "rendering, coarse",
             Some("final") => "rendering",
             _ => "up to date",

@@ -64,13 +64,15 @@ impl App {
         }
         let settled = self.model.is_settled();
         if let Some(script) = &self.script {
-            // While data is read, the window is drawn again when it arrives, and while a renderer works, with its images.
+            // Data that is read, and images of a renderer, wake the window when they arrive.
             let pause = match script.steps.front() {
                 Some(Step::Wait) if !settled => Duration::from_millis(50),
                 Some(Step::Desk | Step::Latency) if script.events.is_empty() => PAUSE,
                 _ => {
                     let next = if script.events.is_empty() { script.until } else { Some(script.due) };
-                    next.map_or(Duration::ZERO, |next| next.duration_since(Instant::now()).min(PAUSE))
+                    next.map_or(Duration::ZERO, |next| {
+                        next.saturating_duration_since(Instant::now()).min(PAUSE)
+                    })
                 }
             };
             ctx.request_repaint_after(pause);
