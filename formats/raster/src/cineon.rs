@@ -3,10 +3,7 @@
 use crate::fields::{Field, Header, Kind, param};
 use crate::film::{Element, FilmRows, Order, Packing};
 use crate::rows::RowsInput;
-use granita_image::{
-    CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Result,
-};
+use granita_image::{FileSource, Format, ImageInput, ImageSpec, Limits, PixelType, Result};
 use std::path::Path;
 
 /// The format "cineon", which is only read.
@@ -79,14 +76,6 @@ impl Format for CineonFormat {
         let (spec, element) = read(&source, limits)?;
         let images = vec![vec![spec]];
         Ok(Box::new(RowsInput::new("cineon", "Cineon", source, limits, images, FilmRows(vec![element]))?))
-    }
-
-    fn supports(&self, _feature: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        Err(ImageError::Unsupported { path: path.to_owned(), what: "Cineon is not written".to_owned() })
     }
 }
 

@@ -3,10 +3,7 @@
 use crate::fields::param;
 use crate::rows::{Rows, RowsInput};
 use granita_base::Params;
-use granita_image::{
-    CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result,
-};
+use granita_image::{FileSource, Format, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result};
 use std::path::Path;
 
 /// The format "fits", which is only read.
@@ -49,17 +46,9 @@ impl Format for FitsFormat {
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let source = FileSource::open(path, "FITS", &limits.files)?;
-        let (specs, planes): (Vec<_>, Vec<_>) = read(&source, limits)?.into_iter().unzip();
-        let images = specs.into_iter().map(|spec| vec![spec]).collect();
+        let images = read(&source, limits)?.into_iter();
+        let (images, planes): (Vec<_>, Vec<_>) = images.map(|(spec, planes)| (vec![spec], planes)).unzip();
         Ok(Box::new(RowsInput::new("fits", "FITS", source, limits, images, FitsRows(planes))?))
-    }
-
-    fn supports(&self, _feature: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        Err(ImageError::Unsupported { path: path.to_owned(), what: "FITS is not written".to_owned() })
     }
 }
 

@@ -8,10 +8,7 @@ mod layers;
 mod planes;
 
 use crate::rows::{Rows, RowsInput};
-use granita_image::{
-    CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result, color,
-};
+use granita_image::{FileSource, Format, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, color};
 use kind::{Document, Mode};
 use planes::Plane;
 use std::path::Path;
@@ -46,14 +43,6 @@ impl Format for PsdFormat {
         let (specs, planes): (Vec<_>, Vec<_>) = images.into_iter().map(|i| (vec![i.spec], i.planes)).unzip();
         let rows = PsdRows { document, images: planes, limits: limits.clone() };
         Ok(Box::new(RowsInput::new("psd", "PSD", source, limits, specs, rows)?))
-    }
-
-    fn supports(&self, _feature: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        Err(ImageError::Unsupported { path: path.to_owned(), what: "PSD is not written".to_owned() })
     }
 }
 

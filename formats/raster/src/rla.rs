@@ -2,10 +2,7 @@
 
 use crate::fields::{Field, Header, Kind, param};
 use crate::rows::{Rows, RowsInput};
-use granita_image::{
-    CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result,
-};
+use granita_image::{FileSource, Format, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result};
 use std::path::Path;
 
 /// The format "rla", which is only read.
@@ -53,17 +50,9 @@ impl Format for RlaFormat {
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
         let source = FileSource::open(path, "RLA", &limits.files)?;
-        let (specs, stored): (Vec<_>, Vec<_>) = read(&source, limits)?.into_iter().unzip();
-        let images = specs.into_iter().map(|spec| vec![spec]).collect();
+        let images = read(&source, limits)?.into_iter();
+        let (images, stored): (Vec<_>, Vec<_>) = images.map(|(spec, stored)| (vec![spec], stored)).unzip();
         Ok(Box::new(RowsInput::new("rla", "RLA", source, limits, images, RlaRows(stored))?))
-    }
-
-    fn supports(&self, _feature: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        Err(ImageError::Unsupported { path: path.to_owned(), what: "RLA is not written".to_owned() })
     }
 }
 

@@ -2,9 +2,7 @@
 
 use crate::fields::{Field, Header, Kind, param};
 use crate::whole::{Decoded, Place, WholeInput};
-use granita_image::{
-    CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Pixels, Result,
-};
+use granita_image::{Format, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result};
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
@@ -35,17 +33,6 @@ impl Format for SoftimageFormat {
         // Each packet of a row takes at least two bytes. A file that ends early must have a sixteenth of them.
         let ratio = 16 * u64::from(spec.width) * (spec.nchannels() * spec.pixel_type.bytes()) as u64;
         Ok(Box::new(WholeInput::new("softimage", place, spec, decode, ratio)?))
-    }
-
-    fn supports(&self, _feature: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        Err(ImageError::Unsupported {
-            path: path.to_owned(),
-            what: "Softimage PIC is not written".to_owned(),
-        })
     }
 }
 

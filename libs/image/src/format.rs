@@ -350,8 +350,11 @@ pub trait Format: Send + Sync {
 
     /// True when the format supports a feature of writing: "tiles", "levels", "half", "float", "u16", "channels"
     /// (more than 4), "alpha" (without it, a fourth channel is left out), "rectangles" (it shows pixels at once),
-    /// "write".
-    fn supports(&self, feature: &str) -> bool;
+    /// "write". A format that is only read supports none.
+    fn supports(&self, feature: &str) -> bool {
+        let _ = feature;
+        false
+    }
 
     /// Returns the type in which the format stores a rendered output whose quantization requests `quantized` (8 or 16
     /// bits, or floats). The default is that type, or the nearest that it supports.
@@ -383,9 +386,13 @@ pub trait Format: Send + Sync {
         false
     }
 
-    /// Creates a file.
+    /// Creates a file. The default is that of a format that is only read.
     ///
     /// # Errors
     /// An error when the file cannot be created, and for a description that the format cannot store.
-    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>>;
+    fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
+        let _ = options;
+        let what = format!("files of the format \"{}\" are read, not written", self.name());
+        Err(ImageError::Unsupported { path: path.to_owned(), what })
+    }
 }

@@ -340,23 +340,8 @@ impl Desk {
 
     /// Renders the current lights.
     fn render(&mut self, frame: DeskFrame, session: &mut Session) -> Result<(), SessionError> {
-        self.status = if frame.coarse { Status::Coarse } else { Status::Final };
-        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
-        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
-        self.show_panel(session);
-        self.said.lock().clear();
-        let Some(checkpoint) = &self.checkpoint else { return Ok(()) };
-        session.state().return_to(checkpoint);
-        for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
-            session.call(call)?;
-        }
         self.screen.begin_frame(self.seen().filter(|_| !frame.coarse));
-        self.screen.be_coarse(self.coarse().filter(|_| frame.coarse));
-        session.render_for_desk(Some(frame));
-        let result = session.call(Call::Render { camera: None });
-        session.render_for_desk(None);
-        *self.running.lock() = Running::default();
-        result?;
+        self.render_as(if frame.coarse { Status::Coarse } else { Status::Final }, frame, session)?;
         let stopped = session.stop().load(Ordering::Relaxed);
         // A frame that failed is not tried again before the next edit.
         let complete = self.screen.is_complete();
@@ -387,31 +372,42 @@ impl Desk {
     /// renderer keeps what the samples of coarse frames see, so that the first frame of a drag takes no longer than the
     /// others. An edit stops it, except those of a drag, whose first frame it is.
     fn prepare_drags(&mut self, session: &mut Session) -> Result<(), SessionError> {
-        let is_due = self.prepared.is_none() && self.dragging.is_none();
-        if !is_due || self.checkpoint.is_none() {
+        if self.prepared.is_some() || self.dragging.is_some() {
             return Ok(());
         }
-        self.status = Status::Preparing;
-        self.running.lock().coarse_until = Some(Instant::now() + FIRST_COARSE);
+        self.screen.hide(true);
+        let result = self.render_as(Status::Preparing, DeskFrame { coarse: true, crop: None }, session);
+        self.screen.hide(false);
+        self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
+        // The frames that are shown report the same.
+        self.said.lock().clear();
+        self.status = Status::Idle;
         self.show_panel(session);
+        result
+    }
+
+    /// Renders a frame of the current lights, while the panel shows a status.
+    fn render_as(
+        &mut self,
+        status: Status,
+        frame: DeskFrame,
+        session: &mut Session,
+    ) -> Result<(), SessionError> {
+        let longest = if self.prepared == Some(frame.crop) { COARSE } else { FIRST_COARSE };
+        self.running.lock().coarse_until = frame.coarse.then(|| Instant::now() + longest);
+        self.status = status;
+        self.show_panel(session);
+        self.said.lock().clear();
         let Some(checkpoint) = &self.checkpoint else { return Ok(()) };
         session.state().return_to(checkpoint);
         for call in calls::calls(&self.base, &self.rig, checkpoint.world_values()) {
             session.call(call)?;
         }
-        self.screen.hide(true);
-        self.screen.be_coarse(self.coarse());
-        session.render_for_desk(Some(DeskFrame { coarse: true, crop: None }));
+        self.screen.be_coarse(self.coarse().filter(|_| frame.coarse));
+        session.render_for_desk(Some(frame));
         let result = session.call(Call::Render { camera: None });
         session.render_for_desk(None);
-        self.screen.hide(false);
-        self.screen.be_coarse(None);
         *self.running.lock() = Running::default();
-        self.status = Status::Idle;
-        self.prepared = (!session.stop().load(Ordering::Relaxed)).then_some(None);
-        // The frames that are shown report the same.
-        self.said.lock().clear();
-        self.show_panel(session);
         result
     }
 

@@ -6,10 +6,7 @@ use super::document::{Document, item};
 use crate::faults::Faults;
 use crate::source::{Opened, open};
 use granita_base::Reporter;
-use granita_image::{
-    CreateOptions, Format, FormatRegistry, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, Pixels,
-    Result,
-};
+use granita_image::{Format, FormatRegistry, ImageError, ImageInput, ImageSpec, Limits, Pixels, Result};
 use granita_scene::{GeneratorError, GeneratorSource};
 use parking_lot::Mutex;
 use std::path::{Path, PathBuf};
@@ -82,15 +79,6 @@ impl Format for GltfImages {
             buffers: Mutex::new(buffers),
             open: (0..count).map(|_| OnceLock::new()).collect(),
         }))
-    }
-
-    fn supports(&self, _: &str) -> bool {
-        false
-    }
-
-    fn create(&self, path: &Path, _: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        let what = "glTF files are read, not written".to_owned();
-        Err(ImageError::Unsupported { path: path.to_owned(), what })
     }
 }
 

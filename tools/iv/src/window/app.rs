@@ -43,7 +43,7 @@ pub(crate) struct App {
     pub(crate) model: Model,
     texture: Option<TextureHandle>,
     /// Draws the image where the processor does the work of graphics hardware.
-    pub(super) blit: Option<Blit>,
+    blit: Option<Blit>,
     in_blit: bool,
     /// True when the last frame showed something everywhere, or the complete image, for the first time.
     just_shown: [bool; 2],

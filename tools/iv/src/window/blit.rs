@@ -23,11 +23,6 @@ fn pixel(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
 }
 ";
 
-/// True where the processor does the work of graphics hardware.
-pub(crate) fn draws_by_processor(state: &RenderState) -> bool {
-    state.adapter.get_info().device_type == wgpu::DeviceType::Cpu
-}
-
 /// Shows a canvas on the screen.
 pub(crate) struct Blit {
     device: wgpu::Device,
@@ -42,8 +37,9 @@ impl Blit {
     /// Returns `None` where a texture is faster, or is the only way.
     pub(crate) fn new(state: &RenderState) -> Option<Self> {
         let device = &state.device;
+        let by_processor = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
         let can = device.limits().max_storage_buffers_per_shader_stage > 0;
-        if !draws_by_processor(state) || !can || state.target_format.is_srgb() {
+        if !by_processor || !can || state.target_format.is_srgb() {
             return None;
         }
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -31,13 +31,8 @@ use granita_view::{Live, StoreLimits, TileStore, expand};
 use model::Model;
 use parking_lot::Mutex;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Receiver;
-use std::time::{Duration, Instant};
-
-/// The time between the arrival of pixels and the frame of the window that shows them, where the processor draws. It is
-/// needed by the renderer that sends them.
-const REST: Duration = Duration::from_millis(60);
+use std::time::Instant;
 
 /// The exit status of the window, which is that of its script.
 type Outcome = Arc<Mutex<Status>>;
@@ -144,14 +139,6 @@ pub(crate) fn run(
         std::thread::spawn(move || early_device(&setup))
     };
     let ctx = context();
-    let by_processor = Arc::new(AtomicBool::new(false));
-    live.watch({
-        let (ctx, by_processor) = (ctx.clone(), by_processor.clone());
-        move || {
-            let rest = if by_processor.load(Ordering::Relaxed) { REST } else { Duration::ZERO };
-            ctx.request_repaint_after(rest);
-        }
-    });
     let mut model = Some({
         let limits = StoreLimits { others: args.window.memory << 20, ..StoreLimits::default() };
         let ctx = ctx.clone();
@@ -170,12 +157,9 @@ pub(crate) fn run(
     lost::watch(reporter);
     for ((library, backends), setup) in tries.into_iter().chain(renderers.iter().map(|b| (*b, None))) {
         let (taken, steps, outcome_inside) = (&mut model, steps.clone(), outcome.clone());
-        let by_processor = by_processor.clone();
         let creator: eframe::AppCreator<'_> = Box::new(move |context| {
             let model = taken.take().ok_or("the window was closed")?;
-            let state = context.wgpu_render_state.as_ref();
-            by_processor.store(state.is_some_and(blit::draws_by_processor), Ordering::Relaxed);
-            let blit = state.and_then(Blit::new);
+            let blit = context.wgpu_render_state.as_ref().and_then(Blit::new);
             Ok(Box::new(App::new(model, steps, outcome_inside, started, blit, &context.egui_ctx)))
         });
         let mut options = native_options(args, backends);

@@ -82,7 +82,7 @@ pub(crate) struct Model {
 }
 
 impl Model {
-    /// Returns the model. `wake` requests that the window is drawn again, after parts of files were read.
+    /// Returns the model. `wake` requests that the window is drawn again.
     pub(crate) fn new(
         formats: FormatRegistry,
         files: Vec<PathBuf>,
@@ -91,12 +91,18 @@ impl Model {
         store: TileStore,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Self {
+        let wake = Arc::new(wake);
         let threads = std::thread::available_parallelism().map_or(2, usize::from).clamp(2, 8);
+        let loader = {
+            let wake = wake.clone();
+            Loader::new(threads, move || wake())
+        };
+        live.watch(move || wake());
         Self {
             entries: Entries::new(files, live),
             formats,
             store,
-            loader: Loader::new(threads, wake),
+            loader,
             tasks: Tasks::default(),
             other: None,
             keep_other: false,

@@ -7,17 +7,10 @@ use egui::{Event, Key};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// The time between two frames of the window while a light is dragged, where the processor draws. A window that is
-/// drawn for every event leaves no time to the renderer of its image.
-const DRAG_REST: Duration = Duration::from_millis(100);
-
 impl eframe::App for App {
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
         self.input = Instant::now();
         self.latency.begin(self.input);
-        if self.desk.dragging && self.blit.is_some() {
-            std::thread::sleep(DRAG_REST);
-        }
         if let Some(script) = &mut self.script {
             // Only the script controls the pointer and the keys.
             raw_input.events.retain(|e| {
