@@ -3,6 +3,7 @@
 use granita_base::{Bound, Color, DVec3, Vec2, Vec3};
 use granita_dicing::{CameraView, Lens, PixelRect, Projection};
 use granita_scene::Holdout;
+use std::sync::Arc;
 
 /// An empty raster box.
 pub const NOWHERE: [f32; 4] = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
@@ -310,8 +311,8 @@ pub struct ShadedGrid {
     pub nv: usize,
     /// The index of the primitive that the grid belongs to.
     pub primitive: u32,
-    /// The grid as seen by each eye of the camera.
-    pub views: Box<[ViewedGrid]>,
+    /// The grid as seen by each eye of the camera. Copies of the grid with other colours share it.
+    pub views: Arc<[ViewedGrid]>,
     /// The results of shading, times increasing. There are several only when primitive variables change over the
     /// shutter.
     pub shades: Vec<Shade>,

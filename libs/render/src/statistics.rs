@@ -1,5 +1,8 @@
 //! Counts and times of the work that a frame did and avoided.
 
+use parking_lot::Mutex;
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::fmt::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -24,6 +27,32 @@ pub(crate) struct Counters {
     pub(crate) dice_nanos: AtomicU64,
     pub(crate) hide_nanos: AtomicU64,
     pub(crate) filter_nanos: AtomicU64,
+    pub(crate) bucket_times: Mutex<BucketTimes>,
+}
+
+/// The times of the buckets that the threads of a frame rendered.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BucketTimes {
+    /// The place of each bucket in the order in which they were begun, and its time.
+    pub(crate) of_buckets: Vec<(usize, Duration)>,
+    /// The time from the first bucket to the end of the last one.
+    pub(crate) all: Duration,
+}
+
+impl BucketTimes {
+    /// Returns the time that `threads` threads would take, when each begins the next bucket as soon as it is free.
+    fn by(&self, threads: usize) -> Duration {
+        let mut ends: BinaryHeap<Reverse<Duration>> = (0..threads).map(|_| Reverse(Duration::ZERO)).collect();
+        let mut order = self.of_buckets.clone();
+        order.sort_unstable_by_key(|(number, _)| *number);
+        let mut last = Duration::ZERO;
+        for (_, time) in order {
+            let begin = ends.pop().map_or(Duration::ZERO, |Reverse(end)| end);
+            last = last.max(begin + time);
+            ends.push(Reverse(begin + time));
+        }
+        last
+    }
 }
 
 /// Adds to a counter.
@@ -35,6 +64,9 @@ pub(crate) fn add(counter: &AtomicU64, n: usize) {
 pub(crate) fn add_time(counter: &AtomicU64, time: Duration) {
     counter.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
 }
+
+/// The numbers of threads for which the statistics predict the speed-up.
+const MANY_THREADS: [usize; 2] = [16, 64];
 
 /// The statistics of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -67,6 +99,13 @@ pub struct Statistics {
     pub filter_time: Duration,
     /// The time from start to end.
     pub frame_time: Duration,
+    /// The longest time of a bucket.
+    pub longest_bucket: Duration,
+    /// The time before the first bucket and after the last one.
+    pub outside_buckets: Duration,
+    /// The largest speed-up over one thread that 16 and 64 threads can reach, from the times of the buckets and the
+    /// order in which they are begun. Threads that wait for each other or for memory make it smaller.
+    pub speed_ups: [f64; 2],
     pub threads: usize,
     /// What a frame in re-rendering mode took from those before it; `None` for other frames.
     pub reuse: Option<Reuse>,
@@ -157,6 +196,9 @@ impl Counters {
     pub(crate) fn statistics(&self, frame_time: Duration, threads: usize) -> Statistics {
         let n = |c: &AtomicU64| c.load(Ordering::Relaxed);
         let time = |c: &AtomicU64| Duration::from_nanos(n(c));
+        let times = self.bucket_times.lock();
+        let outside_buckets = frame_time.saturating_sub(times.all);
+        let seconds = |threads: usize| (outside_buckets + times.by(threads)).as_secs_f64();
         Statistics {
             primitives: n(&self.primitives),
             primitives_built: n(&self.primitives_built),
@@ -176,6 +218,9 @@ impl Counters {
             hide_time: time(&self.hide_nanos),
             filter_time: time(&self.filter_nanos),
             frame_time,
+            longest_bucket: times.of_buckets.iter().map(|(_, time)| *time).max().unwrap_or_default(),
+            outside_buckets,
+            speed_ups: MANY_THREADS.map(|threads| seconds(1) / seconds(threads).max(1e-9)),
             threads,
             reuse: None,
         }
@@ -204,13 +249,15 @@ impl Statistics {
     }
 
     /// Returns all times by name, in seconds. Those of stages are sums over all threads.
-    pub fn seconds(&self) -> [(&'static str, f64); 5] {
+    pub fn seconds(&self) -> [(&'static str, f64); 7] {
         [
             ("frame", self.frame_time.as_secs_f64()),
             ("dice", self.dice_time.as_secs_f64()),
             ("shade", self.shade_time.as_secs_f64()),
             ("hide", self.hide_time.as_secs_f64()),
             ("filter", self.filter_time.as_secs_f64()),
+            ("longest_bucket", self.longest_bucket.as_secs_f64()),
+            ("outside_buckets", self.outside_buckets.as_secs_f64()),
         ]
     }
 
@@ -218,9 +265,12 @@ impl Statistics {
     pub fn report(&self, camera: &str) -> String {
         let seconds = |d: Duration| format!("{:.3} s", d.as_secs_f64());
         let unused_primitives = self.primitives_built.saturating_sub(self.primitives_split);
-        let rows: [(&str, String); 14] = [
+        let [with_16, with_64] = self.speed_ups;
+        let rows: [(&str, String); 16] = [
             ("frame", format!("{} with {} threads", seconds(self.frame_time), self.threads)),
-            ("buckets", self.buckets.to_string()),
+            ("buckets", format!("{}, the longest {}", self.buckets, seconds(self.longest_bucket))),
+            ("  before the first, after the last", seconds(self.outside_buckets)),
+            ("  speed-up with 16, 64 threads", format!("at most {with_16:.1}, {with_64:.1}")),
             ("samples", self.samples.to_string()),
             ("primitives", self.primitives.to_string()),
             ("  not in view", self.primitives_off_screen.to_string()),
@@ -250,5 +300,33 @@ impl Statistics {
             let _ = write!(text, "\n  {what:<34} {value}");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_bucket_at_the_end_limits_the_speed_up() {
+        let times = |seconds: &[u64]| BucketTimes {
+            of_buckets: seconds
+                .iter()
+                .copied()
+                .enumerate()
+                .rev()
+                .map(|(k, s)| (k, Duration::from_secs(s)))
+                .collect(),
+            all: Duration::from_secs(seconds.iter().sum()),
+        };
+        let by = |seconds: &[u64], threads| times(seconds).by(threads).as_secs();
+        assert_eq!(by(&[1, 1, 1, 3], 1), 6);
+        assert_eq!(by(&[1, 1, 1, 3], 2), 4);
+        assert_eq!(by(&[3, 1, 1, 1], 2), 3);
+        assert_eq!(by(&[], 64), 0);
+        let counters = Counters { bucket_times: Mutex::new(times(&[1; 64])), ..Counters::default() };
+        let statistics = counters.statistics(Duration::from_secs(68), 1);
+        assert_eq!(statistics.outside_buckets, Duration::from_secs(4));
+        assert_eq!(statistics.speed_ups, [68.0 / 8.0, 68.0 / 5.0]);
     }
 }

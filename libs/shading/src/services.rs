@@ -11,6 +11,7 @@ mod light;
 pub(crate) mod maps;
 mod rays;
 pub(crate) mod recall;
+mod seeds;
 mod shadow;
 mod sky;
 mod tiles;
@@ -37,6 +38,8 @@ use granita_shade::{
 };
 use granita_texture::Wrap;
 use recall::{Asked, Question};
+use seeds::{LaneSeeds, LightSeeds};
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// Hashed with lane seeds for places on area lights.
@@ -121,9 +124,7 @@ pub(crate) struct Run<'r, 'f> {
     dtime: f32,
     ray: RayKind,
     seed: u32,
-    /// The seed of each lane ([`Grid::names`]). When it is empty, the seed of the grid and the lane's index are
-    /// used.
-    names: Vec<u32>,
+    seeds: LaneSeeds<'r>,
     /// For ray hits, the path to each lane ([`Grid::paths`]).
     paths: Arc<[RayPath]>,
     /// The surface, where rays may be traced.
@@ -187,7 +188,7 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: grid.dtime,
             ray: grid.ray,
             seed: grid.seed,
-            names: grid.names.clone(),
+            seeds: LaneSeeds::of_grid(grid),
             paths: grid.paths.clone(),
             surface: SurfaceLanes::of(grid, frame),
             centres: match grid.topology {
@@ -205,12 +206,12 @@ impl<'r, 'f> Run<'r, 'f> {
         }
     }
 
-    /// Serves a light that shines on the grid of `surface`. `names` are the lane seeds.
+    /// Serves a light that shines on the grid of `surface` for the sample `index` of a query.
     fn for_light(
         surface: &'r mut Run<'_, 'f>,
         light: &'r LightState,
-        names: Vec<u32>,
-        gathers_in_front: bool,
+        query: &IlluminateQuery<'r>,
+        index: u32,
     ) -> Self {
         Self {
             frame: surface.frame,
@@ -240,14 +241,17 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: surface.dtime,
             ray: surface.ray,
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
-            lane_calls: vec![0; names.len()],
-            names,
+            lane_calls: vec![0; surface.lane_calls.len()],
+            seeds: LaneSeeds {
+                own: OnceCell::new(),
+                of_light: surface.seeds.list().map(|base| LightSeeds::new(base, light.seed, query, index)),
+            },
             paths: surface.paths.clone(),
             surface: surface.surface.clone(),
             centres: surface.centres,
             calls: 0,
             light_calls: Vec::new(),
-            gathers_in_front,
+            gathers_in_front: query.in_front,
             sky: Vec::new(),
             databases: Vec::new(),
             appended: 0,
@@ -263,10 +267,9 @@ impl<'r, 'f> Run<'r, 'f> {
         query: &IlluminateQuery<'_>,
         index: u32,
     ) -> LightResult {
-        let names = self.names_for(light.seed, query, index);
         let mut executor = self.thread.take_executor();
         let mut result = {
-            let mut services = Run::for_light(self, light, names, query.in_front);
+            let mut services = Run::for_light(self, light, query, index);
             executor.run_light(&light.shaders.group, grid, query, &mut services)
         };
         self.thread.put_executor(executor);
@@ -301,7 +304,7 @@ impl<'r, 'f> Run<'r, 'f> {
             rays::unknown_set(self, &area.set);
             return sum;
         };
-        let (call, names) = (self.calls, self.names_for(light.seed, query, 0));
+        let (call, names) = (self.calls, self.seeds_for(light.seed, query));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
         for index in 0..area.samples {
@@ -326,7 +329,7 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Returns the mean of several runs of a broad light, each with a direction within its spread for every lane.
     /// Any other light runs once.
     fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
-        let (call, names, own) = (self.calls, self.names_for(light.seed, query, 0), self.seed);
+        let (call, names, own) = (self.calls, self.seeds_for(light.seed, query), self.seed);
         let share = 1.0 / light.samples as f32;
         let mut sum = LightResult::default();
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
@@ -353,8 +356,8 @@ impl<'r, 'f> Run<'r, 'f> {
 
     /// Returns the seed of a lane for the next random call.
     fn lane_seed(&self, call: u32, lane: u32) -> u32 {
-        match self.names.get(lane as usize) {
-            Some(name) => hash::words(&[*name, self.lane_calls[lane as usize]]),
+        match self.seeds.of(lane as usize) {
+            Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
             None => hash::words(&[self.seed, call, lane]),
         }
     }
@@ -368,17 +371,9 @@ impl<'r, 'f> Run<'r, 'f> {
         self.calls
     }
 
-    /// Returns the lane seeds of a light for a query at these places. They depend only on the query, so that a kept
-    /// result equals one that is computed again.
-    fn names_for(&self, light: u32, query: &IlluminateQuery<'_>, index: u32) -> Vec<u32> {
-        let mut names = self.names.clone();
-        for &lane in query.batch.active {
-            if let Some(name) = names.get_mut(lane as usize) {
-                let [x, y, z] = query.ps.get(lane as usize).to_array().map(f32::to_bits);
-                *name = hash::words(&[*name, light, index, x, y, z]);
-            }
-        }
-        names
+    /// Returns the lane seeds of a light for a query; none for lanes without seeds.
+    fn seeds_for(&self, light: u32, query: &IlluminateQuery<'_>) -> Vec<u32> {
+        self.seeds.list().map_or_else(Vec::new, |base| LightSeeds::new(base, light, query, 0).list())
     }
 
     /// Returns a bias option; the attribute when it is below 0 or absent.

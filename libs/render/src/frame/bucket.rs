@@ -11,16 +11,14 @@ use granita_hider::film;
 use granita_hider::{KeptSurfaces, SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
 use parking_lot::MutexGuard;
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::{BinaryHeap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
 /// The largest number of points of a grid that may be batched.
-pub(super) const SMALL_POINTS: usize = 64;
+pub(super) const SMALL_POINTS: usize = 256;
 /// The approximate number of points of batched grids.
-const JOINED_POINTS: usize = 512;
-/// The number of turns that are searched ahead for grids to batch.
-const LOOK_AHEAD: usize = 128;
+const JOINED_POINTS: usize = 1024;
 
 /// The next item of a bucket: a primitive, or a grid of it.
 #[derive(Clone, Copy, Debug)]
@@ -172,7 +170,7 @@ impl<S: FrameShader> Frame<'_, S> {
                 true => grid,
                 false => {
                     let mut moved = ShadedGrid::clone(&grid);
-                    for (view, seen) in moved.views.iter_mut().zip(&slot.seen) {
+                    for (view, seen) in Arc::make_mut(&mut moved.views).iter_mut().zip(&slot.seen) {
                         (view.rect, view.z_min) = (seen.rect, seen.z_min);
                     }
                     Arc::new(moved)
@@ -222,11 +220,9 @@ impl<S: FrameShader> Frame<'_, S> {
         let near = jobs.of_bucket[index].iter().filter(|j| here(&jobs.list[**j]));
         order.extend(near.map(|&j| turn(jobs.list[j].seen[eye].z_min, j, None)));
         let mut hiding = std::time::Duration::ZERO;
-        // The first turns, taken out in advance.
-        let mut ahead: VecDeque<Turn> = VecDeque::new();
-        while let Some(Turn { z, job: j, leaf }) =
-            ahead.pop_front().or_else(|| order.pop().map(|Reverse(turn)| turn))
-        {
+        // The next turns of each primitive whose grids may be batched, in order.
+        let mut next_of: HashMap<usize, VecDeque<Turn>> = HashMap::new();
+        while let Some(Reverse(Turn { z, job: j, leaf })) = order.pop() {
             let job = &jobs.list[j];
             // Surfaces behind the first one count for "avgz".
             let may_cull = job.culls_hidden && !self.outputs.needs_second_surface;
@@ -237,7 +233,17 @@ impl<S: FrameShader> Frame<'_, S> {
                 } else {
                     let split = self.split(job);
                     let z_of = |leaf: u32| split.leaves[leaf as usize].seen[eye].z_min.max(z);
-                    order.extend(split.leaves_of(eye, bucket).map(|leaf| turn(z_of(leaf), j, Some(leaf))));
+                    let turns = split.leaves_of(eye, bucket).map(|leaf| Turn {
+                        z: z_of(leaf),
+                        job: j,
+                        leaf: Some(leaf),
+                    });
+                    let mut turns: Vec<Turn> = turns.collect();
+                    order.extend(turns.iter().copied().map(Reverse));
+                    if job.traits.may_batch && !job.traits.saves && turns.len() > 1 {
+                        turns.sort_unstable();
+                        next_of.insert(j, turns.into());
+                    }
                 }
                 continue;
             };
@@ -250,29 +256,25 @@ impl<S: FrameShader> Frame<'_, S> {
                 let mut state = slot.lock();
                 if let Some(points) = state.leaf().map(|leaf| leaf.rates.nu * leaf.rates.nv) {
                     let mut together = vec![(slot_number, slot, state)];
-                    if job.traits.may_batch && !job.traits.saves && points <= SMALL_POINTS {
-                        while ahead.len() < LOOK_AHEAD
-                            && let Some(Reverse(turn)) =
-                                order.peek().filter(|Reverse(turn)| turn.leaf.is_some())
-                        {
-                            ahead.push_back(*turn);
-                            order.pop();
-                        }
+                    if points <= SMALL_POINTS
+                        && let Some(next) = next_of.get_mut(&j)
+                    {
+                        // A turn that is left out now does not come back: its grid is made, hidden or large.
                         let mut points = points;
-                        for turn in ahead.iter().filter(|turn| turn.job == j) {
-                            let Some(number) = turn.leaf else { continue };
+                        while points < JOINED_POINTS
+                            && let Some(turn) = next.pop_front()
+                        {
+                            let Some(number) = turn.leaf.filter(|number| *number != slot_number) else {
+                                continue;
+                            };
                             let slot = &slots[number as usize];
                             let Some(state) = slot.lock_early().filter(|_| !hidden(slot, turn.z)) else {
                                 continue;
                             };
                             let more = state.leaf().map_or(0, |leaf| leaf.rates.nu * leaf.rates.nv);
-                            if more > SMALL_POINTS {
-                                continue;
-                            }
-                            points += more;
-                            together.push((number, slot, state));
-                            if points >= JOINED_POINTS {
-                                break;
+                            if more <= SMALL_POINTS {
+                                points += more;
+                                together.push((number, slot, state));
                             }
                         }
                     }
@@ -287,7 +289,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     });
                     let begin = Instant::now();
                     if surfaces.is_full() {
-                        let rest = ahead.iter().chain(order.iter().map(|Reverse(turn)| turn)).copied();
+                        let rest = order.iter().map(|Reverse(turn)| *turn);
                         let turns = std::iter::once(Turn { z, job: j, leaf }).chain(rest);
                         surfaces.settle(self.least_depth(eye, jobs, turns), &self.outputs.wanted);
                     }

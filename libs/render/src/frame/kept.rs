@@ -554,7 +554,8 @@ impl<S: FrameShader> Frame<'_, S> {
             } else if opacities().all(|(a, b)| same(a, b)) {
                 continue;
             }
-            let new = ShadedGrid { shades, opaque, ..ShadedGrid::clone(old) };
+            let (views, existing) = (old.views.clone(), old.kept.clone());
+            let new = ShadedGrid { shades, opaque, views, kept: existing, ..**old };
             (member.grid, member.changed) = (Arc::new(new), self.shader.frame());
         }
         result

@@ -3,11 +3,12 @@
 use super::{Frame, FrameShader, Jobs, panic_text};
 use crate::output::canvas::Canvas;
 use crate::priority::Turns;
-use crate::statistics::add;
+use crate::statistics::{BucketTimes, add};
 use granita_base::report::MessageOrder;
 use parking_lot::Mutex;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// The pixels of a bucket, image by image.
 pub(super) type BucketPixels = Vec<Vec<f32>>;
@@ -57,7 +58,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         work: &BucketWork<'_, S::Thread<'a>>,
     ) {
         let (done, ends) = (AtomicU64::new(0), AtomicBool::new(false));
-        let turns = Mutex::new((Turns::new(list.iter().copied(), self.priority()), 0..));
+        let turns = Mutex::new((Turns::new(list.iter().copied(), self.priority()), 0_usize..));
         let order = MessageOrder::new(self.options.reporter);
         let next = || {
             self.hear(canvases);
@@ -67,6 +68,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let (turns, numbers) = &mut *turns.lock();
             turns.next(&self.buckets, self.priority()).zip(numbers.next())
         };
+        *self.counters.bucket_times.lock() = BucketTimes::default();
+        let first = Instant::now();
         std::thread::scope(|scope| {
             for _ in 0..threads.min(list.len()) {
                 scope.spawn(|| {
@@ -74,6 +77,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     while let Some((index, number)) = next() {
                         let _part = order.begin(number);
                         self.begin(canvases, index);
+                        let begin = Instant::now();
                         let result = catch_unwind(AssertUnwindSafe(|| (work.make)(index, &mut thread)));
                         match result {
                             // Shaders ended early, so these pixels are not valid.
@@ -90,12 +94,14 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                                 thread = self.thread();
                             }
                         }
+                        self.counters.bucket_times.lock().of_buckets.push((number, begin.elapsed()));
                         let cost = (work.cost)(index);
                         self.options.progress.done(done.fetch_add(cost, Ordering::Relaxed) + cost);
                     }
                 });
             }
         });
+        self.counters.bucket_times.lock().all = first.elapsed();
         add(&self.counters.buckets, list.len());
     }
 }

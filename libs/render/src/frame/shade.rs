@@ -373,7 +373,7 @@ impl<S: FrameShader> Frame<'_, S> {
         diced: &Diced<'_>,
         shaded: &Shaded<'_>,
         rim_px: f32,
-    ) -> Box<[ViewedGrid]> {
+    ) -> Arc<[ViewedGrid]> {
         let (nu, per_side) = (diced.dice.nu, diced.per_side());
         let times = job.placement.times();
         let p_world = if diced.precise.is_some() { Vec::new() } else { diced.positions(job, shaded) };

@@ -399,7 +399,7 @@ mod tests {
             assert!(covered.iter().zip(&kept).all(|(n, kept)| *n == i32::from(*kept)), "{density}");
         }
         let mut holed = grid(4, 4, Vec::new());
-        holed.views[0].p_cam[0][5].z = f32::NAN;
+        Arc::make_mut(&mut holed.views)[0].p_cam[0][5].z = f32::NAN;
         let cells = |p: &Part| (p.u[1] - p.u[0]) * (p.v[1] - p.v[0]);
         assert_eq!(parts(&holed, &holed.views[0].p_cam).iter().map(cells).sum::<usize>(), 5);
         assert_eq!(parts(&grid(4, 4, Vec::new()), &[]).len(), 1);

@@ -145,12 +145,12 @@ impl Run<'_, '_> {
         }
         hasher.word(self.shadow_bias.to_bits());
         hasher.word(u32::from(self.gathers_in_front));
-        if self.names.is_empty() {
-            hasher.word(self.calls);
-            hasher.word(self.seed);
-        } else {
-            hasher.words(&self.names);
-            hasher.words(&self.lane_calls);
+        match self.seeds.list() {
+            None => hasher.words(&[self.calls, self.seed]),
+            Some(seeds) => {
+                hasher.words(seeds);
+                hasher.words(&self.lane_calls);
+            }
         }
         hasher.word(self.ray.bounces);
         self.paths.iter().for_each(|path| hasher.words(&path.words()));
@@ -169,7 +169,7 @@ impl Run<'_, '_> {
 impl Recall for Run<'_, '_> {
     fn keeps_parts(&mut self) -> bool {
         // Of what rays hit, whole results are kept.
-        let is_seen = self.ray.level == 0 && self.hits.is_none() && self.names.is_empty();
+        let is_seen = self.ray.level == 0 && self.hits.is_none();
         is_seen && self.shaders.usage != ShaderUsage::Light && self.keeps_answers()
     }
 

@@ -214,8 +214,8 @@ impl Run<'_, '_> {
     /// Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels,
     /// SIGGRAPH Asia 2020).
     fn sequences(&self, lanes: usize) -> Vec<(u32, u32)> {
-        let seed = |lane: usize| match self.names.get(lane) {
-            Some(name) => hash::words(&[*name, SKY]),
+        let seed = |lane: usize| match self.seeds.of(lane) {
+            Some(own) => hash::words(&[own, SKY]),
             None => hash::words(&[self.seed, SKY, lane as u32]),
         };
         let mut out: Vec<(u32, u32)> = Vec::with_capacity(lanes);
