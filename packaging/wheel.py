@@ -18,7 +18,7 @@ import zipfile
 # The names in the folder bin of an environment. maketx and iv are not among them, because the wheel of OpenImageIO has
 # them: they are "granita maketx" and "granita iv", and scripts in gelato/suite/bin.
 COMMANDS = ("granita", "gelato", "gslc", "gsoinfo", "topyg")
-TOOLS = ("gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv")
+TOOLS = ("gelato", "maketx", "oiio-maketx", "gslc", "gsoinfo", "topyg", "iv")
 
 SCRIPT = """#!/bin/sh
 exec "$(dirname -- "$(readlink -f -- "$0")")/granita" %s "$@"

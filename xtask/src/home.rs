@@ -11,6 +11,8 @@ use std::process::Command;
 pub(crate) const PROGRAM: &str = "granita";
 /// The tools, which are links to it.
 pub(crate) const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
+/// Further names of tools, which are links to it.
+const NAMES: [&str; 1] = ["oiio-maketx"];
 const LIBRARIES: [&str; 2] = ["gelato", "gsoargs"];
 
 /// Writes the layout below `home`, from the programs and libraries in `built`.
@@ -20,7 +22,7 @@ pub(crate) fn lay_out(home: &Path, built: &Path) -> Result<(), String> {
     let (bin, lib) = (folder("bin")?, folder("lib")?);
     let program = format!("{PROGRAM}{EXE_SUFFIX}");
     copy(&built.join(&program), &bin)?;
-    for tool in TOOLS {
+    for tool in TOOLS.into_iter().chain(NAMES) {
         link(&program, &bin.join(format!("{tool}{EXE_SUFFIX}")))?;
     }
     for library in LIBRARIES {

@@ -9,8 +9,11 @@ use granita_image::ImageSpec;
 /// The custom attribute with the order of the channels, which the format sorts by name.
 pub(crate) const CHANNEL_ORDER: &str = "channelOrder";
 
+/// The kind of the attributes with any number of floats.
+const FLOATS: &str = "floatvector";
+
 /// The attributes that are options of writers, or have their own place in the header.
-const NOT_CUSTOM: [&str; 19] = [
+const NOT_CUSTOM: [&str; 20] = [
     "compression",
     "planarconfig",
     "rowsperstrip",
@@ -23,6 +26,7 @@ const NOT_CUSTOM: [&str; 19] = [
     "unassociatedalpha",
     "wrapmodes",
     "worldtocamera",
+    "worldtondc",
     "owner",
     "copyright",
     "software",
@@ -62,6 +66,8 @@ pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
         Some(named("software").unwrap_or_else(|| text(&format!("Granita {}", granita_base::VERSION))));
     own.wrap_mode_name = named("wrapmodes");
     own.world_to_camera = spec.matrix("worldtocamera");
+    own.world_to_normalized_device =
+        ["worldtoNDC", "worldtondc"].into_iter().find_map(|name| spec.matrix(name));
     own.environment_map = match spec.string("textureformat") {
         Some("LatLong Environment") => Some(EnvironmentMap::LatitudeLongitude),
         Some("CubeFace Environment") => Some(EnvironmentMap::Cube),
@@ -90,7 +96,11 @@ fn value_of(data: &ParamData) -> Option<AttributeValue> {
             _ => match v.len() {
                 9 => AttributeValue::Matrix3x3(v[..].try_into().ok()?),
                 16 => AttributeValue::Matrix4x4(v[..].try_into().ok()?),
-                _ => return None,
+                _ => {
+                    let kind = text(FLOATS);
+                    let bytes = v.iter().flat_map(|v| v.to_le_bytes()).collect();
+                    AttributeValue::Custom { kind, bytes }
+                }
             },
         },
         ParamData::Int(v) => match v[..] {
@@ -162,6 +172,10 @@ fn param_of(value: &AttributeValue) -> Option<(ParamType, ParamData)> {
         AttributeValue::Matrix3x3(m) => floats(m),
         AttributeValue::FloatVec2(v) => floats(&[v.0, v.1]),
         AttributeValue::FloatVec3(v) => floats(&[v.0, v.1, v.2]),
+        AttributeValue::Custom { kind, bytes } if string(kind) == FLOATS => {
+            let all: Vec<f32> = bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+            floats(&all)
+        }
         AttributeValue::IntVec2(v) => ints(&[v.0, v.1]),
         AttributeValue::IntVec3(v) => ints(&[v.0, v.1, v.2]),
         _ => return None,
@@ -235,6 +249,7 @@ mod tests {
             Param::declared("float fovcot", 1.5).unwrap(),
             Param::declared("int[3] three", &[1, 2, 3][..]).unwrap(),
             Param::declared("matrix worldtoscreen", &m[..]).unwrap(),
+            Param::declared("float[5] CDF_0", &m[..5]).unwrap(),
         ] {
             spec.attributes.set(p);
         }

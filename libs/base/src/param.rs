@@ -370,6 +370,13 @@ impl Params {
     }
 }
 
+impl Extend<Param> for Params {
+    /// Sets each of the parameters.
+    fn extend<I: IntoIterator<Item = Param>>(&mut self, params: I) {
+        params.into_iter().for_each(|param| self.set(param));
+    }
+}
+
 impl<'a> IntoIterator for &'a Params {
     type Item = &'a Param;
     type IntoIter = std::slice::Iter<'a, Param>;

@@ -21,7 +21,13 @@ pub fn parse<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> T {
 /// another process.
 pub fn parse_with_given<T: CommandFactory + FromArgMatches>(words: Vec<OsString>) -> (T, Vec<Given>) {
     crate::files::raise_limit();
-    try_parse(words).unwrap_or_else(|refusal| refusal.exit())
+    try_parse(words).unwrap_or_else(|refusal| refusal.exit(crate::Status::Failed))
+}
+
+/// Does the same as [`parse`], with another status after an error, for a tool that takes the place of another program.
+pub fn parse_or<T: CommandFactory + FromArgMatches>(words: Vec<OsString>, failed: crate::Status) -> T {
+    crate::files::raise_limit();
+    try_parse(words).unwrap_or_else(|refusal| refusal.exit(failed)).0
 }
 
 /// The reason why a command line was not parsed.
@@ -49,14 +55,14 @@ impl Refusal {
         Self { error, text }
     }
 
-    fn exit(&self) -> ! {
+    fn exit(&self, failed: crate::Status) -> ! {
         if self.text.is_empty() {
             crate::print(&for_output(&self.error.render()));
             std::process::exit(crate::Status::Done.code().into())
         }
         // Without a standard error the status still counts.
         let _ = writeln!(std::io::stderr().lock(), "{}", self.text);
-        std::process::exit(crate::Status::Failed.code().into())
+        std::process::exit(failed.code().into())
     }
 }
 

@@ -20,7 +20,9 @@ mod help;
 mod progress;
 mod run;
 
-pub use args::{BUILD_DATE, Given, Refusal, SUITE_VERSION, command, parse, parse_with_given, try_parse};
+pub use args::{
+    BUILD_DATE, Given, Refusal, SUITE_VERSION, command, parse, parse_or, parse_with_given, try_parse,
+};
 pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;

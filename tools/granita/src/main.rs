@@ -29,18 +29,21 @@ struct Tool {
 }
 
 /// The tools, sorted by name.
-const TOOLS: [Tool; 6] = [
-    Tool {
-        name: "gelato",
-        options: gelato::command,
-        run: |words| gelato::main(words, &TOOLS.map(|tool| tool.name)),
-    },
+const TOOLS: [Tool; 7] = [
+    Tool { name: "gelato", options: gelato::command, run: |words| gelato::main(words, &shell_names()) },
     Tool { name: "gslc", options: gslc::command, run: gslc::main },
     Tool { name: "gsoinfo", options: gsoinfo::command, run: gsoinfo::main },
     Tool { name: "iv", options: iv::command, run: iv::main },
     Tool { name: "maketx", options: maketx::command, run: maketx::main },
+    Tool { name: "oiio-maketx", options: maketx::oiio_command, run: maketx::main },
     Tool { name: "topyg", options: topyg::command, run: topyg::main },
 ];
+
+/// Returns the names of tools in commands of scenes, which are functions of the shell there. A name with a dash cannot
+/// be one. `maketx -profile` is the same tool.
+fn shell_names() -> Vec<&'static str> {
+    TOOLS.iter().map(|tool| tool.name).filter(|name| !name.contains('-')).collect()
+}
 
 /// The options of `gelato` with which other programs start it. They know one path of a program, which may be that of
 /// this one: scripts in `$GELATO`, and coordinators that start workers.
@@ -90,6 +93,8 @@ mod tests {
             ("/usr/bin/granita gelato maketx", Some(("gelato", 1))),
             ("/usr/bin/gelato maketx", Some(("gelato", 0))),
             ("bin/iv", Some(("iv", 0))),
+            ("bin/oiio-maketx a.png", Some(("oiio-maketx", 0))),
+            ("granita oiio-maketx a.png", Some(("oiio-maketx", 1))),
             ("granita -as gslc x.gsl", Some(("gslc", 2))),
             ("gelato --as topyg x.pyg", Some(("topyg", 2))),
             ("granita -stream -threads 2", Some(("gelato", 0))),

@@ -63,7 +63,7 @@ fn unknown_tools_and_folders_are_errors() {
         (&["maketex"][..], "granita: error: there is no tool maketex; did you mean maketx?"),
         (
             &["-as", "nosuch"],
-            "granita: error: -as needs the name of a tool: gelato, gslc, gsoinfo, iv, maketx, topyg",
+            "granita: error: -as needs the name of a tool: gelato, gslc, gsoinfo, iv, maketx, oiio-maketx, topyg",
         ),
         (&["render"], "granita: error: there is no tool render: the tools are gelato, gslc"),
         (&["-hom"], "granita: error: there is no option -hom; did you mean -home?"),

@@ -1,10 +1,12 @@
 //! The command line options.
 
+use crate::request::{Manner, Request};
+use crate::shared::{ImageArgs, RunArgs, pixel_type, threads, wrap};
 use clap::Parser;
 use granita_base::Filter;
 use granita_image::PixelType;
 use granita_texture::Wrap;
-use granita_texture::make::{BrokenValues, ColorSpace, MakeOptions, Mode};
+use granita_texture::make::{BrokenValues, ColorSpace, Kernel, LevelFilter, MakeOptions, Mode};
 use std::path::PathBuf;
 
 /// Converts images to tiled, MIP-mapped textures, environment maps and shadow maps.
@@ -25,26 +27,13 @@ pub(crate) struct Args {
     #[command(flatten)]
     mode: ModeArgs,
 
-    /// Format of the texture; it must store tiles and MIP levels [default: that of the extension of -o if it does, else
-    /// tiff]
-    #[arg(long, value_name = "NAME")]
-    pub(crate) format: Option<String>,
-
     /// Keep the resolution of the input instead of rounding it up to powers of two
     #[arg(long)]
     noresize: bool,
 
-    /// Update: skip an output that has the time stamp of its newest input; others get that time stamp
-    #[arg(short = 'u')]
-    update: bool,
-
     /// Search path of the inputs: folders, separated by colons
     #[arg(short = 'p', value_name = "SEARCHPATH", allow_hyphen_values = true)]
     pub(crate) path: Option<String>,
-
-    /// Store channels one after the other instead of interleaved
-    #[arg(long)]
-    separate: bool,
 
     /// Width and height of tiles in texels
     #[arg(long, default_value_t = 64, value_name = "T", value_parser = clap::value_parser!(u32).range(1..=8192))]
@@ -57,14 +46,6 @@ pub(crate) struct Args {
     /// Gamma of the texture, which is raised to the power 1/G
     #[arg(long, default_value_t = 1.0, value_name = "G")]
     outgamma: f32,
-
-    /// World-to-camera matrix, 16 numbers row by row
-    #[arg(long = "Mcamera", num_args = 16, value_name = "M", allow_hyphen_values = true)]
-    mcamera: Option<Vec<f32>>,
-
-    /// World-to-screen matrix, 16 numbers row by row
-    #[arg(long = "Mscreen", num_args = 16, value_name = "M", allow_hyphen_values = true)]
-    mscreen: Option<Vec<f32>>,
 
     /// Default wrap mode in s: periodic, black, clamp or mirror
     #[arg(long, value_parser = wrap, value_name = "WRAPMODE")]
@@ -86,14 +67,10 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 0.05, value_name = "F")]
     opaquewidth: f32,
 
-    /// Filter of MIP levels: gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell
-    /// or b-spline
+    /// Filter of MIP levels: gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell, b-spline, or one of
+    /// OpenImageIO's other filters, such as lanczos3
     #[arg(long, value_parser = filter, default_value = "box", value_name = "NAME")]
-    filter: Filter,
-
-    /// Compression, by its name in the format; zip:LEVEL from 1 (fast) to 12 (small files) [default: zip]
-    #[arg(long, value_name = "NAME")]
-    compression: Option<String>,
+    filter: LevelChoice,
 
     /// Type of the texels: uint8, uint16, half or float [default: that of the input]
     #[arg(short = 'd', value_name = "TYPE", value_parser = pixel_type)]
@@ -115,38 +92,13 @@ pub(crate) struct Args {
     #[arg(long)]
     hash: bool,
 
-    /// Store an image of one colour as one tile
-    #[arg(long = "constant-color-detect", visible_alias = "constant")]
-    constant: bool,
-
     /// Number of threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
 
-    /// Memory limit of one texture in MiB, where its memory grows with the image [default: a quarter of the installed
-    /// memory]
-    #[arg(long, value_name = "MB", value_parser = clap::value_parser!(u64).range(1..))]
-    memory: Option<u64>,
-
     /// Print the time and the memory of each texture
     #[arg(long)]
     pub(crate) stats: bool,
-
-    /// A folder of image plugins, or a library, which is used before bundled ones; may be repeated
-    #[arg(long, value_name = "PATH")]
-    pub(crate) plugins: Vec<PathBuf>,
-
-    /// For untrusted images: load no plugins, read below the folders of the inputs only
-    #[arg(long)]
-    pub(crate) safe: bool,
-
-    /// Do not have the kernel enforce -safe as well
-    #[arg(long, hide = true, requires = "safe")]
-    pub(crate) nofence: bool,
-
-    /// Print the available image formats and their sources
-    #[arg(long)]
-    pub(crate) debugdso: bool,
 
     /// 0: errors only; 1: also warnings; 2: also progress
     #[arg(long, default_value_t = 1, value_name = "N")]
@@ -155,6 +107,16 @@ pub(crate) struct Args {
     /// Print progress, as -verbosity 2
     #[arg(short = 'v')]
     verbose: bool,
+
+    /// Options of another program: oiio for OpenImageIO's maketx, txmake for RenderMan's; the manual lists them
+    #[arg(long, default_value = "granita", value_name = "NAME", value_parser = ["granita", "oiio", "txmake"])]
+    profile: String,
+
+    #[command(flatten)]
+    pub(crate) image: ImageArgs,
+
+    #[command(flatten)]
+    run: RunArgs,
 }
 
 /// What to make; at most one.
@@ -205,22 +167,23 @@ impl ModeArgs {
     }
 }
 
-fn wrap(text: &str) -> Result<Wrap, String> {
-    Wrap::from_word(text).ok_or_else(|| "a wrap mode is periodic, black, clamp or mirror".to_owned())
+/// A filter of levels.
+#[derive(Clone, Debug, PartialEq)]
+enum LevelChoice {
+    /// A filter of the suite.
+    Own(Filter),
+    /// One by the definition of OpenImageIO.
+    Other(LevelFilter),
 }
 
-fn filter(text: &str) -> Result<Filter, String> {
-    Filter::from_word(text)
-        .ok_or_else(|| format!("a filter is one of {}", Filter::ALL.map(Filter::word).join(", ")))
-}
-
-fn pixel_type(text: &str) -> Result<PixelType, String> {
-    Ok(match text.to_ascii_lowercase().as_str() {
-        "uint8" | "byte" => PixelType::U8,
-        "uint16" | "short" => PixelType::U16,
-        "half" => PixelType::Half,
-        "float" => PixelType::Float,
-        _ => return Err("a type is uint8, uint16, half or float".to_owned()),
+fn filter(text: &str) -> Result<LevelChoice, String> {
+    if let Some(filter) = Filter::from_word(text) {
+        return Ok(LevelChoice::Own(filter));
+    }
+    LevelFilter::from_word(text).map(LevelChoice::Other).ok_or_else(|| {
+        let own = Filter::ALL.map(Filter::word);
+        let names = Kernel::NAMES.iter().map(|(name, _)| *name).filter(|name| !own.contains(name));
+        format!("a filter is one of {}", own.into_iter().chain(names).collect::<Vec<_>>().join(", "))
     })
 }
 
@@ -230,17 +193,31 @@ fn color_space(text: &str) -> Result<ColorSpace, String> {
     })
 }
 
-fn threads(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n @ 1..=1024) => Ok(n),
-        _ => Err("1 to 1024 threads are possible".to_owned()),
-    }
-}
-
 impl Args {
     /// Returns the verbosity. `-v` means `-verbosity 2`.
     pub(crate) fn verbosity(&self) -> u8 {
         if self.verbose { self.verbosity.max(2) } else { self.verbosity }
+    }
+
+    /// Returns the request.
+    ///
+    /// # Errors
+    /// Returns an error when options do not go together.
+    pub(crate) fn request(self, installed_bytes: Option<u64>) -> Result<Request, String> {
+        let options = self.options(installed_bytes)?;
+        Ok(Request {
+            manner: Manner::Suite,
+            format_given: self.image.format.is_some(),
+            newer: false,
+            threads: self.threads,
+            stats: self.stats,
+            verbosity: self.verbosity(),
+            inputs: self.inputs,
+            output: self.output,
+            path: self.path,
+            run: self.run,
+            options,
+        })
     }
 
     /// Returns the options of the library, on a machine with so much memory.
@@ -253,26 +230,17 @@ impl Args {
             [from, to] => Some((from, to)),
             _ => return Err("-colorconvert takes two colour spaces".to_owned()),
         };
-        let default = MakeOptions::default();
-        let matrix = |m: &Option<Vec<f32>>| m.as_deref().and_then(|m| m.try_into().ok());
         let black = self.both.unwrap_or_default();
-        Ok(MakeOptions {
+        let mut options = MakeOptions {
             mode: self.mode.mode(),
-            format: self.format.clone().unwrap_or(default.format),
             resize: !self.noresize,
-            update: self.update,
-            separate: self.separate,
             tile_size: (self.tilesize, self.tilesize),
             ingamma: self.ingamma,
             outgamma: self.outgamma,
-            mcamera: matrix(&self.mcamera),
-            mscreen: matrix(&self.mscreen),
             swrap: self.smode.unwrap_or(black),
             twrap: self.tmode.unwrap_or(black),
             fov_deg: self.fov,
             opaque_width: self.opaquewidth,
-            filter: self.filter,
-            compression: self.compression.clone(),
             pixel_type: self.pixel_type,
             color_convert,
             broken_values: match (self.checknan, self.fixnan) {
@@ -281,13 +249,15 @@ impl Args {
                 _ => BrokenValues::Replace,
             },
             hash: self.hash,
-            constant_color: self.constant,
-            memory_bytes: match (self.memory, installed_bytes) {
-                (Some(mib), _) => mib.saturating_mul(1 << 20),
-                (None, Some(installed)) => installed / 4,
-                (None, None) => default.memory_bytes,
-            },
-        })
+            memory_bytes: self.run.memory_bytes(installed_bytes),
+            ..MakeOptions::default()
+        };
+        match &self.filter {
+            LevelChoice::Own(filter) => options.filter = *filter,
+            LevelChoice::Other(filter) => options.flat.filter = Some(filter.clone()),
+        }
+        self.image.fill(&mut options);
+        Ok(options)
     }
 }
 

@@ -8,49 +8,29 @@
 mod args;
 mod jobs;
 mod memory;
+mod oiio;
+mod profile;
+mod request;
+mod shared;
+mod txmake;
 
 use args::Args;
 use granita_base::files::is_same_file;
-use granita_base::{Files, Location, Reporter, SearchPath, Severity};
-use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse};
+use granita_base::{Environment, Files, Location, Reporter, Severity};
+use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse, parse_or};
 use granita_image::{FormatRegistry, Limits};
 use granita_plugin::PluginRules;
 use granita_texture::make::{Costs, Made, MakeOptions, make_measured};
 use jobs::Job;
+use oiio::OiioArgs;
 use parking_lot::Mutex;
+use profile::Profile;
+use request::{Manner, Request};
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-
-impl Args {
-    /// Returns the files that -safe lets the tool read. They lie beneath the folders of the inputs and of the search
-    /// path.
-    fn readable(&self) -> Files {
-        let files = Files::reading(self.inputs.iter().map(Path::new));
-        let path =
-            SearchPath::parse(self.path.as_deref().unwrap_or(""), &SearchPath::default(), &environment());
-        path.folders().iter().for_each(|folder| files.add_root(folder));
-        files
-    }
-
-    /// Finds the inputs along the search path. Returns `None`, after an error for each, when some are missing.
-    fn find_inputs(&self, reporter: &Reporter) -> Option<Vec<PathBuf>> {
-        let Some(text) = &self.path else { return Some(self.inputs.iter().map(PathBuf::from).collect()) };
-        let path = SearchPath::parse(text, &SearchPath::default(), &environment());
-        let find = |name: &String| {
-            if name == "-" {
-                return Some(PathBuf::from(name));
-            }
-            let found = path.find(name);
-            if found.is_none() {
-                reporter.error(format!("{name}: not found along {text}"));
-            }
-            found
-        };
-        let found: Vec<Option<PathBuf>> = self.inputs.iter().map(find).collect();
-        found.into_iter().collect()
-    }
-}
+use txmake::TxmakeArgs;
 
 /// Prints the image formats, for `-debugdso`.
 fn say_formats(registry: &FormatRegistry, reporter: &Reporter) {
@@ -102,12 +82,16 @@ fn say_costs(job: &Job, costs: &Costs, wall: Duration, reporter: &Reporter) {
 /// Makes one texture. Returns true when it succeeds.
 fn run_job(
     job: &Job,
-    args: &Args,
+    request: &Request,
     options: &MakeOptions,
     registry: &FormatRegistry,
     bar: &Bar,
     reporter: &Reporter,
 ) -> bool {
+    if request.newer && is_newer(job) {
+        reporter.info(format!("{} is newer than its inputs", job.output.display()));
+        return true;
+    }
     let state = Mutex::new((bar.clone(), false));
     let progress = |done: u64, total: u64| {
         let mut state = state.lock();
@@ -123,22 +107,49 @@ fn run_job(
     let output = job.output.display();
     match result {
         Ok((Made::UpToDate, _)) => {
-            reporter.info(format!("{output} is up to date"));
+            match request.manner {
+                Manner::Suite => reporter.info(format!("{output} is up to date")),
+                Manner::OpenImageIo => {
+                    say(format!("maketx: no update required for \"{output}\"\n"), reporter);
+                }
+            }
             true
         }
         Ok((Made::Written { width, height, levels, notes }, costs)) => {
-            notes.into_iter().for_each(|note| reporter.warning(note));
-            reporter.info(format!("wrote {output}: {width} x {height} texels, {levels} levels"));
-            if args.stats {
+            let wrote = format!("wrote {output}: {width} x {height} texels, {levels} levels");
+            match request.manner {
+                Manner::Suite => {
+                    notes.into_iter().for_each(|note| reporter.warning(note));
+                    reporter.info(wrote);
+                }
+                Manner::OpenImageIo => {
+                    notes.into_iter().for_each(|note| say(format!("WARNING: {note}\n"), reporter));
+                    if request.verbosity > 1 {
+                        say(format!("  {wrote}\n"), reporter);
+                    }
+                }
+            }
+            if request.stats {
                 say_costs(job, &costs, start.elapsed(), reporter);
             }
             true
         }
         Err(error) => {
-            reporter.error(error.to_string());
+            request.manner.error(error.to_string(), reporter);
             false
         }
     }
+}
+
+fn say(text: String, reporter: &Reporter) {
+    reporter.say(Severity::Message, &Location::default(), text);
+}
+
+/// True when a texture exists that is newer than all its inputs.
+fn is_newer(job: &Job) -> bool {
+    let time = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+    let Some(own) = time(&job.output) else { return false };
+    job.inputs.iter().all(|input| time(input).is_some_and(|time| time <= own))
 }
 
 /// Returns the format that the extension of a texture names, if it names one that stores textures.
@@ -164,72 +175,91 @@ fn format_of(output: &Path, registry: &FormatRegistry) -> Result<Option<String>,
     ))
 }
 
-fn run(args: &Args, bar: &Bar, reporter: &Reporter) -> Status {
-    let files = match args.safe {
-        true => args.readable(),
+/// Returns the format that OpenImageIO's program chooses by the extension of a texture.
+///
+/// # Errors
+/// Returns a message when the extension does not belong to a format that stores textures.
+fn peer_format_of(output: &Path, registry: &FormatRegistry) -> Result<Option<String>, String> {
+    let extension = output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if ["tx", "env", "sm", "vsm"].contains(&&*extension) {
+        return Ok(None);
+    }
+    let output = output.display();
+    let Some(format) = registry.by_name(&extension) else {
+        return Err(format!("\"{output}\": no format is known for this name"));
+    };
+    if ["write", "tiles", "levels"].iter().all(|feature| format.supports(feature)) {
+        return Ok(Some(format.name().to_owned()));
+    }
+    Err(format!("\"{output}\" format does not support tiled images with MIP levels"))
+}
+
+fn run(mut request: Request, bar: &Bar, reporter: &Reporter) -> Status {
+    let manner = request.manner;
+    let failed = |what: String| {
+        manner.error(what, reporter);
+        manner.failed()
+    };
+    let files = match request.run.safe {
+        true => request.readable(),
         false => Files::default(),
     };
     let registry = granita_plugin::formats_with_plugins(
         Limits { files: files.clone(), ..Limits::default() },
         &granita_cli::environment(),
         reporter,
-        PluginRules { none: args.safe, named: args.plugins.clone(), current_folder: false },
-        args.debugdso,
+        PluginRules { none: request.run.safe, named: request.run.plugins.clone(), current_folder: false },
+        request.run.debugdso,
     );
-    if args.debugdso {
+    if request.run.debugdso {
         say_formats(&registry, reporter);
     }
-    let mut options = match args.options(memory::installed_bytes()) {
-        Ok(options) => options,
-        Err(what) => {
-            reporter.error(what);
-            return Status::Failed;
-        }
-    };
-    let Some(inputs) = args.find_inputs(reporter) else { return Status::Failed };
-    let jobs = match jobs::jobs(inputs, args.output.as_deref(), options.mode) {
+    let Some(inputs) = request.find_inputs(reporter) else { return manner.failed() };
+    let jobs = match jobs::jobs(inputs, request.output.as_deref(), request.options.mode) {
         Ok(jobs) => jobs,
-        Err(what) => {
-            reporter.error(what);
-            return Status::Failed;
-        }
+        Err(what) => return failed(what),
     };
-    if let (None, [job]) = (&args.format, &jobs[..]) {
-        match format_of(&job.output, &registry) {
-            Ok(Some(name)) => options.format = name,
+    if let (false, [job]) = (request.format_given, &jobs[..]) {
+        let format = match manner {
+            Manner::Suite => format_of(&job.output, &registry),
+            Manner::OpenImageIo => match peer_format_of(&job.output, &registry) {
+                Ok(format) => Ok(format),
+                Err(what) => return failed(what),
+            },
+        };
+        match format {
+            Ok(Some(name)) => request.options.format = name,
             Ok(None) => {}
             // An output that is an input is refused below.
             Err(_) if job.inputs.iter().any(|input| is_same_file(input, &job.output)) => {}
             Err(warning) => reporter.warning(warning),
         }
     }
-    if let Some(folder) = args.output.as_deref().filter(|path| jobs::is_folder(path))
+    if let Some(folder) = request.output.as_deref().filter(|path| jobs::is_folder(path))
         && let Err(error) = std::fs::create_dir_all(folder)
     {
-        reporter.error(format!("-o {}: the folder cannot be made: {error}", folder.display()));
-        return Status::Failed;
+        return failed(format!("-o {}: the folder cannot be made: {error}", folder.display()));
     }
-    if args.safe && !args.nofence {
+    if request.run.safe && !request.run.nofence {
         jobs.iter().for_each(|job| files.grant_output(&job.output));
         if let Err(what) = fence(&files) {
-            reporter.error(format!("-safe: {what}"));
-            return Status::Failed;
+            return failed(format!("-safe: {what}"));
         }
     }
-    let made = || jobs.iter().filter(|job| run_job(job, args, &options, &registry, bar, reporter)).count();
-    let made = match args.threads {
+    let made = || {
+        let one = |job: &&Job| run_job(job, &request, &request.options, &registry, bar, reporter);
+        jobs.iter().filter(one).count()
+    };
+    let made = match request.threads {
         Some(threads) => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
             Ok(pool) => pool.install(made),
-            Err(error) => {
-                reporter.error(format!("cannot start {threads} threads: {error}"));
-                return Status::Failed;
-            }
+            Err(error) => return failed(format!("cannot start {threads} threads: {error}")),
         },
         None => made(),
     };
     match jobs.len() - made {
         0 => Status::Done,
-        _ if made == 0 => Status::Failed,
+        _ if made == 0 => manner.failed(),
         _ => Status::WithErrors,
     }
 }
@@ -239,17 +269,62 @@ pub fn command() -> clap::Command {
     granita_cli::command::<Args>()
 }
 
+/// Returns the table of the options of the profile `oiio`.
+pub fn oiio_command() -> clap::Command {
+    granita_cli::command::<OiioArgs>()
+}
+
+/// Returns the request of a command line. An error and its status were printed.
+fn request(words: Vec<OsString>, profile: Profile, environment: &Environment) -> Result<Request, Status> {
+    let installed = memory::installed_bytes();
+    // Without a standard error the status still counts.
+    let refused = |name: &str, what: String, status: Status| {
+        let _ = writeln!(std::io::stderr().lock(), "{name}{what}");
+        status
+    };
+    match profile {
+        Profile::Granita => {
+            let args: Args = parse(words);
+            args.request(installed).map_err(|what| refused("maketx: error: ", what, Status::Failed))
+        }
+        Profile::Txmake => {
+            let args: TxmakeArgs = parse(txmake::with_threads(words));
+            args.request(installed).map_err(|what| refused("txmake: error: ", what, Status::Failed))
+        }
+        Profile::Oiio => {
+            let args: OiioArgs = parse_or(words.clone(), Status::WithErrors);
+            if args.inputs.is_empty() {
+                let usage = oiio_command().render_usage();
+                granita_cli::print(&format!("{usage}\n\nFor detailed help: oiio-maketx --help\n"));
+                return Err(Status::Done);
+            }
+            args.request(&words, environment, installed)
+                .map_err(|what| refused("maketx ERROR: ", what, Status::WithErrors))
+        }
+    }
+}
+
 /// Runs the tool. `words` begins with the name by which it was called.
-pub fn main(words: Vec<OsString>) -> Status {
-    let args: Args = parse(words);
-    let verbosity = args.verbosity();
-    let bar = Bar::new(verbosity > 0);
+pub fn main(mut words: Vec<OsString>) -> Status {
+    let environment = environment();
+    let profile = match Profile::choose(&mut words, &environment) {
+        Ok(profile) => profile,
+        Err(what) => {
+            let _ = writeln!(std::io::stderr().lock(), "maketx: error: {what}");
+            return Status::Failed;
+        }
+    };
+    let request = match request(words, profile, &environment) {
+        Ok(request) => request,
+        Err(status) => return status,
+    };
+    let bar = Bar::new(request.verbosity > 0);
     let reporter = console_reporter("maketx", &bar);
-    reporter.set_verbosity(verbosity);
+    reporter.set_verbosity(request.verbosity);
     if let Err(error) = before_signals(|| ()) {
         reporter.warning(format!("signals cannot be handled: {error}"));
     }
-    run(&args, &bar, &reporter)
+    run(request, &bar, &reporter)
 }
 
 #[cfg(test)]
@@ -267,5 +342,57 @@ mod tests {
             assert_eq!(of(none), Ok(None), "{none}");
         }
         assert!(of("b.png").unwrap_err().contains("b.png becomes a TIFF file"));
+    }
+
+    /// Runs a command line in a folder with an image. Returns the status, and all messages.
+    fn run_line(folder: &Path, line: &str) -> (u8, String) {
+        let words: Vec<OsString> = line
+            .split(' ')
+            .map(|word| if word.starts_with("./") { folder.join(word).into() } else { word.into() })
+            .collect();
+        let mut words = words;
+        let environment = Environment::empty();
+        let profile = Profile::choose(&mut words, &environment).unwrap();
+        let request = match request(words, profile, &environment) {
+            Ok(request) => request,
+            Err(status) => return (status.code(), String::new()),
+        };
+        let (reporter, messages) = Reporter::collecting();
+        reporter.set_verbosity(request.verbosity);
+        let status = run(request, &Bar::new(false), &reporter);
+        let text = messages.lock().iter().map(|m| format!("{:?}: {}", m.severity, m.text)).collect();
+        (status.code(), text)
+    }
+
+    /// The statuses are 0 and 1 by the profile oiio, and errors of making a texture go to standard output.
+    #[test]
+    fn statuses_and_streams_are_those_of_the_profile() {
+        let folder = tempfile::tempdir().unwrap();
+        let brick = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/first/brick.png");
+        std::fs::copy(brick, folder.path().join("a.png")).unwrap();
+        let run = |line: &str| run_line(folder.path(), line);
+        for (line, status, expected) in [
+            ("oiio-maketx ./a.png", 0, ""),
+            ("maketx -profile oiio -v ./a.png -o ./b.exr", 0, "Message:   wrote"),
+            ("oiio-maketx -u ./a.png -o ./u.tx", 0, ""),
+            ("oiio-maketx -u ./a.png -o ./u.tx", 0, "Message: maketx: no update required for"),
+            ("oiio-maketx ./none.png", 1, "Message: make_texture ERROR: "),
+            ("oiio-maketx ./a.png -o ./c.png", 1, "does not support tiled images"),
+            ("oiio-maketx ./a.png -o ./c.foo", 1, "no format is known"),
+            ("oiio-maketx --shadow --prman ./a.png -o ./s.tx", 0, ""),
+            ("oiio-maketx --colorconvert a b ./a.png", 1, ""),
+            ("oiio-maketx", 0, ""),
+            ("maketx ./none.png", 2, "Error: "),
+            ("maketx -profile txmake -newer ./a.png ./t.tex", 0, ""),
+            ("maketx -profile txmake -newer -verbose ./a.png ./t.tex", 0, "is newer than its inputs"),
+            ("maketx -profile txmake -blur 3 ./a.png ./t.tex", 2, ""),
+            ("maketx -nchannels 2 -filter lanczos3 ./a.png -o ./d.tx", 0, ""),
+        ] {
+            let (got, text) = run(line);
+            assert!(got == status && text.contains(expected), "{line}: {got} {text}");
+        }
+        for name in ["a.tx", "b.exr", "u.tx", "s.tx", "t.tex", "d.tx"] {
+            assert!(folder.path().join(name).exists(), "{name}");
+        }
     }
 }

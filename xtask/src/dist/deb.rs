@@ -10,7 +10,7 @@ use crate::home::PROGRAM;
 use std::path::{Path, PathBuf};
 
 /// The tools whose plain names belong to the package.
-const OWN_NAMES: [&str; 4] = ["gelato", "gslc", "gsoinfo", "topyg"];
+const OWN_NAMES: [&str; 5] = ["gelato", "gslc", "gsoinfo", "oiio-maketx", "topyg"];
 /// The tools whose plain names are alternatives.
 pub(super) const SHARED_NAMES: [&str; 2] = ["maketx", "iv"];
 

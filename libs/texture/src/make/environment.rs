@@ -1,7 +1,7 @@
 //! Makes environment maps from images.
 
 use super::input::Input;
-use super::output::{Body, Texture};
+use super::output::{Body, Extras, Texture};
 use super::sphere::{cube_pyramid, latlong_pyramid};
 use super::{MakeOptions, convert, notes_of, power_of_two};
 use crate::cube::{self, CubeLayout, FACE_NAMES};
@@ -76,6 +76,7 @@ fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
         attributes,
         conversion: Some(main.conversion),
         notes,
+        extras: Extras::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::MakeOptions;
 use super::color::Conversion;
-use super::source::Source;
+use super::source::{Source, Units};
 use crate::error::Result;
 use crate::image::Image;
 use granita_base::Params;
@@ -38,7 +38,7 @@ impl Input {
     fn open(path: &Path, options: &MakeOptions, registry: &FormatRegistry, colors: bool) -> Result<Self> {
         let source = Source::open(path, options, registry)?;
         let conversion = source.conversion(options);
-        let image = source.image(colors.then_some(conversion))?;
+        let image = source.image(colors.then_some(conversion), Units::Fractions)?;
         Ok(Self {
             path: path.to_owned(),
             image,

@@ -1,19 +1,27 @@
 //! Makes textures, which is the work of `maketx` (reference 9.1).
 
+mod bump;
 mod color;
 mod convert;
+mod distribution;
 mod environment;
+mod flat;
 mod input;
+mod kernel;
 mod options;
 mod output;
+mod picture;
 mod scan;
 mod shadow;
 mod source;
 mod sphere;
 mod stream;
+mod whole;
 mod writer;
 
 pub use color::ColorSpace;
+pub use flat::{Bump, BumpFormat, Conventions, Distribution, FlatOptions, Frame, NormalRange, SlopeFilter};
+pub use kernel::{Kernel, LevelFilter};
 pub use options::{BrokenValues, Costs, Made, MakeOptions, Mode};
 
 use crate::TextureKind;
@@ -67,13 +75,14 @@ pub fn make_measured(
     progress: Progress<'_>,
 ) -> Result<(Made, Costs)> {
     check(inputs, options)?;
-    if inputs.iter().any(|input| is_same_file(input, output)) {
+    if inputs.iter().chain(&options.flat.level_files).any(|input| is_same_file(input, output)) {
         let what = format!("{} is an input, and is not overwritten", output.display());
         return Err(TextureError::Misuse { what });
     }
     let stamp = if options.update { Some(newest(inputs)?) } else { None };
     if let Some(stamp) = stamp
         && has_time(output, stamp)
+        && options.flat.signature.as_ref().is_none_or(|own| has_signature(output, own, registry))
     {
         return Ok((Made::UpToDate, Costs::default()));
     }
@@ -110,6 +119,32 @@ fn has_time(path: &Path, time: SystemTime) -> bool {
     std::fs::metadata(path).and_then(|m| m.modified()).is_ok_and(|own| own == time)
 }
 
+/// True when a texture was made with the same words, apart from the folders of files.
+fn has_signature(path: &Path, signature: &str, registry: &FormatRegistry) -> bool {
+    let Ok(file) = registry.open(path) else { return false };
+    let old = file.spec(0, 0).and_then(|spec| spec.attributes.string("software").map(|s| s.to_string()));
+    old.is_some_and(|old| without_folders(&old) == without_folders(signature))
+}
+
+/// Returns words without the folders of files. Values of metadata are not files.
+fn without_folders(text: &str) -> Vec<&str> {
+    let mut values = 0;
+    text.split(' ')
+        .map(|word| {
+            let name = word.trim_start_matches('-');
+            if name.len() < word.len() {
+                values = if matches!(name, "attrib" | "sattrib") { 2 } else { 0 };
+                return name;
+            }
+            if values > 0 {
+                values -= 1;
+                return word;
+            }
+            word.rsplit('/').next().unwrap_or(word)
+        })
+        .collect()
+}
+
 /// Returns a stream for a texture that can be made row by row.
 fn streamed<'a>(
     inputs: &[PathBuf],
@@ -117,6 +152,9 @@ fn streamed<'a>(
     registry: &'a FormatRegistry,
     progress: Progress<'a>,
 ) -> Result<Option<stream::Stream<'a>>> {
+    if options.flat.needs_whole() {
+        return Ok(None);
+    }
     let (kind, wrap) = match options.mode {
         Mode::Plain => (TextureKind::Plain, (options.swrap, options.twrap)),
         Mode::EnvLatLong if inputs.len() == 1 && options.filter == Filter::Box => {
@@ -159,8 +197,16 @@ fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegi
         };
         // All levels together have a third more texels than the first. A mosaic of them is made beside the faces, and
         // one level is stored beside that.
-        let texels = (w * h).saturating_add(texture.saturating_mul(if options.hash { 9 } else { 7 }) / 2);
-        bytes = bytes.saturating_add(texels.saturating_mul(4 * source.channels as u64));
+        let halves = match (options.flat.needs_whole(), options.hash) {
+            // The first level is the image itself, and only changes of a level are beside the levels.
+            (true, false) => 3,
+            (_, false) => 7,
+            (_, true) => 9,
+        };
+        let texels = (w * h).saturating_add(texture.saturating_mul(halves) / 2);
+        let channels = if options.flat.bump.is_some() { 6 } else { 0 };
+        let channels = source.channels.max(channels).max(options.flat.channels.unwrap_or(0));
+        bytes = bytes.saturating_add(texels.saturating_mul(4 * channels as u64));
         working = source.working_bytes().max(working);
     }
     allow_memory(&inputs[0], bytes.saturating_add(working), options)
@@ -230,6 +276,13 @@ fn is_empty_face(path: &Path) -> bool {
 
 /// Reads the inputs and makes all levels.
 fn read(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<Texture> {
+    if options.flat.needs_whole() {
+        let [input] = inputs else {
+            let what = "options for single images do not apply to six inputs".to_owned();
+            return Err(TextureError::Misuse { what });
+        };
+        return whole::read(input, options, registry);
+    }
     let image = |path: &PathBuf| Input::read(path, options, registry);
     let depth = |path: &PathBuf| Input::read_raw(path, options, registry);
     let images = || inputs.iter().map(image).collect::<Result<Vec<_>>>();

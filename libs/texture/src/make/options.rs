@@ -1,6 +1,7 @@
 //! The options of making a texture.
 
 use super::color::{ColorSpace, Conversion};
+use super::flat::FlatOptions;
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::PixelType;
@@ -63,6 +64,10 @@ pub enum BrokenValues {
     Refuse,
     /// The values become the mean of the finite values among the eight pixels around, or 0. A note reports it.
     Fix,
+    /// The values become 0. It applies to images that are processed as a whole.
+    Black,
+    /// The values stay. It applies to images that are processed as a whole.
+    Keep,
 }
 
 /// The options of [`make`](super::make).
@@ -116,6 +121,8 @@ pub struct MakeOptions {
     /// The largest number of bytes of memory of one texture that depend on the size of the image. They hold rows of it,
     /// or all of it where it is made or decoded as a whole. A texture that needs more is not made.
     pub memory_bytes: u64,
+    /// Options of one flat image that is processed as a whole.
+    pub flat: FlatOptions,
 }
 
 impl MakeOptions {
@@ -127,7 +134,7 @@ impl MakeOptions {
             outgamma: self.outgamma,
             spaces: self.color_convert.unwrap_or((ColorSpace::Linear, ColorSpace::Linear)),
             alpha,
-            multiply: straight && alpha.is_some(),
+            multiply: straight && alpha.is_some() && !self.flat.ignore_unassociated,
         }
     }
 }
@@ -158,6 +165,7 @@ impl Default for MakeOptions {
             hash: false,
             constant_color: false,
             memory_bytes: 4 << 30,
+            flat: FlatOptions::default(),
         }
     }
 }

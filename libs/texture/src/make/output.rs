@@ -1,6 +1,7 @@
 //! Writes the levels of a texture.
 
 use super::color::Conversion;
+use super::picture::Window;
 use super::scan::Scan;
 use super::source::{Units, pixels};
 use super::writer::{Shelf, Writer};
@@ -27,6 +28,16 @@ pub(crate) struct Texture {
     /// The conversion of the colours, which are linear here.
     pub(crate) conversion: Option<Conversion>,
     pub(crate) notes: Vec<String>,
+    pub(crate) extras: Extras,
+}
+
+/// What only textures of one flat image have.
+#[derive(Default)]
+pub(crate) struct Extras {
+    /// The data window and the display window of the first level, where they differ or do not begin at (0, 0).
+    pub(crate) frame: Option<(Window, Window)>,
+    /// Strings of the metadata, at the places where other texture systems find them. `None` removes one.
+    pub(crate) marks: Vec<(&'static str, Option<String>)>,
 }
 
 /// The levels of a texture, largest first.
@@ -54,6 +65,8 @@ const STORAGE: [&str; 9] = [
 pub(crate) struct Plan {
     /// True for OpenEXR, where all levels have the same tiles, and cubes are columns.
     exr: bool,
+    /// True when the tiles of all levels have the same size.
+    same_tiles: bool,
     /// The size of the tiles of the largest level, in texels.
     pub(crate) tile: (u32, u32),
     pub(crate) pixel_type: PixelType,
@@ -73,8 +86,13 @@ struct Stored {
 }
 
 /// Returns a string attribute.
-fn word(name: &str, value: &str) -> Param {
+pub(crate) fn word(name: &str, value: &str) -> Param {
     Param { name: name.into(), ty: ParamType::of(BaseType::String), data: value.into() }
+}
+
+/// Returns a numeric attribute.
+pub(crate) fn number(name: &str, value: f32) -> Param {
+    Param { name: name.into(), ty: ParamType::of(BaseType::Float), data: value.into() }
 }
 
 /// Returns the format, which must support textures.
@@ -102,8 +120,23 @@ fn texture_format(registry: &FormatRegistry, name: &str) -> Result<Arc<dyn Forma
 /// Returns the nearest pixel type that the format supports. A type that was requested is used wherever the format
 /// supports it. Otherwise TIFF textures hold bytes, shorts and floats (reference 9.2.1), and OpenEXR textures halves
 /// and floats.
-fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<PixelType>) -> PixelType {
+fn nearest_type(
+    format: &dyn Format,
+    exr: bool,
+    input: PixelType,
+    asked: Option<PixelType>,
+    peer: bool,
+) -> PixelType {
     let has = |feature| format.supports(feature);
+    if peer {
+        // OpenImageIO stores all but floats as halves in OpenEXR, and halves as floats in TIFF.
+        return match asked.unwrap_or(input) {
+            PixelType::Float => PixelType::Float,
+            _ if exr => PixelType::Half,
+            PixelType::Half => PixelType::Float,
+            other => nearest_type(format, exr, other, None, false),
+        };
+    }
     if asked == Some(PixelType::Half) && has("half") {
         return PixelType::Half;
     }
@@ -113,6 +146,23 @@ fn nearest_type(format: &dyn Format, exr: bool, input: PixelType, asked: Option<
         PixelType::U8 | PixelType::Half if exr && has("half") => PixelType::Half,
         _ => PixelType::Float,
     }
+}
+
+/// Returns the type of the texels of a texture.
+pub(crate) fn stored_type(
+    options: &MakeOptions,
+    kind: TextureKind,
+    input: PixelType,
+    registry: &FormatRegistry,
+) -> Result<PixelType> {
+    let format = texture_format(registry, &options.format)?;
+    let exr = matches!(format.name(), "exr" | "OpenEXR");
+    let (asked, peer) = (options.pixel_type, options.flat.is_peer());
+    Ok(match kind.is_shadow() {
+        true if peer && exr && asked.unwrap_or(input) == PixelType::Half => PixelType::Half,
+        true => PixelType::Float,
+        false => nearest_type(&*format, exr, input, asked, peer),
+    })
 }
 
 impl Plan {
@@ -129,6 +179,19 @@ impl Plan {
         let exr = matches!(format.name(), "exr" | "OpenEXR");
         let mut notes = Vec::new();
         let (mut w, mut h) = (options.tile_size.0.max(1), options.tile_size.1.max(1));
+        let peer = options.flat.is_peer();
+        let pixel_type = stored_type(options, kind, input.pixel_type, registry)?;
+        if options.flat.prman {
+            (w, h) = match options.pixel_type.unwrap_or(input.pixel_type) {
+                PixelType::U8 => (64, 64),
+                PixelType::U16 => (64, 32),
+                _ => (32, 32),
+            };
+        }
+        if peer && !exr && (w % 16 != 0 || h % 16 != 0) {
+            let what = format!("tiles of {w} x {h} texels: sides in TIFF are multiples of 16");
+            return Err(TextureError::Unsupported { what });
+        }
         if !exr && (w % 16 != 0 || h % 16 != 0) {
             (w, h) = (w.next_multiple_of(16), h.next_multiple_of(16));
             notes.push(format!(
@@ -136,20 +199,23 @@ impl Plan {
                 options.tile_size.0, options.tile_size.1
             ));
         }
-        let asked = options.pixel_type.filter(|_| !kind.is_shadow());
-        let pixel_type = match kind.is_shadow() {
-            true => PixelType::Float,
-            false => nearest_type(&*format, exr, input.pixel_type, asked),
-        };
-        if let Some(asked) = options.pixel_type.filter(|asked| *asked != pixel_type) {
+        if let Some(asked) = options.pixel_type.filter(|asked| *asked != pixel_type && !peer) {
             let reason = if kind.is_shadow() { "depths need it" } else { "the format has no other" };
             let (asked, got) = (asked.word(), pixel_type.word());
             notes.push(format!("texels are {got}, not {asked}: {reason}"));
         }
         let mut attributes = input.attributes.clone();
-        attributes.0.retain(|p| !STORAGE.iter().any(|s| p.name.eq_ignore_ascii_case(s)));
+        let signed = options.flat.signature.is_some();
+        attributes.0.retain(|p| {
+            let is_stale = STORAGE.iter().any(|s| p.name.eq_ignore_ascii_case(s));
+            !is_stale || (signed && &*p.name == "software")
+        });
         attributes.set(word("textureformat", kind.word()));
         match kind {
+            TextureKind::Plain | TextureKind::Shadow if peer => {
+                attributes
+                    .set(word("wrapmodes", &format!("{},{}", options.swrap.word(), options.twrap.word())));
+            }
             TextureKind::Plain => {
                 let (s, t) = (options.swrap.word(), options.twrap.word());
                 attributes.set(word("wrapmodes", &if s == t { s.to_owned() } else { format!("{s},{t}") }));
@@ -157,22 +223,44 @@ impl Plan {
             TextureKind::LatLongEnvironment => attributes.set(word("wrapmodes", "periodic,clamp")),
             _ => {}
         }
-        if options.separate {
+        if options.separate || options.flat.prman {
             attributes.set(word("planarconfig", "separate"));
         }
         if let Some(compression) = &options.compression {
-            attributes.set(word("compression", compression));
+            // OpenImageIO does the same, because DWA of one channel is not reliable in all versions of OpenEXR.
+            let dwa = peer && exr && input.nchannels() == 1 && compression.starts_with("dwa");
+            attributes.set(word("compression", if dwa { "zip" } else { compression }));
         }
-        for (name, matrix) in [("worldtocamera", options.mcamera), ("worldtoscreen", options.mscreen)] {
+        for (name, matrix) in [
+            ("worldtocamera", options.mcamera),
+            ("worldtoscreen", options.mscreen),
+            ("worldtoNDC", options.flat.mndc),
+        ] {
             if let Some(m) = matrix {
                 let ty = ParamType::of(BaseType::Matrix);
                 attributes.set(Param { name: name.into(), ty, data: ParamData::from(&m[..]) });
             }
         }
+        if let Some(cot) = options.flat.fovcot {
+            attributes.set(number("fovcot", cot));
+        }
+        attributes.extend(options.flat.attributes.0.clone());
         let channels = input.channels.clone();
-        let mut plan =
-            Self { exr, tile: (w, h), pixel_type, channels, attributes, notes, costs: Costs::default() };
+        let mut plan = Self {
+            same_tiles: peer,
+            exr,
+            tile: (w, h),
+            pixel_type,
+            channels,
+            attributes,
+            notes,
+            costs: Costs::default(),
+        };
         // The orientation is stored only where it differs from the default of the format.
+        if let Some(handed) = &options.flat.handed {
+            // A word of the description has another name than an attribute.
+            plan.mark(if exr { "handed" } else { "oiio:handed" }, Some(handed));
+        }
         plan.mark(Up::ATTRIBUTE, up.filter(|up| *up != Up::of_format(exr)).map(Up::word));
         Ok(plan)
     }
@@ -221,12 +309,14 @@ impl Plan {
         let mean = mean.iter().map(f32::to_string).collect::<Vec<_>>().join(",");
         self.mark("oiio:SHA-1", Some(&hash));
         self.mark("oiio:AverageColor", Some(&mean));
+        // OpenImageIO ignores the hash where the program has another name.
+        self.attributes.set(word("software", &format!("maketx (Granita {})", granita_base::VERSION)));
     }
 
     /// Returns the size of the tiles of a level whose image, or face, has this width and height. Smaller levels may
     /// have smaller tiles.
     pub(crate) fn tile(&self, width: usize, height: usize) -> (u32, u32) {
-        if self.exr {
+        if self.exr || self.same_tiles {
             return self.tile;
         }
         let fit = |n: usize, tile: u32| (n as u32).next_power_of_two().clamp(16, tile.max(16)).min(tile);
@@ -328,8 +418,17 @@ pub(crate) fn write(
         scan.push(&store(first));
         plan.describe_content(&scan, options);
     }
-    let specs: Vec<ImageSpec> =
+    for (name, value) in &texture.extras.marks {
+        plan.mark(name, value.as_deref());
+    }
+    let mut specs: Vec<ImageSpec> =
         levels.iter().map(|level| plan.spec(size(&level.image), level.full, level.tile)).collect();
+    if let Some((data, full)) = texture.extras.frame {
+        let spec = &mut specs[0];
+        (spec.x, spec.y, spec.full_x, spec.full_y) =
+            (data.x as i32, data.y as i32, full.x as i32, full.y as i32);
+        (spec.full_width, spec.full_height) = (full.width as u32, full.height as u32);
+    }
     let mut writer = Writer::create(path, specs.clone(), options, registry, progress)?;
     for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
         let stored =

@@ -52,14 +52,19 @@ impl Scan {
 
     /// Returns the hash in hexadecimal digits and the mean of every channel; `None` unless they were requested.
     pub(crate) fn content(&self) -> Option<(String, Vec<f32>)> {
-        let hash = self.hash.clone()?.finalize().iter().fold(String::new(), |mut text, byte| {
-            // Writing to a string does not fail.
-            let _ = write!(text, "{byte:02X}");
-            text
-        });
+        let hash = hexadecimal(self.hash.clone()?);
         let mean = self.sums.iter().map(|s| (s / self.pixels.max(1) as f64) as f32).collect();
         Some((hash, mean))
     }
+}
+
+/// Returns the hash in hexadecimal digits.
+pub(crate) fn hexadecimal(sha1: Sha1) -> String {
+    sha1.finalize().iter().fold(String::new(), |mut text, byte| {
+        // Writing to a string does not fail.
+        let _ = write!(text, "{byte:02X}");
+        text
+    })
 }
 
 /// True when all pixels equal `first`.

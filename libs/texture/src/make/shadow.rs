@@ -3,7 +3,7 @@
 use super::MakeOptions;
 use super::environment::check_faces;
 use super::input::Input;
-use super::output::{Body, Texture};
+use super::output::{Body, Extras, Texture};
 use crate::cube::FACE_NAMES;
 use crate::error::{Result, TextureError};
 use crate::image::{Image, half};
@@ -28,7 +28,17 @@ fn check_matrices(input: &Input, options: &MakeOptions) -> Result<()> {
 fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -> Texture {
     let notes = super::notes_of(std::slice::from_ref(&input));
     let (pixel_type, attributes) = (PixelType::Float, input.attributes);
-    Texture { kind, body, up: None, channels, pixel_type, attributes, conversion: None, notes }
+    Texture {
+        kind,
+        body,
+        up: None,
+        channels,
+        pixel_type,
+        attributes,
+        conversion: None,
+        notes,
+        extras: Extras::default(),
+    }
 }
 
 /// Makes the texture of `-shadow`.

@@ -1,6 +1,7 @@
 //! The rows of an input, as its file stores them and as they are computed with.
 
 use super::color::Conversion;
+use super::flat::Frame;
 use super::options::{BrokenValues, MakeOptions};
 use crate::error::{Result, TextureError};
 use crate::image::Image;
@@ -33,6 +34,8 @@ pub(crate) struct Source {
     pub(crate) height: usize,
     pub(crate) channels: usize,
     broken: BrokenValues,
+    /// True when the rows are those of the data window.
+    is_data: bool,
     nans: AtomicU64,
     infinities: AtomicU64,
 }
@@ -49,7 +52,8 @@ impl Source {
         let shown = spec.full_width > 0 && spec.full_height > 0;
         // The display window of a mosaic of faces is the size of one face, not of the whole.
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
-        let (width, height) = if shown && !cube {
+        let is_data = options.flat.frame != Frame::Display;
+        let (width, height) = if shown && !cube && !is_data {
             (spec.full_width as usize, spec.full_height as usize)
         } else {
             (spec.width as usize, spec.height as usize)
@@ -73,10 +77,16 @@ impl Source {
             spec,
             width,
             height,
-            broken: options.broken_values,
+            broken: if options.flat.needs_whole() { BrokenValues::Keep } else { options.broken_values },
+            is_data,
             nans: AtomicU64::new(0),
             infinities: AtomicU64::new(0),
         })
+    }
+
+    /// True when the rows are those of the data window, not of the display window.
+    pub(crate) fn is_data(&self) -> bool {
+        self.is_data
     }
 
     /// Returns the bytes of memory that reading takes beside the rows.
@@ -114,7 +124,7 @@ impl Source {
         let spec = &self.spec;
         let same = (self.width, self.height) == (spec.width as usize, spec.height as usize);
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
-        if same && (cube || (spec.x, spec.y) == (spec.full_x, spec.full_y)) {
+        if self.is_data || same && (cube || (spec.x, spec.y) == (spec.full_x, spec.full_y)) {
             return Ok(self.file.read_rows(0, 0, y0 as u32, y1 as u32)?);
         }
         let (dx, dy) =
@@ -176,6 +186,7 @@ impl Source {
                 self.mend(&mut pixels, y0 - top, &around);
             }
             BrokenValues::Replace => replace(&mut pixels),
+            BrokenValues::Keep | BrokenValues::Black => {}
         }
         Ok((pixels, nans, infinities))
     }
@@ -213,13 +224,13 @@ impl Source {
         }
     }
 
-    /// Returns the whole display window in floats, with integers as fractions of their range.
-    pub(crate) fn image(&self, conversion: Option<Conversion>) -> Result<Image> {
+    /// Returns the whole display window in floats, with integers in these units.
+    pub(crate) fn image(&self, conversion: Option<Conversion>, units: Units) -> Result<Image> {
         let mut data = Vec::with_capacity(self.width * self.height * self.channels);
         // The rows are read in portions, so that the stored values and the floats are not in memory as a whole at once.
         for y in (0..self.height).step_by(256) {
             let rows = self.rows(y, (y + 256).min(self.height))?;
-            data.extend(floats(&rows, self.channels, Units::Fractions, conversion));
+            data.extend(floats(&rows, self.channels, units, conversion));
         }
         Ok(Image { width: self.width, height: self.height, channels: self.channels, data })
     }

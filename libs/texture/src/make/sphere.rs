@@ -67,7 +67,7 @@ fn cube_mean(faces: &[Image; 6]) -> Vec<f64> {
 }
 
 /// Returns the mean of every channel of a latitude-longitude map over the sphere.
-fn latlong_mean(p: &Image) -> Vec<f64> {
+pub(crate) fn latlong_mean(p: &Image) -> Vec<f64> {
     let mut total = vec![0.0; p.channels];
     let weight = |y: usize| ((y as f64 + 0.5) / p.height as f64 * std::f64::consts::PI).sin();
     let all: f64 = (0..p.height).map(weight).sum::<f64>() * p.width as f64;
@@ -289,18 +289,22 @@ pub(crate) fn latlong_pyramid(first: Image, filter: Filter) -> Vec<Image> {
     let wanted = latlong_mean(&first);
     let mut levels = vec![first];
     while let Some(last) = levels.last().filter(|p| p.width > 1 || p.height > 1) {
-        let next = if filter == Filter::Box {
-            let across = last.resized(half(last.width), last.height, filter, (Wrap::Periodic, Wrap::Clamp));
-            across.rows_by_solid_angle(half(last.height))
-        } else {
-            let mut next = latlong_filtered(last, filter);
-            let mean = latlong_mean(&next);
-            correct(std::slice::from_mut(&mut next), &mean, &wanted);
-            next
-        };
+        let next = latlong_next(last, filter, &wanted);
         levels.push(next);
     }
     levels
+}
+
+/// Returns the next level of a latitude-longitude map whose mean over the sphere is `wanted`.
+pub(crate) fn latlong_next(last: &Image, filter: Filter, wanted: &[f64]) -> Image {
+    if filter == Filter::Box {
+        let across = last.resized(half(last.width), last.height, filter, (Wrap::Periodic, Wrap::Clamp));
+        return across.rows_by_solid_angle(half(last.height));
+    }
+    let mut next = latlong_filtered(last, filter);
+    let mean = latlong_mean(&next);
+    correct(std::slice::from_mut(&mut next), &mean, wanted);
+    next
 }
 
 #[cfg(test)]
