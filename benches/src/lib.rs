@@ -8,8 +8,8 @@
 //! - `cargo run --release -p granita-benches --bin viewer` opens and pans images in `iv` under Xvfb;
 //! - `cargo run --release -p granita-benches --bin rays` compares rays with Embree, and `--example trees` compares our
 //!   tree with those of the crate `obvhs`;
-//! - `cargo run --release -p granita-benches --bin growth` measures how time and memory grow with pixels, micropolygons,
-//!   primitives, lights, textures and rays;
+//! - `cargo run --release -p granita-benches --bin growth` measures how time and memory grow with pixels,
+//!   micropolygons, primitives, lights, textures and rays;
 //! - `cargo run --release -p granita-benches --bin relight` compares re-rendered frames with frames rendered anew;
 //! - `cargo run --release -p granita-benches --bin desk` measures how quickly the desk for lighting answers, in a page
 //!   and in a window;

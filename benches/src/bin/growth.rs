@@ -3,8 +3,8 @@
 //! `cargo run --release -p granita-benches --bin growth [-- --only WORD --threads N]`
 //!
 //! Each series renders a scene at several sizes in child processes. The cost of a unit is the time that a size takes
-//! beyond the size before it, over the units that it has more. A cost that is at most 1.2 times the smallest cost of the
-//! smaller sizes grows linearly.
+//! beyond the size before it, over the units that it has more. A cost that is at most 1.2 times the smallest cost of
+//! the smaller sizes grows linearly.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "a table for a terminal")]

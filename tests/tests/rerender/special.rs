@@ -7,6 +7,9 @@ use crate::scenes;
 /// Index of the scene "rays", which has surfaces that trace rays.
 const RAYS: usize = 1;
 
+/// Index of the scene "hair", whose first camera has depth of field.
+const HAIR: usize = 2;
+
 fn modified(pattern: &str, calls: &str) -> String {
     format!("PushAttributes ()\nModify (\"{pattern}\")\n{calls}PopAttributes ()\n")
 }
@@ -75,6 +78,23 @@ fn lights_become_ambient_and_back() {
         let text = format!("World ()\n{}Render ()\n", light.pyg());
         let images = both(&mut keeping, &mut anew, &text).unwrap();
         assert!(compare(&images, &before).is_err(), "{shader}");
+        before = images;
+    }
+}
+
+/// The first camera decides how finely surfaces are diced for all cameras, more coarsely where it blurs them. When its
+/// depth of field ends, the images of other cameras change as well.
+#[test]
+fn all_cameras_are_diced_again_when_the_first_one_gets_sharp() {
+    let mut stage = scenes::scene(HAIR);
+    let place = Place::new(&stage);
+    let (mut keeping, mut anew) = (place.keeping(1), place.anew(1));
+    let mut before = both(&mut keeping, &mut anew, &(stage.pyg() + "Render ()\n")).unwrap();
+    for quality in [1.0, 4.0] {
+        stage.cameras[0].params.set("int dofquality", [quality].into());
+        let text = format!("{}World ()\nRender ()\n", stage.cameras[0].pyg());
+        let images = both(&mut keeping, &mut anew, &text).unwrap();
+        assert!(compare(&images, &before).is_err(), "\"dofquality\" {quality}");
         before = images;
     }
 }

@@ -16,10 +16,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Returns the properties of the frame that kept grids depend on.
     pub(super) fn basis(&self) -> Basis {
+        let dicing = self.options.dicing_camera;
+        let dices_blurred = dicing.lens.is_some() && dicing.dofquality > 1;
         Basis {
             variables: self.outputs.variables.clone(),
             needs_shading: self.outputs.needs_shading,
-            blurs: [self.pattern.blur, self.pattern.defocus],
+            blurs: [self.pattern.blur, self.pattern.defocus, dices_blurred],
         }
     }
 

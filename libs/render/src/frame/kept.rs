@@ -92,8 +92,9 @@ pub(crate) struct KeptCounts {
 pub(crate) struct Basis {
     pub(crate) variables: Vec<(Arc<str>, ValueType)>,
     pub(crate) needs_shading: bool,
-    /// True with motion blur, and with depth of field.
-    pub(crate) blurs: [bool; 2],
+    /// True with motion blur, with depth of field, and when the camera that decides how finely surfaces are diced has
+    /// depth of field.
+    pub(crate) blurs: [bool; 3],
 }
 
 /// The properties of a frame that decide what its samples see.
