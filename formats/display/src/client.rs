@@ -75,7 +75,10 @@ impl Format for IvFormat {
     }
 
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "rectangles" | "tiles" | "float" | "half" | "u16" | "channels" | "alpha")
+        matches!(
+            feature,
+            "write" | "rectangles" | "tiles" | "float" | "half" | "u16" | "channels" | "layers" | "alpha"
+        )
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {

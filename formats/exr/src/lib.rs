@@ -72,7 +72,10 @@ impl Format for ExrFormat {
     }
 
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "tiles" | "levels" | "half" | "float" | "u32" | "channels" | "alpha")
+        matches!(
+            feature,
+            "write" | "tiles" | "levels" | "half" | "float" | "u32" | "channels" | "layers" | "alpha"
+        )
     }
 
     fn output_type(&self, _quantized: PixelType) -> PixelType {

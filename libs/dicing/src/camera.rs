@@ -409,6 +409,11 @@ impl CameraView {
         self.shutter[0]
     }
 
+    /// True when the lens has an effect: "dofquality" 1 makes the image of a pinhole.
+    pub fn has_depth_of_field(&self) -> bool {
+        self.lens.is_some() && self.dofquality > 1
+    }
+
     /// True when the shutter is open for any length of time.
     pub fn has_motion_blur(&self) -> bool {
         self.shutter[1] > self.shutter[0]

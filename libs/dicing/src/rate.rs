@@ -429,7 +429,7 @@ impl<'a> Measure<'a> {
         settings: &DiceSettings,
     ) -> Option<[Option<f32>; 4]> {
         let moves = settings.motionfactor > 0.0 && placement.times().len() > 1;
-        let sharp = self.camera.dofquality < 2 || self.camera.lens.is_none();
+        let sharp = !self.camera.has_depth_of_field();
         let by_raster = settings.rasterorient && !self.by_distance;
         if moves || !sharp || !by_raster || self.flatness_px.is_some() || piece.facets() != 1 {
             return None;
@@ -680,7 +680,7 @@ impl<'a> Measure<'a> {
     /// below a quarter of the circle of confusion is not visible. Without this factor, surfaces close to the camera
     /// would be diced as finely as if they were sharp, and each of their micropolygons would cover the whole image.
     fn coarsening(&self, z: f32) -> f32 {
-        if self.camera.dofquality < 2 {
+        if !self.camera.has_depth_of_field() {
             return 1.0;
         }
         let blur = self.camera.confusion(z).abs();

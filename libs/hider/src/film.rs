@@ -20,6 +20,9 @@ pub enum PixelFilter {
     Max,
     /// The mean value of the samples that see a surface, for depths.
     Average,
+    /// The value of the sample that is nearest to the centre of the pixel, for values that have no mean, such as
+    /// positions and numbers of objects.
+    Closest,
 }
 
 /// The depth of a sample that sees no surface (reference 10.1).
@@ -160,6 +163,8 @@ impl Support {
         let margin = spec.margin();
         let shape = match spec.filter {
             PixelFilter::Weighted(f) => f,
+            // The nearest sample has the greatest weight.
+            PixelFilter::Closest => Filter::Gaussian,
             _ => Filter::Box,
         };
         let weights = |places: &[f32], margin: i32, width: f32| {
@@ -287,9 +292,30 @@ impl Support {
         }
     }
 
+    /// Returns the index of the sample that is nearest to the centre of a pixel, the first of several.
+    fn closest(&self, samples: &SampleGrid, pixel: [i32; 2]) -> usize {
+        let (mut nearest, mut greatest) = (0, f32::NEG_INFINITY);
+        self.around(samples, pixel, |first, _, wx, wy| {
+            for (s, (a, b)) in wx.iter().zip(wy).enumerate() {
+                if a * b > greatest {
+                    (nearest, greatest) = (first + s, a * b);
+                }
+            }
+        });
+        nearest
+    }
+
     fn picked(&self, source: &Source<'_>, pixel: [i32; 2], out: &mut [f32]) {
         let Source { samples, values, channels } = *source;
         let total = samples.len();
+        if self.spec.filter == PixelFilter::Closest {
+            let sample = self.closest(samples, pixel);
+            for (out, channel) in out.iter_mut().zip(channels) {
+                let value = values[channel * total + sample];
+                *out = if value.is_finite() { value } else { NO_DEPTH };
+            }
+            return;
+        }
         for (out, channel) in out.iter_mut().zip(channels) {
             let plane = &values[channel * total..(channel + 1) * total];
             let (mut least, mut greatest, mut sum, mut count) =
@@ -382,6 +408,22 @@ mod tests {
                 .for_each(|c| ways[c] += usize::from(support.flat_value(&source, &flat, c, place).is_some()));
         }
         assert!(ways[0] > 0 && ways[0] < ways[1], "{ways:?}");
+    }
+
+    #[test]
+    fn the_closest_sample_is_the_pixel() {
+        let samples = samples(PIXELS.grown(0));
+        let n = samples.len();
+        let values: Vec<f32> = (0..n).map(|s| if s == 0 { f32::INFINITY } else { s as f32 }).collect();
+        let spec = FilterSpec { filter: PixelFilter::Closest, width: [1.0; 2] };
+        let found = filter(&spec, &samples, &values, &[0], &PIXELS);
+        for (k, value) in found.iter().enumerate() {
+            let centre = [PIXELS.x0 + k as i32 % 4, PIXELS.y0 + k as i32 / 4].map(|v| v as f32 + 0.5);
+            let distance = |s: usize| (samples.x[s] - centre[0]).powi(2) + (samples.y[s] - centre[1]).powi(2);
+            let nearest = (0..n).map(distance).fold(f32::INFINITY, f32::min);
+            let sample = if *value == NO_DEPTH { 0 } else { *value as usize };
+            assert!(distance(sample) < nearest + 1.0e-4, "pixel {k}: sample {sample}");
+        }
     }
 
     #[test]

@@ -64,7 +64,7 @@ impl SamplePattern {
     /// than what `spatialquality` gives, pixels get more samples. A quality of 1 turns the blur off.
     pub fn new(camera: &CameraView, moving: bool) -> Self {
         let blur = Self::blurs(camera, moving);
-        let defocus = camera.lens.is_some() && camera.dofquality > 1;
+        let defocus = camera.has_depth_of_field();
         let least = u64::from(1.max(if blur { camera.temporalquality } else { 1 }).max(if defocus {
             camera.dofquality
         } else {

@@ -214,8 +214,8 @@ struct Frame<'a, S: FrameShader> {
     outputs: &'a OutputSet,
     eyes: Vec<Eye<'a>>,
     pattern: SamplePattern,
-    /// The filter of each image.
-    filters: Vec<film::Support>,
+    /// The filter of each layer of each image.
+    filters: Vec<Vec<film::Support>>,
     measure: Measure<'a>,
     composite: CompositeSettings,
     /// The attribute "limits:transparentgrids".
@@ -376,12 +376,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let pattern = SamplePattern::new(camera, moving);
         let margin = plan.margin();
         let margin = margin[0].max(margin[1]);
+        let filters = |image: &OutputImage| {
+            image.layers.iter().map(|layer| film::Support::new(&layer.filter, &pattern.tables)).collect()
+        };
         let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
         Self {
             shader,
             outputs: plan,
             eyes: options.eyes.iter().map(eye).collect(),
-            filters: plan.images.iter().map(|i| film::Support::new(&i.filter, &pattern.tables)).collect(),
+            filters: plan.images.iter().map(filters).collect(),
             measure: Measure::on_raster(options.dicing_camera),
             composite: CompositeSettings {
                 opacity_threshold: scene.get(attr::LIMITS_OPACITYTHRESHOLD),

@@ -237,6 +237,12 @@ impl KeptFrame {
         if self.views.len() != frame.views.len() || !self.views.iter().zip(&frame.views).all(same) {
             return None;
         }
+        // The first camera decides how finely surfaces are diced for all cameras, for rays and for maps on demand, and
+        // more coarsely where they are out of focus.
+        let defocus = |views: &[CameraView]| views.first().map(CameraView::has_depth_of_field);
+        if defocus(&self.views) != defocus(&frame.views) {
+            return None;
+        }
         self.views.clone_from(&frame.views);
         let shading = self.shading.as_mut()?;
         shading.renew(&frame.scene, &environment.shading()).then_some(self)

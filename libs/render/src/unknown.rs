@@ -16,21 +16,22 @@ use std::sync::Arc;
 pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Reporter) {
     let mut asked = Vec::new();
     for output in &scene.outputs {
-        if matches!(&*output.data, "rgb" | "rgba" | "z" | "avgz" | "volz") || &*output.format == "null" {
-            continue;
-        }
-        if let Ok((ty, name)) = ParamType::parse(&output.data) {
-            asked.push((output, ty, name));
+        for data in output.layers().filter(|_| &*output.format != "null") {
+            if let Ok((ty, name)) = ParamType::parse(data)
+                && !matches!(data, "rgb" | "rgba" | "z" | "avgz" | "volz")
+            {
+                asked.push((output, data, ty, name));
+            }
         }
     }
-    asked.retain(|(_, ty, name)| !is_global(*ty, name));
+    asked.retain(|(_, _, ty, name)| !is_global(*ty, name));
     if asked.is_empty() || scene.primitives.is_empty() {
         return;
     }
-    asked.retain(|(output, ty, name)| {
+    asked.retain(|(output, data, ty, name)| {
         let Some(own) = name.strip_prefix("primitive:") else { return true };
         if !is_of_primitives(scene, *ty, own) {
-            let (name, data) = (&output.name, &output.data);
+            let name = &output.name;
             let text = format!(
                 "output \"{name}\": data \"{data}\": no primitive has the variable \"{ty} {own}\"; the image is black"
             );
@@ -42,7 +43,7 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
         return;
     }
     let given = given(scene, library);
-    for (output, ty, name) in asked {
+    for (output, data, ty, name) in asked {
         if given.iter().any(|g| g.name == *name && g.output && g.fits(ty)) {
             continue;
         }
@@ -63,7 +64,7 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
                 }
             }
         };
-        let text = format!("output \"{}\": data \"{}\": {why}; the image is black", output.name, output.data);
+        let text = format!("output \"{}\": data \"{data}\": {why}; the image is black", output.name);
         reporter.once(&text, Severity::Warning, &Location::default(), text.clone());
     }
 }

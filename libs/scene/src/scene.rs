@@ -206,7 +206,8 @@ pub struct Output {
     pub name: Arc<str>,
     /// The image format.
     pub format: Arc<str>,
-    /// The data: "rgb", "rgba", "z", "avgz", "volz", or `type name` of a variable.
+    /// The data: "rgb", "rgba", "z", "avgz", "volz", or `type name` of a variable; several with commas between them for
+    /// an image of several layers.
     pub data: Arc<str>,
     /// The name of the camera that it shows.
     pub camera: Arc<str>,
@@ -285,6 +286,11 @@ impl Camera {
 }
 
 impl Output {
+    /// Returns the data of each layer.
+    pub fn layers(&self) -> impl Iterator<Item = &str> {
+        self.data.split(',').map(str::trim)
+    }
+
     /// Returns the value of an attribute of an image, or its default.
     pub fn get<T: AttributeValue>(&self, key: Key<scope::Output, T>) -> T {
         self.given(key).unwrap_or_else(|| key.default())

@@ -16,12 +16,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Returns the properties of the frame that kept grids depend on.
     pub(super) fn basis(&self) -> Basis {
-        let dicing = self.options.dicing_camera;
-        let dices_blurred = dicing.lens.is_some() && dicing.dofquality > 1;
         Basis {
             variables: self.outputs.variables.clone(),
             needs_shading: self.outputs.needs_shading,
-            blurs: [self.pattern.blur, self.pattern.defocus, dices_blurred],
+            blurs: [self.pattern.blur, self.pattern.defocus],
         }
     }
 
@@ -38,7 +36,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Returns the channels and filters of its images.
     pub(super) fn image_key(&self) -> ImageKey {
-        let image = |image: &OutputImage| (image.channels.clone(), image.filter, image.opaque_width);
+        let image = |image: &OutputImage| (image.layers.clone(), image.opaque_width);
         ImageKey {
             wanted: self.outputs.wanted.clone(),
             images: self.outputs.images.iter().map(image).collect(),

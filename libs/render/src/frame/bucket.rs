@@ -5,6 +5,7 @@ use super::kept::{Broken, GridId, KeptBucket, KeptEye, KeptFrames, Layer, MadeGr
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::output::griddump::Described;
+use crate::output::plan::ImageLayer;
 use crate::statistics::{add, add_time};
 use granita_dicing::Leaf;
 use granita_hider::film;
@@ -113,7 +114,7 @@ impl<S: FrameShader> Frame<'_, S> {
             add(&kept.counts.buckets_same, 1);
             return Ok(bucket.pixels.clone());
         }
-        if images.images.iter().any(|(_, _, width)| width.is_some()) && bucket.images != images {
+        if images.images.iter().any(|(_, width)| width.is_some()) && bucket.images != images {
             // The texels of volume shadow maps need all surfaces.
             return Err(Broken::Lost);
         }
@@ -344,13 +345,18 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Vec<Vec<f32>> {
         let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
         let mut pixels: Vec<Vec<f32>> = Vec::with_capacity(images.len());
-        for (k, (image, filter)) in images.iter().zip(&self.filters).enumerate() {
+        for (k, (image, filters)) in images.iter().zip(&self.filters).enumerate() {
             // An image that goes to a file and to a viewer is filtered once.
             let same = images[..k].iter().position(|other| other.is_filtered_like(image));
             pixels.push(match (same, image.opaque_width) {
                 (Some(same), _) => pixels[same].clone(),
-                (None, Some(width)) => volumes(k, image.channels.len(), width),
-                (None, None) => film::filter(filter, samples, values, &image.channels, rect),
+                (None, Some(width)) => volumes(k, image.channels(), width),
+                (None, None) => {
+                    let of_layer = |(layer, filter): (&ImageLayer, &film::Support)| {
+                        film::filter(filter, samples, values, &layer.channels, rect)
+                    };
+                    image.interleaved(image.layers.iter().zip(filters).map(of_layer).collect())
+                }
             });
         }
         pixels

@@ -11,9 +11,9 @@
 //! What is kept may be given up at any time, in the order of [`Layer`]. It is then computed again.
 
 use super::{Frame, FrameShader};
+use crate::output::plan::ImageLayer;
 use crate::{PixelRect, Reuse};
 use granita_gsl::ir::ValueType;
-use granita_hider::film::FilterSpec;
 use granita_hider::{CompositeSettings, KeptSurfaces, ShadedGrid, Wanted};
 use granita_scene::Primitive;
 use granita_shade::Grid;
@@ -92,9 +92,8 @@ pub(crate) struct KeptCounts {
 pub(crate) struct Basis {
     pub(crate) variables: Vec<(Arc<str>, ValueType)>,
     pub(crate) needs_shading: bool,
-    /// True with motion blur, with depth of field, and when the camera that decides how finely surfaces are diced has
-    /// depth of field.
-    pub(crate) blurs: [bool; 3],
+    /// True with motion blur, and with depth of field.
+    pub(crate) blurs: [bool; 2],
 }
 
 /// The properties of a frame that decide what its samples see.
@@ -111,7 +110,7 @@ pub(super) struct ViewKey {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ImageKey {
     pub(super) wanted: Wanted,
-    pub(super) images: Vec<(Vec<usize>, FilterSpec, Option<f32>)>,
+    pub(super) images: Vec<(Vec<ImageLayer>, Option<f32>)>,
 }
 
 /// The buckets of a frame.

@@ -28,7 +28,7 @@ struct Share<'f, 'a, S: FrameShader> {
 impl<S: FrameShader> Share<'_, '_, S> {
     /// Checks that a bucket has all images of all eyes, each with the right number of values.
     fn check(&self, rect: &PixelRect, pixels: &BucketPixels) -> Result<(), String> {
-        let counts = self.frame.outputs.images.iter().map(|image| image.channels.len());
+        let counts = self.frame.outputs.images.iter().map(|image| image.channels());
         let expected = counts.map(|channels| rect.width() * rect.height() * channels);
         let eyes = self.frame.eyes.len();
         let right = pixels.len() == self.frame.outputs.images.len() * eyes
@@ -66,10 +66,8 @@ impl<S: FrameShader> Buckets for Share<'_, '_, S> {
             Ok(mut pixels) => {
                 let images = frame.outputs.images.iter().cycle();
                 for ((canvas, values), image) in self.canvases.iter().zip(&mut pixels).zip(images) {
-                    if let Some(tint) = self.tint.filter(|_| image.is_color) {
-                        for pixel in values.chunks_exact_mut(image.channels.len()) {
-                            pixel.iter_mut().zip(tint.to_array()).for_each(|(v, t)| *v *= t);
-                        }
+                    if let Some(tint) = self.tint {
+                        image.tint(values, tint);
                     }
                     frame.store(canvas, rect, values);
                 }

@@ -35,7 +35,7 @@ impl Format for Nowhere {
         Err(granita_image::ImageError::Unsupported { path: path.to_owned(), what: "reading".to_owned() })
     }
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "float")
+        matches!(feature, "write" | "float" | "layers")
     }
     fn create(&self, path: &Path, _: &CreateOptions<'_>) -> granita_image::Result<Box<dyn ImageOutput>> {
         Err(granita_image::ImageError::Unsupported { path: path.to_owned(), what: "writing".to_owned() })
@@ -713,6 +713,29 @@ fn shader_variables_are_written_as_images() {
     let u = image(&build, "float u", &[]);
     assert!((pixel(&u, 1, 32, 24)[0] - (0.5 + 0.5 / 144.0)).abs() < 1e-3);
     assert!(image(&build, "color absent", &[]).iter().all(|v| *v == 0.0));
+}
+
+#[test]
+fn a_layer_has_the_pixels_of_an_image_of_its_own() {
+    let build = busy();
+    let shader = Painted { paint: flat, displace: None };
+    let one =
+        |data: &str, params: &[Param]| render_with(&build, &build.view(&[]), 2, (data, params), &shader);
+    let closest = [Param::declared("string filter", "closest").unwrap()];
+    let own = [
+        (4, one("rgba", &[])),
+        (1, one("z", &[])),
+        (3, one("normal N", &[])),
+        (3, one("point P", &closest)),
+        (1, one("float u", &closest)),
+    ];
+    let filter = [Param::declared("string filter:u", "closest").unwrap()];
+    let layers = one("rgba, z, normal N, point P, float u", &filter);
+    assert_eq!(layers.len(), own.iter().map(|(_, pixels)| pixels.len()).sum::<usize>());
+    for (k, pixel) in layers.chunks(12).enumerate() {
+        let expected: Vec<f32> = own.iter().flat_map(|(n, pixels)| pixels[k * n..][..*n].to_vec()).collect();
+        assert_eq!(pixel, expected, "pixel {k}");
+    }
 }
 
 #[test]

@@ -78,7 +78,7 @@ impl Canvas {
 
     fn bytes(image: &OutputImage, camera: &CameraView) -> usize {
         let pixels = camera.crop.width().saturating_mul(camera.crop.height());
-        pixels.saturating_mul(image.channels.len() * size_of::<f32>())
+        pixels.saturating_mul(image.channels() * size_of::<f32>())
     }
 
     /// Makes a canvas for an image of `camera`. The file of a large image is opened at once. Without `registry`, all
@@ -99,7 +99,7 @@ impl Canvas {
         registry: Option<&FormatRegistry>,
         large_bytes: usize,
     ) -> Self {
-        let (crop, channels) = (camera.crop, image.channels.len());
+        let (crop, channels) = (camera.crop, image.channels());
         let values = crop.width() * crop.height() * channels;
         if let Some(registry) = registry.filter(|_| image.is_shown) {
             let (file, trouble) = match image.open(camera, registry) {

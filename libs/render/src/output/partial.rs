@@ -73,7 +73,7 @@ impl Partial {
         }
         let path = partial_path(&image.path);
         let mut file = image.partial(&path, &description(image, percent)).open(camera, registry)?;
-        let chunk = camera.crop.width() * image.channels.len() * ROWS;
+        let chunk = camera.crop.width() * image.channels() * ROWS;
         let io = |source| RenderError::Io { path: path.clone(), source };
         match self.pixels {
             PartialPixels::Kept(pixels) => {
@@ -81,7 +81,7 @@ impl Partial {
             }
             PartialPixels::Copied(copies) => {
                 let mut copies = copies.and_then(RowCopies::rewound).map_err(io)?;
-                let mut left = self.total * image.channels.len();
+                let mut left = self.total * image.channels();
                 while left > 0 {
                     let values = copies.read(left.min(chunk)).map_err(io)?;
                     left -= values.len();

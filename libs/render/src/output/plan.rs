@@ -2,15 +2,15 @@
 //! The images of a frame: their content, and how they are written (reference 4.2, 7.3).
 
 use crate::{CameraView, PixelRect, RenderError};
-use granita_base::{BaseType, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
+use granita_base::{BaseType, Color, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
 use granita_gsl::ir::ValueType;
 use granita_hider::film::{FilterSpec, PixelFilter};
 use granita_hider::{Wanted, WantedVariable};
 use granita_image::{
-    CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize, Request,
+    CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels, Placement, Quantize, Request,
 };
 use granita_scene::attribute::{Scope, TABLE};
-use granita_scene::{Output, attr};
+use granita_scene::{Output, attr, attribute_row};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -42,6 +42,22 @@ enum Data {
         names: Vec<Arc<str>>,
         ty: ValueType,
     },
+}
+
+impl Data {
+    /// Returns the name by which a parameter selects the layer; `None` for a volume shadow.
+    fn layer_name(&self) -> Option<&str> {
+        match self {
+            Self::Color { alpha: false } => Some("rgb"),
+            Self::Color { alpha: true } => Some("rgba"),
+            Self::Depth { middle: false } => Some("z"),
+            Self::Depth { middle: true } => Some("avgz"),
+            Self::Volume { .. } => None,
+            Self::Variable { names, .. } => {
+                names.first().map(|name| name.split_once('[').map_or(&**name, |(name, _)| name))
+            }
+        }
+    }
 }
 
 /// The largest number of elements of an array that an image can show.
@@ -83,18 +99,25 @@ pub(crate) struct OutputSet {
     pub(crate) needs_second_surface: bool,
 }
 
+/// Channels of an image that are filtered together.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ImageLayer {
+    pub(crate) filter: FilterSpec,
+    /// The sample channels that are filtered into its channels.
+    pub(crate) channels: Vec<usize>,
+    /// True when gain and gamma apply, except to its alpha.
+    pub(crate) is_color: bool,
+}
+
 /// One image to make.
 #[derive(Clone, Debug)]
 pub(crate) struct OutputImage {
     /// The file name.
     pub(crate) path: PathBuf,
     format: String,
-    pub(crate) filter: FilterSpec,
-    /// The sample channels that are filtered into its channels.
-    pub(crate) channels: Vec<usize>,
+    /// At least one layer.
+    pub(crate) layers: Vec<ImageLayer>,
     names: Vec<String>,
-    /// True when gain and gamma apply.
-    pub(crate) is_color: bool,
     params: Params,
     /// The filtered pixels of the crop window, with interleaved channels, when the frame is done.
     pub(crate) pixels: Vec<f32>,
@@ -119,24 +142,9 @@ impl OutputSet {
         let mut set = Self::default();
         let mut datas = Vec::new();
         for output in outputs {
-            if let Some(data) = accepted(output, registry, reporter) {
-                match &data {
-                    Data::Color { .. } => set.needs_shading = true,
-                    Data::Volume { .. } => (),
-                    Data::Depth { middle } => {
-                        set.wanted.depths = true;
-                        set.needs_second_surface |= *middle;
-                    }
-                    Data::Variable { names, ty } => {
-                        set.needs_shading = true;
-                        for name in names {
-                            if !set.variables.iter().any(|(n, t)| n == name && t == ty) {
-                                set.variables.push((name.clone(), *ty));
-                            }
-                        }
-                    }
-                }
-                datas.push((*output, data));
+            if let Some(of_layers) = accepted(output, registry, reporter) {
+                of_layers.iter().for_each(|data| set.ask_for(data));
+                datas.push((*output, of_layers));
             }
         }
         let mut offset = 0;
@@ -146,28 +154,44 @@ impl OutputSet {
             set.wanted.variables.push(WantedVariable { offset, width, is_color });
             offset += width;
         }
-        for (output, data) in datas {
-            let image = set.image(output, &data, camera, registry, reporter)?;
+        for (output, of_layers) in datas {
+            let image = set.image(output, &of_layers, camera, registry, reporter)?;
             set.images.push(image);
         }
         Ok(set)
     }
 
-    fn image(
-        &self,
-        output: &Output,
-        data: &Data,
-        camera: &CameraView,
-        registry: &FormatRegistry,
-        reporter: &Reporter,
-    ) -> Result<OutputImage, RenderError> {
-        let format = registry.by_name(&output.format);
-        let is_shown = format.as_ref().is_some_and(|f| f.supports("rectangles"));
+    /// Adds what a layer needs to what the samples must hold.
+    fn ask_for(&mut self, data: &Data) {
+        match data {
+            Data::Color { .. } => self.needs_shading = true,
+            Data::Volume { .. } => (),
+            Data::Depth { middle } => {
+                self.wanted.depths = true;
+                self.needs_second_surface |= *middle;
+            }
+            Data::Variable { names, ty } => {
+                self.needs_shading = true;
+                for name in names {
+                    if !self.variables.iter().any(|(n, t)| n == name && t == ty) {
+                        self.variables.push((name.clone(), *ty));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns the sample channels of a layer and their names, which begin with the name of a variable when `is_one_of`
+    /// several layers is true.
+    fn channels(&self, data: &Data, is_one_of: bool) -> (Vec<usize>, Vec<String>) {
         let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
-        let (channels, names) = match data {
+        match data {
             Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
             Data::Color { alpha: true } => (vec![0, 1, 2, 3], strings(&["R", "G", "B", "A"])),
-            Data::Depth { middle } => (vec![4 + usize::from(*middle)], strings(&["Z"])),
+            Data::Depth { middle } => {
+                let name = if is_one_of && *middle { "avgz" } else { "Z" };
+                (vec![4 + usize::from(*middle)], strings(&[name]))
+            }
             Data::Volume { depths } => {
                 let mut names = strings(&["zopaque", "alpha"]);
                 names.extend((0..*depths).map(|i| format!("z{i}")));
@@ -182,25 +206,54 @@ impl OutputSet {
                     let first = self.wanted.variable_channel(index);
                     first..first + n
                 };
+                let parts = ["R", "G", "B"];
+                let axes = if *ty == ValueType::Color { parts } else { ["X", "Y", "Z"] };
+                let under = |e: &Arc<str>, parts: [&str; 3]| parts.map(|part| format!("{e}.{part}"));
                 let names = match (&elements[..], n) {
-                    ([name], 1) => vec![name.to_string()],
-                    ([_], 3) => strings(&["R", "G", "B"]),
-                    ([_], _) => ImageSpec::default_channels(n),
                     (many, 1) => many.iter().map(|name| name.to_string()).collect(),
+                    ([name], 3) if is_one_of => under(name, axes).to_vec(),
+                    ([_], 3) => strings(&parts),
+                    ([_], _) if !is_one_of => ImageSpec::default_channels(n),
                     (many, 3) => {
-                        many.iter().flat_map(|e| ["R", "G", "B"].map(|c| format!("{e}.{c}"))).collect()
+                        let parts = if is_one_of { axes } else { parts };
+                        many.iter().flat_map(|e| under(e, parts)).collect()
                     }
                     (many, _) => many.iter().flat_map(|e| (0..n).map(move |c| format!("{e}.{c}"))).collect(),
                 };
                 (elements.iter().flat_map(of).collect(), names)
             }
-        };
-        let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), channels.len()));
+        }
+    }
+
+    fn image(
+        &self,
+        output: &Output,
+        of_layers: &[Data],
+        camera: &CameraView,
+        registry: &FormatRegistry,
+        reporter: &Reporter,
+    ) -> Result<OutputImage, RenderError> {
+        let format = registry.by_name(&output.format);
+        let is_shown = format.as_ref().is_some_and(|f| f.supports("rectangles"));
+        let (mut layers, mut names) = (Vec::with_capacity(of_layers.len()), Vec::new());
+        let is_one_of = of_layers.len() > 1;
+        for data in of_layers {
+            let (channels, own) = self.channels(data, is_one_of);
+            names.extend(own);
+            let is_color = matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. });
+            layers.push(ImageLayer {
+                filter: filter_spec(output, data, is_one_of, reporter),
+                channels,
+                is_color,
+            });
+        }
+        let is_volume = matches!(of_layers, [Data::Volume { .. }]);
+        let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), names.len()));
         lost.into_iter().for_each(|what| mistake(output, reporter, "left out", what));
         let crop = &camera.crop;
         let values = (crop.width() as u64)
             .checked_mul(crop.height() as u64)
-            .and_then(|n| n.checked_mul(channels.len() as u64 * 4))
+            .and_then(|n| n.checked_mul(names.len() as u64 * 4))
             .unwrap_or(u64::MAX);
         if values > MAX_IMAGE_BYTES {
             return Err(RenderError::Limit {
@@ -212,16 +265,14 @@ impl OutputSet {
         Ok(OutputImage {
             path: PathBuf::from(&*output.name),
             format: output.format.to_string(),
-            filter: filter_spec(output, data, reporter),
             pixels: Vec::new(),
             is_shown,
             shown: Shown::default(),
             written: None,
-            channels,
+            layers,
             names,
-            is_color: matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. }),
-            params: params(output, data, is_shown),
-            opaque_width: matches!(data, Data::Volume { .. }).then(|| opaque_width(output, reporter)),
+            params: params(output, of_layers, is_shown),
+            opaque_width: is_volume.then(|| opaque_width(output, reporter)),
         })
     }
 
@@ -250,7 +301,8 @@ impl OutputSet {
 
     /// Returns the largest margin of all filters in pixels, in x and y.
     pub(crate) fn margin(&self) -> [i32; 2] {
-        self.images.iter().map(|i| i.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
+        let layers = self.images.iter().flat_map(|image| &image.layers);
+        layers.map(|l| l.filter.margin()).fold([0, 0], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
     }
 }
 
@@ -274,8 +326,9 @@ pub(crate) fn is_dynamic(output: &Output) -> bool {
     asks_for_dynamic(output) && matches!(&*output.data, "z" | "avgz") && !output.name.is_empty()
 }
 
-/// Returns the content of an output; `None` (reported) when it cannot be made, or is deleted by the format "null".
-fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Data> {
+/// Returns the content of the layers of an output; `None` (reported) when it cannot be made, or is deleted by the format
+/// "null".
+fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> Option<Vec<Data>> {
     if output.format.is_empty() || &*output.format == "null" {
         return None;
     }
@@ -301,20 +354,51 @@ fn accepted(output: &Output, registry: &FormatRegistry, reporter: &Reporter) -> 
         }
     }
     check_pixel_type(output, &*format, reporter);
-    match &*output.data {
-        "rgb" => Some(Data::Color { alpha: false }),
-        "rgba" => Some(Data::Color { alpha: true }),
-        "z" => Some(Data::Depth { middle: false }),
-        "avgz" => Some(Data::Depth { middle: true }),
-        "volz" => Some(Data::Volume { depths: volume_depths(output, reporter) }),
-        variable => match shown_variable(variable) {
-            Ok(data) => Some(data),
-            Err(what) => {
-                report(output, reporter, Severity::Error, what);
-                None
-            }
-        },
+    let layers: Result<Vec<Data>, String> =
+        output.layers().map(|data| content(data, output, reporter)).collect();
+    match layers.and_then(|layers| check_layers(layers, output, &*format)) {
+        Ok(layers) => Some(layers),
+        Err(what) => {
+            report(output, reporter, Severity::Error, what);
+            None
+        }
     }
+}
+
+/// Returns the content that this word or declaration of an output requests.
+///
+/// # Errors
+/// Returns a message when the declaration is not valid or an image cannot show its type.
+fn content(data: &str, output: &Output, reporter: &Reporter) -> Result<Data, String> {
+    match data {
+        "rgb" => Ok(Data::Color { alpha: false }),
+        "rgba" => Ok(Data::Color { alpha: true }),
+        "z" => Ok(Data::Depth { middle: false }),
+        "avgz" => Ok(Data::Depth { middle: true }),
+        "volz" => Ok(Data::Volume { depths: volume_depths(output, reporter) }),
+        variable => shown_variable(variable),
+    }
+}
+
+/// Checks that several layers fit into one image of this format.
+fn check_layers(layers: Vec<Data>, output: &Output, format: &dyn Format) -> Result<Vec<Data>, String> {
+    if layers.len() < 2 {
+        return Ok(layers);
+    }
+    if !format.supports("layers") {
+        return Err(format!("format \"{}\" does not store several layers; \"exr\" does", output.format));
+    }
+    if layers.iter().any(|data| matches!(data, Data::Volume { .. })) {
+        return Err("\"volz\" cannot be one of several layers".to_owned());
+    }
+    // Both have the channels R, G and B.
+    let names: Vec<&str> = output.layers().map(|data| if data == "rgba" { "rgb" } else { data }).collect();
+    for (k, name) in names.iter().enumerate() {
+        if names[..k].contains(name) {
+            return Err(format!("data \"{}\": two layers have the same channels", output.data));
+        }
+    }
+    Ok(layers)
 }
 
 /// Reports something about an output, once for each output and text.
@@ -390,13 +474,26 @@ fn shown_variable(declaration: &str) -> Result<Data, String> {
 
 /// Returns "filter" and "filterwidth". By default depths are not blurred. They take the least depth of their own
 /// pixel.
-fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec {
+///
+/// One of several layers may have a filter of its own ("filter:NAME"). Otherwise "filter" and "filterwidth" are for colours,
+/// directions and numbers, while depths and positions keep their defaults.
+fn filter_spec(output: &Output, data: &Data, is_one_of: bool, reporter: &Reporter) -> FilterSpec {
     if matches!(data, Data::Volume { .. }) {
         // The samples of a pixel of a volume shadow are combined in another way.
         return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
     }
     let depth = matches!(data, Data::Depth { .. });
-    let filter = match output.given(attr::FILTER).as_deref() {
+    let position = matches!(data, Data::Variable { ty: ValueType::Point | ValueType::Matrix, .. });
+    let own = data.layer_name().filter(|_| is_one_of).map(|name| format!("filter:{name}"));
+    let own = own.and_then(|name| output.params.string(&name).cloned());
+    let (given, width) = match own {
+        // A position has no mean with the background or with that of another surface.
+        None if is_one_of && (depth || position) => (position.then(|| "closest".into()), None),
+        None => (output.given(attr::FILTER), output.given(attr::FILTERWIDTH)),
+        own => (own, output.given(attr::FILTERWIDTH).filter(|_| !depth)),
+    };
+    let filter = match given.as_deref() {
+        Some("closest") => PixelFilter::Closest,
         None if depth => PixelFilter::Min,
         None => PixelFilter::Weighted(Filter::Gaussian),
         Some("min") if depth => PixelFilter::Min,
@@ -414,8 +511,11 @@ fn filter_spec(output: &Output, data: &Data, reporter: &Reporter) -> FilterSpec 
             Filter::Gaussian
         })),
     };
+    if filter == PixelFilter::Closest {
+        return FilterSpec { filter, width: [1.0; 2] };
+    }
     let default = if depth { [1.0; 2] } else { [2.0; 2] };
-    let width = output.given(attr::FILTERWIDTH).unwrap_or(default);
+    let width = width.unwrap_or(default);
     let usable = |w: f32, default: f32| {
         if w.is_finite() && w > 0.0 && w <= 64.0 {
             return w;
@@ -498,6 +598,12 @@ fn unknown_parameters(output: &Output, reporter: &Reporter) {
     let known = || own_parameters().chain(FORMAT_PARAMETERS);
     for param in &output.params {
         let name = &*param.name;
+        if let Some(layer) = name.strip_prefix("filter:") {
+            if let Some(what) = wrong_layer_filter(output, layer) {
+                mistake(output, reporter, name, what);
+            }
+            continue;
+        }
         let likely = || granita_base::suggestion(name, known());
         if !known().any(|k| k == name)
             && let Some(likely) = likely()
@@ -505,6 +611,24 @@ fn unknown_parameters(output: &Output, reporter: &Reporter) {
             let what = format!("there is no parameter \"{name}\"; did you mean \"{likely}\"?");
             mistake(output, reporter, name, what);
         }
+    }
+}
+
+/// Returns what is wrong with "filter:NAME", which is for one of several layers.
+fn wrong_layer_filter(output: &Output, layer: &str) -> Option<String> {
+    let names = || output.layers().filter_map(|data| data.split_whitespace().last());
+    if output.layers().count() < 2 {
+        return Some(format!("\"filter:{layer}\" is for one of several layers; \"filter\" is for all"));
+    }
+    if !names().any(|name| name == layer) {
+        let known = names().collect::<Vec<_>>().join(", ");
+        return Some(format!("\"filter:{layer}\": no layer has this name (there are: {known})"));
+    }
+    let asked = output.params.string(&format!("filter:{layer}"));
+    let words = attribute_row(attr::FILTER.name())?.words();
+    match asked {
+        Some(word) if words.contains(&&**word) => None,
+        _ => Some(format!("\"filter:{layer}\" is one of {}", words.join(", "))),
     }
 }
 
@@ -519,9 +643,9 @@ fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
 }
 
 /// Returns the parameters of an output, with floats for depths and for viewers, unless "quantize" is set.
-fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
+fn params(output: &Output, of_layers: &[Data], is_shown: bool) -> Params {
     let mut params = output.params.clone();
-    if (is_shown || matches!(data, Data::Depth { .. } | Data::Volume { .. }))
+    if (is_shown || matches!(of_layers, [Data::Depth { .. } | Data::Volume { .. }]))
         && params.get(attr::QUANTIZE.name()).is_none()
     {
         params.set(attr::QUANTIZE.param([0; 4]));
@@ -532,8 +656,52 @@ fn params(output: &Output, data: &Data, is_shown: bool) -> Params {
 impl OutputImage {
     /// True when its filtered pixels equal those of another image, to the bit.
     pub(crate) fn is_filtered_like(&self, other: &Self) -> bool {
-        (&self.channels, &self.filter, self.opaque_width)
-            == (&other.channels, &other.filter, other.opaque_width)
+        let same = |(a, b): (&ImageLayer, &ImageLayer)| (&a.channels, a.filter) == (&b.channels, b.filter);
+        self.layers.len() == other.layers.len()
+            && self.layers.iter().zip(&other.layers).all(same)
+            && self.opaque_width == other.opaque_width
+    }
+
+    /// The number of its channels.
+    pub(crate) fn channels(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Returns the pixels of all its layers together, from those of each.
+    pub(crate) fn interleaved(&self, mut of_layers: Vec<Vec<f32>>) -> Vec<f32> {
+        if of_layers.len() == 1 {
+            return of_layers.swap_remove(0);
+        }
+        let mut pixels = Vec::with_capacity(of_layers.iter().map(Vec::len).sum());
+        let widths = || self.layers.iter().map(|layer| layer.channels.len());
+        let count = of_layers.iter().zip(widths()).map(|(values, n)| values.len() / n).min().unwrap_or(0);
+        for k in 0..count {
+            for (values, n) in of_layers.iter().zip(widths()) {
+                pixels.extend_from_slice(&values[k * n..][..n]);
+            }
+        }
+        pixels
+    }
+
+    /// Returns for each channel whether it is red, green or blue, to which gain and gamma apply.
+    pub(crate) fn colors(&self) -> Vec<bool> {
+        let alpha = |name: &String| name != "A";
+        let layers = self.layers.iter().flat_map(|layer| layer.channels.iter().map(|_| layer.is_color));
+        layers.zip(&self.names).map(|(is_color, name)| is_color && alpha(name)).collect()
+    }
+
+    /// Multiplies the colours of whole pixels.
+    pub(crate) fn tint(&self, values: &mut [f32], tint: Color) {
+        for pixel in values.chunks_exact_mut(self.channels()) {
+            let mut rest = pixel;
+            for layer in &self.layers {
+                let (own, others) = rest.split_at_mut(layer.channels.len());
+                if layer.is_color {
+                    own.iter_mut().zip(tint.to_array()).for_each(|(v, t)| *v *= t);
+                }
+                rest = others;
+            }
+        }
     }
 
     /// True when the program that makes the calls receives the image, which is not a file.
@@ -552,12 +720,11 @@ impl OutputImage {
         let mut params = self.params.clone();
         params.0.retain(|p| !p.name.eq_ignore_ascii_case(&description.name));
         params.set(description.clone());
-        let Self { format, filter, channels, names, .. } = self;
+        let Self { format, layers, names, .. } = self;
         Self {
             path: path.to_owned(),
             format: format.clone(),
-            filter: *filter,
-            channels: channels.clone(),
+            layers: layers.clone(),
             names: names.clone(),
             params,
             pixels: Vec::new(),
@@ -571,7 +738,7 @@ impl OutputImage {
     pub(crate) fn write(&self, camera: &CameraView, registry: &FormatRegistry) -> Result<(), RenderError> {
         let mut file = self.open(camera, registry)?;
         const ROWS: usize = 64;
-        for values in self.pixels.chunks(camera.crop.width() * self.channels.len() * ROWS) {
+        for values in self.pixels.chunks(camera.crop.width() * self.channels() * ROWS) {
             file.write(values)?;
         }
         file.close()
@@ -601,17 +768,14 @@ impl OutputImage {
         if format.quantizes() {
             return self.open_raw(&*format, camera, registry.files());
         }
-        let (mut quantize, stored) = Quantize::for_output(&*format, &self.params);
-        if !self.is_color {
-            (quantize.gain, quantize.gamma) = (1.0, 1.0);
-        }
-        // Depths need all their bits, also in a format that usually stores halves.
+        let (quantize, stored) = Quantize::for_output(&*format, &self.params);
+        // Depths, positions and numbers of objects need all their bits, also in a format that usually stores halves. A
+        // layer of them makes all layers floats.
+        let is_precise = self.opaque_width.is_some()
+            || self.layers.iter().any(|layer| layer.filter.filter == PixelFilter::Closest)
+            || self.names.iter().any(|name| matches!(&**name, "Z" | "avgz"));
         let stored = match stored {
-            PixelType::Half
-                if (self.names == ["Z"] || self.opaque_width.is_some()) && format.supports("float") =>
-            {
-                PixelType::Float
-            }
+            PixelType::Half if is_precise && format.supports("float") => PixelType::Float,
             other => other,
         };
         let spec = self.spec(camera, stored);
@@ -632,7 +796,7 @@ impl OutputImage {
     ) -> Result<ImageWriter, RenderError> {
         let mut spec = self.spec(camera, PixelType::Float);
         let mut quantize = Quantize::from_params(&self.params);
-        if !self.is_color {
+        if !self.layers.iter().any(|layer| layer.is_color) {
             (quantize.gain, quantize.gamma) = (1.0, 1.0);
         }
         let levels = [quantize.zero, quantize.one, quantize.min, quantize.max];
@@ -662,16 +826,17 @@ impl OutputImage {
             x: crop.x0,
             y: crop.y0,
             width: crop.width(),
-            nchannels: self.channels.len(),
+            nchannels: self.channels(),
             alpha: spec.alpha_channel(),
         };
-        Ok(ImageWriter { file, quantize, stored: spec.pixel_type, at })
+        let colors = self.colors();
+        Ok(ImageWriter { file, quantize, colors, stored: spec.pixel_type, at })
     }
 
     fn spec(&self, camera: &CameraView, stored: PixelType) -> ImageSpec {
         let crop = &camera.crop;
         let [width, height] = [crop.width() as u32, crop.height() as u32];
-        let mut spec = ImageSpec::new(width, height, self.channels.len(), stored);
+        let mut spec = ImageSpec::new(width, height, self.channels(), stored);
         (spec.x, spec.y) = (crop.x0, crop.y0);
         (spec.full_width, spec.full_height) = (camera.resolution[0], camera.resolution[1]);
         spec.channels = self.names.clone();
@@ -692,7 +857,8 @@ impl OutputImage {
         for param in &camera.metadata() {
             spec.attributes.set(param.clone());
         }
-        for param in self.params.iter().filter(|p| !own_parameters().any(|own| own == &*p.name)) {
+        let is_own = |name: &str| name.starts_with("filter:") || own_parameters().any(|own| own == name);
+        for param in self.params.iter().filter(|p| !is_own(&p.name)) {
             spec.attributes.set(param.clone());
         }
         spec
@@ -719,6 +885,8 @@ impl std::fmt::Debug for Shown {
 pub(crate) struct ImageWriter {
     file: Box<dyn granita_image::ImageOutput>,
     quantize: Quantize,
+    /// The channels to which gain and gamma apply.
+    colors: Vec<bool>,
     stored: PixelType,
     /// The position of the next row.
     at: Placement,
@@ -733,9 +901,24 @@ impl ImageWriter {
     /// Writes pixels of the image, anywhere.
     pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
         let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
-        let pixels = self.quantize.apply(values, &at, self.stored);
+        let pixels = self.stored(values, &at);
         self.file.write_rectangle(&self.in_file(rect), &pixels)?;
         Ok(())
+    }
+
+    /// Returns values of the image as the file stores them.
+    fn stored(&self, values: &[f32], at: &Placement) -> Pixels {
+        let Quantize { gain, gamma, .. } = self.quantize;
+        let is_right = |(c, is_color): (usize, &bool)| *is_color || at.alpha == Some(c);
+        if (gain, gamma) == (1.0, 1.0) || self.colors.iter().enumerate().all(is_right) {
+            return self.quantize.apply(values, at, self.stored);
+        }
+        let exposed: Vec<f32> = values
+            .iter()
+            .zip(self.colors.iter().cycle())
+            .map(|(v, is_color)| if *is_color { self.quantize.expose(*v) } else { *v })
+            .collect();
+        Quantize { gain: 1.0, gamma: 1.0, ..self.quantize }.apply(&exposed, at, self.stored)
     }
 
     /// Returns the requests of its viewer.
@@ -750,7 +933,7 @@ impl ImageWriter {
 
     /// Writes the next whole rows, with interleaved channels.
     pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
-        self.file.write_rows(&self.quantize.apply(values, &self.at, self.stored))?;
+        self.file.write_rows(&self.stored(values, &self.at))?;
         self.at.y += (values.len() / (self.at.width * self.at.nchannels).max(1)) as i32;
         Ok(())
     }
@@ -806,7 +989,7 @@ mod tests {
         ];
         let list: Vec<&Output> = outputs.iter().collect();
         let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
-        let channels: Vec<&[usize]> = set.images.iter().map(|i| &i.channels[..]).collect();
+        let channels: Vec<&[usize]> = set.images.iter().map(|i| &i.layers[0].channels[..]).collect();
         assert_eq!(channels, [&[0, 1, 2, 3][..], &[4], &[6, 7, 8], &[9], &[6, 7, 8], &[0; 5]]);
         assert_eq!((set.images[5].opaque_width, set.images[4].opaque_width), (Some(0.05), None));
         assert_eq!(set.images[5].names, ["zopaque", "alpha", "z0", "z1", "z2"]);
@@ -820,7 +1003,10 @@ mod tests {
         assert_eq!(kept.lock().len(), 2);
         let only_depth = OutputSet::new(&list[1..2], &camera(), &registry, &reporter).unwrap();
         assert!(!only_depth.needs_shading);
-        assert_eq!(only_depth.images[0].filter, FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] });
+        assert_eq!(
+            only_depth.images[0].layers[0].filter,
+            FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] }
+        );
     }
 
     #[test]
@@ -836,10 +1022,79 @@ mod tests {
         let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
         assert_eq!(set.images[0].names, ["weights[0]", "weights[1]", "weights[2]"]);
         assert_eq!(set.images[1].names[2..4], ["layers[0].B", "layers[1].R"]);
-        assert_eq!((set.images[0].channels.clone(), set.images[1].channels.len()), (vec![4, 5, 6], 6));
-        assert!(set.images[1].is_color && !set.images[0].is_color);
+        let layers: Vec<&ImageLayer> = set.images.iter().map(|image| &image.layers[0]).collect();
+        assert_eq!((layers[0].channels.clone(), layers[1].channels.len()), (vec![4, 5, 6], 6));
+        assert!(layers[1].is_color && !layers[0].is_color);
         let said = kept.lock();
         assert!(said.len() == 1 && said[0].text.contains("2000 elements, 1 to 1024"), "{said:?}");
+    }
+
+    #[test]
+    fn several_data_become_layers_with_filters_of_their_kinds() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let (reporter, kept) = Reporter::collecting();
+        let data = "rgba, z, color diffuse, normal N, point P, float id";
+        let params = [
+            Param::declared("string filter", "box").unwrap(),
+            Param::declared("float[2] filterwidth", &[1.0_f32, 1.0][..]).unwrap(),
+            Param::declared("string filter:id", "closest").unwrap(),
+        ];
+        let output = output("a", "exr", data, &params);
+        let set = OutputSet::new(&[&output], &camera(), &registry, &reporter).unwrap();
+        let image = &set.images[0];
+        assert_eq!(
+            image.names.join(" "),
+            "R G B A Z diffuse.R diffuse.G diffuse.B N.X N.Y N.Z P.X P.Y P.Z id"
+        );
+        let filters: Vec<PixelFilter> = image.layers.iter().map(|layer| layer.filter.filter).collect();
+        let boxes = PixelFilter::Weighted(Filter::Box);
+        let (min, closest) = (PixelFilter::Min, PixelFilter::Closest);
+        assert_eq!(filters, [boxes, min, boxes, boxes, closest, closest]);
+        let channels: Vec<usize> = image.layers.iter().flat_map(|layer| layer.channels.clone()).collect();
+        assert_eq!(channels, [0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]);
+        let colors: Vec<usize> = (0..15).filter(|c| image.colors()[*c]).collect();
+        assert_eq!(colors, [0, 1, 2, 5, 6, 7]);
+        let mut pixel: Vec<f32> = (0..15).map(|v| v as f32).collect();
+        image.tint(&mut pixel, Color::new(2.0, 2.0, 2.0));
+        assert_eq!(pixel[..9], [0.0, 2.0, 4.0, 3.0, 4.0, 10.0, 12.0, 14.0, 8.0]);
+        let joined = image.interleaved(
+            image
+                .layers
+                .iter()
+                .map(|l| l.channels.iter().chain(&l.channels).map(|c| *c as f32).collect())
+                .collect(),
+        );
+        assert_eq!(joined[..15], joined[15..]);
+        assert_eq!(joined[..6], [0.0, 1.0, 2.0, 3.0, 4.0, 6.0]);
+        assert_eq!(kept.lock().len(), 0, "{:?}", kept.lock());
+    }
+
+    #[test]
+    fn layers_that_do_not_fit_are_refused() {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let refused = |format: &str, data: &str, params: &[Param]| {
+            let (reporter, kept) = Reporter::collecting();
+            OutputSet::new(&[&output("a", format, data, params)], &camera(), &registry, &reporter).unwrap();
+            kept.lock().iter().map(|m| m.text.clone()).collect::<Vec<_>>().join("; ")
+        };
+        let closest = |name: &str| [Param::declared(&format!("string filter:{name}"), "closest").unwrap()];
+        let cases = [
+            (refused("tiff", "rgb,z", &[]), "format \"tiff\" does not store several layers; \"exr\" does"),
+            (refused("exr", "rgb,rgba", &[]), "data \"rgb,rgba\": two layers have the same channels"),
+            (refused("exr", "rgb,volz", &[]), "\"volz\" cannot be one of several layers"),
+            (
+                refused("exr", "rgb,z", &closest("P")),
+                "\"filter:P\": no layer has this name (there are: rgb, z)",
+            ),
+            (
+                refused("exr", "rgb", &closest("rgb")),
+                "\"filter:rgb\" is for one of several layers; \"filter\" is for all",
+            ),
+        ];
+        for (said, expected) in cases {
+            assert_eq!(said, format!("output \"a\": {expected}"));
+        }
+        assert!(refused("exr", "rgb,", &[]).contains("data"));
     }
 
     #[test]

@@ -108,8 +108,8 @@ attributes! {
         "view from which stereo is shaded";
     // 4.2 Output attributes
     FILTER: Output, Arc<str> = "4.2", "filter",
-        OneOf(&["gaussian", "box", "triangle", "catmull-rom", "sinc", "blackman-harris", "mitchell", "b-spline", "min", "max", "average"]),
-        "pixel filter; min, max and average for depths only";
+        OneOf(&["gaussian", "box", "triangle", "catmull-rom", "sinc", "blackman-harris", "mitchell", "b-spline", "min", "max", "average", "closest"]),
+        "pixel filter; min, max and average for depths only, closest for values without a mean";
     FILTERWIDTH: Output, [f32; 2] = "4.2", "filterwidth", Floats(&[2.0, 2.0]),
         "width of the pixel filter in pixels, x and y";
     GAMMA: Output, f32 = "4.2", "gamma", Floats(&[1.0]), "exponent 1/gamma is applied to colours", Rerender;

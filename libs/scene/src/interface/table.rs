@@ -80,7 +80,7 @@ calls! {
             second output of the same name replaces the first."),
         arg("format", OptionalText, "name of a format", "The format of the file. `\"null\"` and nothing \
             remove the output of that name.").default("\"null\""),
-        arg("data", Text, "rgb, rgba, z, avgz, volz, or a type and a name", "The values of each pixel."),
+        arg("data", Text, "rgb, rgba, z, avgz, volz, or a type and a name; several with commas", "The values of each pixel."),
         arg("camera", Text, "name of a camera", "The camera that makes the image. An empty name means the \
             first camera."),
     ])], "Adds an image of a camera.");

@@ -398,7 +398,7 @@ impl Format for DeskFormat {
     }
 
     fn supports(&self, feature: &str) -> bool {
-        matches!(feature, "write" | "rectangles" | "float" | "channels" | "alpha")
+        matches!(feature, "write" | "rectangles" | "float" | "channels" | "layers" | "alpha")
     }
 
     fn create(&self, _: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
