@@ -68,19 +68,22 @@ impl Layer {
 
     /// Returns the layers of an image, the plain one first.
     ///
-    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own, and so is every
-    /// channel of a volume shadow map.
+    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own, and so are channels of
+    /// other names beside red, green and blue, and every channel of a volume shadow map.
     pub fn of(spec: &ImageSpec, kind: TextureKind) -> Vec<Self> {
         let names = &spec.channels;
         let volume = matches!(kind, TextureKind::VolumeShadow | TextureKind::CubeFaceVolumeShadow);
         if volume && names.len() >= 4 {
             return Self::of_volume_shadow(names);
         }
+        let has_colors = ["R", "G", "B"].iter().all(|color| names.iter().any(|name| name == color));
+        let is_color = |name: &str| matches!(name, "R" | "G" | "B" | "A" | "alpha");
         let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
         for (c, name) in names.iter().enumerate() {
             let group = match name.rsplit_once('.') {
                 Some((group, _)) => group,
                 None if is_depth(name) && names.len() > 1 => name,
+                None if has_colors && !is_color(name) => name,
                 None => "",
             };
             match groups.iter_mut().find(|g| g.0 == group) {
@@ -179,6 +182,14 @@ mod tests {
         assert_eq!(l[2].color, [5, 6, 7].map(Pick::Channel));
         assert_eq!(Layer::reductions(&l, 11)[4], Reduce::Least);
         assert_eq!(l[0].title(&["R", "G", "B", "A"].map(str::to_owned)), "RGBA");
+    }
+
+    #[test]
+    fn numbers_beside_colours_are_layers() {
+        let l = layers(&["R", "G", "B", "A", "u", "id", "P.X", "P.Y", "P.Z"], TextureKind::Plain);
+        let names: Vec<&str> = l.iter().map(|l| &*l.name).collect();
+        assert_eq!(names, ["", "u", "id", "P"]);
+        assert_eq!((l[0].channels.len(), l[2].color), (4, [Pick::Channel(5); 3]));
     }
 
     #[test]
