@@ -349,8 +349,8 @@ pub trait Format: Send + Sync {
     }
 
     /// True when the format supports a feature of writing: "tiles", "levels", "half", "float", "u16", "channels"
-    /// (more than 4), "layers" (it keeps the names of channels), "alpha" (without it, a fourth channel is left out), "rectangles" (it shows pixels at once),
-    /// "write". A format that is only read supports none.
+    /// (more than 4), "layers" (it keeps the names of channels), "alpha" (without it, a fourth channel is left out),
+    /// "rectangles" (it shows pixels at once), "write". A format that is only read supports none.
     fn supports(&self, feature: &str) -> bool {
         let _ = feature;
         false

@@ -68,8 +68,8 @@ impl Layer {
 
     /// Returns the layers of an image, the plain one first.
     ///
-    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own, and so are channels of
-    /// other names beside red, green and blue, and every channel of a volume shadow map.
+    /// Names up to the last dot group channels. A depth among plain channels is a layer of its own, and so are channels
+    /// of other names beside red, green and blue, and every channel of a volume shadow map.
     pub fn of(spec: &ImageSpec, kind: TextureKind) -> Vec<Self> {
         let names = &spec.channels;
         let volume = matches!(kind, TextureKind::VolumeShadow | TextureKind::CubeFaceVolumeShadow);
