@@ -58,6 +58,36 @@ impl Data {
             }
         }
     }
+
+    /// Returns the names of its channels, which begin with the name of the variable when `is_one_of` several layers is
+    /// true.
+    fn channel_names(&self, is_one_of: bool) -> Vec<String> {
+        let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+        let (elements, ty) = match self {
+            Self::Color { alpha: false } => return strings(&["R", "G", "B"]),
+            Self::Color { alpha: true } => return strings(&["R", "G", "B", "A"]),
+            Self::Depth { middle: true } if is_one_of => return strings(&["avgz"]),
+            Self::Depth { .. } => return strings(&["Z"]),
+            Self::Volume { depths } => {
+                let depths = (0..*depths).map(|i| format!("z{i}"));
+                return strings(&["zopaque", "alpha"]).into_iter().chain(depths).collect();
+            }
+            Self::Variable { names, ty } => (names, *ty),
+        };
+        let n = ty.components();
+        if n == 1 {
+            return elements.iter().map(|name| name.to_string()).collect();
+        }
+        if elements.len() == 1 && !is_one_of {
+            return if n == 3 { strings(&["R", "G", "B"]) } else { ImageSpec::default_channels(n) };
+        }
+        let part = |c: usize| match n {
+            3 if is_one_of && ty != ValueType::Color => ["X", "Y", "Z"][c].to_owned(),
+            3 => ["R", "G", "B"][c].to_owned(),
+            _ => c.to_string(),
+        };
+        elements.iter().flat_map(|e| (0..n).map(move |c| format!("{e}.{}", part(c)))).collect()
+    }
 }
 
 /// The largest number of elements of an array that an image can show.
@@ -181,46 +211,21 @@ impl OutputSet {
         }
     }
 
-    /// Returns the sample channels of a layer and their names, which begin with the name of a variable when `is_one_of`
-    /// several layers is true.
-    fn channels(&self, data: &Data, is_one_of: bool) -> (Vec<usize>, Vec<String>) {
-        let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
+    /// Returns the sample channels of a layer.
+    fn channels(&self, data: &Data) -> Vec<usize> {
         match data {
-            Data::Color { alpha: false } => (vec![0, 1, 2], strings(&["R", "G", "B"])),
-            Data::Color { alpha: true } => (vec![0, 1, 2, 3], strings(&["R", "G", "B", "A"])),
-            Data::Depth { middle } => {
-                let name = if is_one_of && *middle { "avgz" } else { "Z" };
-                (vec![4 + usize::from(*middle)], strings(&[name]))
-            }
-            Data::Volume { depths } => {
-                let mut names = strings(&["zopaque", "alpha"]);
-                names.extend((0..*depths).map(|i| format!("z{i}")));
-                // There are no channels of samples. These are only counted.
-                (vec![0; names.len()], names)
-            }
-            Data::Variable { names: elements, ty } => {
-                let n = ty.components();
+            Data::Color { alpha } => (0..3 + usize::from(*alpha)).collect(),
+            Data::Depth { middle } => vec![4 + usize::from(*middle)],
+            // There are no channels of samples. These are only counted.
+            Data::Volume { .. } => vec![0; data.channel_names(false).len()],
+            Data::Variable { names, ty } => {
                 let of = |name: &Arc<str>| {
                     let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
                     let index = self.variables.iter().position(same).unwrap_or(0);
                     let first = self.wanted.variable_channel(index);
-                    first..first + n
+                    first..first + ty.components()
                 };
-                let parts = ["R", "G", "B"];
-                let axes = if *ty == ValueType::Color { parts } else { ["X", "Y", "Z"] };
-                let under = |e: &Arc<str>, parts: [&str; 3]| parts.map(|part| format!("{e}.{part}"));
-                let names = match (&elements[..], n) {
-                    (many, 1) => many.iter().map(|name| name.to_string()).collect(),
-                    ([name], 3) if is_one_of => under(name, axes).to_vec(),
-                    ([_], 3) => strings(&parts),
-                    ([_], _) if !is_one_of => ImageSpec::default_channels(n),
-                    (many, 3) => {
-                        let parts = if is_one_of { axes } else { parts };
-                        many.iter().flat_map(|e| under(e, parts)).collect()
-                    }
-                    (many, _) => many.iter().flat_map(|e| (0..n).map(move |c| format!("{e}.{c}"))).collect(),
-                };
-                (elements.iter().flat_map(of).collect(), names)
+                names.iter().flat_map(of).collect()
             }
         }
     }
@@ -238,14 +243,10 @@ impl OutputSet {
         let (mut layers, mut names) = (Vec::with_capacity(of_layers.len()), Vec::new());
         let is_one_of = of_layers.len() > 1;
         for data in of_layers {
-            let (channels, own) = self.channels(data, is_one_of);
-            names.extend(own);
+            names.extend(data.channel_names(is_one_of));
+            let filter = filter_spec(output, data, is_one_of, reporter);
             let is_color = matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. });
-            layers.push(ImageLayer {
-                filter: filter_spec(output, data, is_one_of, reporter),
-                channels,
-                is_color,
-            });
+            layers.push(ImageLayer { filter, channels: self.channels(data), is_color });
         }
         let is_volume = matches!(of_layers, [Data::Volume { .. }]);
         let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), names.len()));
@@ -392,12 +393,9 @@ fn check_layers(layers: Vec<Data>, output: &Output, format: &dyn Format) -> Resu
     if layers.iter().any(|data| matches!(data, Data::Volume { .. })) {
         return Err("\"volz\" cannot be one of several layers".to_owned());
     }
-    // Both have the channels R, G and B.
-    let names: Vec<&str> = output.layers().map(|data| if data == "rgba" { "rgb" } else { data }).collect();
-    for (k, name) in names.iter().enumerate() {
-        if names[..k].contains(name) {
-            return Err(format!("data \"{}\": two layers have the same channels", output.data));
-        }
+    let names: Vec<String> = layers.iter().flat_map(|data| data.channel_names(true)).collect();
+    if let Some(twice) = (1..names.len()).find(|k| names[..*k].contains(&names[*k])) {
+        return Err(format!("data \"{}\": two layers have the channel \"{}\"", output.data, names[twice]));
     }
     Ok(layers)
 }
@@ -487,6 +485,8 @@ fn filter_spec(output: &Output, data: &Data, is_one_of: bool, reporter: &Reporte
     let position = matches!(data, Data::Variable { ty: ValueType::Point | ValueType::Matrix, .. });
     let own = data.layer_name().filter(|_| is_one_of).map(|name| format!("filter:{name}"));
     let own = own.and_then(|name| output.params.string(&name).cloned());
+    // Other words were reported.
+    let own = own.filter(|word| filter_words().contains(&&**word));
     let (given, width) = match own {
         // A position has no mean with the background or with that of another surface.
         None if is_one_of && (depth || position) => (position.then(|| "closest".into()), None),
@@ -626,11 +626,18 @@ fn wrong_layer_filter(output: &Output, layer: &str) -> Option<String> {
         return Some(format!("\"filter:{layer}\": no layer has this name (there are: {known})"));
     }
     let asked = output.params.string(&format!("filter:{layer}"));
-    let words = attribute_row(attr::FILTER.name())?.words();
     match asked {
-        Some(word) if words.contains(&&**word) => None,
-        _ => Some(format!("\"filter:{layer}\" is one of {}", words.join(", "))),
+        Some(word) if filter_words().contains(&&**word) => None,
+        _ => {
+            let words = filter_words().join(", ");
+            Some(format!("\"filter:{layer}\" is one of {words}; the filter of its kind is used"))
+        }
     }
+}
+
+/// Returns the names of pixel filters.
+fn filter_words() -> &'static [&'static str] {
+    attribute_row(attr::FILTER.name()).map_or(&[], |row| row.words())
 }
 
 /// Warns about a parameter of an output, once.
@@ -693,15 +700,10 @@ impl OutputImage {
 
     /// Multiplies the colours of whole pixels.
     pub(crate) fn tint(&self, values: &mut [f32], tint: Color) {
+        let colors = self.colors();
         for pixel in values.chunks_exact_mut(self.channels()) {
-            let mut rest = pixel;
-            for layer in &self.layers {
-                let (own, others) = rest.split_at_mut(layer.channels.len());
-                if layer.is_color {
-                    own.iter_mut().zip(tint.to_array()).for_each(|(v, t)| *v *= t);
-                }
-                rest = others;
-            }
+            let colored = pixel.iter_mut().zip(&colors).filter(|(_, is_color)| **is_color);
+            colored.zip(tint.to_array().iter().cycle()).for_each(|((v, _), t)| *v *= t);
         }
     }
 

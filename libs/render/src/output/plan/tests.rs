@@ -130,7 +130,13 @@ fn layers_that_do_not_fit_are_refused() {
     let closest = |name: &str| [Param::declared(&format!("string filter:{name}"), "closest").unwrap()];
     let cases = [
         (refused("tiff", "rgb,z", &[]), "format \"tiff\" does not store several layers; \"exr\" does"),
-        (refused("exr", "rgb,rgba", &[]), "data \"rgb,rgba\": two layers have the same channels"),
+        (refused("exr", "rgb,rgba", &[]), "data \"rgb,rgba\": two layers have the channel \"R\""),
+        (refused("exr", "rgb,float R", &[]), "data \"rgb,float R\": two layers have the channel \"R\""),
+        (
+            refused("exr", "rgb,z", &[Param::declared("string filter:z", "bell").unwrap()]),
+            "\"filter:z\" is one of gaussian, box, triangle, catmull-rom, sinc, blackman-harris, mitchell, b-spline, min, \
+             max, average, closest; the filter of its kind is used",
+        ),
         (refused("exr", "rgb,", &[]), "data \"rgb,\": a layer has no name"),
         (refused("exr", "rgb,volz", &[]), "\"volz\" cannot be one of several layers"),
         (refused("exr", "rgb,z", &closest("P")), "\"filter:P\": no layer has this name (there are: rgb, z)"),
