@@ -92,13 +92,13 @@ impl Filter {
 }
 
 /// Returns sin(pi x) / (pi x).
-fn sinc(x: f32) -> f32 {
+pub fn sinc(x: f32) -> f32 {
     if x < 1e-4 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
 /// Returns the two-parameter cubic of Mitchell and Netravali (Reconstruction Filters in Computer Graphics, SIGGRAPH
 /// 1988, eq. 8), not normalised, zero beyond 2.
-fn cubic(x: f32, b: f32, c: f32) -> f32 {
+pub fn cubic(x: f32, b: f32, c: f32) -> f32 {
     if x < 1.0 {
         ((12.0 - 9.0 * b - 6.0 * c) * x * x * x + (-18.0 + 12.0 * b + 6.0 * c) * x * x + (6.0 - 2.0 * b))
             / 6.0

@@ -4,6 +4,8 @@
 //! the texels, so that filters with negative lobes ring. Beyond a border the texels of the border repeat.
 
 use crate::image::Image;
+use granita_base::Filter;
+use granita_base::filter::{cubic, sinc};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -100,15 +102,12 @@ impl Kernel {
             Self::Triangle => (1.0 - r).max(0.0),
             Self::Gaussian if r < 1.0 => (-2.0 * r * r).exp(),
             Self::SharpGaussian if r < 1.0 => (-4.0 * r * r).exp(),
-            Self::BlackmanHarris if r <= 1.0 => {
-                let t = PI * r;
-                0.35875 + 0.48829 * t.cos() + 0.14128 * (2.0 * t).cos() + 0.01168 * (3.0 * t).cos()
-            }
+            Self::BlackmanHarris => Filter::BlackmanHarris.weight(x, width),
             // The sinc is not stretched, only its end is.
             Self::Sinc if r <= 1.0 => sinc(x),
             Self::Lanczos3 | Self::RadialLanczos3 if n <= 3.0 => sinc(n) * sinc(n / 3.0),
-            Self::Mitchell => mitchell(n),
-            Self::BSpline => b_spline(n),
+            Self::Mitchell => cubic(n, 1.0 / 3.0, 1.0 / 3.0),
+            Self::BSpline => cubic(n, 1.0, 0.0),
             Self::Cubic => keys(n, 0.0),
             Self::CatmullRom | Self::Keys => keys(n, -0.5),
             Self::Simon => keys(n, -0.75),
@@ -129,43 +128,10 @@ impl Kernel {
     }
 }
 
-/// Returns sin(pi x) / (pi x).
-fn sinc(x: f32) -> f32 {
-    if x < 1e-4 { 1.0 } else { (PI * x).sin() / (PI * x) }
-}
-
 /// Returns the kernel of cubic convolution (R. Keys, Cubic Convolution Interpolation for Digital Image Processing,
 /// IEEE ASSP-29, 1981, eq. 4 with a free parameter).
 fn keys(x: f32, a: f32) -> f32 {
-    if x < 1.0 {
-        ((a + 2.0) * x - (a + 3.0)) * x * x + 1.0
-    } else if x < 2.0 {
-        a * (((x - 5.0) * x + 8.0) * x - 4.0)
-    } else {
-        0.0
-    }
-}
-
-/// Returns the cubic of Mitchell and Netravali (Reconstruction Filters in Computer Graphics, SIGGRAPH 1988) with
-/// B = C = 1/3.
-fn mitchell(x: f32) -> f32 {
-    if x < 1.0 {
-        ((7.0 * x - 12.0) * x * x + 16.0 / 3.0) / 6.0
-    } else if x < 2.0 {
-        (((-7.0 / 3.0 * x + 12.0) * x - 20.0) * x + 32.0 / 3.0) / 6.0
-    } else {
-        0.0
-    }
-}
-
-fn b_spline(x: f32) -> f32 {
-    if x < 1.0 {
-        (3.0 * x - 6.0) * x * x / 6.0 + 2.0 / 3.0
-    } else if x < 2.0 {
-        (2.0 - x).powi(3) / 6.0
-    } else {
-        0.0
-    }
+    cubic(x, 0.0, -a)
 }
 
 /// The filter of levels, and of sharpening them.
