@@ -1,6 +1,7 @@
 //! The files that shaders read, and whether they changed since the last frame (reference 4.3.3).
 
 use granita_base::{FileStamp, Location, Reporter, SearchPath, Severity, parallel_map};
+use granita_texture::UdimName;
 use parking_lot::Mutex;
 use regex::Regex;
 use std::collections::{BTreeSet, HashMap};
@@ -15,8 +16,9 @@ pub(crate) struct FilesUsed {
 #[derive(Debug, Default)]
 struct Known {
     numbers: HashMap<String, u32>,
-    /// By number: the name, and the stamp of the file when it was looked at last; `None` when there was none.
-    stamps: Vec<(String, Option<FileStamp>)>,
+    /// By number: the name, and the stamps when it was looked at last: one for a file, one for each file of a set, none
+    /// when there was no file.
+    stamps: Vec<(String, Vec<FileStamp>)>,
     /// The numbers of the files that displacements read.
     of_shapes: BTreeSet<u32>,
 }
@@ -35,8 +37,8 @@ impl FilesUsed {
         }
         let number = known.stamps.len() as u32;
         known.numbers.insert(name.to_owned(), number);
-        let stamp = self.stamp(name);
-        known.stamps.push((name.to_owned(), stamp));
+        let stamps = self.stamps(name);
+        known.stamps.push((name.to_owned(), stamps));
         number
     }
 
@@ -61,8 +63,12 @@ impl FilesUsed {
         self.path = path;
     }
 
-    fn stamp(&self, name: &str) -> Option<FileStamp> {
-        self.path.files().stamp(&self.path.find(name)?)
+    fn stamps(&self, name: &str) -> Vec<FileStamp> {
+        let stamp = |name: &str| self.path.files().stamp(&self.path.find(name)?);
+        match (stamp(name), UdimName::parse(name)) {
+            (None, Some(set)) => set.names(&self.path).values().filter_map(|name| stamp(name)).collect(),
+            (stamp, _) => stamp.into_iter().collect(),
+        }
     }
 
     /// Looks again at the files whose names match a regular expression. Returns the numbers of those that changed. A
@@ -84,12 +90,12 @@ impl FilesUsed {
             .filter(|(_, (name, _))| regex.as_ref().is_none_or(|regex| regex.is_match(name)))
             .map(|(number, (name, _))| (number, name.clone()))
             .collect();
-        let stamps = parallel_map(asked, threads, || (), |(), (number, name)| (number, self.stamp(&name)));
+        let stamps = parallel_map(asked, threads, || (), |(), (number, name)| (number, self.stamps(&name)));
         let mut changed = Vec::new();
         for (number, stamp) in stamps {
             let (name, before) = &mut known.stamps[number];
-            match (&before, &stamp) {
-                (Some(_), None) => {
+            match (&before[..], &stamp[..]) {
+                ([_, ..], []) => {
                     let text = format!("\"{name}\" is not there any more; what was read from it is used");
                     reporter.say(Severity::Warning, &Location::default(), text);
                 }
@@ -129,5 +135,24 @@ mod tests {
         write("none.tx", "1");
         assert_eq!(files.changed("", 2, &reporter), [2]);
         assert!(files.changed(".*", 1, &reporter).is_empty());
+    }
+
+    #[test]
+    fn sets_change_with_each_of_their_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write("w.1001.tx", "1");
+        write("w.1002.tx", "1");
+        let path =
+            SearchPath::parse(folder.path().to_str().unwrap(), &SearchPath::default(), &Environment::empty());
+        let (reporter, files) = (Reporter::silent(), FilesUsed::new(path));
+        assert_eq!(files.number("w.<UDIM>.tx"), 0);
+        assert!(files.changed(".*", 1, &reporter).is_empty());
+        write("w.1002.tx", "12");
+        assert_eq!(files.changed(".*", 1, &reporter), [0]);
+        write("w.1011.tx", "1");
+        assert_eq!(files.changed(".*", 1, &reporter), [0], "a new file");
+        write("w.tx", "1");
+        assert!(files.changed(".*", 1, &reporter).is_empty(), "not a file of the set");
     }
 }

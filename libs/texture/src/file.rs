@@ -6,6 +6,7 @@ use crate::image::{Image, half, level_count};
 use crate::level::{Level, plain_level};
 use crate::made::MadeShadow;
 use crate::pyramid::Levels;
+use crate::squares::Squares;
 use crate::tiles::{Cell, Layout, Tile, from_raw};
 use crate::{TextureKind, Up, Wrap};
 use granita_base::{Filter, Transform, Vec3};
@@ -60,6 +61,8 @@ pub(crate) struct TextureFile {
     pub(crate) pixel_type: PixelType,
     /// Its images as slices of one block, when that was requested.
     pub(crate) slices: OnceLock<Vec<Block>>,
+    /// The textures of the set whose first one this file is, when a name of a set was requested.
+    pub(crate) set: Option<Squares>,
     /// True when its levels could not be made. All of it is then black and needs no filtering.
     pub(crate) broken: AtomicBool,
 }
@@ -159,6 +162,7 @@ impl TextureFile {
             texel_bytes: (spec.nchannels() * spec.pixel_type.bytes()) as u64,
             pixel_type: spec.pixel_type,
             slices: OnceLock::new(),
+            set: None,
             broken: AtomicBool::new(false),
             path,
             source: match lack {
@@ -204,6 +208,7 @@ impl TextureFile {
             texel_bytes: 4,
             pixel_type: PixelType::Float,
             slices: OnceLock::new(),
+            set: None,
             broken: AtomicBool::new(false),
             source: Source::Made,
         }

@@ -19,7 +19,8 @@
 //! with many lookups use a [`TextureReader`].
 //!
 //! Shadow maps that are rendered on demand (reference 10.1.5) are declared, and a [`TileMaker`] makes their tiles.
-//! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`).
+//! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`). Sets of textures that continue
+//! each other are looked up under one name ([`UdimName`]).
 //!
 //! Colour profiles are deliberately absent. So are names of geometry sets, which the renderer resolves before a lookup.
 //!
@@ -87,9 +88,11 @@ mod shared;
 mod simd;
 mod slices;
 mod solid;
+mod squares;
 mod stage;
 mod statistics;
 mod tiles;
+mod udim;
 mod volume;
 mod wrap;
 
@@ -103,5 +106,6 @@ pub use made::{MadeShadow, TileMaker};
 pub use options::CacheOptions;
 pub use reader::TextureReader;
 pub use statistics::CacheStatistics;
+pub use udim::{Square, UdimName};
 pub use volume::VolumePixel;
 pub use wrap::Wrap;

@@ -6,6 +6,7 @@ use crate::footprint::{Mean, Spread, mix};
 use crate::gaussian::Gaussian;
 use crate::lookup::Lookup;
 use crate::reader::TextureReader;
+use crate::squares::texture_of_set;
 
 /// Runs `each` for groups of up to four channels that the file has, and stores the results in their places. The
 /// others get `fill`.
@@ -42,23 +43,49 @@ impl TextureReader<'_> {
     /// Implements [`TextureCache::texture`](crate::TextureCache::texture).
     pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
         let file = self.look_up(id);
-        texture(self, file, lookup, out);
+        match &file.set {
+            Some(squares) => texture_of_set(self, file, squares, lookup, out),
+            None => texture(self, file, lookup, out),
+        }
     }
 }
 
-fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
+/// Returns the squared widths of the footprint of a lookup in texels of the largest level of a file.
+fn spread(file: &TextureFile, q: &Lookup) -> Spread {
+    let base = &file.levels[0];
+    let mut spread = Spread::default();
+    spread.add(q.dsdx * q.swidth, q.dtdx * q.twidth);
+    spread.add(q.dsdy * q.swidth, q.dtdy * q.twidth);
+    spread.add(q.sblur, 0.0);
+    spread.add(0.0, q.tblur);
+    spread.scaled(f64::from(base.width), f64::from(base.height))
+}
+
+/// Returns distances, as fractions of the width and the height, within which a lookup uses texels. They are not too
+/// small, and may be larger than needed.
+pub(crate) fn reach(file: &TextureFile, q: &Lookup) -> (f32, f32) {
+    /// The cut of the Gaussian, three deviations of half a width, with the correction for the variance that it loses.
+    const CUT: f64 = 1.6;
+    let base = &file.levels[0];
+    let spread = spread(file, q);
+    let (a, b) = spread.squares();
+    let (a, b) = (a.sqrt(), b.sqrt());
+    // The width across is at least a texel and a part of the length. Texels of a level are smaller than the width
+    // across, and interpolation needs their neighbours.
+    let more = 3.0 * b.max(a / MAX_RATIO).max(1.0);
+    let reach = |squared: f64, n: u32| ((CUT * squared.sqrt() + more) / f64::from(n)) as f32;
+    (reach(spread.xx, base.width), reach(spread.yy, base.height))
+}
+
+/// Looks up one point in one file.
+pub(crate) fn texture(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
     if file.is_broken() {
         return by_channels(file, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
     }
     let wrap = (q.swrap.unwrap_or(file.swrap), q.twrap.unwrap_or(file.twrap));
     let base = &file.levels[0];
     let size = [f64::from(base.width), f64::from(base.height)];
-    let mut spread = Spread::default();
-    spread.add(q.dsdx * q.swidth, q.dtdx * q.twidth);
-    spread.add(q.dsdy * q.swidth, q.dtdy * q.twidth);
-    spread.add(q.sblur, 0.0);
-    spread.add(0.0, q.tblur);
-    let spread = spread.scaled(size[0], size[1]);
+    let spread = spread(file, q);
     let (a, b) = spread.squares();
     if a <= 1.0 {
         // The footprint would be widened to one texel, which is one probe of weight 1.

@@ -3,8 +3,10 @@
 use crate::file::{Source, TextureFile};
 use crate::files::Files;
 use crate::made::{MadeShadow, TileMaker};
+use crate::squares::Squares;
 use crate::statistics::{Counters, add};
-use crate::tiles::{Cell, Tile, TileCache, TileKey};
+use crate::tiles::{Cell, Origin, Tile, TileCache, TileKey};
+use crate::udim::UdimName;
 use crate::volume::EMPTY;
 use crate::{CacheOptions, TextureId};
 use granita_base::{Location, Lru, Reporter, SearchPath, Severity};
@@ -277,7 +279,16 @@ impl Shared {
             let found = self.search.find(file)?;
             Some((format!("{}#{image}", found.display()).into(), found))
         };
-        let Some((path, read)) = self.search.find(name).map(|p| (p.clone(), p)).or_else(part) else {
+        // Or it may be the name of a set, whose first file has its attributes.
+        let mut set = None;
+        let first = || {
+            let names = UdimName::parse(name)?.names(&self.search);
+            let found = self.search.find(names.first_key_value()?.1)?;
+            set = Some(Squares::new(name, names, index));
+            Some((found.clone(), found))
+        };
+        let plain = || self.search.find(name).map(|path| (path.clone(), path));
+        let Some((path, read)) = plain().or_else(part).or_else(first) else {
             let folders: Vec<String> =
                 self.search.folders().iter().map(|f| f.display().to_string()).collect();
             let text = format!("texture \"{name}\" not found (searched {})", folders.join(":"));
@@ -299,6 +310,8 @@ impl Shared {
             return refuse(text);
         }
         add(&self.counters.files, 1);
+        let mut file = file;
+        file.set = set;
         let tiled = matches!(file.source, Source::Tiles);
         Some((file, tiled.then(|| Arc::from(input))))
     }
@@ -312,7 +325,8 @@ impl Shared {
             }
             Source::Tiles => {
                 let bytes = file.tile_bytes(key.level as usize);
-                self.tiles.get(key, bytes, &self.counters, || self.read_tile(file, key))
+                let read = || self.read_tile(file, key);
+                self.tiles.get(key, (Origin::File, bytes), &self.counters, read)
             }
             Source::Made => {
                 let level = &file.levels[0];
@@ -324,7 +338,7 @@ impl Shared {
                 // A tile that is empty because there is no maker must not be cached for readers that have one.
                 let Some(maker) = maker else { return Arc::new(Cell::of(tile(Vec::new()))) };
                 let make = || tile(maker.tile(TextureId(file.index), key.tx, key.ty));
-                self.tiles.get(key, file.tile_bytes(0), &self.counters, make)
+                self.tiles.get(key, (Origin::Made, file.tile_bytes(0)), &self.counters, make)
             }
         }
     }
@@ -422,6 +436,10 @@ impl Shared {
         let cause = format!("texture read {}", file.path.display());
         let text = format!("texture {what}: texels that cannot be read are black");
         self.reporter.once(&cause, Severity::Error, &Location::default(), text);
+    }
+
+    pub(crate) fn warn(&self, what: String) {
+        self.reporter.say(Severity::Warning, &Location::default(), what);
     }
 
     /// Reports a warning about a file, once per file and text.

@@ -407,12 +407,26 @@ fn evict(shard: &mut Shard) -> Option<(TileKey, Arc<Cell>)> {
     shard.evict(|_, cell| Arc::strong_count(cell) == 1)
 }
 
+/// The number of shards of each [`Origin`].
 const SHARDS: usize = 32;
 
-/// The tiles of all files.
+/// The source of a tile. Tiles of files are dropped first, because it takes a thousand times as long to make one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// It is read from a file.
+    File,
+    /// It is made on demand.
+    Made,
+}
+
+/// The tiles of all textures.
 pub(crate) struct TileCache {
-    shards: [Mutex<Shard>; SHARDS],
+    /// The shards of tiles of files, and then those of made tiles.
+    shards: [Mutex<Shard>; 2 * SHARDS],
     max_bytes: u64,
+    /// The bytes of made tiles that tiles of files do not displace. The rest of the bound is large enough that files are not
+    /// read again for each lookup.
+    kept_bytes: u64,
     /// The bytes of all existing tiles, including those that only a thread holds.
     now: Arc<AtomicU64>,
 }
@@ -425,7 +439,12 @@ impl std::fmt::Debug for TileCache {
 
 impl TileCache {
     pub(crate) fn new(max_bytes: u64) -> Self {
-        Self { shards: std::array::from_fn(|_| Mutex::default()), max_bytes, now: Arc::default() }
+        Self {
+            shards: std::array::from_fn(|_| Mutex::default()),
+            max_bytes,
+            kept_bytes: max_bytes / 8 * 7,
+            now: Arc::default(),
+        }
     }
 
     /// Returns the bound in bytes.
@@ -433,12 +452,12 @@ impl TileCache {
         self.max_bytes
     }
 
-    /// Returns the tile, which `read` reads when it is not cached. `bytes` is its size. When there is no memory
-    /// left, even without the tiles that no thread holds, the tile is read for this caller alone.
+    /// Returns the tile, which `read` reads or makes when it is not cached. `bytes` is its size. When there is no memory
+    /// left, even without the tiles that no thread holds and that may be dropped, it is read for this caller alone.
     pub(crate) fn get(
         &self,
         key: TileKey,
-        bytes: u64,
+        (origin, bytes): (Origin, u64),
         counters: &Counters,
         read: impl FnOnce() -> Tile,
     ) -> Arc<Cell> {
@@ -448,7 +467,8 @@ impl TileCache {
             count(&counters.tile_bytes, tile.bytes());
             tile
         };
-        let home = key.hash() as usize % SHARDS;
+        let own = key.hash() as usize % SHARDS;
+        let home = if origin == Origin::Made { own + SHARDS } else { own };
         let found = self.shards[home].lock().get(&key).cloned();
         let cell = match found {
             Some(cell) => cell,
@@ -489,8 +509,10 @@ impl TileCache {
         })
     }
 
-    /// Drops tiles, of shard `home` first, until `bytes` more fit; `None` when they do not.
+    /// Drops tiles until `bytes` more fit, tiles of files before made ones, and of the tile's own shard `home` before
+    /// others; `None` when they do not fit.
     fn make_room(&self, home: usize, bytes: u64, counters: &Counters) -> Option<Room> {
+        let own = home % SHARDS;
         let mut empty = 0;
         loop {
             let fits = |now: u64| now.checked_add(bytes).filter(|&sum| sum <= self.max_bytes);
@@ -498,12 +520,21 @@ impl TileCache {
                 counters.peak_bytes.fetch_max(before + bytes, Ordering::Relaxed);
                 return Some(Room { bytes, now: self.now.clone() });
             }
-            if bytes > self.max_bytes || empty == SHARDS {
+            let of_made = empty >= SHARDS;
+            let is_over =
+                || empty == 2 * SHARDS || of_made && home < SHARDS && self.made_bytes() <= self.kept_bytes;
+            if bytes > self.max_bytes || is_over() {
                 return None;
             }
-            let gone = evict(&mut self.shards[(home + empty) % SHARDS].lock());
+            let shard = (own + empty) % SHARDS + if of_made { SHARDS } else { 0 };
+            let gone = evict(&mut self.shards[shard].lock());
             empty += usize::from(gone.is_none());
         }
+    }
+
+    /// Returns the bytes of the made tiles.
+    fn made_bytes(&self) -> u64 {
+        self.shards[SHARDS..].iter().map(|shard| shard.lock().weight()).sum()
     }
 }
 
@@ -524,23 +555,51 @@ mod tests {
         let (cache, counters) = (TileCache::new(16 * 10), Counters::default());
         for round in 0..3 {
             for i in 0..100 {
-                let t = cache.get(key(i), 16, &counters, || tile(i as f32));
+                let t = cache.get(key(i), (Origin::File, 16), &counters, || tile(i as f32));
                 assert_eq!(t.tile().texel(1, 1, 0, 1)[0], i as f32, "round {round}");
                 assert!(counters.read().peak_bytes <= 160);
             }
         }
         let before = counters.read().tiles_read;
         for _ in 0..10 {
-            cache.get(key(99), 16, &counters, || tile(99.0));
+            cache.get(key(99), (Origin::File, 16), &counters, || tile(99.0));
         }
         assert_eq!(counters.read().tiles_read, before, "the last tile is still there");
+    }
+
+    /// Made tiles stay while files are read, up to their part of the bound. Both are used in turns.
+    #[test]
+    fn made_tiles_outlive_those_of_files() {
+        let (cache, counters) = (TileCache::new(16 * 16), Counters::default());
+        let mut made = 0;
+        for round in 0..5 {
+            for i in 0..14 {
+                let t = cache.get(key(1000 + i), (Origin::Made, 16), &counters, || {
+                    made += 1;
+                    tile(i as f32)
+                });
+                assert_eq!(t.tile().texel(0, 0, 0, 1)[0], i as f32, "round {round}");
+                for file in 0..20 {
+                    let t = cache.get(key(file), (Origin::File, 16), &counters, || tile(0.5));
+                    assert_eq!(t.tile().texel(0, 0, 0, 1)[0], 0.5);
+                }
+            }
+        }
+        assert_eq!(made, 14, "each was made once");
+        // More of them displace each other, and leave room for files.
+        (0..100).for_each(|i| drop(cache.get(key(2000 + i), (Origin::Made, 16), &counters, || tile(1.0))));
+        let before = counters.read().tiles_read;
+        cache.get(key(7), (Origin::File, 16), &counters, || tile(0.5));
+        cache.get(key(7), (Origin::File, 16), &counters, || tile(0.5));
+        assert_eq!(counters.read().tiles_read, before + 1);
+        assert!(counters.read().peak_bytes <= 16 * 16);
     }
 
     #[test]
     fn a_tile_larger_than_the_cache_is_read_every_time() {
         let (cache, counters) = (TileCache::new(15), Counters::default());
         for n in 1..4 {
-            cache.get(key(0), 16, &counters, || tile(0.0));
+            cache.get(key(0), (Origin::File, 16), &counters, || tile(0.0));
             assert_eq!(counters.read().tiles_read, n);
         }
         assert_eq!(counters.read().peak_bytes, 0);
@@ -556,7 +615,7 @@ mod tests {
         let (cache, counters) = (TileCache::new(1 << 20), Counters::default());
         let promised = (side * side * 8) as u64;
         for _ in 0..3 {
-            cache.get(key(0), promised, &counters, black);
+            cache.get(key(0), (Origin::File, promised), &counters, black);
         }
         let done = counters.read();
         assert_eq!((done.tiles_read, done.peak_bytes), (1, 2 * side as u64));
@@ -589,7 +648,10 @@ mod tests {
             for _ in 0..8 {
                 scope.spawn(|| {
                     for i in 0..50 {
-                        assert_eq!(cache.get(key(i), 16, &counters, || tile(1.0)).tile().bytes(), 16);
+                        assert_eq!(
+                            cache.get(key(i), (Origin::File, 16), &counters, || tile(1.0)).tile().bytes(),
+                            16
+                        );
                     }
                 });
             }

@@ -1,6 +1,7 @@
 //! Assigns inputs to textures.
 
 use granita_texture::make::Mode;
+use granita_texture::{Square, UdimName};
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// The inputs and the output of one texture.
@@ -16,16 +17,79 @@ pub(crate) fn is_folder(path: &Path) -> bool {
     text.ends_with(['/', MAIN_SEPARATOR]) || path.is_dir()
 }
 
-/// Returns the textures to make. With the name of a file, all inputs make one texture, as many as the mode needs.
+/// An input file, and its square when it was named as a part of a set.
+struct Input {
+    path: PathBuf,
+    square: Option<Square>,
+}
+
+/// Returns the name of a set that is the name of no file.
+pub(crate) fn set_of(path: &Path) -> Option<UdimName> {
+    if path.is_file() { None } else { UdimName::parse(&path.to_string_lossy()) }
+}
+
+/// Returns the files of all inputs, with sets replaced by their files.
+fn files(inputs: Vec<PathBuf>) -> Result<Vec<Input>, String> {
+    let mut all = Vec::new();
+    for path in inputs {
+        let Some(set) = set_of(&path) else {
+            all.push(Input { path, square: None });
+            continue;
+        };
+        let files = set.files();
+        if files.is_empty() {
+            return Err(format!("{}: no file of this set exists", path.display()));
+        }
+        all.extend(files.into_iter().map(|(square, path)| Input { path, square: Some(square) }));
+    }
+    Ok(all)
+}
+
+/// Returns the textures of a set, one for each input.
+fn set_jobs(inputs: Vec<Input>, output: &Path, set: &UdimName) -> Result<Vec<Job>, String> {
+    let mut jobs: Vec<Job> = Vec::new();
+    for Input { path, square } in inputs {
+        let of = path.display();
+        let Some(square) = square else {
+            return Err(format!("{of}: -o {} names a set, and this input is not one", output.display()));
+        };
+        let name = set.of(square).ok_or_else(|| {
+            let Square { row, column } = square;
+            format!("{of}: -o {} has no number for column {column}, row {row}", output.display())
+        })?;
+        if let Some(other) = jobs.iter().find(|job| job.output == Path::new(&name)) {
+            return Err(format!("{} and {of} would both become {name}", other.inputs[0].display()));
+        }
+        jobs.push(Job { inputs: vec![path], output: name.into() });
+    }
+    Ok(jobs)
+}
+
+/// Returns the textures to make. An input `wall.<UDIM>.exr` stands for all files of that set ([`UdimName`]). With the name of a file, all inputs make one texture, as many as the mode needs.
 /// Without a name, or with that of a folder, each input makes a texture with its own name and the extension `tx`,
 /// beside the input or in the folder.
 ///
 /// # Errors
 /// Returns an error when a mode needs several inputs for one texture, when an output that is not named would replace
-/// its input, or when two outputs would have one name.
+/// its input, when two outputs would have one name, or when only one of input and output is a set.
 pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> Result<Vec<Job>, String> {
+    let inputs = files(inputs)?;
+    let is_set = inputs.iter().any(|input| input.square.is_some());
+    if is_set && !mode.takes_one() {
+        return Err("six inputs make one texture: a set cannot be used here".to_owned());
+    }
     let folder = match output {
         Some(path) if !is_folder(path) => {
+            if let Some(set) = UdimName::parse(&path.to_string_lossy()) {
+                return set_jobs(inputs, path, &set);
+            }
+            if is_set {
+                return Err(format!(
+                    "-o {}: a set makes a texture for each of its images, so that the name needs <UDIM>",
+                    path.display()
+                ));
+            }
+            let inputs = inputs.into_iter().map(|input| input.path).collect();
             return Ok(vec![Job { inputs, output: path.to_owned() }]);
         }
         folder => folder,
@@ -34,7 +98,7 @@ pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> R
         return Err("six inputs make one texture: -o names its file".to_owned());
     }
     let mut jobs: Vec<Job> = Vec::new();
-    for input in inputs {
+    for Input { path: input, .. } in inputs {
         let Some(name) = input.file_name() else {
             return Err(format!("{}: not a file", input.display()));
         };
@@ -72,6 +136,43 @@ mod tests {
         );
         assert_eq!(of(&["a"; 6], Some("b"), Mode::EnvCube).unwrap(), ["b <- 6"]);
         assert_eq!(of(&["a", "b"], Some("c"), Mode::Plain).unwrap(), ["c <- 2"], "the library complains");
+    }
+
+    #[test]
+    fn sets_make_a_texture_for_each_image() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+        for name in ["w.1001.png", "w.1012.png", "v.u11_v1.png", "one.png"] {
+            std::fs::write(here(name), "").unwrap();
+        }
+        let of = |inputs: &[&str], output: Option<&str>, mode: Mode| {
+            let (inputs, output): (Vec<String>, _) =
+                (inputs.iter().map(|name| here(name)).collect(), output.map(here));
+            let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
+            let jobs = of(&inputs, output.as_deref(), mode);
+            jobs.map(|jobs| jobs.join(", ").replace(&here(""), ""))
+        };
+        let both = "x.1001.tx <- 1, x.1012.tx <- 1";
+        assert_eq!(of(&["w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::Plain).unwrap(), both);
+        assert_eq!(
+            of(&["w.<UDIM>.png"], None, Mode::Plain).unwrap(),
+            both.replace('x', "w").replace("tw", "tx")
+        );
+        assert_eq!(
+            of(&["w.<UDIM>.png"], Some("x_<UVTILE>.tx"), Mode::Plain).unwrap(),
+            "x_u1_v1.tx <- 1, x_u2_v2.tx <- 1"
+        );
+        for (inputs, output, mode, expected) in [
+            (&["w.<UDIM>.png"][..], Some("x.tx"), Mode::Plain, "the name needs <UDIM>"),
+            (&["u.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::Plain, "no file of this set"),
+            (&["one.png"], Some("x.<UDIM>.tx"), Mode::Plain, "this input is not one"),
+            (&["v.<UVTILE>.png"], Some("x.<UDIM>.tx"), Mode::Plain, "no number for column 10, row 0"),
+            (&["w.<UDIM>.png", "w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::Plain, "both become"),
+            (&["w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::EnvCube, "a set cannot be used"),
+        ] {
+            let what = of(inputs, output, mode).unwrap_err();
+            assert!(what.contains(expected), "{what}");
+        }
     }
 
     #[test]

@@ -20,15 +20,18 @@ use granita_base::{Environment, Files, Location, Reporter, Severity};
 use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse, parse_or};
 use granita_image::{FormatRegistry, Limits};
 use granita_plugin::PluginRules;
-use granita_texture::make::{Costs, Made, MakeOptions, make_measured};
+use granita_texture::TextureError;
+use granita_texture::make::{Costs, Made, Progress, make_measured};
 use jobs::Job;
 use oiio::OiioArgs;
 use parking_lot::Mutex;
 use profile::Profile;
+use rayon::prelude::*;
 use request::{Manner, Request};
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use txmake::TxmakeArgs;
 
@@ -79,32 +82,80 @@ fn say_costs(job: &Job, costs: &Costs, wall: Duration, reporter: &Reporter) {
     reporter.say(Severity::Message, &Location::default(), text);
 }
 
-/// Makes one texture. Returns true when it succeeds.
-fn run_job(
-    job: &Job,
+/// The result of making one texture, which is reported later.
+enum Outcome {
+    /// It is newer than its inputs.
+    Newer,
+    /// The result of the library, and the wall time.
+    Tried(Result<(Made, Costs), TextureError>, Duration),
+}
+
+/// Makes one texture.
+fn make_job(job: &Job, request: &Request, registry: &FormatRegistry, progress: Progress<'_>) -> Outcome {
+    if request.newer && is_newer(job) {
+        return Outcome::Newer;
+    }
+    let start = Instant::now();
+    let result = make_measured(&job.inputs, &job.output, &request.options, registry, progress);
+    Outcome::Tried(result, start.elapsed())
+}
+
+/// Makes all textures, and reports each. Returns the number of those that succeeded.
+///
+/// Several textures that take little memory each are made at once, as many as there are threads. A texture alone does
+/// not keep all threads busy.
+fn make_jobs(
+    jobs: &[Job],
     request: &Request,
-    options: &MakeOptions,
     registry: &FormatRegistry,
     bar: &Bar,
     reporter: &Reporter,
-) -> bool {
-    if request.newer && is_newer(job) {
-        reporter.info(format!("{} is newer than its inputs", job.output.display()));
-        return true;
+) -> usize {
+    let title = |job: &Job| job.output.display().to_string();
+    if jobs.len() > 1 && request.options.is_streamed() {
+        let mut bar = bar.clone();
+        bar.begin(&format!("{} textures", jobs.len()), jobs.len() as u64);
+        let done = AtomicU64::new(0);
+        let one = |job| {
+            let outcome = make_job(job, request, registry, &|_, _| ());
+            bar.done(done.fetch_add(1, Ordering::Relaxed) + 1);
+            outcome
+        };
+        let outcomes: Vec<Outcome> = jobs.par_iter().map(one).collect();
+        bar.end();
+        return jobs
+            .iter()
+            .zip(outcomes)
+            .filter(|(job, outcome)| report(job, outcome, request, reporter))
+            .count();
     }
-    let state = Mutex::new((bar.clone(), false));
-    let progress = |done: u64, total: u64| {
-        let mut state = state.lock();
-        if !state.1 {
-            state.0.begin(&job.output.display().to_string(), total);
-            state.1 = true;
-        }
-        state.0.done(done);
+    let one = |job: &&Job| {
+        let state = Mutex::new((bar.clone(), false));
+        let progress = |done: u64, total: u64| {
+            let mut state = state.lock();
+            if !state.1 {
+                state.0.begin(&title(job), total);
+                state.1 = true;
+            }
+            state.0.done(done);
+        };
+        let outcome = make_job(job, request, registry, &progress);
+        state.lock().0.end();
+        report(job, &outcome, request, reporter)
     };
-    let start = Instant::now();
-    let result = make_measured(&job.inputs, &job.output, options, registry, &progress);
-    state.lock().0.end();
+    jobs.iter().filter(one).count()
+}
+
+/// Reports the result of one texture. Returns true when it succeeded.
+fn report(job: &Job, outcome: &Outcome, request: &Request, reporter: &Reporter) -> bool {
     let output = job.output.display();
+    let (result, wall) = match outcome {
+        Outcome::Newer => {
+            reporter.info(format!("{output} is newer than its inputs"));
+            return true;
+        }
+        Outcome::Tried(result, wall) => (result, *wall),
+    };
     match result {
         Ok((Made::UpToDate, _)) => {
             match request.manner {
@@ -119,18 +170,18 @@ fn run_job(
             let wrote = format!("wrote {output}: {width} x {height} texels, {levels} levels");
             match request.manner {
                 Manner::Suite => {
-                    notes.into_iter().for_each(|note| reporter.warning(note));
+                    notes.iter().for_each(|note| reporter.warning(note.clone()));
                     reporter.info(wrote);
                 }
                 Manner::OpenImageIo => {
-                    notes.into_iter().for_each(|note| say(format!("WARNING: {note}\n"), reporter));
+                    notes.iter().for_each(|note| say(format!("WARNING: {note}\n"), reporter));
                     if request.verbosity > 1 {
                         say(format!("  {wrote}\n"), reporter);
                     }
                 }
             }
             if request.stats {
-                say_costs(job, &costs, start.elapsed(), reporter);
+                say_costs(job, costs, wall, reporter);
             }
             true
         }
@@ -219,7 +270,10 @@ fn run(mut request: Request, bar: &Bar, reporter: &Reporter) -> Status {
         Ok(jobs) => jobs,
         Err(what) => return failed(what),
     };
-    if let (false, [job]) = (request.format_given, &jobs[..]) {
+    let is_set = request.output.as_deref().is_some_and(|path| jobs::set_of(path).is_some());
+    if !request.format_given
+        && let Some(job) = jobs.first().filter(|_| jobs.len() == 1 || is_set)
+    {
         let format = match manner {
             Manner::Suite => format_of(&job.output, &registry),
             Manner::OpenImageIo => match peer_format_of(&job.output, &registry) {
@@ -246,10 +300,7 @@ fn run(mut request: Request, bar: &Bar, reporter: &Reporter) -> Status {
             return failed(format!("-safe: {what}"));
         }
     }
-    let made = || {
-        let one = |job: &&Job| run_job(job, &request, &request.options, &registry, bar, reporter);
-        jobs.iter().filter(one).count()
-    };
+    let made = || make_jobs(&jobs, &request, &registry, bar, reporter);
     let made = match request.threads {
         Some(threads) => match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
             Ok(pool) => pool.install(made),

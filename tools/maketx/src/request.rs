@@ -3,6 +3,7 @@
 use crate::shared::RunArgs;
 use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_cli::{Status, environment};
+use granita_texture::UdimName;
 use granita_texture::make::MakeOptions;
 use std::path::{Path, PathBuf};
 
@@ -34,6 +35,13 @@ impl Manner {
             Self::OpenImageIo => Status::WithErrors,
         }
     }
+}
+
+/// Returns the name of a set in the first folder of a search path that has files of it.
+fn find_set(name: &str, path: &SearchPath) -> Option<PathBuf> {
+    let names = UdimName::parse(name)?.names(path);
+    let first = path.find(names.first_key_value()?.1)?;
+    Some(first.with_file_name(Path::new(name).file_name()?))
 }
 
 /// What one command line requests.
@@ -76,7 +84,7 @@ impl Request {
             if name == "-" {
                 return Some(PathBuf::from(name));
             }
-            let found = path.find(name);
+            let found = path.find(name).or_else(|| find_set(name, &path));
             if found.is_none() {
                 reporter.error(format!("{name}: not found along {text}"));
             }
