@@ -3,7 +3,8 @@
 
 mod support;
 
-use granita_texture::make::MakeOptions;
+use granita_base::Filter;
+use granita_texture::make::{Made, MakeOptions, Neighbour};
 use granita_texture::{Lookup, Wrap};
 use support::{Folder, at, random, value, wide};
 
@@ -126,4 +127,72 @@ fn sets_without_files_and_with_broken_ones_are_reported() {
     assert!(texts.len() == 2 && texts[1].contains("d.1002.tx"), "{texts:?}");
     // Data of a set are those of its first file.
     assert!(cache.info("d.<UDIM>.tx", "resolution").is_some());
+}
+
+/// With neighbours, levels of wide filters are the parts of the levels of the whole image.
+#[test]
+fn filters_use_texels_of_neighbours() {
+    let folder = Folder::new();
+    let places = [(0, 0), (1, 0), (0, 1), (1, 1)];
+    for place in places {
+        square(&folder, place, "w");
+    }
+    let n = i64::from(SIZE);
+    folder.image("whole.tif", (2 * SIZE, 2 * SIZE), 1, |x, y, _| pattern(i64::from(x), i64::from(y) - n));
+    let clamp =
+        |filter| MakeOptions { filter, swrap: Wrap::Clamp, twrap: Wrap::Clamp, ..MakeOptions::default() };
+    let level = |name: &str, level: usize| {
+        let file = folder.registry.open(&folder.path(name)).unwrap();
+        file.read_level(0, level).unwrap().to_floats()
+    };
+    for filter in [Filter::Gaussian, Filter::CatmullRom, Filter::Sinc] {
+        folder.make(&["whole.tif"], "whole.tx", &clamp(filter)).unwrap();
+        let name = |(column, row): (i64, i64)| format!("w.{}.tif", 1001 + column + 10 * row);
+        for (column, row) in places {
+            let around = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+            let neighbours =
+                around.iter().filter(|(across, down)| places.contains(&(column + across, row - down)));
+            let neighbours: Vec<Neighbour> = neighbours
+                .map(|&(across, down)| Neighbour {
+                    across: across as i8,
+                    down: down as i8,
+                    path: folder.path(&name((column + across, row - down))),
+                })
+                .collect();
+            assert_eq!(neighbours.len(), 3);
+            let mut options = clamp(filter);
+            folder.make(&[&name((column, row))], "alone.tx", &options).unwrap();
+            options.flat.neighbours = neighbours;
+            folder.make(&[&name((column, row))], "seams.tx", &options).unwrap();
+            for l in 1..4 {
+                let side = SIZE as usize >> l;
+                let whole = level("whole.tx", l);
+                let (x0, y0) = (column as usize * side, (1 - row) as usize * side);
+                let part: Vec<f32> =
+                    (0..side).flat_map(|y| whole[(y0 + y) * 2 * side + x0..][..side].to_vec()).collect();
+                let worst = |name: &str| {
+                    let got = level(name, l);
+                    got.iter().zip(&part).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+                };
+                let (seams, alone) = (worst("seams.tx"), worst("alone.tx"));
+                assert!(seams < 1e-6 && alone > 1e-3, "{filter:?} {column} {row} {l}: {seams} {alone}");
+            }
+            assert_eq!(level("seams.tx", 6).len(), 1);
+        }
+    }
+    // Neighbours of another size are not used, which a note says. Images that are resized are refused.
+    folder.image("small.tif", (32, 64), 1, |_, _, _| 0.5);
+    let other = |path: &str| {
+        let mut options = clamp(Filter::Gaussian);
+        options.flat.neighbours = vec![Neighbour { across: 1, down: 0, path: folder.path(path) }];
+        options
+    };
+    let Made::Written { notes, .. } = folder.make(&["w.1001.tif"], "s.tx", &other("small.tif")).unwrap()
+    else {
+        panic!("it is new")
+    };
+    assert!(notes.len() == 1 && notes[0].contains("another size"), "{notes:?}");
+    folder.image("odd.tif", (50, 64), 1, |_, _, _| 0.5);
+    let what = folder.make(&["odd.tif"], "s.tx", &other("small.tif")).unwrap_err().to_string();
+    assert!(what.contains("powers of two"), "{what}");
 }

@@ -88,6 +88,10 @@ pub(crate) struct Args {
     #[arg(long)]
     fixnan: bool,
 
+    /// For the images of a set (name.<UDIM>.exr): filters of levels use texels of the neighbouring images
+    #[arg(long)]
+    seams: bool,
+
     /// Store a hash of the pixels and their mean in the metadata
     #[arg(long)]
     hash: bool,
@@ -209,6 +213,7 @@ impl Args {
             manner: Manner::Suite,
             format_given: self.image.format.is_some(),
             newer: false,
+            seams: self.seams,
             threads: self.threads,
             stats: self.stats,
             verbosity: self.verbosity(),

@@ -1,7 +1,8 @@
 //! Assigns inputs to textures.
 
-use granita_texture::make::Mode;
+use granita_texture::make::{Mode, Neighbour};
 use granita_texture::{Square, UdimName};
+use std::collections::BTreeMap;
 use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 /// The inputs and the output of one texture.
@@ -9,6 +10,14 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 pub(crate) struct Job {
     pub(crate) inputs: Vec<PathBuf>,
     pub(crate) output: PathBuf,
+    /// The images of the set around the input.
+    pub(crate) neighbours: Vec<Neighbour>,
+}
+
+impl Job {
+    fn new(inputs: Vec<PathBuf>, output: PathBuf) -> Self {
+        Self { inputs, output, neighbours: Vec::new() }
+    }
 }
 
 /// True when `-o` means a folder, which is an existing folder or a name that ends with a separator.
@@ -17,10 +26,26 @@ pub(crate) fn is_folder(path: &Path) -> bool {
     text.ends_with(['/', MAIN_SEPARATOR]) || path.is_dir()
 }
 
-/// An input file, and its square when it was named as a part of a set.
+/// An input file, and its place when it was named as a part of a set.
 struct Input {
     path: PathBuf,
     square: Option<Square>,
+    neighbours: Vec<Neighbour>,
+}
+
+/// Returns the images of a set around a square.
+fn neighbours(set: &BTreeMap<Square, PathBuf>, square: Square) -> Vec<Neighbour> {
+    let sides = (-1..=1).flat_map(|down: i8| (-1..=1).map(move |across: i8| (across, down)));
+    sides
+        .filter(|side| *side != (0, 0))
+        .filter_map(|(across, down)| {
+            // Rows are counted upward.
+            let row = square.row.checked_add_signed(-i32::from(down))?;
+            let column = square.column.checked_add_signed(across.into())?;
+            let path = set.get(&Square { row, column })?.clone();
+            Some(Neighbour { across, down, path })
+        })
+        .collect()
 }
 
 /// Returns the name of a set that is the name of no file.
@@ -33,14 +58,18 @@ fn files(inputs: Vec<PathBuf>) -> Result<Vec<Input>, String> {
     let mut all = Vec::new();
     for path in inputs {
         let Some(set) = set_of(&path) else {
-            all.push(Input { path, square: None });
+            all.push(Input { path, square: None, neighbours: Vec::new() });
             continue;
         };
         let files = set.files();
         if files.is_empty() {
             return Err(format!("{}: no file of this set exists", path.display()));
         }
-        all.extend(files.into_iter().map(|(square, path)| Input { path, square: Some(square) }));
+        all.extend(files.iter().map(|(square, path)| Input {
+            path: path.clone(),
+            square: Some(*square),
+            neighbours: neighbours(&files, *square),
+        }));
     }
     Ok(all)
 }
@@ -48,7 +77,7 @@ fn files(inputs: Vec<PathBuf>) -> Result<Vec<Input>, String> {
 /// Returns the textures of a set, one for each input.
 fn set_jobs(inputs: Vec<Input>, output: &Path, set: &UdimName) -> Result<Vec<Job>, String> {
     let mut jobs: Vec<Job> = Vec::new();
-    for Input { path, square } in inputs {
+    for Input { path, square, neighbours } in inputs {
         let of = path.display();
         let Some(square) = square else {
             return Err(format!("{of}: -o {} names a set, and this input is not one", output.display()));
@@ -60,7 +89,7 @@ fn set_jobs(inputs: Vec<Input>, output: &Path, set: &UdimName) -> Result<Vec<Job
         if let Some(other) = jobs.iter().find(|job| job.output == Path::new(&name)) {
             return Err(format!("{} and {of} would both become {name}", other.inputs[0].display()));
         }
-        jobs.push(Job { inputs: vec![path], output: name.into() });
+        jobs.push(Job { neighbours, ..Job::new(vec![path], name.into()) });
     }
     Ok(jobs)
 }
@@ -90,7 +119,7 @@ pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> R
                 ));
             }
             let inputs = inputs.into_iter().map(|input| input.path).collect();
-            return Ok(vec![Job { inputs, output: path.to_owned() }]);
+            return Ok(vec![Job::new(inputs, path.to_owned())]);
         }
         folder => folder,
     };
@@ -98,7 +127,7 @@ pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> R
         return Err("six inputs make one texture: -o names its file".to_owned());
     }
     let mut jobs: Vec<Job> = Vec::new();
-    for Input { path: input, .. } in inputs {
+    for Input { path: input, neighbours, .. } in inputs {
         let Some(name) = input.file_name() else {
             return Err(format!("{}: not a file", input.display()));
         };
@@ -111,7 +140,7 @@ pub(crate) fn jobs(inputs: Vec<PathBuf>, output: Option<&Path>, mode: Mode) -> R
             let (a, b) = (other.inputs[0].display(), input.display());
             return Err(format!("{a} and {b} would both become {}", output.display()));
         }
-        jobs.push(Job { inputs: vec![input], output });
+        jobs.push(Job { neighbours, ..Job::new(vec![input], output) });
     }
     Ok(jobs)
 }
@@ -154,6 +183,11 @@ mod tests {
         };
         let both = "x.1001.tx <- 1, x.1012.tx <- 1";
         assert_eq!(of(&["w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::Plain).unwrap(), both);
+        // 1012 lies above and to the right of 1001.
+        let set = super::jobs(vec![here("w.<UDIM>.png").into()], None, Mode::Plain).unwrap();
+        let sides: Vec<_> =
+            set.iter().flat_map(|job| job.neighbours.iter().map(|n| (n.across, n.down))).collect();
+        assert_eq!(sides, [(1, -1), (-1, 1)]);
         assert_eq!(
             of(&["w.<UDIM>.png"], None, Mode::Plain).unwrap(),
             both.replace('x', "w").replace("tw", "tx")

@@ -28,6 +28,7 @@ use parking_lot::Mutex;
 use profile::Profile;
 use rayon::prelude::*;
 use request::{Manner, Request};
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -96,7 +97,11 @@ fn make_job(job: &Job, request: &Request, registry: &FormatRegistry, progress: P
         return Outcome::Newer;
     }
     let start = Instant::now();
-    let result = make_measured(&job.inputs, &job.output, &request.options, registry, progress);
+    let mut options = Cow::Borrowed(&request.options);
+    if request.seams && !job.neighbours.is_empty() {
+        options.to_mut().flat.neighbours.clone_from(&job.neighbours);
+    }
+    let result = make_measured(&job.inputs, &job.output, &options, registry, progress);
     Outcome::Tried(result, start.elapsed())
 }
 
@@ -112,7 +117,7 @@ fn make_jobs(
     reporter: &Reporter,
 ) -> usize {
     let title = |job: &Job| job.output.display().to_string();
-    if jobs.len() > 1 && request.options.is_streamed() {
+    if jobs.len() > 1 && request.options.is_streamed() && !request.seams {
         let mut bar = bar.clone();
         bar.begin(&format!("{} textures", jobs.len()), jobs.len() as u64);
         let done = AtomicU64::new(0);

@@ -265,6 +265,7 @@ impl OiioArgs {
             format_given: self.image.format.is_some(),
             path: None,
             newer: false,
+            seams: false,
             threads: (self.threads > 0).then_some(self.threads.into()),
             stats: self.runstats,
             verbosity: if self.verbose { 2 } else { 1 },

@@ -56,6 +56,8 @@ pub(crate) struct Request {
     pub(crate) path: Option<String>,
     /// Skips textures that are newer than their inputs.
     pub(crate) newer: bool,
+    /// Filters of the levels of a set use texels of neighbouring images.
+    pub(crate) seams: bool,
     pub(crate) threads: Option<usize>,
     pub(crate) stats: bool,
     pub(crate) verbosity: u8,

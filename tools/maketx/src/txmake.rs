@@ -184,6 +184,7 @@ impl TxmakeArgs {
             format_given: true,
             path: None,
             newer: self.newer,
+            seams: false,
             threads: self.threads,
             stats: false,
             verbosity: if self.verbose { 2 } else { 1 },

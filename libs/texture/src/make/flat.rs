@@ -104,6 +104,17 @@ pub struct Distribution {
     pub bits: u32,
 }
 
+/// An image that continues another one, as the images of a set do ([`UdimName`](crate::UdimName)).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Neighbour {
+    /// -1 for an image to the left, 1 for one to the right, 0 for one above or below.
+    pub across: i8,
+    /// -1 for an image above, 1 for one below, 0 for one beside.
+    pub down: i8,
+    /// The image.
+    pub path: PathBuf,
+}
+
 /// Options of plain textures, panoramas of one image, and shadow maps by the conventions of OpenImageIO. When one of
 /// them is not the default, the image is processed as a whole.
 #[derive(Clone, Debug, PartialEq)]
@@ -126,6 +137,9 @@ pub struct FlatOptions {
     pub levels: bool,
     /// Files that replace the levels after the first, in their order.
     pub level_files: Vec<PathBuf>,
+    /// The images around a plain texture. The filters of its levels use up to 256 texels of each, as far as these have the same
+    /// size. The sides of the image must not be changed by resizing.
+    pub neighbours: Vec<Neighbour>,
     /// A filter by the definition of OpenImageIO, which replaces [`MakeOptions::filter`](super::MakeOptions::filter).
     pub filter: Option<LevelFilter>,
     /// The strength of the unsharp mask that is applied at each level; 0: none.
@@ -168,6 +182,7 @@ impl Default for FlatOptions {
             drop_equal: false,
             levels: true,
             level_files: Vec::new(),
+            neighbours: Vec::new(),
             filter: None,
             sharpen: 0.0,
             compress_highlights: false,

@@ -16,11 +16,14 @@ mod shadow;
 mod source;
 mod sphere;
 mod stream;
+mod surround;
 mod whole;
 mod writer;
 
 pub use color::ColorSpace;
-pub use flat::{Bump, BumpFormat, Conventions, Distribution, FlatOptions, Frame, NormalRange, SlopeFilter};
+pub use flat::{
+    Bump, BumpFormat, Conventions, Distribution, FlatOptions, Frame, Neighbour, NormalRange, SlopeFilter,
+};
 pub use kernel::{Kernel, LevelFilter};
 pub use options::{BrokenValues, Costs, Made, MakeOptions, Mode};
 
@@ -79,7 +82,7 @@ pub fn make_measured(
         let what = format!("{} is an input, and is not overwritten", output.display());
         return Err(TextureError::Misuse { what });
     }
-    let stamp = if options.update { Some(newest(inputs)?) } else { None };
+    let stamp = if options.update { Some(newest(inputs, options)?) } else { None };
     if let Some(stamp) = stamp
         && has_time(output, stamp)
         && options.flat.signature.as_ref().is_none_or(|own| has_signature(output, own, registry))
@@ -259,9 +262,10 @@ fn check(inputs: &[PathBuf], options: &MakeOptions) -> Result<()> {
 }
 
 /// Returns the time stamp of the newest input.
-fn newest(inputs: &[PathBuf]) -> Result<SystemTime> {
+fn newest(inputs: &[PathBuf], options: &MakeOptions) -> Result<SystemTime> {
     let mut newest = SystemTime::UNIX_EPOCH;
-    for path in inputs.iter().filter(|p| !is_empty_face(p)) {
+    let neighbours = options.flat.neighbours.iter().map(|neighbour| &neighbour.path);
+    for path in inputs.iter().filter(|p| !is_empty_face(p)).chain(neighbours) {
         let time = std::fs::metadata(path)
             .and_then(|m| m.modified())
             .map_err(|source| TextureError::Io { path: path.clone(), source })?;

@@ -11,6 +11,7 @@ use super::picture::{ChannelStatistics, Picture, Window};
 use super::scan::hexadecimal;
 use super::source::{Source, Units};
 use super::sphere::{latlong_mean, latlong_next};
+use super::surround::{Parts, Surrounded};
 use super::{MakeOptions, Mode, color::Conversion, makes_exr, power_of_two};
 use crate::error::{Result, TextureError};
 use crate::image::{Image, half};
@@ -135,6 +136,7 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
         _ => None,
     };
     let mut marks = Vec::new();
+    let surrounded = work.surrounded(&picture.image, &mut notes)?;
     let top = work.first_level(picture.image);
     // An image that was enlarged begins at (0, 0).
     let frame = (framed && (top.width, top.height) == (data.width, data.height)).then_some((data, full));
@@ -162,7 +164,7 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
             attributes.set(super::output::number("pixelaspect", aspect));
         }
     }
-    let levels = work.levels(top, alpha)?;
+    let levels = work.levels(top, alpha, surrounded)?;
     Ok(Texture {
         kind,
         body: Body::Flat(levels),
@@ -402,8 +404,50 @@ impl Work<'_> {
         }
     }
 
+    /// Returns an image with its neighbours around it; `None` when it has none.
+    fn surrounded(&self, image: &Image, notes: &mut Vec<String>) -> Result<Option<Surrounded>> {
+        if self.flat.neighbours.is_empty() {
+            return Ok(None);
+        }
+        let is_misused = self.kind != TextureKind::Plain || self.flat.bump.is_some() || self.overscan;
+        if is_misused {
+            let what = "filters over seams apply to plain textures that are neither slopes nor extend beyond their display windows";
+            return Err(TextureError::Misuse { what: what.to_owned() });
+        }
+        if self.options.resize
+            && (power_of_two(image.width), power_of_two(image.height)) != (image.width, image.height)
+        {
+            let what =
+                "filters over seams need sides that are powers of two, or an image that is not resized";
+            return Err(self.malformed(what.to_owned()));
+        }
+        let mut parts = Parts::default();
+        for neighbour in &self.flat.neighbours {
+            let source = Source::open(&neighbour.path, self.options, self.registry)?;
+            let mut picture = read_picture(&source, source.conversion(self.options), self.flat.is_peer())?;
+            picture.pad(picture.full);
+            if picture.image.channels != image.channels {
+                picture.set_channels(image.channels);
+            }
+            picture.repair(self.options.broken_values);
+            if !parts.add(image, neighbour, &picture.image) {
+                notes.push(format!(
+                    "{}: the neighbour {} has another size, and is not used",
+                    self.path.display(),
+                    neighbour.path.display()
+                ));
+            }
+        }
+        Ok(parts.around(image))
+    }
+
     /// Returns all levels.
-    fn levels(&self, mut top: Image, alpha: Option<usize>) -> Result<Vec<Image>> {
+    fn levels(
+        &self,
+        mut top: Image,
+        alpha: Option<usize>,
+        mut surrounded: Option<Surrounded>,
+    ) -> Result<Vec<Image>> {
         let mean = latlong_mean(&top);
         self.close_panorama(&mut top);
         self.finish(&mut top, alpha);
@@ -411,9 +455,14 @@ impl Work<'_> {
         let mut files = self.flat.level_files.iter();
         let many = self.flat.levels && self.kind != TextureKind::Shadow;
         while let Some(last) = levels.last().filter(|p| many && (p.width > 1 || p.height > 1)) {
-            let mut next = match files.next() {
-                Some(file) => self.level_of_file(file, last)?,
-                None => self.next_level(last, alpha, &mean),
+            let mut next = match (files.next(), surrounded.take()) {
+                (Some(file), _) => self.level_of_file(file, last)?,
+                (None, Some(around)) => {
+                    let (level, next) = around.next(|image| self.next_level(image, alpha, &mean));
+                    surrounded = next;
+                    level
+                }
+                (None, None) => self.next_level(last, alpha, &mean),
             };
             self.finish(&mut next, alpha);
             self.close_panorama(&mut next);
