@@ -78,7 +78,10 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
                 let (a, b) = (x + size * u, z + size * aspect * v - speed * t);
                 let (sin, cos) = (angle + turn * t).sin_cos();
                 let p = Vec3::new(cos * a - sin * b, -1.0, sin * a + cos * b);
-                if case % 3 == 0 { Vec3::new(p.y, p.x, p.z) } else { p }
+                let p = if case % 3 == 0 { Vec3::new(p.y, p.x, p.z) } else { p };
+                // Every fifth case goes far away between the first and the last key, and comes back.
+                let away = if case % 5 == 4 && t > 0.0 && t < 1.0 { t } else { 0.0 };
+                p + 20.0 * away * Vec3::new(random(7), 0.2 * random(8), random(9))
             };
             let times: &[f32] = if case % 2 == 0 { &[0.0, 1.0] } else { &[0.0, 0.3, 0.37, 1.0] };
             let grid = grid(&camera, times, &at);
