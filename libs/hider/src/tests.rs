@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, Candidates};
 use super::hit::{Hit, Raster, Sink};
+use super::lanes::LANES;
 use super::rays::Polygon;
 use super::{SampleGrid, SamplePattern, ShadedGrid, ViewedGrid};
 use granita_base::{MotionTransform, Params, Reporter, Vec2, Vec3, hash};
@@ -97,6 +98,7 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
                     rim: [j == 0, i == 1, j == 1, i == 0],
                     pixel: Vec2::new(1.0 / scale.x, 1.0 / scale.y),
                 };
+                let mut candidates = Candidates::default();
                 for sample in 0..samples.len() {
                     let (pixel, k) = (sample / samples.per_pixel, sample % samples.per_pixel);
                     let lens = samples.lenses.get(pixel).map(|first| *first as usize + k);
@@ -108,9 +110,10 @@ fn the_bounds_of_moving_grids_miss_no_hit() {
                         lens_x: lens(&samples.tables.lens_x),
                         lens_y: lens(&samples.tables.lens_y),
                     };
-                    let mut candidates = Candidates::default();
                     candidates.push(sample, one);
-                    raster.rays(Portable, &polygon, (&candidates, 0), &mut |sample, z, u, v, beside| {
+                }
+                for first in (0..candidates.len()).step_by(LANES) {
+                    raster.rays(Portable, &polygon, (&candidates, first), &mut |sample, z, u, v, beside| {
                         all.hit(Hit { sample, z, at: at as u32, u, v, rim: true, beside });
                     });
                 }
