@@ -19,8 +19,8 @@
 //! with many lookups use a [`TextureReader`].
 //!
 //! Shadow maps that are rendered on demand (reference 10.1.5) are declared, and a [`TileMaker`] makes their tiles.
-//! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`). Sets of textures that continue
-//! each other are looked up under one name ([`UdimName`]).
+//! Volume textures ([`TextureCache::texture3d`]) are files with several images (`slices`). Sets of textures that
+//! continue each other are looked up under one name ([`UdimName`]).
 //!
 //! Colour profiles are deliberately absent. So are names of geometry sets, which the renderer resolves before a lookup.
 //!
@@ -83,6 +83,7 @@ mod plain;
 mod pyramid;
 mod reader;
 mod sampler;
+mod set_lookup;
 mod shadow;
 mod shared;
 mod simd;
@@ -91,6 +92,7 @@ mod solid;
 mod squares;
 mod stage;
 mod statistics;
+mod tile_cache;
 mod tiles;
 mod udim;
 mod volume;

@@ -1,12 +1,10 @@
 //! Filtered lookups of `texture ()` in a plain image.
 
-use crate::TextureId;
 use crate::file::TextureFile;
 use crate::footprint::{Mean, Spread, mix};
 use crate::gaussian::Gaussian;
 use crate::lookup::Lookup;
 use crate::reader::TextureReader;
-use crate::squares::texture_of_set;
 
 /// Runs `each` for groups of up to four channels that the file has, and stores the results in their places. The
 /// others get `fill`.
@@ -38,17 +36,6 @@ const WIDE: f64 = 1.5;
 
 /// The widest footprint that is filtered in the smallest level, in its texels.
 const MOST: f64 = 32.0;
-
-impl TextureReader<'_> {
-    /// Implements [`TextureCache::texture`](crate::TextureCache::texture).
-    pub fn texture(&mut self, id: TextureId, lookup: &Lookup, out: &mut [f32]) {
-        let file = self.look_up(id);
-        match &file.set {
-            Some(squares) => texture_of_set(self, file, squares, lookup, out),
-            None => texture(self, file, lookup, out),
-        }
-    }
-}
 
 /// Returns the squared widths of the footprint of a lookup in texels of the largest level of a file.
 fn spread(file: &TextureFile, q: &Lookup) -> Spread {

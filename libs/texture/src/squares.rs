@@ -1,16 +1,6 @@
-//! Lookups in a set of textures, one for each unit square ([`UdimName`](crate::UdimName)).
-//!
-//! A footprint that leaves its square is continued in the neighbours. Each texture is looked up as if black surrounded
-//! it, and the results are added. Since the weights of a footprint sum to 1, so do those of the parts. Where a set has
-//! no neighbour, the texels of the border continue.
+//! The textures of a set, one for each unit square ([`UdimName`](crate::UdimName)).
 
-use crate::file::TextureFile;
-use crate::lookup::Lookup;
-use crate::plain::{by_channels, reach, texture};
-use crate::reader::TextureReader;
-use crate::shared::Shared;
 use crate::udim::Square;
-use crate::wrap::Wrap;
 use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
@@ -35,16 +25,16 @@ struct Member {
 
 /// A place in a set: a column and a row, and coordinates in that square.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
+pub(crate) struct Place {
     column: i64,
     row: i64,
-    s: f32,
-    t: f32,
+    pub(crate) s: f32,
+    pub(crate) t: f32,
 }
 
 impl Place {
     /// Returns the same point as seen from the square that is `columns` to the right and `down` below.
-    fn from(self, columns: i64, down: i64) -> Self {
+    pub(crate) fn from(self, columns: i64, down: i64) -> Self {
         Self {
             column: self.column + columns,
             row: self.row - down,
@@ -71,15 +61,15 @@ impl Squares {
         self.members.get(&square)
     }
 
-    /// Returns the file of a square; `None` when there is none or when it cannot be used.
-    fn file<'a>(&self, place: Place, shared: &'a Shared) -> Option<&'a TextureFile> {
+    /// Returns the index of the file of a place, which `find` finds by its name when it is first needed; `None` when
+    /// there is none or when it cannot be used.
+    pub(crate) fn index(&self, place: Place, find: impl FnOnce(&str) -> Option<u32>) -> Option<u32> {
         let member = self.member(place)?;
-        let index = member.index.get_or_init(|| shared.find(&member.name));
-        shared.files.get((*index)?)
+        *member.index.get_or_init(|| find(&member.name))
     }
 
     /// Returns the square of a point. On the edge of two squares it is one that has a texture, if there is one.
-    fn home(&self, s: f32, t: f32) -> Option<Place> {
+    pub(crate) fn home(&self, s: f32, t: f32) -> Option<Place> {
         if !s.is_finite() || !t.is_finite() {
             return None;
         }
@@ -92,82 +82,19 @@ impl Squares {
         near.into_iter().find(|place| self.member(*place).is_some()).or(Some(at))
     }
 
-    /// Reports, once for each square, that a lookup needed a texture that does not exist.
-    fn warn(&self, place: Place, shared: &Shared) {
+    /// Returns the message about a place without a texture, the first time that it is needed.
+    pub(crate) fn complaint(&self, place: Place) -> Option<String> {
         let (column, row) = (place.column, place.row);
-        if self.missing.lock().insert((column, row)) {
-            let what = format!(
-                "texture \"{}\" has no file for column {column}, row {row} (s from {column} to {}, t from {} to {}): it is black there",
-                self.name,
-                column + 1,
-                -row,
-                1 - row
-            );
-            shared.warn(what);
+        if self.member(place).is_some() || !self.missing.lock().insert((column, row)) {
+            return None;
         }
-    }
-}
-
-/// Returns -1 or 1 when a footprint that reaches this far leaves its square on this side, and 0 when it does not leave it or
-/// when it leaves it on both sides.
-fn side(x: f32, reach: f32) -> i64 {
-    match (x < reach, x > 1.0 - reach) {
-        (true, false) => -1,
-        (false, true) => 1,
-        _ => 0,
-    }
-}
-
-/// Looks up a point in a set. `first` is the file of the first square.
-pub(crate) fn texture_of_set(
-    reader: &mut TextureReader<'_>,
-    first: &TextureFile,
-    squares: &Squares,
-    q: &Lookup,
-    out: &mut [f32],
-) {
-    let shared = reader.shared();
-    let home = squares.home(q.s, q.t);
-    let Some((home, file)) = home.and_then(|home| Some((home, squares.file(home, shared)?))) else {
-        if let Some(home) = home.filter(|home| squares.member(*home).is_none()) {
-            squares.warn(home, shared);
-        }
-        return by_channels(first, q.first_channel, q.fill, out, |_, _| [0.0; 4]);
-    };
-    let (across, down) = reach(file, q);
-    let (across, down) = (side(home.s, across), side(home.t, down));
-    let neighbour = |columns, rows| {
-        let place = home.from(columns, rows);
-        squares.file(place, shared).map(|file| (place, file))
-    };
-    let beside = |down: i64| (across != 0).then(|| neighbour(across, down)).flatten();
-    let next = (down != 0).then(|| neighbour(0, down)).flatten();
-    let twrap = if next.is_some() { Wrap::Black } else { Wrap::Clamp };
-    let mut is_first = true;
-    for (place, file, down) in
-        [Some((home, file, 0)), next.map(|(place, file)| (place, file, down))].into_iter().flatten()
-    {
-        let beside = beside(down);
-        let swrap = if beside.is_some() { Wrap::Black } else { Wrap::Clamp };
-        for (place, file) in [Some((place, file)), beside].into_iter().flatten() {
-            let here = Lookup { s: place.s, t: place.t, swrap: Some(swrap), twrap: Some(twrap), ..*q };
-            if std::mem::take(&mut is_first) {
-                texture(reader, file, &here, out);
-            } else {
-                add(reader, file, &here, out);
-            }
-        }
-    }
-}
-
-/// Looks up a point and adds its value. Channels that the file does not have stay as they are.
-fn add(reader: &mut TextureReader<'_>, file: &TextureFile, q: &Lookup, out: &mut [f32]) {
-    let mut first_channel = q.first_channel;
-    for run in out.chunks_mut(4) {
-        let mut part = [0.0; 4];
-        texture(reader, file, &Lookup { first_channel, fill: 0.0, ..*q }, &mut part[..run.len()]);
-        run.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
-        first_channel = first_channel.saturating_add(4);
+        Some(format!(
+            "texture \"{}\" has no file for column {column}, row {row} (s from {column} to {}, t from {} to {}): it is black there",
+            self.name,
+            column + 1,
+            -row,
+            1 - row
+        ))
     }
 }
 

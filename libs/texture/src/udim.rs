@@ -71,9 +71,9 @@ impl Mark {
     }
 }
 
-/// The name of a set of images, such as `wall.<UDIM>.tx`. `<UDIM>` stands for the numbers 1001 to 1010 of the squares of
-/// row 0, 1011 to 1020 of row 1, and so on. `<UVTILE>` stands for `u1_v1`, `u2_v1` and so on. Both may also have small
-/// letters.
+/// The name of a set of images, such as `wall.<UDIM>.tx`. `<UDIM>` stands for the numbers 1001 to 1010 of the squares
+/// of row 0, 1011 to 1020 of row 1, and so on. `<UVTILE>` stands for `u1_v1`, `u2_v1` and so on. Both may also have
+/// small letters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UdimName {
     /// The name up to the mark, with the folder.

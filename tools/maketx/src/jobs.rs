@@ -94,7 +94,8 @@ fn set_jobs(inputs: Vec<Input>, output: &Path, set: &UdimName) -> Result<Vec<Job
     Ok(jobs)
 }
 
-/// Returns the textures to make. An input `wall.<UDIM>.exr` stands for all files of that set ([`UdimName`]). With the name of a file, all inputs make one texture, as many as the mode needs.
+/// Returns the textures to make. An input `wall.<UDIM>.exr` stands for all files of that set ([`UdimName`]). With the
+/// name of a file, all inputs make one texture, as many as the mode needs.
 /// Without a name, or with that of a folder, each input makes a texture with its own name and the extension `tx`,
 /// beside the input or in the folder.
 ///
@@ -202,7 +203,7 @@ mod tests {
             (&["one.png"], Some("x.<UDIM>.tx"), Mode::Plain, "this input is not one"),
             (&["v.<UVTILE>.png"], Some("x.<UDIM>.tx"), Mode::Plain, "no number for column 10, row 0"),
             (&["w.<UDIM>.png", "w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::Plain, "both become"),
-            (&["w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::EnvCube, "a set cannot be used"),
+            (&["w.<UDIM>.png"], Some("x.<UDIM>.tx"), Mode::ShadCube, "a set cannot be used"),
         ] {
             let what = of(inputs, output, mode).unwrap_err();
             assert!(what.contains(expected), "{what}");

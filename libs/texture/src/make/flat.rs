@@ -137,8 +137,8 @@ pub struct FlatOptions {
     pub levels: bool,
     /// Files that replace the levels after the first, in their order.
     pub level_files: Vec<PathBuf>,
-    /// The images around a plain texture. The filters of its levels use up to 256 texels of each, as far as these have the same
-    /// size. The sides of the image must not be changed by resizing.
+    /// The images around a plain texture. The filters of its levels use up to 256 texels of each, as far as these
+    /// have the same size. The sides of the image must not be changed by resizing.
     pub neighbours: Vec<Neighbour>,
     /// A filter by the definition of OpenImageIO, which replaces [`MakeOptions::filter`](super::MakeOptions::filter).
     pub filter: Option<LevelFilter>,

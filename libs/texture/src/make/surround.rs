@@ -30,8 +30,8 @@ fn margin_of(image: &Image) -> usize {
 }
 
 impl Parts {
-    /// Adds the part of a neighbour that lies in the margin around `image`. Returns false when the neighbour has another size,
-    /// so that its texels do not continue those of the image.
+    /// Adds the part of a neighbour that lies in the margin around `image`. Returns false when the neighbour has
+    /// another size, so that its texels do not continue those of the image.
     pub(crate) fn add(&mut self, image: &Image, neighbour: &Neighbour, other: &Image) -> bool {
         if (other.width, other.height, other.channels) != (image.width, image.height, image.channels) {
             return false;
@@ -97,8 +97,8 @@ impl Surrounded {
         }
     }
 
-    /// Makes the next level, with `next` for the image with its margin. Returns the level, and itself at that level while the
-    /// image and the margin can be halved again.
+    /// Makes the next level, with `next` for the image with its margin. Returns the level, and itself at that level
+    /// while the image and the margin can be halved again.
     pub(crate) fn next(self, next: impl FnOnce(&Image) -> Image) -> (Image, Option<Self>) {
         let (image, margin) = (next(&self.image), self.margin / 2);
         let (w, h) = (image.width - 2 * margin, image.height - 2 * margin);
