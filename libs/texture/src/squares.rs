@@ -5,6 +5,10 @@ use parking_lot::Mutex;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
+/// Points that are less than this beyond the edge of a set belong to it, because coordinates are rounded. It is less
+/// than half a texel of 4096.
+const EDGE: f32 = 1e-4;
+
 /// The textures of a set.
 #[derive(Debug)]
 pub(crate) struct Squares {
@@ -68,7 +72,7 @@ impl Squares {
         *member.index.get_or_init(|| find(&member.name))
     }
 
-    /// Returns the square of a point. On the edge of two squares it is one that has a texture, if there is one.
+    /// Returns the square of a point. Within [`EDGE`] of an edge it is a square that has a texture, if there is one.
     pub(crate) fn home(&self, s: f32, t: f32) -> Option<Place> {
         if !s.is_finite() || !t.is_finite() {
             return None;
@@ -76,8 +80,11 @@ impl Squares {
         let (column, down) = (s.floor(), t.floor());
         let whole = |x: f32| x.clamp(-1e9, 1e9) as i64;
         let at = Place { column: whole(column), row: -whole(down), s: s - column, t: t - down };
-        let beside = if s == column { &[0, -1][..] } else { &[0] };
-        let above = if t == down { &[0, -1][..] } else { &[0] };
+        let [beside, above] = [at.s, at.t].map(|x| match x {
+            _ if x <= EDGE => &[0, -1][..],
+            _ if x >= 1.0 - EDGE => &[0, 1],
+            _ => &[0],
+        });
         let near = above.iter().flat_map(|down| beside.iter().map(|columns| at.from(*columns, *down)));
         near.into_iter().find(|place| self.member(*place).is_some()).or(Some(at))
     }
@@ -118,6 +125,10 @@ mod tests {
         assert_eq!(at(2.0, 1.0), Some((1, 0, 1.0, 1.0)));
         assert_eq!(at(1.0, 0.0), Some((1, 0, 0.0, 0.0)));
         assert_eq!(at(2.0, -1.0), Some((1, 2, 1.0, 1.0)));
+        assert_eq!(at(-1e-9, 0.5), Some((0, 0, 0.0, 0.5)), "rounded");
+        let beyond = at(2.00005, 1.00005).unwrap();
+        assert!(beyond.0 == 1 && beyond.1 == 0 && beyond.2 > 1.0 && beyond.3 > 1.0, "{beyond:?}");
+        assert_eq!(at(2.001, 0.5).map(|place| place.0), Some(2));
         assert_eq!(at(0.5, -0.5), Some((0, 1, 0.5, 0.5)), "without a texture");
         assert_eq!(at(f32::NAN, 0.0), None);
         assert_eq!(at(0.0, f32::INFINITY), None);

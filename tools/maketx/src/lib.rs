@@ -105,10 +105,13 @@ fn make_job(job: &Job, request: &Request, registry: &FormatRegistry, progress: P
     Outcome::Tried(result, start.elapsed())
 }
 
+/// The number of textures that are made at once. Each may take a quarter of the memory where its format is decoded as a
+/// whole.
+const AT_ONCE: usize = 4;
+
 /// Makes all textures, and reports each. Returns the number of those that succeeded.
 ///
-/// Several textures that take little memory each are made at once, as many as there are threads. A texture alone does
-/// not keep all threads busy.
+/// Several textures that are made in rows are made [`AT_ONCE`], because one alone does not keep all threads busy.
 fn make_jobs(
     jobs: &[Job],
     request: &Request,
@@ -126,7 +129,8 @@ fn make_jobs(
             bar.done(done.fetch_add(1, Ordering::Relaxed) + 1);
             outcome
         };
-        let outcomes: Vec<Outcome> = jobs.par_iter().map(one).collect();
+        let outcomes: Vec<Outcome> =
+            jobs.chunks(AT_ONCE).flat_map(|some| some.par_iter().map(one).collect::<Vec<_>>()).collect();
         bar.end();
         return jobs
             .iter()

@@ -126,8 +126,8 @@ pub struct MakeOptions {
 }
 
 impl MakeOptions {
-    /// True when a texture of one image takes little memory, whatever the size of the image: its rows are read,
-    /// filtered and written in turns.
+    /// True when the rows of a plain texture are read, filtered and written in turns, so that it takes little memory
+    /// unless its format is decoded as a whole.
     pub fn is_streamed(&self) -> bool {
         let keeps_rows = self.twrap == Wrap::Periodic && self.filter != Filter::Box;
         self.mode == Mode::Plain && !keeps_rows && !self.flat.needs_whole()

@@ -2,7 +2,7 @@
 
 use super::flat::Neighbour;
 use crate::image::Image;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 /// The largest number of texels of each neighbour that are used.
 const MOST: usize = 256;
@@ -13,8 +13,8 @@ pub(crate) struct Surrounded {
     image: Image,
     /// The width of the margin on each side, at least 1.
     margin: usize,
-    /// The directions across and down of the neighbours, and (0, 0).
-    sides: BTreeSet<(i8, i8)>,
+    /// For each side down, and in it for each side across, -1 to 1: whether texels are there.
+    sides: [[bool; 3]; 3],
 }
 
 /// The parts of neighbours, by their directions across and down.
@@ -55,15 +55,14 @@ impl Parts {
         let m = margin_of(image);
         let mut whole = Image::new(image.width + 2 * m, image.height + 2 * m, image.channels);
         whole.paste(image, m, m);
-        let place = |side: i8, n: usize| match side {
-            -1 => 0,
-            0 => m,
-            _ => m + n,
-        };
-        for ((across, down), part) in &self.parts {
-            whole.paste(part, place(*across, image.width), place(*down, image.height));
+        let (across, down) = ([0, m, m + image.width], [0, m, m + image.height]);
+        let mut sides = [[false; 3]; 3];
+        sides[1][1] = true;
+        for (side, part) in &self.parts {
+            let [i, j] = [side.0, side.1].map(|s| (s.clamp(-1, 1) + 1) as usize);
+            whole.paste(part, across[i], down[j]);
+            sides[j][i] = true;
         }
-        let sides = self.parts.into_keys().chain([(0, 0)]).collect();
         let mut surrounded = Surrounded { image: whole, margin: m, sides };
         surrounded.fill();
         Some(surrounded)
@@ -73,26 +72,29 @@ impl Parts {
 impl Surrounded {
     /// Continues the texels of the border where there is no neighbour.
     fn fill(&mut self) {
-        let m = self.margin;
+        let (m, n) = (self.margin, self.image.channels);
         let (width, height) = (self.image.width, self.image.height);
         // The side of a row or column, and the nearest one of the middle.
         let place = |at: usize, n: usize| match at {
-            _ if at < m => (-1, m),
-            _ if at < n - m => (0, at),
-            _ => (1, n - m - 1),
+            _ if at < m => (0, m),
+            _ if at < n - m => (1, at),
+            _ => (2, n - m - 1),
         };
         for y in 0..height {
             let (down, middle_y) = place(y, height);
-            for x in 0..width {
+            // The middle needs nothing.
+            let end = if down == 1 { m } else { width - m };
+            for x in (0..end).chain(width - m..width) {
                 let (across, middle_x) = place(x, width);
-                if self.sides.contains(&(across, down)) {
+                if self.sides[down][across] {
                     continue;
                 }
-                let near = [((across, 0), x, middle_y), ((0, down), middle_x, y)];
-                let near = near.into_iter().find(|(side, ..)| self.sides.contains(side));
-                let (from_x, from_y) = near.map_or((middle_x, middle_y), |(_, x, y)| (x, y));
-                let texel = self.image.texel(from_x, from_y).to_vec();
-                self.image.texel_mut(x, y).copy_from_slice(&texel);
+                let from = match (self.sides[1][across], self.sides[down][1]) {
+                    (true, _) => middle_y * width + x,
+                    (_, true) => y * width + middle_x,
+                    _ => middle_y * width + middle_x,
+                };
+                self.image.data.copy_within(from * n..(from + 1) * n, (y * width + x) * n);
             }
         }
     }

@@ -97,7 +97,7 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
         && (picture.full.x, picture.full.y) == (0, 0)
         && statistics.iter().all(|c| c.low == c.high)
         && picture.image.data.iter().all(|v| v.is_finite());
-    if constant && options.constant_color {
+    if constant && options.constant_color && flat.neighbours.is_empty() {
         let (width, height) = (picture.data.width, picture.data.height);
         let tile = (options.tile_size.0 as usize, options.tile_size.1 as usize);
         picture.data = Window { width: width.min(tile.0), height: height.min(tile.1), ..picture.data };
@@ -275,13 +275,18 @@ impl Work<'_> {
         }
     }
 
-    /// Makes the window of the picture the one that the texture shows.
-    fn frame(&mut self, picture: &mut Picture) -> Result<()> {
+    /// Gives a picture the pixels of the window that the texture shows, and those around it.
+    fn show(&self, picture: &mut Picture) {
         if self.flat.frame == Frame::Data {
             picture.data = Window { x: 0, y: 0, ..picture.data };
             picture.full = picture.data;
         }
         picture.pad(picture.full);
+    }
+
+    /// Makes the window of the picture the one that the texture shows.
+    fn frame(&mut self, picture: &mut Picture) -> Result<()> {
+        self.show(picture);
         self.overscan = picture.data != picture.full;
         if self.overscan && !self.exr {
             let what = "the image extends beyond its display window, which only textures of OpenEXR store";
@@ -425,7 +430,7 @@ impl Work<'_> {
         for neighbour in &self.flat.neighbours {
             let source = Source::open(&neighbour.path, self.options, self.registry)?;
             let mut picture = read_picture(&source, source.conversion(self.options), self.flat.is_peer())?;
-            picture.pad(picture.full);
+            self.show(&mut picture);
             if picture.image.channels != image.channels {
                 picture.set_channels(image.channels);
             }
