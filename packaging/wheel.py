@@ -1,4 +1,4 @@
-"""Writes the wheel of the package gelato with the program inside. `cargo xtask dist` runs it.
+"""Writes the wheel of the packages gelato and granita with the program inside. `cargo xtask dist` runs it.
 
     wheel.py PACKAGE HOME DOC OUT TAG
 
@@ -18,7 +18,7 @@ import zipfile
 # The names in the folder bin of an environment. maketx and iv are not among them, because the wheel of OpenImageIO has
 # them: they are "granita maketx" and "granita iv", and scripts in gelato/suite/bin.
 COMMANDS = ("granita", "gelato", "gslc", "gsoinfo", "topyg")
-TOOLS = ("gelato", "maketx", "oiio-maketx", "gslc", "gsoinfo", "topyg", "iv")
+TOOLS = ("gelato", "maketx", "oiio-maketx", "gslc", "gsoinfo", "topyg", "imgtool", "iv")
 
 SCRIPT = """#!/bin/sh
 exec "$(dirname -- "$(readlink -f -- "$0")")/granita" %s "$@"
@@ -62,7 +62,7 @@ def files(package, home, doc, tag):
     )
     info = "%s-%s.dist-info" % (project["name"].replace("-", "_"), version)
     found = {}
-    for path in sorted((package / "gelato").rglob("*")):
+    for path in sorted((package / "gelato").rglob("*")) + sorted((package / "granita").rglob("*")):
         if path.is_file() and path.suffix != ".pyc":
             found[path.relative_to(package).as_posix()] = (path.read_bytes(), 0o644)
     for path in sorted(home.rglob("*")):

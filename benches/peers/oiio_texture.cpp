@@ -1,14 +1,15 @@
-// Measures OpenImageIO's texture lookups alone: oiio_texture TEXTURE LOOKUPS RESULTS CHANNELS.
+// Measures OpenImageIO's texture lookups alone: oiio_texture TEXTURE LOOKUPS RESULTS CHANNELS [RUNS [NAME]].
 //
 // LOOKUPS holds six floats for each lookup: s t ds/dx dt/dx ds/dy dt/dy. The program prints a line
 // "NAME THREADS SECONDS WALL" for each way of filtering, with one thread and with two. SECONDS is the processor time of
-// the slower thread, and WALL is the wall clock time. Both are the best of ten runs. For each way of filtering it
-// appends the values of all lookups to RESULTS.
+// the slower thread, and WALL is the wall clock time. Both are the best of RUNS (ten) runs. For each way of filtering, or
+// the one of the NAME, it appends the values of all lookups to RESULTS.
 #include <OpenImageIO/texture.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <thread>
 #include <vector>
@@ -42,6 +43,8 @@ int main(int argc, char** argv)
         q.insert(q.end(), v, v + 6);
     const size_t count = q.size() / 6;
     const int channels = std::atoi(argv[4]);
+    const int runs = argc > 5 ? std::atoi(argv[5]) : 10;
+    const char* only = argc > 6 ? argv[6] : nullptr;
     auto system = TextureSystem::create(false);
     system->attribute("max_memory_MB", 1024.0f);
     const ustring name(argv[1]);
@@ -54,6 +57,8 @@ int main(int argc, char** argv)
     };
     std::vector<float> values(count * channels);
     for (const Way& way : ways) {
+        if (only && std::strcmp(only, way.name) != 0)
+            continue;
         auto some = [&](size_t from, size_t to, double* took) {
             const double start = seconds(CLOCK_THREAD_CPUTIME_ID);
             auto* thread = system->get_perthread_info();
@@ -73,7 +78,7 @@ int main(int argc, char** argv)
         };
         for (int threads : { 1, 2 }) {
             double best = 1e30, wall = 1e30;
-            for (int run = 0; run < 10; ++run) {
+            for (int run = 0; run < runs; ++run) {
                 double took[2] = { 0, 0 };
                 const double start = seconds(CLOCK_MONOTONIC);
                 if (threads == 1) {

@@ -11,7 +11,7 @@ class GranitaSuite < Formula
   def install
     system "cargo", "xtask", "install", "--prefix", libexec
     # maketx and iv are those of openimageio: "granita maketx", "granita iv".
-    %w[granita gelato gslc gsoinfo oiio-maketx topyg].each { |name| bin.install_symlink libexec/"bin"/name }
+    %w[granita gelato gslc gsoinfo imgtool oiio-maketx topyg].each { |name| bin.install_symlink libexec/"bin"/name }
     man1.install_symlink Dir[libexec/"share/man/man1/*"].reject { |page| page.end_with?("/maketx.1", "/iv.1") }
     %w[granita gelato gslc gsoinfo topyg].each do |name|
       bash_completion.install_symlink libexec/"share/bash-completion/completions"/name

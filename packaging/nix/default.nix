@@ -11,7 +11,7 @@ pkgs.rustPlatform.buildRustPackage {
   doCheck = false;
   nativeBuildInputs = [ pkgs.makeWrapper ];
   postInstall = ''
-    for tool in gelato maketx oiio-maketx gslc gsoinfo topyg iv; do
+    for tool in gelato maketx oiio-maketx gslc gsoinfo topyg imgtool iv; do
       ln -s granita "$out/bin/$tool"
     done
     "$out/bin/granita" -share "$out/share"

@@ -13,7 +13,7 @@ use granita_scene::{Call, GeneratorSource, SceneSink, Stop};
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 36] = [
+pub const TARGETS: [(&str, Target); 42] = [
     ("pyg", pyg),
     ("calls", calls),
     ("rib", rib),
@@ -42,6 +42,9 @@ pub const TARGETS: [(&str, Target); 36] = [
     ("softimage", softimage),
     ("ico", ico),
     ("jpegxl", jpegxl),
+    ("jpeg2000", jpeg2000),
+    ("exif", exif),
+    ("iptc", iptc),
     ("obj", obj),
     ("ply", ply),
     ("stl", stl),
@@ -50,6 +53,9 @@ pub const TARGETS: [(&str, Target); 36] = [
     ("meshopt", meshopt),
     ("sdb", sdb),
     ("display", display),
+    ("ocio", ocio),
+    ("lut", lut),
+    ("icc", icc),
 ];
 
 /// Returns limits that keep a hostile file from causing much work.
@@ -62,6 +68,52 @@ fn limits() -> Limits {
         images: 64,
         ..Limits::default()
     }
+}
+
+/// Reads a configuration of colours, and makes some conversions of it.
+pub fn ocio(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let path = std::path::Path::new("fuzz.ocio");
+    let Ok(config) = granita_color::Config::from_text(&text, path, &nothing()) else { return };
+    let names: Vec<&str> = config.color_spaces().take(8).map(|space| &*space.name).collect();
+    for from in &names {
+        for to in &names {
+            if let Ok(processor) = config.processor(from, to) {
+                let _ = processor.map([0.2, -1.0, f32::NAN]);
+            }
+        }
+    }
+    for display in config.displays().into_iter().take(4) {
+        for view in config.views(display).into_iter().take(4) {
+            let _ = config.display_processor(names.first().unwrap_or(&""), display, view);
+        }
+    }
+    let _ = config.space_of_file("a/b.exr");
+}
+
+/// Reads files of tables of all formats.
+pub fn lut(bytes: &[u8]) {
+    let config = granita_color::Config::built_in();
+    for extension in ["cube", "spi1d", "spi3d", "spimtx", "csp", "3dl", "cc", "clf"] {
+        let path = format!("fuzz.{extension}");
+        if let Ok(processor) = config.bytes_processor(bytes, std::path::Path::new(&path)) {
+            let _ = processor.map([0.2, -1.0, f32::NAN]);
+        }
+    }
+}
+
+/// Reads an ICC profile.
+pub fn icc(bytes: &[u8]) {
+    if let Ok(encoding) = granita_color::Encoding::icc(bytes, "fuzz") {
+        let _ = encoding.to_linear(&granita_color::Primaries::AP0).map([0.2, -1.0, f32::NAN]);
+    }
+}
+
+/// Returns an environment whose opener of files finds none.
+fn nothing() -> granita_base::Environment {
+    let mut environment = granita_base::Environment::default();
+    environment.set_files(granita_base::Files::confined(granita_base::Confinement::default()));
+    environment
 }
 
 struct Nowhere;
@@ -235,6 +287,39 @@ pub fn ico(bytes: &[u8]) {
 /// Reads JPEG XL.
 pub fn jpegxl(bytes: &[u8]) {
     image(bytes, "jxl");
+}
+
+/// Reads JPEG 2000.
+pub fn jpeg2000(bytes: &[u8]) {
+    image(bytes, "jp2");
+}
+
+/// Reads Exif data, whose attributes must survive writing and reading.
+pub fn exif(bytes: &[u8]) {
+    metadata(bytes, granita_image::metadata::exif::read, |attributes| {
+        granita_image::metadata::exif::write(attributes, &[])
+    });
+}
+
+/// Reads IPTC data, alone and in resources of Photoshop.
+pub fn iptc(bytes: &[u8]) {
+    use granita_image::metadata::iptc;
+    let data = iptc::of_resources(bytes).unwrap_or(bytes);
+    metadata(data, iptc::read, iptc::write);
+}
+
+/// Reads metadata. What was written is read as the same attributes, and written as the same bytes.
+fn metadata(
+    bytes: &[u8],
+    read: fn(&[u8], &mut granita_base::Params),
+    write: fn(&granita_base::Params) -> Option<Vec<u8>>,
+) {
+    let mut attributes = granita_base::Params::new();
+    read(bytes, &mut attributes);
+    let Some(written) = write(&attributes) else { return };
+    let mut again = granita_base::Params::new();
+    read(&written, &mut again);
+    assert_eq!(write(&again), Some(written));
 }
 
 /// Reads Wavefront OBJ.

@@ -102,7 +102,7 @@ const STUCK: [(&str, &str); 6] = [
     ),
     // The worker announces more images than there are.
     (
-        "$GELATO \"$@\" | head -c 25; printf 'P\\014\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
+        "$GELATO \"$@\" | head -c 25; printf 'P\\020\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\000\\376\\377\\377\\377'; exec sleep 1000",
         "its answer is malformed",
     ),
 ];

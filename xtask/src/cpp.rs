@@ -12,7 +12,7 @@ use std::process::Command;
 fn build(tools: &[&'static str], debug: bool) -> Result<PathBuf, String> {
     let mut words = vec!["build", "--bins", "--lib"];
     words.extend(tools.iter().flat_map(|tool| ["--package", tool]));
-    words.extend(["--package", "libgelato", "--package", "libgsoargs"]);
+    words.extend(["--package", "libgelato", "--package", "libgsoargs", "--package", "libgranita-texture"]);
     if !debug {
         words.push("--release");
     }

@@ -10,10 +10,10 @@ use std::process::Command;
 /// The program with all tools.
 pub(crate) const PROGRAM: &str = "granita";
 /// The tools, which are links to it.
-pub(crate) const TOOLS: [&str; 6] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg", "iv"];
+pub(crate) const TOOLS: [&str; 7] = ["gelato", "maketx", "imgtool", "gslc", "gsoinfo", "topyg", "iv"];
 /// Further names of tools, which are links to it.
 const NAMES: [&str; 1] = ["oiio-maketx"];
-const LIBRARIES: [&str; 2] = ["gelato", "gsoargs"];
+const LIBRARIES: [&str; 3] = ["gelato", "gsoargs", "granita_texture"];
 
 /// Writes the layout below `home`, from the programs and libraries in `built`.
 pub(crate) fn lay_out(home: &Path, built: &Path) -> Result<(), String> {
@@ -37,8 +37,10 @@ pub(crate) fn lay_out(home: &Path, built: &Path) -> Result<(), String> {
     folder("textures")?;
     run(Command::new(&program).arg("-share").arg(folder("share")?))?;
     documents(&folder("doc")?)?;
-    let mut places = vec![("gelato.pc", "pkgconfig"), ("gsoargs.pc", "pkgconfig")];
+    let mut places =
+        ["gelato.pc", "gsoargs.pc", "granita_texture.pc"].map(|file| (file, "pkgconfig")).to_vec();
     places.push(("GelatoConfig.cmake", "cmake/Gelato"));
+    places.push(("GranitaTextureConfig.cmake", "cmake/GranitaTexture"));
     for (file, place) in places {
         let text = read(&root.join(format!("bindings/cpp/package/{file}.in")))?;
         write(&lib.join(place).join(file), &text.replace("@VERSION@", env!("CARGO_PKG_VERSION")))?;

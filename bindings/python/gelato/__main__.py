@@ -1,7 +1,7 @@
 """Runs the tools that come with the package.
 
     python -m gelato first [FOLDER]    renders the first example in FOLDER, by default gelato-first
-    python -m gelato TOOL ...          runs gelato, maketx, iv, gslc, gsoinfo or topyg
+    python -m gelato TOOL ...          runs gelato, maketx, imgtool, iv, gslc, gsoinfo or topyg
     python -m gelato home              prints the folder of the tools, for $GELATOHOME
 
 A package without tools uses those of $GELATOHOME.

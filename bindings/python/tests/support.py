@@ -1,12 +1,15 @@
 """What the tests share. ``cargo test -p granita-tests --test python`` runs them. ``GELATO`` must name the program."""
 
 import os
+import re
+import subprocess
 import sys
 import tempfile
 import unittest
 
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 PACKAGE = os.path.dirname(FOLDER)
+DOCS = os.path.join(PACKAGE, "..", "..", "docs")
 
 sys.path.insert(0, PACKAGE)
 
@@ -37,3 +40,24 @@ def ball(r, resolution=(32, 24)):
     r.Shader("surface", "constant")
     r.Attribute("color C", (0.25, 0.5, 1))
     r.Sphere(1, -1, 1, 360)
+
+
+def run_examples(case, page):
+    """Runs the blocks of Python of a page and returns their number."""
+    with open(os.path.join(DOCS, page), encoding="utf-8") as f:
+        text = f.read()
+    blocks = list(re.finditer(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL))
+    path = os.pathsep.join(filter(None, [PACKAGE, os.environ.get("PYTHONPATH")]))
+    environment = dict(os.environ, PYTHONPATH=path, PYTHONWARNINGS="error")
+    for block in blocks:
+        if "import numpy" in block.group(1) and numpy is None:
+            continue
+        with case.subTest(page=page, line=text.count("\n", 0, block.start()) + 2):
+            ran = subprocess.run(
+                [sys.executable, "-c", block.group(1)], env=environment, capture_output=True, text=True
+            )
+            case.assertEqual((ran.returncode, ran.stderr), (0, ""))
+            # What an example prints stands behind it.
+            for shown in re.findall(r"print\(.*?\)  # (.*)$", block.group(1), re.MULTILINE):
+                case.assertIn(shown, ran.stdout)
+    return len(blocks)

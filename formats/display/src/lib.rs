@@ -15,8 +15,20 @@
 //!
 //! Encryption and passwords are deliberately absent (listen on this machine only, and forward the port by ssh), and so
 //! is compression of pixels (ssh does that as well).
+//!
+//! ```
+//! use granita_display::{Packet, PacketLimits};
+//! # fn main() -> granita_display::Result<()> {
+//! let mut bytes = Vec::new();
+//! Packet::CloseImage { name: "a.exr".into() }.encode(&mut bytes)?;
+//! // The length in bytes, the type, and a text that ends with a zero byte.
+//! assert_eq!(bytes, b"\x0b\0\0\0\x02a.exr\0");
+//! # Ok(())
+//! # }
+//! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 mod client;
 mod error;

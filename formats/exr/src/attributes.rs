@@ -1,19 +1,34 @@
 //! Converts attributes of OpenEXR files to attributes of the suite and back, and names and orders channels.
 
-use exr::meta::attribute::{AttributeValue, EnvironmentMap, Text};
-use exr::meta::header::{LayerAttributes, standard_names};
-use exr::prelude::Vec2;
+use exr::meta::attribute::{AttributeValue, Chromaticities, EnvironmentMap, Preview, Text};
+use exr::meta::header::{ImageAttributes, LayerAttributes, standard_names};
+use exr::prelude::{SmallVec, Vec2};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
 use granita_image::ImageSpec;
 
 /// The custom attribute with the order of the channels, which the format sorts by name.
 pub(crate) const CHANNEL_ORDER: &str = "channelOrder";
 
+/// The attribute with an ICC profile, in bytes. The suite's attribute of this name is its description, which is not
+/// written.
+const PROFILE: &str = "ICCProfile";
+
+/// The attribute with the primaries and the white of linear colours: x and y of red, green, blue and white.
+const CHROMATICITIES: &str = "chromaticities";
+/// The attribute with the preview: its width and height, and the bytes of red, green, blue and alpha of each pixel as
+/// one integer, red being the lowest byte.
+const PREVIEW: &str = "preview";
+
+/// The largest number of pixels of a preview that is kept.
+const MOST_PREVIEW: usize = 1 << 18;
+
 /// The kind of the attributes with any number of floats.
 const FLOATS: &str = "floatvector";
 
 /// The attributes that are options of writers, or have their own place in the header.
-const NOT_CUSTOM: [&str; 20] = [
+const NOT_CUSTOM: [&str; 24] = [
+    PROFILE,
+    CHROMATICITIES,
     "compression",
     "planarconfig",
     "rowsperstrip",
@@ -34,7 +49,27 @@ const NOT_CUSTOM: [&str; 20] = [
     "filter",
     "filterwidth",
     "pixelaspect",
+    "name",
+    "view",
 ];
+
+/// Returns the attribute of the chromaticities of a file; `None` where it has none.
+pub(crate) fn chromaticities(shared: &ImageAttributes) -> Option<Param> {
+    let Chromaticities { red, green, blue, white } = shared.chromaticities?;
+    let values: Vec<f32> = [red, green, blue, white].iter().flat_map(|v| [v.0, v.1]).collect();
+    let ty = ParamType::array(BaseType::Float, 8);
+    Some(Param { name: CHROMATICITIES.into(), ty, data: values[..].into() })
+}
+
+/// Returns the chromaticities of an image; `None` where it has none, or none that a file can hold.
+pub(crate) fn to_chromaticities(spec: &ImageSpec) -> Option<Chromaticities> {
+    let values = spec.attributes.floats(CHROMATICITIES)?;
+    let [rx, ry, gx, gy, bx, by, wx, wy] = values[..] else { return None };
+    let pair = |x, y| Vec2(x, y);
+    let found =
+        Chromaticities { red: pair(rx, ry), green: pair(gx, gy), blue: pair(bx, by), white: pair(wx, wy) };
+    values.iter().all(|v| v.is_finite()).then_some(found)
+}
 
 /// Converts any string to a text of the format, which current programs read as UTF-8.
 fn text(s: &str) -> Text {
@@ -65,6 +100,12 @@ pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
     own.software_name =
         Some(named("software").unwrap_or_else(|| text(&format!("Granita {}", granita_base::VERSION))));
     own.wrap_mode_name = named("wrapmodes");
+    own.layer_name = named("name");
+    own.view_name = named("view");
+    own.preview = match spec.attributes.get(PREVIEW).map(|param| &param.data) {
+        Some(ParamData::Int(ints)) => preview(ints),
+        _ => None,
+    };
     own.world_to_camera = spec.matrix("worldtocamera");
     own.world_to_normalized_device =
         ["worldtoNDC", "worldtondc"].into_iter().find_map(|name| spec.matrix(name));
@@ -73,6 +114,10 @@ pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
         Some("CubeFace Environment") => Some(EnvironmentMap::Cube),
         _ => None,
     };
+    if let Some(profile) = &spec.icc_profile {
+        let bytes = SmallVec::from_slice(profile);
+        own.other.insert(text(PROFILE), AttributeValue::Bytes { type_hint: text("icc"), bytes });
+    }
     for p in &spec.attributes {
         let reserved = standard_names::ALL.contains(&p.name.as_bytes());
         let special = NOT_CUSTOM.iter().any(|n| p.name.eq_ignore_ascii_case(n));
@@ -84,6 +129,38 @@ pub(crate) fn to_header(spec: &ImageSpec) -> LayerAttributes {
         }
     }
     own
+}
+
+/// Returns the ICC profile of a header.
+pub(crate) fn profile(own: &LayerAttributes) -> Option<Vec<u8>> {
+    match own.other.get(&text(PROFILE))? {
+        AttributeValue::Bytes { bytes, .. } => Some(bytes.to_vec()),
+        _ => None,
+    }
+}
+
+/// Returns the preview of the integers of [`PREVIEW`]; `None` when their number does not fit.
+fn preview(ints: &[i32]) -> Option<Preview> {
+    let (&[width, height], pixels) = ints.split_first_chunk::<2>()?;
+    let size = Vec2(usize::try_from(width).ok()?, usize::try_from(height).ok()?);
+    (size.0.checked_mul(size.1)? == pixels.len()).then(|| Preview {
+        size,
+        pixel_data: pixels.iter().flat_map(|pixel| pixel.to_le_bytes().map(u8::cast_signed)).collect(),
+    })
+}
+
+/// Returns the integers of [`PREVIEW`]; `None` for a preview that is too large or damaged.
+fn preview_param(preview: &Preview) -> Option<(ParamType, ParamData)> {
+    let Vec2(width, height) = preview.size;
+    let pixels = width.checked_mul(height).filter(|n| (1..=MOST_PREVIEW).contains(n))?;
+    let (bytes, _) = preview.pixel_data.as_chunks::<4>();
+    if bytes.len() != pixels {
+        return None;
+    }
+    let size = [width, height].map(|n| i32::try_from(n).unwrap_or(0));
+    let pixels = bytes.iter().map(|bytes| i32::from_le_bytes(bytes.map(i8::cast_unsigned)));
+    let all: Vec<i32> = size.into_iter().chain(pixels).collect();
+    Some((ParamType::array(BaseType::Int, all.len() as u32), all[..].into()))
 }
 
 /// Returns a value of the format; `None` when it has no type for it.
@@ -130,6 +207,9 @@ pub(crate) fn from_header(own: &LayerAttributes) -> Params {
     set("software", words(&own.software_name));
     set("ImageDescription", words(&own.comments));
     set("wrapmodes", words(&own.wrap_mode_name));
+    set("name", words(&own.layer_name));
+    set("view", words(&own.view_name));
+    set(PREVIEW, own.preview.as_ref().and_then(preview_param));
     let matrix = |m: &[f32; 16]| (ParamType::of(BaseType::Matrix), m[..].into());
     set("worldtocamera", own.world_to_camera.as_ref().map(matrix));
     set("worldtondc", own.world_to_normalized_device.as_ref().map(matrix));
@@ -238,6 +318,39 @@ mod tests {
         assert_eq!(ordered(&["b", "a", "c"], Some("c,a,b")), ["c", "a", "b"]);
         assert_eq!(ordered(&["b", "c"], Some("c,c")), ["b", "c"]);
         assert_eq!(ordered(&["b", "c"], Some("c,d")), ["b", "c"]);
+    }
+
+    #[test]
+    fn chromaticities_survive_write_and_read() {
+        let mut spec = ImageSpec::new(1, 1, 3, granita_image::PixelType::Half);
+        assert_eq!(to_chromaticities(&spec), None);
+        let values = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.321_68, 0.337_67];
+        spec.attributes.set(Param::declared("float[8] chromaticities", &values[..]).unwrap());
+        let display = exr::meta::attribute::IntegerBounds::new(Vec2(0, 0), Vec2(1, 1));
+        let mut shared = ImageAttributes::new(display);
+        assert_eq!(chromaticities(&shared), None);
+        shared.chromaticities = to_chromaticities(&spec);
+        assert_eq!(chromaticities(&shared).as_ref(), spec.attributes.get("chromaticities"));
+        assert!(!to_header(&spec).other.contains_key(CHROMATICITIES.as_bytes()));
+        spec.attributes.set(Param::declared("float[2] chromaticities", &values[..2]).unwrap());
+        assert_eq!(to_chromaticities(&spec), None);
+    }
+
+    #[test]
+    fn previews_survive_write_and_read() {
+        let mut spec = ImageSpec::new(1, 1, 1, granita_image::PixelType::Half);
+        let with = |spec: &mut ImageSpec, ints: &[i32]| {
+            let declared = format!("int[{}] preview", ints.len());
+            spec.attributes.set(Param::declared(&declared, ints).unwrap());
+            from_header(&to_header(spec)).get("preview").cloned()
+        };
+        let ints = [2, 1, 0x0403_0201, -1];
+        assert_eq!(with(&mut spec, &ints).map(|p| p.data), Some(ints[..].into()));
+        let own = to_header(&spec).preview.unwrap();
+        assert_eq!((own.size, &own.pixel_data[..4]), (Vec2(2, 1), &[1, 2, 3, 4][..]));
+        for wrong in [&[2, 2, 1][..], &[-1, 1, 1], &[0, 0], &[1]] {
+            assert_eq!(with(&mut spec, wrong), None, "{wrong:?}");
+        }
     }
 
     #[test]

@@ -1,25 +1,23 @@
 //! Reads chunks by position, from any thread.
 
-use crate::attributes::{self, channel_order};
-use crate::{CompressionName, Order, zip};
+use crate::deep::{DeepChannels, DeepChunk, DeepSizes};
+use crate::part::{Level, Part, exr_fault, read_headers};
+use crate::zip;
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{
     Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
 };
 use exr::compression::Compression;
-use exr::meta::attribute::{EnvironmentMap, LevelMode, SampleType};
+use exr::meta::MetaData;
 use exr::meta::header::Header;
-use exr::meta::{BlockDescription, MetaData, compute_level_count, compute_level_size};
 use exr::prelude::Vec2;
-use granita_base::{BaseType, Param, ParamType};
 use granita_image::{
-    FileSource, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, contained, rows_from_tiles,
+    DeepSamples, FileSource, ImageInput, ImageSpec, Limits, Pixels, Result, contained, rows_from_tiles,
 };
 use parking_lot::Mutex;
 use rayon::prelude::*;
-use std::io::Read;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// An open OpenEXR file.
 ///
@@ -33,66 +31,6 @@ pub struct ExrInput {
     parts: Vec<Part>,
     /// The block of scanlines read last, by indices of image and block, because rows are often read one by one.
     last_block: Mutex<Option<([usize; 2], Arc<Pixels>)>>,
-}
-
-/// A part of the file that can be read.
-#[derive(Debug)]
-struct Part {
-    /// The index of the header.
-    header: usize,
-    levels: Vec<Level>,
-    order: Order,
-    /// The number of rows of one block of scanlines.
-    block_rows: u32,
-    table_at: u64,
-    chunks: u64,
-    table: OnceLock<Vec<u64>>,
-}
-
-#[derive(Debug)]
-struct Level {
-    spec: ImageSpec,
-    /// The index of this level in both directions.
-    index: usize,
-    /// The index of its first chunk in the table of the part.
-    first_chunk: usize,
-}
-
-/// Reads a file from its beginning and counts the bytes read.
-struct Front<'a> {
-    source: &'a FileSource,
-    position: u64,
-    buffer: Vec<u8>,
-    /// The number of bytes of `buffer` that were consumed.
-    used: usize,
-    /// The error that ended reading, which the crate does not pass on.
-    fault: Option<granita_image::ImageError>,
-}
-
-impl Read for Front<'_> {
-    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
-        if self.used == self.buffer.len() {
-            let n = 4096.min(self.source.len() - self.position);
-            self.buffer.resize(n as usize, 0);
-            self.used = 0;
-            if let Err(fault) = self.source.read_at(self.position, &mut self.buffer, "the header") {
-                self.buffer.clear();
-                self.fault = Some(fault);
-            }
-            self.position += self.buffer.len() as u64;
-        }
-        let n = out.len().min(self.buffer.len() - self.used);
-        out[..n].copy_from_slice(&self.buffer[self.used..self.used + n]);
-        self.used += n;
-        Ok(n)
-    }
-}
-
-impl Front<'_> {
-    /// Returns the number of bytes that were consumed so far.
-    fn consumed(&self) -> u64 {
-        self.position - (self.buffer.len() - self.used) as u64
-    }
 }
 
 impl ExrInput {
@@ -153,6 +91,16 @@ impl ExrInput {
             return Err(malformed("it was never written".to_owned()));
         }
         let header = &self.meta.headers[part.header];
+        if let Some(channels) = &part.deep {
+            let chunk = self.read_deep(part, level, channels, (cx, cy)).map_err(|e| match e {
+                Fault::Image(error) => error,
+                Fault::Data(fault) => malformed(fault),
+            })?;
+            let n = width as usize * height as usize * spec.nchannels();
+            let mut pixels = Pixels::zeros(spec.pixel_type, n);
+            chunk.flatten(&part.order.order, width as usize, &mut pixels);
+            return Ok(pixels);
+        }
         let (block, size) = self.read_block(part, level, (cx, cy), at).map_err(|e| match e {
             Fault::Image(error) => error,
             Fault::Data(fault) => malformed(fault),
@@ -186,6 +134,61 @@ impl ExrInput {
         Ok(pixels)
     }
 
+    /// Reads a chunk of a deep part.
+    fn read_deep<'c>(
+        &self,
+        part: &Part,
+        level: &Level,
+        channels: &'c DeepChannels,
+        (cx, cy): (u32, u32),
+    ) -> std::result::Result<DeepChunk<'c>, Fault> {
+        let (spec, header) = (&level.spec, &self.meta.headers[part.header]);
+        let (across, tile_width, tile_height) = match spec.is_tiled() {
+            true => (spec.tiles().0, spec.tile_width, spec.tile_height),
+            false => (1, spec.width, part.block_rows),
+        };
+        let left =
+            |side: u32, tile: u32, i: u32| side.saturating_sub(i.saturating_mul(tile)).min(tile) as usize;
+        let size = (left(spec.width, tile_width, cx), left(spec.height, tile_height, cy));
+        let number = level.first_chunk + cy as usize * across as usize + cx as usize;
+        let at = part.table(&self.source).map_err(Fault::Image)?.get(number).copied().unwrap_or(0);
+        let wanted = self.wanted(part, level, (cx, cy));
+        let head_bytes = 4 * wanted.len() as u64 + 24;
+        let head = self.source.read_vec(at, head_bytes, "a chunk").map_err(Fault::Image)?;
+        check_place(&head, &wanted, at)?;
+        let sizes = match head.last_chunk::<24>() {
+            Some(bytes) => DeepSizes::new(bytes),
+            None => return Err(Fault::Data("it has no head".to_owned())),
+        };
+        let pixels = (tile_width as usize).checked_mul(tile_height as usize).filter(|n| *n <= usize::MAX / 4);
+        let pixels = pixels.ok_or_else(|| Fault::Data(format!("{tile_width} x {tile_height} pixels")))?;
+        sizes.check(pixels).map_err(Fault::Data)?;
+        let path = self.source.path();
+        let most = self.limits.bytes;
+        self.limits.within(path, "bytes of deep samples", sizes.unpacked, most).map_err(Fault::Image)?;
+        Limits::check_memory(path, sizes.unpacked.saturating_mul(3)).map_err(Fault::Image)?;
+        let at = at + head_bytes;
+        let table = self.source.read_vec(at, sizes.table, "a chunk").map_err(Fault::Image)?;
+        let data = self.source.read_vec(at + sizes.table, sizes.data, "a chunk").map_err(Fault::Image)?;
+        let parts = (&*table, &*data, sizes.unpacked);
+        DeepChunk::new(channels, header.compression, size, parts).map_err(Fault::Data)
+    }
+
+    /// Returns the numbers with which a chunk begins: the part in a file of several, and the place.
+    fn wanted(&self, part: &Part, level: &Level, (cx, cy): (u32, u32)) -> Vec<i32> {
+        let header = &self.meta.headers[part.header];
+        let mut wanted: Vec<i32> = Vec::new();
+        if self.meta.requirements.has_multiple_layers {
+            wanted.push(part.header as i32);
+        }
+        if level.spec.is_tiled() {
+            wanted.extend([cx as i32, cy as i32, level.index as i32, level.index as i32]);
+        } else {
+            wanted.push(header.own_attributes.layer_position.y().wrapping_add((cy * part.block_rows) as i32));
+        }
+        wanted
+    }
+
     /// Reads the chunk at byte `at`, whose header must match the requested chunk. Also returns its packed size.
     fn read_block(
         &self,
@@ -196,25 +199,10 @@ impl ExrInput {
     ) -> std::result::Result<(CompressedBlock, u64), Fault> {
         let header = &self.meta.headers[part.header];
         let tiled = level.spec.is_tiled();
-        let mut wanted: Vec<i32> = Vec::new();
-        if self.meta.requirements.has_multiple_layers {
-            wanted.push(part.header as i32);
-        }
-        let y = header.own_attributes.layer_position.y().wrapping_add((cy * part.block_rows) as i32);
-        if tiled {
-            wanted.extend([cx as i32, cy as i32, level.index as i32, level.index as i32]);
-        } else {
-            wanted.push(y);
-        }
+        let wanted = self.wanted(part, level, (cx, cy));
         let head = self.source.read_vec(at, 4 * wanted.len() as u64 + 4, "a chunk").map_err(Fault::Image)?;
-        let words: Vec<i32> = head.as_chunks::<4>().0.iter().map(|b| i32::from_le_bytes(*b)).collect();
-        if words[..wanted.len()] != wanted[..] {
-            return Err(Fault::Data(format!(
-                "at byte {at} is {:?} instead of {wanted:?}",
-                &words[..wanted.len()]
-            )));
-        }
-        let size = i64::from(words[wanted.len()]);
+        check_place(&head, &wanted, at)?;
+        let size = i64::from(head.last_chunk().map_or(0, |bytes| i32::from_le_bytes(*bytes)));
         if size <= 0 || size > header.max_block_byte_size() as i64 {
             return Err(Fault::Data(format!(
                 "it is {size} bytes of at most {}",
@@ -234,7 +222,7 @@ impl ExrInput {
                 })
             } else {
                 CompressedBlock::ScanLine(CompressedScanLineBlock {
-                    y_coordinate: y,
+                    y_coordinate: wanted.last().copied().unwrap_or(0),
                     compressed_pixels_le: packed,
                 })
             },
@@ -272,180 +260,21 @@ fn unzipped(header: &Header, block: &CompressedBlock, len: usize) -> Option<Vec<
     if packed.len() >= len { None } else { zip::decompress(packed, len) }
 }
 
+/// Checks that a chunk at byte `at` begins with the numbers `wanted`.
+fn check_place(head: &[u8], wanted: &[i32], at: u64) -> std::result::Result<(), Fault> {
+    let words = head.as_chunks::<4>().0.iter().map(|bytes| i32::from_le_bytes(*bytes));
+    let found: Vec<i32> = words.take(wanted.len()).collect();
+    if found == wanted {
+        Ok(())
+    } else {
+        Err(Fault::Data(format!("at byte {at} is {found:?} instead of {wanted:?}")))
+    }
+}
+
 /// An error of a chunk.
 enum Fault {
     Image(granita_image::ImageError),
     Data(String),
-}
-
-/// Returns the headers, and the offset of the tables of chunks.
-fn read_headers(source: &FileSource) -> Result<(MetaData, u64)> {
-    let mut front = Front { source, position: 0, buffer: Vec::new(), used: 0, fault: None };
-    let read = contained(|| MetaData::read_from_buffered(&mut front, false))
-        .map_err(|fault| source.malformed(format!("the header: {fault}")))?;
-    if let Some(fault) = front.fault.take() {
-        return Err(fault);
-    }
-    let meta = read.map_err(|e| exr_fault(source, e, "the header"))?;
-    let end = front.consumed();
-    contained(|| MetaData::validate(&meta.headers, false))
-        .map_err(|fault| source.malformed(format!("the header: {fault}")))?
-        .map_err(|e| exr_fault(source, e, "the header"))?;
-    Ok((meta, end))
-}
-
-/// Converts an error of the crate `exr`.
-fn exr_fault(source: &FileSource, error: exr::error::Error, at: &str) -> granita_image::ImageError {
-    match error {
-        exr::error::Error::NotSupported(what) => {
-            source.unsupported(format!("OpenEXR: {what} is not supported"))
-        }
-        exr::error::Error::Invalid(what) => source.malformed(format!("{at}: {what}")),
-        exr::error::Error::Aborted => source.malformed(format!("{at}: cancelled")),
-        exr::error::Error::Io(e) => {
-            granita_image::ImageError::Io { path: source.path().to_owned(), source: e }
-        }
-    }
-}
-
-impl Part {
-    fn understand(
-        source: &FileSource,
-        index: usize,
-        header: &Header,
-        limits: &Limits,
-        table_at: u64,
-    ) -> Result<Self> {
-        if header.deep {
-            return Err(source.unsupported("OpenEXR with deep pixels is not supported"));
-        }
-        if matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256) {
-            let name = CompressionName::of(header.compression);
-            return Err(source.unsupported(format!("OpenEXR compression {name} is not supported")));
-        }
-        let list = &header.channels.list;
-        // The number is checked before any work for each pair of channels.
-        limits.within(source.path(), "number of channels", list.len() as u64, u64::from(limits.channels))?;
-        if let Some(c) = list.iter().find(|c| c.sampling != Vec2(1, 1)) {
-            let name = attributes::string(&c.name);
-            return Err(
-                source.unsupported(format!("OpenEXR with subsampled channel \"{name}\" is not supported"))
-            );
-        }
-        let names: Vec<String> = list.iter().map(|c| attributes::string(&c.name)).collect();
-        let types: Vec<SampleType> = list.iter().map(|c| c.sample_type).collect();
-        let pixel_type = match header.channels.uniform_sample_type {
-            Some(SampleType::U32) => PixelType::U32,
-            Some(SampleType::F16) => PixelType::Half,
-            // For different types, floats hold the most values.
-            Some(SampleType::F32) | None => PixelType::Float,
-        };
-        let own = &header.own_attributes;
-        let wanted = own.other.get(attributes::CHANNEL_ORDER.as_bytes()).and_then(|v| match v {
-            exr::meta::attribute::AttributeValue::Text(t) => Some(attributes::string(t)),
-            _ => None,
-        });
-        let order = channel_order(&names, wanted.as_deref());
-
-        let side = |n: usize| u32::try_from(n).map_err(|_| source.malformed(format!("a side of {n} pixels")));
-        let mut spec = ImageSpec::new(side(header.layer_size.0)?, side(header.layer_size.1)?, 1, pixel_type);
-        spec.channels = order.iter().map(|i| names[*i].clone()).collect();
-        (spec.x, spec.y) = (own.layer_position.0, own.layer_position.1);
-        let display = header.shared_attributes.display_window;
-        (spec.full_x, spec.full_y) = (display.position.0, display.position.1);
-        (spec.full_width, spec.full_height) = (side(display.size.0)?, side(display.size.1)?);
-        spec.attributes = attributes::from_header(own);
-        let compression = CompressionName::of(header.compression).to_string();
-        let ty = ParamType::of(BaseType::String);
-        spec.attributes.set(Param { name: "compression".into(), ty, data: compression.as_str().into() });
-        if let Some(name) = &own.layer_name {
-            let data = attributes::string(name);
-            spec.attributes.set(Param { name: "name".into(), ty, data: data.as_str().into() });
-        }
-        let block_rows = header.compression.scan_lines_per_block() as u32;
-        let levels = match header.blocks {
-            BlockDescription::ScanLines => {
-                limits.check_read(source.path(), &spec, spec.width, block_rows.min(spec.height.max(1)))?;
-                vec![Level { spec, index: 0, first_chunk: 0 }]
-            }
-            BlockDescription::Tiles(tiles) => {
-                (spec.tile_width, spec.tile_height) = (side(tiles.tile_size.0)?, side(tiles.tile_size.1)?);
-                tile_levels(source, &spec, tiles.level_mode, tiles.rounding_mode)?
-            }
-        };
-        let levels = levels
-            .into_iter()
-            .map(|mut level| {
-                if own.environment_map == Some(EnvironmentMap::Cube) {
-                    // There are six faces, one above the other (reference 9.2.8).
-                    level.spec.full_width = level.spec.width;
-                    level.spec.full_height = level.spec.height.div_ceil(6);
-                }
-                limits.check(source.path(), "OpenEXR", &level.spec)?;
-                Ok(level)
-            })
-            .collect::<Result<_>>()?;
-        let chunks = header.chunk_count as u64;
-        let order = Order { types, order, pixel_type };
-        Ok(Self { header: index, levels, order, block_rows, table_at, chunks, table: OnceLock::new() })
-    }
-
-    /// Returns the offsets of the chunks, which are read from the file at the first use.
-    fn table(&self, source: &FileSource) -> Result<&[u64]> {
-        if let Some(table) = self.table.get() {
-            return Ok(table);
-        }
-        let bytes = source.read_vec(self.table_at, self.chunks * 8, "the table of chunks")?;
-        let table = bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect();
-        Ok(self.table.get_or_init(|| table))
-    }
-}
-
-/// Returns the levels of a tiled part. These are all levels of a MIP map. For a map that is reduced in each direction
-/// separately (a "RIP map"), they are the levels reduced equally in both.
-fn tile_levels(
-    source: &FileSource,
-    first: &ImageSpec,
-    mode: LevelMode,
-    round: exr::math::RoundingMode,
-) -> Result<Vec<Level>> {
-    if first.width == 0 || first.height == 0 || first.tile_width == 0 || first.tile_height == 0 {
-        return Err(source.malformed("an empty window or tile"));
-    }
-    let (w, h) = (first.width as usize, first.height as usize);
-    let size = |n: usize, level: usize| compute_level_size(round, n, level) as u32;
-    let tiles = |x: usize, y: usize| {
-        size(w, x).div_ceil(first.tile_width) as usize * size(h, y).div_ceil(first.tile_height) as usize
-    };
-    let (count_x, count_y) = (compute_level_count(round, w), compute_level_count(round, h));
-    let count = match mode {
-        LevelMode::Singular => 1,
-        LevelMode::MipMap => count_x.max(count_y),
-        LevelMode::RipMap => count_x.min(count_y),
-    };
-    let mut levels = Vec::with_capacity(count);
-    let mut first_chunk = 0;
-    for index in 0..count {
-        let mut spec = first.clone();
-        (spec.width, spec.height) = (size(w, index), size(h, index));
-        let whole = first.full_width == first.width && first.full_height == first.height;
-        (spec.full_width, spec.full_height) = if whole {
-            (spec.width, spec.height)
-        } else {
-            (size(first.full_width as usize, index), size(first.full_height as usize, index))
-        };
-        let number = match mode {
-            // Levels of a RIP map are in rows of equal height.
-            LevelMode::RipMap => {
-                let above: usize = (0..index).map(|y| (0..count_x).map(|x| tiles(x, y)).sum::<usize>()).sum();
-                above + (0..index).map(|x| tiles(x, index)).sum::<usize>()
-            }
-            _ => first_chunk,
-        };
-        first_chunk += tiles(index, index);
-        levels.push(Level { spec, index, first_chunk: number });
-    }
-    Ok(levels)
 }
 
 impl ImageInput for ExrInput {
@@ -536,6 +365,26 @@ impl ImageInput for ExrInput {
             return Err(self.source.misuse(what));
         }
         self.read_chunk(part, l, tx, ty)
+    }
+
+    fn deep_samples(&self, image: usize, level: usize) -> Result<Option<DeepSamples>> {
+        let (part, l) = self.level(image, level)?;
+        let Some(channels) = &part.deep else { return Ok(None) };
+        let (across, down) = match l.spec.is_tiled() {
+            true => l.spec.tiles(),
+            false => (1, l.spec.height.div_ceil(part.block_rows)),
+        };
+        let mut all = DeepSamples::default();
+        for (cx, cy) in (0..down).flat_map(|cy| (0..across).map(move |cx| (cx, cy))) {
+            let chunk = self.read_deep(part, l, channels, (cx, cy)).map_err(|e| match e {
+                Fault::Image(error) => error,
+                Fault::Data(fault) => self.source.malformed(format!("chunk ({cx}, {cy}): {fault}")),
+            })?;
+            let (total, most) = chunk.counts();
+            all.total = all.total.saturating_add(total);
+            all.most_per_pixel = all.most_per_pixel.max(most);
+        }
+        Ok(Some(all))
     }
 
     fn bytes_read(&self) -> u64 {

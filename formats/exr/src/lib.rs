@@ -2,10 +2,12 @@
 //!
 //! **Reading.** Halves, floats and 32-bit integers are read (channels of different types become floats). They are in
 //! scanlines, tiles or MIP levels. Of RIP maps, the levels that are reduced equally in both directions are read. A file
-//! may have several parts, each an image. All compressions except HTJ2K are supported.
+//! may have several parts, each an image. All compressions except HTJ2K are supported. Deep scanlines and tiles are
+//! flattened; their attribute `deep` is "flattened", and [`ImageInput::deep_samples`] counts their samples.
 //!
-//! **Writing.** Files have one part, one type for all channels, scanlines or tiles, and one level or a MIP map whose
-//! sizes are rounded down.
+//! **Writing.** A file has one part, or several parts that are written in any order. A part has one type for all
+//! channels, scanlines or tiles, and one level or (as the only part) a MIP map whose sizes are rounded down. The
+//! attribute `name` is the name of a part, and `view` that of its eye.
 //!
 //! **Order of channels.** The format sorts channels by name. They are returned layer by layer, in each R, G, B, Y, A,
 //! Z, and then the rest by name. A file that is written here in another order stores it in the attribute
@@ -23,24 +25,47 @@
 //! - One tile is two positioned reads (its head, its data), from any thread.
 //! - Memory is allocated by the numbers of a header only after they are checked against limits and file size.
 //!
-//! Deep pixels, subsampled channels, and writing of several parts are deliberately absent. In the reference a
+//! Subsampled channels and the writing of deep pixels are deliberately absent. In the reference a
 //! *rendered* image is always stored in halves (7.4.4), which [`Format::output_type`] returns. Other writers may store
 //! floats.
+//!
+//! ```
+//! use granita_exr::ExrFormat;
+//! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
+//! # fn main() -> granita_image::Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("normals.exr");
+//! let mut spec = ImageSpec::new(4, 2, 3, PixelType::Half);
+//! spec.channels = ["N.X", "N.Y", "N.Z"].map(String::from).to_vec();
+//! let mut file = ExrFormat.create(&path, &CreateOptions::new(&spec, 1))?;
+//! file.write_rows(&Pixels::from_floats(PixelType::Half, &[0.0, 0.0, 1.0].repeat(8)))?;
+//! file.close()?;
+//! let file = ExrFormat.open(&path, &Limits::default())?;
+//! assert_eq!(file.spec(0, 0).map(|spec| spec.channels.join(" ")).as_deref(), Some("N.X N.Y N.Z"));
+//! assert_eq!(file.read_rows(0, 0, 1, 2)?.to_floats(), [0.0, 0.0, 1.0].repeat(4));
+//! # Ok(())
+//! # }
+//! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 mod attributes;
+mod deep;
+mod header;
 mod input;
 mod order;
 mod output;
+mod part;
 mod zip;
 
 pub use input::ExrInput;
 pub use output::ExrOutput;
 
 use exr::compression::Compression;
+use granita_base::Files;
 use granita_image::{
-    CreateOptions, DeflateLevel, Format, ImageInput, ImageOutput, Limits, PixelType, Result,
+    CreateOptions, DeflateLevel, Format, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Result,
 };
 use order::Order;
 use std::fmt;
@@ -74,7 +99,17 @@ impl Format for ExrFormat {
     fn supports(&self, feature: &str) -> bool {
         matches!(
             feature,
-            "write" | "tiles" | "levels" | "half" | "float" | "u32" | "channels" | "layers" | "alpha"
+            "write"
+                | "tiles"
+                | "levels"
+                | "half"
+                | "float"
+                | "u32"
+                | "channels"
+                | "layers"
+                | "alpha"
+                | "images"
+                | "parts"
         )
     }
 
@@ -84,6 +119,10 @@ impl Format for ExrFormat {
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         Ok(Box::new(ExrOutput::create(path, options)?))
+    }
+
+    fn create_images(&self, path: &Path, specs: &[ImageSpec], files: &Files) -> Result<Box<dyn ImageOutput>> {
+        Ok(Box::new(ExrOutput::create_parts(path, specs, files)?))
     }
 }
 

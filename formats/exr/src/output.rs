@@ -1,17 +1,13 @@
-//! Writes chunks in the order of arrival, and their table at the end.
+//! Writes chunks in the order of arrival, and their tables at the end.
 
-use crate::attributes::{self, channel_order};
-use crate::{CompressionName, Order, zip};
+use crate::header::{self, Described, misuse};
+use crate::{Order, zip};
 use exr::block::chunk::{CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates};
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::compression::Compression;
-use exr::meta::attribute::{
-    self as exr_attribute, AttributeValue, ChannelDescription, IntegerBounds, LevelMode, LineOrder,
-    SampleType, TileDescription,
-};
-use exr::meta::header::{Header, ImageAttributes};
-use exr::meta::{BlockDescription, MetaData};
-use exr::prelude::{SmallVec, Vec2};
+use exr::meta::header::Header;
+use exr::prelude::Vec2;
+use granita_base::Files;
 use granita_image::{
     AtomicFile, Content, CreateOptions, DeflateLevel, ImageError, ImageOutput, ImageSpec, PixelType, Pixels,
     Result, TileRows,
@@ -29,18 +25,30 @@ struct Area {
     stride: usize,
 }
 
-/// An OpenEXR file that is being written. It has one part, scanlines or tiles, and one level or a whole MIP map.
+/// An OpenEXR file that is being written. It has one part or several. A part has scanlines or tiles, and one level or a
+/// whole MIP map.
 #[derive(Debug)]
 pub struct ExrOutput {
     file: AtomicFile,
-    headers: [Header; 1],
+    headers: Vec<Header>,
+    /// The offset of the next byte.
+    position: u64,
+    /// The offset of the tables of chunks, which follow one another in the order of the parts.
+    tables_at: u64,
+    /// The index of the current part, and the part.
+    image: usize,
+    part: Part,
+    /// All parts. The current one is replaced by `None`.
+    others: Vec<Option<Part>>,
+}
+
+/// A part that is being written.
+#[derive(Debug)]
+struct Part {
     order: Order,
     /// The level of the compressions "zip" and "zips".
     deflate: DeflateLevel,
-    /// The offset of the next byte.
-    position: u64,
-    /// The offset and the content of the table of chunks. An entry is 0 for a chunk that is not written yet.
-    table_at: u64,
+    /// The table of chunks. An entry is 0 for a chunk that is not written yet.
     table: Vec<u64>,
     /// The index of the current level, its spec, and the index of its first chunk.
     level: usize,
@@ -55,42 +63,15 @@ pub struct ExrOutput {
     next_y: u32,
 }
 
-impl ExrOutput {
-    /// Begins a file. It is not visible under its name before `close`.
-    ///
-    /// # Errors
-    /// Returns an error when the folder is missing or refuses the file, and for a description that OpenEXR cannot
-    /// store.
-    pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
-        let spec = options.spec;
-        let (header, order, deflate) = header(path, spec, options.levels)?;
-        let requirements = MetaData::validate(std::slice::from_ref(&header), true)
-            .map_err(|e| misuse(path, format!("OpenEXR cannot hold it: {e}")))?;
-        let mut front = vec![0x76, 0x2f, 0x31, 0x01];
-        let mut written = requirements.write(&mut front);
-        // The attributes are sorted by name. The crate's own order is that of a hash map, and differs from run to run.
-        let mut all: Vec<(Vec<u8>, AttributeValue)> =
-            header.all_named_attributes().map(|(name, value)| (name.to_vec(), value)).collect();
-        all.sort_by(|a, b| a.0.cmp(&b.0));
-        for (name, value) in &all {
-            written = written.and_then(|()| exr_attribute::write(name, value, &mut front));
-        }
-        written.map_err(|e| misuse(path, e.to_string()))?;
-        front.push(0);
-        let table_at = front.len() as u64;
-        front.resize(front.len() + header.chunk_count * 8, 0);
-        let mut file = options.files.create(path)?;
-        file.write_all(&front).map_err(|e| file.io_error(e))?;
+impl Part {
+    fn new(spec: &ImageSpec, described: Described) -> (Header, Self) {
+        let Described { header, order, deflate } = described;
         let rows = header.compression.scan_lines_per_block().min(spec.height as usize);
         let block = if spec.is_tiled() { 0 } else { rows * spec.width as usize * spec.nchannels() };
-        Ok(Self {
-            file,
-            table: vec![0; header.chunk_count],
-            headers: [header],
+        let part = Self {
             order,
             deflate,
-            position: front.len() as u64,
-            table_at,
+            table: vec![0; header.chunk_count],
             level: 0,
             spec: spec.clone(),
             first_chunk: 0,
@@ -99,15 +80,86 @@ impl ExrOutput {
             block: Pixels::zeros(spec.pixel_type, block),
             filled: 0,
             next_y: 0,
-        })
+        };
+        (header, part)
+    }
+}
+
+impl ExrOutput {
+    /// Begins a file of one part. It is not visible under its name before `close`.
+    ///
+    /// # Errors
+    /// Returns an error when the folder is missing or refuses the file, and for a description that OpenEXR cannot
+    /// store.
+    pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
+        let described = header::described(path, options.spec, options.levels)?;
+        Self::begin(path, vec![Part::new(options.spec, described)], &options.files)
+    }
+
+    /// Begins a file of several parts, each with one level. The parts are named by the attribute `name`, or by their
+    /// numbers where that is missing.
+    ///
+    /// # Errors
+    /// The errors of [`ExrOutput::create`], also for two parts of one name, and for parts whose display windows or
+    /// pixel aspect ratios differ.
+    pub fn create_parts(path: &Path, specs: &[ImageSpec], files: &Files) -> Result<Self> {
+        let parts = header::described_parts(path, specs)?;
+        Self::begin(path, specs.iter().zip(parts).map(|(spec, part)| Part::new(spec, part)).collect(), files)
+    }
+
+    fn begin(path: &Path, parts: Vec<(Header, Part)>, files: &Files) -> Result<Self> {
+        let (headers, parts): (Vec<Header>, Vec<Part>) = parts.into_iter().unzip();
+        let mut front = header::front(path, &headers)?;
+        let tables_at = front.len() as u64;
+        let chunks: usize = parts.iter().map(|part| part.table.len()).sum();
+        front.resize(front.len() + chunks * 8, 0);
+        let mut others: Vec<Option<Part>> = parts.into_iter().map(Some).collect();
+        let first = others.first_mut().and_then(Option::take);
+        let part = first.ok_or_else(|| misuse(path, "a file without an image".to_owned()))?;
+        let mut file = files.create(path)?;
+        file.write_all(&front).map_err(|e| file.io_error(e))?;
+        Ok(Self { file, headers, position: front.len() as u64, tables_at, image: 0, part, others })
+    }
+
+    /// The header of the current part.
+    fn header(&self) -> &Header {
+        &self.headers[self.image]
+    }
+
+    /// Makes another part the current one; `None` when there is no such part.
+    fn select(&mut self, image: usize) -> Option<()> {
+        if image == self.image {
+            return Some(());
+        }
+        let next = self.others.get_mut(image)?.take()?;
+        let before = std::mem::replace(&mut self.part, next);
+        self.others[self.image] = Some(before);
+        self.image = image;
+        Some(())
+    }
+
+    /// Checks that all levels of the current part are complete.
+    fn check_part(&mut self) -> Result<()> {
+        for level in 0..self.part.planned.len() {
+            self.select_level(level)?;
+            self.check_complete()?;
+        }
+        self.check_complete()?;
+        if self.part.first_chunk + self.chunks() < self.part.table.len() {
+            let level = self.part.level + 1;
+            return Err(self.misuse(format!("level {level} and those after it are missing")));
+        }
+        Ok(())
     }
 
     fn misuse(&self, what: String) -> ImageError {
+        let part = self.image;
+        let what = if self.headers.len() > 1 { format!("part {part}: {what}") } else { what };
         misuse(self.file.path(), what)
     }
 
     fn check_type(&self, pixels: &Pixels) -> Result<()> {
-        let (got, wanted) = (pixels.pixel_type(), self.spec.pixel_type);
+        let (got, wanted) = (pixels.pixel_type(), self.part.spec.pixel_type);
         if got == wanted {
             return Ok(());
         }
@@ -122,12 +174,12 @@ impl ExrOutput {
             many => many.par_iter().map(|(_, area, pixels)| self.pack(area, pixels)).collect(),
         };
         for ((number, _, _), bytes) in blocks.iter().zip(done) {
-            if self.table[*number] != 0 {
+            if self.part.table[*number] != 0 {
                 return Err(self.misuse(format!("tile {number} is written twice")));
             }
             let bytes = bytes?;
             self.file.write_all(&bytes).map_err(|e| self.file.io_error(e))?;
-            self.table[*number] = self.position;
+            self.part.table[*number] = self.position;
             self.position += bytes.len() as u64;
         }
         Ok(())
@@ -136,23 +188,23 @@ impl ExrOutput {
     /// Returns the chunk of a block of the current level, as the file stores it.
     fn pack(&self, area: &Area, pixels: &Pixels) -> Result<Vec<u8>> {
         let (at, size) = (area.at, area.size);
-        let data = self.order.gather(pixels, size.0, size.1, area.stride);
-        let zip = matches!(self.headers[0].compression, Compression::ZIP1 | Compression::ZIP16);
+        let data = self.part.order.gather(pixels, size.0, size.1, area.stride);
+        let zip = matches!(self.header().compression, Compression::ZIP1 | Compression::ZIP16);
         let block = if zip && cfg!(target_endian = "little") {
-            let half = self.spec.pixel_type == PixelType::Half;
+            let half = self.part.spec.pixel_type == PixelType::Half;
             let content = if half { Content::Halves } else { Content::Words };
-            let compressed_pixels_le = zip::compress(&data, content, self.deflate).unwrap_or(data);
-            if self.spec.is_tiled() {
-                let tile = (self.spec.tile_width as usize, self.spec.tile_height as usize);
+            let compressed_pixels_le = zip::compress(&data, content, self.part.deflate).unwrap_or(data);
+            if self.part.spec.is_tiled() {
+                let tile = (self.part.spec.tile_width as usize, self.part.spec.tile_height as usize);
                 CompressedBlock::Tile(CompressedTileBlock {
                     coordinates: TileCoordinates {
                         tile_index: Vec2(at.0 / tile.0, at.1 / tile.1),
-                        level_index: Vec2(self.level, self.level),
+                        level_index: Vec2(self.part.level, self.part.level),
                     },
                     compressed_pixels_le,
                 })
             } else {
-                let top = self.headers[0].own_attributes.layer_position.1;
+                let top = self.header().own_attributes.layer_position.1;
                 CompressedBlock::ScanLine(CompressedScanLineBlock {
                     y_coordinate: top.wrapping_add(at.1 as i32),
                     compressed_pixels_le,
@@ -161,10 +213,10 @@ impl ExrOutput {
         } else {
             let block = UncompressedBlock {
                 index: BlockIndex {
-                    layer: 0,
+                    layer: self.image,
                     pixel_position: Vec2(at.0, at.1),
                     pixel_size: Vec2(size.0, size.1),
-                    level: Vec2(self.level, self.level),
+                    level: Vec2(self.part.level, self.part.level),
                 },
                 data,
             };
@@ -178,6 +230,9 @@ impl ExrOutput {
             chunk.compressed_block
         };
         let mut bytes = Vec::new();
+        if self.headers.len() > 1 {
+            bytes.extend((self.image as i32).to_le_bytes());
+        }
         let written = match &block {
             CompressedBlock::ScanLine(block) => block.write(&mut bytes),
             CompressedBlock::Tile(block) => block.write(&mut bytes),
@@ -192,7 +247,7 @@ impl ExrOutput {
     /// have its size.
     fn tile_area(&self, tx: u32, ty: u32, pixels: &Pixels) -> Result<(usize, Area)> {
         self.check_type(pixels)?;
-        let spec = &self.spec;
+        let spec = &self.part.spec;
         let (across, down) = spec.tiles();
         let (tw, th) = (spec.tile_width, spec.tile_height);
         let n = tw as usize * th as usize * spec.nchannels();
@@ -205,41 +260,41 @@ impl ExrOutput {
         let at = ((tx * tw) as usize, (ty * th) as usize);
         let size =
             ((spec.width as usize - at.0).min(tw as usize), (spec.height as usize - at.1).min(th as usize));
-        let number = self.first_chunk + ty as usize * across as usize + tx as usize;
+        let number = self.part.first_chunk + ty as usize * across as usize + tx as usize;
         Ok((number, Area { at, size, stride: tw as usize }))
     }
 
     /// Returns the number of chunks of the current level.
     fn chunks(&self) -> usize {
-        if self.spec.is_tiled() {
-            let (across, down) = self.spec.tiles();
+        if self.part.spec.is_tiled() {
+            let (across, down) = self.part.spec.tiles();
             across as usize * down as usize
         } else {
-            self.table.len()
+            self.part.table.len()
         }
     }
 
     /// Checks that the current level is complete.
     fn check_complete(&self) -> Result<()> {
-        let chunks = &self.table[self.first_chunk..self.first_chunk + self.chunks()];
+        let chunks = &self.part.table[self.part.first_chunk..self.part.first_chunk + self.chunks()];
         let missing = chunks.iter().filter(|c| **c == 0).count();
         if missing == 0 {
             return Ok(());
         }
-        let (level, total) = (self.level, chunks.len());
+        let (level, total) = (self.part.level, chunks.len());
         Err(self
             .misuse(format!("level {level} is incomplete: {missing} of {total} blocks or tiles are missing")))
     }
 
     /// Makes the next level the current one.
     fn advance(&mut self, spec: &ImageSpec) -> Result<()> {
-        let halved = ((self.spec.width / 2).max(1), (self.spec.height / 2).max(1));
-        let first_chunk = self.first_chunk + self.chunks();
-        if !self.spec.is_tiled() || first_chunk >= self.table.len() {
-            let level = self.level;
+        let halved = ((self.part.spec.width / 2).max(1), (self.part.spec.height / 2).max(1));
+        let first_chunk = self.part.first_chunk + self.chunks();
+        if !self.part.spec.is_tiled() || first_chunk >= self.part.table.len() {
+            let level = self.part.level;
             return Err(self.misuse(format!("there is no level after level {level}")));
         }
-        let (old, new) = (&self.spec, spec);
+        let (old, new) = (&self.part.spec, spec);
         if (new.width, new.height) != halved
             || (new.tile_width, new.tile_height) != (old.tile_width, old.tile_height)
             || new.channels != old.channels
@@ -247,7 +302,7 @@ impl ExrOutput {
         {
             return Err(self.misuse(format!(
                 "level {} is {} x {} in tiles of {} x {}; OpenEXR needs {} x {} in tiles of {} x {}, and the same channels",
-                self.level + 1,
+                self.part.level + 1,
                 new.width,
                 new.height,
                 new.tile_width,
@@ -258,103 +313,30 @@ impl ExrOutput {
                 old.tile_height,
             )));
         }
-        self.first_chunk = first_chunk;
-        self.level += 1;
-        self.spec = spec.clone();
-        self.tiles = None;
+        self.part.first_chunk = first_chunk;
+        self.part.level += 1;
+        self.part.spec = spec.clone();
+        self.part.tiles = None;
         Ok(())
     }
-}
-
-fn misuse(path: &Path, what: String) -> ImageError {
-    ImageError::Misuse { path: path.to_owned(), what }
-}
-
-/// Returns the header of a file for `spec`, the order of its channels, and the level of deflate.
-fn header(path: &Path, spec: &ImageSpec, levels: usize) -> Result<(Header, Order, DeflateLevel)> {
-    let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
-    if spec.width == 0 || spec.height == 0 || spec.nchannels() == 0 {
-        let (w, h, n) = (spec.width, spec.height, spec.nchannels());
-        return Err(misuse(path, format!("an image of {w} x {h} pixels with {n} channels")));
-    }
-    let sample_type = match spec.pixel_type {
-        PixelType::Half => SampleType::F16,
-        PixelType::Float => SampleType::F32,
-        PixelType::U32 => SampleType::U32,
-        other => return Err(unsupported(format!("OpenEXR does not hold {other:?} values"))),
-    };
-    let mut sorted = spec.channels.clone();
-    sorted.sort_by(|a, b| a.as_bytes().cmp(b.as_bytes()));
-    if let Some(pair) = sorted.windows(2).find(|p| p[0] == p[1]) {
-        return Err(misuse(path, format!("two channels are called \"{}\"", pair[0])));
-    }
-    let mut list: SmallVec<[ChannelDescription; 5]> = SmallVec::new();
-    for name in &sorted {
-        let text = attributes::channel_name(name)
-            .ok_or_else(|| misuse(path, format!("\"{name}\" cannot name a channel")))?;
-        list.push(ChannelDescription::named(text, sample_type));
-    }
-    let joined = spec.channels.join(",");
-    let order = channel_order(&sorted, Some(&joined));
-    let mut own = attributes::to_header(spec);
-    if channel_order(&sorted, None) != order
-        && let Some(text) = attributes::channel_name(&joined)
-    {
-        own.other.insert(attributes::CHANNEL_ORDER.into(), AttributeValue::Text(text));
-    }
-    own.layer_position = Vec2(spec.x, spec.y);
-
-    let word = spec.string("compression").unwrap_or("zip");
-    let (compression, level) = CompressionName::parse(word).map_err(unsupported)?;
-    let (blocks, line_order) = if spec.is_tiled() {
-        if spec.tile_height == 0 {
-            return Err(misuse(path, format!("tiles of {} x 0 pixels", spec.tile_width)));
-        }
-        let tiles = TileDescription {
-            tile_size: Vec2(spec.tile_width as usize, spec.tile_height as usize),
-            level_mode: if levels > 1 { LevelMode::MipMap } else { LevelMode::Singular },
-            rounding_mode: exr::math::RoundingMode::Down,
-        };
-        (BlockDescription::Tiles(tiles), LineOrder::Unspecified)
-    } else if levels > 1 {
-        return Err(misuse(path, "OpenEXR stores MIP levels in tiles only".to_owned()));
-    } else {
-        (BlockDescription::ScanLines, LineOrder::Increasing)
-    };
-    // The format cannot store the size of one cube face. The display window is that of all six faces.
-    let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
-    let display = if cube {
-        IntegerBounds::new(Vec2(spec.x, spec.y), Vec2(spec.width as usize, spec.height as usize))
-    } else {
-        let size = Vec2(spec.full_width.max(1) as usize, spec.full_height.max(1) as usize);
-        IntegerBounds::new(Vec2(spec.full_x, spec.full_y), size)
-    };
-    let size = Vec2(spec.width as usize, spec.height as usize);
-    let pixel_aspect = spec.attributes.float("pixelaspect").filter(|a| *a > 0.0).unwrap_or(1.0);
-    let header = Header::new(Default::default(), size, list)
-        .with_attributes(own)
-        .with_shared_attributes(ImageAttributes { pixel_aspect, ..ImageAttributes::new(display) })
-        .with_encoding(compression, blocks, line_order);
-    let types = vec![sample_type; sorted.len()];
-    Ok((header, Order { types, order, pixel_type: spec.pixel_type }, level))
 }
 
 impl ImageOutput for ExrOutput {
     fn write_rows(&mut self, pixels: &Pixels) -> Result<()> {
         self.check_type(pixels)?;
-        let row = self.spec.width as usize * self.spec.nchannels();
+        let row = self.part.spec.width as usize * self.part.spec.nchannels();
         let count = pixels.len() / row;
-        let next_y = self.tiles.as_ref().map_or(self.next_y, TileRows::next_y);
-        let left = self.spec.height - next_y;
+        let next_y = self.part.tiles.as_ref().map_or(self.part.next_y, TileRows::next_y);
+        let left = self.part.spec.height - next_y;
         if !pixels.len().is_multiple_of(row) || count > left as usize {
             let n = pixels.len();
             return Err(self.misuse(format!(
                 "{n} values are no whole rows of {row}, or more than the {left} rows left"
             )));
         }
-        if self.spec.is_tiled() {
-            let spec = self.spec.clone();
-            let mut tiles = self.tiles.take().unwrap_or_else(|| TileRows::new(&spec));
+        if self.part.spec.is_tiled() {
+            let spec = self.part.spec.clone();
+            let mut tiles = self.part.tiles.take().unwrap_or_else(|| TileRows::new(&spec));
             let mut row: Vec<(u32, u32, Pixels)> = Vec::with_capacity(spec.tiles().0 as usize);
             let pushed = tiles.push(&spec, pixels, |tx, ty, tile| {
                 row.push((tx, ty, tile.clone()));
@@ -363,17 +345,17 @@ impl ImageOutput for ExrOutput {
                 }
                 self.write_tiles(&std::mem::take(&mut row))
             });
-            self.tiles = Some(tiles);
+            self.part.tiles = Some(tiles);
             return pushed;
         }
-        let per_block = self.headers[0].compression.scan_lines_per_block() as u32;
+        let per_block = self.header().compression.scan_lines_per_block() as u32;
         let mut done = 0;
         while done < count {
-            let number = self.next_y / per_block;
+            let number = self.part.next_y / per_block;
             let top = number * per_block;
-            let width = self.spec.width as usize;
+            let width = self.part.spec.width as usize;
             // Available whole blocks are packed several at once.
-            let ready = if self.filled == 0 { (count - done) / per_block as usize } else { 0 };
+            let ready = if self.part.filled == 0 { (count - done) / per_block as usize } else { 0 };
             if ready > 1 {
                 let ready = ready.min(8 * rayon::current_num_threads());
                 let len = per_block as usize * row;
@@ -392,22 +374,28 @@ impl ImageOutput for ExrOutput {
                 let numbered: Vec<(usize, Area, &Pixels)> =
                     blocks.iter().enumerate().map(|(i, b)| (number as usize + i, area(i), b)).collect();
                 self.write_blocks(&numbered)?;
-                self.next_y += ready as u32 * per_block;
+                self.part.next_y += ready as u32 * per_block;
                 done += ready * per_block as usize;
                 continue;
             }
-            let in_block = per_block.min(self.spec.height - top);
-            let take = (in_block - self.filled).min((count - done) as u32);
-            self.block.copy_from(self.filled as usize * row, pixels, done * row, take as usize * row);
-            self.filled += take;
-            self.next_y += take;
+            let in_block = per_block.min(self.part.spec.height - top);
+            let take = (in_block - self.part.filled).min((count - done) as u32);
+            self.part.block.copy_from(
+                self.part.filled as usize * row,
+                pixels,
+                done * row,
+                take as usize * row,
+            );
+            self.part.filled += take;
+            self.part.next_y += take;
             done += take as usize;
-            if self.filled == in_block {
-                self.filled = 0;
-                let block = std::mem::replace(&mut self.block, Pixels::zeros(self.spec.pixel_type, 0));
+            if self.part.filled == in_block {
+                self.part.filled = 0;
+                let block =
+                    std::mem::replace(&mut self.part.block, Pixels::zeros(self.part.spec.pixel_type, 0));
                 let area = Area { at: (0, top as usize), size: (width, in_block as usize), stride: width };
                 self.write_blocks(&[(number as usize, area, &block)])?;
-                self.block = block;
+                self.part.block = block;
             }
         }
         Ok(())
@@ -432,52 +420,54 @@ impl ImageOutput for ExrOutput {
     }
 
     fn plan_levels(&mut self, specs: &[ImageSpec]) -> Result<bool> {
-        if self.level > 0 || !self.planned.is_empty() {
+        if self.part.level > 0 || !self.part.planned.is_empty() {
             return Err(self.misuse("levels are planned after the first".to_owned()));
         }
-        let first = self.spec.clone();
+        let first = self.part.spec.clone();
         let mut planned = vec![(first.clone(), 0)];
         for spec in specs {
             self.advance(spec)?;
-            planned.push((self.spec.clone(), self.first_chunk));
+            planned.push((self.part.spec.clone(), self.part.first_chunk));
         }
-        if self.first_chunk + self.chunks() < self.table.len() {
-            let level = self.level + 1;
+        if self.part.first_chunk + self.chunks() < self.part.table.len() {
+            let level = self.part.level + 1;
             return Err(self.misuse(format!("level {level} and those after it are not planned")));
         }
-        (self.spec, self.first_chunk, self.level, self.planned) = (first, 0, 0, planned);
+        (self.part.spec, self.part.first_chunk, self.part.level, self.part.planned) = (first, 0, 0, planned);
         Ok(true)
     }
 
     fn select_level(&mut self, level: usize) -> Result<()> {
-        let Some((spec, first_chunk)) = self.planned.get(level).cloned() else {
+        let Some((spec, first_chunk)) = self.part.planned.get(level).cloned() else {
             return Err(self.misuse(format!("level {level} was not planned")));
         };
-        (self.spec, self.first_chunk, self.level, self.tiles) = (spec, first_chunk, level, None);
+        (self.part.spec, self.part.first_chunk, self.part.level, self.part.tiles) =
+            (spec, first_chunk, level, None);
         Ok(())
     }
 
     fn next_level(&mut self, spec: &ImageSpec) -> Result<()> {
-        if !self.planned.is_empty() {
+        if !self.part.planned.is_empty() {
             return Err(self.misuse("a further level after the planned ones".to_owned()));
         }
         self.check_complete()?;
         self.advance(spec)
     }
 
+    fn select_image(&mut self, image: usize) -> Result<()> {
+        let count = self.headers.len();
+        self.select(image).ok_or_else(|| self.misuse(format!("part {image} of a file of {count}")))
+    }
+
     fn close(mut self: Box<Self>) -> Result<()> {
-        for level in 0..self.planned.len() {
-            self.select_level(level)?;
-            self.check_complete()?;
+        let mut bytes: Vec<u8> = Vec::new();
+        for image in 0..self.headers.len() {
+            self.select_image(image)?;
+            self.check_part()?;
+            bytes.extend(self.part.table.iter().flat_map(|at| at.to_le_bytes()));
         }
-        self.check_complete()?;
-        if self.first_chunk + self.chunks() < self.table.len() {
-            let level = self.level + 1;
-            return Err(self.misuse(format!("level {level} and those after it are missing")));
-        }
-        let bytes: Vec<u8> = self.table.iter().flat_map(|n| n.to_le_bytes()).collect();
         let file = &mut self.file;
-        let written = file.seek(SeekFrom::Start(self.table_at)).and_then(|_| file.write_all(&bytes));
+        let written = file.seek(SeekFrom::Start(self.tables_at)).and_then(|_| file.write_all(&bytes));
         written.map_err(|e| self.file.io_error(e))?;
         Ok(self.file.commit()?)
     }

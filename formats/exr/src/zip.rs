@@ -1,4 +1,5 @@
-//! The compressions "zip" and "zips" by libdeflate, which are compatible with those of the `exr` crate.
+//! The compressions "zip" and "zips" by libdeflate, which are compatible with those of the `exr` crate, and the reading
+//! of "rle".
 //!
 //! Bytes of a block are first split into those at even and those at odd positions (the low and the high bytes of
 //! halves). Then each byte is replaced by its difference to the one before. The result is deflated ("ZIP" of the
@@ -28,6 +29,35 @@ pub(crate) fn decompress(packed: &[u8], len: usize) -> Option<Vec<u8>> {
     if Decompressor::new().zlib_decompress(packed, &mut parted) != Ok(len) {
         return None;
     }
+    restored(parted)
+}
+
+/// Returns the `len` bytes of a block from runs of bytes ("RLE"); `None` when the data is damaged or of another length.
+pub(crate) fn decompress_runs(packed: &[u8], len: usize) -> Option<Vec<u8>> {
+    // A run of up to 128 bytes takes two.
+    let mut parted = Vec::with_capacity(len.min(packed.len().saturating_mul(64)));
+    let mut rest = packed;
+    while let Some((count, after)) = rest.split_first() {
+        let count = i32::from(count.cast_signed());
+        if count < 0 {
+            let (bytes, after) = after.split_at_checked(count.unsigned_abs() as usize)?;
+            parted.extend(bytes);
+            rest = after;
+        } else {
+            let (byte, after) = after.split_first()?;
+            parted.resize(parted.len() + count as usize + 1, *byte);
+            rest = after;
+        }
+        if parted.len() > len {
+            return None;
+        }
+    }
+    if parted.len() == len { restored(parted) } else { None }
+}
+
+/// Undoes the differences and the separation of even and odd bytes.
+fn restored(mut parted: Vec<u8>) -> Option<Vec<u8>> {
+    let len = parted.len();
     let mut sum = parted.first().copied()?;
     for b in &mut parted[1..] {
         sum = sum.wrapping_add(*b).wrapping_sub(128);
@@ -64,6 +94,18 @@ mod tests {
         fn decompressing_random_data_does_not_panic(data in prop::collection::vec(any::<u8>(), 0..100), n in 0usize..300) {
             let _ = decompress(&data, n);
         }
+    }
+
+    #[test]
+    fn runs_are_unpacked() {
+        // 3 literal bytes, then a run of 4 equal differences.
+        let packed = [0xfd, 10, 128, 128, 3, 129];
+        // The sums are 10, 10, 10, 11, 12, 13, 14, of which the first four are the even bytes.
+        assert_eq!(decompress_runs(&packed, 7), Some(vec![10, 12, 10, 13, 10, 14, 11]));
+        assert_eq!(decompress_runs(&packed, 8), None);
+        assert_eq!(decompress_runs(&packed[..5], 7), None);
+        assert_eq!(decompress_runs(&[0xfd, 1], 3), None);
+        assert_eq!(decompress_runs(&[], 3), None);
     }
 
     #[test]

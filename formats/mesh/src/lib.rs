@@ -35,6 +35,7 @@
 //! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 mod emit;
 mod faults;

@@ -1,11 +1,13 @@
 //! JPEG XL, read by the `jxl-oxide` crate and written without loss by `zune-jpegxl`.
 
+use crate::boxes;
 use crate::fields::param;
 use crate::whole::{Decoded, Place, WholeInput, WholeOutput, divide_by_alpha};
 use granita_base::Param;
+use granita_image::metadata::exif;
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
-    Pixels, Result, color, contained,
+    Pixels, Result, contained,
 };
 use half::f16;
 use jxl_oxide::image::BitDepth as JxlDepth;
@@ -143,13 +145,36 @@ fn read_spec(place: &Place) -> Result<ImageSpec> {
         spec.attributes.set(param("unassociatedalpha", 1.into()));
     }
     if let Some(icc) = image.original_icc() {
-        spec.attributes.set(param("ICCProfile", color::profile(icc).as_str().into()));
+        spec.set_icc_profile(icc.to_vec());
     } else if let Some(numbers) = image.rendered_cicp()
         && let Ok(numbers) = Param::declared("int[4] CICP", &numbers.map(i32::from)[..])
     {
         spec.attributes.set(numbers);
     }
+    boxed_metadata(place, &mut spec)?;
     Ok(spec)
+}
+
+/// Adds the attributes of the boxes of a file in a container. The orientation is left out, because the codestream has
+/// its own. Boxes that are compressed are left out.
+fn boxed_metadata(place: &Place, spec: &mut ImageSpec) -> Result<()> {
+    const LONGEST: u64 = 1 << 20;
+    let (mut file, found) = boxes::of_file(place)?;
+    if found.first().is_none_or(|f| f.kind != *b"JXL ") {
+        return Ok(());
+    }
+    for item in found.iter().filter(|f| matches!(&f.kind, b"Exif" | b"xml ")) {
+        let Some(bytes) = boxes::content(&mut file, item, LONGEST) else { continue };
+        if item.kind == *b"xml " {
+            let text = String::from_utf8_lossy(&bytes);
+            spec.attributes.set(param("XMP", text.trim_end_matches('\0').into()));
+        } else if let Some((skipped, rest)) = bytes.split_first_chunk() {
+            let skipped = u32::from_be_bytes(*skipped) as usize;
+            exif::read(rest.get(skipped..).unwrap_or_default(), &mut spec.attributes);
+            spec.attributes.0.retain(|p| &*p.name != "orientation");
+        }
+    }
+    Ok(())
 }
 
 fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
@@ -215,5 +240,19 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
     contained(|| zune_jpegxl::JxlSimpleEncoder::new(&bytes, options).encode(&mut out))
         .map_err(&unsupported)?
         .map_err(|e| unsupported(format!("JPEG XL: {e:?}")))?;
-    file.write_all(&out).map_err(|e| file.io_error(e).into())
+    file.write_all(&in_container(spec, out)).map_err(|e| file.io_error(e).into())
+}
+
+/// Returns a codestream in a container with metadata, or the codestream alone where there is none.
+fn in_container(spec: &ImageSpec, codestream: Vec<u8>) -> Vec<u8> {
+    let (exif, xmp) = (exif::write(&spec.attributes, &[]), spec.string("XMP"));
+    if exif.is_none() && xmp.is_none() {
+        return codestream;
+    }
+    let mut file = [CONTAINER, &boxes::written(b"ftyp", b"jxl \0\0\0\0jxl ")].concat();
+    // The data begins at once, after 0 bytes.
+    file.extend(exif.map(|data| boxes::written(b"Exif", &[&[0; 4][..], &data].concat())).unwrap_or_default());
+    file.extend(xmp.map(|text| boxes::written(b"xml ", text.as_bytes())).unwrap_or_default());
+    file.extend(boxes::written(b"jxlc", &codestream));
+    file
 }

@@ -20,9 +20,15 @@
 //! | "softimage" | PIC of 8 and 16 bits | no |
 //! | "ico" | the largest image | no |
 //! | "jpegxl" | grey and RGB with alpha, the first frame | without loss, 8 bits; 16 without alpha |
+//! | "jpeg2000" | grey, RGB, CMYK, L*a*b*, palettes, with alpha | no |
 //! | "qoi", "webp" | every kind | 8 bits, RGB and RGBA |
 //! | "gif" | first image | no |
 //! | "DevIL" | | "bmp", "png", "sgi" or "tga" of 8 bits, by the extension of the name |
+//!
+//! # Metadata
+//!
+//! JPEG, PNG, WebP, JPEG XL, JPEG 2000 and PSD have Exif, IPTC, XMP and ICC profiles, as far as their definitions say.
+//! They become attributes ([`granita_image::metadata`]), and JPEG, PNG, WebP and JPEG XL are written with them.
 //!
 //! # Invariants
 //!
@@ -34,13 +40,32 @@
 //! SGI, IFF, DDS, DPX, Cineon, PSD, FITS, RLA, PFM and binary PNM of 8 and 16 bits find any rows by their position in
 //! the file. Layers of PSD that are compressed with deflate are kept. PNG that is not interlaced is decoded row after
 //! row without keeping rows. A request for rows before the last ones begins again. The others (JPEG, TGA, BMP, HDR,
-//! GIF, ICO, QOI, WebP, JPEG XL, PIC, interlaced PNG, text PNM) are decoded as a whole at the first request and kept.
-//! Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
+//! GIF, ICO, QOI, WebP, JPEG XL, JPEG 2000, PIC, interlaced PNG, text PNM) are decoded as a whole at the first request
+//! and kept. Images are encoded as a whole at `close`, except DDS, which is written as rows arrive.
 //!
 //! Colour profiles, animation, writing of GIF, compression to BC1 to BC7, and volumes in DDS are deliberately absent.
+//!
+//! ```
+//! use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+//! # fn main() -> granita_image::Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("grey.png");
+//! let mut formats = FormatRegistry::new(Limits::default());
+//! granita_raster::formats().into_iter().for_each(|format| formats.register(format));
+//! let spec = ImageSpec::new(3, 1, 1, PixelType::U16);
+//! let mut file = formats.create(&path, "png", &CreateOptions::new(&spec, 1))?;
+//! file.write_rows(&Pixels::U16(vec![0, 32768, 65535]))?;
+//! file.close()?;
+//! let file = formats.open(&path)?;
+//! assert_eq!((file.format_name(), file.read_level(0, 0)?.len()), ("png", 3));
+//! # Ok(())
+//! # }
+//! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
+mod boxes;
 mod cineon;
 mod dds;
 mod devil;
@@ -49,8 +74,10 @@ mod fields;
 mod film;
 mod fits;
 mod gif;
+mod ico;
 mod iff;
 mod jpeg;
+mod jpeg2000;
 mod jpegxl;
 mod pfm;
 mod plain;
@@ -59,6 +86,7 @@ mod pnm;
 mod psd;
 mod rla;
 mod rows;
+mod segments;
 mod sgi;
 mod softimage;
 mod turn;
@@ -70,6 +98,7 @@ pub use self::devil::DevilFormat;
 pub use self::dpx::DpxFormat;
 pub use self::fits::FitsFormat;
 pub use self::iff::IffFormat;
+pub use self::jpeg2000::Jpeg2000Format;
 pub use self::jpegxl::JpegXlFormat;
 pub use self::pfm::PfmFormat;
 pub use self::plain::{FORMATS, PlainFormat};
@@ -96,6 +125,7 @@ pub fn formats() -> Vec<Arc<dyn Format>> {
         Arc::new(PsdFormat),
         Arc::new(FitsFormat),
         Arc::new(JpegXlFormat),
+        Arc::new(Jpeg2000Format),
     ];
     all.extend(FORMATS.iter().map(|f| Arc::new(*f) as Arc<dyn Format>));
     // Radiance files have the extension of Softimage as well, and are written under it. RLA files have no mark.

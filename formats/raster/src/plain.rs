@@ -2,8 +2,10 @@
 
 use crate::fields::param;
 use crate::jpeg::{self, Ending};
+use crate::segments;
 use crate::turn::Turn;
 use crate::whole::{Decoded, Place, WholeInput, WholeOutput, divide_by_alpha};
+use granita_image::metadata::{exif, iptc};
 use granita_image::{
     AtomicFile, CreateOptions, FileSource, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits,
     PixelType, Pixels, Result, contained,
@@ -131,7 +133,7 @@ pub const FORMATS: [PlainFormat; 9] = [
         types: BYTES,
         channels: &[3, 4],
         drops_alpha: false,
-        encode: |spec, pixels, file| encode_bytes(spec, pixels, file, ImageFormat::WebP),
+        encode: encode_webp,
     },
     PlainFormat {
         name: "tga",
@@ -232,6 +234,11 @@ impl Format for PlainFormat {
 
 impl PlainFormat {
     fn open_place(&self, place: Place) -> Result<Box<dyn ImageInput>> {
+        if self.image == ImageFormat::Ico
+            && let Some(inner) = crate::ico::png(&place)?
+        {
+            return crate::png::open(self.name, inner);
+        }
         let mut decoder = decoder(&place, self.image)?;
         let (width, height) = turn(&mut decoder).size(decoder.dimensions());
         let (channels, pixel_type) = match decoder.color_type() {
@@ -296,17 +303,22 @@ fn turn(decoder: &mut impl ImageDecoder) -> Turn {
     Turn::of_exif(found.map_or(1, image::metadata::Orientation::to_exif))
 }
 
-/// Adds what the file has besides its pixels: the name of its profile, the length of its Exif data, and its XMP.
+/// Adds what the file has besides its pixels: its profile, and the attributes of Exif, IPTC and XMP. The orientation is
+/// left out, because the pixels are turned.
 fn describe(decoder: &mut impl ImageDecoder, spec: &mut ImageSpec) {
     /// The number of bytes of the longest text that is kept.
     const LONGEST: usize = 1 << 20;
     // Damaged metadata is left out.
     let found = |data: std::result::Result<image::ImageResult<Option<Vec<u8>>>, String>| data.ok()?.ok()?;
     if let Some(icc) = found(contained(|| decoder.icc_profile())) {
-        spec.attributes.set(param("ICCProfile", granita_image::color::profile(&icc).as_str().into()));
+        spec.set_icc_profile(icc);
     }
-    if let Some(exif) = found(contained(|| decoder.exif_metadata())) {
-        spec.attributes.set(param("Exif", format!("{} bytes", exif.len()).as_str().into()));
+    if let Some(data) = found(contained(|| decoder.exif_metadata())) {
+        exif::read(&data, &mut spec.attributes);
+        spec.attributes.0.retain(|p| &*p.name != "orientation");
+    }
+    if let Some(data) = found(contained(|| decoder.iptc_metadata())) {
+        iptc::read(iptc::of_resources(&data).unwrap_or(&data), &mut spec.attributes);
     }
     if let Some(xmp) = found(contained(|| decoder.xmp_metadata())).filter(|xmp| xmp.len() <= LONGEST) {
         let text = String::from_utf8_lossy(&xmp);
@@ -502,10 +514,34 @@ fn encode_jpeg(spec: &ImageSpec, pixels: Pixels, file: &mut AtomicFile) -> Resul
     let n = spec.nchannels();
     let (pixels, n) = if matches!(n, 2 | 4) { without_alpha(&pixels, n) } else { (pixels, n) };
     let quality = spec.attributes.int("quality").unwrap_or(98).clamp(1, 100) as u8;
-    let path = file.path().to_owned();
-    image::codecs::jpeg::JpegEncoder::new_with_quality(file, quality)
+    let mut bytes = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality)
         .write_image(&native_bytes(pixels), spec.width, spec.height, color(n, PixelType::U8))
-        .map_err(|e| write_fault(&path, e))
+        .map_err(|e| write_fault(file.path(), e))?;
+    file.write_all(&segments::with_metadata(&bytes, spec)).map_err(|e| file.io_error(e).into())
+}
+
+fn encode_webp(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result<()> {
+    let alpha = spec.nchannels() == 4;
+    if alpha && spec.attributes.int("unassociatedalpha").unwrap_or(0) == 0 {
+        divide_by_alpha(&mut pixels, 4);
+    }
+    let path = file.path().to_owned();
+    let mut encoder = image_webp::WebPEncoder::new(file);
+    if let Some(profile) = &spec.icc_profile {
+        encoder.set_icc_profile(profile.to_vec());
+    }
+    if let Some(data) = exif::write(&spec.attributes, &[]) {
+        encoder.set_exif_metadata(data);
+    }
+    if let Some(xmp) = spec.string("XMP") {
+        encoder.set_xmp_metadata(xmp.as_bytes().to_vec());
+    }
+    let colors = if alpha { image_webp::ColorType::Rgba8 } else { image_webp::ColorType::Rgb8 };
+    encoder.encode(&native_bytes(pixels), spec.width, spec.height, colors).map_err(|error| match error {
+        image_webp::EncodingError::IoError(source) => ImageError::Io { path, source },
+        other => ImageError::Unsupported { path, what: other.to_string() },
+    })
 }
 
 /// True when a PNM file of this name cannot hold the alpha of its `n` channels. Programs expect P5 or P6 for the old

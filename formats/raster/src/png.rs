@@ -2,12 +2,15 @@
 
 use crate::fields::param;
 use crate::whole::{Decoded, Place, Source, WholeInput, WholeOutput, divide_by_alpha};
+use granita_base::{Param, Params};
+use granita_image::metadata::exif;
 use granita_image::{
     AtomicFile, CreateOptions, Format, ImageError, ImageInput, ImageOutput, ImageSpec, Limits, PixelType,
     Pixels, Result,
 };
 use parking_lot::Mutex;
 use png::{BitDepth, ColorType, DecodingError, EncodingError};
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -20,8 +23,9 @@ use std::sync::{Arc, OnceLock};
 /// colours are not changed.
 ///
 /// The attributes `ImageDescription`, `DocumentName`, `Artist`, `copyright` and `software` are kept as texts, and other
-/// texts under their keywords with the prefix "png:".
-/// `compression` may be "none", "fast" or "zip" (the default).
+/// texts under their keywords with the prefix "png:". Exif, XMP and ICC profiles are kept too, and what the file says
+/// of its colours: `float png:gAMA`, `float[8] png:cHRM`, `int png:sRGB` and `int[4] png:cICP`. None of these is
+/// applied. `compression` may be "none", "fast" or "zip" (the default).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PngFormat;
 
@@ -38,8 +42,28 @@ const LONGEST_TEXT: usize = 1 << 20;
 /// The largest number of texts that are kept, and of chunks that are searched for a profile.
 const MOST_TEXTS: usize = 256;
 
+/// The number of bytes that a profile has fewer than, packed and unpacked.
+const LONGEST_PROFILE: u64 = 16 << 20;
+
+/// The attributes of what a file says of its colours: the exponent of its values, the chromaticities (x and y of white,
+/// red, green and blue), and the rendering intent of sRGB.
+const GAMMA: &str = "png:gAMA";
+const CHROMATICITIES: &str = "png:cHRM";
+const SRGB: &str = "png:sRGB";
+/// The numbers of ITU-T H.273: primaries, transfer function, matrix, and 1 for the full range.
+const CODE_POINTS: &str = "png:cICP";
+
+/// The keyword of XMP (XMP Specification, part 3).
+const XMP_KEYWORD: &str = "XML:com.adobe.xmp";
+
+/// The beginning of the names of attributes of IPTC, which are also keywords, as in OpenImageIO.
+const IPTC: &str = "IPTC:";
+
 /// The beginning of the names of texts whose keywords have no attribute of their own.
 const PREFIX: &str = "png:";
+
+/// The prefix of the names of the renderer's settings, which are keywords as they are.
+const SETTINGS: &str = "granita/";
 
 /// The keyword of a text chunk (PNG specification, 11.3.3.1), and the name of the attribute.
 const TEXTS: [(&str, &str); 5] = [
@@ -64,11 +88,11 @@ impl Format for PngFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        open(Place::new(path, "PNG", limits))
+        open("png", Place::new(path, "PNG", limits))
     }
 
     fn open_bytes(&self, path: &Path, bytes: Arc<[u8]>, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        open(Place::new(path, "PNG", limits).with_bytes(bytes))
+        open("png", Place::new(path, "PNG", limits).with_bytes(bytes))
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -88,20 +112,22 @@ impl Format for PngFormat {
     }
 }
 
-fn open(place: Place) -> Result<Box<dyn ImageInput>> {
+/// Opens a PNG, which may be the content of a file of the format `name`.
+pub(crate) fn open(name: &'static str, place: Place) -> Result<Box<dyn ImageInput>> {
     let (spec, interlaced) = read_spec(&place)?;
     if interlaced {
-        return Ok(Box::new(WholeInput::new("png", place, spec, decode, EXPANDED)?));
+        return Ok(Box::new(WholeInput::new(name, place, spec, decode, EXPANDED)?));
     }
     place.limits.check(&place.path, "PNG", &spec)?;
     // Rows need little memory, but an image without data for its many rows would take hours.
     let bytes = (spec.bytes().unwrap_or(u64::MAX), place.len()?);
     place.limits.check_ratio(&place.path, "PNG", bytes, EXPANDED)?;
-    Ok(Box::new(PngRows { place, spec, state: Mutex::new(None), broken: OnceLock::new() }))
+    Ok(Box::new(PngRows { name, place, spec, state: Mutex::new(None), broken: OnceLock::new() }))
 }
 
 /// An open PNG that is not interlaced. Rows are decoded in order and not kept. A request for earlier rows begins again.
 struct PngRows {
+    name: &'static str,
     place: Place,
     spec: ImageSpec,
     /// The decoder, and the index of the row that it returns next.
@@ -112,7 +138,7 @@ struct PngRows {
 
 impl ImageInput for PngRows {
     fn format_name(&self) -> &'static str {
-        "png"
+        self.name
     }
 
     fn levels(&self, image: usize) -> usize {
@@ -228,7 +254,10 @@ fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
         let own = TEXTS.iter().find(|(known, _)| *known == keyword).map(|(_, name)| (*name).to_owned());
         let name = match (own, keyword.as_str()) {
             (Some(name), _) => name,
-            (None, "XML:com.adobe.xmp") => "XMP".to_owned(),
+            (None, XMP_KEYWORD) => "XMP".to_owned(),
+            (None, keyword) if keyword.starts_with(IPTC) || keyword.starts_with(SETTINGS) => {
+                keyword.to_owned()
+            }
             (None, keyword) => format!("{PREFIX}{keyword}"),
         };
         // Of several texts with one keyword the first one is kept.
@@ -236,18 +265,24 @@ fn read_spec(place: &Place) -> Result<(ImageSpec, bool)> {
             spec.attributes.set(param(&name, text.as_str().into()));
         }
     }
-    if let Some(exif) = &info.exif_metadata {
-        spec.attributes.set(param("Exif", format!("{} bytes", exif.len()).as_str().into()));
+    colors(info, &mut spec);
+    if let Some(data) = &info.exif_metadata {
+        exif::read(data, &mut spec.attributes);
     }
-    if let Some(name) = profile_name(place)? {
-        spec.attributes.set(param("ICCProfile", name.as_str().into()));
+    match profile(place)? {
+        Some((_, Some(profile))) => spec.set_icc_profile(profile),
+        Some((name, None)) => spec.attributes.set(param("ICCProfile", name.as_str().into())),
+        None => {}
     }
     Ok((spec, info.interlaced))
 }
 
-/// Returns the keyword of an attribute with the prefix. It has 1 to 79 characters of ASCII.
+/// Returns the keyword of an attribute with the prefix, of IPTC, or of the renderer's settings. It has 1 to 79
+/// characters of ASCII.
 fn keyword(name: &str) -> Option<&str> {
-    name.strip_prefix(PREFIX).filter(|keyword| (1..80).contains(&keyword.len()) && keyword.is_ascii())
+    let is_whole = name.starts_with(IPTC) || name.starts_with(SETTINGS);
+    let keyword = if is_whole { Some(name) } else { name.strip_prefix(PREFIX) };
+    keyword.filter(|keyword| (1..80).contains(&keyword.len()) && keyword.is_ascii())
 }
 
 /// Returns the keywords and texts before the pixels. Texts that are too long or damaged are left out.
@@ -273,8 +308,67 @@ fn texts(info: &png::Info<'_>) -> Vec<(String, String)> {
     texts
 }
 
-/// Returns the name of the colour profile, which precedes the pixels. The profile itself is not unpacked.
-fn profile_name(place: &Place) -> Result<Option<String>> {
+/// Adds what the file says of its colours (chunks gAMA, cHRM and sRGB), and of the size of its pixels (pHYs).
+fn colors(info: &png::Info<'_>, spec: &mut ImageSpec) {
+    if let Some(gamma) = info.gama_chunk {
+        spec.attributes.set(param(GAMMA, gamma.into_value().into()));
+    }
+    if let Some(points) = info.chrm_chunk {
+        let points = [points.white, points.red, points.green, points.blue];
+        let values: Vec<f32> = points.iter().flat_map(|(x, y)| [x.into_value(), y.into_value()]).collect();
+        if let Ok(param) = Param::declared(&format!("float[8] {CHROMATICITIES}"), &values[..]) {
+            spec.attributes.set(param);
+        }
+    }
+    if let Some(points) = info.coding_independent_code_points {
+        let values = [
+            i32::from(points.color_primaries),
+            i32::from(points.transfer_function),
+            i32::from(points.matrix_coefficients),
+            i32::from(points.is_video_full_range_image),
+        ];
+        if let Ok(param) = Param::declared(&format!("int[4] {CODE_POINTS}"), &values[..]) {
+            spec.attributes.set(param);
+        }
+    }
+    if let Some(intent) = info.srgb {
+        spec.attributes.set(param(SRGB, i32::from(intent as u8).into()));
+    }
+    if let Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter }) = info.pixel_dims {
+        spec.attributes.set(param("XResolution", (xppu as f32 / 100.0).into()));
+        spec.attributes.set(param("YResolution", (yppu as f32 / 100.0).into()));
+        spec.attributes.set(param("ResolutionUnit", "cm".into()));
+    }
+}
+
+/// Adds the same attributes to what is written.
+fn set_colors(info: &mut png::Info<'_>, attributes: &Params) {
+    info.source_gamma = attributes.float(GAMMA).filter(|v| *v > 0.0).map(png::ScaledFloat::new);
+    if let Some([wx, wy, rx, ry, gx, gy, bx, by]) = attributes.floats(CHROMATICITIES).as_deref() {
+        info.source_chromaticities =
+            Some(png::SourceChromaticities::new((*wx, *wy), (*rx, *ry), (*gx, *gy), (*bx, *by)));
+    }
+    info.srgb = match attributes.int(SRGB) {
+        Some(0) => Some(png::SrgbRenderingIntent::Perceptual),
+        Some(1) => Some(png::SrgbRenderingIntent::RelativeColorimetric),
+        Some(2) => Some(png::SrgbRenderingIntent::Saturation),
+        Some(3) => Some(png::SrgbRenderingIntent::AbsoluteColorimetric),
+        _ => None,
+    };
+    let per_meter = match attributes.string("ResolutionUnit").map(|s| &**s) {
+        Some("cm") => 100.0,
+        Some("in" | "inch") => 100.0 / 2.54,
+        _ => return,
+    };
+    let pixels = |name| attributes.float(name).map(|v| v * per_meter).filter(|v| *v >= 1.0 && *v < 2e9);
+    if let (Some(x), Some(y)) = (pixels("XResolution"), pixels("YResolution")) {
+        let (xppu, yppu) = (x.round() as u32, y.round() as u32);
+        info.pixel_dims = Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter });
+    }
+}
+
+/// Returns the name of the colour profile, which precedes the pixels, and the profile, unless it is damaged or long.
+fn profile(place: &Place) -> Result<Option<(String, Option<Vec<u8>>)>> {
     let mut file = place.source()?;
     let mut skip = 8;
     for _ in 0..MOST_TEXTS {
@@ -285,11 +379,17 @@ fn profile_name(place: &Place) -> Result<Option<String>> {
             return Ok(None);
         }
         if kind == *b"iCCP" {
-            // A name of up to 79 Latin characters ends with a NUL.
-            let mut name = Vec::new();
-            file.take(79).read_to_end(&mut name).map_err(|e| place.io(e))?;
-            let name: String = name.iter().take_while(|b| **b != 0).map(|b| char::from(*b)).collect();
-            return Ok(Some(name));
+            let len = u64::from(u32::from_be_bytes([a, b, c, d]));
+            let mut content = Vec::new();
+            file.take(len.min(LONGEST_PROFILE)).read_to_end(&mut content).map_err(|e| place.io(e))?;
+            // A name of up to 79 Latin characters ends with a NUL. The number of the compression follows.
+            let end = content.iter().take(79).position(|b| *b == 0).unwrap_or(79.min(content.len()));
+            let name: String = content[..end].iter().map(|b| char::from(*b)).collect();
+            let packed = content.get(end + 2..).unwrap_or_default();
+            let mut profile = Vec::new();
+            let read = flate2::read::ZlibDecoder::new(packed).take(LONGEST_PROFILE).read_to_end(&mut profile);
+            let whole = read.is_ok() && (profile.len() as u64) < LONGEST_PROFILE && !profile.is_empty();
+            return Ok(Some((name, whole.then_some(profile))));
         }
         // The checksum follows the content.
         skip = i64::from(u32::from_be_bytes([a, b, c, d])) + 4;
@@ -329,7 +429,12 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
         EncodingError::IoError(source) => ImageError::Io { path: path.clone(), source },
         other => ImageError::Unsupported { path: path.clone(), what: other.to_string() },
     };
-    let mut encoder = png::Encoder::new(file, spec.width, spec.height);
+    let mut info = png::Info::with_size(spec.width, spec.height);
+    info.icc_profile = spec.icc_profile.as_deref().map(Cow::Borrowed);
+    // What has texts of its own is not stored twice.
+    info.exif_metadata = exif::write(&spec.attributes, &TEXTS.map(|(_, name)| name)).map(Cow::Owned);
+    set_colors(&mut info, &spec.attributes);
+    let mut encoder = png::Encoder::with_info(file, info).map_err(fault)?;
     encoder.set_color(color);
     encoder.set_depth(if spec.pixel_type == PixelType::U16 { BitDepth::Sixteen } else { BitDepth::Eight });
     encoder.set_compression(match spec.string("compression") {
@@ -351,6 +456,9 @@ fn encode(spec: &ImageSpec, mut pixels: Pixels, file: &mut AtomicFile) -> Result
         } else {
             encoder.add_itxt_chunk(keyword.to_owned(), text).map_err(fault)?;
         }
+    }
+    if let Some(xmp) = spec.string("XMP") {
+        encoder.add_itxt_chunk(XMP_KEYWORD.to_owned(), xmp.replace('\0', " ")).map_err(fault)?;
     }
     let mut writer = encoder.write_header().map_err(fault)?;
     writer.write_image_data(&bytes).map_err(fault)?;

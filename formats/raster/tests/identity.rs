@@ -279,7 +279,7 @@ fn jpeg_files_are_turned_upright() {
             let (w, h) = if transposed { (16, 32) } else { (32, 16) };
             let spec = input.spec(0, 0).unwrap();
             assert_eq!((spec.width, spec.height), (w, h), "{number}");
-            assert_eq!(spec.string("Exif"), Some("26 bytes"));
+            assert!(spec.attributes.get("orientation").is_none());
             let Pixels::U8(all) = input.read_level(0, 0).unwrap() else { panic!() };
             // Returns the middle of a quarter, counted from the corner of the first stored pixel.
             let at = |along_x: bool, along_y: bool| {

@@ -1,7 +1,9 @@
 //! Photoshop documents that are made by hand, section by section.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use granita_image::{Format, ImageInput, Limits, Pixels};
+use granita_base::Param;
+use granita_image::metadata::{exif, iptc};
+use granita_image::{Format, ImageInput, ImageSpec, Limits, PixelType, Pixels};
 use granita_raster::PsdFormat;
 use std::io::Write;
 
@@ -262,12 +264,23 @@ fn psd_layers_of_sixteen_bits_and_merged_alpha_are_found() {
 #[test]
 fn psd_profiles_and_descriptions_are_reported() {
     let mut file = Psd::new(1, 8, 1, [1, 1], &[7]);
-    file.resources =
-        [resource(1039, &[0; 500]), resource(1058, &[0; 20]), resource(1060, b"<x:xmpmeta/>")].concat();
+    let mut given = ImageSpec::new(1, 1, 1, PixelType::U8);
+    for (declaration, text) in [("string Exif:LensModel", "long"), ("string IPTC:City", "Paris")] {
+        given.attributes.set(Param::declared(declaration, text).unwrap());
+    }
+    file.resources = [
+        resource(1028, &iptc::write(&given.attributes).unwrap()),
+        resource(1039, &[0; 500]),
+        resource(1058, &exif::write(&given.attributes, &[]).unwrap()),
+        resource(1060, b"<x:xmpmeta/>"),
+    ]
+    .concat();
     let (_folder, input) = open(&file.bytes()).unwrap();
     let spec = input.spec(0, 0).unwrap();
     assert_eq!(spec.string("ICCProfile"), Some("500 bytes"));
-    assert_eq!(spec.string("Exif"), Some("20 bytes"));
+    assert_eq!(spec.icc_profile.as_deref(), Some(&[0; 500][..]));
+    assert_eq!(spec.string("Exif:LensModel"), Some("long"));
+    assert_eq!(spec.string("IPTC:City"), Some("Paris"));
     assert_eq!(spec.string("XMP"), Some("<x:xmpmeta/>"));
 }
 

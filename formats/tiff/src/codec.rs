@@ -1,6 +1,6 @@
 //! Compression schemes and predictors of one strip or tile.
 
-use granita_image::{Content, DeflateLevel, Pixels, zlib_compress};
+use granita_image::{Content, DeflateLevel, Pixels, contained, zlib_compress};
 use half::f16;
 use std::io::Read;
 
@@ -25,6 +25,10 @@ pub(crate) enum Compression {
     Group3,
     /// This compression is only read, by [`crate::logluv`].
     SgiLog,
+    /// This compression is only read, by [`crate::logluv24`].
+    SgiLog24,
+    /// This compression is only read.
+    Lzma,
 }
 
 impl Compression {
@@ -43,10 +47,10 @@ impl Compression {
             4 => return Ok(Self::Group4),
             6 => "old-style JPEG (of 1992)".into(),
             34676 => return Ok(Self::SgiLog),
-            34677 => "LogLuv of 24 bits".into(),
+            34677 => return Ok(Self::SgiLog24),
             34712 => "JPEG 2000".into(),
             34887 => "LERC".into(),
-            34925 => "LZMA".into(),
+            34925 => return Ok(Self::Lzma),
             other => format!("number {other}"),
         })
     }
@@ -65,6 +69,8 @@ impl Compression {
             Self::Runs => 2,
             Self::Group3 => 3,
             Self::SgiLog => 34676,
+            Self::SgiLog24 => 34677,
+            Self::Lzma => 34925,
         }
     }
 
@@ -96,6 +102,8 @@ impl Compression {
             Self::Runs => "ccitt",
             Self::Group3 => "group3",
             Self::SgiLog => "sgilog",
+            Self::SgiLog24 => "sgilog24",
+            Self::Lzma => "lzma",
         }
     }
 
@@ -110,9 +118,14 @@ impl Compression {
             Self::Lzw => decode_lzw(data, out),
             Self::Deflate => decode_deflate(data, out),
             Self::Zstd => decode_zstd(data, out),
-            Self::Jpeg | Self::WebP | Self::Group4 | Self::Runs | Self::Group3 | Self::SgiLog => {
-                (0, Some("it is decoded elsewhere".to_owned()))
-            }
+            Self::Lzma => decode_lzma(data, out),
+            Self::Jpeg
+            | Self::WebP
+            | Self::Group4
+            | Self::Runs
+            | Self::Group3
+            | Self::SgiLog
+            | Self::SgiLog24 => (0, Some("it is decoded elsewhere".to_owned())),
             Self::PackBits => decode_packbits(data, out),
         };
         match fault {
@@ -143,7 +156,9 @@ impl Compression {
             | Self::Group4
             | Self::Runs
             | Self::Group3
-            | Self::SgiLog => Err(std::io::ErrorKind::Unsupported.into()),
+            | Self::SgiLog
+            | Self::SgiLog24
+            | Self::Lzma => Err(std::io::ErrorKind::Unsupported.into()),
             Self::PackBits => {
                 // Runs must not cross rows (TIFF 6.0, section 9).
                 let mut out = Vec::with_capacity(data.len() + data.len() / 64);
@@ -169,10 +184,22 @@ fn decode_zstd(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
     let mut frame = ruzstd::decoding::FrameDecoder::new();
     // The window size is declared by the data. It is limited to the size of a strip.
     frame.set_max_window_size((out.len() as u64).next_power_of_two().clamp(8 << 20, 128 << 20));
-    let mut reader = match ruzstd::decoding::StreamingDecoder::new_with_decoder(data, frame) {
-        Ok(reader) => reader,
-        Err(e) => return (0, Some(e.to_string())),
-    };
+    match ruzstd::decoding::StreamingDecoder::new_with_decoder(data, frame) {
+        Ok(reader) => read_all(reader, out),
+        Err(e) => (0, Some(e.to_string())),
+    }
+}
+
+/// Decodes data of LZMA2 in the container of xz, as libtiff writes it.
+fn decode_lzma(data: &[u8], out: &mut [u8]) -> (usize, Option<String>) {
+    /// The memory of the largest dictionary, which is declared by the data. The largest preset of xz needs half of it.
+    const MOST_KIB: u32 = 128 << 10;
+    contained(|| read_all(lzma_rust2::XzReader::new_mem_limit(data, false, MOST_KIB), out))
+        .unwrap_or_else(|fault| (0, Some(fault)))
+}
+
+/// Fills `out`, and returns the number of bytes and the error that ended it.
+fn read_all(mut reader: impl Read, out: &mut [u8]) -> (usize, Option<String>) {
     let mut done = 0;
     while done < out.len() {
         match reader.read(&mut out[done..]) {
@@ -345,6 +372,23 @@ pub(crate) fn unpack_bits(bytes: &[u8], width: usize, bits: usize, scale: bool) 
     out
 }
 
+/// Converts values of 9 to 15 bits to 16 bits, with their high bits repeated as the low ones. They are packed in rows
+/// of `width` values from the most significant bit.
+pub(crate) fn unpack_wide(bytes: &[u8], width: usize, bits: usize) -> Vec<u16> {
+    let mut out = Vec::with_capacity(bytes.len() * 8 / bits);
+    for row in bytes.chunks_exact((width * bits).div_ceil(8).max(1)) {
+        for i in 0..width {
+            let at = i * bits;
+            // A value is in up to three bytes.
+            let byte = |k: usize| u32::from(row.get(at / 8 + k).copied().unwrap_or(0));
+            let all = byte(0) << 16 | byte(1) << 8 | byte(2);
+            let value = all >> (24 - bits - at % 8) & ((1 << bits) - 1);
+            out.push((value << (16 - bits) | value >> (2 * bits - 16)) as u16);
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -408,5 +452,10 @@ mod tests {
         assert_eq!(unpack_bits(&[0b1010_0000], 3, 1, true), [255, 0, 255]);
         assert_eq!(unpack_bits(&[0x1f, 0x20], 3, 4, false), [1, 15, 2]);
         assert_eq!(unpack_bits(&[0b0001_1011], 4, 2, true), [0, 85, 170, 255]);
+        // Two rows of two values, which end with whole bytes.
+        let packed = [0xff, 0xc0, 0x10, 0x80, 0x00, 0x00];
+        assert_eq!(unpack_wide(&packed, 2, 10), [0xffff, 0x0040, 0x8020, 0]);
+        assert_eq!(unpack_wide(&[0xab, 0xcd, 0xef], 2, 12), [0xabca, 0xdefd]);
+        assert_eq!(unpack_wide(&[0xff, 0xfe], 1, 15), [0xffff]);
     }
 }

@@ -53,7 +53,7 @@ impl Colors {
         }
         let fits = match (&colors, pixel_type) {
             (Self::YCbCr(_), _) => bits == 8 && pixel_type == PixelType::U8,
-            (_, PixelType::U8 | PixelType::U16) => bits >= 8,
+            (_, PixelType::U8 | PixelType::U16) => matches!(bits, 8 | 16),
             (Self::Cmyk, PixelType::Float) => true,
             _ => false,
         };

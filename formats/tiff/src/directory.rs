@@ -1,5 +1,6 @@
 //! The structure of a TIFF file: header, chain of directories, entries and their values.
 
+use granita_image::metadata::exif;
 use granita_image::{FileSource, Limits, Result};
 
 /// The byte order and the width of offsets of a file, from its first bytes.
@@ -159,8 +160,17 @@ impl Directory {
 
     /// Returns the bytes of a tag; `None` when it is absent or has more than `max`.
     pub(crate) fn bytes(&self, source: &FileSource, tag: u16, max: u64) -> Result<Option<Vec<u8>>> {
-        let entry = self.entry(tag).filter(|e| matches!(e.kind, 1 | 7) && e.count <= max);
+        // Some programs declare bytes as numbers of 32 bits.
+        let entry = self.entry(tag).filter(|e| matches!(e.kind, 1 | 4 | 7) && e.count <= max);
         entry.map(|e| self.layout.values(source, e, max)).transpose()
+    }
+
+    /// Returns the description that a reader of metadata needs.
+    pub(crate) fn metadata_source<'a>(
+        &self,
+        fetch: &'a dyn Fn(u64, u64) -> Option<Vec<u8>>,
+    ) -> exif::Source<'a> {
+        exif::Source { fetch, big_endian: self.layout.big_endian, big_tiff: self.layout.big_tiff }
     }
 
     /// Returns the first `max` values of a tag as floats, from floats, doubles, fractions or integers.

@@ -5,7 +5,7 @@ use crate::colors::Colors;
 use crate::directory::{Layout, read_directories};
 use crate::level::{Level, understand};
 use crate::strip_file::Chunk;
-use crate::{codec, fax, jpeg, logluv, webp};
+use crate::{codec, fax, jpeg, logluv, logluv24, webp};
 use granita_image::{
     FileSource, ImageError, ImageInput, ImageSpec, Limits, PixelType, Pixels, Result, rows_from_tiles,
 };
@@ -127,7 +127,8 @@ impl TiffInput {
         let densest = match level.compression {
             Compression::None => 1,
             // A run of 128 KiB takes four bytes. A row that equals the one above takes a bit.
-            Compression::Zstd | Compression::Group4 | Compression::Group3 => 1 << 15,
+            // A repetition of 273 bytes takes at least a third of a bit of LZMA.
+            Compression::Zstd | Compression::Lzma | Compression::Group4 | Compression::Group3 => 1 << 15,
             _ => 4096,
         };
         if count.saturating_mul(densest) < needed as u64 {
@@ -144,8 +145,14 @@ impl TiffInput {
         if level.reversed {
             codec::reverse_bits(&mut packed);
         }
-        if level.compression == Compression::SgiLog {
-            return logluv::decode(&packed, size, samples).map(Pixels::Float).map_err(malformed);
+        match level.compression {
+            Compression::SgiLog => {
+                return logluv::decode(&packed, size, samples).map(Pixels::Float).map_err(malformed);
+            }
+            Compression::SgiLog24 => {
+                return logluv24::decode(&packed, size).map(Pixels::Float).map_err(malformed);
+            }
+            _ => {}
         }
         let mut bytes = match level.by_crate {
             Some(format) => {
@@ -167,6 +174,9 @@ impl TiffInput {
             bytes = codec::undo_floating(bytes, row_values, samples, pixel_type.bytes());
             big_endian = true;
         }
+        if matches!(bits, 9..=15) {
+            return Ok(Pixels::U16(codec::unpack_wide(&bytes, row_values, bits)));
+        }
         let mut pixels = Pixels::from_bytes(pixel_type, bytes, big_endian);
         if level.predictor == 2 {
             codec::undo_horizontal(&mut pixels, row_values, samples);
@@ -185,7 +195,7 @@ impl TiffInput {
     ) -> std::result::Result<Pixels, String> {
         let bits = level.bits;
         let (data, compression) = match level.compression {
-            Compression::Zstd => {
+            Compression::Zstd | Compression::Lzma => {
                 let needed = (size.0 * samples * bits as usize).div_ceil(8) * size.1;
                 (unpack(level, packed, needed, (size, samples))?, Compression::None)
             }

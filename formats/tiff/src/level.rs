@@ -5,7 +5,8 @@ use crate::colors::Colors;
 use crate::directory::Directory;
 use crate::{fax, strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
-use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result, color};
+use granita_image::metadata::{exif, iptc};
+use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
 use std::sync::OnceLock;
 
 /// The offsets and lengths in bytes of the strips or tiles of a level, in order.
@@ -28,7 +29,7 @@ pub(crate) struct Level {
     pub(crate) invert: bool,
     /// The number of stored channels. It is 1 for a palette, and 4 for inks.
     pub(crate) samples: usize,
-    /// The number of bits of one stored sample: 1, 2, 4, 8, 16, 32 or 64.
+    /// The number of bits of one stored sample: 1, 2, 4, 8 to 16, 32 or 64.
     pub(crate) bits: u64,
     /// The number of the kind of values, where the crate `tiff` decodes them ([`crate::strip_file`]).
     pub(crate) by_crate: Option<u64>,
@@ -77,13 +78,17 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
         .map_err(|name| source.unsupported(format!("TIFF compression {name} is not supported")))?;
     let photometric = number(tags::PHOTOMETRIC, if samples >= 3 { 2 } else { 1 })?;
     let mut sample = sample_type(source, &directory, samples, photometric)?;
-    if compression == Compression::SgiLog {
+    if matches!(compression, Compression::SgiLog | Compression::SgiLog24) {
         // The bits of the tags are those that a program wanted to have when it wrote the file.
         let three = (photometric, samples) == (32845, 3);
-        if !three && (photometric, samples) != (32844, 1) {
-            return Err(source.unsupported(
-                "TIFF with sgilog data of other than LogL and LogLuv colours is not supported",
-            ));
+        if !three && ((photometric, samples) != (32844, 1) || compression == Compression::SgiLog24) {
+            let (name, colors) = match compression {
+                Compression::SgiLog24 => ("sgilog24", "LogLuv"),
+                _ => ("sgilog", "LogL and LogLuv"),
+            };
+            return Err(source.unsupported(format!(
+                "TIFF with {name} data of other than {colors} colours is not supported"
+            )));
         }
         sample = Sample { pixel_type: PixelType::Float, bits: 32, format: 3 };
     }
@@ -99,7 +104,7 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     let colors = match compression {
         // The strips and tiles are images that describe their colours themselves, and the decoder converts them.
         Compression::Jpeg if ycc => None,
-        Compression::WebP | Compression::SgiLog => None,
+        Compression::WebP | Compression::SgiLog | Compression::SgiLog24 => None,
         _ => Colors::of(source, &directory, photometric, (pixel_type, bits, samples))?,
     };
     let predictor = number(tags::PREDICTOR, 1)?;
@@ -128,6 +133,9 @@ pub(crate) fn understand(source: &FileSource, directory: Directory, limits: &Lim
     };
     limits.check(source.path(), "TIFF", &spec)?;
     metadata(source, &directory, &mut spec)?;
+    if colors.is_some() {
+        spec.remove_icc_profile();
+    }
     let word = |name: &str, value: &str| Param {
         name: name.into(),
         ty: ParamType::of(BaseType::String),
@@ -179,7 +187,7 @@ fn check_combination(
     let unsupported = |what: String| Err(source.unsupported(format!("TIFF {what} is not supported")));
     let fits = match predictor {
         1 => true,
-        2 => bits >= 8,
+        2 => matches!(bits, 8 | 16 | 32 | 64),
         3 => format == 3,
         _ => false,
     };
@@ -196,8 +204,8 @@ fn check_combination(
         Compression::WebP if separate || !matches!(samples, 3 | 4) => {
             return unsupported(format!("with {name} data of other than 3 or 4 channels together"));
         }
-        Compression::SgiLog if separate || predictor != 1 => {
-            return unsupported("with sgilog data in planes or with a predictor".to_owned());
+        Compression::SgiLog | Compression::SgiLog24 if separate || predictor != 1 => {
+            return unsupported(format!("with {name} data in planes or with a predictor"));
         }
         Compression::Group4 | Compression::Group3 | Compression::Runs
             if bits != 1 || samples != 1 || predictor != 1 =>
@@ -242,7 +250,7 @@ fn sample_type(source: &FileSource, directory: &Directory, samples: u64, photome
     };
     let pixel_type = match (format, bits) {
         (1, 1 | 2 | 4 | 8) => PixelType::U8,
-        (1, 16) => PixelType::U16,
+        (1, 9..=16) => PixelType::U16,
         (1, 32) => PixelType::U32,
         (3, 16) => PixelType::Half,
         (3, 32) => PixelType::Float,
@@ -304,16 +312,7 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
         }
     }
-    // A profile is not applied. Much longer data is not one.
-    let profile = directory.bytes(source, tags::ICC_PROFILE, 1 << 24).ok().flatten();
-    let exif = directory.entry(tags::EXIF_IFD).map(|_| "a directory of its own".to_owned());
-    let found = [("ICCProfile", profile.map(|bytes| color::profile(&bytes))), ("Exif", exif)];
-    for (name, text) in found {
-        if let Some(text) = text {
-            let ty = ParamType::of(BaseType::String);
-            spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
-        }
-    }
+    camera_and_archive(source, directory, spec);
     for (tag, name) in tags::MATRICES {
         let m = directory.floats(source, tag, 16)?;
         if m.len() == 16 {
@@ -357,6 +356,40 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
         spec.y = place(tags::Y_POSITION, tags::Y_RESOLUTION)?;
     }
     Ok(())
+}
+
+/// Reads Exif, IPTC, the profile and the resolution into `spec`. What is damaged is left out.
+fn camera_and_archive(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) {
+    // Much longer data is not a profile.
+    const LONGEST: u64 = 1 << 24;
+    if let Some(profile) = directory.bytes(source, tags::ICC_PROFILE, LONGEST).ok().flatten() {
+        spec.set_icc_profile(profile);
+    }
+    for (tag, part) in [(tags::EXIF_IFD, exif::Part::Camera), (tags::GPS_IFD, exif::Part::Position)] {
+        if let Some(offset) = directory.number(source, tag, 0).ok().filter(|offset| *offset > 0) {
+            let fetch = |at, len| source.read_vec(at, len, "metadata").ok();
+            exif::read_directory(&directory.metadata_source(&fetch), offset, part, &mut spec.attributes);
+        }
+    }
+    if let Some(data) = directory.bytes(source, tags::IPTC, LONGEST).ok().flatten() {
+        iptc::read(&data, &mut spec.attributes);
+    }
+    let float = |tag| directory.floats(source, tag, 1).ok()?.first().copied().filter(|v| v.is_finite());
+    let unit = directory.number(source, tags::RESOLUTION_UNIT, 2).unwrap_or(2);
+    let (Some(x), Some(y)) = (float(tags::X_RESOLUTION), float(tags::Y_RESOLUTION)) else { return };
+    let unit = match unit {
+        // Square pixels without a size say nothing.
+        1 if (x, y) == (1.0, 1.0) => return,
+        1 => "none",
+        3 => "cm",
+        _ => "in",
+    };
+    for (name, data) in
+        [("XResolution", x.into()), ("YResolution", y.into()), ("ResolutionUnit", unit.into())]
+    {
+        let ty = ParamType::of(if name == "ResolutionUnit" { BaseType::String } else { BaseType::Float });
+        spec.attributes.set(Param { name: name.into(), ty, data });
+    }
 }
 
 impl Level {

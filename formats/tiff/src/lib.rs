@@ -1,11 +1,11 @@
 //! TIFF: the suite's own format for textures, shadow maps and rendered images.
 //!
 //! **Reading.** These are read:
-//! - 1, 2, 4, 8, 16 and 32-bit unsigned integers (values of fewer than 8 bits, and palettes, become 8-bit values), and
-//!   16 and 32-bit floats, with any number of channels
+//! - 1, 2, 4, 8 to 16 and 32-bit unsigned integers (values of fewer than 8 bits, and palettes, become 8-bit values, and
+//!   those of 9 to 15 bits 16-bit values), and 16 and 32-bit floats, with any number of channels
 //! - signed integers and 64-bit values, which become floats of the same number
 //! - strips and tiles, in one plane or one per channel
-//! - uncompressed data, and LZW, deflate, PackBits, Zstandard, JPEG, WebP and CCITT, with all three predictors
+//! - uncompressed data, and LZW, deflate, PackBits, Zstandard, LZMA, JPEG, WebP and CCITT, with all three predictors
 //! - both byte orders, both orders of bits, and 32-bit and 64-bit offsets ("BigTIFF")
 //! - CMYK, YCbCr and CIE L*a*b*, which become RGB (module `colors`), and LogLuv, which becomes floats of RGB
 //!
@@ -26,17 +26,18 @@
 //! **Attributes when writing** (reference 7.4.1): `compression` ("none", "lzw", "zip" or "deflate", and "packbits"; the
 //! default is "zip"; deflate accepts a level from 1 to 12, as "zip:9"), `rowsperstrip` (default 32), `planarconfig`,
 //! `ImageDescription`, `DocumentName`, `Artist`, `copyright` (or `owner`), `software`, `DateTime`, `Make`, `Model`,
-//! `HostComputer`, `XMP`, and `bigtiff` (int; 1 requests 64-bit offsets). A date is written only when it is given, so
-//! that the same image results in the same bytes.
+//! `HostComputer`, `XMP`, the attributes of Exif and IPTC ([`granita_image::metadata`]), `XResolution`, `YResolution`,
+//! `ResolutionUnit` ("in", "cm" or "none"), `orientation`, and `bigtiff` (int; 1 requests 64-bit offsets). A date is
+//! written only when it is given, so that the same image results in the same bytes.
 //!
 //! # Invariants
 //!
 //! - One tile is read by one positioned read, from any thread, without reading the rest.
 //! - Memory is allocated by the numbers of a header only after they are checked against limits and file size.
 //!
-//! Deliberately absent are LZMA, LERC, JPEG 2000, the JPEG of 1992, LogLuv of 24 bits, ITU L*a*b*, values of other
-//! sizes (10, 12, 24 bits), complex values, and names of channels. TIFF cannot store names of channels, so they are
-//! read as "R", "G", "B", "A", "channel4" ...
+//! Deliberately absent are LERC, JPEG 2000, the JPEG of 1992, ITU L*a*b*, values of other sizes (24 bits),
+//! complex values, and names of channels. TIFF cannot store names of channels, so they are read as "R", "G", "B", "A",
+//! "channel4" ...
 //!
 //! ```
 //! use granita_image::{CreateOptions, Format, ImageSpec, Limits, PixelType, Pixels};
@@ -55,16 +56,20 @@
 //! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 mod codec;
 mod colors;
 mod directory;
 mod fax;
+mod field;
 mod input;
 mod jpeg;
 mod level;
 mod logluv;
+mod logluv24;
 mod output;
+mod settings;
 mod strip_file;
 mod tags;
 mod webp;
@@ -72,7 +77,7 @@ mod webp;
 pub use input::TiffInput;
 pub use output::TiffOutput;
 
-use granita_base::{BaseType, Param, ParamType};
+use granita_base::{BaseType, Files, Param, ParamType};
 use granita_image::{CreateOptions, Format, ImageInput, ImageOutput, ImageSpec, Limits, PixelType, Result};
 use std::path::Path;
 
@@ -100,12 +105,16 @@ impl Format for TiffFormat {
     fn supports(&self, feature: &str) -> bool {
         matches!(
             feature,
-            "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels" | "alpha"
+            "write" | "tiles" | "levels" | "half" | "float" | "u16" | "u32" | "channels" | "alpha" | "images"
         )
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
         Ok(Box::new(TiffOutput::create(path, options)?))
+    }
+
+    fn create_images(&self, path: &Path, specs: &[ImageSpec], files: &Files) -> Result<Box<dyn ImageOutput>> {
+        Ok(Box::new(TiffOutput::create_pages(path, specs, files)?))
     }
 }
 

@@ -59,10 +59,15 @@ fn luminance(bits: u32) -> f32 {
 /// light.
 fn rgb(bits: u32) -> [f32; 3] {
     let y = luminance(bits >> 16);
+    let [u, v] = [bits >> 8 & 0xff, bits & 0xff].map(|n| (n as f32 + 0.5) / 410.0);
+    rgb_of(y, u, v)
+}
+
+/// Returns red, green and blue of a luminance and u' and v' of CIE 1976. A luminance of 0 is black.
+pub(crate) fn rgb_of(y: f32, u: f32, v: f32) -> [f32; 3] {
     if y <= 0.0 {
         return [0.0; 3];
     }
-    let [u, v] = [bits >> 8 & 0xff, bits & 0xff].map(|n| (n as f32 + 0.5) / 410.0);
     // From u' and v' to chromaticities (CIE 1976).
     let scale = 1.0 / (6.0 * u - 16.0 * v + 12.0);
     let (cx, cy) = (9.0 * u * scale, 4.0 * v * scale);

@@ -1,11 +1,15 @@
 //! Writes strips or tiles in the order of arrival, and all directories at the end.
 
 use crate::codec::{Compression, apply_floating, apply_horizontal};
+use crate::field::{Field, metadata_directories, resolution};
 use crate::input::is_float;
+use crate::settings::Settings;
 use crate::tags;
+use granita_base::Files;
+use granita_image::metadata::{exif, iptc};
 use granita_image::{
-    AtomicFile, Content, CreateOptions, DeflateLevel, ImageError, ImageOutput, ImageSpec, PixelType, Pixels,
-    Result, TileRows,
+    AtomicFile, Content, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result,
+    TileRows,
 };
 use rayon::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -24,6 +28,10 @@ pub struct TiffOutput {
     current: Writing,
     /// All planned levels. The current one is replaced by `None`.
     planned: Vec<Option<Writing>>,
+    /// The pages of a file of several images; empty for a file of one.
+    pages: Vec<ImageSpec>,
+    /// The index of the current page.
+    page: usize,
 }
 
 /// The level that is being written.
@@ -41,86 +49,6 @@ struct Writing {
 enum Rows {
     Strip { pixels: Pixels, filled: usize, next_y: u32 },
     Tiles(Option<TileRows>),
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Settings {
-    compression: Compression,
-    /// The level of deflate.
-    level: DeflateLevel,
-    separate: bool,
-    rows_per_strip: u32,
-}
-
-/// An entry of a directory to be written.
-#[derive(Debug)]
-struct Field {
-    tag: u16,
-    kind: u16,
-    count: u64,
-    bytes: Vec<u8>,
-}
-
-impl Field {
-    fn shorts(tag: u16, values: &[u16]) -> Self {
-        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        Self { tag, kind: 3, count: values.len() as u64, bytes }
-    }
-
-    fn long(tag: u16, value: u32) -> Self {
-        Self { tag, kind: 4, count: 1, bytes: value.to_le_bytes().to_vec() }
-    }
-
-    /// Returns an entry of offsets and lengths in the file, with 64 bits only where the file has them.
-    fn places(tag: u16, values: impl ExactSizeIterator<Item = u64>, big_tiff: bool) -> Self {
-        let count = values.len() as u64;
-        let bytes = if big_tiff {
-            values.flat_map(u64::to_le_bytes).collect()
-        } else {
-            values.flat_map(|v| (v as u32).to_le_bytes()).collect()
-        };
-        Self { tag, kind: if big_tiff { 16 } else { 4 }, count, bytes }
-    }
-
-    fn text(tag: u16, text: &str) -> Self {
-        // The format ends strings at a NUL.
-        let mut bytes = text.split('\0').next().unwrap_or_default().as_bytes().to_vec();
-        bytes.push(0);
-        Self { tag, kind: 2, count: bytes.len() as u64, bytes }
-    }
-
-    fn floats(tag: u16, values: &[f32]) -> Self {
-        let bytes = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        Self { tag, kind: 11, count: values.len() as u64, bytes }
-    }
-
-    /// Returns an entry with an integer as a fraction.
-    /// Returns a fraction. It is a signed one only where the value is negative, because the specification requires
-    /// unsigned ones.
-    fn rational(tag: u16, value: i32) -> Self {
-        let kind = if value < 0 { 10 } else { 5 };
-        Self { tag, kind, count: 1, bytes: [value.to_le_bytes(), 1_i32.to_le_bytes()].concat() }
-    }
-}
-
-impl Settings {
-    fn of(path: &Path, spec: &ImageSpec, inherited: Option<Self>) -> Result<Self> {
-        let unsupported = |what: String| ImageError::Unsupported { path: path.to_owned(), what };
-        let (compression, level) = match spec.string("compression") {
-            Some(word) => Compression::from_word(word).map_err(unsupported)?,
-            None => inherited
-                .map_or((Compression::Deflate, DeflateLevel::default()), |s| (s.compression, s.level)),
-        };
-        let separate = match spec.string("planarconfig") {
-            Some("separate") => true,
-            Some("contig") => false,
-            Some(word) => return Err(unsupported(format!("\"{word}\" is not a planar configuration"))),
-            None => inherited.is_some_and(|s| s.separate),
-        };
-        let rows = spec.attributes.int("rowsperstrip").filter(|n| *n > 0);
-        let rows = rows.map_or(inherited.map_or(32, |s| s.rows_per_strip), |n| n as u32);
-        Ok(Self { compression, level, separate: separate && spec.nchannels() > 1, rows_per_strip: rows })
-    }
 }
 
 impl Writing {
@@ -160,29 +88,77 @@ impl Writing {
     }
 }
 
+/// Returns the number of bytes of an image as the file stores it without compression.
+fn stored_bytes(spec: &ImageSpec) -> u64 {
+    let tiles = spec.tiles();
+    let padded = (u64::from(tiles.0) * u64::from(spec.tile_width))
+        .saturating_mul(u64::from(tiles.1) * u64::from(spec.tile_height))
+        .saturating_mul((spec.nchannels() * spec.pixel_type.bytes()) as u64);
+    spec.bytes().unwrap_or(u64::MAX).max(padded)
+}
+
 impl TiffOutput {
     /// Begins a file. It is not visible under its name before `close`.
     ///
     /// # Errors
     /// Returns an error when the folder is missing or refuses the file, and for a description that TIFF cannot store.
     pub fn create(path: &Path, options: &CreateOptions<'_>) -> Result<Self> {
-        let current = Writing::new(path, options.spec, None)?;
-        // All levels together are less than twice the first one. Compression may lengthen them slightly.
-        let tiles = options.spec.tiles();
-        let padded = (u64::from(tiles.0) * u64::from(options.spec.tile_width))
-            .saturating_mul(u64::from(tiles.1) * u64::from(options.spec.tile_height))
-            .saturating_mul((options.spec.nchannels() * options.spec.pixel_type.bytes()) as u64);
-        let first = options.spec.bytes().unwrap_or(u64::MAX).max(padded);
-        let all = if options.levels > 1 { first.saturating_mul(2) } else { first };
-        let forced = options.spec.attributes.int("bigtiff").unwrap_or(0) != 0;
-        let big_tiff = forced || all.saturating_add(all / 16) > u64::from(u32::MAX) - (1 << 20);
-        let mut file = options.files.create(path)?;
+        // All levels together are less than twice the first one.
+        let first = stored_bytes(options.spec);
+        let bytes = if options.levels > 1 { first.saturating_mul(2) } else { first };
+        Self::begin(path, options.spec, bytes, &options.files)
+    }
+
+    /// Begins a file of several pages, which are written one after the other.
+    ///
+    /// # Errors
+    /// The errors of [`TiffOutput::create`].
+    pub fn create_pages(path: &Path, pages: &[ImageSpec], files: &Files) -> Result<Self> {
+        let Some(first) = pages.first() else {
+            let what = "a file without an image".to_owned();
+            return Err(ImageError::Misuse { path: path.to_owned(), what });
+        };
+        for page in pages {
+            Writing::new(path, page, None)?;
+        }
+        let bytes = pages.iter().map(stored_bytes).fold(0, u64::saturating_add);
+        Ok(Self { pages: pages.to_vec(), ..Self::begin(path, first, bytes, files)? })
+    }
+
+    /// Begins a file of about so many bytes.
+    fn begin(path: &Path, spec: &ImageSpec, bytes: u64, files: &Files) -> Result<Self> {
+        let current = Writing::new(path, spec, None)?;
+        let forced = spec.attributes.int("bigtiff").unwrap_or(0) != 0;
+        // Compression may lengthen the pixels slightly.
+        let big_tiff = forced || bytes.saturating_add(bytes / 16) > u64::from(u32::MAX) - (1 << 20);
+        let mut file = files.create(path)?;
         let header: &[u8] =
             if big_tiff { b"II\x2b\0\x08\0\0\0\0\0\0\0\0\0\0\0" } else { b"II\x2a\0\0\0\0\0" };
         file.write_all(header).map_err(|e| file.io_error(e))?;
         let position = header.len() as u64;
         let first = current.settings;
-        Ok(Self { file, position, big_tiff, first, finished: Vec::new(), current, planned: Vec::new() })
+        Ok(Self {
+            file,
+            position,
+            big_tiff,
+            first,
+            finished: Vec::new(),
+            current,
+            planned: Vec::new(),
+            pages: Vec::new(),
+            page: 0,
+        })
+    }
+
+    /// Returns the kind of the current directory: an image of its own, a level of the first one, or a page.
+    fn kind(&self) -> u32 {
+        const REDUCED: u32 = 1;
+        const PAGE: u32 = 2;
+        match (self.pages.len() > 1, self.finished.is_empty()) {
+            (true, _) => PAGE,
+            (false, true) => 0,
+            (false, false) => REDUCED,
+        }
     }
 
     /// Appends bytes at an even offset, as the format requires. Returns their offset.
@@ -285,17 +261,14 @@ impl TiffOutput {
             _ => 2,
         };
         let mut fields = vec![
-            Field::long(tags::NEW_SUBFILE_TYPE, u32::from(!self.finished.is_empty())),
+            Field::long(tags::NEW_SUBFILE_TYPE, self.kind()),
             Field::long(tags::IMAGE_WIDTH, spec.width),
             Field::long(tags::IMAGE_LENGTH, spec.height),
             Field::shorts(tags::BITS_PER_SAMPLE, &vec![8 * spec.pixel_type.bytes() as u16; n]),
             Field::shorts(tags::COMPRESSION, &[settings.compression.code()]),
             Field::shorts(tags::PHOTOMETRIC, &[if n >= 3 { 2 } else { 1 }]),
             Field::shorts(tags::SAMPLES_PER_PIXEL, &[n as u16]),
-            Field::rational(tags::X_RESOLUTION, 1),
-            Field::rational(tags::Y_RESOLUTION, 1),
             Field::shorts(tags::PLANAR_CONFIG, &[if settings.separate { 2 } else { 1 }]),
-            Field::shorts(tags::RESOLUTION_UNIT, &[1]),
             Field::shorts(tags::SAMPLE_FORMAT, &vec![if is_float(spec.pixel_type) { 3 } else { 1 }; n]),
         ];
         if predictor != 1 {
@@ -326,7 +299,12 @@ impl TiffOutput {
         let within = |v: i64| v.clamp(i64::from(i32::MIN), i64::from(i32::MAX)) as i32;
         let (x, y) = (within(x), within(y));
         let cube = spec.string("textureformat").is_some_and(|t| t.starts_with("CubeFace"));
-        if cube || (spec.full_width, spec.full_height) != (spec.width, spec.height) || (x, y) != (0, 0) {
+        let shown = exif::entries(&spec.attributes, exif::Part::Image, &[]);
+        let shown = shown.into_iter().map(Field::of_exif);
+        let has_windows =
+            cube || (spec.full_width, spec.full_height) != (spec.width, spec.height) || (x, y) != (0, 0);
+        fields.extend(resolution(shown, has_windows));
+        if has_windows {
             fields.push(Field::long(tags::FULL_WIDTH, spec.full_width));
             fields.push(Field::long(tags::FULL_LENGTH, spec.full_height));
             fields.push(Field::rational(tags::X_POSITION, x));
@@ -339,7 +317,11 @@ impl TiffOutput {
                 given = given.or_else(|| named("owner"));
             }
             if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
-                fields.push(Field::text(tag, text));
+                fields.push(match tag {
+                    // XMP is not a text of TIFF, which ends with a NUL.
+                    tags::XMP => Field::bytes(tag, 1, text.as_bytes()),
+                    _ => Field::text(tag, text),
+                });
             } else if tag == tags::SOFTWARE {
                 fields.push(Field::text(tag, &format!("Granita {}", granita_base::VERSION)));
             }
@@ -351,6 +333,18 @@ impl TiffOutput {
         }
         if let Some(cot) = spec.attributes.float("fovcot") {
             fields.push(Field::floats(tags::FOV_COT, &[cot]));
+        }
+        // What concerns an image is not repeated for its levels.
+        if self.finished.is_empty() || self.pages.len() > 1 {
+            fields.extend(metadata_directories(spec));
+            if let Some(profile) = &spec.icc_profile {
+                fields.push(Field::bytes(tags::ICC_PROFILE, 7, profile));
+            }
+            if let Some(mut data) = iptc::write(&spec.attributes) {
+                // Readers expect the bytes as numbers of 32 bits.
+                data.resize(data.len().next_multiple_of(4), 0);
+                fields.push(Field { count: data.len() as u64 / 4, ..Field::bytes(tags::IPTC, 4, &data) });
+            }
         }
         fields.sort_by_key(|f| f.tag);
         fields
@@ -367,6 +361,14 @@ impl TiffOutput {
         }
         number(&mut bytes, fields.len() as u64, if self.big_tiff { 8 } else { 2 });
         for field in fields {
+            let linked = match &field.directory[..] {
+                [] => None,
+                directory => {
+                    let (at, _) = self.write_directory(directory)?;
+                    Some(Field::places(field.tag, std::iter::once(at), self.big_tiff))
+                }
+            };
+            let field = linked.as_ref().unwrap_or(field);
             bytes.extend(field.tag.to_le_bytes());
             bytes.extend(field.kind.to_le_bytes());
             number(&mut bytes, field.count, inline);
@@ -539,7 +541,26 @@ impl ImageOutput for TiffOutput {
         Ok(())
     }
 
+    fn select_image(&mut self, image: usize) -> Result<()> {
+        if image == self.page {
+            return Ok(());
+        }
+        let Some(next) = self.pages.get(image).filter(|_| image == self.page + 1).cloned() else {
+            let (page, count) = (self.page, self.pages.len().max(1));
+            let what = format!("page {image} after page {page} of {count}");
+            return Err(self.current.misuse(&self.file, what));
+        };
+        let next = Writing::new(self.file.path(), &next, None)?;
+        self.finish_level()?;
+        (self.current, self.page) = (next, image);
+        Ok(())
+    }
+
     fn close(mut self: Box<Self>) -> Result<()> {
+        if self.page + 1 < self.pages.len() {
+            let (next, count) = (self.page + 1, self.pages.len());
+            return Err(self.current.misuse(&self.file, format!("page {next} of {count} is missing")));
+        }
         if self.planned.is_empty() {
             self.finish_level()?;
         }

@@ -71,4 +71,6 @@ pub(crate) const MATRICES: [(u16, &str); 2] =
 
 pub(crate) const T4_OPTIONS: u16 = 292;
 pub(crate) const EXIF_IFD: u16 = 34665;
+pub(crate) const GPS_IFD: u16 = 34853;
 pub(crate) const ICC_PROFILE: u16 = 34675;
+pub(crate) const IPTC: u16 = 33723;

@@ -339,3 +339,28 @@ fn private_tags_have_the_numbers_of_the_reference() {
     };
     assert_eq!((floats(33305), floats(33306)), (matrix(0.5), matrix(-2.0)));
 }
+
+#[test]
+fn pages_are_written_one_after_the_other() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("pages.tif");
+    let pages = [ImageSpec::new(5, 4, 3, PixelType::U8), ImageSpec::new(3, 9, 1, PixelType::Float)];
+    let pixels = [Pixels::U8((0..60).collect()), Pixels::Float((0..27).map(|i| i as f32).collect())];
+    let files = granita_base::Files::default();
+    let mut file = TiffFormat.create_images(&path, &pages, &files).unwrap();
+    assert!(file.select_image(2).is_err());
+    for (page, pixels) in pixels.iter().enumerate() {
+        file.select_image(page).unwrap();
+        file.write_rows(pixels).unwrap();
+    }
+    assert!(file.select_image(0).is_err(), "a page is not written again");
+    file.close().unwrap();
+    let input = TiffFormat.open(&path, &Limits::default()).unwrap();
+    assert_eq!((input.images(), input.levels(0)), (2, 1));
+    for (page, pixels) in pixels.iter().enumerate() {
+        assert_eq!(input.read_level(page, 0).unwrap(), *pixels);
+    }
+    let mut file = TiffFormat.create_images(&path, &pages, &files).unwrap();
+    file.write_rows(&pixels[0]).unwrap();
+    assert!(file.close().is_err(), "a page is missing");
+}

@@ -271,6 +271,46 @@ fn logarithmic_luminances_become_floats() {
     assert!(read_bytes(&planes.of_chunks(&vec![vec![0]; 6])).unwrap_err().to_string().contains("in planes"));
 }
 
+#[test]
+fn logarithms_of_24_bits_become_floats() {
+    // libtiff decodes this pixel to X, Y and Z 0.965472, 0.497300 and 0.207504.
+    let pixel = [0xaf, 0xf4, 0x30];
+    let file = File { compression: 34677, ..File::new((5, 4), 3, 16).with(262, &[32845]) };
+    let chunks = [pixel.repeat(15), pixel.repeat(5)];
+    let (channels, pixels) = read_bytes(&file.of_chunks(&chunks)).unwrap();
+    assert_eq!((channels.len(), pixels.len()), (3, 60));
+    let [x, y, z] = [0.965_472_f32, 0.497_3, 0.207_504];
+    let rgb = [
+        2.690 * x - 1.276 * y - 0.414 * z,
+        -1.022 * x + 1.978 * y + 0.044 * z,
+        0.061 * x - 0.224 * y + 1.163 * z,
+    ];
+    for pixel in pixels.to_floats().chunks(3) {
+        assert!(pixel.iter().zip(rgb).all(|(a, b)| (a - b).abs() < 1e-3), "{pixel:?} {rgb:?}");
+    }
+    let error = read_bytes(&file.of_chunks(&[chunks[0].clone(), vec![0; 14]])).unwrap_err().to_string();
+    assert!(error.contains("14 of 15 bytes"), "{error}");
+}
+
+#[test]
+fn lzma_holds_what_other_schemes_hold() {
+    // libtiff's `tiffcp -c lzma` made them of files in the same folder, with a predictor and without.
+    for (name, from) in [("lzma.tif", "none.tif"), ("lzma_tiled.tif", "tiled.tif")] {
+        assert_eq!(read(&corpus(name)).unwrap(), read(&corpus(from)).unwrap(), "{name}");
+    }
+    let bytes = std::fs::read(corpus("lzma.tif")).unwrap();
+    let at = bytes.windows(6).position(|w| w == b"\xfd7zXZ\0").unwrap();
+    let mut damaged = bytes.clone();
+    damaged[at + 30] ^= 0x55;
+    assert!(read_bytes(&damaged).is_err());
+    // The second byte of the properties of LZMA2 is the size of the dictionary, 4 GiB at most.
+    let mut large = bytes.clone();
+    let size = at + large[at..].windows(2).position(|w| w == [0x21, 1]).unwrap() + 2;
+    large[size] = 40;
+    let error = read_bytes(&large).unwrap_err().to_string();
+    assert!(error.contains("lzma data after 0 of"), "{error}");
+}
+
 /// Returns one small file of each kind.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     let corpus = |name| (name, std::fs::read(corpus(name)).unwrap());
@@ -285,6 +325,12 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         corpus("lzw_reversed.tif"),
         corpus("webp_lossless.tif"),
         corpus("webp_tiles.tif"),
+        corpus("lzma.tif"),
+        corpus("lzma_tiled.tif"),
+        ("sgilog24", {
+            let file = File { compression: 34677, ..File::new((19, 7), 3, 16).with(262, &[32845]) };
+            file.of_chunks(&[[0xaf, 0xf4, 0x30].repeat(57), [0x80, 0, 9].repeat(57), [0x90, 1, 2].repeat(19)])
+        }),
         ("i8", small(File { predictor: 2, compression: 5, ..File::new((19, 7), 3, 8).with(339, &[2; 3]) })),
         ("i16", small(tiled(File { compression: 8, ..File::new((19, 7), 2, 16).with(339, &[2; 2]) }))),
         ("u64", small(File { big_endian: true, ..File::new((19, 7), 1, 64) })),

@@ -41,6 +41,8 @@ pub enum Status {
     WithErrors,
     /// The tool could not do what was requested.
     Failed,
+    /// A status of another program whose place the tool takes.
+    Other(u8),
 }
 
 impl Status {
@@ -50,6 +52,7 @@ impl Status {
             Self::Done => 0,
             Self::WithErrors => 1,
             Self::Failed => 2,
+            Self::Other(code) => code,
         }
     }
 }

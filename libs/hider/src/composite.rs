@@ -1,5 +1,6 @@
 //! Composites the surfaces of each sample.
 
+use super::mattes::Coverage;
 use super::{Fragment, NONE, SampleGrid, Seen, ShadedGrid, Surfaces};
 use granita_base::Color;
 use granita_dicing::PixelRect;
@@ -39,6 +40,25 @@ pub struct Wanted {
     pub depths: bool,
     /// The requested variables.
     pub variables: Vec<WantedVariable>,
+    /// The matte of each primitive, by [`ShadedGrid::number`], when the mattes that samples see are requested.
+    pub mattes: Option<Arc<[u32]>>,
+}
+
+/// The results of the samples of a bucket.
+#[derive(Clone, Debug, Default)]
+pub struct Resolved {
+    /// One run of samples for each channel: channel `c` of sample `s` is at `c * samples + s`.
+    pub values: Vec<f32>,
+    /// The mattes that the samples see.
+    pub coverage: Coverage,
+}
+
+impl Resolved {
+    /// Returns the results of samples that see nothing.
+    pub(super) fn new(wanted: &Wanted, samples: usize) -> Self {
+        let coverage = wanted.mattes.as_ref().map(|_| Coverage::new(samples)).unwrap_or_default();
+        Self { values: vec![0.0; wanted.channels() * samples], coverage }
+    }
 }
 
 impl Wanted {
@@ -86,17 +106,17 @@ impl Scenery<'_> {
     }
 }
 
-/// Composites all samples. Channel `c` of sample `s` is at `c * samples + s`.
-pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
+/// Composites all samples.
+pub(super) fn resolve(surfaces: &Surfaces<'_>, wanted: &Wanted) -> Resolved {
     let n = surfaces.samples.len();
-    let mut out = vec![0.0; wanted.channels() * n];
+    let mut out = Resolved::new(wanted, n);
     // Most samples see one opaque surface and nothing in front of it.
-    let simple = wanted.channels() == 4 && surfaces.depths.is_empty();
+    let simple = wanted.channels() == 4 && surfaces.depths.is_empty() && wanted.mattes.is_none();
     let mut fragments: Vec<Fragment> = Vec::new();
     let mut layers: Vec<Layer> = Vec::new();
     let mut sample: Vec<f32> = vec![0.0; wanted.channels()];
     for s in 0..n {
-        if simple && surfaces.first[s] == NONE && resolve_opaque(surfaces, s, &mut out) {
+        if simple && surfaces.first[s] == NONE && resolve_opaque(surfaces, s, &mut out.values) {
             continue;
         }
         collect(surfaces, s, &mut fragments);
@@ -140,7 +160,7 @@ pub(super) fn resolve_sample(
     (wanted, s): (&Wanted, usize),
     layers: &[Layer],
     depths: Option<[f32; 2]>,
-    (sample, out): (&mut [f32], &mut [f32]),
+    (sample, out): (&mut [f32], &mut Resolved),
 ) {
     if layers.is_empty() && depths.is_none() {
         return;
@@ -148,19 +168,20 @@ pub(super) fn resolve_sample(
     let n = scenery.samples.len();
     if let [Layer { grid, at, place }] = layers
         && sample.len() == 4
+        && wanted.mattes.is_none()
         && let Some(color) = scenery.grids[*grid as usize].only_color_at(*at, *place)
     {
         // The same as below.
-        store_opaque(color, n, s, out);
+        store_opaque(color, n, s, &mut out.values);
         return;
     }
     sample.fill(0.0);
-    blend(scenery, (wanted, s), layers, &mut Through::default(), sample);
+    blend(scenery, (wanted, s), layers, &mut Through::default(), (sample, &mut out.coverage));
     if wanted.depths {
         store_depths(depths, sample);
     }
     for (c, value) in sample.iter().enumerate() {
-        out[c * n + s] = *value;
+        out.values[c * n + s] = *value;
     }
 }
 
@@ -294,14 +315,14 @@ impl Default for Through {
 }
 
 /// Composites further layers of the sample with this index, nearest first. Colours are premultiplied by their opacity.
-/// Returns true when nothing behind them is seen.
+/// The mattes of the layers are added to `coverage`. Returns true when nothing behind them is seen.
 #[inline(always)]
 pub(super) fn blend(
     scenery: Scenery<'_>,
     (wanted, number): (&Wanted, usize),
     layers: &[Layer],
     state: &mut Through,
-    sample: &mut [f32],
+    (sample, coverage): (&mut [f32], &mut Coverage),
 ) -> bool {
     let settings = scenery.settings;
     let most = settings.layers.and_then(|most| u32::try_from(most).ok()).unwrap_or(u32::MAX);
@@ -324,7 +345,13 @@ pub(super) fn blend(
             }
             color += of_layer * through;
             let covered = opacity * through;
-            alpha += (covered.x + covered.y + covered.z) / 3.0;
+            let share = (covered.x + covered.y + covered.z) / 3.0;
+            alpha += share;
+            if let Some(mattes) = &wanted.mattes
+                && let Some(matte) = mattes.get(grid.number as usize)
+            {
+                coverage.add(number, *matte, share);
+            }
             if !wanted.variables.is_empty() {
                 blend_variables(grid, wanted, (at, place, time), state, sample);
             }

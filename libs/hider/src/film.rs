@@ -180,10 +180,15 @@ impl Support {
         }
     }
 
+    /// The way in which samples are combined.
+    pub(crate) fn filter(&self) -> PixelFilter {
+        self.spec.filter
+    }
+
     /// Calls `each` for the pixels in the support of a pixel, with the index of its first sample, the weight of its
     /// samples relative to those of other pixels, and the weights of its sample positions in x and y.
     #[inline(always)]
-    fn around(
+    pub(crate) fn around(
         &self,
         samples: &SampleGrid,
         [x, y]: [i32; 2],
@@ -293,7 +298,7 @@ impl Support {
     }
 
     /// Returns the index of the sample that is nearest to the centre of a pixel, the first of several.
-    fn closest(&self, samples: &SampleGrid, pixel: [i32; 2]) -> usize {
+    pub(crate) fn closest(&self, samples: &SampleGrid, pixel: [i32; 2]) -> usize {
         let (mut nearest, mut greatest) = (0, f32::NEG_INFINITY);
         self.around(samples, pixel, |first, _, wx, wy| {
             for (s, (a, b)) in wx.iter().zip(wy).enumerate() {

@@ -1,7 +1,7 @@
 //! The surfaces that samples saw, kept to be composited again with other colours.
 
 use super::composite::{self, Layer, Scenery};
-use super::{CompositeSettings, SampleGrid, ShadedGrid, Surfaces, Wanted};
+use super::{CompositeSettings, Resolved, SampleGrid, ShadedGrid, Surfaces, Wanted};
 use std::sync::Arc;
 
 /// The places on grids that the samples of a bucket see, nearest first, without the grids.
@@ -81,11 +81,11 @@ impl KeptSurfaces {
         (Self { settings, counts, many, places, grids, point_bits, depths }, seen)
     }
 
-    /// Composites every sample, as [`Surfaces::resolve`]. `samples` are those of the bucket, and `grids` those that
+    /// Composites every sample, as [`Surfaces::resolve_all`]. `samples` are those of the bucket, and `grids` those that
     /// some sample sees.
-    pub fn resolve(&self, samples: &SampleGrid, grids: &[Arc<ShadedGrid>], wanted: &Wanted) -> Vec<f32> {
+    pub fn resolve(&self, samples: &SampleGrid, grids: &[Arc<ShadedGrid>], wanted: &Wanted) -> Resolved {
         let scenery = Scenery { samples, settings: &self.settings, grids };
-        let mut out = vec![0.0; wanted.channels() * samples.len()];
+        let mut out = Resolved::new(wanted, samples.len());
         let mut values: Vec<f32> = vec![0.0; wanted.channels()];
         let mut layers: Vec<Layer> = Vec::new();
         let (mut many, mut begin) = (self.many.iter(), 0);
@@ -207,6 +207,7 @@ mod tests {
                 variables: [(0, 3, true), (27, 1, false)]
                     .map(|(offset, width, is_color)| WantedVariable { offset, width, is_color })
                     .to_vec(),
+                mattes: None,
             };
             let (first, second) = (grids(&camera, 0), grids(&camera, 1));
             let (kept, seen) = KeptSurfaces::new(&found(&first, settings));
@@ -218,8 +219,8 @@ mod tests {
             for all in [first, second] {
                 let some: Vec<_> = seen.iter().map(|grid| all[*grid].clone()).collect();
                 let expected = found(&all, settings).resolve(&wanted);
-                assert_eq!(kept.resolve(&samples, &some, &wanted), expected);
-                assert_eq!(apart.resolve(&samples, &some, &wanted), expected);
+                assert_eq!(kept.resolve(&samples, &some, &wanted).values, expected);
+                assert_eq!(apart.resolve(&samples, &some, &wanted).values, expected);
                 images.push(expected);
             }
             assert!(images[0].iter().zip(&images[1]).any(|(a, b)| a != b), "the colours are others");

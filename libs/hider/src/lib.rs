@@ -40,6 +40,7 @@
 #![forbid(unsafe_code)]
 
 pub mod film;
+pub mod mattes;
 
 mod blurred;
 mod candidates;
@@ -54,7 +55,7 @@ mod settled;
 mod streaks;
 mod visible;
 
-pub use composite::{CompositeSettings, Wanted, WantedVariable};
+pub use composite::{CompositeSettings, Resolved, Wanted, WantedVariable};
 pub use kept::KeptSurfaces;
 pub use samples::{SampleGrid, SamplePattern, Tables};
 pub use visible::{NOWHERE, Projector, Shade, ShadedGrid, ViewedGrid, pixels_of};
@@ -319,6 +320,11 @@ impl<'a> Surfaces<'a> {
     /// Composites every sample. The result has one run of samples for each channel of `wanted`, in order. `wanted` is
     /// that of [`Surfaces::settle`], if that was called.
     pub fn resolve(&self, wanted: &Wanted) -> Vec<f32> {
+        self.resolve_all(wanted).values
+    }
+
+    /// Composites every sample as [`Surfaces::resolve`], and returns the mattes that the samples see as well.
+    pub fn resolve_all(&self, wanted: &Wanted) -> Resolved {
         match &self.settled {
             Some(settled) => settled.resolve(self, wanted),
             None => composite::resolve(self, wanted),

@@ -3,7 +3,8 @@
 //! Grids come nearest first. When there are many transparent fragments, those before the nearest grid that is still to
 //! come are composited, and only the state of each sample is kept. The sums are formed in the same order as at once.
 
-use super::composite::{self, Layer, Rim, Through, Wanted};
+use super::composite::{self, Layer, Resolved, Rim, Through, Wanted};
+use super::mattes::Coverage;
 use super::{CRACK_DEPTH, Fragment, NONE, Seen, Surfaces};
 
 /// The bytes of transparent fragments from which on they should be composited, at most.
@@ -20,6 +21,8 @@ pub(super) struct Settled {
     channels: Vec<f32>,
     /// For each sample: its state.
     states: Vec<State>,
+    /// The mattes so far.
+    coverage: Coverage,
 }
 
 /// The state of a sample.
@@ -71,6 +74,7 @@ impl<'a> Surfaces<'a> {
         let mut settled = self.settled.take().unwrap_or_else(|| Settled {
             channels: vec![0.0; wanted.channels() * n],
             states: vec![State::default(); n],
+            coverage: Resolved::new(wanted, n).coverage,
         });
         let mut room = Scratch::default();
         let old = std::mem::take(&mut self.fragments);
@@ -202,11 +206,17 @@ impl Settled {
         layers.extend(fragments.iter().map(Layer::from));
         let width = wanted.channels();
         let channels = &mut self.channels[s * width..][..width];
-        *done |= composite::blend(surfaces.scenery(), (wanted, s), layers, through, channels);
+        *done |= composite::blend(
+            surfaces.scenery(),
+            (wanted, s),
+            layers,
+            through,
+            (channels, &mut self.coverage),
+        );
     }
 
-    /// Composites the rest of all samples. See [`Surfaces::resolve`].
-    pub(super) fn resolve(&self, surfaces: &Surfaces<'_>, wanted: &Wanted) -> Vec<f32> {
+    /// Composites the rest of all samples. See [`Surfaces::resolve_all`].
+    pub(super) fn resolve(&self, surfaces: &Surfaces<'_>, wanted: &Wanted) -> Resolved {
         let (n, width) = (self.states.len(), wanted.channels());
         let mut all = self.clone();
         let mut room = Scratch::default();
@@ -224,7 +234,7 @@ impl Settled {
                 out[c * n + s] = *value;
             }
         }
-        out
+        Resolved { values: out, coverage: all.coverage }
     }
 }
 
@@ -293,7 +303,7 @@ mod tests {
 
     fn wanted(depths: bool) -> Wanted {
         let variable = |(offset, width, is_color)| WantedVariable { offset, width, is_color };
-        Wanted { depths, variables: [(0, 3, true), (3, 1, false)].map(variable).to_vec() }
+        Wanted { depths, variables: [(0, 3, true), (3, 1, false)].map(variable).to_vec(), mattes: None }
     }
 
     #[test]
@@ -355,7 +365,7 @@ mod tests {
         for (depths, threshold, hidden) in [(false, 0.9, true), (false, 1.0, false), (true, 0.9, false)] {
             let mut surfaces = Surfaces::new(&samples, settings(threshold, None, depths)).with_layers(1);
             for (z, grid) in (0..6).map(layer) {
-                surfaces.settle(z, &Wanted { depths, variables: Vec::new() });
+                surfaces.settle(z, &Wanted { depths, ..Wanted::default() });
                 surfaces.add(&grid, 0);
             }
             assert_eq!(surfaces.hides(&rect, 20.0), hidden, "depths {depths}, threshold {threshold}");

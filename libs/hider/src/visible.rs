@@ -311,6 +311,8 @@ pub struct ShadedGrid {
     pub nv: usize,
     /// The index of the primitive that the grid belongs to.
     pub primitive: u32,
+    /// The number of the primitive in the scene.
+    pub number: u32,
     /// The grid as seen by each eye of the camera. Copies of the grid with other colours share it.
     pub views: Arc<[ViewedGrid]>,
     /// The results of shading, times increasing. There are several only when primitive variables change over the
@@ -333,6 +335,7 @@ impl ShadedGrid {
             nu,
             nv,
             primitive: 0,
+            number: 0,
             views: [view].into(),
             shades: Vec::new(),
             opaque: false,

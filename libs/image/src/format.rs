@@ -132,6 +132,15 @@ impl Limits {
     }
 }
 
+/// The samples of an image of deep pixels, which have any number of samples at different depths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeepSamples {
+    /// The number of samples of all pixels.
+    pub total: u64,
+    /// The largest number of samples of a pixel.
+    pub most_per_pixel: u32,
+}
+
 /// An open image file. Any number of threads may read at once.
 ///
 /// A file holds images, each with one or more MIP levels. Level 0 is the largest. Texture files that store levels as
@@ -179,6 +188,16 @@ pub trait ImageInput: Send + Sync {
     fn read_level(&self, image: usize, level: usize) -> Result<Pixels> {
         let height = self.spec(image, level).map_or(0, |s| s.height);
         self.read_rows(image, level, 0, height)
+    }
+
+    /// Counts the samples of a level of deep pixels, which other functions return flattened. All of the level is read.
+    /// `None` for other images.
+    ///
+    /// # Errors
+    /// An error when there is no such level, and when the file cannot be read or is damaged.
+    fn deep_samples(&self, image: usize, level: usize) -> Result<Option<DeepSamples>> {
+        let _ = (image, level);
+        Ok(None)
     }
 
     /// The number of bytes read from the file so far, including headers; for statistics and tests.
@@ -285,6 +304,20 @@ pub trait ImageOutput: Send {
         Vec::new()
     }
 
+    /// Selects the image of a file of several, as in [`Format::create_images`], to which rows, tiles and levels are
+    /// written from now on. In formats that support "parts" the images may be selected in any order, again and again.
+    /// In other formats they are written one after the other, each complete before the next.
+    ///
+    /// # Errors
+    /// An error when the file has no image of this number, or when the format takes it at another time.
+    fn select_image(&mut self, image: usize) -> Result<()> {
+        if image == 0 {
+            return Ok(());
+        }
+        let what = format!("image {image} was not announced when the file was created");
+        Err(ImageError::Misuse { path: std::path::PathBuf::new(), what })
+    }
+
     /// Completes the file and gives it its final name.
     ///
     /// # Errors
@@ -350,7 +383,8 @@ pub trait Format: Send + Sync {
 
     /// True when the format supports a feature of writing: "tiles", "levels", "half", "float", "u16", "channels"
     /// (more than 4), "layers" (it keeps the names of channels), "alpha" (without it, a fourth channel is left out),
-    /// "rectangles" (it shows pixels at once), "write". A format that is only read supports none.
+    /// "rectangles" (it shows pixels at once), "images" (several in one file, see [`Format::create_images`]), "parts"
+    /// (images of one file have names and are written in any order), "write". A format that is only read supports none.
     fn supports(&self, feature: &str) -> bool {
         let _ = feature;
         false
@@ -394,5 +428,24 @@ pub trait Format: Send + Sync {
         let _ = options;
         let what = format!("files of the format \"{}\" are read, not written", self.name());
         Err(ImageError::Unsupported { path: path.to_owned(), what })
+    }
+
+    /// Creates a file of several images, each with one level, in the order of `specs`. [`ImageOutput::select_image`]
+    /// selects the one that is written; the first one is selected at the beginning. Images of formats that support
+    /// "parts" take their names from the attribute `name`. One image is the same as [`Format::create`].
+    ///
+    /// # Errors
+    /// An error when the format stores one image in a file, when `specs` is empty, and those of [`Format::create`].
+    fn create_images(&self, path: &Path, specs: &[ImageSpec], files: &Files) -> Result<Box<dyn ImageOutput>> {
+        match specs {
+            [one] => self.create(path, &CreateOptions::new(one, 1).with_files(files)),
+            [] => {
+                Err(ImageError::Misuse { path: path.to_owned(), what: "a file without an image".to_owned() })
+            }
+            many => {
+                let what = format!("the format \"{}\" stores one image, not {}", self.name(), many.len());
+                Err(ImageError::Unsupported { path: path.to_owned(), what })
+            }
+        }
     }
 }

@@ -11,8 +11,29 @@
 //!
 //! Colour management (beyond the formulas of [`color`]), image processing and particular formats are deliberately
 //! absent.
+//!
+//! | type | is |
+//! |---|---|
+//! | [`ImageSpec`], [`PixelType`] | the size, the channels and the metadata of an image |
+//! | [`Pixels`] | values in the type that they are stored in |
+//! | [`FormatRegistry`], [`Format`], [`Limits`] | the formats of a program, and the bounds of their readers |
+//! | [`ImageInput`], [`ImageOutput`], [`CreateOptions`] | a file that is read, a file that is written |
+//! | [`Quantize`] | the conversion of computed values to stored ones |
+//!
+//! ```
+//! use granita_image::{FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
+//! // Halves keep their type until a caller converts them.
+//! let spec = ImageSpec::new(2, 1, 3, PixelType::Half);
+//! let pixels = Pixels::from_floats(spec.pixel_type, &[0.0, 0.5, 1.0, 0.25, 2.0, 65504.0]);
+//! assert_eq!(pixels.get(5), 65504.0);
+//! assert_eq!(pixels.plane(1, spec.nchannels()).to_floats(), [0.5, 2.0]);
+//! // A registry without formats opens nothing. `granita_plugin::bundled_formats` returns one with all of the suite.
+//! let error = FormatRegistry::new(Limits::default()).open("Cargo.toml".as_ref()).err();
+//! assert!(error.is_some_and(|error| error.to_string().contains("not an image of a known format")));
+//! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 mod block;
 pub mod color;
@@ -21,6 +42,7 @@ mod deflate;
 mod error;
 mod format;
 mod live;
+pub mod metadata;
 mod one;
 mod pixels;
 mod quantize;
@@ -32,7 +54,7 @@ pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
 pub use deflate::{Content, DeflateLevel, zlib_compress};
 pub use error::{ImageError, Result};
-pub use format::{CreateOptions, Format, ImageInput, ImageOutput, Limits};
+pub use format::{CreateOptions, DeepSamples, Format, ImageInput, ImageOutput, Limits};
 pub use granita_base::AtomicFile;
 pub use live::{Draw, PixelRect, Request, Wishes};
 pub use one::split_image_name;

@@ -37,6 +37,19 @@ impl std::fmt::Debug for FormatRegistry {
     }
 }
 
+/// Returns the name of a well-known format that is not bundled, and that of a plugin for it, from the first bytes of a
+/// file.
+fn missing(head: &[u8]) -> Option<(&'static str, &'static str)> {
+    // The kind of the first box, and the main brand of the file (ISO/IEC 23008-12, 10; AV1 Image File Format, 6).
+    match (head.get(4..8)?, head.get(8..12)?) {
+        (b"ftyp", b"avif" | b"avis") => Some(("AVIF", "heif")),
+        (b"ftyp", b"heic" | b"heix" | b"hevc" | b"hevx" | b"heim" | b"heis" | b"mif1" | b"msf1") => {
+            Some(("HEIF", "heif"))
+        }
+        _ => None,
+    }
+}
+
 impl FormatRegistry {
     /// Returns a registry without formats.
     pub fn new(limits: Limits) -> Self {
@@ -117,15 +130,20 @@ impl FormatRegistry {
         let head = &bytes[..bytes.len().min(64)];
         match self.formats.iter().find(|f| f.recognizes(head)) {
             Some(format) => format.open_bytes(path, bytes, &self.limits),
-            None => Err(self.unknown(path)),
+            None => Err(self.unknown(path, head)),
         }
     }
 
-    fn unknown(&self, path: &Path) -> ImageError {
-        ImageError::Unsupported {
-            path: path.to_owned(),
-            what: format!("not an image of a known format ({})", self.names().join(", ")),
-        }
+    fn unknown(&self, path: &Path, head: &[u8]) -> ImageError {
+        let what = match missing(head) {
+            Some((name, plugin)) => {
+                format!(
+                    "an image of the format {name}, which only a plugin reads ({plugin}.imageio.so), and there is none"
+                )
+            }
+            None => format!("not an image of a known format ({})", self.names().join(", ")),
+        };
+        ImageError::Unsupported { path: path.to_owned(), what }
     }
 
     fn open_file(&self, path: &Path) -> Result<Box<dyn ImageInput>> {
@@ -145,7 +163,7 @@ impl FormatRegistry {
         let Some(finder) = &self.finder else {
             return match format {
                 Some(format) => format.open(path, &self.limits),
-                None => Err(self.unknown(path)),
+                None => Err(self.unknown(path, &head)),
             };
         };
         let mut refused = None;
@@ -163,7 +181,7 @@ impl FormatRegistry {
             return plugin.open(path, &self.limits);
         }
         let probed = finder.readers().into_iter().find_map(|plugin| plugin.open(path, &self.limits).ok());
-        probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path)))
+        probed.ok_or_else(|| refused.unwrap_or_else(|| self.unknown(path, &head)))
     }
 
     /// Returns the opener of its files.

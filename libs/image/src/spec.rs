@@ -1,6 +1,7 @@
 //! The description of an image without its pixels.
 
-use granita_base::Params;
+use granita_base::{BaseType, Param, ParamType, Params};
+use std::sync::Arc;
 
 /// The storage type of one channel of one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -75,6 +76,9 @@ pub struct ImageSpec {
     /// `unassociatedalpha` (int; 1: the colours are not multiplied by alpha, as in PNG; absent or 0: they are, as in
     /// the suite's computations).
     pub attributes: Params,
+    /// The ICC profile of the colours, as the file has it. It is not applied by readers, and writers store it where the
+    /// format can hold one. Its description is also the attribute `ICCProfile`, which writers ignore.
+    pub icc_profile: Option<Arc<[u8]>>,
 }
 
 impl ImageSpec {
@@ -94,6 +98,7 @@ impl ImageSpec {
             channels: Self::default_channels(nchannels),
             pixel_type,
             attributes: Params::new(),
+            icc_profile: None,
         }
     }
 
@@ -151,6 +156,20 @@ impl ImageSpec {
         let row = u64::from(self.width).saturating_mul((self.nchannels() * self.pixel_type.bytes()) as u64);
         let rows = rows.min(self.height);
         if rows > FEW { row.saturating_mul(3 * u64::from(rows)) } else { 0 }
+    }
+
+    /// Sets the ICC profile, and the attribute `ICCProfile` to its description.
+    pub fn set_icc_profile(&mut self, profile: Vec<u8>) {
+        let name = crate::color::profile(&profile);
+        let ty = ParamType::of(BaseType::String);
+        self.attributes.set(Param { name: "ICCProfile".into(), ty, data: name.as_str().into() });
+        self.icc_profile = Some(profile.into());
+    }
+
+    /// Removes the ICC profile and its description, for pixels that were converted to other colours.
+    pub fn remove_icc_profile(&mut self) {
+        self.attributes.0.retain(|p| &*p.name != "ICCProfile");
+        self.icc_profile = None;
     }
 
     /// Returns the value of a string attribute.

@@ -104,6 +104,13 @@ fn errors_of_opening_name_the_file_and_the_reason() {
     assert!(error.contains("not an image of a known format (tiff, shadow, exr"), "{error}");
     let error = open("text.tif", b"not an image at all");
     assert!(error.contains("text.tif: malformed TIFF"), "{error}");
+    for (head, name) in [(b"\0\0\0\x1cftypavif\0\0\0\0", "AVIF"), (b"\0\0\0\x18ftypheic\0\0\0\0", "HEIF")] {
+        let error = open("photo.heic", head);
+        assert!(
+            error.contains(&format!("photo.heic: an image of the format {name}, which only a plugin")),
+            "{error}"
+        );
+    }
     let error = all.open(&dir.path().join("none.tif")).err().unwrap();
     assert!(matches!(error, ImageError::Io { .. }) && error.to_string().contains("none.tif"));
     assert!(all.open(dir.path()).is_err());

@@ -90,15 +90,31 @@ impl Buckets {
         (&self.ys, self.xs.len() - 1)
     }
 
-    /// Returns the positions of all buckets that share a pixel with `rect`, row by row.
-    pub(crate) fn touching(&self, rect: &PixelRect) -> impl Iterator<Item = u32> + '_ {
+    /// Returns the columns and rows of buckets that share a pixel with `rect`.
+    pub(crate) fn cells(&self, rect: &PixelRect) -> [std::ops::Range<usize>; 2] {
         let span = |cuts: &[i32], from: i32, to: i32| {
             let last = cuts.len() - 1;
             let a = cuts.partition_point(|c| *c <= from).saturating_sub(1);
             let b = cuts.partition_point(|c| *c < to).min(last);
             if from >= to || to <= cuts[0] || from >= cuts[last] { 0..0 } else { a..b }
         };
-        let (columns, rows) = (span(&self.xs, rect.x0, rect.x1), span(&self.ys, rect.y0, rect.y1));
+        [span(&self.xs, rect.x0, rect.x1), span(&self.ys, rect.y0, rect.y1)]
+    }
+
+    /// Returns the bucket in a column and a row.
+    pub(crate) fn at(&self, column: usize, row: usize) -> usize {
+        self.position[row * (self.xs.len() - 1) + column] as usize
+    }
+
+    /// Returns the column and the row of a bucket.
+    pub(crate) fn cell(&self, index: usize) -> [usize; 2] {
+        let at = |cuts: &[i32], from: i32| cuts.partition_point(|cut| *cut < from);
+        self.order.get(index).map_or([0; 2], |rect| [at(&self.xs, rect.x0), at(&self.ys, rect.y0)])
+    }
+
+    /// Returns the positions of all buckets that share a pixel with `rect`, row by row.
+    pub(crate) fn touching(&self, rect: &PixelRect) -> impl Iterator<Item = u32> + '_ {
+        let [columns, rows] = self.cells(rect);
         let nx = self.xs.len() - 1;
         rows.flat_map(move |j| columns.clone().map(move |i| self.position[j * nx + i]))
     }
@@ -168,6 +184,10 @@ mod tests {
                 .map(|i| i as u32)
                 .collect();
             assert_eq!(got, expected, "{rect:?}");
+            let cells = buckets.cells(&rect);
+            let holds = |i: &usize| buckets.cell(*i).iter().zip(&cells).all(|(at, span)| span.contains(at));
+            let of_cells: Vec<u32> = (0..buckets.order.len()).filter(holds).map(|i| i as u32).collect();
+            assert_eq!(of_cells, expected, "{rect:?}");
         }
     }
 

@@ -19,7 +19,8 @@ use crate::environment::Progress;
 use crate::output::canvas::{Canvas, Finished};
 use crate::output::griddump::GridDump;
 use crate::output::partial::Partial;
-use crate::output::plan::{OutputImage, OutputSet, Shown};
+use crate::output::plan::{OutputImage, OutputSet};
+use crate::output::writer::Shown;
 use crate::priority::Priority;
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
@@ -226,6 +227,8 @@ struct Frame<'a, S: FrameShader> {
     margin: i32,
     dicing: SceneDicing,
     counters: Counters,
+    /// For each bucket of each eye, one eye after the other: whether it has released all of its grids.
+    passed: Vec<AtomicBool>,
     /// True when buckets may be rendered again.
     again: bool,
     /// True when buckets must be rendered from the top.
@@ -380,6 +383,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             image.layers.iter().map(|layer| film::Support::new(&layer.filter, &pattern.tables)).collect()
         };
         let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
+        let buckets = Buckets::new(&camera.crop, size, order, pattern.per_pixel());
         Self {
             shader,
             outputs: plan,
@@ -393,7 +397,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 depths: plan.wanted.depths,
             },
             layers_at_once: usize::try_from(scene.get(attr::LIMITS_TRANSPARENTGRIDS)).unwrap_or(0),
-            buckets: Buckets::new(&camera.crop, size, order, pattern.per_pixel()),
+            passed: (0..options.eyes.len() * buckets.order.len()).map(|_| AtomicBool::new(false)).collect(),
+            buckets,
             region: camera.crop.grown(margin),
             margin,
             pattern,

@@ -36,6 +36,7 @@ mod preshaded;
 mod preview;
 mod priority;
 mod renderer;
+mod schedule;
 mod spread;
 mod statistics;
 mod unknown;
@@ -50,5 +51,6 @@ pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_ligh
 pub use output::partial::partial_path;
 pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
-pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Workers};
+pub use schedule::{Answer, Schedule, Task};
+pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Want, Workers};
 pub use statistics::{Reuse, Statistics};

@@ -1,7 +1,12 @@
-//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), the files of frames
-//! that were ended early ([`partial`]), and grids as scenes ([`griddump`]).
+//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), their files
+//! ([`writer`]), files of several images ([`gather`], [`parts`]), the files of frames that were ended early
+//! ([`partial`]), ids and coverages of objects ([`cryptomatte`]), and grids as scenes ([`griddump`]).
 
 pub(crate) mod canvas;
+pub(crate) mod cryptomatte;
+pub(crate) mod gather;
 pub(crate) mod griddump;
 pub(crate) mod partial;
+pub(crate) mod parts;
 pub(crate) mod plan;
+pub(crate) mod writer;

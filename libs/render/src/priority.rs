@@ -89,21 +89,6 @@ impl Turns {
         }
         self.waiting.pop_front()
     }
-
-    /// Returns buckets that were taken but not rendered. They come next.
-    pub(crate) fn give_back(&mut self, indices: &[usize]) {
-        indices.iter().rev().for_each(|index| self.waiting.push_front(*index));
-    }
-
-    /// True when none is left.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.waiting.is_empty()
-    }
-
-    /// Returns the buckets that were not taken.
-    pub(crate) fn left(self) -> impl Iterator<Item = usize> {
-        self.waiting.into_iter()
-    }
 }
 
 #[cfg(test)]
@@ -152,9 +137,6 @@ mod tests {
                 _ => priority.rectangle(PixelRect { x0: x, y0: x, x1: i32::MAX, y1: y }),
             }
             seen.extend(turns.next(&buckets, Some(&priority)));
-            if k == 5 {
-                turns.give_back(&[seen.pop().unwrap()]);
-            }
         }
         seen.sort_unstable();
         assert_eq!(seen, (0..12).collect::<Vec<_>>());

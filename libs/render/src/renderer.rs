@@ -3,9 +3,11 @@
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, FrameShader, KeptFrames, ObjectTraits};
+use crate::output::gather::gather_parts;
 use crate::output::griddump::GridDump;
 use crate::output::partial::Partial;
-use crate::output::plan::{ImageWriter, OutputSet, WrittenFiles, is_dynamic};
+use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
+use crate::output::writer::ImageWriter;
 use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
 use granita_base::{Location, Severity, Vec3};
@@ -311,8 +313,10 @@ impl<'r> FrameInProgress<'r> {
         let environment = &self.renderer.environment;
         let reporter = &environment.reporter;
         let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
-        let outputs: Vec<&Output> = self.scene.outputs.iter().filter(own).collect();
-        let plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
+        let outputs: Vec<&Output> =
+            self.scene.outputs.iter().filter(own).filter(|o| !self.is_taken(o)).collect();
+        let mut plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
+        plan.set_mattes(&self.scene);
         if plan.images.is_empty() {
             return Ok(());
         }
@@ -326,6 +330,7 @@ impl<'r> FrameInProgress<'r> {
             [_] => vec![plan],
             _ => plan.for_eyes(reporter),
         };
+        gather_parts(&mut outputs, &eyes, &environment.registry)?;
         let refused = match self.is_worker {
             true => Vec::new(),
             false => self.renderer.refused(&eyes, &outputs, &mut self.files),
@@ -375,6 +380,30 @@ impl<'r> FrameInProgress<'r> {
         Ok(())
     }
 
+    /// True when the file of a part was reported as written.
+    fn has_written(&self, image: &OutputImage) -> bool {
+        image.part.is_some() && self.report.images.contains(&image.path)
+    }
+
+    /// True (and reported) when an output has the file of parts that show an earlier camera.
+    fn is_taken(&self, output: &Output) -> bool {
+        let scene = &self.scene;
+        let order = |name: &Arc<str>| scene.cameras.iter().position(|camera| camera.name == *name);
+        let other = scene.outputs.iter().find(|other| {
+            other.name == output.name
+                && other.format == output.format
+                && !(other.part().is_empty() && output.part().is_empty())
+                && order(&other.camera) < order(&output.camera)
+        });
+        if let Some(other) = other {
+            self.renderer.environment.reporter.error(format!(
+                "output \"{}\": its other parts show the camera \"{}\"; the parts of a file show one camera",
+                output.name, other.camera
+            ));
+        }
+        other.is_some()
+    }
+
     /// Makes the context of shading, unless it exists.
     fn begin_shading(&mut self) -> Result<(), RenderError> {
         if self.shading.is_some() {
@@ -410,6 +439,8 @@ impl<'r> FrameInProgress<'r> {
                     None => image.write(eye, &environment.registry).map_err(|e| e.to_string()),
                 };
                 match written {
+                    // The last part completes the file.
+                    Ok(()) if !image.is_written() || self.has_written(image) => (),
                     Ok(()) => {
                         environment.progress.wrote(&image.path);
                         self.report.images.push(image.path.clone());

@@ -40,6 +40,13 @@ pub(crate) struct BucketTimes {
 }
 
 impl BucketTimes {
+    /// Returns the seconds of the buckets, in the order in which they were begun.
+    fn in_order(&self) -> Vec<f32> {
+        let mut order = self.of_buckets.clone();
+        order.sort_unstable();
+        order.iter().map(|(_, time)| time.as_secs_f32()).collect()
+    }
+
     /// Returns the time that `threads` threads would take, when each begins the next bucket as soon as it is free.
     fn by(&self, threads: usize) -> Duration {
         let mut ends: BinaryHeap<Reverse<Duration>> = (0..threads).map(|_| Reverse(Duration::ZERO)).collect();
@@ -69,7 +76,7 @@ pub(crate) fn add_time(counter: &AtomicU64, time: Duration) {
 const MANY_THREADS: [usize; 2] = [16, 64];
 
 /// The statistics of a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[allow(missing_docs, reason = "the names say it")]
 pub struct Statistics {
     pub primitives: u64,
@@ -99,6 +106,8 @@ pub struct Statistics {
     pub filter_time: Duration,
     /// The time from start to end.
     pub frame_time: Duration,
+    /// The seconds of each bucket, in the order in which they were begun.
+    pub bucket_seconds: Vec<f32>,
     /// The longest time of a bucket.
     pub longest_bucket: Duration,
     /// The time before the first bucket and after the last one.
@@ -218,6 +227,7 @@ impl Counters {
             hide_time: time(&self.hide_nanos),
             filter_time: time(&self.filter_nanos),
             frame_time,
+            bucket_seconds: times.in_order(),
             longest_bucket: times.of_buckets.iter().map(|(_, time)| *time).max().unwrap_or_default(),
             outside_buckets,
             speed_ups: MANY_THREADS.map(|threads| seconds(1) / seconds(threads).max(1e-9)),

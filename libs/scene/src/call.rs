@@ -4,7 +4,7 @@
 //! no other description of a scene.
 
 use crate::interface::{self, CallRow};
-use granita_base::{Location, Param, Params, ShapeDesc, TrimDesc};
+use granita_base::{Location, Param, ParamData, Params, ShapeDesc, TrimDesc};
 use std::sync::Arc;
 
 /// Sixteen numbers, row by row.
@@ -149,6 +149,76 @@ impl Call {
             },
             Self::TrimCurve(_) => interface::TRIM_CURVE,
             Self::Input { .. } => interface::INPUT,
+        }
+    }
+
+    /// Replaces its texts, except for comments, by what `map` returns for them. A text for which that is `None` stays.
+    pub fn map_texts(&mut self, map: &dyn Fn(&str) -> Option<String>) {
+        let text = |text: &mut Arc<str>| {
+            if let Some(new) = map(text) {
+                *text = new.into();
+            }
+        };
+        let param = |param: &mut Param| {
+            if let ParamData::String(texts) = &mut param.data
+                && texts.iter().any(|text| map(text).is_some())
+            {
+                *texts =
+                    texts.iter().map(|old| map(old).map_or_else(|| old.clone(), |new| new.into())).collect();
+            }
+        };
+        let all = |params: &mut Params| params.0.iter_mut().for_each(param);
+        let option = |name: &mut Option<Arc<str>>| name.iter_mut().for_each(text);
+        match self {
+            Self::Parameter(one) | Self::Attribute(one) => param(one),
+            Self::SaveAttributes { name, attributes } | Self::RestoreAttributes { name, attributes } => {
+                text(name);
+                option(attributes);
+            }
+            Self::Modify { pattern } => text(pattern),
+            Self::Camera { name, params } | Self::Command { name, params } => {
+                text(name);
+                all(params);
+            }
+            Self::Output { name, format, data, camera, params } => {
+                [name, format, data, camera].into_iter().for_each(text);
+                all(params);
+            }
+            Self::Render { camera } => option(camera),
+            Self::Shader { usage, name, layer, params } => {
+                text(usage);
+                option(name);
+                option(layer);
+                all(params);
+            }
+            Self::ConnectShaders { source_layer, source, target_layer, target } => {
+                [source_layer, source, target_layer, target].into_iter().for_each(text);
+            }
+            Self::Light { id, shader, layer, params } => {
+                text(id);
+                option(shader);
+                option(layer);
+                all(params);
+            }
+            Self::LightSwitch { id, .. } => text(id),
+            Self::Shape { params, .. } => all(params),
+            Self::Input { command, .. } => text(command),
+            Self::SetTransform(TransformTarget::Named(name)) => text(name),
+            Self::PushAttributes
+            | Self::PopAttributes
+            | Self::PushTransform
+            | Self::PopTransform
+            | Self::SetTransform(_)
+            | Self::AppendTransform(_)
+            | Self::Translate(_)
+            | Self::Rotate { .. }
+            | Self::Scale(_)
+            | Self::Motion(_)
+            | Self::World
+            | Self::Comment(_)
+            | Self::ShaderGroupBegin
+            | Self::ShaderGroupEnd
+            | Self::TrimCurve(_) => (),
         }
     }
 

@@ -291,6 +291,16 @@ impl Output {
         self.data.split(',').map(str::trim)
     }
 
+    /// Returns the name of the part of the file that the image becomes; empty for a file of its own.
+    pub fn part(&self) -> Arc<str> {
+        self.get(crate::attr::PART)
+    }
+
+    /// True when a further call with this output replaces this one. The parts of one file are outputs of their own.
+    pub fn is_replaced_by(&self, new: &Self) -> bool {
+        self.name == new.name && self.part() == new.part()
+    }
+
     /// Returns the value of an attribute of an image, or its default.
     pub fn get<T: AttributeValue>(&self, key: Key<scope::Output, T>) -> T {
         self.given(key).unwrap_or_else(|| key.default())

@@ -45,6 +45,13 @@ pub(crate) fn run(
     true
 }
 
+/// Returns a command as one line of text: its name, and the words of its parameter "command".
+pub(crate) fn text(name: &str, params: &Params) -> String {
+    let words = params.get("command").map(|param| &param.data);
+    let Some(ParamData::String(words)) = words else { return name.trim().to_owned() };
+    std::iter::once(name.trim()).chain(words.iter().map(|word| &**word)).collect::<Vec<_>>().join(" ")
+}
+
 /// The state that commands act on.
 pub(crate) struct CommandContext {
     /// Receives messages.

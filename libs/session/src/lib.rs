@@ -29,6 +29,7 @@
 #![forbid(unsafe_code)]
 
 mod archive;
+mod assets;
 mod commands;
 mod connection;
 mod desk;
@@ -46,15 +47,19 @@ mod records;
 mod remote;
 mod renderer;
 mod safe;
+mod secret;
 mod session;
 mod shaders;
 
 pub use archive::archive_calls;
+pub use assets::{AssetKind, Assets, is_up_to_date};
 pub use connection::Connection;
 pub use desk::{Desk, DeskOptions};
 pub use error::SessionError;
 pub use looking::{LookOptions, Up};
+pub use net::{Joined, PORT as NET_PORT, join};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};
 pub use records::FrameRecord;
 pub use remote::{Remote, RemoteEnds, Told};
+pub use secret::{NetSecret, Secret};
 pub use session::{Outcome, Session, SharedProgress};

@@ -1,6 +1,7 @@
 //! The options of a session.
 
 use crate::looking::LookOptions;
+use crate::secret::NetSecret;
 use granita_inputs::RunOptions;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -71,11 +72,16 @@ pub struct SessionOptions {
     pub safe_output: Option<PathBuf>,
     /// Scene files as the user named them, for messages.
     pub scene_files: Vec<String>,
+    /// The number of the frame, which replaces `$frame` in the texts of scene files (see
+    /// [`granita_farm::with_frame`]).
+    pub number: Option<i32>,
     /// How objects without a frame are shown (see [`crate::Session::look`]).
     pub look: LookOptions,
-    /// Machines that share the work on each frame ("net:workers"), "local" for this one. An empty list takes those of
-    /// the scene.
+    /// Lists of machines and ports that share the work on each frame ("net:workers"). Without a list, those of the
+    /// scene are taken.
     pub net_workers: Vec<String>,
+    /// The secret of workers that connect by themselves; `None` without one.
+    pub net_secret: Option<NetSecret>,
     /// The command line of `gelato`, without options of the network, from which a worker gets the same scene;
     /// `None` when that is not possible, as with a pipe.
     pub net_arguments: Option<Vec<String>>,

@@ -37,6 +37,11 @@ impl Patience {
         self.0.load(Ordering::Relaxed)
     }
 
+    /// Returns the time.
+    pub(crate) fn duration(&self) -> Duration {
+        STEP * self.steps()
+    }
+
     /// Returns the error of a timeout.
     fn over(&self) -> io::Error {
         let seconds = f64::from(self.steps()) * STEP.as_secs_f64();
@@ -52,6 +57,8 @@ pub(crate) struct Patient {
     at: usize,
     ended: bool,
     patience: Patience,
+    /// The number of steps since something arrived.
+    silent: u32,
 }
 
 impl Patient {
@@ -71,28 +78,48 @@ impl Patient {
                 }
             }
         })?;
-        Ok(Self { pieces, piece: Vec::new(), at: 0, ended: false, patience })
+        Ok(Self { pieces, piece: Vec::new(), at: 0, ended: false, patience, silent: 0 })
     }
 
-    /// Waits until there is data to read, or its end. Returns false when `gives_up` returns true before.
+    /// Returns how long nothing has arrived while it was waited for.
+    pub(crate) fn silence(&self) -> Duration {
+        STEP * self.silent
+    }
+
+    /// Begins to count silence anew, for a process that is given work.
+    pub(crate) fn excuse(&mut self) {
+        self.silent = 0;
+    }
+
+    /// Takes what has arrived, after [`Patient::wait`]; `None` at the end.
+    pub(crate) fn arrived(&mut self) -> Option<Vec<u8>> {
+        let piece = std::mem::take(&mut self.piece).split_off(self.at);
+        self.at = 0;
+        if piece.is_empty() && self.ended { None } else { Some(piece) }
+    }
+
+    /// Waits until there is data to read, or its end. Returns false when `gives_up` returns true before. Then the
+    /// silence of the next call adds to that of this one.
     pub(crate) fn wait(&mut self, gives_up: &dyn Fn() -> bool) -> io::Result<bool> {
-        let mut silent = 0;
         while self.at == self.piece.len() && !self.ended {
             match self.pieces.recv_timeout(STEP) {
                 Ok(Ok(piece)) => {
                     self.ended = piece.is_empty();
                     (self.piece, self.at) = (piece, 0);
+                    self.silent = 0;
                 }
                 Ok(Err(error)) => {
                     self.ended = true;
                     return Err(error);
                 }
                 Err(RecvTimeoutError::Disconnected) => self.ended = true,
-                Err(RecvTimeoutError::Timeout) if gives_up() => return Ok(false),
                 Err(RecvTimeoutError::Timeout) => {
-                    silent += 1;
-                    if silent >= self.patience.steps() {
+                    self.silent += 1;
+                    if self.silent >= self.patience.steps() {
                         return Err(self.patience.over());
+                    }
+                    if gives_up() {
+                        return Ok(false);
                     }
                 }
             }

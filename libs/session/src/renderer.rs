@@ -1,5 +1,6 @@
 //! The renderer behind the graphics state.
 
+use crate::assets::{self, Assets};
 use crate::commands::{self, CommandContext};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
@@ -98,6 +99,7 @@ pub(crate) struct SessionRenderer {
     desk: Arc<Mutex<Option<DeskFrame>>>,
     /// The frames of a scene that a patch follows.
     deferral: Arc<Mutex<Deferral>>,
+    listing: Listing,
     /// The address of the viewer, once it was requested.
     viewer: OnceLock<Option<String>>,
     /// The images of the current frame that go to the program.
@@ -111,6 +113,9 @@ pub(crate) struct SessionRenderer {
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
+
+/// The list of the files of a scene, when they are listed instead of rendered.
+pub(crate) type Listing = Arc<Mutex<Option<Arc<Mutex<Assets>>>>>;
 
 impl SessionRenderer {
     pub(crate) fn new(
@@ -160,6 +165,7 @@ impl SessionRenderer {
             options,
             reporter,
             finished,
+            listing: Listing::default(),
             success: false,
             error_file: "".into(),
             statistics: String::new(),
@@ -170,7 +176,7 @@ impl SessionRenderer {
     fn record(&mut self, scene: &Scene, record: FrameRecord) {
         let level = scene.get(attr::STATISTICS_LEVEL).max(self.options.statistics);
         if level > 0 {
-            let text = record.text(level, &self.reporter);
+            let text = record.text(level, &self.reporter) + &self.net.report();
             let file = scene.get(attr::STATISTICS_FILENAME);
             if file.is_empty() {
                 self.reporter.say(Severity::Message, &Location::default(), text);
@@ -235,6 +241,16 @@ impl SessionRenderer {
         self.deferral.clone()
     }
 
+    /// Returns the place that holds the list of files.
+    pub(crate) fn listing(&self) -> Listing {
+        self.listing.clone()
+    }
+
+    /// Returns the list of files, when they are listed.
+    fn listed(&self) -> Option<Arc<Mutex<Assets>>> {
+        self.listing.lock().clone()
+    }
+
     pub(crate) fn plugins(&self) -> Plugins {
         self.plugins.clone()
     }
@@ -269,6 +285,16 @@ impl SessionRenderer {
 
     /// Renders a frame, or all frames of a turntable.
     fn frames(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
+        if let Some(assets) = self.listed() {
+            self.configure_plugins(&scene);
+            let requested = self.requested.lock().clone();
+            let special = Special { requested: &requested, looking: None, desk: None };
+            let scene = outputs::amended(&scene, &self.options, special, &self.registry, &self.reporter);
+            let shaders = self.shaders(&scene);
+            let textures = self.search_path(&scene, attr::PATH_TEXTURE);
+            assets::collect(&scene, &shaders, &textures, &self.reporter, &mut assets.lock());
+            return Ok(());
+        }
         let looking = self.looking.lock().take();
         let Some(looking) = looking else { return self.frame(scene, camera, None) };
         for frame in 0..looking.frames() {
@@ -351,18 +377,15 @@ impl SessionRenderer {
         Ok(())
     }
 
+    fn shaders(&self, scene: &Scene) -> Shaders {
+        Shaders::new(self.search_path(scene, attr::PATH_SHADER), self.plugins.clone(), self.reporter.clone())
+    }
+
     fn environment(&self, scene: &Scene) -> RenderEnvironment {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
-            shaders: Arc::new(
-                Shaders::new(
-                    self.search_path(scene, attr::PATH_SHADER),
-                    self.plugins.clone(),
-                    self.reporter.clone(),
-                )
-                .with_native(self.native.clone()),
-            ),
+            shaders: Arc::new(self.shaders(scene).with_native(self.native.clone())),
             texture_path: self.search_path(scene, attr::PATH_TEXTURE),
             variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),
@@ -406,18 +429,21 @@ impl SessionRenderer {
         if let Some(master) = &self.master {
             return Spread::For(master.clone());
         }
+        if self.listed().is_some() {
+            return Spread::Alone;
+        }
         let named = scene.get(attr::NET_WORKERS);
-        let servers: Vec<&str> = match self.options.net_workers.is_empty() {
-            true => named.split_whitespace().collect(),
-            false => self.options.net_workers.iter().flat_map(|list| list.split_whitespace()).collect(),
+        let lists: Vec<&str> = match self.options.net_workers.is_empty() {
+            true => vec![&named],
+            false => self.options.net_workers.iter().map(|list| &**list).collect(),
         };
-        if servers.is_empty() {
+        if lists.iter().all(|list| list.trim().is_empty()) {
             return Spread::Alone;
         }
         let patience = scene.get(attr::NET_TIMEOUT);
         if self.options.run.safe {
             net::refuse(&self.reporter, "programs are not allowed");
-        } else if self.net.start(&servers, &scene.get(attr::NET_WORKERCMD), patience) {
+        } else if self.net.start(lists, &scene.get(attr::NET_WORKERCMD), patience) {
             self.net.set_alone(self.databases.hold_memory());
             return Spread::Over(self.net.clone());
         }
@@ -488,6 +514,13 @@ impl FrameRenderer for SessionRenderer {
         if self.options.run.supervisor.has_ended() {
             return Err(Stop::Exit);
         }
+        if let Some(assets) = self.listed() {
+            if name.trim() == "fileread" {
+                return Ok(commands::run(name, params, at, &self.options, &self.commands));
+            }
+            assets.lock().commands.push(commands::text(name, params));
+            return Ok(true);
+        }
         let known = commands::run(name, params, at, &self.options, &self.commands);
         self.net.command_done();
         Ok(known)
@@ -526,7 +559,9 @@ impl FrameRenderer for SessionRenderer {
         if let Some(debug) = attr::DEBUG_DSO.given(param) {
             self.plugins.set_debug(debug);
         }
-        if let Some(file) = attr::ERROR_FILENAME.given(param) {
+        if let Some(file) = attr::ERROR_FILENAME.given(param)
+            && self.listed().is_none()
+        {
             self.log_errors(&file);
         }
     }

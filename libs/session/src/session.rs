@@ -7,8 +7,8 @@ use crate::net::WorkerCoordinator;
 use crate::outputs::{DeskFrame, RequestedImages};
 use crate::patches::{self, Deferral};
 use crate::programs::Programs;
-use crate::renderer::{Finished, SessionRenderer};
-use crate::{FrameRecord, SessionError, SessionOptions, safe};
+use crate::renderer::{Finished, Listing, SessionRenderer};
+use crate::{Assets, FrameRecord, SessionError, SessionOptions, safe};
 use granita_base::{Files, Location, Param, Reporter, Severity};
 use granita_image::FormatRegistry;
 use granita_inputs::{Input, InputError, Inputs};
@@ -85,6 +85,7 @@ pub struct Session {
     /// The frame of a desk that the next frames are.
     desk_frame: Arc<Mutex<Option<DeskFrame>>>,
     deferral: Arc<Mutex<Deferral>>,
+    listing: Listing,
     finished: Finished,
     /// The definitions of the scripts of its scenes.
     scripts: Scripts,
@@ -103,15 +104,17 @@ impl Session {
     }
 
     /// Returns a session that renders buckets for another one. It receives requests from `input` and answers to
-    /// `output`. It runs no commands and writes no images (reference 6.6.3).
+    /// `output`. It runs no commands and writes no images (reference 6.6.3). `ended` is called when the connection
+    /// ends, with the last words of the other session: empty at the end of its work, and `None` when there are none.
     pub fn worker(
         options: SessionOptions,
         reporter: Reporter,
         input: Box<dyn Read + Send>,
         output: Box<dyn Write + Send>,
+        ended: Box<dyn FnOnce(Option<String>) + Send>,
     ) -> Self {
         let threads = if options.threads > 0 { options.threads } else { options.default_threads.max(1) };
-        let master = WorkerCoordinator::new(input, output, threads, &reporter);
+        let master = WorkerCoordinator::new(input, output, threads, &reporter, ended);
         Self::with_master(options, reporter, SharedProgress::default(), Some(master))
     }
 
@@ -149,6 +152,7 @@ impl Session {
         let (registry, requested) = (renderer.registry(), renderer.requested());
         let (stop, busy, priority) = (renderer.stop(), renderer.busy(), renderer.priority());
         let (looking, desk_frame, deferral) = (renderer.looking(), renderer.desk(), renderer.deferral());
+        let listing = renderer.listing();
         let state = State::new(Box::new(renderer), reporter.clone());
         let scripts = Scripts::default();
         let mut session = Self {
@@ -167,6 +171,7 @@ impl Session {
             looking,
             desk_frame,
             deferral,
+            listing,
             finished,
             scripts,
         };
@@ -243,9 +248,9 @@ impl Session {
         let options = PygOptions { scripts: Some(self.scripts.clone()), ..self.inputs.pyg_options() };
         let source = PygSource::Stream { name: name.into(), stream };
         let reporter = self.reporter.clone();
-        let commanded = &mut self.commanded;
+        let (commanded, number) = (&mut self.commanded, self.options.number);
         let read = |state: &mut State| {
-            granita_pyg::read(source, &mut FileSink { state, commanded }, &options, &reporter)
+            granita_pyg::read(source, &mut FileSink { state, commanded, number }, &options, &reporter)
         };
         self.state.read(name, name, read).map_err(|error| failed(InputError::from(error)))
     }
@@ -328,6 +333,12 @@ impl Session {
         }
     }
 
+    /// Makes the session list the files of its scenes instead of rendering them and running their commands. Returns the
+    /// list, which is complete after the last `Render`.
+    pub fn list_assets(&self) -> Arc<Mutex<Assets>> {
+        self.listing.lock().get_or_insert_default().clone()
+    }
+
     /// Returns the plugins of this session, including those that its program permits.
     pub fn plugins(&self) -> &Plugins {
         &self.plugins
@@ -375,8 +386,8 @@ impl Session {
             let read = |state: &mut State| input.read(&mut MeshSink { state, is_second_reading: false });
             return self.state.read(&identity, name, read).map_err(failed);
         }
-        let commanded = &mut self.commanded;
-        let read = |state: &mut State| input.read(&mut FileSink { state, commanded });
+        let (commanded, number) = (&mut self.commanded, self.options.number);
+        let read = |state: &mut State| input.read(&mut FileSink { state, commanded, number });
         self.state.read(&identity, name, read).map_err(failed)
     }
 
@@ -441,10 +452,15 @@ struct FileSink<'a> {
     state: &'a mut State,
     /// Becomes true at a `Command`.
     commanded: &'a mut bool,
+    /// The number of the frame, which replaces `$frame` in texts.
+    number: Option<i32>,
 }
 
 impl SceneSink for FileSink<'_> {
-    fn call(&mut self, call: Call, at: &Location) -> Result<(), Stop> {
+    fn call(&mut self, mut call: Call, at: &Location) -> Result<(), Stop> {
+        if let Some(number) = self.number {
+            call.map_texts(&|text| granita_farm::with_frame(text, number));
+        }
         *self.commanded |= matches!(call, Call::Command { .. });
         self.state.call(call, at)
     }

@@ -145,6 +145,10 @@ impl TextureCache {
         &self.shared
     }
 
+    pub(crate) fn shared_mut(&mut self) -> &mut Shared {
+        &mut self.shared
+    }
+
     pub(crate) fn file(&self, id: TextureId) -> &TextureFile {
         self.shared.files.get(id.0).expect("invariant: an id is made by this cache and never removed")
     }

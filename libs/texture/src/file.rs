@@ -343,6 +343,15 @@ impl TextureFile {
         if matches!(self.source, Source::Memory(..)) { 0 } else { self.tile_bytes(level) }
     }
 
+    /// Releases the memory of its levels. All of it is black from now on.
+    pub(crate) fn release(&mut self) {
+        *self.broken.get_mut() = true;
+        self.slices.take();
+        if let Source::Memory(_, made) = &mut self.source {
+            made.take();
+        }
+    }
+
     /// True when all of it is black because it cannot be read.
     #[inline]
     pub(crate) fn is_broken(&self) -> bool {

@@ -28,6 +28,11 @@ impl List {
         self.blocks.get(block)?.get()?.get(at)?.get()
     }
 
+    fn get_mut(&mut self, index: u32) -> Option<&mut TextureFile> {
+        let (block, at) = place(index);
+        self.blocks.get_mut(block)?.get_mut()?.get_mut(at)?.get_mut()
+    }
+
     /// Appends the file that `make` makes for the index; `None` when it makes none.
     fn push(&self, make: impl FnOnce(u32) -> Option<TextureFile>) -> Option<u32> {
         let mut count = self.count.lock();
@@ -65,6 +70,22 @@ impl Files {
 
     pub(crate) fn get(&self, index: u32) -> Option<&TextureFile> {
         self.list.get(index)
+    }
+
+    pub(crate) fn get_mut(&mut self, index: u32) -> Option<&mut TextureFile> {
+        self.list.get_mut(index)
+    }
+
+    /// Forgets a name. Returns the index of its file, which stays in the list.
+    pub(crate) fn forget(&mut self, name: &str) -> Option<u32> {
+        *self.names.get_mut().remove(name)?.get()?
+    }
+
+    /// Returns all names, in order.
+    pub(crate) fn names(&mut self) -> Vec<String> {
+        let mut names: Vec<String> = self.names.get_mut().keys().cloned().collect();
+        names.sort();
+        names
     }
 
     /// Returns the index of the file called `name`. The first caller makes it with `open`.

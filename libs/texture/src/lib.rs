@@ -2,7 +2,17 @@
 //!
 //! A renderer makes one [`TextureCache`] per frame, and any number of threads use it. [`TextureCache::texture`] looks
 //! up images, [`TextureCache::environment`] environment maps, and [`TextureCache::shadow`] depth maps of lights.
-//! `maketx` calls [`make::make`], which converts images of any format to tiled, MIP-mapped files.
+//! `maketx` calls [`make::make`], which converts images of any format to tiled, MIP-mapped files. `libgranita_texture`
+//! and the Python module `granita.texture` pass the lookups of other programs to a cache.
+//!
+//! | type | is |
+//! |---|---|
+//! | [`TextureCache`], [`CacheOptions`] | the files, the tiles and the bound of their memory |
+//! | [`TextureReader`] | the access of one thread, which keeps the tiles that it used last |
+//! | [`Lookup`], [`Lookup3d`], [`EnvLookup`], [`ShadowLookup`] | the parameters of one point |
+//! | [`TextureId`], [`TextureHandle`] | a texture of a cache |
+//! | [`TextureInfo`], [`TextureKind`], [`CacheStatistics`] | data about a texture, and counts |
+//! | [`make::MakeOptions`] | the options of `maketx` |
 //!
 //! # Invariants
 //!
@@ -54,11 +64,17 @@
 //! ```
 
 #![forbid(unsafe_code)]
+#![warn(unnameable_types)]
 
 /// The example in the README is compiled and run with the tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// The example in the manual is compiled and run with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/texture-api.md")]
+struct Manual;
 
 mod block;
 mod cache;
@@ -72,6 +88,7 @@ mod footprint;
 mod gaussian;
 mod id;
 mod image;
+mod inspect;
 mod kind;
 mod level;
 mod lookup;
@@ -82,6 +99,7 @@ mod options;
 mod plain;
 mod pyramid;
 mod reader;
+mod renewal;
 mod sampler;
 mod set_lookup;
 mod shadow;
@@ -102,6 +120,7 @@ pub use cache::{TextureCache, Use};
 pub use cube::{CubeLayout, CubePoint, FACE_NAMES, Face};
 pub use error::{Result, TextureError};
 pub use id::{TextureHandle, TextureId};
+pub use inspect::TextureInfo;
 pub use kind::TextureKind;
 pub use lookup::{EnvLookup, Lookup, Lookup3d, ShadowLookup, Up};
 pub use made::{MadeShadow, TileMaker};

@@ -148,7 +148,7 @@ impl Up {
     }
 
     /// Returns "y" or "z".
-    pub(crate) fn word(self) -> &'static str {
+    pub fn word(self) -> &'static str {
         match self {
             Self::Y => "y",
             Self::Z => "z",

@@ -37,6 +37,8 @@ pub(crate) struct Shared {
     unusable: Mutex<BTreeMap<String, String>>,
     /// The number of entries in `unusable`.
     untold: AtomicUsize,
+    /// The reason for each name that cannot be used.
+    reasons: Mutex<BTreeMap<String, String>>,
 }
 
 /// The files that are open.
@@ -146,6 +148,7 @@ impl Shared {
             waiting: AtomicUsize::new(0),
             unusable: Mutex::default(),
             untold: AtomicUsize::new(0),
+            reasons: Mutex::default(),
         }
     }
 
@@ -230,7 +233,28 @@ impl Shared {
         self.unusable.lock()
     }
 
-    fn look_for(&self, name: &str) -> Option<u32> {
+    /// Returns the reason why the file of a name cannot be used.
+    pub(crate) fn reason(&self, name: &str) -> String {
+        let reason = self.reasons.lock().get(name).cloned();
+        reason.unwrap_or_else(|| format!("texture \"{name}\" cannot be used"))
+    }
+
+    /// Forgets that the file of a name cannot be used.
+    pub(crate) fn forget_reason(&mut self, name: &str) {
+        self.reasons.get_mut().remove(name);
+        if self.unusable.get_mut().remove(name).is_some() {
+            *self.untold.get_mut() -= 1;
+        }
+    }
+
+    /// Closes a file and drops its tiles.
+    pub(crate) fn close(&mut self, index: u32) {
+        self.open.get_mut().files.remove(&index);
+        self.tiles.forget(index);
+    }
+
+    /// Returns the index of the file of this name, without a message when it cannot be used.
+    pub(crate) fn look_for(&self, name: &str) -> Option<u32> {
         let mut opened = None;
         let index = self.files.find(name, |index| {
             let leave = self.leave();
@@ -270,6 +294,7 @@ impl Shared {
     fn open_new(&self, index: u32, name: &str) -> Option<(TextureFile, Option<Arc<dyn ImageInput>>)> {
         let refuse = |text: String| {
             add(&self.counters.missing, 1);
+            self.reasons.lock().insert(name.to_owned(), text.clone());
             self.unusable().insert(name.to_owned(), text);
             self.untold.fetch_add(1, Ordering::Relaxed);
             None
@@ -350,6 +375,10 @@ impl Shared {
     }
 
     fn make_levels(&self, file: &TextureFile) -> Vec<Arc<Cell>> {
+        let black = || file.levels.iter().map(|l| Arc::new(Cell::of(file.black_tile(l)))).collect();
+        if file.is_broken() {
+            return black();
+        }
         let _leave = self.leave();
         let made = self.retried(|| {
             let input = self.registry.open(&file.path)?;
@@ -370,7 +399,7 @@ impl Shared {
             Err(error) => {
                 self.failed(file, &error.to_string());
                 file.broken.store(true, Ordering::Relaxed);
-                file.levels.iter().map(|l| Arc::new(Cell::of(file.black_tile(l)))).collect()
+                black()
             }
         };
         add(&self.counters.automipmaps, 1);
@@ -392,6 +421,9 @@ impl Shared {
     fn read_tile(&self, file: &TextureFile, key: TileKey) -> Tile {
         let level = &file.levels[key.level as usize];
         let texels = level.tile_width as usize * level.tile_height as usize;
+        if file.is_broken() {
+            return file.black_tile(level);
+        }
         let result =
             self.reading(file).and_then(|reading| reading.tile(key)).map_err(|error| error.to_string());
         match result {

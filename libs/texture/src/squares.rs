@@ -60,6 +60,16 @@ impl Squares {
         }
     }
 
+    /// Returns the squares that have a texture, in order.
+    pub(crate) fn squares(&self) -> impl Iterator<Item = Square> {
+        self.members.keys().copied()
+    }
+
+    /// Returns the names of the textures, in the order of their squares.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.members.values().map(|member| &*member.name)
+    }
+
     fn member(&self, place: Place) -> Option<&Member> {
         let square = Square { row: place.row.try_into().ok()?, column: place.column.try_into().ok()? };
         self.members.get(&square)

@@ -167,6 +167,13 @@ impl TileCache {
         })
     }
 
+    /// Drops the tiles of a file.
+    pub(crate) fn forget(&mut self, file: u32) {
+        for shard in &mut self.shards {
+            shard.get_mut().retain(|key, _| key.file != file);
+        }
+    }
+
     /// Drops tiles until `bytes` more fit, tiles of files before made ones, and of the tile's own shard `home` before
     /// others; `None` when they do not fit.
     fn make_room(&self, home: usize, bytes: u64, counters: &Counters) -> Option<Room> {

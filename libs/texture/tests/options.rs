@@ -4,9 +4,11 @@
 mod support;
 
 use granita_base::{Filter, Param};
+use granita_color::Config;
 use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::TextureKind;
-use granita_texture::make::{BrokenValues, ColorSpace, Made, MakeOptions, Mode};
+use granita_texture::make::{BrokenValues, ColorConvert, Made, MakeOptions, Mode};
+use std::sync::Arc;
 use support::{Folder, random};
 
 fn options() -> MakeOptions {
@@ -78,6 +80,18 @@ fn pixel_types_are_stored_or_replaced_with_a_note() {
     assert_eq!(stored(exr()).0, PixelType::Half);
 }
 
+/// Returns the conversion from one colour space to another, with levels in linear light.
+fn converted(from: &str, to: &str) -> Arc<ColorConvert> {
+    let config = Config::built_in();
+    let linear = config.linear_for(to).unwrap();
+    Arc::new(ColorConvert {
+        inputs: config.processor(from, linear).unwrap(),
+        outputs: config.processor(linear, to).unwrap(),
+        same: from == to,
+        ..ColorConvert::default()
+    })
+}
+
 #[test]
 fn colours_are_averaged_in_linear_light() {
     let folder = Folder::new();
@@ -85,17 +99,44 @@ fn colours_are_averaged_in_linear_light() {
         if c == 3 { 1.0 } else { (x % 2) as f32 }
     });
     let first = |from, to| {
-        let o = MakeOptions { color_convert: Some((from, to)), ..options() };
+        let o = MakeOptions { color_convert: Some(converted(from, to)), ..options() };
         folder.make(&["a.tif"], "a.tx", &o).unwrap();
         let file = folder.registry.open(&folder.path("a.tx")).unwrap();
         let Pixels::U8(v) = file.read_level(0, 1).unwrap() else { panic!() };
         [v[0], v[1], v[2], v[3]]
     };
-    assert_eq!(first(ColorSpace::Linear, ColorSpace::Linear), [128, 128, 128, 255]);
+    assert_eq!(first("linear", "linear"), [128, 128, 128, 255]);
     // Half the light of white is 188 in sRGB.
-    assert_eq!(first(ColorSpace::Srgb, ColorSpace::Srgb), [188, 188, 188, 255]);
-    assert_eq!(first(ColorSpace::Srgb, ColorSpace::Linear), [128, 128, 128, 255]);
-    assert_eq!(first(ColorSpace::Linear, ColorSpace::AcesCg), [128, 128, 128, 255]);
+    assert_eq!(first("srgb", "srgb"), [188, 188, 188, 255]);
+    assert_eq!(first("srgb", "linear"), [128, 128, 128, 255]);
+    assert_eq!(first("linear", "acescg"), [128, 128, 128, 255]);
+}
+
+/// The profile describes the stored colours, and is lost with them. Other metadata is kept.
+#[test]
+fn profiles_are_carried_unless_colours_are_converted() {
+    let folder = Folder::new();
+    let mut spec = ImageSpec::new(16, 16, 3, PixelType::U8);
+    spec.set_icc_profile(vec![7; 200]);
+    spec.attributes.set(Param::declared("string Exif:LensModel", "50 mm").unwrap());
+    folder.image_of("a.tif", spec, |x, _, _| x as f32 / 15.0);
+    for (o, kept) in [
+        (options(), true),
+        (exr(), true),
+        (MakeOptions { mode: Mode::EnvLatLong, ..options() }, true),
+        (MakeOptions { color_convert: Some(converted("srgb", "srgb")), ..options() }, true),
+        (MakeOptions { color_convert: Some(converted("srgb", "linear")), ..options() }, false),
+        (MakeOptions { ingamma: 2.2, ..options() }, false),
+    ] {
+        folder.make(&["a.tif"], "a.tx", &o).unwrap();
+        let file = folder.registry.open(&folder.path("a.tx")).unwrap();
+        let spec = file.spec(0, 0).unwrap();
+        assert_eq!(spec.icc_profile.as_deref(), kept.then_some(&[7; 200][..]), "{o:?}");
+        assert_eq!(spec.string("ICCProfile"), kept.then_some("200 bytes"));
+        assert_eq!(spec.string("Exif:LensModel"), Some("50 mm"));
+        // The directories of the levels of TIFF do not repeat it.
+        assert!(o == exr() || file.spec(0, 1).unwrap().icc_profile.is_none());
+    }
 }
 
 /// Colours that are not multiplied by alpha are multiplied as linear light. The file no longer declares that they are

@@ -5,8 +5,8 @@ use crate::plane::Plane;
 use crate::store::TileStore;
 use crate::tile::{TILE, Tile};
 use crate::{Result, ViewError, flip};
+use granita_color::srgb_decode;
 use granita_image::{ImageSpec, PixelType};
-use granita_texture::make::ColorSpace;
 use std::sync::Arc;
 
 /// The largest number of pixels of images whose perceived difference is computed.
@@ -338,7 +338,7 @@ fn each_pixel(
     let alpha = |name: &str| name == "A" || name.eq_ignore_ascii_case("alpha");
     let convert = |page: &Page, channel: usize, v: f32| {
         let decode = decoded && page.encoded && !alpha(&page.spec().channels[channel]);
-        if decode { ColorSpace::Srgb.decode(v) } else { v }
+        if decode { srgb_decode(v) } else { v }
     };
     for (ty, tx) in
         (0..size.1.div_ceil(TILE)).flat_map(|ty| (0..size.0.div_ceil(TILE)).map(move |tx| (ty, tx)))
@@ -383,7 +383,7 @@ fn linear_colors(page: &Page, exposure: f32) -> Result<Vec<[f32; 3]>> {
             let at = (ty * TILE + y) as usize * width as usize + (tx * TILE) as usize;
             for (out, [r, g, b, _]) in out[at..].iter_mut().zip(&row) {
                 *out = [*r, *g, *b].map(|v| {
-                    let v = if page.encoded { ColorSpace::Srgb.decode(v) } else { v } * gain;
+                    let v = if page.encoded { srgb_decode(v) } else { v } * gain;
                     if v.is_nan() { 0.0 } else { v.clamp(0.0, 1.0) }
                 });
             }

@@ -1,10 +1,11 @@
 //! Converts values to screen colours by exposure, gamma, choice of channels, false colours and marks.
 
+use crate::colors::{Colors, Managed};
 use crate::layers::{Layer, Meaning};
 use crate::maps::ColorMap;
 use crate::tile::Pick;
 use granita_base::hash;
-use granita_texture::make::ColorSpace;
+use granita_color::{Processor, srgb_decode, srgb_encode};
 use std::sync::Arc;
 
 /// The colour of the screen beside an image.
@@ -212,6 +213,8 @@ pub struct Prepared {
     /// True for numbers of objects, each of which has a colour of its own.
     number: bool,
     gain: f32,
+    /// The colours of the page, where tables do not convert them.
+    colors: Option<Arc<Colors>>,
 }
 
 const NAN: [u8; 4] = [255, 0, 255, 255];
@@ -246,14 +249,32 @@ impl Prepared {
             depth: meaning == Meaning::Depth,
             number: meaning == Meaning::Number,
             gain: display.exposure.exp2(),
+            colors: None,
         };
         let key = (display.exposure.to_bits(), display.gamma.to_bits(), display.srgb, encoded);
         ready.shown = tables.get(key, || Table::new(|v| ready.screen(ready.exposed(v))));
         ready
     }
 
+    /// Uses the colours of a page. Depths and numbers are no colours.
+    #[must_use]
+    pub fn with_colors(mut self, colors: &Arc<Colors>) -> Self {
+        if colors.managed.is_some() && !self.depth && !self.number {
+            self.colors = Some(colors.clone());
+            self.plain = false;
+        }
+        self
+    }
+
+    fn managed(&self) -> Option<&Managed> {
+        self.colors.as_ref().and_then(|colors| colors.managed.as_ref())
+    }
+
     /// Computes a row of the screen as [`Prepared::show`] does, where `covered` is true.
     pub(crate) fn show_row(&self, pixels: &[[f32; 4]], covered: &[bool], y: u32, out: &mut [u8]) {
+        if let Some(managed) = self.managed().filter(|_| self.shows_colors()) {
+            return self.show_managed(managed, pixels, covered, (0, y), out);
+        }
         const INFINITY: u32 = f32::INFINITY.to_bits();
         let ignored = self.display.background == Background::Ignored;
         let pixels = pixels.iter().zip(covered);
@@ -272,21 +293,83 @@ impl Prepared {
         }
     }
 
+    /// True when three values become a colour, without ranges and false colours.
+    fn shows_colors(&self) -> bool {
+        let d = &self.display;
+        d.channels != Channels::Luminance && d.false_color.is_none() && d.range.is_none()
+    }
+
+    /// Computes a row of the screen by the colours of the page. The pixels of a row are converted together.
+    fn show_managed(
+        &self,
+        managed: &Managed,
+        pixels: &[[f32; 4]],
+        covered: &[bool],
+        (left, y): (u32, u32),
+        out: &mut [u8],
+    ) {
+        let mut colors = pixels.to_vec();
+        managed.to_linear.apply(colors.as_flattened_mut(), 4);
+        let ignored = self.display.background == Background::Ignored;
+        for (x, pixel) in (left..).zip(&mut colors) {
+            let [r, g, b, a] = *pixel;
+            let exposed = [r, g, b].map(|v| v * self.gain);
+            let [r, g, b] =
+                if ignored || a == 1.0 && !self.unassociated { exposed } else { self.over(exposed, a, x, y) };
+            let [r, g, b] = self.with_gamma([r, g, b]);
+            *pixel = [r, g, b, a];
+        }
+        if let Some(to_screen) = managed.to_screen.as_ref().filter(|_| self.display.srgb) {
+            to_screen.apply(colors.as_flattened_mut(), 4);
+        }
+        let encoded = managed.to_screen.is_some() || !self.display.srgb;
+        let out = out.as_chunks_mut::<4>().0.iter_mut();
+        for (((out, color), pixel), covered) in out.zip(&colors).zip(pixels).zip(covered) {
+            *out = match (covered, self.mark(&pixel[..3])) {
+                (false, _) => BESIDE,
+                (true, Some(mark)) => mark,
+                (true, None) => {
+                    let [r, g, b] = [color[0], color[1], color[2]].map(|v| {
+                        let v = v.clamp(0.0, 1.0);
+                        byte(if encoded { v } else { srgb_encode(v) })
+                    });
+                    [r, g, b, 255]
+                }
+            };
+        }
+    }
+
+    /// Returns exposed colours raised to the inverse of gamma.
+    fn with_gamma(&self, rgb: [f32; 3]) -> [f32; 3] {
+        match self.display.gamma {
+            1.0 => rgb,
+            gamma => rgb.map(|v| v.max(0.0).powf(1.0 / gamma)),
+        }
+    }
+
+    /// Returns a stored colour in linear light, before exposure.
+    pub(crate) fn linear_color(&self, rgb: [f32; 3]) -> [f32; 3] {
+        match self.managed() {
+            Some(managed) => managed.to_linear.map(rgb),
+            None => rgb.map(|v| self.linear(v)),
+        }
+    }
+
     /// Returns a stored value in linear light, exposed.
     fn exposed(&self, v: f32) -> f32 {
-        if self.encoded { ColorSpace::Srgb.decode(v) * self.gain } else { v * self.gain }
+        if self.encoded { srgb_decode(v) * self.gain } else { v * self.gain }
     }
 
     /// Returns the screen byte of an exposed value.
     fn screen(&self, v: f32) -> u8 {
         let v = if self.display.gamma == 1.0 { v } else { v.max(0.0).powf(1.0 / self.display.gamma) };
         let v = v.clamp(0.0, 1.0);
-        byte(if self.display.srgb { ColorSpace::Srgb.encode(v) } else { v })
+        byte(if self.display.srgb { srgb_encode(v) } else { v })
     }
 
     /// Returns a stored value in linear light, before exposure.
     pub fn linear(&self, v: f32) -> f32 {
-        if self.encoded { ColorSpace::Srgb.decode(v) } else { v }
+        if self.encoded { srgb_decode(v) } else { v }
     }
 
     /// Returns the mark of a pixel, if it has one.
@@ -346,6 +429,11 @@ impl Prepared {
             });
             return [r, g, b, 255];
         }
+        if let Some(managed) = self.managed() {
+            let mut out = [0; 4];
+            self.show_managed(managed, &[pixel], &[true], (x, y), &mut out);
+            return out;
+        }
         if self.display.background == Background::Ignored || a == 1.0 && !self.unassociated {
             return [self.shown.get(r), self.shown.get(g), self.shown.get(b), 255];
         }
@@ -354,7 +442,10 @@ impl Prepared {
 
     /// Returns the screen colour of a single value or of the luminance, in grey or in false colours.
     fn show_one(&self, [r, g, b]: [f32; 3]) -> [u8; 4] {
-        let v = if r == g && g == b { self.linear(r) } else { luminance([r, g, b].map(|v| self.linear(v))) };
+        let v = match self.managed() {
+            None if r == g && g == b => self.linear(r),
+            _ => luminance(self.linear_color([r, g, b])),
+        };
         let Some(f) = self.display.false_color else {
             let v = match self.display.range {
                 Some(range) => byte(Self::in_range(v, range)),
@@ -375,6 +466,13 @@ impl Prepared {
     }
 
     fn show_over(&self, rgb: [f32; 3], a: f32, x: u32, y: u32) -> [u8; 4] {
+        let exposed = rgb.map(|v| self.exposed(v));
+        let [r, g, b] = self.over(exposed, a, x, y).map(|v| self.screen(v));
+        [r, g, b, 255]
+    }
+
+    /// Returns an exposed colour over the background.
+    fn over(&self, exposed: [f32; 3], a: f32, x: u32, y: u32) -> [f32; 3] {
         let a = if a.is_finite() { a.clamp(0.0, 1.0) } else { 1.0 };
         let behind = match self.display.background {
             Background::Ignored | Background::Black => 0.0,
@@ -383,20 +481,27 @@ impl Prepared {
             Background::Checker => [0.1, 0.25][((x / 16 + y / 16) % 2) as usize],
         };
         let own = if self.unassociated { a } else { 1.0 };
-        let [r, g, b] = rgb.map(|v| self.screen(self.exposed(v) * own + (1.0 - a) * behind));
-        [r, g, b, 255]
+        exposed.map(|v| v * own + (1.0 - a) * behind)
     }
 
     /// Returns linear, unexposed, premultiplied colours, for compositing one image over another.
     pub(crate) fn premultiplied(&self, [r, g, b, a]: [f32; 4]) -> [f32; 4] {
         let own = if self.unassociated { a } else { 1.0 };
-        [self.linear(r) * own, self.linear(g) * own, self.linear(b) * own, a]
+        let [r, g, b] = self.linear_color([r, g, b]);
+        [r * own, g * own, b * own, a]
     }
 
     /// Returns the same display for values that are linear and premultiplied.
     pub(crate) fn for_linear(&self, tables: &mut Tables) -> Self {
         let meaning = if self.depth { Meaning::Depth } else { Meaning::Color };
-        Self::new(&self.display, meaning, false, false, tables)
+        let linear = Self::new(&self.display, meaning, false, false, tables);
+        match self.managed().and_then(|managed| managed.to_screen.clone()) {
+            Some(to_screen) => {
+                let managed = Managed { to_linear: Processor::identity(), to_screen: Some(to_screen) };
+                linear.with_colors(&Arc::new(Colors { text: String::new(), managed: Some(managed) }))
+            }
+            None => linear,
+        }
     }
 
     /// Returns the same display for differences of encoded values, which are shown linearly.
@@ -404,9 +509,21 @@ impl Prepared {
         Self::new(&Display { srgb: false, ..self.display }, Meaning::Color, false, false, tables)
     }
 
-    /// True when stored values are encoded.
+    /// True when stored values are encoded integers of sRGB.
     pub(crate) fn is_encoded(&self) -> bool {
-        self.encoded
+        self.encoded && self.colors.is_none()
+    }
+
+    /// True when stored values of both mean the same.
+    pub(crate) fn is_alike(&self, other: &Self) -> bool {
+        self.encoded == other.encoded
+            && self.managed().map(|managed| &managed.to_linear)
+                == other.managed().map(|managed| &managed.to_linear)
+    }
+
+    /// True when colours are converted by those of the page.
+    pub(crate) fn is_managed(&self) -> bool {
+        self.colors.is_some()
     }
 }
 

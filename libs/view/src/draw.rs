@@ -118,6 +118,7 @@ impl Shown<'_> {
         let unassociated = spec.attributes.int("unassociatedalpha") == Some(1);
         let layer = &self.page.layers[self.layer.min(self.page.layers.len() - 1)];
         Prepared::new(self.display, layer.meaning, self.page.encoded, unassociated, tables)
+            .with_colors(&self.page.colors)
     }
 }
 
@@ -340,9 +341,10 @@ pub fn draw_into(
     let tables = &mut canvas.tables;
     let a = Side::new(first, view, tables);
     let b = second.map(|shown| Side::new(shown, view, tables));
-    let alike = b.as_ref().is_none_or(|b| a.ready.is_encoded() == b.ready.is_encoded());
+    let alike = b.as_ref().is_none_or(|b| a.ready.is_alike(&b.ready));
     let mixed = match how {
         Mix::Difference { .. } if alike && a.ready.is_encoded() => Some(a.ready.for_differences(tables)),
+        Mix::Difference { .. } if a.ready.is_managed() => Some(a.ready.for_linear(tables)),
         _ if !alike || how == Mix::Over => Some(a.ready.for_linear(tables)),
         _ => None,
     };
@@ -400,9 +402,13 @@ fn blend(
         Mix::Difference { .. } if !covered_a || !covered_b => BESIDE,
         Mix::Difference { gain } => {
             // Stored values are compared where both images are encoded alike, else linear values.
-            let alike = a.is_encoded() == b.is_encoded();
-            let value = |side: &Prepared, v: f32| if alike { v } else { side.linear(v) };
-            let d = [0, 1, 2].map(|c| (value(a, p[c]) - value(b, q[c])).abs() * gain);
+            let alike = a.is_alike(b);
+            let value = |side: &Prepared, v: [f32; 4]| match alike {
+                true => [v[0], v[1], v[2]],
+                false => side.linear_color([v[0], v[1], v[2]]),
+            };
+            let (p, q) = (value(a, p), value(b, q));
+            let d = [0, 1, 2].map(|c| (p[c] - q[c]).abs() * gain);
             mixed.unwrap_or(a).show([d[0], d[1], d[2], 1.0], x, y)
         }
         Mix::Over => {

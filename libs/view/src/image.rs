@@ -1,5 +1,6 @@
 //! An open file with its pages, layers, levels and faces.
 
+use crate::colors::{Colors, Viewing};
 use crate::layers::{Layer, Meaning};
 use crate::pyramid::Pyramid;
 use crate::sheet::{Arrangement, Sheet, face_rects};
@@ -51,6 +52,8 @@ pub struct Page {
     pub pyramid: Arc<Pyramid>,
     /// True when integers are encoded colours, and false when they are linear.
     pub encoded: bool,
+    /// Its colours.
+    pub colors: Arc<Colors>,
 }
 
 /// An open file.
@@ -92,7 +95,11 @@ impl Page {
         let integers =
             matches!(specs[0].pixel_type, granita_image::PixelType::U8 | granita_image::PixelType::U16);
         let encoded = integers && bytes <= 2 && !kind.is_shadow();
-        Self { name, specs, kind, layers, layout, pyramid, encoded }
+        let colors = match kind.is_shadow() || layers.iter().all(|layer| layer.meaning != Meaning::Color) {
+            true => Arc::default(),
+            false => Arc::new(Colors::of(&specs[0])),
+        };
+        Self { name, specs, kind, layers, layout, pyramid, encoded, colors }
     }
 
     fn open(input: &Arc<dyn ImageInput>, image: usize, store: &TileStore) -> Option<Self> {
@@ -111,7 +118,21 @@ impl Page {
     /// Returns the same pixels with integers as encoded colours, or as linear values.
     #[must_use]
     pub fn with_encoding(&self, encoded: bool) -> Self {
-        Self { encoded, ..self.clone() }
+        Self { encoded, colors: Arc::new(Colors::chosen(encoded)), ..self.clone() }
+    }
+
+    /// Returns the same pixels seen through a view of a display; `None` for an sRGB screen. Values that are no colours
+    /// stay as they are. `file` is the name of the file.
+    #[must_use]
+    pub fn seen_through(&self, viewing: Option<&Viewing>, file: &str) -> Self {
+        if self.colors.text.is_empty() {
+            return self.clone();
+        }
+        let colors = match viewing {
+            Some(viewing) => viewing.colors(self.spec(), file),
+            None => Colors::of(self.spec()),
+        };
+        Self { colors: Arc::new(colors), ..self.clone() }
     }
 
     /// Returns the description of its largest level.
@@ -169,6 +190,14 @@ impl Image {
             return Err(ViewError::Misuse { what });
         }
         Ok(Self { path: path.to_owned(), format: input.format_name(), pages, stamp })
+    }
+
+    /// Shows its images through a view of a display; `None` for an sRGB screen.
+    pub fn see_through(&mut self, viewing: Option<&Viewing>) {
+        let file = self.path.to_string_lossy();
+        for page in &mut self.pages {
+            *page = Arc::new(page.seen_through(viewing, &file));
+        }
     }
 
     /// True when the file has changed since it was opened.

@@ -39,6 +39,14 @@ fn is_depth(name: &str) -> bool {
     matches!(last_part(name).to_ascii_lowercase().as_str(), "z" | "zback" | "depth" | "zmin" | "zmax")
 }
 
+/// True for the name of two ranks of a Cryptomatte, such as "CryptoObject00". Its first channel has the id of the
+/// object that covers most of a pixel.
+fn is_cryptomatte(name: &str) -> bool {
+    last_part(name)
+        .strip_prefix("Crypto")
+        .is_some_and(|rest| rest.len() > 2 && rest.bytes().rev().take(2).all(|b| b.is_ascii_digit()))
+}
+
 impl Layer {
     fn new(name: &str, channels: Vec<usize>, names: &[String], pixel_type: PixelType) -> Self {
         let find = |words: [&str; 2]| {
@@ -47,6 +55,10 @@ impl Layer {
                 .copied()
                 .find(|c| words.contains(&last_part(&names[*c]).to_ascii_lowercase().as_str()))
         };
+        if let Some(id) = find(["r", "red"]).filter(|_| is_cryptomatte(name)) {
+            let color = [Pick::Channel(id); 3];
+            return Self { name: name.to_owned(), channels, color, alpha: None, meaning: Meaning::Number };
+        }
         let alpha = find(["a", "alpha"]).filter(|_| channels.len() > 1);
         let rest: Vec<usize> = channels.iter().copied().filter(|c| Some(*c) != alpha).collect();
         let rgb = [find(["r", "red"]), find(["g", "green"]), find(["b", "blue"])];
@@ -190,6 +202,20 @@ mod tests {
         let names: Vec<&str> = l.iter().map(|l| &*l.name).collect();
         assert_eq!(names, ["", "u", "id", "P"]);
         assert_eq!((l[0].channels.len(), l[2].color), (4, [Pick::Channel(5); 3]));
+    }
+
+    #[test]
+    fn cryptomattes_show_the_foremost_ids() {
+        let names =
+            ["R", "G", "B", "CryptoObject00.R", "CryptoObject00.G", "CryptoObject00.B", "CryptoObject00.A"];
+        let l = layers(&names, TextureKind::Plain);
+        assert_eq!((&*l[1].name, l[1].meaning, l[1].alpha), ("CryptoObject00", Meaning::Number, None));
+        assert_eq!(l[1].color, [Pick::Channel(3); 3]);
+        assert!(
+            is_cryptomatte("left.CryptoMaterial01")
+                && !is_cryptomatte("Crypto")
+                && !is_cryptomatte("Crypto01")
+        );
     }
 
     #[test]

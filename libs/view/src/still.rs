@@ -61,8 +61,7 @@ pub fn save_canvas(canvas: &Canvas, path: &Path, formats: &FormatRegistry) -> Re
         None | Some(PixelType::U8) => Pixels::U8(rgb),
         Some(other) => {
             spec.pixel_type = other;
-            let linear =
-                rgb.iter().map(|v| granita_texture::make::ColorSpace::Srgb.decode(f32::from(*v) / 255.0));
+            let linear = rgb.iter().map(|v| granita_color::srgb_decode(f32::from(*v) / 255.0));
             Pixels::from_floats(other, &linear.collect::<Vec<f32>>())
         }
     };
@@ -138,10 +137,9 @@ pub fn save_pixels(page: &Page, layer: Option<usize>, path: &Path, formats: &For
         }
         if encode || decode {
             let alpha = spec.alpha_channel();
-            let srgb = granita_texture::make::ColorSpace::Srgb;
             for (i, v) in values.iter_mut().enumerate().filter(|(i, _)| Some(i % n) != alpha) {
                 let _ = i;
-                *v = if encode { srgb.encode(*v) } else { srgb.decode(*v) };
+                *v = if encode { granita_color::srgb_encode(*v) } else { granita_color::srgb_decode(*v) };
             }
         }
         file.write_rows(&Pixels::from_floats(stored, &values))?;

@@ -72,6 +72,54 @@ fn the_cpp_examples_give_their_results() {
     assert!(status != 0 && err.contains("steps.generator.so: steps: how many? as in \"steps 12\""), "{err}");
 }
 
+/// The plugin over libheif reads what its own program wrote. It needs the library and its headers.
+#[test]
+fn heif_and_avif_are_read_by_the_example() {
+    if !granita_needs::has("heif-enc") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let value = |x: usize, y: usize, c: usize| [x * 4, y * 5, 255 - x * 2 - y][c] as u8;
+    let pixels = |y: usize| (0..64).flat_map(move |x| (0..3).map(move |c| value(x, y, c)));
+    let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+    let spec = granita_image::ImageSpec::new(64, 48, 3, granita_image::PixelType::U8);
+    let options = granita_image::CreateOptions::new(&spec, 1);
+    let mut output = formats.create(&at.join("a.png"), "png", &options).unwrap();
+    output.write_rows(&granita_image::Pixels::U8((0..48).flat_map(pixels).collect())).unwrap();
+    output.close().unwrap();
+    std::fs::copy(repository().join("examples/cpp/heif.cpp"), at.join("heif.cpp")).unwrap();
+    let compiler = compilers()[0];
+    let has_headers = Command::new(compiler)
+        .args(["-E", "-include", "libheif/heif.h", "-x", "c++", "/dev/null"])
+        .output()
+        .is_ok_and(|ran| ran.status.success());
+    if !has_headers {
+        return granita_needs::skip("libheif-dev");
+    }
+    for (name, kind) in [("a.avif", &["-A"][..]), ("a.heic", &[])] {
+        let mut command = Command::new("heif-enc");
+        command.current_dir(at).args(kind).args(["-L", "-p", "chroma=444", "a.png", "-o", name]);
+        let made = command.output().unwrap();
+        if !made.status.success() {
+            granita_needs::skip("heif-enc with the encoders of AV1 and H.265");
+            continue;
+        }
+        let (status, _, err) = plain_tool("maketx", at, &["-noresize", "-o", "a.tx", name]);
+        assert!(status != 0 && err.contains("heif.imageio.so"), "{err}");
+        plugin(compiler, &at.join("heif.cpp"), "heif.imageio.so", &["-Wall", "-Werror", "-lheif"]);
+        let (status, _, err) = tool("maketx", at, &["-noresize", "-o", "a.tx", name]);
+        assert_eq!((status, err.as_str()), (0, ""), "{name}");
+        let input = formats.open(&at.join("a.tx")).unwrap();
+        let granita_image::Pixels::U8(got) = input.read_level(0, 0).unwrap() else { panic!("{name}") };
+        let expected: Vec<u8> = (0..48).flat_map(pixels).collect();
+        // Colours are stored as luminance and differences, which are rounded.
+        let worst = got.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(got.len() == expected.len() && worst <= Some(1), "{name}: {worst:?}");
+        std::fs::remove_file(at.join("heif.imageio.so")).unwrap();
+    }
+}
+
 /// The program of the manual renders its scene twice.
 #[test]
 fn the_program_of_the_page_about_rerendering_makes_both_images() {

@@ -4,7 +4,7 @@ use crate::support::{compilers, headers};
 use granita_tests::repository;
 use std::process::Command;
 
-const HEADERS: [&str; 10] = [
+const HEADERS: [&str; 11] = [
     "export.h",
     "paramtype.h",
     "errormanager.h",
@@ -12,6 +12,7 @@ const HEADERS: [&str; 10] = [
     "imageio.h",
     "shadeop.h",
     "gsoargs.h",
+    "granita_texture.h",
     "noise.h",
     "color.h",
     "vecmat.h",

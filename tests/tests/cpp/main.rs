@@ -9,3 +9,4 @@ mod headers;
 mod reference;
 mod shadeops;
 mod support;
+mod texture;

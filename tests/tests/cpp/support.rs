@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 /// The tools and libraries of this build.
 pub(crate) static BUILT: LazyLock<Tools> =
-    LazyLock::new(|| Tools::build_also(&["libgelato", "libgsoargs"]).unwrap());
+    LazyLock::new(|| Tools::build_also(&["libgelato", "libgsoargs", "libgranita-texture"]).unwrap());
 
 /// Returns the C++ compilers that are installed.
 pub(crate) fn compilers() -> Vec<&'static str> {
@@ -43,6 +43,7 @@ pub(crate) fn program(compiler: &str, source: &Path, library: &str) -> PathBuf {
         &format!("-l{library}"),
         &format!("-Wl,-rpath,{folder}"),
         "-pthread",
+        "-lm",
     ]);
     checked(command);
     program

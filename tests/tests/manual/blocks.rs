@@ -7,7 +7,7 @@ use granita_tests::repository;
 /// The words after the fences, and what is checked. "gsl,part" is a function. "gsl,entry" belongs to an entry of a
 /// function, whose examples the tests of `shade` run. "pyg,file" and "gsl,file" are files, which commands of the same
 /// page use.
-const KINDS: [&str; 14] = [
+const KINDS: [&str; 15] = [
     "pyg",
     "pyg,calls",
     "pyg,file",
@@ -20,14 +20,16 @@ const KINDS: [&str; 14] = [
     "text",
     "python",
     "cpp",
+    "rust",
     "cmake",
     "toml",
 ];
 
 /// The tools, each with the page that lists its options.
-const TOOLS: [(&str, &str); 6] = [
+const TOOLS: [(&str, &str); 7] = [
     ("gelato", "docs/gelato.md"),
     ("maketx", "docs/maketx.md"),
+    ("imgtool", "docs/imgtool.md"),
     ("iv", "docs/iv.md"),
     ("topyg", "docs/scenes.md"),
     ("gslc", "docs/shaders.md"),
@@ -87,6 +89,8 @@ fn commands_name_options_and_files_that_exist() {
             n += 1;
             let page = all.iter().find(|other| other.name == *page).unwrap();
             for word in &words[1..] {
+                // Modifiers of options of imgtool follow a colon.
+                let word = &word.split(':').next().unwrap_or(word);
                 let listed =
                     || page.text.contains(&format!("`{word}`")) || page.text.contains(&format!("`{word} "));
                 let is_option =

@@ -32,8 +32,10 @@ const TERMS: &[(&str, &str)] = &[
     ("compositing", "tutorials/outputs.md#outputs-and-compositing"),
     ("creases", "scenes.md#creases"),
     ("crop", "gelato.md#options"),
+    ("Cryptomatte", "calls/frames.md#cryptomatte"),
     ("cube map", "textures.md#orientation"),
     ("database", "databases.md#spatial-databases"),
+    ("deep pixels", "formats.md#deep-pixels-and-parts-of-openexr"),
     ("depth map", "shadows.md#shadow-maps"),
     ("depth of field", "gelato.md#blur-where-there-is-blur"),
     ("derivatives", "functions.md#derivatives"),
@@ -79,6 +81,7 @@ const TERMS: &[(&str, &str)] = &[
     ("statistics", "gelato.md#statistics"),
     ("stereo", "gelato.md#two-eyes"),
     ("subsurface scattering", "tutorials/subsurface.md#subsurface-scattering"),
+    ("texture system for other programs", "texture-api.md#textures-for-other-programs"),
     ("turntable", "gelato.md#a-model-without-a-scene"),
     ("units", "tutorials/lights.md#units"),
     ("volume shadow", "gelato.md#volume-shadows"),
@@ -86,10 +89,11 @@ const TERMS: &[(&str, &str)] = &[
 ];
 
 /// The tools, and the pages with the tables of their options.
-const TOOLS: [(&str, &str); 6] = [
+const TOOLS: [(&str, &str); 7] = [
     ("gelato", "gelato.md"),
     ("granita", "install.md"),
     ("gslc", "shaders.md"),
+    ("imgtool", "imgtool.md"),
     ("iv", "iv.md"),
     ("maketx", "maketx.md"),
     ("topyg", "scenes.md"),

@@ -6,6 +6,7 @@
 mod camera;
 mod clients;
 mod lights;
+mod mattes;
 mod object;
 mod output;
 mod scene;

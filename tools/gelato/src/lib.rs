@@ -3,10 +3,14 @@
 
 #![forbid(unsafe_code)]
 
+mod frames;
+mod joining;
+mod listing;
 mod manual;
 mod progress;
 mod relight;
 mod statistics;
+mod submit;
 mod viewer;
 
 use clap::Parser;
@@ -15,12 +19,14 @@ use granita_cli::{
     Bar, Ending, Fence, Given, Status, console_reporter, environment, fence, parse_with_given, reporter_with,
     seconds,
 };
+use granita_farm::FrameRange;
 use granita_inputs::{OwnTools, RunOptions};
 use granita_session::{
     Connection, Desk, ExtraOutput, LookOptions, Outcome, Session, SessionError, SessionOptions,
     SharedProgress, Told, Up, Viewer, archive_calls,
 };
-use progress::ShownProgress;
+use joining::Streams;
+use progress::{Lines, ShownProgress};
 use relight::Relight;
 use std::ffi::OsString;
 use std::io::Write;
@@ -51,13 +57,63 @@ struct Options {
     threads: usize,
 
     /// Machines that render the frame together, reached by ssh; "local" is this one. Several are separated by blanks,
-    /// or given by several -net
+    /// or given by several -net. listen[:[HOST:]PORT]: wait for workers that join; slurm:N, mpi:N, hosts:FILE,
+    /// "cmd:COMMAND": start workers
     #[arg(long, value_name = "SERVER")]
     net: Vec<String>,
 
-    /// Render buckets for the gelato that started this one
-    #[arg(long, hide = true, conflicts_with_all = ["stream", "net", "relight"])]
+    /// Render buckets for another gelato: the one that started this one, or that of -join
+    #[arg(long, conflicts_with_all = ["stream", "net", "relight"])]
     worker: bool,
+
+    /// With -worker: connect to the gelato that listens there (-net listen), and render what it renders; the port is
+    /// 14159 by default
+    #[arg(long, value_name = "HOST[:PORT]", requires = "worker", conflicts_with = "files")]
+    join: Option<String>,
+
+    /// A file with the secret that a listening gelato and its workers share, instead of $GRANITA_NET_SECRET. A
+    /// listening gelato makes one where there is none
+    #[arg(long, value_name = "FILE")]
+    secret: Option<PathBuf>,
+
+    /// Render these frames one after the other: 7, 1-240, 240-1, 1-240x4, or several with commas. #### and %04d in the
+    /// names of files, and $frame and $frame4 in these names and in the scene, are replaced by the number
+    #[arg(long, value_name = "FRAMES", conflicts_with_all = ["stream", "worker", "relight", "turntable"],
+          allow_negative_numbers = true, allow_hyphen_values = true)]
+    frames: Option<FrameRange>,
+
+    /// The number of frames of a task, for -task and -submit
+    #[arg(long, value_name = "N", requires = "frames", value_parser = clap::value_parser!(u32).range(1..))]
+    chunk: Option<u32>,
+
+    /// Render only the frames of this task, counted from 0
+    #[arg(long, value_name = "N", requires = "frames")]
+    task: Option<u32>,
+
+    /// Write the job of -frames, or of a job file, for this engine, and submit it
+    #[arg(long, value_name = "ENGINE", value_parser = ["slurm", "openjd"], conflicts_with_all = ["stream", "worker", "relight"])]
+    submit: Option<String>,
+
+    /// Print the files that the scene needs and those that it writes as JSON, with hashes, and render nothing
+    #[arg(long, conflicts_with_all = ["stream", "worker", "relight", "frames", "submit"])]
+    assets: bool,
+
+    /// Render only what is not up to date: a frame whose images are newer than everything that it reads is left out. A
+    /// scene that runs commands is always rendered
+    #[arg(short = 'u', conflicts_with_all = ["stream", "worker", "relight", "assets"])]
+    up_to_date: bool,
+
+    /// Print the progress as lines for an engine: percent ("progress: 45 %") or openjd
+    #[arg(long, value_name = "STYLE", value_parser = ["percent", "openjd"])]
+    progress: Option<String>,
+
+    /// The number of the frame
+    #[arg(long, hide = true, allow_negative_numbers = true)]
+    number: Option<i32>,
+
+    /// The share of this process in the progress, in percent: the part that was done before, and its own part
+    #[arg(long, hide = true, num_args = 2)]
+    share: Vec<f64>,
 
     /// Show the image while it is rendered in a viewer that listens there: iv, tev, or another program with tev's
     /// protocol;
@@ -173,11 +229,21 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 18] = [
+const NOT_FOR_WORKERS: [(&str, &str); 28] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
     ("worker", "the session says it first"),
+    ("assets", "nothing is rendered"),
+    ("up_to_date", "the coordinator decides it"),
+    ("frames", "each frame has its own workers"),
+    ("chunk", "each frame has its own workers"),
+    ("task", "each frame has its own workers"),
+    ("submit", "nothing is rendered"),
+    ("progress", "the coordinator prints it"),
+    ("share", "the coordinator prints it"),
+    ("join", "it is for workers that connect by themselves"),
+    ("secret", "only its coordinator knows the worker"),
     ("display", "a worker shows nothing; -iv stands for the image that is shown"),
     ("iv", "passed once, where the image is shown by -display as well"),
     ("relight", "the edits of a desk do not reach workers"),
@@ -207,6 +273,13 @@ pub fn command() -> clap::Command {
 /// program runs as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let (options, given): (Options, Vec<Given>) = parse_with_given(words);
+    let (options, given, streams) = match joining::streams(options, given) {
+        Ok(all) => all,
+        Err(what) => {
+            console_reporter("gelato -worker", &Bar::new(false)).error(what);
+            return Status::Failed;
+        }
+    };
     let quiet = options.silent || options.verbosity == Some(0);
     let bar = Bar::new(!quiet);
     let answers = Connection::new(Box::new(std::io::stdout()));
@@ -233,11 +306,17 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
         return manual::show(&reporter);
     }
     let ending = Ending::new(bar.clone());
-    ending.watch(options.stream || options.worker || options.remote, &reporter);
+    ending.watch(options.stream || options.worker && streams.is_none() || options.remote, &reporter);
     if let Some(seconds) = options.timeout {
         ending.limit(seconds, &reporter);
     }
-    let status = run(&options, &given, tools, Voices { reporter, bar, answers, told }, &ending);
+    let status = if options.submit.is_some() {
+        submit::run(&options, &given, &reporter)
+    } else if options.frames.is_some() {
+        frames::run(&options, &given, ending.supervisor(), &reporter)
+    } else {
+        run(&options, &given, tools, Voices { reporter, bar, answers, told, streams }, &ending)
+    };
     if ending.supervisor().has_ended() && !ending.is_late() {
         granita_cli::wait_for_end();
     }
@@ -254,11 +333,13 @@ struct Voices {
     bar: Bar,
     answers: Connection,
     told: Option<Told>,
+    /// The connection to the coordinator that a worker joined.
+    streams: Option<Streams>,
 }
 
 /// Runs the tool with the options.
 fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, ending: &Ending) -> Status {
-    let Voices { reporter, bar, answers, told } = voices;
+    let Voices { reporter, bar, answers, told, streams } = voices;
     let surroundings = match Surroundings::new(options) {
         Ok(surroundings) => surroundings,
         Err(error) => {
@@ -278,17 +359,33 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
             return Status::Failed;
         }
     };
-    let session_options = session_options(options, given, tools, surroundings, supervisor);
+    let secret = match joining::secret(options, &surroundings.variables) {
+        Ok(secret) => secret,
+        Err(what) => {
+            reporter.error(what);
+            return Status::Failed;
+        }
+    };
+    let mut session_options = session_options(options, given, tools, surroundings, supervisor.clone());
+    session_options.net_secret = secret;
+    if options.assets {
+        return listing::print(session_options, &options.files, &reporter);
+    }
+    if options.up_to_date && listing::needs_nothing(session_options.clone(), &options.files) {
+        reporter.info(format!("{}: up to date", options.files.join(" ")));
+        return Status::Done;
+    }
     if let Some(told) = told {
         let session = Session::new(session_options, reporter, told.progress());
         ending.stops(session.stop());
         return status(&session.obey(Box::new(std::io::stdin()), &told), false);
     }
     let session = if options.worker {
-        let (input, output) = (Box::new(std::io::stdin()), Box::new(std::io::stdout()));
-        Session::worker(session_options, reporter.clone(), input, output)
+        let Streams { input, output, ended } = streams.unwrap_or_else(Streams::standard);
+        Session::worker(session_options, reporter.clone(), input, output, ended(supervisor))
     } else {
-        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone())));
+        let lines = Lines::new(options.progress.as_deref(), &options.share);
+        let progress = SharedProgress(Arc::new(ShownProgress::new(bar, reporter.clone(), lines)));
         Session::new(session_options, reporter.clone(), progress)
     };
     if let Some(path) = &options.statistics_json {
@@ -334,7 +431,11 @@ impl Surroundings {
                 .map_err(|error| format!("-cwd {}: {error}", folder.display()))?;
         }
         let mut variables = environment();
-        let mut of_programs = Vec::new();
+        if let Some(number) = options.number {
+            variables.set("frame", number.to_string());
+        }
+        let mut of_programs: Vec<(String, String)> =
+            options.number.iter().map(|number| ("frame".to_owned(), number.to_string())).collect();
         for assignment in &options.env {
             let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
                 return Err(format!("-env {assignment}: expected VAR=VALUE"));
@@ -414,6 +515,8 @@ fn session_options(
             up: if options.up.as_deref() == Some("z") { Up::Z } else { Up::Y },
         },
         net_workers: options.net.clone(),
+        net_secret: None,
+        number: options.number,
         net_arguments: options.for_worker(given).filter(|_| !options.relight),
         native: options.native,
         rerenders_anew: false,

@@ -49,6 +49,7 @@ fn frame(record: &FrameRecord) -> Value {
         let seconds: Map<String, Value> =
             statistics.seconds().map(|(name, s)| (name.to_owned(), json!(s))).into_iter().collect();
         fields.insert("seconds".into(), Value::Object(seconds));
+        fields.insert("bucket_seconds".into(), json!(statistics.bucket_seconds));
         Value::Object(fields)
     });
     let shading: Map<String, Value> =

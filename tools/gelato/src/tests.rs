@@ -56,6 +56,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
     // The options that affect the image.
     let needed = [
         "threads",
+        "number",
         "env",
         "preview",
         "shade",

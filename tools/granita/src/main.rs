@@ -1,7 +1,8 @@
 //! The command `granita`: all tools of the suite in one program.
 //!
 //! `granita maketx ...` runs `maketx`. A link to this program with the name of a tool runs that tool. Packages install
-//! one program and links, and the plain names `maketx` and `iv`, which other packages use as well, are not needed.
+//! one program and links, and the plain names `maketx`, `imgtool` and `iv`, which other packages use as well, are not
+//! needed.
 
 #![forbid(unsafe_code)]
 
@@ -29,10 +30,11 @@ struct Tool {
 }
 
 /// The tools, sorted by name.
-const TOOLS: [Tool; 7] = [
+const TOOLS: [Tool; 8] = [
     Tool { name: "gelato", options: gelato::command, run: |words| gelato::main(words, &shell_names()) },
     Tool { name: "gslc", options: gslc::command, run: gslc::main },
     Tool { name: "gsoinfo", options: gsoinfo::command, run: gsoinfo::main },
+    Tool { name: "imgtool", options: imgtool::command, run: imgtool::main },
     Tool { name: "iv", options: iv::command, run: iv::main },
     Tool { name: "maketx", options: maketx::command, run: maketx::main },
     Tool { name: "oiio-maketx", options: maketx::oiio_command, run: maketx::main },

@@ -19,7 +19,7 @@ fn text(bytes: &[u8]) -> String {
 
 #[test]
 fn every_tool_runs_by_its_name() {
-    for tool in ["gelato", "gslc", "gsoinfo", "iv", "maketx", "topyg"] {
+    for tool in ["gelato", "gslc", "gsoinfo", "imgtool", "iv", "maketx", "topyg"] {
         for words in [vec![tool, "-version"], vec!["-as", tool, "-version"]] {
             let out = granita(&words);
             assert!(out.status.success() && text(&out.stdout).starts_with(&format!("{tool} ")), "{words:?}");
@@ -63,7 +63,7 @@ fn unknown_tools_and_folders_are_errors() {
         (&["maketex"][..], "granita: error: there is no tool maketex; did you mean maketx?"),
         (
             &["-as", "nosuch"],
-            "granita: error: -as needs the name of a tool: gelato, gslc, gsoinfo, iv, maketx, oiio-maketx, topyg",
+            "granita: error: -as needs the name of a tool: gelato, gslc, gsoinfo, imgtool, iv, maketx, oiio-maketx, topyg",
         ),
         (&["render"], "granita: error: there is no tool render: the tools are gelato, gslc"),
         (&["-hom"], "granita: error: there is no option -hom; did you mean -home?"),

@@ -71,6 +71,7 @@ fn the_wheel_has_a_right_record_and_runs_its_tools() {
         std::fs::write(at(name), text).unwrap();
     };
     write("home/bin/granita", "#!/bin/sh\necho ran \"$@\"\n");
+    write("home/lib/libgranita_texture.so", "");
     write("home/examples/first/first.pyg", "Render ()\n");
     write("home/examples/data/model.obj", "");
     for name in ["LICENSE-MIT", "LICENSE-APACHE", "LICENSES-OF-OTHERS", "sbom.cdx.json"] {
@@ -101,6 +102,12 @@ fn the_wheel_has_a_right_record_and_runs_its_tools() {
     found.args(["-c", program]).env("PYTHONPATH", &site).env("PYTHONDONTWRITEBYTECODE", "1");
     let found = found.env_remove("GELATO").env_remove("GELATOHOME").output().unwrap();
     assert_eq!(text(&found.stdout), site.join("gelato/suite/bin/granita").display().to_string());
+    let program = "from granita import texture; print (texture.library_path ())";
+    let mut found = Command::new("python3");
+    found.args(["-c", program]).env("PYTHONPATH", &site).env("PYTHONDONTWRITEBYTECODE", "1");
+    let found = found.env_remove("GRANITA_TEXTURE_LIB").env_remove("GELATOHOME").output().unwrap();
+    let library = site.join("gelato/suite/lib/libgranita_texture.so");
+    assert_eq!(text(&found.stdout), library.display().to_string(), "{}", text(&found.stderr));
     let script = Command::new(site.join("gelato/suite/bin/iv")).arg("-info").output().unwrap();
     assert_eq!(text(&script.stdout), "ran iv -info");
     let info = site.join(format!("gelato_renderer-{}.dist-info", env!("CARGO_PKG_VERSION")));

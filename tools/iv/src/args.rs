@@ -139,6 +139,22 @@ pub(crate) struct LookArgs {
     #[arg(long, help_heading = "Looks")]
     pub(crate) linear: bool,
 
+    /// Colour space of the images: a name, an alias or a role of the configuration [default: what each file says]
+    #[arg(long, value_name = "NAME", help_heading = "Looks")]
+    pub(crate) colorspace: Option<String>,
+
+    /// Configuration of OpenColorIO, a file or ocio://NAME [default: that of $OCIO, else none]
+    #[arg(long, value_name = "FILE", help_heading = "Looks")]
+    pub(crate) colorconfig: Option<PathBuf>,
+
+    /// Display of the configuration [default: its first one]
+    #[arg(long, value_name = "NAME", help_heading = "Looks")]
+    pub(crate) display: Option<String>,
+
+    /// View of the display [default: its first one]
+    #[arg(long, value_name = "NAME", help_heading = "Looks")]
+    pub(crate) view: Option<String>,
+
     /// Channels: color, r, g, b, a, luminance, or the name of a channel
     #[arg(long, default_value = "color", value_name = "NAME", help_heading = "Looks")]
     pub(crate) channel: String,

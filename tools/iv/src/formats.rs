@@ -26,6 +26,9 @@ pub(crate) fn text(formats: &FormatRegistry) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "{}", line.trim_end());
     }
+    if formats.by_name("heif").is_none() {
+        text.push_str("HEIF and AVIF need a plugin (heif.imageio.so), and there is none\n");
+    }
     text
 }
 

@@ -1,7 +1,7 @@
 //! The content of a file, as text.
 
 use granita_base::{Param, ParamData};
-use granita_image::ImageSpec;
+use granita_image::{DeepSamples, FormatRegistry, ImageSpec};
 use granita_texture::TextureKind;
 use granita_view::{Image, Page};
 use std::fmt::Write;
@@ -10,6 +10,9 @@ use std::fmt::Write;
 fn value(param: &Param) -> String {
     match &param.data {
         ParamData::Float(v) => v.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(" "),
+        ParamData::Int(v) if &*param.name == "preview" && v.len() > 2 => {
+            format!("{} x {} pixels", v[0], v[1])
+        }
         ParamData::Int(v) => v.iter().map(|v| v.to_string()).collect::<Vec<_>>().join(" "),
         ParamData::String(v) => {
             let text = v.iter().map(|v| format!("\"{}\"", v.escape_debug())).collect::<Vec<_>>().join(" ");
@@ -32,7 +35,22 @@ pub(crate) fn summary(spec: &ImageSpec) -> String {
     format!("{} x {}, {n} channel{s} ({names}) of {}", spec.width, spec.height, spec.pixel_type.word())
 }
 
-fn page_text(page: &Page) -> String {
+/// Counts the samples of the deep images of a file. All of these are read. `None` for other images.
+///
+/// # Errors
+/// Returns an error when the file cannot be read.
+pub(crate) fn deep_samples(
+    image: &Image,
+    formats: &FormatRegistry,
+) -> Result<Vec<Option<DeepSamples>>, String> {
+    if !image.pages.iter().any(|page| page.spec().string("deep").is_some()) {
+        return Ok(vec![None; image.pages.len()]);
+    }
+    let input = formats.open(&image.path).map_err(|e| e.to_string())?;
+    (0..image.pages.len()).map(|page| input.deep_samples(page, 0).map_err(|e| e.to_string())).collect()
+}
+
+fn page_text(page: &Page, deep: Option<DeepSamples>) -> String {
     let spec = page.spec();
     let mut text = format!("  {}\n", summary(spec));
     // Writing to a string cannot fail.
@@ -53,6 +71,9 @@ fn page_text(page: &Page) -> String {
     if full != (spec.x, spec.y, spec.width, spec.height) && page.layout.is_none() {
         line("display window", format!("{} x {} at {} {}", full.2, full.3, full.0, full.1));
     }
+    if !page.colors.text.is_empty() {
+        line("colours", page.colors.text.clone());
+    }
     if page.kind != TextureKind::Plain {
         line("kind", page.kind.word().to_owned());
     }
@@ -63,14 +84,18 @@ fn page_text(page: &Page) -> String {
         let names: Vec<String> = page.layers.iter().map(|l| l.title(&spec.channels)).collect();
         line("layers", names.join(", "));
     }
+    if let Some(DeepSamples { total, most_per_pixel }) = deep {
+        line("deep samples", format!("{total}, at most {most_per_pixel} per pixel"));
+    }
     for param in spec.attributes.iter().filter(|p| &*p.name != "name") {
         line(&param.name, value(param));
     }
     text
 }
 
-/// Returns everything about a file except its pixels, with a line for the file and a block for each image.
-pub(crate) fn text(image: &Image) -> String {
+/// Returns everything about a file except its pixels, with a line for the file and a block for each image. `deep` holds
+/// the samples of deep images, if they were counted.
+pub(crate) fn text(image: &Image, deep: &[Option<DeepSamples>]) -> String {
     let n = image.pages.len();
     let mut text = format!("{}: {}", image.path.display(), image.format);
     if n > 1 {
@@ -82,7 +107,7 @@ pub(crate) fn text(image: &Image) -> String {
             let name = if page.name.is_empty() { String::new() } else { format!(" \"{}\"", page.name) };
             let _ = writeln!(text, "  image {i}{name}");
         }
-        text.push_str(&page_text(page));
+        text.push_str(&page_text(page, deep.get(i).copied().flatten()));
     }
     text
 }

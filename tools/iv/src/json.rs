@@ -3,13 +3,21 @@
 //! JSON has no infinite numbers and no NaN. They become null.
 
 use granita_base::{Param, ParamData};
-use granita_image::PixelRect;
+use granita_image::{DeepSamples, PixelRect};
 use granita_view::{Comparison, Image, Page, Statistics, statistics};
 use serde_json::{Map, Value, json};
+use std::sync::Arc;
 
-/// Returns everything about a file except its pixels.
-pub(crate) fn info(image: &Image) -> Value {
-    file(image, image.pages.iter().map(|p| page(p)).collect())
+/// Returns everything about a file except its pixels. `deep` holds the samples of its deep images.
+pub(crate) fn info(image: &Image, deep: &[Option<DeepSamples>]) -> Value {
+    let of_page = |(of, deep): (&Arc<Page>, &Option<DeepSamples>)| {
+        let mut all = page(of);
+        if let Some(DeepSamples { total, most_per_pixel }) = deep {
+            all["deepSamples"] = json!({ "total": total, "mostPerPixel": most_per_pixel });
+        }
+        all
+    };
+    file(image, image.pages.iter().zip(deep).map(of_page).collect())
 }
 
 /// Returns the statistics of all channels of a file.
@@ -78,6 +86,7 @@ fn page(page: &Page) -> Value {
         "kind": page.kind.word(),
         "face": page.layout.and_then(|l| l.face_size(spec)).map(|(size, _)| size),
         "layers": layers,
+        "colors": page.colors.text,
         "attributes": attributes,
     })
 }
@@ -85,6 +94,8 @@ fn page(page: &Page) -> Value {
 /// Returns the value of an attribute; an array when it has several.
 fn attribute(param: &Param) -> Value {
     let mut values = match &param.data {
+        // Of a preview only the size is shown.
+        ParamData::Int(v) if &*param.name == "preview" => v.iter().take(2).map(|v| json!(v)).collect(),
         ParamData::Int(v) => v.iter().map(|v| json!(v)).collect::<Vec<_>>(),
         ParamData::Float(v) => v.iter().map(|v| json!(v)).collect(),
         ParamData::String(v) => v.iter().map(|v| json!(**v)).collect(),

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod colors;
 mod formats;
 mod info;
 mod json;
@@ -36,13 +37,20 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
     if args.net.serve.is_some() {
         return serve::run(&args.net, &args.files, &formats, reporter);
     }
-    let still = still::Still { args, formats: &formats, reporter };
+    let viewing = match colors::viewing(&args.look, &granita_cli::environment(), reporter) {
+        Ok(viewing) => viewing,
+        Err(what) => {
+            reporter.error(what);
+            return Status::Failed;
+        }
+    };
+    let still = still::Still { args, formats: &formats, viewing: viewing.as_ref(), reporter };
     if let Some(status) = still.run() {
         return status;
     }
     #[cfg(feature = "window")]
     {
-        watch(args, &formats, reporter)
+        watch(args, viewing, &formats, reporter)
     }
     #[cfg(not(feature = "window"))]
     {
@@ -53,7 +61,12 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
 
 /// Opens the window, which also shows the images that renderers send to it.
 #[cfg(feature = "window")]
-fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Reporter) -> Status {
+fn watch(
+    args: &Args,
+    viewing: Option<granita_view::Viewing>,
+    formats: &granita_image::FormatRegistry,
+    reporter: &Reporter,
+) -> Status {
     let live = granita_view::Live::default();
     let (sender, wanted) = std::sync::mpsc::channel();
     let open: Option<Box<listen::OpenFile>> = args.net.allowopen.then(|| -> Box<listen::OpenFile> {
@@ -62,7 +75,7 @@ fn watch(args: &Args, formats: &granita_image::FormatRegistry, reporter: &Report
     // With files and without `-listen`, the port stays free for other processes. The listener lives as long as the
     // window.
     match listen::begin(&args.net, args.files.is_empty(), &live, reporter, open) {
-        Ok(_listener) => window::run(args, &live, wanted, formats, reporter),
+        Ok(_listener) => window::run(args, viewing, &live, wanted, formats, reporter),
         Err(error) => {
             reporter.error(error.to_string());
             Status::Failed

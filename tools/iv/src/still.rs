@@ -7,7 +7,7 @@ use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_image::{FormatRegistry, PixelRect};
 use granita_view::{
-    ColorMap, Comparison, Display, FalseColor, Image, Page, Statistics, TileStore, ascii, compare,
+    ColorMap, Comparison, Display, FalseColor, Image, Page, Statistics, TileStore, Viewing, ascii, compare,
     difference_page, expand, flip_page, save_canvas, save_pixels, statistics, suited, thumbnail,
 };
 use serde_json::{Value, json};
@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 pub(crate) struct Still<'a> {
     pub(crate) args: &'a Args,
     pub(crate) formats: &'a FormatRegistry,
+    pub(crate) viewing: Option<&'a Viewing>,
     pub(crate) reporter: &'a Reporter,
 }
 
@@ -71,7 +72,11 @@ impl Still<'_> {
     }
 
     fn open(&self, file: &Path) -> Result<Image, String> {
-        Image::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())
+        let mut image = Image::open(file, self.formats, &TileStore::default()).map_err(|e| e.to_string())?;
+        if self.viewing.is_some() {
+            image.see_through(self.viewing);
+        }
+        Ok(image)
     }
 
     /// Returns the page and the layer that the options select, and their display.
@@ -97,9 +102,12 @@ impl Still<'_> {
         let image = self.open(file)?;
         let mut found = None;
         if args.json {
-            found = Some(if args.info { json::info(&image) } else { json::stats(&image)? });
+            found = Some(match args.info {
+                true => json::info(&image, &info::deep_samples(&image, self.formats)?),
+                false => json::stats(&image)?,
+            });
         } else if args.info {
-            self.say(info::text(&image));
+            self.say(info::text(&image, &info::deep_samples(&image, self.formats)?));
         } else if args.stats {
             self.say(stats_text(&image)?);
         } else if args.ascii {

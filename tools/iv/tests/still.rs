@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "what fails here fails the test")]
 
+use granita_base::Param;
 use granita_image::{CreateOptions, FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
 use std::path::Path;
 use std::process::{Command, Output};
@@ -20,8 +21,13 @@ fn write(path: &Path, spec: &ImageSpec, values: &[f32]) {
 /// Runs iv in `folder`. Returns the exit status, standard output and standard error.
 fn iv(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
     let program = env!("CARGO_BIN_EXE_iv");
-    let Output { status, stdout, stderr } =
-        Command::new(program).current_dir(folder).env_remove("COLUMNS").args(arguments).output().unwrap();
+    let Output { status, stdout, stderr } = Command::new(program)
+        .current_dir(folder)
+        .env_remove("COLUMNS")
+        .env_remove("OCIO")
+        .args(arguments)
+        .output()
+        .unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (status.code().unwrap_or(-1), text(stdout), text(stderr))
 }
@@ -55,7 +61,9 @@ fn formats_of_the_build_are_listed() {
     assert_eq!(line("exr")[1..4], ["yes", "yes", "exr"]);
     assert_eq!(line("gif")[1..4], ["yes", "-", "gif"]);
     assert_eq!(line("iv")[1..3], ["-", "yes"]);
-    assert_eq!(text.lines().count(), formats().formats().len() + 1);
+    // A heading comes first, and a line about the missing plugin for HEIF last.
+    assert_eq!(text.lines().count(), formats().formats().len() + 2);
+    assert!(text.lines().last().unwrap().starts_with("HEIF and AVIF need a plugin"), "{text}");
     let (status, text, _) = iv(folder.path(), &["-formats", "-json"]);
     assert_eq!(status, 0);
     let value: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -112,13 +120,49 @@ fn info_prints_size_channels_and_layers() {
     assert_eq!((status, &*error), (0, ""));
     let wanted = "a.png: png
   4 x 2, 3 channels (R G B) of uint8
+    colours          sRGB (assumed of integers)
 c.exr: exr
   2 x 2, 5 channels (R G B Z N.x) of float
     tiles            16 x 16
+    colours          linear, Rec. 709 (assumed)
     layers           RGB, Z, N
 ";
     assert!(out.starts_with(wanted), "{out}");
     assert!(out.contains("    compression      \"zip\"\n"), "{out}");
+}
+
+#[test]
+fn colours_are_those_that_the_file_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut spec = ImageSpec::new(1, 1, 3, PixelType::U8);
+    spec.attributes.set(Param::declared("float png:gAMA", 1.0).unwrap());
+    write(&folder.path().join("linear.png"), &spec, &[0.5; 3]);
+    let mut spec = ImageSpec::new(1, 1, 3, PixelType::Half);
+    let ap1 = [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.321_68, 0.337_67];
+    spec.attributes.set(Param::declared("float[8] chromaticities", &ap1[..]).unwrap());
+    write(&folder.path().join("aces.exr"), &spec, &[0.5, 0.25, 0.25]);
+    let (status, out, error) = iv(folder.path(), &["-info", "linear.png", "aces.exr"]);
+    assert_eq!((status, &*error), (0, ""));
+    assert!(out.contains("colours          Rec. 709, linear (PNG chunk gAMA)\n"), "{out}");
+    assert!(out.contains("colours          linear, ACES AP1 (chromaticities)\n"), "{out}");
+    let shown = |options: &[&str], file: &str| {
+        let (status, _, error) = iv(folder.path(), &[options, &["-thumbnail", "t.png", file]].concat());
+        assert_eq!(status, 0, "{error}");
+        let image = formats().open(&folder.path().join("t.png")).unwrap();
+        let Pixels::U8(bytes) = image.read_level(0, 0).unwrap() else { panic!() };
+        [bytes[0], bytes[1], bytes[2]]
+    };
+    // Half of the light is 188 of sRGB. ACEScg 0.5 0.25 0.25 is 0.6762 0.2174 0.2439 in Rec. 709.
+    assert_eq!(shown(&[], "linear.png"), [188; 3]);
+    assert_eq!(shown(&["-colorspace", "Raw", "-view", "Raw"], "linear.png"), [128; 3]);
+    assert_eq!(shown(&[], "aces.exr"), [215, 128, 135]);
+    assert_eq!(shown(&["-view", "Un-tone-mapped"], "aces.exr"), [215, 128, 135]);
+    assert_eq!(shown(&["-colorspace", "lin_rec709"], "aces.exr"), [188, 137, 137]);
+    assert_eq!(shown(&["-colorspace", "lin_rec709", "-exposure", "1"], "aces.exr"), [255, 188, 188]);
+    let (status, _, error) = iv(folder.path(), &["-colorspace", "pink", "-info", "aces.exr"]);
+    assert!(status == 2 && error.contains("has no colour space \"pink\""), "{error}");
+    let (status, _, error) = iv(folder.path(), &["-colorconfig", "no.ocio", "-info", "aces.exr"]);
+    assert!(status == 2 && error.contains("-colorconfig: no.ocio: "), "{error}");
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! The command line options.
 
+use crate::colors::ColorArgs;
 use crate::request::{Manner, Request};
 use crate::shared::{ImageArgs, RunArgs, pixel_type, threads, wrap};
 use clap::Parser;
-use granita_base::Filter;
+use granita_base::{Environment, Filter};
 use granita_image::PixelType;
 use granita_texture::Wrap;
-use granita_texture::make::{BrokenValues, ColorSpace, Kernel, LevelFilter, MakeOptions, Mode};
+use granita_texture::make::{BrokenValues, Kernel, LevelFilter, MakeOptions, Mode};
 use std::path::PathBuf;
 
 /// Converts images to tiled, MIP-mapped textures, environment maps and shadow maps.
@@ -76,9 +77,8 @@ pub(crate) struct Args {
     #[arg(short = 'd', value_name = "TYPE", value_parser = pixel_type)]
     pixel_type: Option<PixelType>,
 
-    /// Convert colours from one space to another. Spaces are linear, srgb, rec709, g18, g22 and acescg
-    #[arg(long, num_args = 2, value_names = ["FROM", "TO"], value_parser = color_space)]
-    colorconvert: Vec<ColorSpace>,
+    #[command(flatten)]
+    colors: ColorArgs,
 
     /// Refuse inputs with values that are not finite numbers
     #[arg(long, conflicts_with = "fixnan")]
@@ -191,12 +191,6 @@ fn filter(text: &str) -> Result<LevelChoice, String> {
     })
 }
 
-fn color_space(text: &str) -> Result<ColorSpace, String> {
-    ColorSpace::from_word(text).ok_or_else(|| {
-        format!("a colour space is one of {}", ColorSpace::ALL.map(ColorSpace::word).join(", "))
-    })
-}
-
 impl Args {
     /// Returns the verbosity. `-v` means `-verbosity 2`.
     pub(crate) fn verbosity(&self) -> u8 {
@@ -207,8 +201,13 @@ impl Args {
     ///
     /// # Errors
     /// Returns an error when options do not go together.
-    pub(crate) fn request(self, installed_bytes: Option<u64>) -> Result<Request, String> {
-        let options = self.options(installed_bytes)?;
+    pub(crate) fn request(
+        self,
+        environment: &Environment,
+        installed_bytes: Option<u64>,
+    ) -> Result<Request, String> {
+        let mut options = self.options(installed_bytes)?;
+        options.color_convert = self.colors.convert(environment, false)?;
         Ok(Request {
             manner: Manner::Suite,
             format_given: self.image.format.is_some(),
@@ -230,11 +229,6 @@ impl Args {
     /// # Errors
     /// Returns an error when options do not go together.
     pub(crate) fn options(&self, installed_bytes: Option<u64>) -> Result<MakeOptions, String> {
-        let color_convert = match self.colorconvert[..] {
-            [] => None,
-            [from, to] => Some((from, to)),
-            _ => return Err("-colorconvert takes two colour spaces".to_owned()),
-        };
         let black = self.both.unwrap_or_default();
         let mut options = MakeOptions {
             mode: self.mode.mode(),
@@ -247,7 +241,6 @@ impl Args {
             fov_deg: self.fov,
             opaque_width: self.opaquewidth,
             pixel_type: self.pixel_type,
-            color_convert,
             broken_values: match (self.checknan, self.fixnan) {
                 (true, _) => BrokenValues::Refuse,
                 (_, true) => BrokenValues::Fix,
@@ -318,10 +311,9 @@ mod tests {
         assert_eq!((a.threads, a.verbosity(), a.stats), (Some(3), 2, true));
         let o = a.options(Some(1 << 40)).unwrap();
         assert_eq!((o.pixel_type, o.memory_bytes), (Some(PixelType::Half), 100 << 20));
-        assert_eq!(o.color_convert, Some((ColorSpace::Srgb, ColorSpace::AcesCg)));
         assert!(o.hash && o.broken_values == BrokenValues::Fix && !o.constant_color);
         assert_eq!(args("maketx a -o b").options(Some(8 << 30)).unwrap().memory_bytes, 2 << 30);
-        for wrong in ["-d int8", "--threads 0", "--colorconvert srgb pink", "--memory 0"] {
+        for wrong in ["-d int8", "--threads 0", "--memory 0"] {
             assert!(Args::try_parse_from(format!("maketx {wrong} a -o b").split(' ')).is_err(), "{wrong}");
         }
     }

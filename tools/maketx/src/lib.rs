@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod colors;
 mod jobs;
 mod memory;
 mod oiio;
@@ -345,7 +346,8 @@ fn request(words: Vec<OsString>, profile: Profile, environment: &Environment) ->
     match profile {
         Profile::Granita => {
             let args: Args = parse(words);
-            args.request(installed).map_err(|what| refused("maketx: error: ", what, Status::Failed))
+            args.request(environment, installed)
+                .map_err(|what| refused("maketx: error: ", what, Status::Failed))
         }
         Profile::Txmake => {
             let args: TxmakeArgs = parse(txmake::with_threads(words));
@@ -441,6 +443,9 @@ mod tests {
             ("oiio-maketx ./a.png -o ./c.foo", 1, "no format is known"),
             ("oiio-maketx --shadow --prman ./a.png -o ./s.tx", 0, ""),
             ("oiio-maketx --colorconvert a b ./a.png", 1, ""),
+            ("oiio-maketx --colorconvert sRGB ACEScg --unpremult ./a.png -o ./e.tx", 0, ""),
+            ("maketx -colorconvert srgb ACEScct ./a.png -o ./f.tx", 0, ""),
+            ("maketx -colorconfig ./none.ocio -colorconvert srgb linear ./a.png", 2, ""),
             ("oiio-maketx", 0, ""),
             ("maketx ./none.png", 2, "Error: "),
             ("maketx -profile txmake -newer ./a.png ./t.tex", 0, ""),
@@ -451,7 +456,7 @@ mod tests {
             let (got, text) = run(line);
             assert!(got == status && text.contains(expected), "{line}: {got} {text}");
         }
-        for name in ["a.tx", "b.exr", "u.tx", "s.tx", "t.tex", "d.tx"] {
+        for name in ["a.tx", "b.exr", "u.tx", "s.tx", "t.tex", "d.tx", "e.tx", "f.tx"] {
             assert!(folder.path().join(name).exists(), "{name}");
         }
     }

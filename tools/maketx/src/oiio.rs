@@ -1,5 +1,6 @@
 //! The profile `oiio`: the options and the defaults of OpenImageIO's `maketx`.
 
+use crate::colors::ColorArgs;
 use crate::request::{Manner, Request};
 use crate::shared::{ImageArgs, RunArgs, pixel_type, value, wrap};
 use clap::Parser;
@@ -109,17 +110,8 @@ pub(crate) struct OiioArgs {
     #[arg(long)]
     lightprobe: bool,
 
-    /// Not supported: a file of OpenColorIO
-    #[arg(long, value_name = "FILE")]
-    colorconfig: Option<String>,
-
-    /// Not supported: conversion of colours
-    #[arg(long, num_args = 2, value_names = ["FROM", "TO"])]
-    colorconvert: Vec<String>,
-
-    /// Divide colours by alpha while they are converted, which is not supported
-    #[arg(long)]
-    unpremult: bool,
+    #[command(flatten)]
+    colors: ColorArgs,
 
     /// Tiles, separate channels and metadata as RenderMan expects them
     #[arg(long)]
@@ -206,16 +198,6 @@ impl OiioArgs {
         if self.prman && self.oiio {
             return Err("--prman and --oiio exclude each other; --prman is readable for both".to_owned());
         }
-        let unsupported: Vec<&str> = [
-            (self.colorconfig.is_some(), "--colorconfig"),
-            (!self.colorconvert.is_empty(), "--colorconvert"),
-        ]
-        .into_iter()
-        .filter_map(|(given, name)| given.then_some(name))
-        .collect();
-        if !unsupported.is_empty() {
-            return Err(format!("not supported by this profile: {}", unsupported.join(", ")));
-        }
         let pixel_type = self.pixel_type.as_deref().map(texel_type).transpose()?;
         let preset_tile = (64, 64);
         let prman = self.prman || self.prman_metadata;
@@ -246,6 +228,7 @@ impl OiioArgs {
             },
             ..MakeOptions::default()
         };
+        options.color_convert = self.colors.convert(environment, true)?;
         self.image.fill(&mut options);
         if self.oiio {
             options.separate = false;
@@ -326,10 +309,8 @@ mod tests {
     #[test]
     fn what_is_not_supported_is_named_in_one_message() {
         for (line, expected) in [
-            (
-                "m --colorconfig c --colorconvert a b x",
-                "not supported by this profile: --colorconfig, --colorconvert",
-            ),
+            ("m --colorconfig c --colorconvert a b x", "-colorconfig: c: "),
+            ("m --colorconvert srgb pink x", "has no colour space \"pink\""),
             ("m -d sint16 x", "not supported: -d sint16"),
             ("m --prman --oiio x", "exclude each other"),
             ("m --shadow --envlatl x", "at most one"),

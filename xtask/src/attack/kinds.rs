@@ -193,6 +193,7 @@ pub(crate) const KINDS: &[Kind] = &[
     image("softimage", "pic"),
     image("ico", "ico"),
     image("jpegxl", "jxl"),
+    image("jpeg2000", "jp2"),
     image("hdr", "hdr"),
     image("iff", "iff"),
     image("sgi", "sgi"),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages that are built. `gelato` alone is built for the table of sizes.
-const PACKAGES: [&str; 4] = ["granita", "gelato", "libgelato", "libgsoargs"];
+const PACKAGES: [&str; 5] = ["granita", "gelato", "libgelato", "libgsoargs", "libgranita-texture"];
 
 /// The profile. It has another name than the folder of the results, which is `target/dist`.
 pub(super) const PROFILE: &str = "packed";

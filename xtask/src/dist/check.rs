@@ -192,12 +192,15 @@ fn check_wheel(release: &Release, wheel: &Path, image: &Path) -> Result<(), Stri
     if !place.folder.join("ball.tif").is_file() {
         return Err("wheel: import gelato rendered nothing".to_owned());
     }
+    let texture = "from granita.texture import TextureSystem\nimage = TextureSystem().info('ball.tif')\n\
+                   assert (image.width, image.height, image.channels) == (32, 32, 4), image\n";
+    run(place.command(&bin.join("python")).env("PATH", "").args(["-c", texture]))?;
     match answer(Command::new("auditwheel").arg("show").arg(wheel)) {
         Ok(said) => {
             println!("check: wheel: auditwheel: {}", said.split_whitespace().collect::<Vec<_>>().join(" "))
         }
         Err(_) => println!("check: wheel: auditwheel is not installed, and not asked"),
     }
-    println!("check: wheel: all tools run, import gelato renders");
+    println!("check: wheel: all tools run, import gelato renders, granita.texture reads");
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! The package of Debian, made by `dpkg-deb`.
 //!
 //! The layout of `$GELATOHOME` is `/usr/lib/granita`. Everything elsewhere in `/usr` are links to it, man pages,
-//! completions, and the files of a desktop. `maketx` and `iv` are alternatives of Debian, because the package
-//! openimageio-tools has programs of these names: no file of another package is replaced.
+//! completions, and the files of a desktop. `maketx`, `imgtool` and `iv` are alternatives of Debian, because the
+//! packages openimageio-tools and mame-tools have programs of these names: no file of another package is replaced.
 
 use super::{Release, modes};
 use crate::files::{answer, copy, emptied, link, made, read, repository, run, write};
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// The tools whose plain names belong to the package.
 const OWN_NAMES: [&str; 5] = ["gelato", "gslc", "gsoinfo", "oiio-maketx", "topyg"];
 /// The tools whose plain names are alternatives.
-pub(super) const SHARED_NAMES: [&str; 2] = ["maketx", "iv"];
+pub(super) const SHARED_NAMES: [&str; 3] = ["maketx", "imgtool", "iv"];
 
 /// The newest symbols of libstdc++ by the version of the package.
 const LIBSTDCXX: [(u32, u32); 12] = [
@@ -39,11 +39,12 @@ const RECOMMENDED: &str =
 const DESCRIPTION: &str = "\
 Description: suite for images and light
  A film renderer (gelato), a shading language (gslc, gsoinfo), a texture
- maker (maketx), an image viewer (iv), a converter of scenes (topyg), and
- the libraries libgelato and libgsoargs with their headers. All tools run
- as \"granita TOOL\".
+ maker (maketx), an image processor (imgtool), an image viewer (iv), a
+ converter of scenes (topyg), and the libraries libgelato, libgsoargs and
+ libgranita_texture with their headers. All tools run as \"granita TOOL\".
  .
- maketx and iv are alternatives, beside the programs of openimageio-tools.
+ maketx, imgtool and iv are alternatives, beside the programs of
+ openimageio-tools and mame-tools.
 ";
 
 /// Makes the package, and returns its path.
@@ -124,18 +125,21 @@ fn documents(release: &Release, root: &Path) -> Result<(), String> {
 /// Links the libraries and headers, and tells pkg-config and CMake about them.
 fn libraries(root: &Path, home: &Path) -> Result<(), String> {
     let lib = root.join("usr/lib").join(format!("{}-linux-gnu", std::env::consts::ARCH));
-    for name in ["libgelato.so", "libgsoargs.so"] {
+    for name in ["libgelato.so", "libgsoargs.so", "libgranita_texture.so"] {
         link(&format!("../granita/lib/{name}"), &lib.join(name))?;
     }
     link("../lib/granita/include", &root.join("usr/include/granita"))?;
-    for name in ["gelato.pc", "gsoargs.pc"] {
+    for name in ["gelato.pc", "gsoargs.pc", "granita_texture.pc"] {
         // The file is not where its relative paths start.
         let text = read(&home.join("lib/pkgconfig").join(name))?;
         write(&lib.join("pkgconfig").join(name), &text.replace("${pcfiledir}/../..", "/usr/lib/granita"))?;
     }
-    let file = "GelatoConfig.cmake";
-    let text = format!("include (\"/usr/lib/granita/lib/cmake/Gelato/{file}\")\n");
-    write(&lib.join("cmake/Gelato").join(file), &text)
+    for package in ["Gelato", "GranitaTexture"] {
+        let file = format!("{package}Config.cmake");
+        let text = format!("include (\"/usr/lib/granita/lib/cmake/{package}/{file}\")\n");
+        write(&lib.join("cmake").join(package).join(file), &text)?;
+    }
+    Ok(())
 }
 
 /// Copies the entry of `iv` in menus, and the types of files.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages whose dependencies are listed.
-const ROOTS: [&str; 3] = ["granita", "libgelato", "libgsoargs"];
+const ROOTS: [&str; 4] = ["granita", "libgelato", "libgsoargs", "libgranita-texture"];
 
 /// The beginnings of the names of files with terms, in lower case.
 const TERMS: [&str; 8] = ["license", "licence", "copying", "copyright", "notice", "unlicense", "ofl", "ufl"];

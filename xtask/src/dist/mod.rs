@@ -73,7 +73,7 @@ pub(crate) fn run_with(options: &Options) -> Result<(), String> {
     let inventory = inventory::read_from_cargo(&built.triple)?;
     inventory::write_lists(&inventory, &home.join("doc"), epoch)?;
     let mut needs = elf::needs(&home.join("bin").join(home::PROGRAM))?;
-    for library in ["lib/libgelato.so", "lib/libgsoargs.so"] {
+    for library in ["lib/libgelato.so", "lib/libgsoargs.so", "lib/libgranita_texture.so"] {
         needs.merge(elf::needs(&home.join(library))?);
     }
     let release = Release { version: env!("CARGO_PKG_VERSION"), epoch, out, work, home, needs };
@@ -137,6 +137,7 @@ fn table(release: &Release, made: &[PathBuf], built: &build::Built) -> Result<()
         built.folder.join("gelato"),
         home.join("lib/libgelato.so"),
         home.join("lib/libgsoargs.so"),
+        home.join("lib/libgranita_texture.so"),
     ];
     let size = |path: &Path| std::fs::metadata(path).map_or(0, |file| file.len());
     if built.folder.ends_with(build::PROFILE) && size(&programs[1]) > RENDERER {

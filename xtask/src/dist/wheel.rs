@@ -1,5 +1,5 @@
-//! The wheel of Python: the package `gelato` with the folder `gelato/suite`, the layout of `$GELATOHOME` without
-//! documents and libraries.
+//! The wheel of Python: the packages `gelato` and `granita`, with the folder `gelato/suite`, the layout of
+//! `$GELATOHOME` without documents and libraries, except that of textures.
 //!
 //! A wheel is an archive with two lists. `packaging/wheel.py` writes it, with Python's own modules: tools that build
 //! wheels want to build the program as well, and need the network.
@@ -12,12 +12,16 @@ use std::path::PathBuf;
 /// The folders of `examples` that the first example reads. The wheel has no others.
 const EXAMPLES: [&str; 2] = ["data", "first"];
 
+/// The library that `granita.texture` loads.
+const TEXTURES: &str = "libgranita_texture.so";
+
 /// Makes the wheel, and returns its path.
 pub(super) fn make(release: &Release) -> Result<PathBuf, String> {
     let root = repository();
     let home = emptied(release.work.join("wheel"))?;
     // Archives of this kind have no links: the names of the tools are scripts, which `wheel.py` writes.
     copy(&release.home.join("bin").join(PROGRAM), &made(home.join("bin"))?)?;
+    copy(&release.home.join("lib").join(TEXTURES), &made(home.join("lib"))?)?;
     for folder in ["shaders", "inputs"] {
         run(release.command("cp").arg("-R").arg(release.home.join(folder)).arg(&home))?;
     }

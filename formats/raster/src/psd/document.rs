@@ -5,7 +5,8 @@ use super::kind::{Document, Mode};
 use super::layers::{self, Layer};
 use super::planes::{Plane, Size};
 use crate::fields::param;
-use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result, color};
+use granita_image::metadata::{exif, iptc};
+use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
 
 /// An image of a document.
 pub(super) struct Image {
@@ -111,9 +112,14 @@ impl Document {
                 1047 if len >= 2 => self.transparent = Some(content.u16()?),
                 1039 => {
                     let profile = content.bytes(len)?;
-                    spec.attributes.set(param("ICCProfile", color::profile(&profile).as_str().into()));
+                    spec.set_icc_profile(profile);
                 }
-                1058 => spec.attributes.set(param("Exif", format!("{len} bytes").as_str().into())),
+                1028 if len <= LONGEST => iptc::read(&content.bytes(len)?, &mut spec.attributes),
+                1058 if len <= LONGEST => {
+                    exif::read(&content.bytes(len)?, &mut spec.attributes);
+                    // The pixels are upright.
+                    spec.attributes.0.retain(|p| &*p.name != "orientation");
+                }
                 1060 if len <= LONGEST => {
                     let text = String::from_utf8_lossy(&content.bytes(len)?).into_owned();
                     spec.attributes.set(param("XMP", text.trim_end_matches('\0').into()));
@@ -132,6 +138,12 @@ impl Document {
         let mut planes = Plane::merged(file, size, channels, self.wide)?;
         let mut spec = ImageSpec { channels: self.colors(inks), ..self.spec(width, height, 1) };
         spec.attributes = common.attributes.clone();
+        // Inks and L*a*b* become RGB, whose profile is another one.
+        if matches!(self.mode, Mode::Cmyk | Mode::Lab) {
+            spec.remove_icc_profile();
+        } else {
+            spec.icc_profile.clone_from(&common.icc_profile);
+        }
         if self.mode == Mode::Indexed {
             // Further channels would have to be of the same type as the palette's colours.
             planes.truncate(1);

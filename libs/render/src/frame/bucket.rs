@@ -9,11 +9,11 @@ use crate::output::plan::ImageLayer;
 use crate::statistics::{add, add_time};
 use granita_dicing::Leaf;
 use granita_hider::film;
-use granita_hider::{KeptSurfaces, SampleGrid, ShadedGrid, Surfaces, ViewedGrid};
+use granita_hider::{KeptSurfaces, Resolved, SampleGrid, ShadedGrid, Surfaces, ViewedGrid, pixels_of};
 use parking_lot::MutexGuard;
 use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, HashMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, atomic};
 use std::time::Instant;
 
 /// The largest number of points of a grid that may be batched.
@@ -50,21 +50,40 @@ impl PartialEq for Turn {
 
 impl Eq for Turn {}
 
+/// What is rendered at once: a bucket, or a part of it.
+pub(super) struct Area {
+    /// The number of the bucket.
+    pub(super) index: usize,
+    /// The pixels.
+    pub(super) rect: PixelRect,
+}
+
 impl<S: FrameShader> Frame<'_, S> {
-    /// Renders a bucket. Returns the pixels of every image.
+    /// Returns the area of a whole bucket.
+    pub(super) fn whole(&self, index: usize) -> Area {
+        Area { index, rect: self.buckets.order[index] }
+    }
+
+    /// True when an area is a whole bucket. Grids are dropped when all of their buckets are done. A part of a bucket
+    /// leaves the grids to it.
+    fn is_whole(&self, area: &Area) -> bool {
+        area.rect == self.buckets.order[area.index]
+    }
+
+    /// Renders a bucket, or a part of it. Returns the pixels of every image.
     pub(super) fn bucket(
         &self,
         jobs: &Jobs<S::Object>,
-        index: usize,
+        area: &Area,
         thread: &mut S::Thread<'_>,
     ) -> Vec<Vec<f32>> {
-        let rect = self.buckets.order[index];
+        let Area { index, rect } = *area;
         let blurred = self.blurred(jobs, index);
         let samples = self.samples(&rect, &blurred);
         let mut pixels = Vec::new();
         let mut eyes = Vec::with_capacity(self.eyes.len());
         for eye in 0..self.eyes.len() {
-            let (of_eye, kept) = self.seen_by(eye, (jobs, index), &samples, thread);
+            let (of_eye, kept) = self.seen_by(eye, (jobs, area), &samples, thread);
             pixels.extend(of_eye);
             eyes.extend(kept);
         }
@@ -121,7 +140,7 @@ impl<S: FrameShader> Frame<'_, S> {
         add(&kept.counts.buckets_composited, 1);
         let begin = Instant::now();
         let samples = self.samples(&rect, &bucket.blurred);
-        let values: Vec<Vec<f32>> = bucket
+        let resolved: Vec<Resolved> = bucket
             .eyes
             .iter()
             .zip(&eyes)
@@ -131,11 +150,11 @@ impl<S: FrameShader> Frame<'_, S> {
         let begin = Instant::now();
         let before = &bucket.pixels;
         let volume = |k: usize| before.get(k).cloned().unwrap_or_default();
-        let of_eye = |(eye, values): (usize, &Vec<f32>)| {
+        let of_eye = |(eye, resolved): (usize, &Resolved)| {
             let first = eye * self.outputs.images.len();
-            self.filtered(index, &|image, _, _| volume(first + image), &samples, values)
+            self.filtered(&rect, &|image, _, _| volume(first + image), &samples, resolved)
         };
-        let pixels: Vec<Vec<f32>> = values.iter().enumerate().flat_map(of_eye).collect();
+        let pixels: Vec<Vec<f32>> = resolved.iter().enumerate().flat_map(of_eye).collect();
         add_time(&self.counters.filter_nanos, begin.elapsed());
         bucket.pixels.clone_from(&pixels);
         (bucket.images, bucket.frame) = (images, self.shader.frame());
@@ -183,15 +202,14 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Returns where blurred grids may be visible in a bucket. Only primitives that may blur are split for that.
     fn blurred(&self, jobs: &Jobs<S::Object>, index: usize) -> Vec<PixelRect> {
-        let bucket = u32::try_from(index).unwrap_or(u32::MAX);
+        let place = self.place(u32::try_from(index).unwrap_or(u32::MAX));
         let mut blurred = Vec::new();
         for eye in 0..self.eyes.len() {
             for &job in &jobs.of_bucket[index] {
                 let job = &jobs.list[job];
                 if job.seen[eye].blurs {
                     let split = self.split(job);
-                    let seen =
-                        split.leaves_of(eye, bucket).map(|leaf| &split.leaves[leaf as usize].seen[eye]);
+                    let seen = split.leaves_of(eye, place).map(|leaf| &split.leaves[leaf as usize].seen[eye]);
                     blurred.extend(seen.filter(|seen| seen.blurs).map(|seen| seen.rect));
                 }
             }
@@ -199,19 +217,21 @@ impl<S: FrameShader> Frame<'_, S> {
         blurred
     }
 
-    /// Renders the view of an eye in a bucket. Returns the pixels of every image.
+    /// Renders the view of an eye in a bucket or a part of it. Returns the pixels of every image.
     fn seen_by(
         &self,
         eye: usize,
-        (jobs, index): (&Jobs<S::Object>, usize),
+        (jobs, area): (&Jobs<S::Object>, &Area),
         samples: &SampleGrid,
         thread: &mut S::Thread<'_>,
     ) -> (Vec<Vec<f32>>, Option<KeptEye>) {
+        let (index, is_whole) = (area.index, self.is_whole(area));
         let mut surfaces =
             Surfaces::new(samples, self.composite).with_layers(self.layers_at_once(jobs, index));
         // The kept grids that were added; `None` when one of them is not kept.
         let mut ids = self.kept.map(|_| Vec::new());
         let bucket = u32::try_from(index).unwrap_or(u32::MAX);
+        let place = self.place(bucket);
         // The order is front to back, so that hidden parts are culled before they are split and shaded. The order
         // of any two grids is the same in every bucket. A primitive comes before its grids, whose depth is not
         // less.
@@ -230,11 +250,23 @@ impl<S: FrameShader> Frame<'_, S> {
             let Some(slot_number) = leaf else {
                 if may_cull && surfaces.hides(&job.seen[eye].rect, z) {
                     add(&self.counters.primitives_hidden, 1);
-                    self.pass(job, eye, bucket);
+                    if is_whole {
+                        self.pass(job, eye, bucket);
+                    }
                 } else {
                     let split = self.split(job);
                     let z_of = |leaf: u32| split.leaves[leaf as usize].seen[eye].z_min.max(z);
-                    let turns = split.leaves_of(eye, bucket).map(|leaf| Turn {
+                    let in_view = |leaf: &u32| {
+                        let slot = &split.leaves[*leaf as usize];
+                        if !slot.is_elsewhere(eye, &place) {
+                            return is_whole || !slot.seen[eye].rect.intersection(&samples.rect).is_empty();
+                        }
+                        if is_whole {
+                            slot.release(eye, &place);
+                        }
+                        false
+                    };
+                    let turns = split.leaves_of(eye, place).filter(in_view).map(|leaf| Turn {
                         z: z_of(leaf),
                         job: j,
                         leaf: Some(leaf),
@@ -281,7 +313,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     }
                     state = self.make(job, j, together, thread);
                 }
-                let grid = state.grid();
+                let grid = state.grid().filter(|_| !slot.is_elsewhere(eye, &place));
                 drop(state);
                 if let Some((grid, id)) = grid {
                     ids = ids.zip(id).map(|(mut ids, id)| {
@@ -298,14 +330,19 @@ impl<S: FrameShader> Frame<'_, S> {
                     hiding += begin.elapsed();
                 }
             }
-            slot.release();
+            if is_whole {
+                slot.release(eye, &place);
+            }
+        }
+        if is_whole && let Some(passed) = self.passed.get(eye * self.buckets.order.len() + index) {
+            passed.store(true, atomic::Ordering::Release);
         }
         let begin = Instant::now();
-        let values = surfaces.resolve(&self.outputs.wanted);
+        let resolved = surfaces.resolve_all(&self.outputs.wanted);
         add_time(&self.counters.hide_nanos, hiding + begin.elapsed());
         let begin = Instant::now();
-        let volumes = |_, channels, width| surfaces.volumes(&self.buckets.order[index], channels, width);
-        let pixels = self.filtered(index, &volumes, samples, &values);
+        let volumes = |_, channels, width| surfaces.volumes(&area.rect, channels, width);
+        let pixels = self.filtered(&area.rect, &volumes, samples, &resolved);
         add_time(&self.counters.filter_nanos, begin.elapsed());
         (pixels, ids.map(|ids| kept_surfaces(&surfaces, ids)))
     }
@@ -334,16 +371,16 @@ impl<S: FrameShader> Frame<'_, S> {
         turns.map(of).fold(f32::INFINITY, f32::min)
     }
 
-    /// Returns the pixels of a bucket, image by image, from the `values` of its samples. `volumes` returns the texels
+    /// Returns the pixels of a rectangle, image by image, from its `resolved` samples. `volumes` returns the texels
     /// of volume shadow maps, from the number of the image, its channels and its "opaquewidth".
     fn filtered(
         &self,
-        index: usize,
+        rect: &PixelRect,
         volumes: &dyn Fn(usize, usize, f32) -> Vec<f32>,
         samples: &SampleGrid,
-        values: &[f32],
+        resolved: &Resolved,
     ) -> Vec<Vec<f32>> {
-        let (images, rect) = (&self.outputs.images, &self.buckets.order[index]);
+        let images = &self.outputs.images;
         let mut pixels: Vec<Vec<f32>> = Vec::with_capacity(images.len());
         for (k, (image, filters)) in images.iter().zip(&self.filters).enumerate() {
             // An image that goes to a file and to a viewer is filtered once.
@@ -352,8 +389,9 @@ impl<S: FrameShader> Frame<'_, S> {
                 (Some(same), _) => pixels[same].clone(),
                 (None, Some(width)) => volumes(k, image.channels(), width),
                 (None, None) => {
-                    let of_layer = |(layer, filter): (&ImageLayer, &film::Support)| {
-                        film::filter(filter, samples, values, &layer.channels, rect)
+                    let of_layer = |(layer, filter): (&ImageLayer, &film::Support)| match &layer.mattes {
+                        Some(mattes) => mattes.pixels(filter, samples, &resolved.coverage, rect),
+                        None => film::filter(filter, samples, &resolved.values, &layer.channels, rect),
                     };
                     image.interleaved(image.layers.iter().zip(filters).map(of_layer).collect())
                 }
@@ -391,9 +429,33 @@ impl<S: FrameShader> Frame<'_, S> {
             if let Some(made) = &grid {
                 self.dump(&made.grid, job, (number, *leaf));
             }
+            self.touch(slot, grid.as_ref().map(|made| &*made.grid));
             slot.keep(state, grid);
         }
         leaves.swap_remove(0).2
+    }
+
+    /// Finds the buckets that a grid touches, which are fewer than those of its bound. They are not needed where grids
+    /// are kept for other frames.
+    fn touch(&self, slot: &LeafSlot, grid: Option<&ShadedGrid>) {
+        if self.again || self.kept.is_some() {
+            return;
+        }
+        let of_eye = |eye: usize| {
+            let Some(grid) = grid else { return [0..0, 0..0] };
+            let view = &grid.views[eye];
+            // A pixel more than the hider needs.
+            let rim = view.rim_px.ceil() + 1.0;
+            let [x0, y0, x1, y1] = view.extent;
+            let pixels = pixels_of([x0 - rim, y0 - rim, x1 + rim, y1 + rim], &view.rect);
+            if pixels.is_empty() { [0..0, 0..0] } else { self.buckets.cells(&pixels.grown(self.margin)) }
+        };
+        let cells: Vec<_> = (0..self.eyes.len()).map(of_eye).collect();
+        let has_passed = |eye: usize, [column, row]: [usize; 2]| {
+            let bucket = eye * self.buckets.order.len() + self.buckets.at(column, row);
+            self.passed.get(bucket).is_some_and(|passed| passed.load(atomic::Ordering::Acquire))
+        };
+        slot.touch(&cells, &has_passed);
     }
 }
 

@@ -76,7 +76,7 @@ impl<O: Send + Sync> OnDemand<O> {
         for bucket in frame.buckets.touching(&rect) {
             let index = bucket as usize;
             let part = frame.buckets.order[index];
-            let pixels = frame.bucket(jobs, index, thread);
+            let pixels = frame.bucket(jobs, &frame.whole(index), thread);
             let Some(pixels) = pixels.first() else { continue };
             for (row, values) in pixels.chunks(part.width()).enumerate() {
                 let at = ((part.y0 - y0) as usize + row) * n + (part.x0 - x0) as usize;

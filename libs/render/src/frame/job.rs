@@ -14,7 +14,7 @@ use granita_hider::ShadedGrid;
 use granita_scene::{Primitive, attr};
 use granita_shading::preshaded;
 use parking_lot::{Mutex, MutexGuard};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// A primitive that is in view.
@@ -46,22 +46,39 @@ pub(super) struct Job<O> {
 /// The grids of a primitive.
 pub(super) struct Split {
     pub(super) leaves: Vec<LeafSlot>,
-    /// For each eye: pairs of bucket and leaf, sorted.
-    of_bucket: Vec<Vec<(u32, u32)>>,
+    /// For each eye: pairs of a block of buckets and a leaf, sorted. The bound of a displaced grid touches many
+    /// buckets, and a pair for each of them would take more memory than the grids.
+    of_block: Vec<Vec<(u32, u32)>>,
 }
 
 impl Split {
     /// Releases all leaves of a bucket for an eye.
-    fn release(&self, eye: usize, bucket: u32) {
-        self.leaves_of(eye, bucket).for_each(|leaf| self.leaves[leaf as usize].release());
+    fn release(&self, eye: usize, place: &Place) {
+        self.leaves_of(eye, *place).for_each(|leaf| self.leaves[leaf as usize].release(eye, place));
     }
 
     /// Returns the leaves that may be visible to an eye in a bucket, in order.
-    pub(super) fn leaves_of(&self, eye: usize, bucket: u32) -> impl Iterator<Item = u32> + '_ {
-        let of_bucket = &self.of_bucket[eye];
-        let from = of_bucket.partition_point(|(b, _)| *b < bucket);
-        of_bucket[from..].iter().take_while(move |(b, _)| *b == bucket).map(|(_, leaf)| *leaf)
+    pub(super) fn leaves_of(&self, eye: usize, place: Place) -> impl Iterator<Item = u32> + '_ {
+        let of_block = &self.of_block[eye];
+        let from = of_block.partition_point(|(block, _)| *block < place.block);
+        let here = of_block[from..].iter().take_while(move |(block, _)| *block == place.block);
+        let touches = move |leaf: &u32| self.leaves[*leaf as usize].seen[eye].touches(&place.grown);
+        here.map(|(_, leaf)| *leaf).filter(touches)
     }
+}
+
+/// The number of buckets along a side of a block.
+const BLOCK: usize = 4;
+
+/// A bucket among those of the frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Its pixels, and those around it that the filters need.
+    grown: PixelRect,
+    /// Its column and row.
+    cell: [usize; 2],
+    /// The block that it belongs to.
+    block: u32,
 }
 
 /// A grid that is shaded for its first use and dropped after its last one.
@@ -75,6 +92,39 @@ pub(super) struct LeafSlot {
     again: bool,
     /// A hash of the splits that led to it.
     pub(super) path: u64,
+    /// For each eye: the buckets that the grid touches, once it is made. Its bound may touch many more.
+    touched: Box<[Touched]>,
+    /// The number of these buckets, summed over all eyes, that have not released it.
+    needs: AtomicU32,
+}
+
+/// The columns and rows of buckets that a grid touches, in one number: the first and the last one of each, in 16 bits.
+/// It is [`Touched::UNKNOWN`] before the grid is made, and where the image has more buckets.
+struct Touched(AtomicU64);
+
+impl Touched {
+    const UNKNOWN: u64 = u64::MAX;
+
+    /// Stores a range of columns and one of rows.
+    fn set(&self, [columns, rows]: &[std::ops::Range<usize>; 2]) {
+        // An empty range ends before it begins.
+        let ends = match columns.is_empty() || rows.is_empty() {
+            true => [1, 0, 1, 0],
+            false => [columns.start, columns.end - 1, rows.start, rows.end - 1],
+        };
+        if ends.iter().all(|end| *end < usize::from(u16::MAX)) {
+            let packed = ends.iter().rev().fold(0, |all, end| all << 16 | *end as u64);
+            self.0.store(packed, Ordering::Release);
+        }
+    }
+
+    /// True when a bucket is touched; `None` when that is not known.
+    fn has(&self, cell: [usize; 2]) -> Option<bool> {
+        let packed = self.0.load(Ordering::Acquire);
+        let end = |k: u32| (packed >> (16 * k) & 0xffff) as usize;
+        (packed != Self::UNKNOWN)
+            .then(|| (end(0)..=end(1)).contains(&cell[0]) && (end(2)..=end(3)).contains(&cell[1]))
+    }
 }
 
 pub(super) enum LeafState {
@@ -125,8 +175,36 @@ impl LeafSlot {
         }
     }
 
-    /// Releases the grid for one bucket of one eye.
-    pub(super) fn release(&self) {
+    /// Stores the buckets that the grid touches, for each eye. `passed` is true for a bucket that has released all of
+    /// its grids.
+    pub(super) fn touch(
+        &self,
+        cells: &[[std::ops::Range<usize>; 2]],
+        passed: &dyn Fn(usize, [usize; 2]) -> bool,
+    ) {
+        let mut needs = 0;
+        for (eye, [columns, rows]) in cells.iter().enumerate() {
+            let each = rows.clone().flat_map(|row| columns.clone().map(move |column| [column, row]));
+            needs += each.filter(|cell| !passed(eye, *cell)).count();
+        }
+        self.needs.store(u32::try_from(needs).unwrap_or(u32::MAX), Ordering::Release);
+        self.touched.iter().zip(cells).for_each(|(touched, cells)| touched.set(cells));
+    }
+
+    /// True when the grid is made and does not touch a bucket.
+    pub(super) fn is_elsewhere(&self, eye: usize, place: &Place) -> bool {
+        self.touched[eye].has(place.cell) == Some(false)
+    }
+
+    /// Releases the grid for one bucket of one eye. It is dropped after the last bucket that it touches.
+    pub(super) fn release(&self, eye: usize, place: &Place) {
+        if self.touched[eye].has(place.cell) == Some(true) {
+            let one_less = |needs: u32| needs.checked_sub(1);
+            let before = self.needs.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_less).unwrap_or(0);
+            if before == 1 {
+                *self.lock() = LeafState::Gone;
+            }
+        }
         let one_less = |uses: u32| uses.checked_sub(1);
         let before = self.uses.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_less).unwrap_or(0);
         debug_assert!(self.again || before > 0, "each bucket releases a grid once");
@@ -153,6 +231,13 @@ pub(super) struct Sighting {
     pub(super) is_nearest: bool,
     /// True when motion or the lens may blur it.
     pub(super) blurs: bool,
+}
+
+impl Sighting {
+    /// True when it may be visible in some pixels.
+    fn touches(&self, pixels: &PixelRect) -> bool {
+        !self.rect.intersection(pixels).is_empty()
+    }
 }
 
 /// The number of shares of a primitive for each thread that splits it.
@@ -345,6 +430,19 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
+    /// Returns the number of a block of buckets, by its column and row.
+    fn block(&self, [column, row]: [usize; 2]) -> u32 {
+        let (_, columns) = self.buckets.rows();
+        u32::try_from(row * columns.div_ceil(BLOCK) + column).unwrap_or(u32::MAX)
+    }
+
+    /// Returns the place of a bucket.
+    pub(super) fn place(&self, bucket: u32) -> Place {
+        let cell = self.buckets.cell(bucket as usize);
+        let grown = self.buckets.order[bucket as usize].grown(self.margin);
+        Place { grown, cell, block: self.block(cell.map(|at| at / BLOCK)) }
+    }
+
     /// Returns the grids of a primitive, which is split for the first bucket that requests them.
     pub(super) fn split<'j>(&self, job: &'j Job<S::Object>) -> &'j Split {
         job.split.get_or_init(|| {
@@ -353,18 +451,27 @@ impl<S: FrameShader> Frame<'_, S> {
             let parts = self.leaves(job, pieces);
             let parts = if job.budget.is_spent() { self.leave_out(&job.primitive, parts) } else { parts };
             let mut leaves = Vec::with_capacity(parts.len());
-            let mut of_bucket = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
+            let mut of_block = vec![Vec::with_capacity(parts.len()); self.eyes.len()];
             for (seen, leaf, path) in parts {
                 let Ok(index) = u32::try_from(leaves.len()) else { break };
                 let mut uses = 0;
-                for (of_bucket, seen) in of_bucket.iter_mut().zip(&seen) {
-                    for bucket in self.buckets.touching(&seen.rect.grown(self.margin)) {
-                        of_bucket.push((bucket, index));
-                        uses += 1;
+                for (of_block, seen) in of_block.iter_mut().zip(&seen) {
+                    let cells = self.buckets.cells(&seen.rect.grown(self.margin));
+                    let count = cells[0].len() * cells[1].len();
+                    if seen.rect.is_empty() || count == 0 {
+                        continue;
+                    }
+                    uses += u32::try_from(count).unwrap_or(u32::MAX);
+                    let [columns, rows] = cells.map(|span| span.start / BLOCK..=(span.end - 1) / BLOCK);
+                    for row in rows {
+                        of_block.extend(columns.clone().map(|column| (self.block([column, row]), index)));
                     }
                 }
+                let touched = seen.iter().map(|_| Touched(AtomicU64::new(Touched::UNKNOWN))).collect();
                 leaves.push(LeafSlot {
                     seen,
+                    touched,
+                    needs: AtomicU32::new(0),
                     state: Mutex::new(LeafState::Waiting(leaf)),
                     uses: AtomicU32::new(uses),
                     again: self.again,
@@ -372,10 +479,10 @@ impl<S: FrameShader> Frame<'_, S> {
                 });
             }
             add(&self.counters.grids, leaves.len());
-            of_bucket.iter_mut().for_each(|list| list.sort_unstable());
-            let split = Split { leaves, of_bucket };
+            of_block.iter_mut().for_each(|list| list.sort_unstable());
+            let split = Split { leaves, of_block };
             let passed = job.passed.lock().take();
-            passed.into_iter().flatten().for_each(|(eye, bucket)| split.release(eye, bucket));
+            passed.into_iter().flatten().for_each(|(eye, bucket)| split.release(eye, &self.place(bucket)));
             split
         })
     }
@@ -469,7 +576,7 @@ impl<S: FrameShader> Frame<'_, S> {
             passed.push((eye, bucket));
             return;
         }
-        self.split(job).release(eye, bucket);
+        self.split(job).release(eye, &self.place(bucket));
     }
 }
 

@@ -34,7 +34,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         list: &[usize],
     ) -> usize {
         let failed = AtomicUsize::new(0);
-        let make = |index: usize, thread: &mut S::Thread<'a>| Some(self.bucket(jobs, index, thread));
+        let make =
+            |index: usize, thread: &mut S::Thread<'a>| Some(self.bucket(jobs, &self.whole(index), thread));
         let fails = |index: usize, what: &str| {
             failed.fetch_add(1, Ordering::Relaxed);
             self.report_panic(index, what);

@@ -322,6 +322,7 @@ impl<S: FrameShader> Frame<'_, S> {
             nu: (nu - 1) * per_side + 1,
             nv: (nv - 1) * per_side + 1,
             primitive: given.primitive.unwrap_or(primitive.id),
+            number: job.number,
             views,
             shades,
             opaque,

@@ -7,7 +7,8 @@
 
 use crate::bucket::Buckets;
 use crate::output::partial::{Partial, PartialPixels, RowCopies};
-use crate::output::plan::{ImageWriter, OutputImage};
+use crate::output::plan::OutputImage;
+use crate::output::writer::ImageWriter;
 use crate::{CameraView, PixelRect};
 use granita_base::Files;
 use granita_image::{FormatRegistry, Request};

@@ -349,6 +349,7 @@ mod tests {
             nu,
             nv,
             primitive: 7,
+            number: 7,
             views: [view].into(),
             shades: vec![Shade {
                 color,

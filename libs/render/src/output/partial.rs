@@ -71,7 +71,7 @@ impl Partial {
         if image.path.metadata().is_ok_and(|m| !m.is_file()) {
             return Err(RenderError::Misuse { what: "a pipe or a device gets no partial image".to_owned() });
         }
-        let path = partial_path(&image.path);
+        let path = partial_path(&image.path_alone());
         let mut file = image.partial(&path, &description(image, percent)).open(camera, registry)?;
         let chunk = camera.crop.width() * image.channels() * ROWS;
         let io = |source| RenderError::Io { path: path.clone(), source };

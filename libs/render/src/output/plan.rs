@@ -1,17 +1,24 @@
 // tidy: long: the parameters of an Output call and their consequences are decided in one place
 //! The images of a frame: their content, and how they are written (reference 4.2, 7.3).
 
-use crate::{CameraView, PixelRect, RenderError};
-use granita_base::{BaseType, Color, Files, Filter, Location, Param, ParamType, Params, Reporter, Severity};
+mod filters;
+mod settings;
+
+use super::cryptomatte::{MatteKind, MatteLayer, Mattes, RANKS};
+use super::parts::Part;
+use super::writer::{ImageWriter, Shown};
+use crate::{CameraView, RenderError};
+use filters::{filter_spec, wrong_layer_filter};
+use granita_base::{
+    BaseType, Color, Files, Location, Param, ParamData, ParamType, Params, Reporter, Severity,
+};
 use granita_gsl::ir::ValueType;
 use granita_hider::film::{FilterSpec, PixelFilter};
 use granita_hider::{Wanted, WantedVariable};
-use granita_image::{
-    CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Pixels, Placement, Quantize, Request,
-};
+use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
 use granita_scene::attribute::{Scope, TABLE};
-use granita_scene::{Output, attr, attribute_row};
-use parking_lot::Mutex;
+use granita_scene::{Output, Scene, attr};
+use settings::settings;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,6 +44,11 @@ enum Data {
     Volume {
         depths: usize,
     },
+    /// The objects or materials with their coverages, an even number of them.
+    Mattes {
+        kind: MatteKind,
+        ranks: usize,
+    },
     /// A shader variable. For an array there is one name per element: `name[0]` and so on.
     Variable {
         names: Vec<Arc<str>>,
@@ -53,6 +65,7 @@ impl Data {
             Self::Depth { middle: false } => Some("z"),
             Self::Depth { middle: true } => Some("avgz"),
             Self::Volume { .. } => None,
+            Self::Mattes { kind, .. } => Some(kind.word()),
             Self::Variable { names, .. } => {
                 names.first().map(|name| name.split_once('[').map_or(&**name, |(name, _)| name))
             }
@@ -72,6 +85,7 @@ impl Data {
                 let depths = (0..*depths).map(|i| format!("z{i}"));
                 return strings(&["zopaque", "alpha"]).into_iter().chain(depths).collect();
             }
+            Self::Mattes { kind, ranks } => return kind.channel_names(*ranks),
             Self::Variable { names, ty } => (names, *ty),
         };
         let n = ty.components();
@@ -132,11 +146,15 @@ pub(crate) struct OutputSet {
 /// Channels of an image that are filtered together.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ImageLayer {
+    /// The name by which parameters select it.
+    pub(crate) name: Arc<str>,
     pub(crate) filter: FilterSpec,
     /// The sample channels that are filtered into its channels.
     pub(crate) channels: Vec<usize>,
     /// True when gain and gamma apply, except to its alpha.
     pub(crate) is_color: bool,
+    /// The Cryptomatte that it is, whose values are not filtered samples.
+    pub(crate) mattes: Option<MatteLayer>,
 }
 
 /// One image to make.
@@ -159,6 +177,8 @@ pub(crate) struct OutputImage {
     pub(crate) written: Option<Result<(), String>>,
     /// "opaquewidth" of an image whose pixels are texels of a volume shadow map and not filtered samples.
     pub(crate) opaque_width: Option<f32>,
+    /// The part of a file that it becomes; `None` for a file of its own.
+    pub(crate) part: Option<Part>,
 }
 
 impl OutputSet {
@@ -186,6 +206,17 @@ impl OutputSet {
         }
         for (output, of_layers) in datas {
             let image = set.image(output, &of_layers, camera, registry, reporter)?;
+            let name = |image: &OutputImage| image.part.as_ref().map(|part| part.name.clone());
+            if let Some(part) = name(&image)
+                && set
+                    .images
+                    .iter()
+                    .any(|other| other.path == image.path && name(other).as_ref() == Some(&part))
+            {
+                let what = format!("two images are the part \"{part}\"; the second one is left out");
+                report(output, reporter, Severity::Error, what);
+                continue;
+            }
             set.images.push(image);
         }
         Ok(set)
@@ -196,6 +227,8 @@ impl OutputSet {
         match data {
             Data::Color { .. } => self.needs_shading = true,
             Data::Volume { .. } => (),
+            // The mattes follow with the scene.
+            Data::Mattes { .. } => self.needs_shading = true,
             Data::Depth { middle } => {
                 self.wanted.depths = true;
                 self.needs_second_surface |= *middle;
@@ -217,7 +250,7 @@ impl OutputSet {
             Data::Color { alpha } => (0..3 + usize::from(*alpha)).collect(),
             Data::Depth { middle } => vec![4 + usize::from(*middle)],
             // There are no channels of samples. These are only counted.
-            Data::Volume { .. } => vec![0; data.channel_names(false).len()],
+            Data::Volume { .. } | Data::Mattes { .. } => vec![0; data.channel_names(false).len()],
             Data::Variable { names, ty } => {
                 let of = |name: &Arc<str>| {
                     let same = |v: &(Arc<str>, ValueType)| v.0 == *name && v.1 == *ty;
@@ -242,13 +275,23 @@ impl OutputSet {
         let is_shown = format.as_ref().is_some_and(|f| f.supports("rectangles"));
         let (mut layers, mut names) = (Vec::with_capacity(of_layers.len()), Vec::new());
         let is_one_of = of_layers.len() > 1;
+        let part = Some(output.part()).filter(|part| !part.is_empty() && !is_shown).map(Part::new);
         for data in of_layers {
             names.extend(data.channel_names(is_one_of));
             let filter = filter_spec(output, data, is_one_of, reporter);
             let is_color = matches!(data, Data::Color { .. } | Data::Variable { ty: ValueType::Color, .. });
-            layers.push(ImageLayer { filter, channels: self.channels(data), is_color });
+            let mattes = match data {
+                Data::Mattes { kind, ranks } => Some(MatteLayer::new(*kind, *ranks)),
+                _ => None,
+            };
+            let name = data.layer_name().unwrap_or_default().into();
+            layers.push(ImageLayer { name, filter, channels: self.channels(data), is_color, mattes });
         }
         let is_volume = matches!(of_layers, [Data::Volume { .. }]);
+        let mut params = params(output, of_layers, is_shown);
+        if layers.iter().any(|layer| layer.mattes.is_some()) {
+            keep_ids(output, &mut params, reporter);
+        }
         let lost = format.and_then(|f| f.leaves_out(std::path::Path::new(&*output.name), names.len()));
         lost.into_iter().for_each(|what| mistake(output, reporter, "left out", what));
         let crop = &camera.crop;
@@ -264,7 +307,11 @@ impl OutputSet {
             });
         }
         Ok(OutputImage {
-            path: PathBuf::from(&*output.name),
+            path: match &*output.part() {
+                // A viewer shows the parts as images of their own.
+                part if is_shown && !part.is_empty() => PathBuf::from(format!("{} {part}", output.name)),
+                _ => PathBuf::from(&*output.name),
+            },
             format: output.format.to_string(),
             pixels: Vec::new(),
             is_shown,
@@ -272,9 +319,22 @@ impl OutputSet {
             written: None,
             layers,
             names,
-            params: params(output, of_layers, is_shown),
+            params,
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
+            part,
         })
+    }
+
+    /// Sets the mattes of a scene, if any are requested.
+    pub(crate) fn set_mattes(&mut self, scene: &Scene) {
+        let layers = self.images.iter_mut().flat_map(|image| &mut image.layers);
+        let mut layers = layers.filter_map(|layer| layer.mattes.as_mut()).peekable();
+        if layers.peek().is_none() {
+            return;
+        }
+        let mattes = Mattes::new(scene);
+        layers.for_each(|layer| layer.set(&mattes));
+        self.wanted.mattes = Some(mattes.of_primitives);
     }
 
     /// Returns the same images for the left and for the right eye of a stereo camera, with their file names.
@@ -285,13 +345,20 @@ impl OutputSet {
         let eyes = [("left", attr::STEREO_LEFT, &mut left), ("right", attr::STEREO_RIGHT, &mut right)];
         for (side, key, set) in eyes {
             for image in &mut set.images {
-                image.path = match image.params.string(key.name()) {
-                    Some(name) if !name.is_empty() => PathBuf::from(&**name),
-                    _ => beside(&image.path, side),
+                let given = image.params.string(key.name()).filter(|name| !name.is_empty());
+                image.path = match (given, &mut image.part) {
+                    (Some(name), _) => PathBuf::from(&**name),
+                    // Both views are parts of one file.
+                    (None, Some(_)) => image.path.clone(),
+                    (None, None) => beside(&image.path, side),
                 };
+                if let Some(part) = &mut image.part {
+                    part.view = Some(side);
+                }
             }
         }
-        for (l, _) in left.images.iter().zip(&right.images).filter(|(l, r)| l.path == r.path) {
+        let is_lost = |(l, r): &(&OutputImage, &OutputImage)| l.path == r.path && l.part.is_none();
+        for (l, _) in left.images.iter().zip(&right.images).filter(is_lost) {
             let path = l.path.display();
             reporter.warning(format!(
                 "output \"{path}\": \"stereo:left\" and \"stereo:right\" are the same file; the right view is written"
@@ -378,12 +445,23 @@ fn content(data: &str, output: &Output, reporter: &Reporter) -> Result<Data, Str
         "avgz" => Ok(Data::Depth { middle: true }),
         "" if &*output.data != data => Err(format!("data \"{}\": a layer has no name", output.data)),
         "volz" => Ok(Data::Volume { depths: volume_depths(output, reporter) }),
-        variable => shown_variable(variable),
+        other => match MatteKind::parse(other) {
+            Some(kind) => Ok(Data::Mattes { kind: kind?, ranks: ranks(output, reporter) }),
+            None => shown_variable(other),
+        },
     }
 }
 
-/// Checks that several layers fit into one image of this format.
+/// Checks that the layers fit into one image of this format.
 fn check_layers(layers: Vec<Data>, output: &Output, format: &dyn Format) -> Result<Vec<Data>, String> {
+    let part = output.part();
+    if !part.is_empty() && !format.supports("parts") && !format.supports("rectangles") {
+        return Err(format!("format \"{}\" does not store the part \"{part}\"; \"exr\" does", output.format));
+    }
+    let has_mattes = layers.iter().any(|data| matches!(data, Data::Mattes { .. }));
+    if has_mattes && !(format.supports("layers") && format.supports("float")) {
+        return Err(format!("format \"{}\" does not store a Cryptomatte; \"exr\" does", output.format));
+    }
     if layers.len() < 2 {
         return Ok(layers);
     }
@@ -471,69 +549,33 @@ fn shown_variable(declaration: &str) -> Result<Data, String> {
     Ok(Data::Variable { names, ty: value })
 }
 
-/// Returns "filter" and "filterwidth". By default depths are not blurred. They take the least depth of their own
-/// pixel.
-///
-/// One of several layers may have a filter of its own ("filter:NAME"). Otherwise "filter" and "filterwidth" are for
-/// colours, directions and numbers, while depths and positions keep their defaults.
-fn filter_spec(output: &Output, data: &Data, is_one_of: bool, reporter: &Reporter) -> FilterSpec {
-    if matches!(data, Data::Volume { .. }) {
-        // The samples of a pixel of a volume shadow are combined in another way.
-        return FilterSpec { filter: PixelFilter::Min, width: [1.0; 2] };
-    }
-    let depth = matches!(data, Data::Depth { .. });
-    let position = matches!(data, Data::Variable { ty: ValueType::Point | ValueType::Matrix, .. });
-    let own = data.layer_name().filter(|_| is_one_of).map(|name| format!("filter:{name}"));
-    let own = own.and_then(|name| output.params.string(&name).cloned());
-    // Other words were reported.
-    let own = own.filter(|word| filter_words().contains(&&**word));
-    let (given, width) = match own {
-        // A position has no mean with the background or with that of another surface.
-        None if is_one_of && (depth || position) => (position.then(|| "closest".into()), None),
-        None => (output.given(attr::FILTER), output.given(attr::FILTERWIDTH)),
-        own => (own, output.given(attr::FILTERWIDTH).filter(|_| !depth)),
+/// Replaces a compression that would change the ids of a Cryptomatte.
+fn keep_ids(output: &Output, params: &mut Params, reporter: &Reporter) {
+    const LOSSY: [&str; 5] = ["pxr24", "b44", "b44a", "dwaa", "dwab"];
+    let Some(given) = params.0.iter_mut().rev().find(|p| p.name.eq_ignore_ascii_case("compression")) else {
+        return;
     };
-    let filter = match given.as_deref() {
-        Some("closest") => PixelFilter::Closest,
-        None if depth => PixelFilter::Min,
-        None => PixelFilter::Weighted(Filter::Gaussian),
-        Some("min") if depth => PixelFilter::Min,
-        Some("max") if depth => PixelFilter::Max,
-        Some("average") if depth => PixelFilter::Average,
-        // A mean over depths and infinity has no meaning, so every filter shape averages the finite depths.
-        Some(_) if depth => PixelFilter::Average,
-        Some(name) => PixelFilter::Weighted(Filter::from_word(name).unwrap_or_else(|| {
-            reporter.once(
-                &format!("filter {name}"),
-                Severity::Warning,
-                &Location::default(),
-                format!("output \"{}\": unknown filter \"{name}\"; \"gaussian\" is used", output.name),
-            );
-            Filter::Gaussian
-        })),
-    };
-    if filter == PixelFilter::Closest {
-        return FilterSpec { filter, width: [1.0; 2] };
+    let ParamData::String(words) = &given.data else { return };
+    let Some(word) = words.first().cloned() else { return };
+    let name = word.split_once(':').map_or(&*word, |(name, _)| name);
+    if LOSSY.iter().any(|lossy| name.eq_ignore_ascii_case(lossy)) {
+        let what =
+            format!("the compression \"{word}\" would change the ids of a Cryptomatte; \"zip\" is used");
+        mistake(output, reporter, "compression", what);
+        given.data = "zip".into();
     }
-    let default = if depth { [1.0; 2] } else { [2.0; 2] };
-    let width = width.unwrap_or(default);
-    let usable = |w: f32, default: f32| {
-        if w.is_finite() && w > 0.0 && w <= 64.0 {
-            return w;
-        }
-        reporter.once(
-            &format!("filterwidth {}", output.name),
-            Severity::Warning,
-            &Location::default(),
-            format!("output \"{}\": filter width {w} is outside 0 to 64; {default} is used", output.name),
-        );
-        default
-    };
-    // A filter narrower than the distance between samples would miss pixels.
-    FilterSpec {
-        filter,
-        width: [usable(width[0], default[0]).max(0.25), usable(width[1], default[1]).max(0.25)],
+}
+
+/// Returns "cryptomatte:ranks", made even.
+fn ranks(output: &Output, reporter: &Reporter) -> usize {
+    let (least, most) = RANKS;
+    let asked = output.get(attr::CRYPTOMATTE_RANKS);
+    let used = asked.clamp(least, most);
+    if used != asked {
+        let what = format!("\"cryptomatte:ranks\" {asked} is outside {least} to {most}; {used} is used");
+        mistake(output, reporter, attr::CRYPTOMATTE_RANKS.name(), what);
     }
+    usize::try_from(used).unwrap_or(6).next_multiple_of(2)
 }
 
 /// The smallest and largest number of depths of a volume shadow's pixel. The first one is the default.
@@ -615,31 +657,6 @@ fn unknown_parameters(output: &Output, reporter: &Reporter) {
     }
 }
 
-/// Returns what is wrong with "filter:NAME", which is for one of several layers.
-fn wrong_layer_filter(output: &Output, layer: &str) -> Option<String> {
-    let names = || output.layers().filter_map(|data| data.split_whitespace().last());
-    if output.layers().count() < 2 {
-        return Some(format!("\"filter:{layer}\" is for one of several layers; \"filter\" is for all"));
-    }
-    if !names().any(|name| name == layer) {
-        let known = names().collect::<Vec<_>>().join(", ");
-        return Some(format!("\"filter:{layer}\": no layer has this name (there are: {known})"));
-    }
-    let asked = output.params.string(&format!("filter:{layer}"));
-    match asked {
-        Some(word) if filter_words().contains(&&**word) => None,
-        _ => {
-            let words = filter_words().join(", ");
-            Some(format!("\"filter:{layer}\" is one of {words}; the filter of its kind is used"))
-        }
-    }
-}
-
-/// Returns the names of pixel filters.
-fn filter_words() -> &'static [&'static str] {
-    attribute_row(attr::FILTER.name()).map_or(&[], |row| row.words())
-}
-
 /// Warns about a parameter of an output, once.
 fn mistake(output: &Output, reporter: &Reporter, name: &str, what: String) {
     reporter.once(
@@ -664,7 +681,9 @@ fn params(output: &Output, of_layers: &[Data], is_shown: bool) -> Params {
 impl OutputImage {
     /// True when its filtered pixels equal those of another image, to the bit.
     pub(crate) fn is_filtered_like(&self, other: &Self) -> bool {
-        let same = |(a, b): (&ImageLayer, &ImageLayer)| (&a.channels, a.filter) == (&b.channels, b.filter);
+        let same = |(a, b): (&ImageLayer, &ImageLayer)| {
+            (&a.channels, a.filter, &a.mattes) == (&b.channels, b.filter, &b.mattes)
+        };
         self.layers.len() == other.layers.len()
             && self.layers.iter().zip(&other.layers).all(same)
             && self.opaque_width == other.opaque_width
@@ -733,8 +752,27 @@ impl OutputImage {
             pixels: Vec::new(),
             shown: Shown::default(),
             written: None,
+            part: None,
             ..*self
         }
+    }
+
+    /// True when its file has its name, once the image was written: for parts, when all of them were.
+    pub(crate) fn is_written(&self) -> bool {
+        let file = self.part.as_ref().and_then(|part| part.place.as_ref());
+        file.is_none_or(|(file, _)| file.is_complete())
+    }
+
+    /// Returns the name of a file for the image alone: `name.PART.ext` for a part of `name.ext`.
+    pub(crate) fn path_alone(&self) -> PathBuf {
+        let Some(part) = &self.part else { return self.path.clone() };
+        let mut name = self.path.file_stem().unwrap_or_default().to_owned();
+        name.push(format!(".{}", part.name.replace(['/', '\\'], "_")));
+        if let Some(extension) = self.path.extension() {
+            name.push(".");
+            name.push(extension);
+        }
+        self.path.with_file_name(name)
     }
 
     /// Writes the image. The file appears complete under its name, or not at all.
@@ -756,7 +794,32 @@ impl OutputImage {
         if self.is_shown || by_plugin || exists.is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(());
         }
-        self.open(camera, registry).map(drop)
+        match &self.part {
+            // The first part checks the file.
+            Some(Part { place: Some((_, 1..)), .. }) => Ok(()),
+            Some(Part { place: Some((file, _)), .. }) => {
+                file.check(&*self.format(registry)?, registry.files())
+            }
+            _ => self.open(camera, registry).map(drop),
+        }
+    }
+
+    fn format(&self, registry: &FormatRegistry) -> Result<Arc<dyn Format>, RenderError> {
+        registry
+            .by_name(&self.format)
+            .ok_or_else(|| RenderError::Misuse { what: format!("unknown image format \"{}\"", self.format) })
+    }
+
+    /// Returns the description of the image as its file stores it.
+    ///
+    /// # Errors
+    /// Returns an error for a format that is not known.
+    pub(crate) fn stored_spec(
+        &self,
+        camera: &CameraView,
+        registry: &FormatRegistry,
+    ) -> Result<ImageSpec, RenderError> {
+        Ok(self.stored(camera, &*self.format(registry)?).0)
     }
 
     /// Opens a file of this image.
@@ -765,29 +828,32 @@ impl OutputImage {
         camera: &CameraView,
         registry: &FormatRegistry,
     ) -> Result<ImageWriter, RenderError> {
-        let format = registry.by_name(&self.format).ok_or_else(|| RenderError::Misuse {
-            what: format!("unknown image format \"{}\"", self.format),
-        })?;
+        let format = self.format(registry)?;
+        let files = registry.files();
         if format.quantizes() {
-            return self.open_raw(&*format, camera, registry.files());
+            return self.open_raw(&*format, camera, files);
         }
-        let (quantize, stored) = Quantize::for_output(&*format, &self.params);
+        let (spec, quantize) = self.stored(camera, &*format);
+        let file = match &self.part {
+            Some(Part { place: Some((file, index)), .. }) => file.part(*index, &*format, files)?,
+            _ => format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(files))?,
+        };
+        self.begin(file, &spec, quantize, camera)
+    }
+
+    /// Returns the description of the image as its file stores it, and how its values become those.
+    fn stored(&self, camera: &CameraView, format: &dyn Format) -> (ImageSpec, Quantize) {
+        let (quantize, stored) = Quantize::for_output(format, &self.params);
         // Depths, positions and numbers of objects need all their bits, also in a format that usually stores halves. A
         // layer of them makes all layers floats.
         let is_precise = self.opaque_width.is_some()
-            || self.layers.iter().any(|layer| layer.filter.filter == PixelFilter::Closest)
+            || self.layers.iter().any(|l| l.filter.filter == PixelFilter::Closest || l.mattes.is_some())
             || self.names.iter().any(|name| matches!(&**name, "Z" | "avgz"));
         let stored = match stored {
             PixelType::Half if is_precise && format.supports("float") => PixelType::Float,
             other => other,
         };
-        let spec = self.spec(camera, stored);
-        self.begin(
-            format.create(&self.path, &CreateOptions::new(&spec, 1).with_files(registry.files()))?,
-            &spec,
-            quantize,
-            camera,
-        )
+        (self.spec(camera, stored), quantize)
     }
 
     /// Opens a file in a format that exposes and quantizes by itself. It gets the unchanged values.
@@ -857,94 +923,27 @@ impl OutputImage {
                 data: granita_texture::TextureKind::VolumeShadow.word().into(),
             });
         }
-        for param in &camera.metadata() {
-            spec.attributes.set(param.clone());
+        let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
+        let of_frame = [camera.metadata(), settings(camera, &self.layers)];
+        for param in of_mattes.chain(of_frame).flat_map(|params| params.0) {
+            spec.attributes.set(param);
         }
         let is_own = |name: &str| name.starts_with("filter:") || own_parameters().any(|own| own == name);
         for param in self.params.iter().filter(|p| !is_own(&p.name)) {
             spec.attributes.set(param.clone());
         }
-        spec
-    }
-}
-
-/// The viewer of an image, if there is one. A copy of the image has no viewer.
-#[derive(Default)]
-pub(crate) struct Shown(pub(crate) Mutex<Option<ImageWriter>>);
-
-impl Clone for Shown {
-    fn clone(&self) -> Self {
-        Self::default()
-    }
-}
-
-impl std::fmt::Debug for Shown {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Shown")
-    }
-}
-
-/// A file that takes its rows from the top downward, or a viewer that takes any rectangles.
-pub(crate) struct ImageWriter {
-    file: Box<dyn granita_image::ImageOutput>,
-    quantize: Quantize,
-    /// The channels to which gain and gamma apply.
-    colors: Vec<bool>,
-    stored: PixelType,
-    /// The position of the next row.
-    at: Placement,
-}
-
-impl ImageWriter {
-    /// Reports to the viewer that these pixels of the image are started.
-    pub(crate) fn begin(&mut self, rect: &PixelRect) {
-        self.file.begin_rectangle(&self.in_file(rect));
-    }
-
-    /// Writes pixels of the image, anywhere.
-    pub(crate) fn write_rectangle(&mut self, rect: &PixelRect, values: &[f32]) -> Result<(), RenderError> {
-        let at = Placement { x: rect.x0, y: rect.y0, width: rect.width(), ..self.at };
-        let pixels = self.stored(values, &at);
-        self.file.write_rectangle(&self.in_file(rect), &pixels)?;
-        Ok(())
-    }
-
-    /// Returns values of the image as the file stores them.
-    fn stored(&self, values: &[f32], at: &Placement) -> Pixels {
-        let Quantize { gain, gamma, .. } = self.quantize;
-        let is_right = |(c, is_color): (usize, &bool)| *is_color || at.alpha == Some(c);
-        if (gain, gamma) == (1.0, 1.0) || self.colors.iter().enumerate().all(is_right) {
-            return self.quantize.apply(values, at, self.stored);
+        if let Some(part) = &self.part {
+            let text = |name: &str, value: &str| Param {
+                name: name.into(),
+                ty: ParamType::of(BaseType::String),
+                data: value.into(),
+            };
+            spec.attributes.set(text("name", &part.name));
+            if let Some(view) = part.view {
+                spec.attributes.set(text("view", view));
+            }
         }
-        let exposed: Vec<f32> = values
-            .iter()
-            .zip(self.colors.iter().cycle())
-            .map(|(v, is_color)| if *is_color { self.quantize.expose(*v) } else { *v })
-            .collect();
-        Quantize { gain: 1.0, gamma: 1.0, ..self.quantize }.apply(&exposed, at, self.stored)
-    }
-
-    /// Returns the requests of its viewer.
-    pub(crate) fn requests(&mut self) -> Vec<Request> {
-        self.file.requests()
-    }
-
-    /// Returns the coordinates of pixels of the image in the file.
-    fn in_file(&self, rect: &PixelRect) -> PixelRect {
-        rect.moved(-self.at.x, -self.at.y)
-    }
-
-    /// Writes the next whole rows, with interleaved channels.
-    pub(crate) fn write(&mut self, values: &[f32]) -> Result<(), RenderError> {
-        self.file.write_rows(&self.stored(values, &self.at))?;
-        self.at.y += (values.len() / (self.at.width * self.at.nchannels).max(1)) as i32;
-        Ok(())
-    }
-
-    /// Closes the file after the last row. It then appears under its name.
-    pub(crate) fn close(self) -> Result<(), RenderError> {
-        self.file.close()?;
-        Ok(())
+        spec
     }
 }
 

@@ -124,6 +124,10 @@ attributes! {
     ZCHANNELS: Output, i32 = "4.2", "zchannels", Ints(&[3]), "depths per pixel of a volume shadow, 2 or more";
     OPAQUEWIDTH: Output, f32 = "4.2", "opaquewidth", Floats(&[0.05]),
         "depth range that counts as one opaque object in a volume shadow";
+    PART: Output, Arc<str> = "4.2", "part", Text(""),
+        "name of the part of the file that the image becomes, in formats of several (OpenEXR)";
+    CRYPTOMATTE_RANKS: Output, i32 = "4.2", "cryptomatte:ranks", Ints(&[6]),
+        "number of objects or materials per pixel of a Cryptomatte, 2 to 64";
     DYNAMIC: Output, bool = "4.2", "dynamic", Ints(&[0]), "the image is made on demand and not written";
     // 4.3 Scene-wide attributes
     PASS: Global, Arc<str> = "4.3.1", "pass", Text(""), "name of the rendering pass";

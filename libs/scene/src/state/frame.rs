@@ -96,21 +96,25 @@ impl State {
                 }
             }
         }
+        let output = Output { params, ..output };
         if &*output.format == "null" || output.format.is_empty() {
-            if self.in_rerender() && !self.outputs.iter().any(|o| o.name == output.name) {
+            // Without "part" all parts of the file are removed.
+            let is_all = output.part().is_empty();
+            let is_meant =
+                |o: &Output| if is_all { o.name == output.name } else { o.is_replaced_by(&output) };
+            if self.in_rerender() && !self.outputs.iter().any(is_meant) {
                 let hint = hint(suggestion(&output.name, self.outputs.iter().map(|o| &*o.name)));
                 let text =
                     format!("Output: cannot remove \"{}\", there is no such output{hint}", output.name);
                 self.report(Severity::Warning, at, "output", text);
             }
-            self.outputs.retain(|o| o.name != output.name);
+            self.outputs.retain(|o| !is_meant(o));
             return;
         }
-        let output = Output { params, ..output };
-        if self.in_rerender() && self.outputs.iter().any(|o| o.name == output.name) {
+        if self.in_rerender() && self.outputs.iter().any(|o| o.is_replaced_by(&output)) {
             return self.rerender_output(&output, &wrong, at);
         }
-        match self.outputs.iter_mut().find(|o| o.name == output.name) {
+        match self.outputs.iter_mut().find(|o| o.is_replaced_by(&output)) {
             Some(old) => *old = output,
             None => self.outputs.push(output),
         }

@@ -133,7 +133,7 @@ impl State {
     /// Handles `Output` with the name of an output that exists, after the first frame. `wrong` has the names of
     /// parameters in error, which are not in the output.
     pub(super) fn rerender_output(&mut self, new: &Output, wrong: &[Arc<str>], at: &Location) {
-        let Some(index) = self.outputs.iter().position(|output| output.name == new.name) else { return };
+        let Some(index) = self.outputs.iter().position(|output| output.is_replaced_by(new)) else { return };
         let old = &self.outputs[index];
         let of_first = |camera: &Arc<str>| match self.cameras.first() {
             Some(first) if camera.is_empty() => first.name.clone(),

@@ -1,19 +1,25 @@
 //! The worker's side of the connection.
 
-use super::{ALIVE, BUCKET, COMMANDS, FRAME, GREETING, NO_PIXELS, PIXELS, Progress, word};
+use super::connection::of_task;
+use super::{
+    ALIVE, BEGUN, BUCKET, COMMANDS, DROP, DROPPED, END, FRAME, GREETING, NO_PIXELS, PIXELS, Progress, word,
+};
 use crate::patient::PULSE;
 use granita_base::Reporter;
 use granita_pyg::frames::{Frame, put_floats, receive, send};
-use granita_render::{BucketPixels, Coordinator};
+use granita_render::{BucketPixels, Coordinator, Task};
 use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
-use std::io::{BufReader, BufWriter, Read, Write};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::sync::Arc;
+
+/// The stream to the coordinator, which several threads write to.
+type Output = Mutex<BufWriter<Box<dyn Write + Send>>>;
 
 /// The connection of a worker to its coordinator.
 pub(crate) struct WorkerCoordinator {
     shared: Arc<Shared>,
-    output: Arc<Mutex<BufWriter<Box<dyn Write + Send>>>>,
+    output: Arc<Output>,
     /// The number of commands and frames that the worker reached.
     here: Mutex<Progress>,
 }
@@ -23,35 +29,45 @@ pub(crate) struct WorkerCoordinator {
 struct Shared {
     said: Mutex<Said>,
     changed: Condvar,
+    /// Is called when the connection ends.
+    ended: Mutex<Option<Ended>>,
 }
+
+/// What is done when the connection ends, with the last words of the coordinator.
+type Ended = Box<dyn FnOnce(Option<String>) + Send>;
 
 #[derive(Default)]
 struct Said {
     progress: Progress,
-    /// The frame and the index of each bucket to render.
-    buckets: VecDeque<(usize, usize)>,
-    /// The buckets that are being rendered.
-    rendering: Vec<(usize, usize)>,
+    /// The frame of each task, and the task.
+    waiting: VecDeque<(usize, Task)>,
+    /// The tasks that are being rendered.
+    rendering: Vec<(usize, Task)>,
     /// True when the connection has ended.
     over: bool,
 }
 
 impl WorkerCoordinator {
-    /// Connects and sends the greeting.
+    /// Connects and sends the greeting. `ended` is called when the connection ends, with the last words of the
+    /// coordinator: empty at the end of the work, and `None` when there are none.
     pub(crate) fn new(
         input: Box<dyn Read + Send>,
         output: Box<dyn Write + Send>,
         threads: usize,
         reporter: &Reporter,
+        ended: Ended,
     ) -> Self {
         let mut output = BufWriter::new(output);
         if let Err(error) = writeln!(output, "{GREETING} {threads}").and_then(|()| output.flush()) {
             reporter.error(format!("-worker: {error}"));
         }
-        let shared = Arc::new(Shared::default());
-        let theirs = shared.clone();
-        std::thread::spawn(move || theirs.listen(input));
+        let shared = Arc::new(Shared { ended: Mutex::new(Some(ended)), ..Shared::default() });
         let output = Arc::new(Mutex::new(output));
+        let (theirs, to) = (shared.clone(), output.clone());
+        std::thread::spawn(move || {
+            let words = theirs.listen(input, &to);
+            theirs.hang_up(words);
+        });
         let (theirs, to) = (shared.clone(), output.clone());
         std::thread::spawn(move || theirs.beat(&to));
         Self { shared, output, here: Mutex::default() }
@@ -74,45 +90,66 @@ impl WorkerCoordinator {
 }
 
 impl Shared {
-    fn listen(&self, input: Box<dyn Read + Send>) {
+    /// Receives messages until the connection ends. Returns the last words of the coordinator.
+    fn listen(&self, input: Box<dyn Read + Send>, output: &Output) -> Option<String> {
         let mut input = BufReader::new(input);
         while let Ok((kind, payload)) = receive(&mut input) {
+            if kind == END {
+                return Some(String::from_utf8_lossy(&payload).into_owned());
+            }
             let mut numbers = Frame(&payload);
             let mut number = || numbers.word().map(|n| n as usize);
+            let (first, task) = (number(), number().zip(number()));
+            let task =
+                task.map(|(bucket, part)| Task { bucket, part: u32::try_from(part).unwrap_or(u32::MAX) });
             let mut said = self.said.lock();
-            match (kind, number(), number()) {
+            let mut given_back = None;
+            match (kind, first, task) {
                 (COMMANDS, Some(number), _) => said.progress.commands = number,
                 (FRAME, Some(number), _) => {
                     said.progress.frame = number;
-                    said.buckets.retain(|(frame, _)| *frame >= number);
+                    said.waiting.retain(|(frame, _)| *frame >= number);
                 }
-                (BUCKET, Some(frame), Some(number)) => said.buckets.push_back((frame, number)),
+                (BUCKET, Some(frame), Some(task)) => said.waiting.push_back((frame, task)),
+                (DROP, Some(frame), Some(task)) => {
+                    let at = said.waiting.iter().position(|waiting| *waiting == (frame, task));
+                    given_back = at.and_then(|at| said.waiting.remove(at));
+                }
                 _ => (),
             }
             drop(said);
             self.changed.notify_all();
+            if let Some((frame, task)) = given_back {
+                // The next read notices a connection that has ended.
+                let _ = write(output, &of_task(DROPPED, task, frame));
+            }
         }
-        self.hang_up();
+        None
     }
 
     /// Sends signs of life as long as this process has buckets to render, also before it reaches their frame.
-    fn beat(&self, output: &Mutex<BufWriter<Box<dyn Write + Send>>>) {
+    fn beat(&self, output: &Output) {
         loop {
             std::thread::sleep(PULSE);
             let said = self.said.lock();
-            let (over, works) = (said.over, !said.rendering.is_empty() || !said.buckets.is_empty());
+            let (over, works) = (said.over, !said.rendering.is_empty() || !said.waiting.is_empty());
             drop(said);
             if over {
                 return;
             }
             let mut output = output.lock();
             if works && send(&mut *output, ALIVE, &[]).is_err() {
-                return self.hang_up();
+                return self.hang_up(None);
             }
         }
     }
 
-    fn hang_up(&self) {
+    /// Ends the connection. A process that ends with it has ended before its scene goes on.
+    fn hang_up(&self, words: Option<String>) {
+        let ended = self.ended.lock().take();
+        if let Some(ended) = ended {
+            ended(words);
+        }
         self.said.lock().over = true;
         self.changed.notify_all();
     }
@@ -123,31 +160,32 @@ impl Coordinator for WorkerCoordinator {
         self.here.lock().frame += 1;
     }
 
-    fn next(&self) -> Option<usize> {
+    fn next(&self) -> Option<Task> {
         // Frames before this index are over when this one is.
         let frame = self.here.lock().frame;
         let mut said = self.shared.said.lock();
         loop {
-            if said.progress.frame >= frame {
+            if said.progress.frame >= frame || said.over {
                 return None;
             }
-            if said.over {
-                return None;
-            }
-            if let Some(bucket) = said.buckets.pop_front() {
-                said.rendering.push(bucket);
-                return Some(bucket.1);
+            if let Some((frame, task)) = said.waiting.pop_front() {
+                said.rendering.push((frame, task));
+                drop(said);
+                if write(&self.output, &of_task(BEGUN, task, frame)).is_err() {
+                    self.shared.hang_up(None);
+                }
+                return Some(task);
             }
             self.shared.changed.wait(&mut said);
         }
     }
 
-    fn done(&self, index: usize, pixels: Result<&BucketPixels, &str>) {
+    fn done(&self, task: Task, pixels: Result<&BucketPixels, &str>) {
         let mut said = self.shared.said.lock();
-        let at = said.rendering.iter().position(|(_, number)| *number == index);
+        let at = said.rendering.iter().position(|(_, rendering)| *rendering == task);
         let frame = at.map_or(0, |at| said.rendering.swap_remove(at).0);
         drop(said);
-        let mut bytes = [word(index), word(frame)].concat();
+        let mut bytes = [word(frame), word(task.bucket), word(task.part as usize)].concat();
         let kind = match pixels {
             Ok(images) => {
                 bytes.extend(word(images.len()));
@@ -160,8 +198,14 @@ impl Coordinator for WorkerCoordinator {
             }
         };
         if send(&mut *self.output.lock(), kind, &[&bytes]).is_err() {
-            // The connection has ended.
-            self.shared.hang_up();
+            self.shared.hang_up(None);
         }
     }
+}
+
+/// Sends a whole message.
+fn write(output: &Output, message: &[u8]) -> io::Result<()> {
+    let mut output = output.lock();
+    output.write_all(message)?;
+    output.flush()
 }

@@ -9,13 +9,13 @@ use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 
 /// Returns the column and row of the first of the four texels around a point, and the weights of the second ones.
-fn between(x: f32, y: f32) -> (i32, i32, f32, f32) {
+pub(super) fn between(x: f32, y: f32) -> (i32, i32, f32, f32) {
     let (x, y) = (x - 0.5, y - 0.5);
     (x.floor() as i32, y.floor() as i32, x - x.floor(), y - y.floor())
 }
 
 /// Computes the weighted sum of four texels, which is exact where they are equal.
-fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
+pub(super) fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
     for (c, out) in out.iter_mut().enumerate() {
         let [a, b, d, e] = corners.map(|t| t[c]);
         let (top, bottom) = (a + (b - a) * fx, d + (e - d) * fx);
@@ -24,7 +24,7 @@ fn mix(corners: [&[f32]; 4], fx: f32, fy: f32, out: &mut [f32]) {
 }
 
 /// Looks up a latitude-longitude map in a direction, bilinearly, over seam and poles.
-fn latlong_at(p: &Image, up: Up, d: Vec3, out: &mut [f32]) {
+pub(super) fn latlong_at(p: &Image, up: Up, d: Vec3, out: &mut [f32]) {
     let d = to_map(d, up);
     let (w, h) = (p.width as i32, p.height as i32);
     let s = d.y.atan2(d.x) / TAU + 0.5;
@@ -44,7 +44,7 @@ fn latlong_at(p: &Image, up: Up, d: Vec3, out: &mut [f32]) {
 }
 
 /// Looks up six faces in a direction, bilinearly, over edges.
-fn cube_at(faces: &[Image; 6], d: Vec3, out: &mut [f32]) {
+pub(super) fn cube_at(faces: &[Image; 6], d: Vec3, out: &mut [f32]) {
     let n = faces[0].width as i32;
     let p = cube::project(CubeLayout::Mosaic, d);
     let (x, y, fx, fy) = between(p.s * n as f32, p.t * n as f32);
@@ -57,7 +57,7 @@ fn cube_at(faces: &[Image; 6], d: Vec3, out: &mut [f32]) {
 }
 
 /// Returns an image whose texels are means of `sub * sub` points. `at` receives column and row, with fractions.
-fn supersampled(
+pub(super) fn supersampled(
     (width, height): (usize, usize),
     channels: usize,
     sub: usize,
@@ -80,7 +80,7 @@ fn supersampled(
 
 /// Returns the number of points per texel and direction, from 2 to 16. Below that limit no texel of the source is
 /// missed.
-fn points(from: f32, to: f32) -> usize {
+pub(super) fn points(from: f32, to: f32) -> usize {
     ((from / to * 1.5).ceil() as usize).clamp(2, 16)
 }
 

@@ -74,6 +74,7 @@ fn texture(mut inputs: Vec<Input>, kind: TextureKind, body: Body) -> Texture {
         channels,
         pixel_type,
         attributes,
+        icc_profile: main.spec.icc_profile,
         conversion: Some(main.conversion),
         notes,
         extras: Extras::default(),

@@ -38,7 +38,7 @@ impl Input {
     fn open(path: &Path, options: &MakeOptions, registry: &FormatRegistry, colors: bool) -> Result<Self> {
         let source = Source::open(path, options, registry)?;
         let conversion = source.conversion(options);
-        let image = source.image(colors.then_some(conversion), Units::Fractions)?;
+        let image = source.image(colors.then_some(&conversion), Units::Fractions)?;
         Ok(Self {
             path: path.to_owned(),
             image,

@@ -74,7 +74,7 @@ impl Kernel {
     }
 
     /// Returns the width in pixels at which the filter is used.
-    fn natural_width(self) -> f32 {
+    pub fn natural_width(self) -> f32 {
         match self {
             Self::Box | Self::Disk => 1.0,
             Self::Triangle | Self::SharpGaussian => 2.0,
@@ -85,13 +85,13 @@ impl Kernel {
     }
 
     /// True when the filter is not a product of functions of x and of y.
-    fn is_radial(self) -> bool {
+    pub fn is_radial(self) -> bool {
         matches!(self, Self::RadialLanczos3 | Self::Disk)
     }
 
     /// Returns the weight at distance `x` from the centre, for a filter stretched to `width` (both in pixels). It is
     /// not normalised.
-    fn weight(self, x: f32, width: f32) -> f32 {
+    pub fn weight(self, x: f32, width: f32) -> f32 {
         let x = x.abs();
         // `r` is 1 at the edge, and `n` is the distance in pixels of the natural width.
         let r = 2.0 * x / width;
@@ -117,7 +117,7 @@ impl Kernel {
     }
 
     /// Returns the weight at (x, y) for a filter of `width` x `height` pixels.
-    fn weight_at(self, (x, y): (f32, f32), (width, height): (f32, f32)) -> f32 {
+    pub fn weight_at(self, (x, y): (f32, f32), (width, height): (f32, f32)) -> f32 {
         if self.is_radial() {
             // A distance of 1 is the edge.
             let r = (2.0 * x / width).hypot(2.0 * y / height);

@@ -3,6 +3,7 @@
 mod bump;
 mod color;
 mod convert;
+mod directions;
 mod distribution;
 mod environment;
 mod flat;
@@ -20,7 +21,8 @@ mod surround;
 mod whole;
 mod writer;
 
-pub use color::ColorSpace;
+pub use color::ColorConvert;
+pub use directions::{Directions, Panorama};
 pub use flat::{
     Bump, BumpFormat, Conventions, Distribution, FlatOptions, Frame, Neighbour, NormalRange, SlopeFilter,
 };

@@ -1,10 +1,11 @@
 //! The options of making a texture.
 
-use super::color::{ColorSpace, Conversion};
+use super::color::{ColorConvert, Conversion};
 use super::flat::FlatOptions;
 use crate::Wrap;
 use granita_base::Filter;
 use granita_image::PixelType;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// The kind of texture to make (reference 9.1.2 to 9.1.4).
@@ -108,9 +109,8 @@ pub struct MakeOptions {
     pub compression: Option<String>,
     /// The storage of the texture; `None` for that of the input, or the nearest that the format supports.
     pub pixel_type: Option<PixelType>,
-    /// The colour spaces of the inputs and of the texture. MIP levels are made in linear light, in the primaries of
-    /// the texture. The conversion is after `ingamma` and before `outgamma`.
-    pub color_convert: Option<(ColorSpace, ColorSpace)>,
+    /// The conversion of colours. It is after `ingamma` and before `outgamma`.
+    pub color_convert: Option<Arc<ColorConvert>>,
     /// The treatment of values that are not finite.
     pub broken_values: BrokenValues,
     /// Writes a hash of the pixels (SHA-1) and their mean into the metadata: `oiio:SHA-1` and `oiio:AverageColor`,
@@ -133,13 +133,18 @@ impl MakeOptions {
         self.mode == Mode::Plain && !keeps_rows && !self.flat.needs_whole()
     }
 
+    /// True when the texture stores the colours of the input, as far as no filter changes them.
+    pub(crate) fn keeps_colors(&self) -> bool {
+        self.color_convert.as_ref().is_none_or(|colors| colors.same) && self.ingamma == self.outgamma
+    }
+
     /// Returns the conversion of the colours of pixels with alpha in this channel, which are not yet multiplied by
     /// it if `straight`.
     pub(crate) fn conversion(&self, alpha: Option<usize>, straight: bool) -> Conversion {
         Conversion {
             ingamma: self.ingamma,
             outgamma: self.outgamma,
-            spaces: self.color_convert.unwrap_or((ColorSpace::Linear, ColorSpace::Linear)),
+            colors: self.color_convert.clone(),
             alpha,
             multiply: straight && alpha.is_some() && !self.flat.ignore_unassociated,
         }

@@ -25,6 +25,8 @@ pub(crate) struct Texture {
     /// The pixel type of the inputs.
     pub(crate) pixel_type: PixelType,
     pub(crate) attributes: Params,
+    /// The profile of the colours of the input.
+    pub(crate) icc_profile: Option<Arc<[u8]>>,
     /// The conversion of the colours, which are linear here.
     pub(crate) conversion: Option<Conversion>,
     pub(crate) notes: Vec<String>,
@@ -61,6 +63,20 @@ const STORAGE: [&str; 9] = [
     "unassociatedalpha",
 ];
 
+/// The attributes that describe the colours of the input, which are not those of converted ones.
+const COLORS: [&str; 10] = [
+    "ICCProfile",
+    "CICP",
+    "png:cICP",
+    "png:gAMA",
+    "png:cHRM",
+    "png:sRGB",
+    "chromaticities",
+    "colorInteropID",
+    "oiio:ColorSpace",
+    "Exif:ColorSpace",
+];
+
 /// The storage of a texture, as far as all its levels share it.
 pub(crate) struct Plan {
     /// True for OpenEXR, where all levels have the same tiles, and cubes are columns.
@@ -72,6 +88,7 @@ pub(crate) struct Plan {
     pub(crate) pixel_type: PixelType,
     channels: Vec<String>,
     attributes: Params,
+    icc_profile: Option<Arc<[u8]>>,
     /// Notes for the user.
     pub(crate) notes: Vec<String>,
     pub(crate) costs: Costs,
@@ -208,7 +225,8 @@ impl Plan {
         let signed = options.flat.signature.is_some();
         attributes.0.retain(|p| {
             let is_stale = STORAGE.iter().any(|s| p.name.eq_ignore_ascii_case(s));
-            !is_stale || (signed && &*p.name == "software")
+            let is_lost = !options.keeps_colors() && COLORS.contains(&&*p.name);
+            !is_lost && (!is_stale || (signed && &*p.name == "software"))
         });
         attributes.set(word("textureformat", kind.word()));
         match kind {
@@ -253,6 +271,7 @@ impl Plan {
             pixel_type,
             channels,
             attributes,
+            icc_profile: input.icc_profile.clone().filter(|_| options.keeps_colors()),
             notes,
             costs: Costs::default(),
         };
@@ -299,6 +318,7 @@ impl Plan {
             (spec.full_width, spec.full_height) = full;
         }
         spec.attributes.clone_from(&self.attributes);
+        spec.icc_profile.clone_from(&self.icc_profile);
         spec
     }
 
@@ -405,12 +425,13 @@ pub(crate) fn write(
     let described = ImageSpec {
         channels: texture.channels,
         attributes: texture.attributes,
+        icc_profile: texture.icc_profile,
         ..ImageSpec::new(1, 1, 1, texture.pixel_type)
     };
     let mut plan = Plan::new(texture.kind, texture.up, &described, options, registry)?;
     let levels = plan.levels(texture.body, path)?;
     let size = |p: &Image| (p.width, p.height);
-    let conversion = texture.conversion.filter(|_| !texture.kind.is_shadow());
+    let conversion = texture.conversion.as_ref().filter(|_| !texture.kind.is_shadow());
     let store = |p: Image| pixels(p.data, p.channels, plan.pixel_type, Units::Fractions, conversion);
     if options.hash {
         let first = levels[0].image.clone();

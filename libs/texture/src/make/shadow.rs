@@ -35,6 +35,7 @@ fn texture(kind: TextureKind, body: Body, channels: Vec<String>, input: Input) -
         channels,
         pixel_type,
         attributes,
+        icc_profile: None,
         conversion: None,
         notes,
         extras: Extras::default(),

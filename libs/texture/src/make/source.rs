@@ -225,7 +225,7 @@ impl Source {
     }
 
     /// Returns the whole display window in floats, with integers in these units.
-    pub(crate) fn image(&self, conversion: Option<Conversion>, units: Units) -> Result<Image> {
+    pub(crate) fn image(&self, conversion: Option<&Conversion>, units: Units) -> Result<Image> {
         let mut data = Vec::with_capacity(self.width * self.height * self.channels);
         // The rows are read in portions, so that the stored values and the floats are not in memory as a whole at once.
         for y in (0..self.height).step_by(256) {
@@ -281,7 +281,7 @@ pub(crate) enum Units {
 }
 
 /// Returns pixels of `n` channels as floats, which are linear when there is a conversion.
-pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option<Conversion>) -> Vec<f32> {
+pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option<&Conversion>) -> Vec<f32> {
     let mut out = vec![0.0; pixels.len()];
     let chunk = (CHUNK / n).max(1) * n;
     let conversion = conversion.filter(|c| !c.keeps_inputs());
@@ -318,7 +318,7 @@ pub(crate) fn pixels(
     n: usize,
     pixel_type: PixelType,
     units: Units,
-    conversion: Option<Conversion>,
+    conversion: Option<&Conversion>,
 ) -> Pixels {
     let chunk = (CHUNK / n).max(1) * n;
     if let Some(conversion) = conversion.filter(|c| !c.keeps_outputs()) {
@@ -398,7 +398,7 @@ impl<'a> Reader<'a> {
     fn read_tail(&mut self) -> Result<()> {
         if let (Some(tail), Some(stage)) = (self.tail.take(), &mut self.resize) {
             let (rows, ..) = self.source.finite_rows(tail.start, tail.end)?;
-            let floats = floats(&rows, self.source.channels, self.units, Some(self.conversion));
+            let floats = floats(&rows, self.source.channels, self.units, Some(&self.conversion));
             stage.preload(tail.start, &floats);
         }
         Ok(())
@@ -420,7 +420,7 @@ impl<'a> Reader<'a> {
         self.next = to;
         let n = self.source.channels;
         let raw = self.source.rows(from, to)?;
-        let mut floats = floats(&raw, n, self.units, Some(self.conversion));
+        let mut floats = floats(&raw, n, self.units, Some(&self.conversion));
         let untouched = self.resize.is_none()
             && self.pixel_type == raw.pixel_type()
             && self.conversion.keeps_inputs()
@@ -432,7 +432,7 @@ impl<'a> Reader<'a> {
         if let Some(stage) = &mut self.resize {
             floats = stage.push(&floats);
         }
-        let stored = pixels(floats.clone(), n, self.pixel_type, self.units, Some(self.conversion));
+        let stored = pixels(floats.clone(), n, self.pixel_type, self.units, Some(&self.conversion));
         Ok(Some(Band { stored, floats }))
     }
 }

@@ -213,7 +213,7 @@ impl Pyramid {
             }
             let shelf = &mut self.shelves[level];
             let stored =
-                pixels(floats.clone(), self.channels, shelf.pixel_type(), self.units, Some(self.conversion));
+                pixels(floats.clone(), self.channels, shelf.pixel_type(), self.units, Some(&self.conversion));
             let tiles = shelf.push(&stored);
             writer.costs.filter += start.elapsed();
             writer.write(level, tiles)?;

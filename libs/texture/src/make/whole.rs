@@ -77,7 +77,7 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
     let pixel_type = source.spec.pixel_type;
     work.halves = super::output::stored_type(options, kind, pixel_type, registry)? == PixelType::Half;
     let mut notes = Vec::new();
-    let mut picture = read_picture(&source, conversion, flat.is_peer())?;
+    let mut picture = read_picture(&source, &conversion, flat.is_peer())?;
     let mut attributes = source.spec.attributes.clone();
     if flat.probe {
         picture = panorama_of_probe(&picture);
@@ -172,16 +172,20 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
         channels,
         pixel_type,
         attributes,
+        icc_profile: source.spec.icc_profile.clone(),
         conversion: Some(conversion),
         notes,
         extras: Extras { frame, marks },
     })
 }
 
+/// The number of texels whose colours are converted together.
+const CONVERTED: usize = 4096;
+
 /// Reads the window of a source, with the values that are not finite. As a `peer`, integers are multiplied by the
 /// inverse of their largest value instead of divided by it, and remain integers when colours are multiplied by alpha.
 /// The hash depends on it.
-fn read_picture(source: &Source, conversion: Conversion, peer: bool) -> Result<Picture> {
+fn read_picture(source: &Source, conversion: &Conversion, peer: bool) -> Result<Picture> {
     let spec = &source.spec;
     let unit = match spec.pixel_type {
         PixelType::U8 => Some(255.0_f32),
@@ -194,11 +198,16 @@ fn read_picture(source: &Source, conversion: Conversion, peer: bool) -> Result<P
             let (n, scale) = (image.channels, 1.0 / unit);
             image.data.par_chunks_mut(n).for_each(|texel| {
                 texel.iter_mut().for_each(|v| *v *= scale);
-                if !conversion.keeps_inputs() {
-                    conversion.to_linear(texel, n);
+                if conversion.multiplies() {
+                    conversion.associate(texel, n);
                     texel.iter_mut().for_each(|v| *v = (*v * unit).round() * scale);
                 }
             });
+            if !conversion.keeps_colors() {
+                // The conversion is not rounded to integers.
+                let chunk = CONVERTED * n;
+                image.data.par_chunks_mut(chunk).for_each(|texels| conversion.convert_colors(texels, n));
+            }
             image
         }
         None => source.image(Some(conversion), Units::Fractions)?,
@@ -429,7 +438,7 @@ impl Work<'_> {
         let mut parts = Parts::default();
         for neighbour in &self.flat.neighbours {
             let source = Source::open(&neighbour.path, self.options, self.registry)?;
-            let mut picture = read_picture(&source, source.conversion(self.options), self.flat.is_peer())?;
+            let mut picture = read_picture(&source, &source.conversion(self.options), self.flat.is_peer())?;
             self.show(&mut picture);
             if picture.image.channels != image.channels {
                 picture.set_channels(image.channels);
@@ -480,7 +489,7 @@ impl Work<'_> {
     fn level_of_file(&self, path: &Path, above: &Image) -> Result<Image> {
         let source = Source::open(path, self.options, self.registry)?;
         let conversion = source.conversion(self.options);
-        let mut picture = read_picture(&source, conversion, self.flat.is_peer())?;
+        let mut picture = read_picture(&source, &conversion, self.flat.is_peer())?;
         if picture.image.channels != above.channels {
             picture.set_channels(above.channels);
         }

@@ -3,7 +3,7 @@
 use granita_image::{FormatRegistry, Request};
 use granita_view::{
     Arrangement, Display, Group, Image, Live, LiveInfo, LivePage, Page, Sheet, Shown, Stamp, TileStore,
-    groups,
+    Viewing, groups,
 };
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -75,8 +75,24 @@ pub(crate) struct Entries {
     /// The id of the live image that was last requested to be shown.
     live_shown: u64,
     changes: u64,
+    /// The view of a display through which files are seen; `None` for the encoding of sRGB.
+    viewing: Option<Viewing>,
     /// The list in groups, and its length when they were made. The list only grows.
     groups: RefCell<(usize, Rc<Vec<Group>>)>,
+}
+
+/// Opens a file, to be seen through a view of a display.
+fn open_image(
+    path: &Path,
+    formats: &FormatRegistry,
+    store: &TileStore,
+    viewing: Option<&Viewing>,
+) -> granita_view::Result<Image> {
+    let mut image = Image::open(path, formats, store)?;
+    if viewing.is_some() {
+        image.see_through(viewing);
+    }
+    Ok(image)
 }
 
 impl Entries {
@@ -89,10 +105,27 @@ impl Entries {
             live_version: u64::MAX,
             live_shown: 0,
             changes: 0,
+            viewing: None,
             groups: RefCell::default(),
         };
         entries.add(files);
         entries
+    }
+
+    /// Returns the view of a display through which files are seen.
+    pub(crate) fn viewing(&self) -> Option<&Viewing> {
+        self.viewing.as_ref()
+    }
+
+    /// Sees all files through a view of a display.
+    pub(crate) fn see_through(&mut self, viewing: Option<Viewing>) {
+        for entry in &mut self.list {
+            if let Opened::File(image) = &mut entry.opened {
+                image.see_through(viewing.as_ref());
+            }
+        }
+        self.viewing = viewing;
+        self.changes += 1;
     }
 
     /// Adds files at the end of the list.
@@ -176,7 +209,7 @@ impl Entries {
             return Ok(());
         }
         let stamp = Stamp::of(&e.path);
-        match Image::open(&e.path, formats, store) {
+        match open_image(&e.path, formats, store, self.viewing.as_ref()) {
             Ok(image) => e.opened = Opened::File(image),
             Err(error) => {
                 let text = error.to_string();
@@ -303,7 +336,7 @@ impl Entries {
         let Some(e) = self.list.get_mut(entry).filter(|e| !e.live) else { return };
         self.changes += 1;
         let stamp = Stamp::of(&e.path);
-        match (Image::open(&e.path, formats, store), &e.opened) {
+        match (open_image(&e.path, formats, store, self.viewing.as_ref()), &e.opened) {
             (Ok(image), _) => e.opened = Opened::File(image),
             // The previous image stays on the screen.
             (Err(_), Opened::File(_)) => {}
@@ -323,7 +356,7 @@ impl Entries {
         match &mut e.opened {
             Opened::File(image) if image.has_changed() => {
                 let now = Stamp::of(&e.path);
-                match Image::open(&e.path, formats, store) {
+                match open_image(&e.path, formats, store, self.viewing.as_ref()) {
                     Ok(new) => *image = new,
                     Err(_) => {
                         // The file is being written. The previous image stays, and the file is opened again when it has
@@ -341,7 +374,7 @@ impl Entries {
                     return None;
                 }
                 *stamp = now;
-                if let Ok(new) = Image::open(&e.path, formats, store) {
+                if let Ok(new) = open_image(&e.path, formats, store, self.viewing.as_ref()) {
                     e.opened = Opened::File(new);
                     self.changes += 1;
                 }

@@ -31,6 +31,8 @@ pub(crate) enum Action {
     Marks,
     Background,
     ScreenEncoding,
+    ColorView(isize),
+    ColorDisplay(isize),
     FileEncoding,
     Wipe,
     WipeDirection,
@@ -128,6 +130,8 @@ pub(crate) const SECTIONS: [(&str, &[Row]); 6] = [
                 "background of images with alpha: none, black, grey, white, checker",
             ),
             row("I", Action::ScreenEncoding, "encode for an sRGB screen, or show linear values"),
+            row("Z", Action::ColorView(1), "next view of the display, of a colour configuration"),
+            row("Shift+Z", Action::ColorDisplay(1), "next display of the configuration"),
             row("Shift+I", Action::FileEncoding, "read integers as encoded colours, or as linear light"),
             row("H", Action::Histogram, "histogram, numbers and metadata"),
         ],
@@ -248,7 +252,7 @@ mod tests {
             }
         }
         assert_eq!(action_of(Key::Questionmark, Modifiers::SHIFT), Some(Action::Help));
-        assert_eq!(action_of(Key::Z, Modifiers::NONE), None);
+        assert_eq!(action_of(Key::F9, Modifiers::NONE), None);
         assert_eq!(written("Shift+CloseBracket, Comma"), "Shift+] ,");
     }
 

@@ -27,7 +27,7 @@ use eframe::egui_wgpu::{WgpuSetup, WgpuSetupExisting};
 use granita_base::Reporter;
 use granita_cli::Status;
 use granita_image::FormatRegistry;
-use granita_view::{Live, StoreLimits, TileStore, expand};
+use granita_view::{Live, StoreLimits, TileStore, Viewing, expand};
 use model::Model;
 use parking_lot::Mutex;
 use std::sync::Arc;
@@ -109,6 +109,7 @@ fn native_options(args: &Args, backends: wgpu::Backends) -> eframe::NativeOption
 /// requests of clients to open files.
 pub(crate) fn run(
     args: &Args,
+    viewing: Option<Viewing>,
     live: &Live,
     wanted: Receiver<Wanted>,
     formats: &FormatRegistry,
@@ -147,6 +148,7 @@ pub(crate) fn run(
         let store = TileStore::new(limits);
         let mut model = Model::new(formats.clone(), files, live.clone(), display, store, wake);
         model.wanted = Some(wanted);
+        model.entries.see_through(viewing);
         let (width, height) = size(args);
         model.foresee(width as u32, (height - panels::STATUS).max(1.0) as u32);
         model

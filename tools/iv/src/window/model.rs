@@ -8,13 +8,16 @@ use crate::listen::Wanted;
 use granita_image::{FormatRegistry, PixelRect, Request, Wishes};
 use granita_view::{
     Around, Arrangement, Background, Canvas, Channels, ColorMap, Display, FalseColor, Live, Loader, Marks,
-    Mix, Needs, Shown, TileStore, View, draw_into, needs, paint, pixel_under,
+    Mix, Needs, Shown, TileStore, View, Viewing, draw_into, needs, paint, pixel_under,
 };
 use parking_lot::Mutex;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
+
+/// The answer to keys of displays and views without a configuration.
+const NO_CONFIGURATION: &str = "there is no colour configuration (-colorconfig)";
 
 /// The interval at which files are checked for changes.
 const WATCH: Duration = Duration::from_millis(500);
@@ -422,7 +425,39 @@ impl Model {
                 self.say(text);
             }
             Action::ScreenEncoding => d.srgb = !d.srgb,
+            Action::ColorView(by) => self.next_view(by),
+            Action::ColorDisplay(by) => self.next_display(by),
             _ => {}
+        }
+    }
+
+    /// Sees files through another view of the same display.
+    fn next_view(&mut self, by: isize) {
+        let Some(viewing) = self.entries.viewing() else { return self.say(NO_CONFIGURATION) };
+        let views = viewing.config().views(viewing.display());
+        let at = views.iter().position(|view| view.eq_ignore_ascii_case(viewing.view())).unwrap_or(0);
+        let Some(view) = views.get(Self::step(at, by, views.len())) else { return };
+        let next = viewing.with_view(viewing.display(), Some(view));
+        self.see_through(next);
+    }
+
+    /// Sees files through the first view of another display.
+    fn next_display(&mut self, by: isize) {
+        let Some(viewing) = self.entries.viewing() else { return self.say(NO_CONFIGURATION) };
+        let displays = viewing.config().displays();
+        let at = displays.iter().position(|name| name.eq_ignore_ascii_case(viewing.display())).unwrap_or(0);
+        let Some(display) = displays.get(Self::step(at, by, displays.len())) else { return };
+        let next = viewing.with_view(display, None);
+        self.see_through(next);
+    }
+
+    fn see_through(&mut self, next: Result<Viewing, granita_color::ColorError>) {
+        match next {
+            Ok(next) => {
+                self.say(format!("display {}, view {}", next.display(), next.view()));
+                self.entries.see_through(Some(next));
+            }
+            Err(error) => self.say(error.to_string()),
         }
     }
 

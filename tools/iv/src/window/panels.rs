@@ -73,6 +73,9 @@ pub(crate) fn status(app: &mut App, ppp: f32) -> String {
         }
         let layer = choice.layer.min(page.layers.len() - 1);
         parts.push(page.layers[layer].title(&spec.channels));
+        if !page.colors.text.is_empty() {
+            parts.push(page.colors.text.clone());
+        }
         if page.pyramid.stored_levels() > 1 {
             parts.push(format!("level {}/{}", choice.level, page.pyramid.stored_levels()));
         }
@@ -282,7 +285,7 @@ fn side(app: &mut App, ui: &mut egui::Ui) {
         }
         if let Some(image) = app.model.entries.image(current) {
             ui.separator();
-            ui.label(RichText::new(info::text(image)).monospace().size(10.5));
+            ui.label(RichText::new(info::text(image, &[])).monospace().size(10.5));
         }
     });
 }

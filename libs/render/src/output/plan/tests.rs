@@ -1,6 +1,7 @@
 //! Tests of the plans of images.
 
 use super::*;
+use granita_base::Filter;
 use granita_image::Limits;
 
 fn camera() -> CameraView {
@@ -216,4 +217,30 @@ fn files_store_the_crop_window_and_the_parameters() {
     let at = (6 + 2) * 4;
     // Gain is for colours, not for alpha.
     assert_eq!(values[at..at + 8], [0.2, 0.4, 0.6, 0.5, 0.8, 0.8, 0.8, 1.0]);
+}
+
+#[test]
+fn parts_have_the_filters_of_their_kinds() {
+    let registry = granita_plugin::bundled_formats(Limits::default());
+    let part = |name: &str| Param::declared("string part", name).unwrap();
+    let filter = |word: &str| Param::declared("string filter", word).unwrap();
+    let outputs = [
+        output("a.exr", "exr", "point P", &[part("position")]),
+        output("a.exr", "exr", "point P", &[part("blurred"), filter("box")]),
+        output("b.exr", "exr", "point P", &[]),
+        output("a.exr", "exr", "float object_id", &[part("ids")]),
+        output("a.exr", "exr", "float solid", &[part("solid")]),
+        output("a.exr", "exr", "z", &[part("depth")]),
+        output("a.exr", "exr", "rgb", &[part("depth")]),
+    ];
+    let list: Vec<&Output> = outputs.iter().collect();
+    let (reporter, kept) = Reporter::collecting();
+    let set = OutputSet::new(&list, &camera(), &registry, &reporter).unwrap();
+    let filters: Vec<PixelFilter> = set.images.iter().map(|image| image.layers[0].filter.filter).collect();
+    let (closest, weighted) = (PixelFilter::Closest, PixelFilter::Weighted);
+    let gaussian = weighted(Filter::Gaussian);
+    assert_eq!(filters, [closest, weighted(Filter::Box), gaussian, closest, gaussian, PixelFilter::Min]);
+    let said: Vec<String> = kept.lock().iter().map(ToString::to_string).collect();
+    assert!(said.len() == 1 && said[0].contains("two images are the part \"depth\""), "{said:?}");
+    assert_eq!(set.images[0].path_alone(), Path::new("a.position.exr"));
 }

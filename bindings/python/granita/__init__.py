@@ -1,0 +1,4 @@
+"""Parts of the Granita suite as Python modules.
+
+``granita.texture`` looks up textures. The renderer is the package ``gelato``.
+"""

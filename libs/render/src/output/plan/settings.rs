@@ -1,0 +1,47 @@
+//! The settings of the renderer that images have as metadata.
+//!
+//! All of them are texts, so that formats without numbers as attributes store them as well. They depend on the scene
+//! alone, so that the same frame results in the same file.
+
+use super::ImageLayer;
+use crate::CameraView;
+use granita_base::{BaseType, Param, ParamType, Params};
+use granita_hider::film::{FilterSpec, PixelFilter};
+
+/// Returns the settings of an image of `camera` with these layers.
+pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer]) -> Params {
+    let mut params = Params::new();
+    let mut set = |name: &str, text: String| {
+        let ty = ParamType::of(BaseType::String);
+        params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
+    };
+    set("camera", camera.name.to_string());
+    let [x, y] = camera.spatialquality;
+    set("samples", format!("{x} {y}"));
+    if camera.has_motion_blur() {
+        let [open, close] = camera.shutter;
+        set("shutter", format!("{open} {close}"));
+        set("temporalquality", camera.temporalquality.to_string());
+    }
+    if camera.has_depth_of_field() {
+        set("dofquality", camera.dofquality.to_string());
+    }
+    match layers {
+        [one] => set("filter", filter_text(&one.filter)),
+        many => many.iter().for_each(|l| set(&format!("filter/{}", l.name), filter_text(&l.filter))),
+    }
+    params
+}
+
+/// Returns the name and the widths of a filter.
+fn filter_text(filter: &FilterSpec) -> String {
+    let word = match filter.filter {
+        PixelFilter::Weighted(shape) => shape.word(),
+        PixelFilter::Min => "min",
+        PixelFilter::Max => "max",
+        PixelFilter::Average => "average",
+        PixelFilter::Closest => return "closest".to_owned(),
+    };
+    let [x, y] = filter.width;
+    format!("{word} {x} {y}")
+}

@@ -1,0 +1,235 @@
+//! Tests of workers that connect to their coordinator (`gelato -net listen`, `gelato -worker -join`).
+
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use granita_tests::{Image, Tools, copy_first};
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SECRET: &str = "a secret of the tests";
+
+/// A folder with a scene, and the port of its coordinator.
+struct Place {
+    tools: Tools,
+    folder: tempfile::TempDir,
+    port: u16,
+}
+
+/// A child process that is killed when the test is over.
+struct Running(Option<Child>);
+
+impl Running {
+    /// Waits for its end.
+    fn end(mut self) -> Output {
+        self.0.take().unwrap().wait_with_output().unwrap()
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.0.as_ref().unwrap().id().to_string();
+        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+impl Place {
+    fn new() -> Self {
+        let (tools, folder) = (Tools::build().unwrap(), tempfile::tempdir().unwrap());
+        copy_first(folder.path()).unwrap();
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let place = Self { tools, folder, port };
+        place.write_secret("secret", SECRET, 0o600);
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write_secret(&self, name: &str, text: &str, mode: u32) {
+        std::fs::write(self.path(name), text).unwrap();
+        std::fs::set_permissions(self.path(name), PermissionsExt::from_mode(mode)).unwrap();
+    }
+
+    fn start(&self, folder: &Path, words: &[&str]) -> Running {
+        let mut command = Command::new(self.tools.program("gelato"));
+        command.current_dir(folder).args(words).env_remove("GELATOHOME").stdin(Stdio::null());
+        Running(Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
+    }
+
+    /// Starts a worker, in another folder than that of the scene.
+    fn worker(&self, secret: &str) -> Running {
+        let (address, secret) = (format!("127.0.0.1:{}", self.port), self.path(secret));
+        let words = ["-worker", "-join", &address, "-threads", "1", "-secret", secret.to_str().unwrap()];
+        self.start(Path::new("/"), &words)
+    }
+
+    /// Starts the coordinator, which writes "out.exr".
+    fn coordinator(&self, words: &[&str]) -> Running {
+        let listen = format!("listen:127.0.0.1:{}", self.port);
+        let net = ["-net", &listen, "-secret", "secret", "examples/first/first.pyg", "-o", "out.exr"];
+        self.start(self.folder.path(), &[words, &net].concat())
+    }
+
+    /// Waits until the coordinator listens.
+    fn connect(&self) -> TcpStream {
+        let begin = Instant::now();
+        loop {
+            match TcpStream::connect(("127.0.0.1", self.port)) {
+                Ok(stream) => return stream,
+                Err(error) => assert!(begin.elapsed() < Duration::from_secs(30), "{error}"),
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Renders without workers.
+    fn alone(&self) -> (Image, Duration) {
+        let begin = Instant::now();
+        let words = ["-threads", "1", "examples/first/first.pyg", "-o", "alone.exr"];
+        let ran = self.start(self.folder.path(), &words).end();
+        assert!(ran.status.success(), "{}", text(&ran.stderr));
+        (Image::read(&self.path("alone.exr")).unwrap(), begin.elapsed())
+    }
+
+    /// Checks the end of a coordinator and its image, and returns its messages.
+    fn check(&self, ran: &Output, alone: &Image) -> String {
+        let said = text(&ran.stderr);
+        assert!(ran.status.success(), "{said}");
+        assert!(Image::read(&self.path("out.exr")).unwrap() == *alone, "other pixels");
+        said
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn workers_that_join_render_the_same_pixels() {
+    let place = Place::new();
+    let (alone, _) = place.alone();
+    // One worker tries before its coordinator listens.
+    let first = place.worker("secret");
+    let coordinator = place.coordinator(&["-statistics"]);
+    drop(place.connect());
+    let second = place.worker("secret");
+    let ran = coordinator.end();
+    let said = place.check(&ran, &alone);
+    // The connection that was dropped above.
+    assert_eq!(said.matches("-net: ").count(), 1, "{said}");
+    assert!(
+        said.contains("a connection from 127.0.0.1 was refused: it does not speak the protocol"),
+        "{said}"
+    );
+    let statistics = text(&ran.stdout);
+    assert!(statistics.contains("  worker ") && statistics.contains("buckets and parts"), "{statistics}");
+    for worker in [first, second] {
+        let ran = worker.end();
+        // The second one may come too late.
+        let late = text(&ran.stderr).contains("the coordinator refused the connection");
+        assert!(ran.status.success() || late, "{}: {}", ran.status, text(&ran.stderr));
+    }
+}
+
+#[test]
+fn strangers_are_refused_and_cost_nothing() {
+    let place = Place::new();
+    let (alone, _) = place.alone();
+    place.write_secret("other", "the secret of another one", 0o600);
+    let coordinator = place.coordinator(&[]);
+    let mut garbage = place.connect();
+    garbage.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
+    garbage.shutdown(Shutdown::Write).unwrap();
+    let mut rest = Vec::new();
+    let _ = garbage.read_to_end(&mut rest);
+    assert!(rest.is_empty());
+    // This one says nothing, and stays.
+    let silent = place.connect();
+    let wrong = place.worker("other").end();
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(text(&wrong.stderr).contains("it may have another secret"), "{}", text(&wrong.stderr));
+    let worker = place.worker("secret");
+    let said = place.check(&coordinator.end(), &alone);
+    for part in ["it does not speak the protocol", "it does not know the secret"] {
+        assert!(said.contains(&format!("a connection from 127.0.0.1 was refused: {part}")), "{said}");
+    }
+    assert!(worker.end().status.success());
+    drop(silent);
+}
+
+#[test]
+fn stopped_and_killed_workers_do_not_cost_the_frame() {
+    let place = Place::new();
+    let (alone, usual) = place.alone();
+    let workers = [(); 3].map(|()| place.worker("secret"));
+    let begin = Instant::now();
+    let coordinator = place.coordinator(&[]);
+    drop(place.connect());
+    // They join within half a second after that, and the frame takes longer.
+    std::thread::sleep(Duration::from_millis(1200));
+    workers[0].signal("-STOP");
+    workers[1].signal("-KILL");
+    let said = place.check(&coordinator.end(), &alone);
+    let late = begin.elapsed().saturating_sub(usual);
+    assert!(late < Duration::from_secs(10), "{late:?} late: {said}");
+    assert!(!said.contains("renders alone"), "{said}");
+    let [_, _, last] = workers;
+    assert!(last.end().status.success());
+}
+
+#[test]
+fn workers_end_with_their_coordinator() {
+    let place = Place::new();
+    let worker = place.worker("secret");
+    let coordinator = place.coordinator(&[]);
+    drop(place.connect());
+    std::thread::sleep(Duration::from_millis(1200));
+    coordinator.signal("-KILL");
+    let begin = Instant::now();
+    let ran = worker.end();
+    assert!(begin.elapsed() < Duration::from_secs(10));
+    assert_eq!(ran.status.code(), Some(1), "{}", text(&ran.stderr));
+    assert!(text(&ran.stderr).contains("the connection to the coordinator is lost"), "{}", text(&ran.stderr));
+}
+
+#[test]
+fn secrets_are_made_checked_and_required() {
+    let place = Place::new();
+    let run = |words: &[&str]| place.start(place.folder.path(), words).end();
+    let listen = format!("listen:127.0.0.1:{}", place.port);
+    std::fs::write(place.path("few.pyg"), "World ()\nSphere (1, -1, 1, 360)\nRender ()\n").unwrap();
+    let ran = run(&["-net", &listen, "few.pyg"]);
+    assert_eq!(ran.status.code(), Some(1));
+    assert!(text(&ran.stderr).contains("must know a secret"), "{}", text(&ran.stderr));
+    // A file that is missing is made.
+    let ran = run(&["-net", "local", "-net", &listen, "-secret", "new", "few.pyg"]);
+    assert!(ran.status.success(), "{}", text(&ran.stderr));
+    let made = std::fs::metadata(place.path("new")).unwrap();
+    assert_eq!(made.permissions().mode() & 0o777, 0o600);
+    assert_eq!(std::fs::read_to_string(place.path("new")).unwrap().trim().len(), 64);
+    place.write_secret("open", SECRET, 0o644);
+    place.write_secret("short", "short", 0o600);
+    for (words, part) in [
+        (&["-worker", "-join", "localhost"][..], "needs a secret"),
+        (&["-worker", "-join", "localhost", "-secret", "none"], "-secret none: "),
+        (&["-worker", "-join", "localhost", "-secret", "open"], "others may read it"),
+        (&["-worker", "-join", "localhost", "-secret", "short"], "at least 16 characters"),
+    ] {
+        let ran = run(words);
+        assert_eq!(ran.status.code(), Some(2), "{words:?}");
+        assert!(text(&ran.stderr).contains(part), "{words:?}: {}", text(&ran.stderr));
+    }
+}
