@@ -111,7 +111,7 @@ fn frames_that_are_up_to_date_are_left_out() {
 fn the_files_of_a_scene_are_listed_without_rendering_it() {
     let (tools, folder) = place();
     let at = |name: &str| folder.path().join(name);
-    std::fs::write(at("wood.gsl"), "#include \"more.h\"\nsurface wood (string grain = \"grain.tx\") { C = (color) texture (grain, s, t) + (color) texture (\"knot.tx\", s, t) + more; }\n").unwrap();
+    std::fs::write(at("wood.gsl"), "#include \"more.h\"\nsurface wood (string grain = \"grain.tx\") { C = (color) texture (grain, u, v) + (color) texture (\"knot.tx\", u, v) + more; }\n").unwrap();
     std::fs::write(at("more.h"), "#define more 0.1\n").unwrap();
     for name in ["grain.tx", "knot.tx", "other.tx", "tile.1001.tx", "tile.1002.tx"] {
         std::fs::write(at(name), "no texture").unwrap();
