@@ -1,7 +1,7 @@
 //! `imgtool` converts, resizes, combines and compares images.
 //!
-//! The words of the command line become steps ([`parse`]), which work on a stack of images from left to right
-//! ([`stack`], [`machine`]). The images are those of [`granita_edit`]: rows are computed when a file is written, so that
+//! The words of the command line become steps (`parse`), which work on a stack of images from left to right
+//! (`stack`, `machine`). The images are those of [`granita_edit`]: rows are computed when a file is written, so that
 //! images larger than the memory pass.
 
 #![forbid(unsafe_code)]

@@ -45,7 +45,7 @@ pub(super) fn job(texts: &[&str]) -> io::Result<Vec<u8>> {
     framed(JOB, &[&payload])
 }
 
-/// Connects to the coordinator at HOST[:PORT], and receives its work. A coordinator that does not listen is tried again
+/// Connects to the coordinator at `HOST[:PORT]`, and receives its work. A coordinator that does not listen is tried again
 /// for a minute.
 ///
 /// # Errors
