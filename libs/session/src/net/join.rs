@@ -45,8 +45,8 @@ pub(super) fn job(texts: &[&str]) -> io::Result<Vec<u8>> {
     framed(JOB, &[&payload])
 }
 
-/// Connects to the coordinator at `HOST[:PORT]`, and receives its work. A coordinator that does not listen is tried again
-/// for a minute.
+/// Connects to the coordinator at `HOST[:PORT]`, and receives its work. A coordinator that does not listen is tried
+/// again for a minute.
 ///
 /// # Errors
 /// Returns the reason why there is no work.
