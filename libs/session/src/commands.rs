@@ -45,9 +45,9 @@ pub(crate) fn run(
     true
 }
 
-/// Returns a command as one line of text: its name, and the words of its parameter "command".
+/// Returns a command as one line of text: its name, and the words of its parameter "command" or "name".
 pub(crate) fn text(name: &str, params: &Params) -> String {
-    let words = params.get("command").map(|param| &param.data);
+    let words = params.get("command").or_else(|| params.get("name")).map(|param| &param.data);
     let Some(ParamData::String(words)) = words else { return name.trim().to_owned() };
     std::iter::once(name.trim()).chain(words.iter().map(|word| &**word)).collect::<Vec<_>>().join(" ")
 }

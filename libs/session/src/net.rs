@@ -258,7 +258,7 @@ impl Net {
         command.env(NetSecret::VARIABLE, secret);
         // Standard output belongs to the images of a caller, or to nobody.
         command.stdout(Stdio::null());
-        let (name, shared) = (launch.name.clone(), self.shared.clone());
+        let (name, program, shared) = (launch.name.clone(), words[0].clone(), self.shared.clone());
         match self.options.run.supervisor.spawn(&mut command, format!("starting workers ({name})")) {
             Ok(mut process) => {
                 shared.launching.fetch_add(1, Ordering::Relaxed);
@@ -271,7 +271,7 @@ impl Net {
                     let ended = shared.ends.load(Ordering::Relaxed);
                     match status {
                         Ok(status) if !status.success() && !ended => {
-                            shared.reporter.warning(format!("-net: {name}: {} ended ({status})", name));
+                            shared.reporter.warning(format!("-net: {name}: {program} ended ({status})"));
                         }
                         _ => (),
                     }

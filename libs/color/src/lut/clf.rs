@@ -194,18 +194,22 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
+    /// Returns the channels that parameters are for: one, or red, green and blue.
+    fn channels(&self, node: Node<'a, 'a>) -> Result<std::ops::Range<usize>, ColorError> {
+        match node.attribute("channel") {
+            None => Ok(0..3),
+            Some("R") => Ok(0..1),
+            Some("G") => Ok(1..2),
+            Some("B") => Ok(2..3),
+            Some(other) => Err(self.unsupported(node, format!("channel \"{other}\""))),
+        }
+    }
+
     fn exponent(&self, node: Node<'a, 'a>, found: &mut Vec<Directed>) -> Result<(), ColorError> {
         let style = node.attribute("style").unwrap_or_default();
         let (mut gamma, mut offset) = ([1.0; 4], [0.0; 4]);
         for child in node.children().filter(|child| child.tag_name().name() == "ExponentParams") {
-            let channels = match child.attribute("channel") {
-                None => 0..3,
-                Some("R") => 0..1,
-                Some("G") => 1..2,
-                Some("B") => 2..3,
-                Some(other) => return Err(self.unsupported(child, format!("channel \"{other}\""))),
-            };
-            for c in channels {
+            for c in self.channels(child)? {
                 gamma[c] = self.attribute(child, "exponent")?.unwrap_or(1.0);
                 offset[c] = self.attribute(child, "offset")?.unwrap_or(0.0);
             }
@@ -241,15 +245,8 @@ impl<'a> Reader<'a> {
         let mut log = LogParams::pure(base);
         let (mut breaks, mut slopes) = ([0.0; 3], [None; 3]);
         for child in node.children().filter(|child| child.tag_name().name() == "LogParams") {
-            let channels = match child.attribute("channel") {
-                None => 0..3,
-                Some("R") => 0..1,
-                Some("G") => 1..2,
-                Some("B") => 2..3,
-                Some(other) => return Err(self.unsupported(child, format!("channel \"{other}\""))),
-            };
             log.base = self.attribute(child, "base")?.unwrap_or(log.base);
-            for c in channels {
+            for c in self.channels(child)? {
                 log.log_slope[c] = self.attribute(child, "logSideSlope")?.unwrap_or(1.0);
                 log.log_offset[c] = self.attribute(child, "logSideOffset")?.unwrap_or(0.0);
                 log.lin_slope[c] = self.attribute(child, "linSideSlope")?.unwrap_or(1.0);
