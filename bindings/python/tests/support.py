@@ -21,6 +21,18 @@ except ImportError:
 needs_numpy = unittest.skipIf(numpy is None, "numpy is not installed")
 
 
+class Unseen:
+    """Hides numpy from the package."""
+
+    def __enter__(self):
+        self.before = {name: module for name, module in sys.modules.items() if name.split(".")[0] == "numpy"}
+        for name in self.before:
+            del sys.modules[name]
+
+    def __exit__(self, *_):
+        sys.modules.update(self.before)
+
+
 class Scratch(unittest.TestCase):
     """Runs each test in an empty folder."""
 

@@ -3,10 +3,9 @@
 import array
 import ctypes
 import struct
-import sys
 import unittest
 
-from support import Scratch, needs_numpy, numpy  # isort: skip
+from support import Scratch, Unseen, needs_numpy, numpy  # isort: skip
 
 import gelato
 from gelato import _stream
@@ -16,18 +15,6 @@ def values(value):
     """Returns the code and the numbers of an encoded value."""
     data = _stream.encode(value)
     return data[:1], list(struct.unpack("<%d%s" % ((len(data) - 5) // 4, "i" if data[:1] == b"I" else "f"), data[5:]))
-
-
-class Unseen:
-    """Hides numpy from the package."""
-
-    def __enter__(self):
-        self.before = {name: module for name, module in sys.modules.items() if name.split(".")[0] == "numpy"}
-        for name in self.before:
-            del sys.modules[name]
-
-    def __exit__(self, *_):
-        sys.modules.update(self.before)
 
 
 class Buffers(unittest.TestCase):

@@ -11,7 +11,7 @@ import threading
 import unittest
 import warnings
 
-from support import PACKAGE, Scratch, needs_numpy, numpy, run_examples  # isort: skip
+from support import PACKAGE, Scratch, Unseen, needs_numpy, numpy, run_examples  # isort: skip
 
 from granita import texture
 from granita.texture import TextureArgumentError, TextureError, TextureFileError, TextureSystem, TextureWarning
@@ -44,18 +44,6 @@ def write_pfm(name, width, height, channels, value):
 
 def ramp(s, t):
     return s, t, 0.25
-
-
-class Unseen:
-    """Hides numpy from the package."""
-
-    def __enter__(self):
-        self.before = {name: module for name, module in sys.modules.items() if name.split(".")[0] == "numpy"}
-        for name in self.before:
-            del sys.modules[name]
-
-    def __exit__(self, *_):
-        sys.modules.update(self.before)
 
 
 @unittest.skipUnless(os.environ.get("GRANITA_TEXTURE_LIB"), "GRANITA_TEXTURE_LIB is not set")
