@@ -31,28 +31,33 @@ struct Described {
     note: Option<String>,
 }
 
-/// Returns the primaries of eight chromaticities: those of white at `white`, and of red, green and blue at `red`.
+/// Well-known primaries.
+const GAMUTS: [(Primaries, &str); 7] = [
+    (Primaries::REC709, "Rec. 709"),
+    (Primaries::AP0, "ACES AP0"),
+    (Primaries::AP1, "ACES AP1"),
+    (Primaries::REC2020, "Rec. 2020"),
+    (Primaries::P3_D65, "P3 (D65)"),
+    (Primaries::P3_DCI, "P3 (DCI)"),
+    (Primaries::ADOBE_RGB, "Adobe RGB"),
+];
+
+/// Returns the primaries of eight chromaticities: those of white at `white`, and of red, green and blue at `red`. Those
+/// of well-known primaries, which a file rounds, are exact.
 fn primaries(values: &[f32], white: usize, red: usize) -> Option<Primaries> {
     if values.len() != 8 || values.iter().any(|v| !v.is_finite()) {
         return None;
     }
     let at = |i: usize| [f64::from(values[i]), f64::from(values[i + 1])];
-    Some(Primaries { red: at(red), green: at(red + 2), blue: at(red + 4), white: at(white) })
+    let stored = Primaries { red: at(red), green: at(red + 2), blue: at(red + 4), white: at(white) };
+    let known = GAMUTS.iter().find(|(known, _)| known.is_near(&stored, 1e-6));
+    Some(known.map_or(stored, |(known, _)| *known))
 }
 
 /// Returns the name of well-known primaries.
-fn gamut(primaries: &Primaries) -> String {
-    let known = [
-        (Primaries::REC709, "Rec. 709"),
-        (Primaries::AP0, "ACES AP0"),
-        (Primaries::AP1, "ACES AP1"),
-        (Primaries::REC2020, "Rec. 2020"),
-        (Primaries::P3_D65, "P3 (D65)"),
-        (Primaries::P3_DCI, "P3 (DCI)"),
-        (Primaries::ADOBE_RGB, "Adobe RGB"),
-    ];
-    let found = known.iter().find(|(known, _)| known.is_near(primaries, 1e-3));
-    found.map_or_else(|| "other primaries".to_owned(), |(_, name)| (*name).to_owned())
+fn gamut(primaries: &Primaries) -> &'static str {
+    let found = GAMUTS.iter().find(|(known, _)| known.is_near(primaries, 1e-3));
+    found.map_or("other primaries", |(_, name)| name)
 }
 
 /// Returns what the attributes of an image say of its colours. The order is that of the standard of PNG: numbers of
