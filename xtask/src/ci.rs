@@ -32,6 +32,7 @@ pub(crate) fn run() -> Result<(), String> {
     crate::tidy()?;
     pages(root)?;
     attack()?;
+    farm()?;
     other_architecture(root)?;
     dependencies(root)
 }
@@ -105,6 +106,19 @@ fn attack() -> Result<(), String> {
     }
     #[cfg(not(target_os = "linux"))]
     println!("ci: attack: skipped, it needs /proc and sh of Linux");
+    Ok(())
+}
+
+/// Runs the part of `cargo xtask farm` without Slurm, on systems that support it.
+fn farm() -> Result<(), String> {
+    #[cfg(target_os = "linux")]
+    {
+        let start = Instant::now();
+        crate::farm::fixed()?;
+        println!("ci: farm: {:.0} s", start.elapsed().as_secs_f64());
+    }
+    #[cfg(not(target_os = "linux"))]
+    println!("ci: farm: skipped, it needs signals and /proc of Linux");
     Ok(())
 }
 
