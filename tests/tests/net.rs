@@ -113,7 +113,10 @@ fn hanging_workers_do_not_block_a_frame() {
     let whole = tempfile::tempdir().unwrap();
     copy_first(whole.path()).unwrap();
     std::fs::write(whole.path().join("command.pyg"), "").unwrap();
+    let begin = std::time::Instant::now();
     let (alone, _) = render(&tools, whole.path(), &[]);
+    // All frames are rendered at once, some buckets twice, on machines that do other work as well.
+    let most = std::time::Duration::from_secs(20) + 4 * STUCK.len() as u32 * begin.elapsed();
     std::thread::scope(|scope| {
         for (script, told) in STUCK {
             let (tools, alone) = (&tools, &alone);
@@ -131,7 +134,7 @@ fn hanging_workers_do_not_block_a_frame() {
                 std::fs::write(place.join("command.pyg"), command).unwrap();
                 let begin = std::time::Instant::now();
                 let (image, said) = render(tools, place, &["local"]);
-                assert!(begin.elapsed().as_secs() < 30, "{script}: {:?}", begin.elapsed());
+                assert!(begin.elapsed() < most, "{script}: {:?} of {most:?}", begin.elapsed());
                 assert!(image == *alone, "{script}: other pixels");
                 assert!(
                     said.contains("-net: the worker on local is gone: ") && said.contains(told),
