@@ -184,3 +184,36 @@ fn workers_named_by_an_attribute_tint_their_buckets() {
     }
     assert!(one != other, "the seed chooses the colours");
 }
+
+/// Names of objects that only one worker sees are in the manifest as well.
+#[test]
+fn cryptomattes_of_workers_equal_those_of_one_process() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    let gelato = tools.program("gelato");
+    let spheres: String = (0..6)
+        .map(|i| {
+            format!(
+                "PushTransform ()\nTranslate ({}, 0, 0)\nAttribute (\"string name\", \"ball{i}\")\nSphere (0.4, -0.4, 0.4, 360)\nPopTransform ()\n",
+                i as f32 - 2.5
+            )
+        })
+        .collect();
+    let scene = format!(
+        "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"int[2] resolution\", (96, 32))\nAttribute (\"int[2] limits:bucketsize\", (16, 16))\n\
+         Attribute (\"float[4] screen\", (-3, 3, -1, 1))\nOutput (\"out.exr\", \"exr\", \"cryptomatte object\", \"camera\")\n\
+         Translate (0, 0, 3)\nWorld ()\nShader (\"surface\", \"constant\")\n{spheres}Render ()\n",
+        gelato.display()
+    );
+    std::fs::write(place.join("scene.pyg"), scene).unwrap();
+    let render = |words: &[&str]| {
+        let ran = tools.run(place, "gelato", &[words, &["scene.pyg"]].concat()).unwrap();
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
+        std::fs::read(place.join("out.exr")).unwrap()
+    };
+    let alone = render(&[]);
+    let holds = |word: &[u8]| alone.windows(word.len()).any(|part| part == word);
+    assert!((0..6).all(|i| holds(format!("ball{i}").as_bytes())), "a name is missing");
+    assert!(render(&["-net", "local local"]) == alone, "another file");
+}
