@@ -13,6 +13,7 @@ and floats by 2^-9 of the larger one or by 1/255. A case with a reason is expect
 import argparse
 import os
 import pathlib
+import shlex
 import shutil
 import subprocess
 import sys
@@ -102,6 +103,17 @@ def cases():
         ("hdr.exr --chsum -o o.exr", ""),
         ("hdr.exr --maxchan -o o.exr", ""),
         ("hdr.exr --minchan -o o.exr", ""),
+    ]
+    yield "colour spaces", [
+        ("hdr.exr --colorconvert %s -d float -o o.exr" % spaces, "")
+        for spaces in ("lin_rec709 sRGB", "lin_rec709 ACEScg", "ACEScg ACEScct", "lin_rec709 g22_rec709", "ACES2065-1 lin_rec2020")
+    ] + [
+        ("alpha.exr --colorconvert%s lin_rec709 sRGB -d float -o o.exr" % option, "") for option in ("", ":unpremult=1")
+    ] + [
+        ("hdr.exr --iscolorspace ACEScg --tocolorspace lin_rec709 -d float -o o.exr", ""),
+        ("photo.png --tocolorspace lin_rec709 -d float -o o.exr", ""),
+        ("hdr.exr --ociodisplay:from=lin_rec709 default Un-tone-mapped -d float -o o.exr", ""),
+        ("hdr.exr --iscolorspace ACEScg --ociodisplay 'sRGB - Display' Un-tone-mapped -d float -o o.exr", ""),
     ]
     yield "arithmetic", [
         ("hdr.exr photo.exr --%s -d float -o o.exr" % name, "")
@@ -251,7 +263,7 @@ def main():
             for line, reason in lines:
                 if options.only not in group + " " + line:
                     continue
-                words, count = line.split(), count + 1
+                words, count = shlex.split(line), count + 1
                 out = words[words.index("-o") + 1] if "-o" in words else None
                 if not out:
                     # idiff has its limits before two names, and no option for comparing.
