@@ -26,7 +26,7 @@ pub struct Ran {
 
 impl Tools {
     /// The names of the tools that a case may run.
-    pub const NAMES: [&'static str; 5] = ["gelato", "maketx", "gslc", "gsoinfo", "topyg"];
+    pub const NAMES: [&'static str; 6] = ["gelato", "maketx", "imgtool", "gslc", "gsoinfo", "topyg"];
 
     /// Builds the tools in the profile of the running test and finds them.
     ///
@@ -60,9 +60,11 @@ impl Tools {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
         let mut command = Command::new(cargo);
         command.current_dir(repository()).args(["build", "--quiet", "--bins", "--target-dir"]).arg(target);
-        // The libraries for C++ are tested under valgrind as they are built alone. The workspace has the feature
-        // `union` of `smallvec`, which the texts of `exr` are made of. valgrind takes its unused bytes for an error.
-        if libraries.is_empty() && std::env::var_os(WHOLE).is_some() {
+        // Where valgrind tests the libraries for C++, they are built alone, which takes minutes. The workspace has the
+        // feature `union` of `smallvec`, which the texts of `exr` are made of. valgrind takes its unused bytes for an
+        // error.
+        let alone = !libraries.is_empty() && has_program("valgrind");
+        if !alone && std::env::var_os(WHOLE).is_some() {
             // The features of dependencies are then those that the tests were built with.
             command.args(["--workspace", "--lib", "--tests"]);
         } else {

@@ -113,7 +113,10 @@ fn hanging_workers_do_not_block_a_frame() {
     let whole = tempfile::tempdir().unwrap();
     copy_first(whole.path()).unwrap();
     std::fs::write(whole.path().join("command.pyg"), "").unwrap();
+    let begin = std::time::Instant::now();
     let (alone, _) = render(&tools, whole.path(), &[]);
+    // All frames are rendered at once, some buckets twice, on machines that do other work as well.
+    let most = std::time::Duration::from_secs(20) + 4 * STUCK.len() as u32 * begin.elapsed();
     std::thread::scope(|scope| {
         for (script, told) in STUCK {
             let (tools, alone) = (&tools, &alone);
@@ -131,7 +134,7 @@ fn hanging_workers_do_not_block_a_frame() {
                 std::fs::write(place.join("command.pyg"), command).unwrap();
                 let begin = std::time::Instant::now();
                 let (image, said) = render(tools, place, &["local"]);
-                assert!(begin.elapsed().as_secs() < 30, "{script}: {:?}", begin.elapsed());
+                assert!(begin.elapsed() < most, "{script}: {:?} of {most:?}", begin.elapsed());
                 assert!(image == *alone, "{script}: other pixels");
                 assert!(
                     said.contains("-net: the worker on local is gone: ") && said.contains(told),
@@ -180,4 +183,37 @@ fn workers_named_by_an_attribute_tint_their_buckets() {
         assert!((0..48).all(|x| image.pixel(x, 8).unwrap() == color));
     }
     assert!(one != other, "the seed chooses the colours");
+}
+
+/// Names of objects that only one worker sees are in the manifest as well.
+#[test]
+fn cryptomattes_of_workers_equal_those_of_one_process() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    let gelato = tools.program("gelato");
+    let spheres: String = (0..6)
+        .map(|i| {
+            format!(
+                "PushTransform ()\nTranslate ({}, 0, 0)\nAttribute (\"string name\", \"ball{i}\")\nSphere (0.4, -0.4, 0.4, 360)\nPopTransform ()\n",
+                i as f32 - 2.5
+            )
+        })
+        .collect();
+    let scene = format!(
+        "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"int[2] resolution\", (96, 32))\nAttribute (\"int[2] limits:bucketsize\", (16, 16))\n\
+         Attribute (\"float[4] screen\", (-3, 3, -1, 1))\nOutput (\"out.exr\", \"exr\", \"cryptomatte object\", \"camera\")\n\
+         Translate (0, 0, 3)\nWorld ()\nShader (\"surface\", \"constant\")\n{spheres}Render ()\n",
+        gelato.display()
+    );
+    std::fs::write(place.join("scene.pyg"), scene).unwrap();
+    let render = |words: &[&str]| {
+        let ran = tools.run(place, "gelato", &[words, &["scene.pyg"]].concat()).unwrap();
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
+        std::fs::read(place.join("out.exr")).unwrap()
+    };
+    let alone = render(&[]);
+    let holds = |word: &[u8]| alone.windows(word.len()).any(|part| part == word);
+    assert!((0..6).all(|i| holds(format!("ball{i}").as_bytes())), "a name is missing");
+    assert!(render(&["-net", "local local"]) == alone, "another file");
 }

@@ -28,6 +28,7 @@ pub(crate) fn run() -> Result<(), String> {
     tests(root, &words)?;
     step(root, "format", &["fmt", "--all", "--check"])?;
     step(root, "lints", &["clippy", "--workspace", "--all-targets", "--quiet", "--", "-D", "warnings"])?;
+    devices(root)?;
     step(root, "docs", &["doc", "--workspace", "--no-deps", "--quiet"])?;
     crate::tidy()?;
     pages(root)?;
@@ -81,6 +82,14 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     }
     println!("ci: tests: {} skipped, {:.0} s", skipped.len(), start.elapsed().as_secs_f64());
     if status.success() { Ok(()) } else { Err("tests failed".to_owned()) }
+}
+
+/// Checks what only builds with devices, and runs its tests.
+fn devices(root: &Path) -> Result<(), String> {
+    let built = ["--package", "gelato", "--package", "granita-benches", "--features", "gelato/gpu,granita-benches/gpu"];
+    let lints = [&["clippy", "--quiet"], &built[..], &["--bins", "--tests", "--", "-D", "warnings"]].concat();
+    step(root, "devices: lints", &lints)?;
+    step(root, "devices", &["test", "--quiet", "--package", "gelato", "--features", "gpu", "--test", "gpu"])
 }
 
 /// Checks the links of the manual and a part of each of its images. The tests of the manual have run before.

@@ -4,6 +4,7 @@ mod compile;
 mod looks;
 mod rules;
 
+use crate::engine::{Conversion, Engine};
 use crate::error::ColorError;
 use crate::model::{ColorSpace, Model, NamedTransform, View};
 use crate::processor::Processor;
@@ -11,6 +12,7 @@ use crate::read;
 use compile::Compiler;
 use granita_base::{Environment, suggestion};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The names of built-in configurations that `ocio://NAME` accepts. All name the same one, which has the spaces of all
 /// of them.
@@ -45,6 +47,8 @@ pub struct Config {
     folder: PathBuf,
     /// The variables that names of files may contain, and the opener of files.
     environment: Environment,
+    /// The library for transforms that this crate does not have.
+    engine: Option<Arc<dyn Engine>>,
 }
 
 fn misuse<T>(what: String) -> Result<T, ColorError> {
@@ -59,7 +63,7 @@ fn same(a: &str, b: &str) -> bool {
 impl Config {
     /// Returns the built-in configuration. It has the colour spaces, aliases and roles of the published configurations
     /// "cg-config" and "studio-config" for ACES of all versions, and their displays with the views "Un-tone-mapped",
-    /// "Video (colorimetric)" and "Raw".
+    /// "Video (colorimetric)", "Raw", and "ACES 1.0 - SDR Video" or "ACES 1.0 - SDR Cinema" where the range is standard.
     pub fn built_in() -> Self {
         let model = read::read(BUILT_IN_TEXT, "the built-in configuration");
         Self {
@@ -67,6 +71,7 @@ impl Config {
             place: "the built-in configuration".to_owned(),
             folder: PathBuf::new(),
             environment: Environment::default(),
+            engine: None,
         }
     }
 
@@ -83,6 +88,26 @@ impl Config {
             )),
             None => Self::from_file(Path::new(name), environment),
         }
+    }
+
+    /// Returns the configuration of a tool: the one that its option `-colorconfig` names, else that of `$OCIO`, else the
+    /// built-in one. `engine` makes the conversions that this crate does not support.
+    ///
+    /// # Errors
+    /// Returns a message with the option or the variable, for a configuration that cannot be opened.
+    pub fn of_tool(
+        option: Option<&str>,
+        environment: &Environment,
+        engine: Arc<dyn Engine>,
+    ) -> Result<Self, String> {
+        let variable = environment.get("OCIO").filter(|name| !name.is_empty());
+        let (name, source) = match (option, variable) {
+            (Some(name), _) => (name, "-colorconfig"),
+            (None, Some(name)) => (name, "$OCIO"),
+            (None, None) => return Ok(Self::built_in()),
+        };
+        let found = Self::open(name, environment).map_err(|error| format!("{source}: {error}"))?;
+        Ok(found.with_engine(engine))
     }
 
     /// Returns the configuration of a file.
@@ -112,7 +137,14 @@ impl Config {
             }
         }
         let folder = path.parent().map(Path::to_owned).unwrap_or_default();
-        Ok(Self { model, place, folder, environment: variables })
+        Ok(Self { model, place, folder, environment: variables, engine: None })
+    }
+
+    /// Returns the configuration with another library, which makes the conversions that have transforms this crate does not
+    /// support.
+    #[must_use]
+    pub fn with_engine(self, engine: Arc<dyn Engine>) -> Self {
+        Self { engine: Some(engine), ..self }
     }
 
     /// Returns the name that the configuration gives itself; empty where it gives none.
@@ -230,7 +262,7 @@ impl Config {
     pub fn processor(&self, from: &str, to: &str) -> Result<Processor, ColorError> {
         let mut compiler = Compiler::new(self);
         compiler.convert(from, to, true)?;
-        compiler.finish()
+        self.finish(compiler, &Conversion::Spaces { from, to })
     }
 
     /// Returns the processor from a colour space to a view of a display, with the looks of the view.
@@ -240,7 +272,7 @@ impl Config {
     pub fn display_processor(&self, from: &str, display: &str, view: &str) -> Result<Processor, ColorError> {
         let mut compiler = Compiler::new(self);
         compiler.display(from, display, view)?;
-        compiler.finish()
+        self.finish(compiler, &Conversion::View { from, display, view })
     }
 
     /// Returns the processor of looks, such as "grade, -neutral", from one colour space to another.
@@ -250,7 +282,7 @@ impl Config {
     pub fn look_processor(&self, from: &str, to: &str, looks: &str) -> Result<Processor, ColorError> {
         let mut compiler = Compiler::new(self);
         compiler.look(from, to, looks, false)?;
-        compiler.finish()
+        self.finish(compiler, &Conversion::Looks { from, to, looks })
     }
 
     /// Returns the processor of the content of a file of tables or of another transform. The extension of `path` is
@@ -272,7 +304,18 @@ impl Config {
     pub fn file_processor(&self, file: &str, inverse: bool) -> Result<Processor, ColorError> {
         let mut compiler = Compiler::new(self);
         compiler.file_transform(file, inverse)?;
-        compiler.finish()
+        self.finish(compiler, &Conversion::File { path: file, inverse })
+    }
+
+    /// Returns the processor of the collected transforms, or of the other library where one is not supported.
+    fn finish(&self, compiler: Compiler<'_>, conversion: &Conversion<'_>) -> Result<Processor, ColorError> {
+        match (compiler.finish(), &self.engine) {
+            (Err(ColorError::Unsupported { place, what }), Some(engine)) if !self.is_built_in() => {
+                let found = engine.conversion(&self.place, conversion);
+                found.map(Processor::of).map_err(|why| ColorError::Elsewhere { place, what, why })
+            }
+            (found, _) => found,
+        }
     }
 
     fn named_transform(&self, name: &str) -> Option<&NamedTransform> {
@@ -311,7 +354,7 @@ impl Config {
         }
         let names = self.views(display).join(", ");
         let aces = if self.is_built_in() && view.to_ascii_uppercase().starts_with("ACES") {
-            "; the output transforms of ACES are not built in"
+            "; output transforms of ACES for high dynamic range and of version 2 are not built in"
         } else {
             ""
         };

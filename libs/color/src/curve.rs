@@ -1,5 +1,6 @@
 //! Functions of one value, applied to many.
 
+use crate::aces;
 use crate::math::{exp2, log2, pow};
 use crate::table::{Interpolation, Lut1d, LutInverse};
 use crate::transform::{Cdl, ExposureContrast, LogParams, Named, Negatives, Scale};
@@ -405,6 +406,8 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
             let found = if found > 65_504.0 { 65_504.0 } else { found };
             found as f32
         }),
+        (Named::AcesTone, false) => each(values, aces::tone),
+        (Named::AcesTone, true) => each(values, aces::tone_inverse),
         (Named::DensityToExposure, false) => each(values, |v| density_to_exposure(f64::from(v)) as f32),
         (Named::DensityToExposure, true) => each(values, |v| exposure_to_density(f64::from(v)) as f32),
     }

@@ -29,6 +29,16 @@ pub enum ColorError {
         /// The name of the transform or of the option.
         what: String,
     },
+    /// A file asks for something that neither this crate nor another library does.
+    #[error("{place}: {what} is not supported; {why}")]
+    Elsewhere {
+        /// The file, and the line where it is known.
+        place: String,
+        /// The name of the transform or of the option.
+        what: String,
+        /// The message of the other library, or of its absence.
+        why: String,
+    },
     /// A file asks for more than a limit allows.
     #[error("{place}: {what}: {asked}, and the limit is {max}")]
     Limit {

@@ -1,5 +1,6 @@
 //! Functions of three values with definitions of their own.
 
+use crate::aces;
 use crate::math::pow;
 use crate::transform::Fixed;
 
@@ -7,6 +8,9 @@ use crate::transform::Fixed;
 pub(crate) fn apply(fixed: Fixed, inverse: bool, rgb: [f32; 3]) -> [f32; 3] {
     match fixed {
         Fixed::GamutCompression(params) => compress(&params, inverse, rgb),
+        Fixed::Glow(gain, middle) => aces::glow(gain, middle, inverse, rgb),
+        Fixed::RedModifier => aces::red_modifier(inverse, rgb),
+        Fixed::DarkToDim => aces::dark_to_dim(inverse, rgb),
         Fixed::Surround(gamma) => {
             let gamma = if inverse { 1.0 / gamma } else { gamma };
             let y = 0.2627 * rgb[0] + 0.6780 * rgb[1] + 0.0593 * rgb[2];

@@ -32,14 +32,17 @@
 //!
 //! # What is absent
 //!
-//! The output transforms of ACES, the transforms for grading (GradingPrimary, GradingRGBCurve, GradingTone), and the
-//! inverse of tables of three dimensions. Tables of GPUs and dynamic properties are not a matter of this crate.
+//! The output transforms of ACES for high dynamic range and of version 2, the transforms for grading (GradingPrimary, GradingRGBCurve, GradingTone), and the
+//! inverse of tables of three dimensions. An [`Engine`], another library, makes conversions that need them, with the bits that it
+//! has on a machine. Tables of GPUs and dynamic properties are not a matter of this crate.
 
 #![forbid(unsafe_code)]
 
+mod aces;
 mod config;
 mod curve;
 pub mod encoding;
+mod engine;
 mod error;
 mod fixed;
 mod icc;
@@ -57,6 +60,7 @@ mod yaml;
 pub use config::{BUILT_IN, Config};
 pub use curve::{srgb_decode, srgb_encode};
 pub use encoding::{Encoding, Transfer};
+pub use engine::{Conversion, Converter, Engine};
 pub use error::ColorError;
 pub use model::{ColorSpace, Reference};
 pub use primaries::Primaries;

@@ -1,6 +1,7 @@
 //! Chains of steps that convert pixels.
 
 use crate::curve::Curve;
+use crate::engine::Converter;
 use crate::fixed;
 use crate::primaries::{self, IDENTITY, Matrix3};
 use crate::table::{Interpolation, Lut3d};
@@ -13,12 +14,26 @@ const BATCH: usize = 256;
 /// The weights of luminance of ASC CDL 1.2, which are those of Rec. 709.
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 enum Step {
     Matrix(Matrix3, [f64; 3]),
     Curves(Arc<[Curve; 3]>),
     Lut3d(Arc<Lut3d>, Interpolation),
     Fixed(Fixed, bool),
+    Other(Arc<dyn Converter>),
+}
+
+impl PartialEq for Step {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Matrix(a, b), Self::Matrix(c, d)) => (a, b) == (c, d),
+            (Self::Curves(a), Self::Curves(b)) => a == b,
+            (Self::Lut3d(a, b), Self::Lut3d(c, d)) => (a, b) == (c, d),
+            (Self::Fixed(a, b), Self::Fixed(c, d)) => (a, b) == (c, d),
+            (Self::Other(a), Self::Other(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
 }
 
 /// Steps from one colour space to another, ready for pixels. A processor can be used by many threads at once. Its
@@ -47,6 +62,12 @@ impl Processor {
         let mut processor = Self::default();
         processor.push_matrix(matrix, [0.0; 3]);
         processor
+    }
+
+    /// Returns the processor of a conversion of another library. Its results are those of that library, also where they
+    /// differ between machines.
+    pub(crate) fn of(converter: Arc<dyn Converter>) -> Self {
+        Self { steps: vec![Step::Other(converter)] }
     }
 
     /// Returns the processor of a power; negative values keep their sign. A power that is not positive and finite is
@@ -329,6 +350,17 @@ impl Step {
             }
             Self::Lut3d(lut, interpolation) => each(planes, n, |rgb| lut.lookup(rgb, *interpolation)),
             Self::Fixed(fixed, inverse) => each(planes, n, |rgb| fixed::apply(*fixed, *inverse, rgb)),
+            Self::Other(converter) => {
+                let mut rgb = [0.0; 3 * BATCH];
+                let rgb = &mut rgb[..3 * n];
+                for (i, pixel) in rgb.chunks_exact_mut(3).enumerate() {
+                    pixel.copy_from_slice(&[planes[0][i], planes[1][i], planes[2][i]]);
+                }
+                converter.apply(rgb);
+                for (i, pixel) in rgb.chunks_exact(3).enumerate() {
+                    (planes[0][i], planes[1][i], planes[2][i]) = (pixel[0], pixel[1], pixel[2]);
+                }
+            }
         }
     }
 }

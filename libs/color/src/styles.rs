@@ -167,6 +167,45 @@ fn film(curve: Directed, primaries: &Primaries, kind: Adaptation) -> Option<Vec<
     Some(vec![curve, to_ap0(primaries, kind)?])
 }
 
+/// Returns the matrix that scales the difference of colours in AP1 from their luminance.
+fn saturation(scale: f64) -> Option<Directed> {
+    let weights = Primaries::AP1.to_xyz()?[1];
+    let mut m = [[0.0; 3]; 3];
+    for (i, row) in m.iter_mut().enumerate() {
+        for (j, v) in row.iter_mut().enumerate() {
+            *v = (1.0 - scale) * weights[j] + if i == j { scale } else { 0.0 };
+        }
+    }
+    Some(matrix(&m))
+}
+
+/// Returns the output transform of ACES 1 for standard range, to CIE XYZ under D65. `dim` is for surroundings that are not
+/// dark, and `limit` are the primaries that the colours must not leave.
+fn output(dim: bool, limit: Option<&Primaries>) -> Option<Vec<Directed>> {
+    let fixed = |fixed| Directed::forward(Transform::Fixed(fixed));
+    let mut found = vec![
+        fixed(Fixed::Glow(0.05, 0.08)),
+        fixed(Fixed::RedModifier),
+        range(Some(0.0), None),
+        matrix(&Primaries::AP0.matrix_to(&Primaries::AP1)?),
+        range(Some(0.0), None),
+        saturation(0.96)?,
+        named(Named::AcesTone),
+    ];
+    if dim {
+        found.extend([fixed(Fixed::DarkToDim), saturation(0.93)?]);
+    }
+    match limit {
+        None => found.push(to_xyz_d65(&Primaries::AP1)?),
+        Some(limit) => {
+            found.push(matrix(&Primaries::AP1.matrix_to(limit)?));
+            found.push(range(Some(0.0), Some(1.0)));
+            found.push(to_xyz_d65(limit)?);
+        }
+    }
+    Some(found)
+}
+
 /// The styles, and what makes their transforms.
 const STYLES: &[(&str, Make)] = &[
     ("IDENTITY", || Some(Vec::new())),
@@ -199,6 +238,17 @@ const STYLES: &[(&str, Make)] = &[
             Directed::forward(Transform::Fixed(Fixed::GamutCompression(COMPRESSION))),
             matrix(&Primaries::AP1.matrix_to(&Primaries::AP0)?),
         ])
+    }),
+    ("ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-CINEMA_1.0", || output(false, None)),
+    ("ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO_1.0", || output(true, None)),
+    ("ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-CINEMA-REC709lim_1.1", || {
+        output(false, Some(&Primaries::REC709))
+    }),
+    ("ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO-REC709lim_1.1", || {
+        output(true, Some(&Primaries::REC709))
+    }),
+    ("ACES-OUTPUT - ACES2065-1_to_CIE-XYZ-D65 - SDR-VIDEO-P3lim_1.1", || {
+        output(true, Some(&Primaries::P3_D65))
     }),
     ("APPLE_LOG_to_ACES2065-1", || {
         film(decode(Named::LinearToAppleLog), &Primaries::REC2020, Adaptation::Bradford)

@@ -117,6 +117,9 @@ pub(crate) enum Named {
     LinearToCanonLog3,
     /// From linear light in AP1 to ACEScc (AMPAS S-2014-003).
     LinearToAcesCc,
+    /// From linear light in AP1 to that of a screen, in fractions of its white: the curves of the output transforms of
+    /// ACES 1 for standard range.
+    AcesTone,
     /// From printing density to the logarithm of exposure of ACES (SMPTE ST 2065-3).
     DensityToExposure,
 }
@@ -127,6 +130,13 @@ pub(crate) enum Fixed {
     /// The reference gamut compression of ACES 1.3 (AMPAS S-2020-001), in linear AP1: the distance limits of cyan,
     /// magenta and yellow, their thresholds, and the power.
     GamutCompression([f64; 7]),
+    /// The glow of dark saturated colours of ACES 1, in ACES2065-1: the largest share, and the luminance that gets half of
+    /// it.
+    Glow(f64, f64),
+    /// The change of saturated reds of ACES 1, in ACES2065-1.
+    RedModifier,
+    /// The change from dark to dim surroundings of ACES 1, in AP1.
+    DarkToDim,
     /// Luminance to a power, with the ratios of colours kept (ITU-R BT.2100, OOTF).
     Surround(f64),
     /// CIE XYZ to x, y and Y.

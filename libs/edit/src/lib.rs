@@ -9,6 +9,7 @@
 //! | `file` | files, their images and MIP levels |
 //! | `window` | crop, cut, paste, contact sheets |
 //! | `channels` | selection, order, names, sums |
+//! | `color` | colour spaces |
 //! | `arithmetic`, `repair` | images with images and with constants, alpha, values that are not finite |
 //! | `resize`, `taps` | other sizes, blur, by the filters of `maketx -filter` |
 //! | `orient` | flips, rotations by quarters |
@@ -24,7 +25,8 @@
 //! - Memory is proportional to the width of the images. The exceptions are rotations by a quarter, flips of files that
 //!   are decoded from their beginning (both limited by an argument), and maps of directions, which are held.
 //!
-//! Formats are those of the caller's registry. Windows, displays and colour management are deliberately absent.
+//! Formats are those of the caller's registry, and colours are converted by the processors of `granita_color`. Windows and
+//! displays are deliberately absent.
 //!
 //! ```
 //! use granita_edit::{File, Geometry, Resampling, WriteOptions, write};
@@ -48,6 +50,7 @@
 
 mod arithmetic;
 mod channels;
+mod color;
 mod environment;
 mod error;
 mod file;

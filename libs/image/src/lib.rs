@@ -62,4 +62,4 @@ pub use pixels::Pixels;
 pub use quantize::{Placement, Quantize};
 pub use registry::{FormatFinder, FormatRegistry};
 pub use source::FileSource;
-pub use spec::{ImageSpec, PixelType};
+pub use spec::{ImageSpec, PixelType, is_about_colors};

@@ -81,6 +81,25 @@ pub struct ImageSpec {
     pub icc_profile: Option<Arc<[u8]>>,
 }
 
+/// The attributes that describe the colours of the stored values.
+const COLORS: [&str; 10] = [
+    "ICCProfile",
+    "CICP",
+    "png:cICP",
+    "png:gAMA",
+    "png:cHRM",
+    "png:sRGB",
+    "chromaticities",
+    "colorInteropID",
+    "oiio:ColorSpace",
+    "Exif:ColorSpace",
+];
+
+/// True for an attribute that describes the colours of the stored values, such as `chromaticities`.
+pub fn is_about_colors(name: &str) -> bool {
+    COLORS.contains(&name)
+}
+
 impl ImageSpec {
     /// Returns a scanline image whose windows are the same, with the channels of [`ImageSpec::default_channels`].
     pub fn new(width: u32, height: u32, nchannels: usize, pixel_type: PixelType) -> Self {
@@ -169,6 +188,12 @@ impl ImageSpec {
     /// Removes the ICC profile and its description, for pixels that were converted to other colours.
     pub fn remove_icc_profile(&mut self) {
         self.attributes.0.retain(|p| &*p.name != "ICCProfile");
+        self.icc_profile = None;
+    }
+
+    /// Removes what describes the colours, the ICC profile too, for pixels that were converted to other colours.
+    pub fn remove_colors(&mut self) {
+        self.attributes.0.retain(|param| !is_about_colors(&param.name));
         self.icc_profile = None;
     }
 

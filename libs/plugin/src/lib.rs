@@ -19,6 +19,7 @@
 
 #![allow(unsafe_code, reason = "plugins are called through pointers; every block says why it is sound")]
 
+mod color;
 mod dso;
 mod errors;
 mod ffi;
@@ -39,6 +40,7 @@ pub use rules::PluginRules;
 pub use shadeop::noise;
 
 use granita_base::{Environment, Reporter, SearchPath};
+use granita_color::Engine;
 use granita_image::{FormatRegistry, Limits};
 use granita_scene::GeneratorRegistry;
 use std::sync::Arc;
@@ -62,6 +64,21 @@ pub fn bundled_formats(limits: Limits) -> FormatRegistry {
     registry
 }
 
+/// Returns the plugins of a tool without scenes.
+fn tool_plugins(environment: &Environment, reporter: &Reporter, rules: PluginRules) -> Plugins {
+    let plugins = Plugins::new(reporter.clone(), rules);
+    let parts = [environment.get("GELATO_IMAGEIO_PATH"), Some("$GELATOHOME/lib")];
+    let path = parts.into_iter().flatten().collect::<Vec<_>>().join(":");
+    plugins.set_image_path(SearchPath::parse(&path, &SearchPath::default(), environment));
+    plugins
+}
+
+/// Returns the conversions of colours by the plugin `opencolorio.color.so` (`granita_color.h`), which is looked for as image
+/// formats are ([`formats_with_plugins`]), when the first conversion needs it.
+pub fn color_engine(environment: &Environment, rules: PluginRules) -> Arc<dyn Engine> {
+    Arc::new(color::PluginEngine::new(tool_plugins(environment, &Reporter::silent(), rules)))
+}
+
 /// Returns the bundled formats, and those of plugins that `rules` permit in the folders of `$GELATO_IMAGEIO_PATH`
 /// and in `$GELATOHOME/lib`. `debug` reports every file that is tried.
 pub fn formats_with_plugins(
@@ -71,10 +88,7 @@ pub fn formats_with_plugins(
     rules: PluginRules,
     debug: bool,
 ) -> FormatRegistry {
-    let plugins = Plugins::new(reporter.clone(), rules);
-    let parts = [environment.get("GELATO_IMAGEIO_PATH"), Some("$GELATOHOME/lib")];
-    let path = parts.into_iter().flatten().collect::<Vec<_>>().join(":");
-    plugins.set_image_path(SearchPath::parse(&path, &SearchPath::default(), environment));
+    let plugins = tool_plugins(environment, reporter, rules);
     plugins.set_debug(debug);
     let mut registry = bundled_formats(limits);
     registry.find_with(Arc::new(plugins));

@@ -19,6 +19,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 enum Kind {
     Image,
     Generator,
+    Color,
 }
 
 impl Kind {
@@ -26,6 +27,7 @@ impl Kind {
         match self {
             Self::Image => ".imageio",
             Self::Generator => ".generator",
+            Self::Color => ".color",
         }
     }
 }
@@ -160,6 +162,11 @@ impl Plugins {
         let name: Arc<str> = format!("<generator-{}>", self.0.number.fetch_add(1, Ordering::Relaxed)).into();
         self.0.kept.lock().insert(name.clone(), generator);
         name
+    }
+
+    /// Returns the library of the plugin for conversions of colours, in the folders of image formats.
+    pub(crate) fn color_file(&self) -> Option<PathBuf> {
+        self.find(Kind::Color, "opencolorio", &self.image_path())
     }
 
     /// Returns the library of a plugin of this name that the user named.

@@ -94,7 +94,7 @@ mod fixture;
 pub use cache::{CACHE_BYTES, CacheCounts, TessellationCache};
 pub use mesh::{HitShading, MeshHit, RayMesh, grid_of};
 pub use request::{Departure, Leaving, RayRequest};
-pub use scene::{Located, RayScene, SetHit, mesh_hit};
+pub use scene::{Located, RayBuild, RayScene, SetHit, mesh_hit};
 pub use world::{RayCounts, RayLimits, RayWorld};
 
 use granita_base::{Color, Reporter, Vec3};

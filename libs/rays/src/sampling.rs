@@ -1,6 +1,8 @@
 //! Sampling of directions within cones.
 
-use granita_base::{Vec3, sample};
+use granita_base::{Vec3, hash, sample};
+use granita_shade::approx;
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// The distribution of directions in a cone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +49,88 @@ pub fn in_cone(axis: Vec3, half_angle: f32, distribution: Distribution, index: u
     let turn = y * std::f32::consts::TAU;
     let (u, v) = basis(axis);
     (u * (sin * turn.cos()) + v * (sin * turn.sin()) + axis * cos).normalize_or(axis)
+}
+
+/// The division of a cone around an axis into cells of equal weight: rings from the axis to the boundary, which have
+/// the same number of sectors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConeCells {
+    /// The number of rings.
+    pub rings: u32,
+    /// The number of sectors of each ring.
+    pub sectors: u32,
+    /// The sine of the cone's half angle, for cells that are weighted by the cosine.
+    pub sin: f32,
+    /// The half angle of a cone whose cells have equal solid angles, in radians. It may be wider than the
+    /// hemisphere. `None` when cells are weighted by the cosine.
+    pub uniform: Option<f32>,
+}
+
+impl ConeCells {
+    /// Divides a cone into at most `samples` cells (at least one) of equal weight, by the cosine with the axis or
+    /// by solid angle. `half_angle` is in radians. With cosines it is at most a right angle.
+    pub fn new(samples: u32, half_angle: f32, cosine: bool) -> Self {
+        let samples = samples.max(1);
+        let rings = ((samples as f32 / PI).sqrt() as u32).max(1);
+        let sin = approx::sin_near(half_angle.clamp(0.0, FRAC_PI_2));
+        let uniform = (!cosine).then(|| half_angle.clamp(0.0, PI));
+        Self { rings, sectors: (samples / rings).max(1), sin, uniform }
+    }
+
+    /// Returns the number of cells.
+    pub fn count(&self) -> u32 {
+        self.rings * self.sectors
+    }
+
+    /// True when all directions are the axis.
+    pub fn is_narrow(&self) -> bool {
+        let wide = self.uniform.unwrap_or(self.sin);
+        wide.is_nan() || wide <= 0.0
+    }
+
+    /// The cosine of the half angle of a cone whose cells have equal solid angles; 0 for others.
+    pub fn narrowest(&self) -> f32 {
+        self.uniform.map_or(0.0, approx::cos_near)
+    }
+
+    /// Passes a direction in each cell (ring by ring) around a unit axis to `tell`. Directions are jittered so that
+    /// rings and sectors are also filled evenly (Kensler, Correlated Multi-Jittered Sampling, 2013).
+    pub fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
+        if self.is_narrow() {
+            return (0..self.count()).for_each(|index| tell(index, axis));
+        }
+        let (u, v) = basis(axis);
+        let narrowest = self.narrowest();
+        let (rings, sectors) = (self.rings as f32, self.sectors as f32);
+        let permuted = |n: u32, dimension: u32| -> Vec<u32> {
+            let seed = hash::words(&[seed, dimension]);
+            (0..n).map(|k| sample::permute(k, n, seed)).collect()
+        };
+        let (across, around) = (permuted(self.sectors, 1), permuted(self.rings, 2));
+        let part = |k: u32, of: f32, index: u32, dimension: u32| {
+            let jitter = hash::unit(hash::words(&[seed, index, dimension]));
+            (k as f32 + jitter) / of
+        };
+        for ring in 0..self.rings {
+            for sector in 0..self.sectors {
+                let index = ring * self.sectors + sector;
+                let x = part(across[sector as usize], sectors, index, 3);
+                let y = part(around[ring as usize], rings, index, 4);
+                let (x, y) = ((ring as f32 + x) / rings, (sector as f32 + y) / sectors);
+                let (sin, cos) = if self.uniform.is_some() {
+                    let cos = 1.0 - x * (1.0 - narrowest);
+                    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
+                } else {
+                    let sin = self.sin * x.sqrt();
+                    (sin, (1.0 - sin * sin).max(0.0).sqrt())
+                };
+                // The polynomials of shaders are the same on every machine. Those of the system's library are not.
+                let turn = y * TAU;
+                let (s, c) = (approx::sin_near(turn), approx::cos_near(turn));
+                tell(index, (u * (sin * c) + v * (sin * s) + axis * cos).normalize_or(axis));
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -22,7 +22,9 @@ use crate::request::{Leaving, RayRequest};
 use crate::{GridShader, GridShaders, RayDisplacement, RayObject};
 use granita_base::report::MessageOrder;
 use granita_base::{Bound, Vec3, parallel_map};
-use granita_trace::{BoxScratch, BoxTree, Hit, Ray, RayScratch, Tracer, TracerBuilder};
+use granita_trace::{
+    Accelerator, BoxScratch, BoxTree, Hit, Ray, RayScratch, Tracer, TracerBuilder, TracerCopy,
+};
 use rustc_hash::{FxHashMap, FxHashSet};
 use std::sync::{Arc, OnceLock};
 
@@ -31,6 +33,17 @@ const TRIANGLE_BYTES: f32 = 128.0;
 /// The fraction of the cache's limit that the tessellations of small primitives may occupy to be resident.
 const RESIDENT_SHARE: f32 = 1.0 / 8.0;
 
+/// How geometry sets are prepared.
+#[derive(Clone, Debug)]
+pub struct RayBuild {
+    /// The largest number of threads.
+    pub threads: usize,
+    /// True when the rays of some object see motion.
+    pub motion: bool,
+    /// The processor that traces large batches of rays; `None` for the CPU alone.
+    pub accelerator: Option<Arc<dyn Accelerator>>,
+}
+
 /// A geometry set, prepared for rays.
 pub struct RayScene<O> {
     /// The index of the set in the frame.
@@ -38,7 +51,9 @@ pub struct RayScene<O> {
     /// The static meshes. They are the first parts of the set.
     static_meshes: Vec<StaticMesh<O>>,
     /// The tree of the static meshes and the resident tessellations.
-    tracer: Tracer,
+    tracer: Arc<Tracer>,
+    /// The copy of the tree on another processor.
+    copy: Option<Box<dyn TracerCopy>>,
     /// The meshes that are tessellated on demand, small ones first.
     on_demand_meshes: Vec<OnDemandMesh<O>>,
     /// The tessellations of the first on-demand meshes. They are the parts of the set after the static meshes.
@@ -176,15 +191,10 @@ impl Located<'_> {
 }
 
 impl<O: RayObject> RayScene<O> {
-    /// Prepares the members on up to `threads` threads. Only displaced primitives without a displacement bound are
+    /// Prepares the members. Only displaced primitives without a displacement bound are
     /// tessellated here.
-    pub fn build(
-        set: u32,
-        members: &[u32],
-        shaders: &dyn GridShaders<O>,
-        threads: usize,
-        motion: bool,
-    ) -> Self {
+    pub fn build(set: u32, members: &[u32], shaders: &dyn GridShaders<O>, how: &RayBuild) -> Self {
+        let (threads, motion) = (how.threads, how.motion);
         let seen = shaders.ray_frame();
         let order = MessageOrder::new(seen.reporter);
         let made = parallel_map(
@@ -221,7 +231,8 @@ impl<O: RayObject> RayScene<O> {
                 residents.push(mesh);
             }
         }
-        let tracer = builder.build(threads);
+        let tracer = Arc::new(builder.build(threads));
+        let copy = how.accelerator.as_ref().and_then(|accelerator| accelerator.copy(&tracer));
         let each = on_demand_meshes.iter().enumerate().skip(residents.len());
         let parts: Vec<(u32, u32)> = each
             .clone()
@@ -240,6 +251,7 @@ impl<O: RayObject> RayScene<O> {
                 .collect(),
             boxes: BoxTree::new(&bounds),
             tracer,
+            copy,
             static_meshes,
             on_demand_meshes,
             residents,
@@ -431,7 +443,9 @@ impl<O: RayObject> RayScene<O> {
 
     fn closest_of_settled(&self, rays: &[Ray]) -> Vec<Hit> {
         let mut hits = vec![Hit::MISS; rays.len()];
-        self.tracer.closest(rays, &mut hits);
+        if !self.copy.as_ref().is_some_and(|copy| copy.closest(rays, &mut hits)) {
+            self.tracer.closest(rays, &mut hits);
+        }
         hits
     }
 
@@ -490,7 +504,9 @@ impl<O: RayObject> RayScene<O> {
     ) -> Vec<bool> {
         let far: Vec<Ray> = rays.iter().enumerate().map(|(k, ray)| beyond(ray, leaving(k))).collect();
         let mut blocked = vec![false; rays.len()];
-        self.tracer.any(&far, &mut blocked);
+        if !self.copy.as_ref().is_some_and(|copy| copy.any(&far, &mut blocked)) {
+            self.tracer.any(&far, &mut blocked);
+        }
         if !self.parts.is_empty() {
             let (mut hand, mut boxes, mut room) =
                 (ThreadTessellations::default(), BoxScratch::default(), RayScratch::default());

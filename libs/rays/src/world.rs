@@ -4,10 +4,11 @@
 //! the structure builds it. A set that no ray is traced against is never built.
 
 use super::cache::{CACHE_BYTES, TessellationCache};
-use super::scene::RayScene;
+use super::scene::{RayBuild, RayScene};
 use super::{GridShaders, RayObject};
 use granita_base::Color;
 use granita_scene::{Scene, attr};
+use granita_trace::Accelerator;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, OnceLock};
@@ -21,10 +22,8 @@ pub struct RayWorld<O> {
     sets: BTreeMap<Arc<str>, usize>,
     /// One entry for each different membership.
     scenes: Vec<RaySet<O>>,
-    /// The number of threads that may build a set.
-    pub threads: usize,
-    /// True when the rays of some object see motion.
-    motion: bool,
+    /// How sets are built.
+    pub build: RayBuild,
     /// The limits that terminate a ray.
     pub limits: RayLimits,
     /// The numbers of rays traced so far.
@@ -118,7 +117,14 @@ impl<O: RayObject> RayWorld<O> {
             sets.insert(name, index);
         }
         let (limits, counts) = (RayLimits::new(scene), RayCounts::default());
-        Self { sets, scenes, threads, motion, limits, counts, cache: TessellationCache::new(CACHE_BYTES) }
+        let build = RayBuild { threads, motion, accelerator: None };
+        Self { sets, scenes, build, limits, counts, cache: TessellationCache::new(CACHE_BYTES) }
+    }
+
+    /// Sets the processor that traces large batches of rays, before the first set is built.
+    pub fn with_accelerator(mut self, accelerator: Option<Arc<dyn Accelerator>>) -> Self {
+        self.build.accelerator = accelerator;
+        self
     }
 
     /// True when there is any geometry set.
@@ -137,7 +143,7 @@ impl<O: RayObject> RayWorld<O> {
         let set = &self.scenes[index];
         // This does not run on the pool that renders buckets. A waiting pool thread could take a bucket whose shader
         // requests this same set.
-        let build = || RayScene::build(index as u32, &set.members, shaders, self.threads, self.motion);
+        let build = || RayScene::build(index as u32, &set.members, shaders, &self.build);
         Some(set.built.get_or_init(build))
     }
 

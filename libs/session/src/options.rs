@@ -3,6 +3,7 @@
 use crate::looking::LookOptions;
 use crate::secret::NetSecret;
 use granita_inputs::RunOptions;
+use granita_trace::Accelerator;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -93,6 +94,8 @@ pub struct SessionOptions {
     /// True to compile code of shaders through which many points run to machine code, with the C compiler of the
     /// system. Pixels do not depend on it.
     pub native: bool,
+    /// The processor that traces large batches of rays; `None` for the CPU alone. Pixels do not depend on it.
+    pub accelerator: Option<Arc<dyn Accelerator>>,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,

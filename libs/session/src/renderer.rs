@@ -176,7 +176,9 @@ impl SessionRenderer {
     fn record(&mut self, scene: &Scene, record: FrameRecord) {
         let level = scene.get(attr::STATISTICS_LEVEL).max(self.options.statistics);
         if level > 0 {
-            let text = record.text(level, &self.reporter) + &self.net.report();
+            let text = record.text(level, &self.reporter)
+                + &self.net.report()
+                + &self.options.accelerator.as_ref().map_or_else(String::new, |a| a.report());
             let file = scene.get(attr::STATISTICS_FILENAME);
             if file.is_empty() {
                 self.reporter.say(Severity::Message, &Location::default(), text);
@@ -385,7 +387,11 @@ impl SessionRenderer {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
-            shaders: Arc::new(self.shaders(scene).with_native(self.native.clone())),
+            shaders: Arc::new(
+                self.shaders(scene)
+                    .with_native(self.native.clone())
+                    .with_accelerator(self.options.accelerator.clone()),
+            ),
             texture_path: self.search_path(scene, attr::PATH_TEXTURE),
             variables: self.options.run.environment.clone(),
             reporter: self.reporter.clone(),

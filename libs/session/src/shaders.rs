@@ -5,6 +5,7 @@ use granita_gsl::{CompileOptions, Diagnostic, ValidModule, compile};
 use granita_plugin::{NativeShaders, Plugins};
 use granita_render::{NoShader, ShaderLibrary};
 use granita_shade::{NativeCompiler, Shadeop};
+use granita_trace::Accelerator;
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,17 +22,31 @@ pub(crate) struct Shaders {
     shadeops: Mutex<BTreeMap<String, FoundShadeop>>,
     known: Mutex<BTreeMap<String, Result<ValidModule, NoShader>>>,
     native: Option<Arc<NativeShaders>>,
+    accelerator: Option<Arc<dyn Accelerator>>,
 }
 
 impl Shaders {
     /// Returns the shaders in the folders of `path`.
     pub(crate) fn new(path: SearchPath, plugins: Plugins, reporter: Reporter) -> Self {
-        Self { path, plugins, reporter, shadeops: Mutex::default(), known: Mutex::default(), native: None }
+        Self {
+            path,
+            plugins,
+            reporter,
+            shadeops: Mutex::default(),
+            known: Mutex::default(),
+            native: None,
+            accelerator: None,
+        }
     }
 
     /// Sets the compiler for code through which many points run.
     pub(crate) fn with_native(self, native: Option<Arc<NativeShaders>>) -> Self {
         Self { native, ..self }
+    }
+
+    /// Sets the processor that traces large batches of rays.
+    pub(crate) fn with_accelerator(self, accelerator: Option<Arc<dyn Accelerator>>) -> Self {
+        Self { accelerator, ..self }
     }
 
     fn find(&self, name: &str) -> Result<ValidModule, NoShader> {
@@ -149,5 +164,9 @@ impl ShaderLibrary for Shaders {
 
     fn native(&self) -> Option<&dyn NativeCompiler> {
         self.native.as_deref().map(|native| native as &dyn NativeCompiler)
+    }
+
+    fn accelerator(&self) -> Option<Arc<dyn Accelerator>> {
+        self.accelerator.clone()
     }
 }

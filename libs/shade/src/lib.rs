@@ -94,6 +94,7 @@ pub use grid::{Grid, Lanes3, Message, Primvar, PrimvarData, RayKind, RayPath, Re
 pub use link::{ConnectionSource, Group, LayerSource, LinkOptions};
 pub use native::{NativeCode, NativeCompiler, NativeDone, NativeSource, NativeStrip};
 pub use ops::{NoiseForm, noise_at};
+pub use run::approx;
 pub use run::executor::Executor;
 pub use services::{
     Batch, DatabaseKey, DatabaseQuery, DatabaseSave, Databases, EnvironmentOptions, EnvironmentQuery,

@@ -176,7 +176,7 @@ impl ShadingContext {
         Self {
             spaces: Spaces::new(scene, camera),
             units: Units::new(scene),
-            rays: RayWorld::new(scene, threads),
+            rays: RayWorld::new(scene, threads).with_accelerator(environment.shaders.accelerator()),
             texts: Texts::default(),
             files: environment.registry.files().clone(),
             light_cache: IrradianceCache::default(),
@@ -239,7 +239,7 @@ impl ShadingContext {
         self.directions.get_or_make((name.to_owned(), up.unwrap_or("").to_owned()), || {
             let id = self.textures.find_for(name, Use::Environment)?;
             let up = up.and_then(Up::from_word);
-            Some(Arc::new(maps::directions(&self.textures, id, up, self.rays.threads)))
+            Some(Arc::new(maps::directions(&self.textures, id, up, self.rays.build.threads)))
         })
     }
 

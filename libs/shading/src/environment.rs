@@ -5,6 +5,7 @@ use granita_gsl::ValidModule;
 use granita_image::FormatRegistry;
 use granita_sdb::Databases;
 use granita_shade::{NativeCompiler, Shadeop};
+use granita_trace::Accelerator;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -28,6 +29,11 @@ pub trait ShaderLibrary: Send + Sync {
 
     /// Returns the compiler for code through which many points run. By default there is none.
     fn native(&self) -> Option<&dyn NativeCompiler> {
+        None
+    }
+
+    /// Returns the processor that traces large batches of rays for the shaders. By default it is the CPU alone.
+    fn accelerator(&self) -> Option<Arc<dyn Accelerator>> {
         None
     }
 }

@@ -160,7 +160,7 @@ impl ShadingContext {
         changes: &mut Changes,
     ) -> bool {
         let pattern = self.scene.get(attr::RERENDER_FILEPATTERN);
-        let changed = self.files_used.changed(&pattern, self.rays.threads, &self.reporter);
+        let changed = self.files_used.changed(&pattern, self.rays.build.threads, &self.reporter);
         let limits =
             |scene: &Scene| (scene.get(attr::LIMITS_TEXTUREMEMORY), scene.get(attr::LIMITS_TEXTUREFILES));
         let moved = before.get(attr::PATH_TEXTURE) != self.scene.get(attr::PATH_TEXTURE);

@@ -38,6 +38,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod accelerator;
 mod boxes;
 mod build;
 mod group;
@@ -48,6 +49,7 @@ mod order;
 mod packet;
 mod probe;
 mod ray;
+mod resident;
 mod scene;
 mod single;
 mod still;
@@ -58,9 +60,11 @@ mod tree;
 #[cfg(test)]
 mod tests;
 
+pub use accelerator::{Accelerator, TracerCopy};
 pub use boxes::{BoxScratch, BoxTree, Passage};
 pub use mesh::{MeshId, TriangleMesh};
 pub use ray::{Hit, Ray};
+pub use resident::Resident;
 pub use single::RayScratch;
 pub use still::Triangles;
 pub use tracer::{Tracer, TracerBuilder};

@@ -92,6 +92,11 @@ impl StillTree {
         self.blocks.len()
     }
 
+    /// The blocks of triangles.
+    pub(crate) fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
     pub(crate) fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block>()
     }

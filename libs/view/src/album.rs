@@ -1,6 +1,7 @@
 //! Lists of images: the content of folders, in natural order, and sequences.
 
 use granita_image::FormatRegistry;
+use granita_texture::UdimName;
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
@@ -8,13 +9,17 @@ use std::path::{Path, PathBuf};
 const MOST: usize = 1 << 20;
 
 /// Returns the files that `names` stand for. Files are unchanged. A folder is replaced by the files directly in it that
-/// have an extension of a known format, in order. A missing file stays in the list, and opening it reports the error.
+/// have an extension of a known format, in order. A set of images such as `wall.<UDIM>.tx` is replaced by its files, by
+/// rows of squares. A missing file stays in the list, and opening it reports the error.
 pub fn expand(names: &[PathBuf], formats: &FormatRegistry) -> Vec<PathBuf> {
     let mut out = Vec::new();
     for name in names {
         formats.files().add_named(name);
         if !name.is_dir() {
-            out.push(name.clone());
+            let set = UdimName::parse(&name.to_string_lossy()).filter(|_| !name.exists());
+            let files: Vec<PathBuf> = set.map(|set| set.files().into_values().collect()).unwrap_or_default();
+            files.iter().for_each(|file| formats.files().grant(file));
+            out.extend(if files.is_empty() { vec![name.clone()] } else { files });
             continue;
         }
         let known = |path: &Path| {
@@ -122,6 +127,22 @@ mod tests {
         names.sort_by(|a, b| in_order(a, b));
         assert_eq!(names, ["a", "b", "B1", "b9", "b9", "b09x", "b10"]);
         assert_eq!(in_order("a01", "a1"), Ordering::Less, "never equal unless they are");
+    }
+
+    #[test]
+    fn sets_of_images_stand_for_their_files() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["wall.1011.tx", "wall.1002.tx", "wall.1001.tx", "wall.12.tx", "other.1001.tx"] {
+            std::fs::write(folder.path().join(name), b"").unwrap();
+        }
+        let formats = granita_plugin::bundled_formats(granita_image::Limits::default());
+        let of = |name: &str| expand(&[folder.path().join(name)], &formats);
+        let files = ["wall.1001.tx", "wall.1002.tx", "wall.1011.tx"].map(|name| folder.path().join(name));
+        assert_eq!(of("wall.<UDIM>.tx"), files);
+        assert_eq!(of("none.<UDIM>.tx"), [folder.path().join("none.<UDIM>.tx")]);
+        let mark = folder.path().join("wall.<UDIM>.tx");
+        std::fs::write(&mark, b"").unwrap();
+        assert_eq!(of("wall.<UDIM>.tx"), [mark]);
     }
 
     #[test]

@@ -231,21 +231,88 @@ fn noted(text: String, note: Option<String>) -> String {
     }
 }
 
+/// The conversion of images, as their files describe their colours, to one space of a configuration.
+#[derive(Clone, Debug)]
+pub struct InputColors {
+    config: Config,
+    /// The space to which images are converted.
+    to: String,
+    /// The primaries of a space of the configuration, and its conversion to `to`.
+    interchange: Option<(Primaries, Processor)>,
+}
+
+impl InputColors {
+    /// Returns the conversion to a space.
+    ///
+    /// # Errors
+    /// Returns an error for a space that the configuration does not have, and for transforms that are not supported.
+    pub fn new(config: Config, to: &str) -> Result<Self, ColorError> {
+        config.processor(to, to)?;
+        let candidates = [
+            ("aces_interchange", Primaries::AP0),
+            ("lin_ap0_scene", Primaries::AP0),
+            ("ACES2065-1", Primaries::AP0),
+            ("lin_rec709_scene", Primaries::REC709),
+            ("lin_rec709", Primaries::REC709),
+            ("lin_srgb", Primaries::REC709),
+        ];
+        let interchange = candidates.iter().find_map(|(name, primaries)| {
+            let processor = config.processor(name, to).ok()?;
+            Some((*primaries, processor))
+        });
+        Ok(Self { config, to: to.to_owned(), interchange })
+    }
+
+    /// Returns what is known of the colours of an image in a file of this name, and the processor of its pixels. What the
+    /// file says comes first, then the rules of the configuration, then sRGB for integers and Rec. 709 for other values.
+    pub fn of(&self, spec: &ImageSpec, file: &str) -> (String, Processor) {
+        // A space that -iscolorspace sets, where nothing else describes the colours.
+        if let Some(space) = spec.string("oiio:ColorSpace")
+            && spec.attributes.iter().filter(|param| granita_image::is_about_colors(&param.name)).count() == 1
+            && let Ok(processor) = self.config.processor(space, &self.to)
+        {
+            return (format!("{space} (oiio:ColorSpace)"), processor);
+        }
+        let found = described(spec);
+        let own = found.encoding;
+        // The rules of a configuration apply to files that say nothing.
+        let by_rule = || {
+            let space = self.config.space_of_file(file).filter(|_| !self.config.is_built_in())?;
+            let processor = self.config.processor(space, &self.to).ok()?;
+            Some((format!("{space} (rule of the configuration)"), processor))
+        };
+        let (text, processor) = match (own, &self.interchange) {
+            (Some(encoding), Some((primaries, to_space))) => {
+                (encoding.text.clone(), encoding.to_linear(primaries).then(to_space))
+            }
+            (own, interchange) => match (by_rule(), interchange, assumed(spec)) {
+                (Some(found), ..) => found,
+                (None, Some((primaries, to_space)), Some(encoding)) => {
+                    (encoding.text.clone(), encoding.to_linear(primaries).then(to_space))
+                }
+                _ => {
+                    let unused =
+                        own.map_or_else(String::new, |encoding| format!("; {} is not used", encoding.text));
+                    (format!("{} (assumed){unused}", self.to), Processor::identity())
+                }
+            },
+        };
+        (noted(text, found.note), processor)
+    }
+}
+
 /// A view of a display of a configuration, through which images are seen.
 #[derive(Clone, Debug)]
 pub struct Viewing {
-    config: Config,
     /// The colour space of all images, where the user names one.
     space: Option<String>,
     display: String,
     view: String,
-    /// The space of linear light in which exposure and gamma are applied.
-    working: String,
     to_screen: Processor,
     /// True for a view of data, which shows stored values.
     shows_data: bool,
-    /// The primaries of a space of the configuration and its conversion to the working space.
-    interchange: Option<(Primaries, Processor)>,
+    /// The conversion of images to the space of linear light in which exposure and gamma are applied.
+    inputs: InputColors,
 }
 
 impl Viewing {
@@ -271,21 +338,10 @@ impl Viewing {
         if let Some(space) = space {
             config.processor(space, &working)?;
         }
-        let candidates = [
-            ("aces_interchange", Primaries::AP0),
-            ("lin_ap0_scene", Primaries::AP0),
-            ("ACES2065-1", Primaries::AP0),
-            ("lin_rec709_scene", Primaries::REC709),
-            ("lin_rec709", Primaries::REC709),
-            ("lin_srgb", Primaries::REC709),
-        ];
-        let interchange = candidates.iter().find_map(|(name, primaries)| {
-            let processor = config.processor(name, &working).ok()?;
-            Some((*primaries, processor))
-        });
         let shows_data = config.shows_data(&display, &view);
+        let inputs = InputColors::new(config, &working)?;
         let space = space.map(str::to_owned);
-        Ok(Self { config, space, display, view, working, to_screen, shows_data, interchange })
+        Ok(Self { space, display, view, to_screen, shows_data, inputs })
     }
 
     /// Returns the same for another display or view.
@@ -293,12 +349,12 @@ impl Viewing {
     /// # Errors
     /// Returns the errors of [`Viewing::new`].
     pub fn with_view(&self, display: &str, view: Option<&str>) -> Result<Self, ColorError> {
-        Self::new(self.config.clone(), self.space.as_deref(), Some(display), view)
+        Self::new(self.inputs.config.clone(), self.space.as_deref(), Some(display), view)
     }
 
     /// Returns the configuration.
     pub fn config(&self) -> &Config {
-        &self.config
+        &self.inputs.config
     }
 
     /// Returns the display.
@@ -319,35 +375,12 @@ impl Viewing {
         };
         let seen = |text: String| format!("{text}; seen through {}, {}", self.display, self.view);
         if let Some(space) = &self.space
-            && let Ok(processor) = self.config.processor(space, &self.working)
+            && let Ok(processor) = self.inputs.config.processor(space, &self.inputs.to)
         {
             return Colors { text: seen(format!("{space} (-colorspace)")), managed: through(processor) };
         }
-        let found = described(spec);
-        let own = found.encoding;
-        // The rules of a configuration apply to files that say nothing.
-        let by_rule = || {
-            let space = self.config.space_of_file(file).filter(|_| !self.config.is_built_in())?;
-            let processor = self.config.processor(space, &self.working).ok()?;
-            Some((format!("{space} (rule of the configuration)"), processor))
-        };
-        let (text, processor) = match (own, &self.interchange) {
-            (Some(encoding), Some((primaries, to_working))) => {
-                (encoding.text.clone(), encoding.to_linear(primaries).then(to_working))
-            }
-            (own, interchange) => match (by_rule(), interchange, assumed(spec)) {
-                (Some(found), ..) => found,
-                (None, Some((primaries, to_working)), Some(encoding)) => {
-                    (encoding.text.clone(), encoding.to_linear(primaries).then(to_working))
-                }
-                _ => {
-                    let unused =
-                        own.map_or_else(String::new, |encoding| format!("; {} is not used", encoding.text));
-                    (format!("{} (assumed){unused}", self.working), Processor::identity())
-                }
-            },
-        };
-        Colors { text: noted(seen(text), found.note), managed: through(processor) }
+        let (text, processor) = self.inputs.of(spec, file);
+        Colors { text: seen(text), managed: through(processor) }
     }
 }
 

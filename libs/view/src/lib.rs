@@ -43,7 +43,7 @@ mod tile;
 mod view;
 
 pub use album::{Group, expand, groups, in_order};
-pub use colors::{Colors, Viewing};
+pub use colors::{Colors, InputColors, Viewing};
 pub use compare::{ChannelDifference, CompareOptions, Comparison, compare, difference_page, flip_page};
 pub use display::{BESIDE, Background, Channels, Display, FalseColor, Marks, Prepared, Tables, luminance};
 pub use draw::{Canvas, Mix, Shown, draw, draw_into};

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod border;
+mod color;
 mod examples;
 mod headers;
 mod reference;

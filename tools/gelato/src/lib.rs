@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod frames;
+mod gpu;
 mod joining;
 mod listing;
 mod manual;
@@ -230,6 +231,11 @@ struct Options {
     #[arg(long, conflicts_with = "safe")]
     native: bool,
 
+    /// The device that traces large batches of rays: auto, off, or its number. Pixels are the same. Or list: print the
+    /// adapters of this machine; selftest[:N]: compare the arithmetic of an adapter with that of the CPU
+    #[arg(long, value_name = "WHICH", conflicts_with = "safe", value_parser = gpu::word)]
+    gpu: Option<String>,
+
     /// For untrusted scenes: run no scripts, plugins and programs, read below the scene's folder only, write below one
     /// folder only
     #[arg(long)]
@@ -245,7 +251,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 31] = [
+const NOT_FOR_WORKERS: [(&str, &str); 32] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -277,6 +283,7 @@ const NOT_FOR_WORKERS: [(&str, &str); 31] = [
     ("timeout", "workers end with the coordinator"),
     ("keeppartial", "the coordinator writes the images"),
     ("nofence", "a safe run has no workers"),
+    ("gpu", "another machine has other devices, and the pixels are the same"),
 ];
 
 const AFTER_HELP: &str = "\
@@ -325,6 +332,9 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     }
     if options.manual {
         return manual::show(&reporter);
+    }
+    if let Some(status) = options.gpu.as_deref().and_then(|word| gpu::instead(word, &reporter)) {
+        return status;
     }
     let ending = Ending::new(bar.clone());
     ending.watch(options.stream || options.worker && streams.is_none() || options.remote, &reporter);
@@ -394,6 +404,13 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
     let startup = surroundings.startup.take();
     let mut session_options = session_options(options, given, tools, surroundings, supervisor.clone());
     (session_options.net_secret, session_options.startup_files) = (secret, startup);
+    match gpu::accelerator(options.gpu.as_deref().unwrap_or("off"), &reporter) {
+        Ok(accelerator) => session_options.accelerator = accelerator,
+        Err(what) => {
+            reporter.error(format!("-gpu: {what}"));
+            return Status::Failed;
+        }
+    }
     if let Some(folder) = &options.pack {
         let frames = options.frames.as_ref();
         return pack::run(session_options, &options.files, frames, folder, (&supervisor, &reporter));
@@ -558,6 +575,7 @@ fn session_options(
         number: options.number,
         net_arguments: options.for_worker(given).filter(|_| !options.relight),
         native: options.native,
+        accelerator: None,
         rerenders_anew: false,
     }
 }

@@ -6,6 +6,7 @@
 
 #![forbid(unsafe_code)]
 
+mod colors;
 mod files;
 mod frames;
 mod machine;
@@ -89,6 +90,7 @@ impl Run {
                 n @ 1..=1024 => self.threads = Some(n),
                 _ => return Err("1 to 1024 threads are possible".to_owned()),
             },
+            Action::ColorConfig => self.settings.colorconfig = Some(given.values[0].clone()),
             Action::Plugins => self.plugins.push(PathBuf::from(&given.values[0])),
             Action::Safe => self.safe = true,
             Action::NoFence => self.nofence = true,
@@ -124,6 +126,12 @@ fn named(steps: &[Step]) -> (Vec<PathBuf>, Vec<PathBuf>) {
             Step::Option(given) if given.row.action == Action::Input => {
                 inputs.push(PathBuf::from(&given.values[0]))
             }
+            Step::Option(given)
+                if matches!(given.row.action, Action::ColorConfig | Action::FileTransform)
+                    && !given.values[0].starts_with("ocio://") =>
+            {
+                inputs.push(PathBuf::from(&given.values[0]));
+            }
             Step::Option(given) if given.row.action == Action::Output => {
                 outputs.push(PathBuf::from(&given.values[0]))
             }
@@ -152,11 +160,12 @@ fn run(steps: &[Step], run: &Run, reporter: &Reporter) -> Status {
         }
         false => Files::default(),
     };
+    let rules = PluginRules { none: run.safe, named: run.plugins.clone(), current_folder: false };
     let formats = granita_plugin::formats_with_plugins(
         Limits { files: files.clone(), ..Limits::default() },
         &environment(),
         reporter,
-        PluginRules { none: run.safe, named: run.plugins.clone(), current_folder: false },
+        rules.clone(),
         false,
     );
     if run.safe {
@@ -167,10 +176,14 @@ fn run(steps: &[Step], run: &Run, reporter: &Reporter) -> Status {
             return failed(format!("-safe: {what}").into(), 0);
         }
     }
+    let mut settings = run.settings.clone();
+    settings.environment = environment();
+    settings.environment.set_files(files.clone());
+    settings.rules = rules;
     let carry_out = || {
         let (mut status, mut outputs, mut verdict, mut printed) = (Status::Done, 0, None, false);
         for steps in &all {
-            let mut machine = Machine::new(&formats, reporter, &run.settings);
+            let mut machine = Machine::new(&formats, reporter, &settings);
             let done = machine::run(&mut machine, steps);
             outputs += machine.outputs;
             printed |= machine.printed;

@@ -3,7 +3,7 @@
 use crate::parse::{Given, Step};
 use crate::stack::{Done, Fault, Machine};
 use crate::table::Action;
-use crate::{files, pixels, print, shapes};
+use crate::{colors, files, pixels, print, shapes};
 
 /// Carries out all steps.
 ///
@@ -96,11 +96,15 @@ fn act(machine: &mut Machine<'_>, given: &Given) -> Done {
         | A::CreateFolder
         | A::Memory
         | A::Threads
+        | A::ColorConfig
         | A::Plugins
         | A::Safe
         | A::NoFence
         | A::Verbose
         | A::Quiet => (),
+        A::ColorConvert | A::ToColorSpace | A::IsColorSpace | A::DisplayView | A::Look | A::FileTransform => {
+            colors::act(machine, given)?
+        }
         A::Create
         | A::Pattern
         | A::Resize

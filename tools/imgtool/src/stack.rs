@@ -1,9 +1,11 @@
 //! The stack of images, and what else steps share.
 
 use crate::parse::Given;
-use granita_base::{Location, Reporter, Severity};
+use granita_base::{Environment, Location, Reporter, Severity};
+use granita_color::{ColorError, Config};
 use granita_edit::{DiffLimits, EditError, File, Image, Verdict, WriteOptions};
 use granita_image::FormatRegistry;
+use granita_plugin::PluginRules;
 use std::path::PathBuf;
 
 /// The reason why a command line was not carried out.
@@ -16,6 +18,12 @@ pub(crate) struct Fault {
 
 impl From<EditError> for Fault {
     fn from(error: EditError) -> Self {
+        Self::from(error.to_string())
+    }
+}
+
+impl From<ColorError> for Fault {
+    fn from(error: ColorError) -> Self {
         Self::from(error.to_string())
     }
 }
@@ -54,6 +62,12 @@ pub(crate) struct Settings {
     pub(crate) create_folder: bool,
     /// True to print more.
     pub(crate) verbose: bool,
+    /// The configuration of colours: a file, or a built-in one.
+    pub(crate) colorconfig: Option<String>,
+    /// The variables of the system, and the files that may be opened.
+    pub(crate) environment: Environment,
+    /// The plugins that may be loaded.
+    pub(crate) rules: PluginRules,
 }
 
 /// The state between two steps.
@@ -75,6 +89,7 @@ pub(crate) struct Machine<'a> {
     /// True when something was printed on request.
     pub(crate) printed: bool,
     pub(crate) verdict: Option<Verdict>,
+    config: Option<Config>,
 }
 
 impl<'a> Machine<'a> {
@@ -93,7 +108,19 @@ impl<'a> Machine<'a> {
             outputs: 0,
             printed: false,
             verdict: None,
+            config: None,
         }
+    }
+
+    /// Returns the configuration of colours, which is read once.
+    pub(crate) fn config(&mut self) -> Done<Config> {
+        if self.config.is_none() {
+            let settings = self.settings;
+            let engine = granita_plugin::color_engine(&settings.environment, settings.rules.clone());
+            let config = Config::of_tool(settings.colorconfig.as_deref(), &settings.environment, engine)?;
+            self.config = Some(config);
+        }
+        self.config.clone().ok_or_else(|| Fault::from("there is no configuration"))
     }
 
     /// Prints a text on request.

@@ -77,6 +77,13 @@ pub(crate) enum Action {
     Premultiply,
     Unpremultiply,
     Saturate,
+    // Colour spaces
+    ColorConvert,
+    ToColorSpace,
+    IsColorSpace,
+    DisplayView,
+    Look,
+    FileTransform,
     // Filters
     Blur,
     Unsharp,
@@ -114,6 +121,7 @@ pub(crate) enum Action {
     CreateFolder,
     Memory,
     Threads,
+    ColorConfig,
     Plugins,
     Safe,
     NoFence,
@@ -196,7 +204,7 @@ pub(crate) const GROUPS: &[(&str, &[Row])] = &[
         row(A::OriginOffset, "originoffset", &["+X+Y"], 1, "Move the data window by a distance"),
         row(A::FullSize, "fullsize", &["WINDOW"], 1, "Set the display window"),
         row(A::FullPixels, "fullpixels", &[], 1, "Set the display window to the data window"),
-        row(A::Paste, "paste", &["+X+Y"], 2, "Place the first image over the second one at a position; auto is its own"),
+        row(A::Paste, "paste", &["+X+Y"], 2, "Place the first image over the second one at a position; auto is its own. mergeroi=1 extends the data window").with(&["mergeroi"]),
         row(A::Mosaic, "mosaic", &["WxH"], 0, "Make a contact sheet of the last W x H images").with(&["pad", "fit"]).also(&["contactsheet"]),
     ]),
     ("Orientation and maps of directions", &[
@@ -246,6 +254,14 @@ pub(crate) const GROUPS: &[(&str, &[Row])] = &[
         row(A::Unpremultiply, "unpremult", &[], 1, "Divide colours by alpha"),
         row(A::Saturate, "saturate", &["SCALE"], 1, "Scale the difference of the first three channels from their luminance (Rec. 709)"),
     ]),
+    ("Colour spaces", &[
+        row(A::ColorConvert, "colorconvert", &["FROM", "TO"], 1, "Convert colours from one space to another: names, aliases or roles of the configuration").with(&["unpremult", "strict"]),
+        row(A::ToColorSpace, "tocolorspace", &["SPACE"], 1, "Convert colours to a space from that which the file describes").with(&["unpremult"]),
+        row(A::IsColorSpace, "iscolorspace", &["SPACE"], 1, "Set the space of the colours; the values stay as they are"),
+        row(A::DisplayView, "ociodisplay", &["DISPLAY", "VIEW"], 1, "Convert colours to a view of a display, as it is stored in files; default is the first one").with(&["from", "unpremult"]),
+        row(A::Look, "ociolook", &["LOOKS"], 1, "Apply looks, such as grade,-neutral").with(&["from", "to", "unpremult"]),
+        row(A::FileTransform, "ociofiletransform", &["FILE"], 1, "Apply a file of tables or of another transform").with(&["inverse", "unpremult"]),
+    ]),
     ("Filters", &[
         row(A::Blur, "blur", &["WxH"], 1, "Blur by a filter of this size in pixels").with(&["kernel"]),
         row(A::Unsharp, "unsharp", &[], 1, "Sharpen by the difference from a blurred image").with(&["kernel", "width", "contrast", "threshold"]),
@@ -287,6 +303,7 @@ pub(crate) const GROUPS: &[(&str, &[Row])] = &[
         row(A::CreateFolder, "create-dir", &[], 0, "Make missing folders of files"),
         row(A::Memory, "memory", &["MB"], 0, "Memory limit of operations that hold images, in MiB [default: a quarter of the installed memory]"),
         row(A::Threads, "threads", &["N"], 0, "Number of threads [default: one per core]"),
+        row(A::ColorConfig, "colorconfig", &["FILE"], 0, "Configuration of OpenColorIO, a file or ocio://NAME [default: that of $OCIO, else the built-in one]"),
         row(A::Plugins, "plugins", &["PATH"], 0, "A folder of image plugins, or a library, which is used before bundled ones; may be repeated"),
         row(A::Safe, "safe", &[], 0, "For untrusted images: load no plugins, read below the folders of the inputs only"),
         row(A::NoFence, "nofence", &[], 0, ""),

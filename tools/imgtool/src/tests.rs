@@ -92,6 +92,9 @@ fn every_option_runs() {
     let place = Place::new();
     place.done("-pattern fill:topleft=0.1,0.2,0.3,1:topright=0.9,0.1,0.4,0.5:bottomleft=0:bottomright=1 32x16 4 -fullsize 40x20 -o ./a.exr -fullpixels -flop -o ./b.exr");
     place.done("-pattern noise:type=uniform:max=1:mono=1:seed=3 32x16 3 -o ./map.exr");
+    let look = "ocio_profile_version: 2\nroles: {scene_linear: lin}\nlooks:\n  - !<Look> {name: grade, process_space: lin, transform: !<ExponentTransform> {value: 2}}\ncolorspaces:\n  - !<ColorSpace> {name: lin}\n";
+    std::fs::write(place.path("look.ocio"), look).unwrap();
+    std::fs::write(place.path("one.spimtx"), "1 0 0 0 0 1 0 0 0 0 1 0").unwrap();
     let mut used = std::collections::BTreeSet::new();
     for line in [
         "-i:ch=R,G ./a.exr -o:type=half:compression=zip ./o.exr",
@@ -103,7 +106,7 @@ fn every_option_runs() {
         "./a.exr -resize:filter=mitchell 0x9 -resample:interp=0 200% -resample 9x9 -o ./o.exr",
         "./a.exr -fit:pad=1:fillmode=width:filter=box 30x30 -crop 9x9+1+1 -croptofull -cut 5x5+0+0 -trim -o ./o.exr",
         "./a.exr -origin +3+4 -originoffset -1-1 -fullsize 50x50+0+0 -fullpixels -o ./o.exr",
-        "./b.exr ./a.exr -paste +4+4 ./b.exr -mosaic:pad=2:fit=10x10 2x1 -o ./o.exr",
+        "./b.exr ./a.exr -paste:mergeroi=1 +4+4 ./b.exr -mosaic:pad=2:fit=10x10 2x1 -o ./o.exr",
         "./a.exr -flip -flop -rotate90 -rotate180 -rotate270 -transpose -cshift +3-2 -orientation 6 -reorient -o ./o.exr",
         "./map.exr -env:size=8:up=z latlong:cross -env:up=z cross:probe -o ./o.exr",
         "./map.exr -env:size=8 latlong:faces -env faces:column -o ./o.exr",
@@ -114,6 +117,9 @@ fn every_option_runs() {
         "./a.exr ./b.exr ./a.exr -mad -invert:chbegin=0:chend=2 -clamp:min=0:max=1,2:clampalpha=1 -o ./o.exr",
         "./a.exr ./b.exr -over -premult -unpremult -o ./o.exr",
         "./a.exr -blur:kernel=box 3x5 -unsharp:kernel=gaussian:width=5:contrast=0.5:threshold=0.1 -fixnan box3 -o ./o.exr",
+        "./a.exr -colorconvert:unpremult=1:strict=1 srgb ACEScg -tocolorspace:unpremult=1 srgb -iscolorspace ACEScg -o ./o.exr",
+        "./a.exr -colorconfig ocio://default -ociodisplay:from=ACEScg:unpremult=1 default default -o ./o.exr",
+        "-colorconfig ./look.ocio ./a.exr -ociolook:from=lin:to=lin:unpremult=1 grade -ociofiletransform:inverse=1:unpremult=1 ./one.spimtx -o ./o.exr",
         "./a.exr -fill:color=1,0,0,1 4x4+2+2 -noise:type=salt:value=1:portion=0.1:seed=4 -noise:stddev=0.1:mean=0:mono=0 -o ./o.exr",
         "./a.exr -attrib:type=float[2] ab 1,2 -sattrib name 3 -eraseattrib name -caption words -keyword one -clear-keywords -o ./o.exr",
         "./a.exr -dup -swap -pop -info:verbose=1 -stats -echo words -v -q",
@@ -305,4 +311,73 @@ fn the_manual_has_the_tables_of_options() {
     for (name, _) in Kernel::NAMES {
         assert!(page.contains(&format!("`{name}`")), "{name}");
     }
+}
+
+#[test]
+fn colours_are_converted_between_spaces() {
+    let place = Place::new();
+    place.done("-pattern constant:color=0.5,0.25,0.125 4x2 3 -d float -o ./a.exr");
+    place.done("./a.exr -colorconvert lin_rec709 sRGB -d float -o ./b.exr");
+    let near = |a: &[f32], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 2e-5);
+    assert!(near(&place.values("b.exr"), [0.735_357, 0.537_099, 0.388_573]), "{:?}", place.values("b.exr"));
+    // The way back through what the file says now.
+    let text = place.done("./b.exr -tocolorspace lin_rec709 -d float -o ./c.exr");
+    assert!(text.contains("b.exr: the colours are sRGB (oiio:ColorSpace)"), "{text}");
+    assert!(near(&place.values("c.exr"), [0.5, 0.25, 0.125]));
+    place.done(
+        "./a.exr -d uint8 -o ./a.png -iscolorspace ACEScg -tocolorspace lin_rec709 -d float -o ./d.exr",
+    );
+    assert!(place.values("d.exr")[0] > 0.6);
+    let text = place.done("./a.png -tocolorspace lin_rec709 -d float -o ./e.exr");
+    assert!(
+        text.contains("sRGB (assumed of integers)") && (place.values("e.exr")[0] - 0.214).abs() < 2e-3,
+        "{text}"
+    );
+    place.done("./a.exr -ociodisplay default default -d float -o ./f.exr");
+    assert!(near(&place.values("f.exr"), [0.735_357, 0.537_099, 0.388_573]), "{:?}", place.values("f.exr"));
+}
+
+#[test]
+fn spaces_that_do_not_exist_are_named() {
+    let place = Place::new();
+    place.done("-pattern constant 4x2 3 -o ./a.exr");
+    let (status, text) = place.run("./a.exr -colorconvert ACESgc sRGB -o ./b.exr");
+    assert!(
+        status == 2
+            && text.contains("-colorconvert: the built-in configuration has no colour space \"ACESgc\""),
+        "{text}"
+    );
+    assert!(text.contains("did you mean"), "{text}");
+    let (status, text) = place.run("./a.exr -colorconvert:strict=0 nospace sRGB -o ./b.exr");
+    assert!(status == 0 && text.contains("nothing is converted"), "{text}");
+    let (status, text) = place.run("./a.exr -ociodisplay screen Raw -o ./b.exr");
+    assert!(status == 2 && text.contains("no display \"screen\""), "{text}");
+    let (status, text) = place.run("./a.exr -colorconfig ./no.ocio -iscolorspace x -o ./b.exr");
+    assert!(status == 2 && text.contains("-colorconfig: ") && text.contains("no.ocio"), "{text}");
+    let (status, text) = place.run("./a.exr -ociofiletransform ./no.cube -o ./b.exr");
+    assert!(status == 2 && text.contains("no.cube"), "{text}");
+}
+
+#[test]
+fn a_configuration_and_its_tables_are_files() {
+    let place = Place::new();
+    let config = "ocio_profile_version: 2\nroles: {scene_linear: lin}\ncolorspaces:\n  - !<ColorSpace> {name: lin}\n  - !<ColorSpace> {name: half, to_scene_reference: !<MatrixTransform> {matrix: [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]}}\n";
+    std::fs::write(place.path("a.ocio"), config).unwrap();
+    std::fs::write(place.path("a.cube"), "LUT_1D_SIZE 2\n0 0 0\n0.5 0.25 1\n").unwrap();
+    place.done("-pattern constant:color=0.5 4x2 3 -o ./a.exr");
+    place.done("-safe ./a.exr -colorconfig ./a.ocio -colorconvert half lin -o ./b.exr");
+    assert_eq!(place.values("b.exr")[..3], [1.0; 3]);
+    place.done("./a.exr -ociofiletransform ./a.cube -o ./c.exr");
+    assert_eq!(place.values("c.exr")[..3], [0.25, 0.125, 0.5]);
+}
+
+#[test]
+fn a_pasted_image_is_cut_unless_the_window_may_grow() {
+    let place = Place::new();
+    place.done("-pattern constant:color=1 4x4 1 -o ./a.exr");
+    place.done("-pattern constant:color=0.5 8x4 1 -o ./b.exr");
+    place.done("./a.exr ./b.exr -paste +6+0 -o ./c.exr");
+    assert_eq!(place.values("c.exr")[..8], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0]);
+    place.done("./a.exr ./b.exr -paste:mergeroi=1 +6+0 -o ./d.exr");
+    assert_eq!((place.image("d.exr").spec().width, place.values("d.exr")[9]), (10, 1.0));
 }

@@ -3,6 +3,7 @@
 use crate::args::LookArgs;
 use granita_base::{Environment, Reporter};
 use granita_color::Config;
+use granita_plugin::PluginRules;
 use granita_view::Viewing;
 
 /// Returns the view that the options and `$OCIO` name; `None` for the encoding of sRGB.
@@ -14,6 +15,7 @@ use granita_view::Viewing;
 pub(crate) fn viewing(
     look: &LookArgs,
     environment: &Environment,
+    rules: PluginRules,
     reporter: &Reporter,
 ) -> Result<Option<Viewing>, String> {
     let named = look.colorspace.is_some() || look.display.is_some() || look.view.is_some();
@@ -25,6 +27,7 @@ pub(crate) fn viewing(
         (None, None) => return Ok(None),
     };
     let found = Config::open(&name, environment).and_then(|config| {
+        let config = config.with_engine(granita_plugin::color_engine(environment, rules.clone()));
         Viewing::new(config, look.colorspace.as_deref(), look.display.as_deref(), look.view.as_deref())
     });
     match found {
@@ -50,7 +53,7 @@ mod tests {
             environment.set("OCIO", ocio);
         }
         let (reporter, _) = Reporter::collecting();
-        let found = viewing(&args.look, &environment, &reporter)?;
+        let found = viewing(&args.look, &environment, PluginRules::default(), &reporter)?;
         Ok(found.map(|viewing| (viewing.display().to_owned(), viewing.view().to_owned())))
     }
 
@@ -59,7 +62,7 @@ mod tests {
         let srgb = || Some(("sRGB - Display".to_owned(), "Un-tone-mapped".to_owned()));
         assert_eq!(of("iv a", ""), Ok(None));
         assert_eq!(of("iv a", "ocio://default"), Ok(srgb()));
-        assert_eq!(of("iv -colorspace ACEScg a", ""), Ok(srgb()));
+        assert_eq!(of("iv --colorspace ACEScg a", ""), Ok(srgb()));
         assert_eq!(of("iv --colorconfig ocio://default a", "/none"), Ok(srgb()));
         let p3 = of("iv --display displayp3_display --view Raw a", "");
         assert!(p3.is_err(), "an alias of a colour space is no display");

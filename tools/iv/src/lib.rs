@@ -27,17 +27,18 @@ use std::path::PathBuf;
 fn run(args: &Args, reporter: &Reporter) -> Status {
     // A file may name other files, as glTF does. Only files beneath the folders of the named files are read.
     let files = Files::reading(args.files.iter().map(PathBuf::as_path));
+    let rules = PluginRules { named: args.plugins.clone(), ..PluginRules::default() };
     let formats = granita_plugin::formats_with_plugins(
         Limits { files, ..Limits::default() },
         &granita_cli::environment(),
         reporter,
-        PluginRules { named: args.plugins.clone(), ..PluginRules::default() },
+        rules.clone(),
         args.debugdso,
     );
     if args.net.serve.is_some() {
         return serve::run(&args.net, &args.files, &formats, reporter);
     }
-    let viewing = match colors::viewing(&args.look, &granita_cli::environment(), reporter) {
+    let viewing = match colors::viewing(&args.look, &granita_cli::environment(), rules, reporter) {
         Ok(viewing) => viewing,
         Err(what) => {
             reporter.error(what);

@@ -207,7 +207,7 @@ impl Args {
         installed_bytes: Option<u64>,
     ) -> Result<Request, String> {
         let mut options = self.options(installed_bytes)?;
-        options.color_convert = self.colors.convert(environment, false)?;
+        options.color_convert = self.colors.convert(environment, self.run.rules(), false)?;
         Ok(Request {
             manner: Manner::Suite,
             format_given: self.image.format.is_some(),

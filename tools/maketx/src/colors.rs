@@ -2,6 +2,7 @@
 
 use granita_base::Environment;
 use granita_color::Config;
+use granita_plugin::PluginRules;
 use granita_texture::make::ColorConvert;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,18 +25,6 @@ pub(crate) struct ColorArgs {
 }
 
 impl ColorArgs {
-    /// Returns the configuration of -colorconfig, or of `$OCIO`, or the built-in one.
-    fn config(&self, environment: &Environment) -> Result<Config, String> {
-        if let Some(path) = &self.colorconfig {
-            let config = Config::open(&path.to_string_lossy(), environment);
-            return config.map_err(|error| format!("-colorconfig: {error}"));
-        }
-        match environment.get("OCIO").filter(|name| !name.is_empty()) {
-            Some(name) => Config::open(name, environment).map_err(|error| format!("$OCIO: {error}")),
-            None => Ok(Config::built_in()),
-        }
-    }
-
     /// Returns the conversion of -colorconvert. Levels are made in linear light, in the primaries of the texture where
     /// the configuration has such a space. As OpenImageIO does (`peer`), they are made of the converted values.
     ///
@@ -44,10 +33,13 @@ impl ColorArgs {
     pub(crate) fn convert(
         &self,
         environment: &Environment,
+        rules: PluginRules,
         peer: bool,
     ) -> Result<Option<Arc<ColorConvert>>, String> {
         let [from, to] = &self.colorconvert[..] else { return Ok(None) };
-        let config = self.config(environment)?;
+        let option = self.colorconfig.as_ref().map(|path| path.to_string_lossy());
+        let engine = granita_plugin::color_engine(environment, rules);
+        let config = Config::of_tool(option.as_deref(), environment, engine)?;
         let failed = |error: granita_color::ColorError| format!("-colorconvert {from} {to}: {error}");
         let direct = config.processor(from, to).map_err(failed)?;
         let mut colors =
@@ -80,16 +72,17 @@ mod tests {
     #[test]
     fn levels_are_linear_but_for_openimageio() {
         let environment = Environment::default();
-        let own = args("srgb", "srgb").convert(&environment, false).unwrap().unwrap();
+        let own = args("srgb", "srgb").convert(&environment, PluginRules::default(), false).unwrap().unwrap();
         assert!((own.inputs.map([0.5; 3])[0] - 0.214_041).abs() < 1e-5 && !own.outputs.is_identity());
-        let peer = args("srgb", "srgb").convert(&environment, true).unwrap().unwrap();
+        let peer = args("srgb", "srgb").convert(&environment, PluginRules::default(), true).unwrap().unwrap();
         assert!(peer.inputs.is_identity() && peer.outputs.is_identity() && peer.multiply_first);
-        let linear = args("srgb", "linear").convert(&environment, false).unwrap().unwrap();
+        let linear =
+            args("srgb", "linear").convert(&environment, PluginRules::default(), false).unwrap().unwrap();
         assert!(linear.inputs.is_separable() && linear.outputs.is_identity());
-        let data = args("raw", "srgb").convert(&environment, false).unwrap().unwrap();
+        let data = args("raw", "srgb").convert(&environment, PluginRules::default(), false).unwrap().unwrap();
         assert!(data.inputs.is_identity() && data.outputs.is_identity());
         let none = ColorArgs { colorconvert: Vec::new(), ..args("", "") };
-        assert_eq!(none.convert(&environment, false), Ok(None));
+        assert_eq!(none.convert(&environment, PluginRules::default(), false), Ok(None));
     }
 
     #[test]
@@ -100,14 +93,21 @@ mod tests {
         let mut environment = Environment::default();
         environment.set("OCIO", file.to_string_lossy());
         let half = args("half", "lin");
-        assert_eq!(half.convert(&environment, false).unwrap().unwrap().inputs.map([0.5; 3]), [1.0; 3]);
-        let error = half.convert(&Environment::default(), false).unwrap_err();
+        assert_eq!(
+            half.convert(&environment, PluginRules::default(), false).unwrap().unwrap().inputs.map([0.5; 3]),
+            [1.0; 3]
+        );
+        let error = half.convert(&Environment::default(), PluginRules::default(), false).unwrap_err();
         assert_eq!(error, "-colorconvert half lin: the built-in configuration has no colour space \"half\"");
         let built_in = ColorArgs { colorconfig: Some("ocio://default".into()), ..args("srgb", "linear") };
-        assert!(built_in.convert(&environment, false).is_ok());
+        assert!(built_in.convert(&environment, PluginRules::default(), false).is_ok());
         environment.set("OCIO", "/no/such/file");
-        assert!(half.convert(&environment, false).unwrap_err().starts_with("$OCIO: /no/such/file: "));
+        assert!(
+            half.convert(&environment, PluginRules::default(), false)
+                .unwrap_err()
+                .starts_with("$OCIO: /no/such/file: ")
+        );
         let option = ColorArgs { colorconfig: Some(file), ..args("half", "lin") };
-        assert!(option.convert(&environment, true).is_ok());
+        assert!(option.convert(&environment, PluginRules::default(), true).is_ok());
     }
 }

@@ -20,7 +20,6 @@ use granita_base::files::is_same_file;
 use granita_base::{Environment, Files, Location, Reporter, Severity};
 use granita_cli::{Bar, Status, before_signals, console_reporter, environment, fence, parse, parse_or};
 use granita_image::{FormatRegistry, Limits};
-use granita_plugin::PluginRules;
 use granita_texture::TextureError;
 use granita_texture::make::{Costs, Made, Progress, make_measured};
 use jobs::Job;
@@ -269,7 +268,7 @@ fn run(mut request: Request, bar: &Bar, reporter: &Reporter) -> Status {
         Limits { files: files.clone(), ..Limits::default() },
         &granita_cli::environment(),
         reporter,
-        PluginRules { none: request.run.safe, named: request.run.plugins.clone(), current_folder: false },
+        request.run.rules(),
         request.run.debugdso,
     );
     if request.run.debugdso {

@@ -228,7 +228,7 @@ impl OiioArgs {
             },
             ..MakeOptions::default()
         };
-        options.color_convert = self.colors.convert(environment, true)?;
+        options.color_convert = self.colors.convert(environment, self.run.rules(), true)?;
         self.image.fill(&mut options);
         if self.oiio {
             options.separate = false;

@@ -3,6 +3,7 @@
 use clap::ArgAction;
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
 use granita_image::PixelType;
+use granita_plugin::PluginRules;
 use granita_texture::Wrap;
 use granita_texture::make::{
     Bump, BumpFormat, Distribution, FlatOptions, Frame, MakeOptions, NormalRange, SlopeFilter,
@@ -172,6 +173,11 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// Returns the rules for plugins.
+    pub(crate) fn rules(&self) -> PluginRules {
+        PluginRules { none: self.safe, named: self.plugins.clone(), current_folder: false }
+    }
+
     /// Returns the memory limit of one texture in bytes, on a machine with so much memory.
     pub(crate) fn memory_bytes(&self, installed_bytes: Option<u64>) -> u64 {
         match (self.memory, installed_bytes) {

@@ -2,8 +2,8 @@
 //!
 //! The parts, in the order in which they run:
 //! - without an engine: a job of 24 frames whose task is killed, and a frame with workers that are killed and stopped;
-//! - with Slurm, where its packages are installed and the user is root: the same job on one node and on three nodes, one
-//!   of which is killed with its tasks, and a frame on three nodes, one of which is killed.
+//! - with Slurm, where its packages are installed and the user is root: the same job on one node and on three nodes,
+//!   one of which is killed with its tasks, and a frame on three nodes, one of which is killed.
 //!
 //! The nodes are processes of this machine, each with its own process numbers, so that all of a node's processes die at
 //! once. All images must equal those of one process without an engine, to the bit. Everything is taken down at the end.

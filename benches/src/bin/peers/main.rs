@@ -10,12 +10,12 @@
 //! theirs. The images are enlarged from those in `examples/first`. `--large` adds an image of 16384 x 16384 pixels for
 //! our program only, to measure its memory.
 //!
-//! `--lookups` measures filtered lookups instead, see `lookups.rs`, and `--edits` `imgtool`, see `edits.rs`.
+//! `--lookups` measures filtered lookups instead, see `lookups.rs`. `benches/peers/speed.py` compares `imgtool`, and single
+//! options of `maketx`.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "a table for a terminal")]
 
-mod edits;
 mod lookups;
 
 use granita_base::hash;
@@ -42,13 +42,6 @@ fn run() -> Result<(), String> {
         let place = tempfile::tempdir().map_err(|e| e.to_string())?;
         let images: Vec<PathBuf> = words[at + 1..].iter().map(PathBuf::from).collect();
         return lookups::run(&granita_plugin::bundled_formats(Limits::default()), &images, place.path());
-    }
-    if words.iter().any(|w| w == "--edits") {
-        let place = tempfile::tempdir().map_err(|e| e.to_string())?;
-        let large = place.path().join("large.tif");
-        let formats = granita_plugin::bundled_formats(Limits::default());
-        Tile::read(&formats, "brick.png", PixelType::Half)?.enlarge(&formats, &large, "tiff", 8192, 8192)?;
-        return edits::run(&large, place.path());
     }
     let named = words.iter().position(|w| w == "--maketx").and_then(|i| words.get(i + 1)).map(PathBuf::from);
     let theirs = named

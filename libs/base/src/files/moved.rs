@@ -16,15 +16,15 @@ pub struct MovedFolders {
 }
 
 impl MovedFolders {
-    /// Returns the folders. `origin` is the absolute folder that relative names with ".." were relative to, and `here` is
-    /// the absolute folder that they are relative to now. `folders` maps absolute folders, without "." and "..", to
+    /// Returns the folders. `origin` is the absolute folder that relative names with ".." were relative to, and `here`
+    /// is the absolute folder that they are relative to now. `folders` maps absolute folders, without "." and "..", to
     /// their new places, which are relative to `here`; an empty one is `here` itself.
     pub fn new(origin: &Path, here: &Path, folders: BTreeMap<PathBuf, PathBuf>) -> Self {
         Self { origin: without_dots(origin), here: without_dots(here), folders }
     }
 
-    /// Returns the place of a file or of a folder. Relative names without ".." are not changed, and neither are absolute
-    /// names beneath the current folder.
+    /// Returns the place of a file or of a folder. Relative names without ".." are not changed, and neither are
+    /// absolute names beneath the current folder.
     pub fn place<'a>(&self, path: &'a Path) -> Cow<'a, Path> {
         let is_parent = |part| matches!(part, Component::ParentDir);
         if path.is_relative() && !path.components().any(is_parent) {

@@ -219,6 +219,10 @@ impl Reader<'_> {
                     return Err(self.malformed(node, format!("{} params, and 7 are needed", params.len())));
                 }
             },
+            "aces_glow03" => Transform::Fixed(Fixed::Glow(0.075, 0.1)),
+            "aces_glow10" => Transform::Fixed(Fixed::Glow(0.05, 0.08)),
+            "aces_redmod10" => Transform::Fixed(Fixed::RedModifier),
+            "aces_darktodim10" => Transform::Fixed(Fixed::DarkToDim),
             "rec2100_surround" => match params[..] {
                 [gamma] if gamma > 0.0 => Transform::Fixed(Fixed::Surround(gamma)),
                 _ => return Err(self.malformed(node, "params has one positive number")),

@@ -314,3 +314,84 @@ fn a_primitive_of_too_many_triangles_is_skipped_alone() {
     let said = f.complaints();
     assert!(said.len() == 1 && said[0].contains("100000 points and is left out for rays"), "{said:?}");
 }
+
+/// A processor that has half of the rays traced by the tracer itself, and counts the batches that it traced.
+#[derive(Clone, Debug, Default)]
+struct Moody {
+    copies: Arc<std::sync::atomic::AtomicUsize>,
+    traced: Arc<std::sync::atomic::AtomicUsize>,
+}
+
+#[derive(Debug)]
+struct MoodyCopy(Moody, Arc<Tracer>);
+
+impl Accelerator for Moody {
+    fn copy(&self, tracer: &Arc<Tracer>) -> Option<Box<dyn TracerCopy>> {
+        self.copies.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        Some(Box::new(MoodyCopy(self.clone(), tracer.clone())))
+    }
+
+    fn report(&self) -> String {
+        String::new()
+    }
+}
+
+impl MoodyCopy {
+    /// True for every second batch.
+    fn takes(&self) -> bool {
+        self.0.traced.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % 2 == 0
+    }
+}
+
+impl TracerCopy for MoodyCopy {
+    fn closest(&self, rays: &[Ray], hits: &mut [Hit]) -> bool {
+        self.1.closest(rays, hits);
+        let takes = self.takes();
+        if !takes {
+            // What a failed copy leaves behind is not used.
+            hits.fill(Hit { t: 1e-9, mesh: 0, triangle: 0, b1: 0.0, b2: 0.0 });
+        }
+        takes
+    }
+
+    fn any(&self, rays: &[Ray], blocked: &mut [bool]) -> bool {
+        self.1.any(rays, blocked);
+        let takes = self.takes();
+        if !takes {
+            blocked.iter_mut().for_each(|b| *b = !*b);
+        }
+        takes
+    }
+}
+
+#[test]
+fn sets_have_the_same_hits_with_an_accelerator_that_fails_now_and_then() {
+    let mut f = Fixture::new(&[]);
+    let own = f.attributes("", &["set"], &[]);
+    let corners: Vec<f32> = (0..30).flat_map(|i| (point(8, i) * 2.0).to_array()).collect();
+    let shape = ShapeDesc::Mesh {
+        subdivide: false,
+        nverts: [3; 10].into(),
+        verts: (0..30).collect::<Vec<_>>().into(),
+    };
+    f.add(shape, Params(vec![param("vertex point P", &corners[..])]), own);
+    let plain = Frame::new(&f, |_| 0.0);
+    let moody = Moody::default();
+    let mut with = Frame::new(&f, |_| 0.0);
+    with.rays = with.rays.with_accelerator(Some(Arc::new(moody.clone())));
+    let rays: Vec<RayRequest> =
+        (0..400).map(|i| request(point(9, i) * 3.0, point(10, i), 0.0, 0.0)).collect();
+    let (expected, got) = (plain.rays.scene("set", &plain).unwrap(), with.rays.scene("set", &with).unwrap());
+    for _ in 0..3 {
+        let hits = any(expected, &mut Thread(&plain), &rays);
+        assert_eq!(any(got, &mut Thread(&with), &rays), hits);
+        assert!(hits.iter().any(|hit| *hit) && !hits.iter().all(|hit| *hit));
+        let only: Vec<Ray> = rays.iter().map(|r| r.ray).collect();
+        let distances = |set: &RayScene<Object>, frame: &Frame| {
+            set.distances(&mut Thread(frame), &only, &|_| [0.0; 2], &|_| Leaving::default())
+        };
+        assert_eq!(distances(got, &with), distances(expected, &plain));
+    }
+    let count = |n: &std::sync::atomic::AtomicUsize| n.load(std::sync::atomic::Ordering::Relaxed);
+    assert_eq!((count(&moody.copies), count(&moody.traced)), (1, 6));
+}

@@ -3,7 +3,7 @@
 //! Polynomials and reductions follow the Cephes library (Moshier, single precision). Arguments outside of their
 //! range go to `libm`, which is written in Rust. No result depends on the machine's own library. A lane's result is
 //! the same in a vector loop and alone. Errors are listed in `docs/language.md` and checked by a test against double
-//! precision.
+//! precision. Other crates use them where they must have the results of shaders.
 
 use std::f32::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, LOG2_E};
 
@@ -26,7 +26,7 @@ fn nearest(x: f32) -> f32 {
 
 /// Returns the largest whole number that is not larger, as `f32::floor`, in a form that vectorises everywhere.
 #[inline(always)]
-pub(crate) fn floor(x: f32) -> f32 {
+pub fn floor(x: f32) -> f32 {
     let whole = x as i32 as f32;
     let down = whole - pick(whole > x, 1.0, 0.0);
     // Beyond 2^23 all numbers are whole. The sign of zero is kept.
@@ -55,27 +55,30 @@ fn cos_poly(x: f32) -> f32 {
 
 /// True when [`sin_near`] and similar functions support the argument.
 #[inline(always)]
-pub(crate) fn turns_are_few(x: f32) -> bool {
+pub fn turns_are_few(x: f32) -> bool {
     x.abs() <= MOST_TURNS
 }
 
+/// Returns the sine of an angle in radians that [`turns_are_few`] accepts.
 #[inline(always)]
-pub(crate) fn sin_near(x: f32) -> f32 {
+pub fn sin_near(x: f32) -> f32 {
     let (k, r) = quarters(x);
     let v = pick(k & 1 == 0, sin_poly(r), cos_poly(r));
     // Small arguments keep their sign, also that of zero.
     pick(x == 0.0, x, pick(k & 2 == 0, v, -v))
 }
 
+/// Returns the cosine of an angle in radians that [`turns_are_few`] accepts.
 #[inline(always)]
-pub(crate) fn cos_near(x: f32) -> f32 {
+pub fn cos_near(x: f32) -> f32 {
     let (k, r) = quarters(x);
     let v = pick(k & 1 == 0, cos_poly(r), sin_poly(r));
     pick(k.wrapping_add(1) & 2 == 0, v, -v)
 }
 
+/// Returns the tangent of an angle in radians that [`turns_are_few`] accepts.
 #[inline(always)]
-pub(crate) fn tan_near(x: f32) -> f32 {
+pub fn tan_near(x: f32) -> f32 {
     let (k, r) = quarters(x);
     let z = r * r;
     let p = (((((9.385_402e-3 * z + 3.119_922_3e-3) * z + 2.443_013_5e-2) * z + 5.341_128e-2) * z
@@ -90,7 +93,7 @@ pub(crate) fn tan_near(x: f32) -> f32 {
 
 /// Returns the arcsine within [-1, 1], NaN outside.
 #[inline(always)]
-pub(crate) fn asin_inside(x: f32) -> f32 {
+pub fn asin_inside(x: f32) -> f32 {
     let a = x.abs();
     let far = a > 0.5;
     let z = pick(far, 0.5 * (1.0 - a), a * a);
@@ -105,7 +108,7 @@ pub(crate) fn asin_inside(x: f32) -> f32 {
 
 /// Returns the arccosine within [-1, 1], NaN outside.
 #[inline(always)]
-pub(crate) fn acos_inside(x: f32) -> f32 {
+pub fn acos_inside(x: f32) -> f32 {
     let a = x.abs();
     let far = a > 0.5;
     let z = pick(far, 0.5 * (1.0 - a), a * a);
@@ -120,8 +123,9 @@ pub(crate) fn acos_inside(x: f32) -> f32 {
     pick(far, pick(x < 0.0, std::f32::consts::PI - 2.0 * p, 2.0 * p), near)
 }
 
+/// Returns the arctangent of any argument, in radians.
 #[inline(always)]
-pub(crate) fn atan(x: f32) -> f32 {
+pub fn atan(x: f32) -> f32 {
     let a = x.abs();
     let (far, mid) = (a > 2.414_213_6, a > 0.414_213_57);
     let base = pick(far, FRAC_PI_2, pick(mid, FRAC_PI_4, 0.0));
@@ -133,25 +137,27 @@ pub(crate) fn atan(x: f32) -> f32 {
 
 /// True when [`atan2_plain`] supports the arguments.
 #[inline(always)]
-pub(crate) fn is_plain(y: f32, x: f32) -> bool {
+pub fn is_plain(y: f32, x: f32) -> bool {
     let (a, b) = (y.abs(), x.abs());
     a > 1e-18 && a < 1e18 && b > 1e-18 && b < 1e18
 }
 
+/// Returns the angle of the point (x, y) in radians, where [`is_plain`] accepts the arguments.
 #[inline(always)]
-pub(crate) fn atan2_plain(y: f32, x: f32) -> f32 {
+pub fn atan2_plain(y: f32, x: f32) -> f32 {
     let a = atan(y.abs() / x.abs());
     pick(x < 0.0, std::f32::consts::PI - a, a).copysign(y)
 }
 
 /// True when [`exp_near`] supports the argument: the result neither overflows nor is tiny.
 #[inline(always)]
-pub(crate) fn exp_is_near(x: f32) -> bool {
+pub fn exp_is_near(x: f32) -> bool {
     x.abs() < 87.0
 }
 
+/// Returns `e^x` where [`exp_is_near`] accepts the argument.
 #[inline(always)]
-pub(crate) fn exp_near(x: f32) -> f32 {
+pub fn exp_near(x: f32) -> f32 {
     let k = nearest(x * LOG2_E);
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let p = ((((1.987_569_1e-4 * r + 1.398_199_9e-3) * r + 8.333_452e-3) * r + 4.166_579_6e-2) * r
@@ -164,7 +170,7 @@ pub(crate) fn exp_near(x: f32) -> f32 {
 
 /// Returns the hyperbolic tangent of any argument: a polynomial near 0, `1 - 2 / (e^2x + 1)` beyond.
 #[inline(always)]
-pub(crate) fn tanh(x: f32) -> f32 {
+pub fn tanh(x: f32) -> f32 {
     let a = x.abs();
     let z = x * x;
     let p = ((((-5.704_988_7e-3 * z + 2.063_909e-2) * z - 5.373_971_6e-2) * z + 1.333_144_2e-1) * z
@@ -179,7 +185,7 @@ pub(crate) fn tanh(x: f32) -> f32 {
 
 /// Returns the hyperbolic sine where [`exp_near`] supports the argument.
 #[inline(always)]
-pub(crate) fn sinh_near(x: f32) -> f32 {
+pub fn sinh_near(x: f32) -> f32 {
     let z = x * x;
     let p = ((2.037_219_1e-4 * z + 8.330_284e-3) * z + 1.666_671_6e-1) * z * x + x;
     let e = exp_near(x.abs());
@@ -188,7 +194,7 @@ pub(crate) fn sinh_near(x: f32) -> f32 {
 
 /// Returns the hyperbolic cosine where [`exp_near`] supports the argument.
 #[inline(always)]
-pub(crate) fn cosh_near(x: f32) -> f32 {
+pub fn cosh_near(x: f32) -> f32 {
     let e = exp_near(x.abs());
     0.5 * e + 0.5 / e
 }
@@ -237,7 +243,7 @@ fn exp_double(x: f64) -> f64 {
 
 /// Returns the error function of any argument.
 #[inline(always)]
-pub(crate) fn erf(x: f32) -> f32 {
+pub fn erf(x: f32) -> f32 {
     const T: [f64; 8] = [
         -9.667_044_571_486_997e-6,
         0.000_112_659_590_256_066_09,
@@ -259,14 +265,14 @@ pub(crate) fn erf(x: f32) -> f32 {
 
 /// Returns the complementary error function, also where it is tiny.
 #[inline(always)]
-pub(crate) fn erfc(x: f32) -> f32 {
+pub fn erfc(x: f32) -> f32 {
     let tail = erfc_positive(f64::from(x.abs()));
     (if x < 0.0 { 2.0 - tail } else { tail }) as f32
 }
 
 /// True when a number is positive, normal and finite, as logarithms need it.
 #[inline(always)]
-pub(crate) fn is_ordinary(x: f32) -> bool {
+pub fn is_ordinary(x: f32) -> bool {
     (f32::MIN_POSITIVE..=f32::MAX).contains(&x)
 }
 
@@ -280,8 +286,9 @@ fn parts(x: f32) -> (f32, f32) {
     (e as f32 - pick(small, 1.0, 0.0), pick(small, m + m, m))
 }
 
+/// Returns the natural logarithm where [`is_ordinary`] accepts the argument.
 #[inline(always)]
-pub(crate) fn ln_ordinary(x: f32) -> f32 {
+pub fn ln_ordinary(x: f32) -> f32 {
     let (e, m) = parts(x);
     let r = m - 1.0;
     let z = r * r;
@@ -300,15 +307,17 @@ pub(crate) fn ln_ordinary(x: f32) -> f32 {
     (p + e * -2.121_944_4e-4 - 0.5 * z) + r + e * 0.693_359_4
 }
 
+/// Returns the logarithm to base 2 where [`is_ordinary`] accepts the argument.
 #[inline(always)]
-pub(crate) fn log2_ordinary(x: f32) -> f32 {
+pub fn log2_ordinary(x: f32) -> f32 {
     let (e, m) = parts(x);
     // Whole exponents stay exact.
     e + (log2_of_mantissa(m) as f32)
 }
 
+/// Returns the logarithm to base 10 where [`is_ordinary`] accepts the argument.
 #[inline(always)]
-pub(crate) fn log10_ordinary(x: f32) -> f32 {
+pub fn log10_ordinary(x: f32) -> f32 {
     let (e, m) = parts(x);
     ((f64::from(e) + log2_of_mantissa(m)) * std::f64::consts::LOG10_2) as f32
 }
@@ -326,7 +335,7 @@ fn log2_of_mantissa(m: f32) -> f64 {
 
 /// True when [`pow_ordinary`] supports the arguments.
 #[inline(always)]
-pub(crate) fn pow_is_ordinary(x: f32, y: f32) -> bool {
+pub fn pow_is_ordinary(x: f32, y: f32) -> bool {
     // The product of exponents must stay within those of floats. The error of the logarithm is multiplied, too.
     is_ordinary(x) && y.abs() < 1e6 && f64::from(y).abs() * (approximate_log2(x).abs() + LOG2_ERROR) < 125.0
 }
@@ -342,7 +351,7 @@ fn approximate_log2(x: f32) -> f64 {
 
 /// Returns `x^y`, computed in double precision.
 #[inline(always)]
-pub(crate) fn pow_ordinary(x: f32, y: f32) -> f32 {
+pub fn pow_ordinary(x: f32, y: f32) -> f32 {
     let (e, m) = parts(x);
     let t = (f64::from(e) + log2_of_mantissa(m)) * f64::from(y);
     const BIG: f64 = 6_755_399_441_055_744.0;

@@ -1,6 +1,6 @@
 //! Runs code: registers, masks, control flow.
 
-pub(crate) mod approx;
+pub mod approx;
 pub(crate) mod control;
 pub(crate) mod executor;
 pub(crate) mod gather;

@@ -11,7 +11,7 @@ use crate::error::{Result, TextureError};
 use crate::image::{Image, half};
 use crate::{TextureKind, Up};
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};
-use granita_image::{Format, FormatRegistry, ImageSpec, PixelType, Pixels};
+use granita_image::{Format, FormatRegistry, ImageSpec, PixelType, Pixels, is_about_colors};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -61,20 +61,6 @@ const STORAGE: [&str; 9] = [
     "orientation",
     "software",
     "unassociatedalpha",
-];
-
-/// The attributes that describe the colours of the input, which are not those of converted ones.
-const COLORS: [&str; 10] = [
-    "ICCProfile",
-    "CICP",
-    "png:cICP",
-    "png:gAMA",
-    "png:cHRM",
-    "png:sRGB",
-    "chromaticities",
-    "colorInteropID",
-    "oiio:ColorSpace",
-    "Exif:ColorSpace",
 ];
 
 /// The storage of a texture, as far as all its levels share it.
@@ -225,7 +211,7 @@ impl Plan {
         let signed = options.flat.signature.is_some();
         attributes.0.retain(|p| {
             let is_stale = STORAGE.iter().any(|s| p.name.eq_ignore_ascii_case(s));
-            let is_lost = !options.keeps_colors() && COLORS.contains(&&*p.name);
+            let is_lost = !options.keeps_colors() && is_about_colors(&p.name);
             !is_lost && (!is_stale || (signed && &*p.name == "software"))
         });
         attributes.set(word("textureformat", kind.word()));

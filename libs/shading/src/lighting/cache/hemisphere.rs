@@ -9,9 +9,9 @@
 //! Hessian-Based Error Control for Irradiance Caching (SIGGRAPH Asia 2012).
 
 use super::{Kind, Record};
-use granita_base::{Color, Vec3, hash, sample};
-use granita_rays::sampling::basis;
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use granita_base::{Color, Vec3};
+use granita_rays::sampling::{ConeCells, basis};
+use std::f32::consts::{PI, TAU};
 
 /// The smallest number of samples with meaningful derivatives.
 const LEAST_FOR_DERIVATIVES: u32 = 8;
@@ -19,15 +19,7 @@ const LEAST_FOR_DERIVATIVES: u32 = 8;
 /// A division of the cone into cells of equal weight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Strata {
-    /// The number of rings from the axis to the boundary.
-    rings: u32,
-    /// The number of sectors of each ring.
-    sectors: u32,
-    /// The sine of the cone's half angle.
-    sin: f32,
-    /// The half angle of a cone whose cells have equal solid angles, in radians. It may be wider than the
-    /// hemisphere. `None` when cells are weighted by the cosine.
-    uniform: Option<f32>,
+    cells: ConeCells,
 }
 
 /// Narrower cones have no derivatives. The borders of their cells are as short as their rounding.
@@ -45,57 +37,19 @@ pub(crate) struct Seen {
 }
 
 impl Strata {
-    /// Divides a cone into at most `samples` cells (at least one) of equal weight, by the cosine with the axis or
-    /// by solid angle. `half_angle` is in radians. With cosines it is at most a right angle.
+    /// Divides a cone as [`ConeCells::new`].
     pub(crate) fn new(samples: u32, half_angle: f32, cosine: bool) -> Self {
-        let samples = samples.max(1);
-        let rings = ((samples as f32 / PI).sqrt() as u32).max(1);
-        let sin = half_angle.clamp(0.0, FRAC_PI_2).sin();
-        let uniform = (!cosine).then(|| half_angle.clamp(0.0, PI));
-        Self { rings, sectors: (samples / rings).max(1), sin, uniform }
+        Self { cells: ConeCells::new(samples, half_angle, cosine) }
     }
 
     /// Returns the number of cells.
     pub(crate) fn len(&self) -> u32 {
-        self.rings * self.sectors
+        self.cells.count()
     }
 
-    /// Passes a direction in each cell (ring by ring) around a unit axis to `tell`. Directions are jittered so that
-    /// rings and sectors are also filled evenly (Kensler, Correlated Multi-Jittered Sampling, 2013).
+    /// Passes a direction in each cell to `tell`, as [`ConeCells::directions`].
     pub(crate) fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
-        let wide = self.uniform.unwrap_or(self.sin);
-        if wide.is_nan() || wide <= 0.0 {
-            return (0..self.len()).for_each(|index| tell(index, axis));
-        }
-        let (u, v) = basis(axis);
-        let narrowest = self.uniform.map_or(0.0, f32::cos);
-        let (rings, sectors) = (self.rings as f32, self.sectors as f32);
-        let permuted = |n: u32, dimension: u32| -> Vec<u32> {
-            let seed = hash::words(&[seed, dimension]);
-            (0..n).map(|k| sample::permute(k, n, seed)).collect()
-        };
-        let (across, around) = (permuted(self.sectors, 1), permuted(self.rings, 2));
-        let part = |k: u32, of: f32, index: u32, dimension: u32| {
-            let jitter = hash::unit(hash::words(&[seed, index, dimension]));
-            (k as f32 + jitter) / of
-        };
-        for ring in 0..self.rings {
-            for sector in 0..self.sectors {
-                let index = ring * self.sectors + sector;
-                let x = part(across[sector as usize], sectors, index, 3);
-                let y = part(around[ring as usize], rings, index, 4);
-                let (x, y) = ((ring as f32 + x) / rings, (sector as f32 + y) / sectors);
-                let (sin, cos) = if self.uniform.is_some() {
-                    let cos = 1.0 - x * (1.0 - narrowest);
-                    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
-                } else {
-                    let sin = self.sin * x.sqrt();
-                    (sin, (1.0 - sin * sin).max(0.0).sqrt())
-                };
-                let (s, c) = (y * TAU).sin_cos();
-                tell(index, (u * (sin * c) + v * (sin * s) + axis * cos).normalize_or(axis));
-            }
-        }
+        self.cells.directions(axis, seed, tell);
     }
 
     /// Returns the record of all cells. `seen` holds one result per cell. Derivatives are computed only on request.
@@ -114,10 +68,10 @@ impl Strata {
             record.open = open.normalize_or_zero();
         }
         if derivatives
-            && self.uniform.is_none()
+            && self.cells.uniform.is_none()
             && seen.len() as u32 == self.len()
             && self.len() >= LEAST_FOR_DERIVATIVES
-            && self.sin > LEAST_SIN
+            && self.cells.sin > LEAST_SIN
         {
             self.derive(kind, axis, seen, &mut record);
         }
@@ -130,7 +84,7 @@ impl Strata {
         let mut sums = self.border_sums(kind, seen);
         sums.shrink();
         // The cone's share of the hemisphere counts as one.
-        let scale = 1.0 / (PI * self.sin * self.sin);
+        let scale = 1.0 / (PI * self.cells.sin * self.cells.sin);
         for (c, change) in record.translational.iter_mut().enumerate().take(kind.channels()) {
             *change = (u * sums.places[0][c] + v * sums.places[1][c]) * scale;
         }
@@ -145,7 +99,7 @@ impl Strata {
         }
         // Turning the normal changes the cosines. The boundary of a hemisphere has cosine zero, but that of a cone
         // would turn along, so a cone has no rotational gradient.
-        if self.sin < 0.9999 {
+        if self.cells.sin < 0.9999 {
             return;
         }
         self.derive_rotational(kind, axis, seen, record);
@@ -156,11 +110,11 @@ impl Strata {
     fn border_sums(&self, kind: Kind, seen: &[Seen]) -> BorderSums {
         let mut sums =
             BorderSums { kind, places: [[0.0; 3]; 2], second: [0.0; 3], noise: [0.0; 3], second_noise: 0.0 };
-        let sine = |ring: u32| self.sin * (ring as f32 / self.rings as f32).sqrt();
-        let step = TAU / self.sectors as f32;
-        for ring in 0..self.rings {
+        let sine = |ring: u32| self.cells.sin * (ring as f32 / self.cells.rings as f32).sqrt();
+        let step = TAU / self.cells.sectors as f32;
+        for ring in 0..self.cells.rings {
             let (inner, outer) = (sine(ring), sine(ring + 1));
-            for sector in 0..self.sectors {
+            for sector in 0..self.cells.sectors {
                 let here = self.cell(seen, ring, sector);
                 // The border to the next sector.
                 let (s, c) = (step * (sector + 1) as f32).sin_cos();
@@ -169,7 +123,7 @@ impl Strata {
                 let next = self.cell(seen, ring, sector + 1);
                 sums.add(here, next, [s * long, -c * long], [c, s], middle);
                 // The border to the next ring.
-                if ring + 1 < self.rings {
+                if ring + 1 < self.cells.rings {
                     let (s, c) = (step * (sector as f32 + 0.5)).sin_cos();
                     let arc = -(1.0 - outer * outer) * outer * 2.0 * (0.5 * step).sin();
                     let next = self.cell(seen, ring + 1, sector);
@@ -183,12 +137,13 @@ impl Strata {
     /// Sets the rotational gradient of a record of a whole hemisphere.
     #[inline(always)]
     fn derive_rotational(&self, kind: Kind, axis: Vec3, seen: &[Seen], record: &mut Record) {
-        for ring in 0..self.rings {
+        for ring in 0..self.cells.rings {
             // The mean of the tangent over the ring, by the square of the sine.
             let area = |x: f32| x.sqrt().asin() - (x * (1.0 - x)).max(0.0).sqrt();
-            let (inner, outer) = (ring as f32 / self.rings as f32, (ring + 1) as f32 / self.rings as f32);
-            let tan = (area(outer) - area(inner)) * self.rings as f32;
-            for sector in 0..self.sectors {
+            let (inner, outer) =
+                (ring as f32 / self.cells.rings as f32, (ring + 1) as f32 / self.cells.rings as f32);
+            let tan = (area(outer) - area(inner)) * self.cells.rings as f32;
+            for sector in 0..self.cells.sectors {
                 let s = self.cell(seen, ring, sector);
                 let side = (s.dir - axis * s.dir.dot(axis)).normalize_or_zero();
                 for c in 0..kind.channels() {
@@ -201,7 +156,7 @@ impl Strata {
     /// Returns the result of a cell. After the last sector of a ring comes the first one.
     #[inline(always)]
     fn cell<'s>(&self, seen: &'s [Seen], ring: u32, sector: u32) -> &'s Seen {
-        &seen[(ring * self.sectors + sector % self.sectors) as usize]
+        &seen[(ring * self.cells.sectors + sector % self.cells.sectors) as usize]
     }
 }
 
@@ -272,6 +227,7 @@ fn size([xx, yy, xy]: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f32::consts::FRAC_PI_2;
 
     fn directions(strata: &Strata, axis: Vec3, seed: u32) -> Vec<Vec3> {
         let mut out = Vec::new();
