@@ -93,7 +93,7 @@ const GLANCE: std::time::Duration = std::time::Duration::from_millis(500);
 ///
 /// # Errors
 /// The errors of the system.
-pub fn when_parent_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result<()> {
+pub(crate) fn when_parent_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result<()> {
     #[cfg(unix)]
     {
         let parent = std::os::unix::process::parent_id();
