@@ -86,7 +86,14 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
 
 /// Checks what only builds with devices, and runs its tests.
 fn devices(root: &Path) -> Result<(), String> {
-    let built = ["--package", "gelato", "--package", "granita-benches", "--features", "gelato/gpu,granita-benches/gpu"];
+    let built = [
+        "--package",
+        "gelato",
+        "--package",
+        "granita-benches",
+        "--features",
+        "gelato/gpu,granita-benches/gpu",
+    ];
     let lints = [&["clippy", "--quiet"], &built[..], &["--bins", "--tests", "--", "-D", "warnings"]].concat();
     step(root, "devices: lints", &lints)?;
     step(root, "devices", &["test", "--quiet", "--package", "gelato", "--features", "gpu", "--test", "gpu"])
