@@ -142,8 +142,8 @@ fn saturation(rgb: [f64; 3]) -> f64 {
     (largest(rgb).max(1e-10) - least.max(1e-10)) / largest(rgb).max(1e-2)
 }
 
-/// Adds light to dark colours by their saturation. `gain` is the largest share, and `middle` the luminance of colours that
-/// get half of it.
+/// Adds light to dark colours by their saturation. `gain` is the largest share, and `middle` the luminance of colours
+/// that get half of it.
 pub(crate) fn glow(gain: f64, middle: f64, inverse: bool, rgb: [f32; 3]) -> [f32; 3] {
     let [r, g, b] = rgb.map(f64::from);
     let chroma = (b * (b - g) + g * (g - r) + r * (r - b)).max(0.0).sqrt();
@@ -200,8 +200,8 @@ pub(crate) fn red_modifier(inverse: bool, rgb: [f32; 3]) -> [f32; 3] {
     [moved as f32, rgb[1], rgb[2]]
 }
 
-/// Changes colours in AP1 that were made for dark surroundings to ones for dim surroundings: the luminance to a power, with
-/// the ratios of colours kept.
+/// Changes colours in AP1 that were made for dark surroundings to ones for dim surroundings: the luminance to a power,
+/// with the ratios of colours kept.
 pub(crate) fn dark_to_dim(inverse: bool, rgb: [f32; 3]) -> [f32; 3] {
     const POWER: f64 = 0.9811;
     let [r, g, b] = rgb.map(f64::from);

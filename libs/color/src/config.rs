@@ -63,7 +63,8 @@ fn same(a: &str, b: &str) -> bool {
 impl Config {
     /// Returns the built-in configuration. It has the colour spaces, aliases and roles of the published configurations
     /// "cg-config" and "studio-config" for ACES of all versions, and their displays with the views "Un-tone-mapped",
-    /// "Video (colorimetric)", "Raw", and "ACES 1.0 - SDR Video" or "ACES 1.0 - SDR Cinema" where the range is standard.
+    /// "Video (colorimetric)", "Raw", and "ACES 1.0 - SDR Video" or "ACES 1.0 - SDR Cinema" where the range is
+    /// standard.
     pub fn built_in() -> Self {
         let model = read::read(BUILT_IN_TEXT, "the built-in configuration");
         Self {
@@ -90,8 +91,8 @@ impl Config {
         }
     }
 
-    /// Returns the configuration of a tool: the one that its option `-colorconfig` names, else that of `$OCIO`, else the
-    /// built-in one. `engine` makes the conversions that this crate does not support.
+    /// Returns the configuration of a tool: the one that its option `-colorconfig` names, else that of `$OCIO`, else
+    /// the built-in one. `engine` makes the conversions that this crate does not support.
     ///
     /// # Errors
     /// Returns a message with the option or the variable, for a configuration that cannot be opened.
@@ -140,8 +141,8 @@ impl Config {
         Ok(Self { model, place, folder, environment: variables, engine: None })
     }
 
-    /// Returns the configuration with another library, which makes the conversions that have transforms this crate does not
-    /// support.
+    /// Returns the configuration with another library, which makes the conversions that have transforms this crate does
+    /// not support.
     #[must_use]
     pub fn with_engine(self, engine: Arc<dyn Engine>) -> Self {
         Self { engine: Some(engine), ..self }

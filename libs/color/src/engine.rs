@@ -39,8 +39,8 @@ pub enum Conversion<'a> {
     },
 }
 
-/// A library that reads configurations by itself. A configuration asks it for conversions with transforms that this crate
-/// does not have ([`crate::Config::with_engine`]).
+/// A library that reads configurations by itself. A configuration asks it for conversions with transforms that this
+/// crate does not have ([`crate::Config::with_engine`]).
 pub trait Engine: Send + Sync + std::fmt::Debug {
     /// Returns a conversion of a configuration, which is the name of a file.
     ///

@@ -32,9 +32,10 @@
 //!
 //! # What is absent
 //!
-//! The output transforms of ACES for high dynamic range and of version 2, the transforms for grading (GradingPrimary, GradingRGBCurve, GradingTone), and the
-//! inverse of tables of three dimensions. An [`Engine`], another library, makes conversions that need them, with the bits that it
-//! has on a machine. Tables of GPUs and dynamic properties are not a matter of this crate.
+//! The output transforms of ACES for high dynamic range and of version 2, the transforms for grading (GradingPrimary,
+//! GradingRGBCurve, GradingTone), and the inverse of tables of three dimensions. An [`Engine`], another library, makes
+//! conversions that need them, with the bits that it has on a machine. Tables of GPUs and dynamic properties are not a
+//! matter of this crate.
 
 #![forbid(unsafe_code)]
 

@@ -179,8 +179,8 @@ fn saturation(scale: f64) -> Option<Directed> {
     Some(matrix(&m))
 }
 
-/// Returns the output transform of ACES 1 for standard range, to CIE XYZ under D65. `dim` is for surroundings that are not
-/// dark, and `limit` are the primaries that the colours must not leave.
+/// Returns the output transform of ACES 1 for standard range, to CIE XYZ under D65. `dim` is for surroundings that are
+/// not dark, and `limit` are the primaries that the colours must not leave.
 fn output(dim: bool, limit: Option<&Primaries>) -> Option<Vec<Directed>> {
     let fixed = |fixed| Directed::forward(Transform::Fixed(fixed));
     let mut found = vec![

@@ -130,8 +130,8 @@ pub(crate) enum Fixed {
     /// The reference gamut compression of ACES 1.3 (AMPAS S-2020-001), in linear AP1: the distance limits of cyan,
     /// magenta and yellow, their thresholds, and the power.
     GamutCompression([f64; 7]),
-    /// The glow of dark saturated colours of ACES 1, in ACES2065-1: the largest share, and the luminance that gets half of
-    /// it.
+    /// The glow of dark saturated colours of ACES 1, in ACES2065-1: the largest share, and the luminance that gets half
+    /// of it.
     Glow(f64, f64),
     /// The change of saturated reds of ACES 1, in ACES2065-1.
     RedModifier,

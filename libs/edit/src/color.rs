@@ -9,8 +9,8 @@ use granita_color::Processor;
 const SPACE: &str = "oiio:ColorSpace";
 
 impl Image {
-    /// Returns the image whose colours are in the named space. The values stay as they are. Other metadata about colours,
-    /// such as an ICC profile, is removed.
+    /// Returns the image whose colours are in the named space. The values stay as they are. Other metadata about
+    /// colours, such as an ICC profile, is removed.
     ///
     /// # Errors
     /// None for names of colour spaces.
@@ -21,8 +21,8 @@ impl Image {
     }
 
     /// Returns the image with converted colours: those of the first three channels, or of the first one of less than
-    /// three. With `unassociate` they are divided by alpha before the conversion and multiplied after it. `space` is the
-    /// space of the result; without one nothing is known of its colours.
+    /// three. With `unassociate` they are divided by alpha before the conversion and multiplied after it. `space` is
+    /// the space of the result; without one nothing is known of its colours.
     ///
     /// # Errors
     /// Those of [`Image::in_space`].

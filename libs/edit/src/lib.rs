@@ -25,8 +25,8 @@
 //! - Memory is proportional to the width of the images. The exceptions are rotations by a quarter, flips of files that
 //!   are decoded from their beginning (both limited by an argument), and maps of directions, which are held.
 //!
-//! Formats are those of the caller's registry, and colours are converted by the processors of `granita_color`. Windows and
-//! displays are deliberately absent.
+//! Formats are those of the caller's registry, and colours are converted by the processors of `granita_color`. Windows
+//! and displays are deliberately absent.
 //!
 //! ```
 //! use granita_edit::{File, Geometry, Resampling, WriteOptions, write};

@@ -73,8 +73,8 @@ fn tool_plugins(environment: &Environment, reporter: &Reporter, rules: PluginRul
     plugins
 }
 
-/// Returns the conversions of colours by the plugin `opencolorio.color.so` (`granita_color.h`), which is looked for as image
-/// formats are ([`formats_with_plugins`]), when the first conversion needs it.
+/// Returns the conversions of colours by the plugin `opencolorio.color.so` (`granita_color.h`), which is looked for as
+/// image formats are ([`formats_with_plugins`]), when the first conversion needs it.
 pub fn color_engine(environment: &Environment, rules: PluginRules) -> Arc<dyn Engine> {
     Arc::new(color::PluginEngine::new(tool_plugins(environment, &Reporter::silent(), rules)))
 }

@@ -263,8 +263,9 @@ impl InputColors {
         Ok(Self { config, to: to.to_owned(), interchange })
     }
 
-    /// Returns what is known of the colours of an image in a file of this name, and the processor of its pixels. What the
-    /// file says comes first, then the rules of the configuration, then sRGB for integers and Rec. 709 for other values.
+    /// Returns what is known of the colours of an image in a file of this name, and the processor of its pixels. What
+    /// the file says comes first, then the rules of the configuration, then sRGB for integers and Rec. 709 for other
+    /// values.
     pub fn of(&self, spec: &ImageSpec, file: &str) -> (String, Processor) {
         // A space that -iscolorspace sets, where nothing else describes the colours.
         if let Some(space) = spec.string("oiio:ColorSpace")

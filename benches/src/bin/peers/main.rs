@@ -10,8 +10,8 @@
 //! theirs. The images are enlarged from those in `examples/first`. `--large` adds an image of 16384 x 16384 pixels for
 //! our program only, to measure its memory.
 //!
-//! `--lookups` measures filtered lookups instead, see `lookups.rs`. `benches/peers/speed.py` compares `imgtool`, and single
-//! options of `maketx`.
+//! `--lookups` measures filtered lookups instead, see `lookups.rs`. `benches/peers/speed.py` compares `imgtool`, and
+//! single options of `maketx`.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "a table for a terminal")]
