@@ -1,6 +1,7 @@
 //! The options of a session.
 
 use crate::looking::LookOptions;
+use crate::passes::PassOptions;
 use crate::secret::NetSecret;
 use granita_inputs::RunOptions;
 use std::path::PathBuf;
@@ -88,6 +89,8 @@ pub struct SessionOptions {
     /// True to compile code of shaders through which many points run to machine code, with the C compiler of the
     /// system. Pixels do not depend on it.
     pub native: bool,
+    /// The passes of frames.
+    pub passes: PassOptions,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,
