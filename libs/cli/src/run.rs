@@ -57,7 +57,7 @@ impl Ending {
 
     /// Stops the frame that keeps its images, if there is one, and waits for it.
     fn keep(&self) {
-        let Some(busy) = self.busy.get() else { return };
+        let Some(busy) = self.busy.get().filter(|busy| busy.load(Ordering::SeqCst)) else { return };
         // No other frame begins after this. The flag comes first, because a frame that begins resets `stop`.
         self.supervisor.close();
         if let Some(stop) = self.stop.get() {
@@ -108,7 +108,9 @@ impl Ending {
             if ending.bar.is_shown() {
                 ending.bar.close();
                 messages.error(match ending.is_keeping() {
-                    true => "ended by a signal; the frame is kept as partial images (a second signal ends at once)",
+                    true => {
+                        "ended by a signal; the frame is kept as far as it is (a second signal ends at once)"
+                    }
                     false => "ended by a signal; unfinished files are removed",
                 });
             }

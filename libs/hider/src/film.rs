@@ -65,6 +65,25 @@ pub fn filter(
     dispatch(Filtering { support, source, pixels })
 }
 
+/// Returns for each pixel, row by row, the sum of the weights with which [`filter`] sums the samples that a pixel needs:
+/// the weight of the pixel among those of other passes over the same pixels. It is 1 for filters without weights.
+pub fn weights(support: &Support, samples: &SampleGrid, pixels: &PixelRect) -> Vec<f32> {
+    let places = (pixels.y0..pixels.y1).flat_map(|y| (pixels.x0..pixels.x1).map(move |x| [x, y]));
+    let PixelFilter::Weighted(_) = support.spec.filter else { return places.map(|_| 1.0).collect() };
+    let of_pixel = |pixel| {
+        let mut sum = [0.0_f32; LANES];
+        support.around(samples, pixel, |_, counts, wx, wy| {
+            for (wx, wy) in wx.chunks(LANES).zip(wy.chunks(LANES)) {
+                for ((sum, wx), wy) in sum.iter_mut().zip(wx).zip(wy) {
+                    *sum += wx * wy * counts;
+                }
+            }
+        });
+        sum.iter().sum()
+    };
+    places.map(of_pixel).collect()
+}
+
 /// The work of [`filter`].
 struct Filtering<'a> {
     support: &'a Support,
@@ -181,7 +200,7 @@ impl Support {
     }
 
     /// The way in which samples are combined.
-    pub(crate) fn filter(&self) -> PixelFilter {
+    pub fn filter(&self) -> PixelFilter {
         self.spec.filter
     }
 

@@ -56,6 +56,14 @@ fn variants(n: u32) -> u32 {
     ((1 << 13) / n).clamp(16, 256).next_power_of_two()
 }
 
+/// Returns the seed of a pattern in a table.
+fn seed_of(variant: u32, dimension: Dimension, pass: u32) -> u32 {
+    match pass {
+        0 => hash::words(&[variant, dimension as u32]),
+        _ => hash::words(&[variant, dimension as u32, pass]),
+    }
+}
+
 impl SamplePattern {
     /// Returns the pattern of a camera. `moving` is true when anything in the whole scene moves. The crop must not
     /// affect it.
@@ -63,6 +71,12 @@ impl SamplePattern {
     /// "temporalquality" and "dofquality" are the least numbers of different values in a pixel. Where they are larger
     /// than what `spatialquality` gives, pixels get more samples. A quality of 1 turns the blur off.
     pub fn new(camera: &CameraView, moving: bool) -> Self {
+        Self::of_pass(camera, moving, 0)
+    }
+
+    /// Returns the pattern of a camera for one pass of an image that is the sum of several. The positions, times and
+    /// lens points of different passes are independent of each other. Pass 0 has those of [`SamplePattern::new`].
+    pub fn of_pass(camera: &CameraView, moving: bool, pass: u32) -> Self {
         let blur = Self::blurs(camera, moving);
         let defocus = camera.has_depth_of_field();
         let least = u64::from(1.max(if blur { camera.temporalquality } else { 1 }).max(if defocus {
@@ -80,15 +94,15 @@ impl SamplePattern {
         let still_strata = if camera.autopassreduction { asked } else { strata };
         let n = x * y;
         let mut tables = Tables::default();
-        tables.add_places(strata);
+        tables.add_places(strata, pass);
         if still_strata != strata {
-            tables.add_places(still_strata);
+            tables.add_places(still_strata, pass);
         }
         if blur {
-            tables.add_times(n, camera.shutter);
+            tables.add_times(n, camera.shutter, pass);
         }
         if let Some(lens) = camera.lens.filter(|_| defocus) {
-            tables.add_lens(strata, lens.radius, blur);
+            tables.add_lens(strata, lens.radius, blur, pass);
         }
         let Tables { fx, fy, time, lens_x, lens_y, .. } = &mut tables;
         for list in [fx, fy, time, lens_x, lens_y] {
@@ -119,10 +133,10 @@ impl SamplePattern {
 }
 
 impl Tables {
-    fn add_places(&mut self, strata: [u32; 2]) {
+    fn add_places(&mut self, strata: [u32; 2], pass: u32) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
-            let seed = hash::words(&[variant, Dimension::Place as u32]);
+            let seed = seed_of(variant, Dimension::Place, pass);
             for k in 0..n {
                 // The samples are permuted, so that position and time are not correlated.
                 let (fx, fy) = jittered(sample::permute(k, n, !seed), strata, seed);
@@ -132,9 +146,9 @@ impl Tables {
         }
     }
 
-    fn add_times(&mut self, n: u32, [open, close]: [f32; 2]) {
+    fn add_times(&mut self, n: u32, [open, close]: [f32; 2], pass: u32) {
         for variant in 0..variants(n) {
-            let seed = hash::words(&[variant, Dimension::Time as u32]);
+            let seed = seed_of(variant, Dimension::Time, pass);
             self.time.extend((0..n).map(|k| {
                 let t = (k as f32 + hash::unit(hash::words(&[seed, k]))) / n as f32;
                 open + (close - open) * t
@@ -144,10 +158,10 @@ impl Tables {
 
     /// Adds the lens points of a pattern. `shuffled` is true when the order of samples is determined by another
     /// dimension.
-    fn add_lens(&mut self, strata: [u32; 2], radius: f32, shuffled: bool) {
+    fn add_lens(&mut self, strata: [u32; 2], radius: f32, shuffled: bool, pass: u32) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
-            let seed = hash::words(&[variant, Dimension::Lens as u32]);
+            let seed = seed_of(variant, Dimension::Lens, pass);
             for k in 0..n {
                 let k = if shuffled { sample::permute(k, n, !seed) } else { k };
                 let (a, b) = jittered(k, strata, seed);
@@ -427,6 +441,29 @@ mod tests {
             }
         }
         assert_eq!([reciprocal(1156, 1928), reciprocal(usize::MAX, 3)], [0, 0]);
+    }
+
+    #[test]
+    fn passes_have_other_samples_and_the_first_one_has_those_of_a_frame() {
+        let camera = granita_scene::Camera {
+            name: "main".into(),
+            world_to_camera: Default::default(),
+            params: granita_base::Params::new(),
+        };
+        let camera = CameraView::new(&camera, &granita_base::Reporter::silent());
+        let places = |pattern: SamplePattern| (pattern.tables.fx.clone(), pattern.tables.fy.clone());
+        let frame = places(SamplePattern::new(&camera, false));
+        assert!(frame == places(SamplePattern::of_pass(&camera, false, 0)));
+        let (first, second) = (1..3).map(|k| places(SamplePattern::of_pass(&camera, false, k))).fold(
+            (Vec::new(), Vec::new()),
+            |(mut x, mut y), (fx, fy)| {
+                x.extend(fx.iter().take(64).map(|x| x.to_bits()));
+                y.extend(fy.iter().take(64).map(|y| y.to_bits()));
+                (x, y)
+            },
+        );
+        let of_frame: Vec<u32> = frame.0.iter().take(64).map(|x| x.to_bits()).collect();
+        assert!(first[..64] != of_frame[..] && first[..64] != first[64..] && second[..64] != second[64..]);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The inputs of a renderer from outside of the scene.
 
+use crate::passes::PassPlan;
 use crate::priority::Priority;
 use crate::spread::Spread;
 use granita_base::{Environment, Reporter, SearchPath};
@@ -71,6 +72,8 @@ pub struct RenderEnvironment {
     pub spread: Spread,
     /// The priority of buckets of a running frame (`Command ("bucketpriority")`).
     pub priority: Arc<Priority>,
+    /// The passes whose sum the images are; `None` for frames of their own.
+    pub passes: Option<PassPlan>,
 }
 
 impl RenderEnvironment {

@@ -8,9 +8,11 @@ mod job;
 mod kept;
 mod limits;
 mod measured;
+mod passes;
 mod precise;
 mod running;
 mod shade;
+mod shader;
 mod sighting;
 mod spread;
 
@@ -21,6 +23,7 @@ use crate::output::griddump::GridDump;
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet};
 use crate::output::writer::Shown;
+use crate::passes::{ErrorEstimate, PassPlan};
 use crate::priority::Priority;
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
@@ -29,13 +32,10 @@ use granita_base::report::MessageOrder;
 use granita_base::{Location, Reporter, Severity, parallel_map};
 use granita_dicing::camera::is_moving;
 use granita_dicing::{Measure, SceneDicing};
-use granita_gsl::ir::ValueType;
 use granita_hider::film;
 use granita_hider::{CompositeSettings, Projector, SamplePattern};
 use granita_image::{FormatRegistry, Request};
 use granita_scene::{Primitive, Scene, attr};
-use granita_shade::Grid;
-use granita_shading::Memo;
 use job::{Job, Sighting};
 use kept::KeptView;
 use parking_lot::Mutex;
@@ -48,106 +48,7 @@ use std::time::Instant;
 pub(crate) use demand::{OnDemand, Surroundings};
 pub(crate) use granita_scene::Holdout;
 pub(crate) use kept::KeptFrames;
-
-/// The properties of an object that the frame needs without running its shaders.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ObjectTraits {
-    /// True when the object is opaque whatever its shaders compute.
-    pub(crate) opaque: bool,
-    /// True when it counts as opaque where only depths are shown. That is when it is opaque, or when
-    /// "ray:opaqueshadows" is set (reference 10.1.1).
-    pub(crate) opaque_in_depth: bool,
-    /// "holdout".
-    pub(crate) holdout: Holdout,
-    /// True when a displacement shader runs.
-    pub(crate) displaces: bool,
-    /// The bound of the displacement in world units.
-    pub(crate) max_displacement_world: f32,
-    /// True when the scene has no bound of the displacement and a shader moves points, so that the bound is
-    /// measured.
-    pub(crate) measures: bool,
-    /// True for a preshaded grid, whose vertices are its points.
-    pub(crate) preshaded: bool,
-    /// True when small grids may be batched without a change of results.
-    pub(crate) may_batch: bool,
-    /// True when shading saves data, so that grids that are not visible must not be shaded.
-    pub(crate) saves: bool,
-}
-
-/// Shades grids. The frame does not depend on shaders, so tests shade with closures of their own.
-pub(crate) trait FrameShader: Sync {
-    /// The state of an object, shared by the primitives that have it.
-    type Object: Send + Sync;
-    /// The data that one thread keeps from grid to grid.
-    type Thread<'a>
-    where
-        Self: 'a;
-
-    /// Returns the state of a primitive's object.
-    fn object(&self, primitive: &Primitive) -> Arc<Self::Object>;
-    /// Returns the properties of an object.
-    fn traits(&self, object: &Self::Object) -> ObjectTraits;
-    /// Returns the state of a new thread.
-    fn thread(&self) -> Self::Thread<'_>;
-    /// Returns the state of a new thread of a frame without colours, whose shaders need no light (reference
-    /// 10.1.1).
-    fn unlit_thread(&self) -> Self::Thread<'_> {
-        self.thread()
-    }
-    /// Makes the shaders of a thread print and save nothing, for grids that are shaded again, or turns that off.
-    fn mute(&self, thread: &mut Self::Thread<'_>, mute: bool) {
-        let _ = (thread, mute);
-    }
-    /// Returns a number that grows when shading saves anything for later frames.
-    fn saves(&self) -> u64 {
-        0
-    }
-    /// Returns the number of the frame. A re-render has a larger one than the frames before.
-    fn frame(&self) -> u64 {
-        0
-    }
-    /// Returns the numbers of lights, files and objects that changed since the last frame; `None` when nothing of it is
-    /// left.
-    fn changes(&self) -> Option<[usize; 3]> {
-        None
-    }
-    /// True when the object of a primitive, by its number in the scene, keeps its colours.
-    fn is_locked(&self, primitive: u32) -> bool {
-        let _ = primitive;
-        false
-    }
-    /// True when something changed after the frame `since` that the results of a memo depend on.
-    fn is_stale(&self, memo: &Memo, since: u64) -> bool {
-        let _ = (memo, since);
-        false
-    }
-    /// Drops the answers of a memo that depend on something that changed after the frame `since`.
-    fn forget(&self, memo: &mut Memo, since: u64) {
-        let _ = (memo, since);
-    }
-    /// Displaces a grid.
-    fn displace(&self, thread: &mut Self::Thread<'_>, object: &Self::Object, grid: &mut Grid);
-    /// Shades a grid. Returns the requested variables, component by component.
-    fn shade(
-        &self,
-        thread: &mut Self::Thread<'_>,
-        object: &Self::Object,
-        grid: &mut Grid,
-        wanted: &[(Arc<str>, ValueType)],
-    ) -> Vec<Option<Vec<f32>>>;
-    /// Does the same as [`FrameShader::shade`], with answers of a memo where it has them, and keeps answers there.
-    fn shade_keeping(
-        &self,
-        thread: &mut Self::Thread<'_>,
-        object: &Self::Object,
-        grid: &mut Grid,
-        wanted: &[(Arc<str>, ValueType)],
-        memo: &mut Memo,
-    ) -> Vec<Option<Vec<f32>>> {
-        let _ = memo;
-        self.shade(thread, object, grid, wanted)
-    }
-}
+pub(crate) use shader::{FrameShader, ObjectTraits};
 
 /// The options of a frame besides its scene and shaders.
 pub(crate) struct FrameOptions<'a> {
@@ -176,6 +77,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) memory_bytes: Option<usize>,
     /// Receives the images of a frame that was stopped: those of each eye one after the other, in order of declaration.
     pub(crate) partials: Option<&'a Mutex<Vec<Partial>>>,
+    /// The passes whose sum the images are; `None` for a frame of its own.
+    pub(crate) passes: Option<PassPlan>,
 }
 
 impl<'a> FrameOptions<'a> {
@@ -197,6 +100,7 @@ impl<'a> FrameOptions<'a> {
             priority: None,
             memory_bytes: None,
             partials: None,
+            passes: None,
         }
     }
 }
@@ -237,6 +141,8 @@ struct Frame<'a, S: FrameShader> {
     kept: Option<&'a KeptFrames<S::Object>>,
     /// What the samples of this frame see, as far as it is kept.
     view: Option<Arc<KeptView>>,
+    /// The passes whose sum the images are.
+    passes: Option<passes::Passes>,
 }
 
 /// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which request the same images.
@@ -256,11 +162,18 @@ pub(crate) fn render<S: FrameShader>(
     let (camera, threads) = (options.camera, options.threads.max(1));
     let (progress, stop, registry, partials) =
         (options.progress, options.stop, options.registry, options.partials);
-    let eyes = options.eyes;
+    let (eyes, crop) = (options.eyes, camera.crop);
+    let passes = options.passes;
+    // What an image with a requested error decides from, it decides from the whole image, for any crop.
+    let whole = passes.filter(|plan| plan.error.is_some()).map(|_| (camera.uncropped(), uncropped(eyes)));
+    let options = match &whole {
+        Some((camera, eyes)) => FrameOptions { camera, eyes, ..options },
+        None => options,
+    };
     let Some(plan) = outputs.first() else { return Ok((Statistics::default(), true)) };
     let mut order = &*camera.bucketorder;
     let is_large = |image: &OutputImage| eyes.iter().any(|eye| Canvas::is_large(image, eye));
-    let from_top = registry.is_some() && plan.images.iter().any(is_large);
+    let from_top = registry.is_some() && passes.is_none() && plan.images.iter().any(is_large);
     if order != "horizontal" && from_top {
         options.reporter.say(
             Severity::Warning,
@@ -271,10 +184,13 @@ pub(crate) fn render<S: FrameShader>(
     }
     let order = BucketOrder { word: order, block: if from_top { 1 } else { camera.bucketblocksize } };
     let sharers = if matches!(options.spread, Spread::Alone) { threads } else { spread::SHARED_BY };
-    let bucket = (shared(camera, sharers), order);
+    let bucket = (shared(options.camera, sharers), order);
     let mut frame = Frame::new(scene, shader, options, plan, bucket);
     frame.from_top = from_top;
-    let may_keep = !from_top && frame.options.dump.is_none() && matches!(frame.options.spread, Spread::Alone);
+    let may_keep = !from_top
+        && passes.is_none()
+        && frame.options.dump.is_none()
+        && matches!(frame.options.spread, Spread::Alone);
     if let Some(kept) = kept.filter(|_| may_keep) {
         kept.begin(frame.basis(), frame.options.memory_bytes);
         frame.kept = Some(kept);
@@ -289,7 +205,10 @@ pub(crate) fn render<S: FrameShader>(
         return Ok((frame.counters.statistics(begin.elapsed(), threads), true));
     }
     let canvas = |image: &OutputImage, eye| {
-        let canvas = Canvas::new(image, eye, &frame.buckets, registry);
+        let canvas = match passes {
+            None => Canvas::new(image, eye, &frame.buckets, registry),
+            Some(_) => Canvas::of_passes(image, eye, &frame.buckets, registry),
+        };
         Mutex::new(match registry.filter(|_| partials.is_some()) {
             Some(registry) => canvas.copying(registry.files(), &image.path),
             None => canvas,
@@ -306,8 +225,20 @@ pub(crate) fn render<S: FrameShader>(
     }
     frame.complain(&canvases);
     let mut failed = 0;
+    let mut passed = None;
     let all: Vec<usize> = (0..frame.buckets.order.len()).collect();
-    if !camera.crop.is_empty() {
+    if let Some(plan) = passes.filter(|_| !crop.is_empty()) {
+        if let Spread::Over(workers) = frame.options.spread {
+            let text = "the passes of an image are rendered by one process; the others have no part in it";
+            frame.options.reporter.warning(text);
+            workers.begin();
+            workers.end();
+        }
+        frame.sum_passes(crop);
+        let result = frame.run_passes((scene, &plan), &canvases, threads);
+        failed = result.failed;
+        passed = Some(result);
+    } else if !crop.is_empty() {
         let left = match frame.options.spread {
             Spread::Over(workers) => frame.spread_over(&**workers, &canvases, scene.get(attr::NET_TINT)),
             _ => all,
@@ -334,14 +265,21 @@ pub(crate) fn render<S: FrameShader>(
         kept.fit();
         kept.reuse(frame.shader.changes())
     });
-    if stop.load(Ordering::Relaxed) {
+    statistics.passes = passed.as_ref().map(|passed| passed.report);
+    let has_picture = passed.as_ref().is_some_and(|passed| passed.report.passes > 0);
+    if stop.load(Ordering::Relaxed) && !has_picture {
         let Some(partials) = partials else { return Err(RenderError::Stopped) };
         if !canvases.iter().all(|canvas| canvas.lock().is_whole()) {
             partials.lock().extend(canvases.into_iter().map(|canvas| canvas.into_inner().into_partial()));
             return Err(RenderError::Stopped);
         }
     }
-    for (image, canvas) in outputs.iter_mut().flat_map(|set| &mut set.images).zip(canvases) {
+    let of_image = |index: usize| -> Option<(u32, Option<ErrorEstimate>)> {
+        passed.as_ref().map(|all| (all.report.passes, all.errors.get(index).copied().flatten()))
+    };
+    let images = outputs.iter_mut().flat_map(|set| &mut set.images);
+    for (index, (image, canvas)) in images.zip(canvases).enumerate() {
+        image.passes = of_image(index);
         match canvas.into_inner().finish() {
             Finished::Kept(pixels) => image.pixels = pixels,
             Finished::Written(done) => image.written = Some(done),
@@ -349,6 +287,11 @@ pub(crate) fn render<S: FrameShader>(
         }
     }
     Ok((statistics, failed == 0))
+}
+
+/// Returns views without their crop windows.
+fn uncropped(views: &[CameraView]) -> Vec<CameraView> {
+    views.iter().map(CameraView::uncropped).collect()
 }
 
 /// Returns the size of buckets in pixels. It is reduced from the requested size so that all threads have work, as
@@ -408,6 +351,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             from_top: false,
             kept: None,
             view: None,
+            passes: None,
             options,
         }
     }
@@ -415,7 +359,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Returns the state of a new thread.
     fn thread(&self) -> S::Thread<'a> {
         let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
-        if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() }
+        let mut thread = if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() };
+        // The first pass prints and saves.
+        if self.passes.as_ref().is_some_and(|passes| passes.number > 0) {
+            self.shader.mute(&mut thread, true);
+        }
+        thread
     }
 
     /// Returns the file name of the first image.

@@ -1,7 +1,9 @@
-//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), their files
+//! The images of a frame, with their content ([`plan`]), the collection of buckets ([`canvas`]), sums of
+//! passes ([`accumulated`]), their files
 //! ([`writer`]), files of several images ([`gather`], [`parts`]), the files of frames that were ended early
 //! ([`partial`]), ids and coverages of objects ([`cryptomatte`]), and grids as scenes ([`griddump`]).
 
+pub(crate) mod accumulated;
 pub(crate) mod canvas;
 pub(crate) mod cryptomatte;
 pub(crate) mod gather;

@@ -1,21 +1,21 @@
 //! The entry point of this crate, which renders a scene to image files.
 
+mod shader;
+
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
-use crate::frame::{self, FrameOptions, FrameShader, KeptFrames, ObjectTraits};
+use crate::frame::{self, FrameOptions, KeptFrames};
 use crate::output::gather::gather_parts;
 use crate::output::griddump::GridDump;
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
 use crate::output::writer::ImageWriter;
+use crate::passes::{PassPlan, PassReport, percent};
 use crate::spread::Spread;
 use crate::{CameraView, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
 use granita_base::{Location, Severity, Vec3};
-use granita_gsl::ir::ValueType;
-use granita_scene::{Output, Primitive, Scene, attr};
-use granita_shade::Grid;
-use granita_shading::{Changes, Memo, ObjectState};
-use granita_shading::{ShaderThread, ShadingContext};
+use granita_scene::{Output, Scene, attr};
+use granita_shading::{ObjectState, ShadingContext};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -296,8 +296,17 @@ impl<'r> FrameInProgress<'r> {
     /// Renders the images of `camera`, or of all cameras that have any.
     fn render_cameras(&mut self, camera: Option<&str>) -> Result<(), RenderError> {
         let views = self.views.clone();
-        for view in views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)) {
-            self.render_camera(view)?;
+        let scene = self.scene.clone();
+        let has_images =
+            |view: &CameraView| scene.outputs.iter().any(|o| o.camera == view.name && !is_dynamic(o));
+        let chosen: Vec<&CameraView> =
+            views.iter().filter(|v| camera.is_none_or(|name| &*v.name == name)).collect();
+        let mut left = chosen.iter().filter(|view| has_images(view)).count();
+        for view in chosen {
+            let plan = self.renderer.environment.passes.filter(|_| !self.is_worker);
+            let frames = u32::try_from(left).unwrap_or(u32::MAX);
+            self.render_camera(view, plan.map(|plan| plan.shared_by(frames)))?;
+            left -= usize::from(has_images(view));
         }
         Ok(())
     }
@@ -309,7 +318,7 @@ impl<'r> FrameInProgress<'r> {
     }
 
     /// Renders and writes the images of a camera, if it has any.
-    fn render_camera(&mut self, view: &CameraView) -> Result<(), RenderError> {
+    fn render_camera(&mut self, view: &CameraView, passes: Option<PassPlan>) -> Result<(), RenderError> {
         let environment = &self.renderer.environment;
         let reporter = &environment.reporter;
         let own = |o: &&Output| o.camera == view.name && !is_dynamic(o);
@@ -363,11 +372,15 @@ impl<'r> FrameInProgress<'r> {
                 kb => Some(usize::try_from(kb).unwrap_or(0).saturating_mul(1024)),
             },
             partials: (environment.keep_partial && !self.is_worker).then_some(&partials),
+            passes,
         };
         let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
         let rendered = frame::render(&self.scene, shading, options, &mut outputs, frames)
             .inspect_err(|_| self.renderer.keep(&eyes, &outputs, &refused, partials.into_inner()));
         let (statistics, complete) = rendered?;
+        if let Some(passes) = &statistics.passes {
+            self.tell(view, passes);
+        }
         self.report.statistics.push((view.name.clone(), statistics));
         if self.is_worker {
             return Ok(());
@@ -378,6 +391,22 @@ impl<'r> FrameInProgress<'r> {
         self.report.complete &= complete;
         self.write(&eyes, &mut outputs, &refused);
         Ok(())
+    }
+
+    /// Prints the passes of the images of a camera.
+    fn tell(&self, view: &CameraView, passes: &PassReport) {
+        let reporter = &self.renderer.environment.reporter;
+        if reporter.verbosity() > 0 {
+            let text = format!("camera \"{}\": {}\n", view.name, passes.text());
+            reporter.say(Severity::Message, &Location::default(), text);
+        }
+        if let Some(requested) = passes.requested.filter(|_| passes.is_short) {
+            reporter.warning(format!(
+                "camera \"{}\": the error of {} was not reached before the passes ended",
+                view.name,
+                percent(requested.into())
+            ));
+        }
     }
 
     /// True when the file of a part was reported as written.
@@ -482,110 +511,5 @@ impl<'r> FrameInProgress<'r> {
         }
         report.shading = shading.as_ref().map(|s| s.statistics()).unwrap_or_default();
         (report, with(shading))
-    }
-}
-
-impl FrameShader for ShadingContext {
-    type Object = ObjectState;
-    type Thread<'a> = ShaderThread<'a>;
-
-    fn object(&self, primitive: &Primitive) -> Arc<ObjectState> {
-        ShadingContext::object(self, primitive)
-    }
-
-    fn traits(&self, object: &ObjectState) -> ObjectTraits {
-        ObjectTraits {
-            opaque: object.opaque,
-            opaque_in_depth: object.opaque_to_shadows,
-            holdout: object.holdout,
-            displaces: object.displacement.is_some(),
-            max_displacement_world: object.max_displacement_world,
-            measures: object.max_displacement_world <= 0.0 && object.moves_points(),
-            preshaded: object.preshaded,
-            may_batch: object.may_batch,
-            saves: object.saves,
-        }
-    }
-
-    fn thread(&self) -> ShaderThread<'_> {
-        ShaderThread::new(self)
-    }
-
-    fn unlit_thread(&self) -> ShaderThread<'_> {
-        let mut thread = ShaderThread::new(self);
-        thread.is_unlit = true;
-        thread
-    }
-
-    fn mute(&self, thread: &mut ShaderThread<'_>, mute: bool) {
-        thread.is_mute = mute;
-    }
-
-    fn saves(&self) -> u64 {
-        self.databases.saves()
-    }
-
-    fn frame(&self) -> u64 {
-        ShadingContext::frame(self)
-    }
-
-    fn changes(&self) -> Option<[usize; 3]> {
-        ShadingContext::changes(self).map(Changes::counts)
-    }
-
-    fn is_locked(&self, primitive: u32) -> bool {
-        let primitive = self.scene.primitives.get(primitive as usize);
-        primitive.is_some_and(|primitive| primitive.attributes.get(attr::RERENDER_LOCKED))
-    }
-
-    fn is_stale(&self, memo: &Memo, since: u64) -> bool {
-        ShadingContext::is_stale(self, memo, since)
-    }
-
-    fn forget(&self, memo: &mut Memo, since: u64) {
-        ShadingContext::forget(self, memo, since);
-    }
-
-    fn shade_keeping(
-        &self,
-        thread: &mut ShaderThread<'_>,
-        object: &ObjectState,
-        grid: &mut Grid,
-        wanted: &[(Arc<str>, ValueType)],
-        memo: &mut Memo,
-    ) -> Vec<Option<Vec<f32>>> {
-        let mut found = thread.shade_keeping(object, grid, wanted, memo);
-        place_points(self, wanted, &mut found);
-        found
-    }
-
-    fn displace(&self, thread: &mut ShaderThread<'_>, object: &ObjectState, grid: &mut Grid) {
-        thread.displace(object, grid);
-    }
-
-    fn shade(
-        &self,
-        thread: &mut ShaderThread<'_>,
-        object: &ObjectState,
-        grid: &mut Grid,
-        wanted: &[(Arc<str>, ValueType)],
-    ) -> Vec<Option<Vec<f32>>> {
-        let mut found = thread.shade(object, grid, wanted);
-        place_points(self, wanted, &mut found);
-        found
-    }
-}
-
-/// Converts the requested positions of a grid to world space.
-fn place_points(frame: &ShadingContext, wanted: &[(Arc<str>, ValueType)], found: &mut [Option<Vec<f32>>]) {
-    // Images show world space positions of surfaces. The space of other points is defined by the shader alone.
-    let origin = frame.camera.common_origin;
-    let is_place = |(name, ty): &(Arc<str>, ValueType)| &**name == "P" && *ty == ValueType::Point;
-    let points = found.iter_mut().zip(wanted).filter(|(_, wanted)| is_place(wanted));
-    for values in points.filter_map(|(values, _)| values.as_mut()).filter(|_| origin != Vec3::ZERO) {
-        let n = (values.len() / 3).max(1);
-        for (component, from) in values.chunks_exact_mut(n).zip(origin.to_array()) {
-            component.iter_mut().for_each(|x| *x += from);
-        }
     }
 }

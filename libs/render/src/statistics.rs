@@ -1,5 +1,6 @@
 //! Counts and times of the work that a frame did and avoided.
 
+use crate::passes::PassReport;
 use parking_lot::Mutex;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -118,6 +119,8 @@ pub struct Statistics {
     pub threads: usize,
     /// What a frame in re-rendering mode took from those before it; `None` for other frames.
     pub reuse: Option<Reuse>,
+    /// The passes of an image that is their sum; `None` for other frames. The counts are then those of all passes.
+    pub passes: Option<PassReport>,
 }
 
 /// What a frame in re-rendering mode took from those before it.
@@ -233,6 +236,7 @@ impl Counters {
             speed_ups: MANY_THREADS.map(|threads| seconds(1) / seconds(threads).max(1e-9)),
             threads,
             reuse: None,
+            passes: None,
         }
     }
 }
@@ -305,7 +309,8 @@ impl Statistics {
         ];
         let mut text = format!("Statistics of camera \"{camera}\"");
         let reuse = self.reuse.as_ref().map(Reuse::rows);
-        for (what, value) in rows.into_iter().chain(reuse.into_iter().flatten()) {
+        let passes = self.passes.map(|passes| ("passes", passes.text()));
+        for (what, value) in rows.into_iter().chain(passes).chain(reuse.into_iter().flatten()) {
             // Writing to a string does not fail.
             let _ = write!(text, "\n  {what:<34} {value}");
         }

@@ -40,6 +40,7 @@ pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnviro
         scene_files: Vec::new(),
         spread: crate::Spread::Alone,
         priority: Default::default(),
+        passes: None,
         crop: None,
     };
     let (scene, camera) = fixture.view();

@@ -1,6 +1,7 @@
 //! The options of a session.
 
 use crate::looking::LookOptions;
+use crate::passes::PassOptions;
 use crate::secret::NetSecret;
 use granita_inputs::RunOptions;
 use granita_trace::Accelerator;
@@ -96,6 +97,8 @@ pub struct SessionOptions {
     pub native: bool,
     /// The processor that traces large batches of rays; `None` for the CPU alone. Pixels do not depend on it.
     pub accelerator: Option<Arc<dyn Accelerator>>,
+    /// The passes of frames.
+    pub passes: PassOptions,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,

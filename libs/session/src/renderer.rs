@@ -5,6 +5,7 @@ use crate::commands::{self, CommandContext};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::outputs::{DeskFrame, RequestedImages, Special};
+use crate::passes;
 use crate::patches::Deferral;
 use crate::records::{self, FrameRecord};
 use crate::shaders::Shaders;
@@ -108,8 +109,10 @@ pub(crate) struct SessionRenderer {
     kept: Kept,
     /// What the coarse frames of a desk keep, which have another resolution.
     coarse_kept: Kept,
-    /// True while a frame is rendered and its images are written.
+    /// True while a frame is rendered that keeps its images when it is stopped, and while they are written.
     busy: Arc<AtomicBool>,
+    /// The beginning of the session, or the end of the frame before.
+    idle_since: Instant,
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
@@ -161,6 +164,7 @@ impl SessionRenderer {
             kept: Kept::default(),
             coarse_kept: Kept::default(),
             busy: Arc::default(),
+            idle_since: Instant::now(),
             master,
             options,
             reporter,
@@ -271,7 +275,7 @@ impl SessionRenderer {
         self.commands.stop.clone()
     }
 
-    /// Returns the flag that is true while a frame is rendered and its images are written.
+    /// Returns the flag that is true while a frame is rendered that keeps its images when it is stopped.
     pub(crate) fn busy(&self) -> Arc<AtomicBool> {
         self.busy.clone()
     }
@@ -318,7 +322,6 @@ impl SessionRenderer {
         let begin = Instant::now();
         let supervisor = self.options.run.supervisor.clone();
         let _activity = supervisor.begin(format!("rendering frame {}", self.finished.0.frames().len() + 1));
-        let _busy = Busy::new(&self.busy);
         self.commands.stop.store(false, Ordering::SeqCst);
         if supervisor.has_ended() {
             return Err(Stop::Exit);
@@ -345,7 +348,13 @@ impl SessionRenderer {
             let viewer = if unnamed { self.viewer() } else { None };
             scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
-        let renderer = Renderer::new(self.environment(&scene));
+        let environment = self.environment(&scene);
+        let keeps_images = self.options.keep_partial || environment.passes.is_some();
+        let _busy = keeps_images.then(|| Busy::new(&self.busy));
+        if keeps_images && supervisor.has_ended() {
+            return Err(Stop::Exit);
+        }
+        let renderer = Renderer::new(environment);
         self.progress.over.store(false, Ordering::Relaxed);
         let keeps = scene.get(attr::RERENDER) && !self.options.rerenders_anew;
         let is_coarse = desk.is_some_and(|desk| desk.coarse);
@@ -370,6 +379,7 @@ impl SessionRenderer {
                 None
             }
         };
+        self.idle_since = Instant::now();
         self.progress.over.store(true, Ordering::Relaxed);
         let record = FrameRecord::new(report, scene.inputs, begin.elapsed());
         self.success = record.complete;
@@ -405,6 +415,8 @@ impl SessionRenderer {
             scene_files: self.options.scene_files.clone(),
             spread: self.spread(scene),
             priority: self.commands.priority.clone(),
+            passes: passes::plan(&self.options, scene, self.idle_since, &self.reporter)
+                .filter(|_| self.desk.lock().is_none()),
         }
     }
 

@@ -10,18 +10,21 @@ use crate::services::maps;
 use crate::spaces::{Spaces, Units};
 use crate::texts::Texts;
 use crate::{ShaderLibrary, ShadingEnvironment, ShadingStatistics, preshaded};
-use granita_base::{Files, Location, OnceMap, Reporter, SearchPath, Severity, Vec3};
+use granita_base::{Files, Location, OnceMap, Reporter, SearchPath, Severity, Vec3, hash};
 use granita_dicing::{CameraView, finite};
 use granita_rays::{RayFrame, RayWorld};
 
 use granita_scene::attribute::{Key, scope};
 use granita_scene::{AttributeSet, LightId, Primitive, Scene, ShaderGroup, ShaderUsage, attr};
 use granita_sdb::{Attributes, Clusters, Databases, Mode, Packed};
-use granita_shade::Group;
+use granita_shade::{Grid, Group};
 use granita_texture::{CacheOptions, TextureCache, TextureId, Up, Use};
 use parking_lot::RwLock;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
+
+/// The dimension of the seeds of passes.
+const PASS: u32 = 0x7061_7373;
 
 /// Depth maps that are rendered on demand while shaders read them (reference 10.1.5).
 pub trait DepthMaps: Send + Sync {
@@ -80,6 +83,8 @@ pub struct ShadingContext {
     pub keeps: bool,
     /// What changed before each frame, from the second one on.
     pub(crate) history: Vec<Changes>,
+    /// The pass that is rendered, of an image that is the sum of passes.
+    pass: AtomicU32,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
@@ -199,7 +204,32 @@ impl ShadingContext {
             saves_before: environment.databases.saves(),
             keeps: false,
             history: Vec::new(),
+            pass: AtomicU32::new(0),
             reporter,
+        }
+    }
+
+    /// Begins a pass of an image that is the sum of passes. Random numbers of different passes are independent of each
+    /// other. Those of pass 0 are those of a frame. It must not be called while a thread shades.
+    pub fn begin_pass(&self, pass: u32) {
+        if self.pass.swap(pass, Ordering::Relaxed) != pass {
+            self.light_cache.clear();
+        }
+    }
+
+    /// Returns a seed of the frame for the present pass.
+    pub(crate) fn seed_in_pass(&self, seed: u32) -> u32 {
+        match self.pass.load(Ordering::Relaxed) {
+            0 => seed,
+            pass => hash::words(&[seed, pass, PASS]),
+        }
+    }
+
+    /// Gives the seeds of a grid that the camera sees to the present pass.
+    pub fn seed_grid(&self, grid: &mut Grid) {
+        if self.pass.load(Ordering::Relaxed) != 0 {
+            grid.seed = self.seed_in_pass(grid.seed);
+            grid.names.iter_mut().for_each(|name| *name = self.seed_in_pass(*name));
         }
     }
 

@@ -10,6 +10,7 @@ mod listing;
 mod manual;
 mod pack;
 mod packed;
+mod passes;
 mod progress;
 mod relight;
 mod statistics;
@@ -139,6 +140,35 @@ struct Options {
     #[arg(long, value_name = "HOST[:PORT]")]
     display: Option<Display>,
 
+    /// Make the image of this number of passes: frames whose random numbers differ, and whose mean the image is
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    passes: Option<u32>,
+
+    /// Make the best image in this number of seconds: as many passes as end in time, at least one
+    #[arg(long, value_name = "T", value_parser = passes::duration, allow_negative_numbers = true)]
+    seconds: Option<f64>,
+
+    /// Make the best image until this time of the day, on the clock of this machine
+    #[arg(long, value_name = "HH:MM", value_parser = passes::time_of_day, conflicts_with = "seconds")]
+    until: Option<passes::TimeOfDay>,
+
+    /// Make passes until the error of the image is below this percentage of its mean, with more of them where they pay
+    /// most
+    #[arg(long, value_name = "E%", value_parser = passes::error, allow_negative_numbers = true)]
+    error: Option<f32>,
+
+    /// The same as -error 8%
+    #[arg(long, conflicts_with_all = ["error", "review", "final_"])]
+    draft: bool,
+
+    /// The same as -error 3%
+    #[arg(long, conflicts_with_all = ["error", "final_"])]
+    review: bool,
+
+    /// The same as -error 1%
+    #[arg(long = "final", conflicts_with = "error")]
+    final_: bool,
+
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
     cwd: Option<PathBuf>,
@@ -251,7 +281,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 32] = [
+const NOT_FOR_WORKERS: [(&str, &str); 39] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -282,6 +312,13 @@ const NOT_FOR_WORKERS: [(&str, &str); 32] = [
     ("remote", "a scene that is no file has no workers"),
     ("timeout", "workers end with the coordinator"),
     ("keeppartial", "the coordinator writes the images"),
+    ("passes", "the coordinator renders them"),
+    ("seconds", "the coordinator renders the passes"),
+    ("until", "the coordinator renders the passes"),
+    ("error", "the coordinator renders the passes"),
+    ("draft", "the coordinator renders the passes"),
+    ("review", "the coordinator renders the passes"),
+    ("final_", "the coordinator renders the passes"),
     ("nofence", "a safe run has no workers"),
     ("gpu", "another machine has other devices, and the pixels are the same"),
 ];
@@ -446,9 +483,7 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
         return Status::Failed;
     }
     ending.stops(session.stop());
-    if options.keeppartial {
-        ending.keeps(session.busy());
-    }
+    ending.keeps(session.busy());
     render(options, session, &answers, &reporter, relight.as_ref())
 }
 
@@ -560,6 +595,7 @@ fn session_options(
         shadertype: options.shade.clone(),
         extra_outputs: options.output.iter().map(extra).chain(options.shown()).collect(),
         keep_partial: options.keeppartial,
+        passes: options.passes(),
         viewer,
         no_startup_files: false,
         startup_files: None,

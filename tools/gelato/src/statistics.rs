@@ -46,6 +46,22 @@ fn frame(record: &FrameRecord) -> Value {
                 reuse.counts().map(|(name, n)| (name.to_owned(), json!(n))).into_iter().collect();
             fields.insert("reuse".to_owned(), counts.into());
         }
+        if let Some(passes) = &statistics.passes {
+            let error = passes.error.unwrap_or_default();
+            let known = |value: f64| passes.error.map(|_| value);
+            fields.insert(
+                "passes".to_owned(),
+                json!({
+                    "passes": passes.passes,
+                    "of_a_pixel": passes.mean_passes,
+                    "error": known(error.error),
+                    "error95": known(error.bound),
+                    "blocks99": known(error.blocks_99),
+                    "requested": passes.requested,
+                    "is_reached": passes.requested.map(|_| !passes.is_short),
+                }),
+            );
+        }
         let seconds: Map<String, Value> =
             statistics.seconds().map(|(name, s)| (name.to_owned(), json!(s))).into_iter().collect();
         fields.insert("seconds".into(), Value::Object(seconds));

@@ -397,12 +397,18 @@ impl<S: FrameShader> Frame<'_, S> {
                 }
             });
         }
+        if self.passes.is_some() {
+            for (pixels, filters) in pixels.iter_mut().zip(&self.filters) {
+                filters.iter().for_each(|filter| pixels.extend(film::weights(filter, samples, rect)));
+            }
+        }
         pixels
     }
 
     /// Passes a shaded grid to "griddump:filename".
     fn dump(&self, grid: &ShadedGrid, job: &Job<S::Object>, order: (usize, u32)) {
-        let Some(dump) = self.options.dump else { return };
+        let is_first = self.passes.as_ref().is_none_or(|passes| passes.number == 0);
+        let Some(dump) = self.options.dump.filter(|_| is_first) else { return };
         let described = Described {
             order,
             name: job.primitive.attributes.name(),

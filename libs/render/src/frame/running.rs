@@ -84,8 +84,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                             // Shaders ended early, so these pixels are not valid.
                             Ok(_) if self.is_stopped() => break,
                             Ok(Some(values)) => {
-                                for (canvas, values) in canvases.iter().zip(&values) {
-                                    self.store(canvas, &self.buckets.order[index], values);
+                                for (k, (canvas, values)) in canvases.iter().zip(values).enumerate() {
+                                    let rect = self.buckets.order[index];
+                                    match &self.passes {
+                                        None => self.store(canvas, &rect, &values),
+                                        Some(passes) => self.hold((passes, k), canvas, rect, values),
+                                    }
                                 }
                             }
                             Ok(None) => ends.store(true, Ordering::Relaxed),

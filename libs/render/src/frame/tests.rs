@@ -10,11 +10,14 @@ mod motion;
 mod passes;
 mod seams;
 mod stereo;
+mod summed;
 
 use super::*;
 use granita_base::{Color, MotionTransform, Param, Params, ShapeDesc, Transform, Vec3};
+use granita_gsl::ir::ValueType;
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageInput, ImageOutput, Limits};
 use granita_scene::{AttributeSet, Camera, Output, ShapeKey, attr};
+use granita_shade::Grid;
 
 use std::path::Path;
 

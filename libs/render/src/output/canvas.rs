@@ -126,6 +126,21 @@ impl Canvas {
         Self { crop, channels, rendered: 0, state }
     }
 
+    /// Makes a canvas for an image of passes. It is kept until the frame is done, however large it is.
+    pub(crate) fn of_passes(
+        image: &OutputImage,
+        camera: &CameraView,
+        buckets: &Buckets,
+        registry: Option<&FormatRegistry>,
+    ) -> Self {
+        Self::with_limit(image, camera, buckets, registry, usize::MAX)
+    }
+
+    /// True when a viewer shows the image.
+    pub(crate) fn is_shown(&self) -> bool {
+        matches!(self.state, State::Shown(_))
+    }
+
     /// Prepares a canvas for [`Canvas::into_partial`]. The rows of a large image are copied to a temporary file.
     pub(crate) fn copying(mut self, files: &Files, path: &Path) -> Self {
         if let State::Written(bands) = &mut self.state {

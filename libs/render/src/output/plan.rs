@@ -7,6 +7,7 @@ mod settings;
 use super::cryptomatte::{MatteKind, MatteLayer, Mattes, RANKS};
 use super::parts::Part;
 use super::writer::{ImageWriter, Shown};
+use crate::passes::ErrorEstimate;
 use crate::{CameraView, RenderError};
 use filters::{filter_spec, wrong_layer_filter};
 use granita_base::{
@@ -18,7 +19,7 @@ use granita_hider::{Wanted, WantedVariable};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
 use granita_scene::attribute::{Scope, TABLE};
 use granita_scene::{Output, Scene, attr};
-use settings::settings;
+use settings::{of_passes, settings};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -179,6 +180,8 @@ pub(crate) struct OutputImage {
     pub(crate) opaque_width: Option<f32>,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
+    /// The number of passes whose sum it is and its error; `None` for a frame of its own.
+    pub(crate) passes: Option<(u32, Option<ErrorEstimate>)>,
 }
 
 impl OutputSet {
@@ -322,6 +325,7 @@ impl OutputSet {
             params,
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
             part,
+            passes: None,
         })
     }
 
@@ -924,7 +928,7 @@ impl OutputImage {
             });
         }
         let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
-        let of_frame = [camera.metadata(), settings(camera, &self.layers)];
+        let of_frame = [camera.metadata(), settings(camera, &self.layers), of_passes(self.passes)];
         for param in of_mattes.chain(of_frame).flat_map(|params| params.0) {
             spec.attributes.set(param);
         }

@@ -226,6 +226,12 @@ attributes! {
         "major, minor, release and patch number";
     RENDERER_VERSIONSTRING: ReadOnly, Option<Arc<str>> = "4.3.10", "renderer:versionstring", Unset,
         "the four numbers of the version, as \"2.1.0.0\"";
+    RENDER_PASSES: Global, i32 = "4.3.10", "render:passes", Ints(&[0]),
+        "number of passes whose sum the images are; 0 for a frame of its own", Rerender;
+    RENDER_SECONDS: Global, f32 = "4.3.10", "render:seconds", Floats(&[0.0]),
+        "seconds after which a frame takes no more passes; 0 for any time", Rerender;
+    RENDER_ERROR: Global, f32 = "4.3.10", "render:error", Floats(&[0.0]),
+        "error at which images take no more passes, as a fraction of their mean; 0 for none", Rerender;
     RENDER_PROGRESS: ReadOnly, f32 = "4.3.10", "render:progress", Floats(&[0.0]),
         "finished part of the frame, 0 to 1";
     RENDER_SUCCESS: ReadOnly, bool = "4.3.10", "render:success", Ints(&[0]),

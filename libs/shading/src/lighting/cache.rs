@@ -224,6 +224,14 @@ impl IrradianceCache {
         dropped
     }
 
+    /// Drops all records. The places of those that went to a database stay.
+    pub(crate) fn clear(&self) {
+        for part in &self.parts {
+            let Part { young, old, .. } = &mut *part.lock();
+            (*young, *old) = (HashMap::default(), HashMap::default());
+        }
+    }
+
     /// True for the first call for a place: its record is to be saved now.
     pub(crate) fn is_first_to_save(&self, spot: Spot) -> bool {
         self.part(&spot).saved.insert(spot)

@@ -145,7 +145,7 @@ impl<'q> Question<'q> {
             return run.lane_seed(call, lane);
         }
         let [x, y, z] = self.places[lane as usize].to_array().map(f32::to_bits);
-        hash::words(&[x, y, z, self.kind as u32])
+        run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]))
     }
 
     /// Returns by how much the width of a ray of a point grows per unit of distance.

@@ -5,6 +5,7 @@
 
 use super::ImageLayer;
 use crate::CameraView;
+use crate::passes::ErrorEstimate;
 use granita_base::{BaseType, Param, ParamType, Params};
 use granita_hider::film::{FilterSpec, PixelFilter};
 
@@ -29,6 +30,24 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer]) -> Params {
     match layers {
         [one] => set("filter", filter_text(&one.filter)),
         many => many.iter().for_each(|l| set(&format!("filter/{}", l.name), filter_text(&l.filter))),
+    }
+    params
+}
+
+/// Returns what an image of passes says about itself: `granita/passes`, and once there are two, `granita/error`,
+/// `granita/error95` and `granita/blocks99` as fractions of the mean of the image.
+pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params {
+    let mut params = Params::new();
+    let Some((count, error)) = passes else { return params };
+    let mut set = |name: &str, text: String| {
+        let ty = ParamType::of(BaseType::String);
+        params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
+    };
+    set("passes", count.to_string());
+    if let Some(ErrorEstimate { error, bound, blocks_99 }) = error {
+        set("error", format!("{error:.6}"));
+        set("error95", format!("{bound:.6}"));
+        set("blocks99", format!("{blocks_99:.6}"));
     }
     params
 }

@@ -1,0 +1,270 @@
+//! Renders a frame whose images are the sum of passes (see [`crate::passes`]).
+
+use super::{Frame, FrameShader, Jobs};
+use crate::PixelRect;
+use crate::bucket::{BucketOrder, Buckets};
+use crate::output::accumulated::{Accumulated, TILE};
+use crate::output::canvas::Canvas;
+use crate::passes::{ErrorEstimate, PILOT, PassPlan, PassReport, Rule};
+use granita_dicing::camera::is_moving;
+use granita_hider::{SamplePattern, film};
+use granita_scene::Scene;
+use parking_lot::{Condvar, Mutex};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// The passes that a frame has and their results so far.
+pub(super) struct Passes {
+    /// The pass that is rendered, from 0.
+    pub(super) number: u32,
+    /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
+    crop: PixelRect,
+    /// The sums of the images of each eye, one eye after the other.
+    sums: Vec<Mutex<Accumulated>>,
+}
+
+/// The result of the passes of a frame.
+pub(super) struct Passed {
+    /// The number of buckets that failed.
+    pub(super) failed: usize,
+    /// `passes` is 0 when the first one was not completed.
+    pub(super) report: PassReport,
+    /// The error of each image, those of an eye one after the other.
+    pub(super) errors: Vec<Option<ErrorEstimate>>,
+}
+
+/// The factor by which the reached error may exceed the requested one. The first passes show it to a few percent.
+const TOLERANCE: f64 = 1.05;
+
+/// What decides where an image needs more passes, and the mean of its colours.
+type Decision = Option<(Rule, f64)>;
+
+impl<'a, S: FrameShader> Frame<'a, S> {
+    /// Prepares the frame for passes of images that show the pixels of `crop`.
+    pub(super) fn sum_passes(&mut self, crop: PixelRect) {
+        let rect = self.options.camera.crop;
+        let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
+        let sums = images.map(|image| Mutex::new(Accumulated::new(image, rect))).collect();
+        self.passes = Some(Passes { number: 0, crop, sums });
+    }
+
+    /// Holds the pixels of a bucket until the pass is complete, and shows them. `index` is the number of the image.
+    pub(super) fn hold(
+        &self,
+        (passes, index): (&Passes, usize),
+        canvas: &Mutex<Canvas>,
+        rect: PixelRect,
+        values: Vec<f32>,
+    ) {
+        let Some(sum) = passes.sums.get(index) else { return };
+        let mut sum = sum.lock();
+        let is_seen = rect.intersection(&passes.crop) == rect;
+        // The first pass may be all that a stopped frame has.
+        let shown =
+            (is_seen && (passes.number == 0 || canvas.lock().is_shown())).then(|| sum.with(&rect, &values));
+        sum.hold(rect, values);
+        drop(sum);
+        if let Some(shown) = shown {
+            self.store(canvas, &rect, &shown);
+        }
+    }
+
+    /// Renders the passes. The canvases then have the mean of those that were completed.
+    pub(super) fn run_passes(
+        &mut self,
+        (scene, plan): (&Scene, &PassPlan),
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+    ) -> Passed {
+        let mut failed = 0;
+        let mut completed = 0;
+        let mut decisions: Vec<Decision> = Vec::new();
+        // The time of the last pass, and its number of pixels.
+        let mut last: Option<(Duration, usize)> = None;
+        while completed < plan.most() {
+            if plan.error.is_some() && completed == PILOT {
+                decisions = self.decisions(plan.error.unwrap_or_default());
+            }
+            let begin = Instant::now();
+            self.begin_pass(scene, completed, plan.error.is_some());
+            let list = self.buckets_of_pass(completed, &decisions, plan.error.is_some());
+            let area =
+                |index: &usize| self.buckets.order[*index].width() * self.buckets.order[*index].height();
+            let pixels: usize = list.iter().map(area).sum();
+            let predicted = last.map(|(time, before)| time.mul_f64(pixels as f64 / before.max(1) as f64));
+            if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time)) {
+                break;
+            }
+            self.release_others(&list);
+            let jobs = self.jobs(scene, threads);
+            let steps = list.iter().map(|index| jobs.cost(*index)).sum();
+            self.options.progress.begin(self.first_image(), steps);
+            let limit = plan.deadline.filter(|_| completed > 0).map(|deadline| deadline + plan.grace);
+            let (without, is_late) = self.run_until(limit, &jobs, canvases, threads, &list);
+            self.options.progress.end();
+            if is_late || self.is_stopped() {
+                if is_late {
+                    self.options.stop.store(false, Ordering::Relaxed);
+                }
+                self.each_sum(|sum| drop(sum.drop_pass()));
+                break;
+            }
+            self.each_sum(Accumulated::end_pass);
+            failed += without;
+            completed += 1;
+            last = Some((begin.elapsed(), pixels));
+        }
+        let errors = if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
+        Passed { failed, report: self.report(plan, completed, &errors), errors }
+    }
+
+    /// Calls `each` with the sum of every image.
+    fn each_sum(&self, mut each: impl FnMut(&mut Accumulated)) {
+        let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+        sums.for_each(|sum| each(&mut sum.lock()));
+    }
+
+    /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
+    /// tiles instead of buckets. Tiles do not depend on the size of buckets.
+    fn begin_pass(&mut self, scene: &Scene, pass: u32, has_tiles: bool) {
+        let camera = self.options.camera;
+        if let Some(passes) = &mut self.passes {
+            passes.number = pass;
+        }
+        self.shader.begin_pass(pass);
+        if pass == 0 {
+            return;
+        }
+        self.pattern = SamplePattern::of_pass(camera, is_moving(scene, camera), pass);
+        for (filters, image) in self.filters.iter_mut().zip(&self.outputs.images) {
+            for (filter, layer) in filters.iter_mut().zip(&image.layers) {
+                *filter = film::Support::new(&layer.filter, &self.pattern.tables);
+            }
+        }
+        if has_tiles && pass >= PILOT {
+            let side = TILE.unsigned_abs();
+            let order = BucketOrder::plain(&camera.bucketorder);
+            self.buckets = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
+        }
+    }
+
+    /// Returns the buckets that a pass renders, in their order.
+    fn buckets_of_pass(&self, pass: u32, decisions: &[Decision], has_tiles: bool) -> Vec<usize> {
+        let all = 0..self.buckets.order.len();
+        let Some(passes) = self.passes.as_ref().filter(|_| has_tiles && pass >= PILOT) else {
+            return all.collect();
+        };
+        let whole = self.options.camera.crop;
+        let is_wanted = |index: &usize| {
+            let rect = self.buckets.order[*index];
+            let corner = [rect.x0, rect.y0].map(|at| at.div_euclid(TILE) * TILE);
+            let [x0, y0] = corner;
+            let tile = PixelRect { x0, x1: x0 + TILE, y0, y1: y0 + TILE }.intersection(&whole);
+            let wants = |(sum, decision): (&Mutex<Accumulated>, &Decision)| {
+                decision.as_ref().is_some_and(|(rule, _)| rule.wants(&sum.lock().spot(&tile)))
+            };
+            !tile.intersection(&passes.crop).is_empty() && passes.sums.iter().zip(decisions).any(wants)
+        };
+        all.filter(is_wanted).collect()
+    }
+
+    /// Prepares the buckets for a pass that renders those of `list`. The others need no grids.
+    fn release_others(&mut self, list: &[usize]) {
+        let count = self.buckets.order.len();
+        let mut is_listed = vec![false; count];
+        list.iter().for_each(|index| is_listed[*index] = true);
+        let eyes = 0..self.eyes.len();
+        self.passed = eyes.flat_map(|_| is_listed.iter().map(|listed| AtomicBool::new(!listed))).collect();
+    }
+
+    /// Decides from the first passes of the whole image how many passes each part needs.
+    fn decisions(&self, error: f32) -> Vec<Decision> {
+        let whole = self.options.camera.crop;
+        let decision = |sum: &Mutex<Accumulated>| {
+            let sum = sum.lock();
+            let mean = sum.mean().filter(|_| sum.colors() > 0)?;
+            let tiles: Vec<_> = Accumulated::cut(&whole, TILE).iter().map(|tile| sum.spot(tile)).collect();
+            Some((Rule::new(&tiles, (f64::from(error) * mean).powi(2)), mean))
+        };
+        self.passes.iter().flat_map(|passes| &passes.sums).map(decision).collect()
+    }
+
+    /// Renders the buckets of `list`. Gives up at the time `limit`. Returns the number of buckets that failed, and true
+    /// when it gave up.
+    fn run_until(
+        &self,
+        limit: Option<Instant>,
+        jobs: &Jobs<S::Object>,
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+        list: &[usize],
+    ) -> (usize, bool) {
+        let Some(limit) = limit else { return (self.run(jobs, canvases, threads, list), false) };
+        let (is_over, changed) = (Mutex::new(false), Condvar::new());
+        let is_late = AtomicBool::new(false);
+        let stop = self.options.stop;
+        let failed = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let mut over = is_over.lock();
+                while !*over {
+                    if changed.wait_until(&mut over, limit).timed_out() && !*over {
+                        is_late.store(true, Ordering::Relaxed);
+                        stop.store(true, Ordering::Relaxed);
+                        break;
+                    }
+                }
+            });
+            let failed = self.run(jobs, canvases, threads, list);
+            *is_over.lock() = true;
+            changed.notify_all();
+            failed
+        });
+        (failed, is_late.into_inner())
+    }
+
+    /// Stores the means on the canvases. Returns the error of each image.
+    fn finish_passes(
+        &self,
+        canvases: &[Mutex<Canvas>],
+        decisions: &[Decision],
+    ) -> Vec<Option<ErrorEstimate>> {
+        let Some(passes) = &self.passes else { return Vec::new() };
+        let mut errors = Vec::with_capacity(passes.sums.len());
+        for (index, (sum, canvas)) in passes.sums.iter().zip(canvases).enumerate() {
+            let sum = sum.lock();
+            canvas.lock().restart();
+            for bucket in &self.buckets.order {
+                let seen = bucket.intersection(&passes.crop);
+                if !seen.is_empty() {
+                    canvas.lock().begin(&seen);
+                    self.store(canvas, &seen, &sum.pixels(&seen));
+                }
+            }
+            let of_frame = decisions.get(index).and_then(|decision| decision.map(|(_, mean)| mean));
+            errors.push(of_frame.or_else(|| sum.mean()).and_then(|mean| sum.error(&passes.crop, mean)));
+        }
+        errors
+    }
+
+    /// Returns the report of the passes.
+    fn report(&self, plan: &PassPlan, passes: u32, errors: &[Option<ErrorEstimate>]) -> PassReport {
+        let error = errors.iter().flatten().copied().max_by(|a, b| a.error.total_cmp(&b.error));
+        let of_pixels = self.passes.as_ref().and_then(|all| {
+            let pixels = all.crop.width() * all.crop.height();
+            Some(all.sums.first()?.lock().passes(&all.crop) as f64 / pixels.max(1) as f64)
+        });
+        let has_colors = || {
+            let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+            sums.into_iter().any(|sum| sum.lock().colors() > 0)
+        };
+        let is_above =
+            |most: f32| error.map_or_else(has_colors, |error| error.bound > f64::from(most) * TOLERANCE);
+        PassReport {
+            passes,
+            mean_passes: of_pixels.unwrap_or_default(),
+            error,
+            requested: plan.error,
+            is_short: plan.error.is_some_and(is_above),
+        }
+    }
+}

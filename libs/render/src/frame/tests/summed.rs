@@ -1,0 +1,241 @@
+//! Tests images that are the sum of passes.
+
+use super::*;
+use crate::passes::{PassPlan, PassReport};
+use granita_base::hash;
+use std::sync::atomic::AtomicU32;
+use std::time::{Duration, Instant};
+
+/// A plan of this number of passes.
+fn passes(n: u32) -> PassPlan {
+    PassPlan { passes: Some(n), deadline: None, grace: Duration::ZERO, error: None }
+}
+
+/// A plan that ends at this error.
+fn error(error: f32) -> PassPlan {
+    PassPlan { passes: None, error: Some(error), ..passes(1) }
+}
+
+/// Shades with noise that differs from pass to pass, and is more on one side of each surface.
+struct Noisy {
+    pass: AtomicU32,
+}
+
+impl FrameShader for Noisy {
+    type Object = ObjectTraits;
+    type Thread<'a> = ();
+
+    fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
+        Painted { paint: flat, displace: None }.object(primitive)
+    }
+    fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
+        *object
+    }
+    fn thread(&self) {}
+    fn begin_pass(&self, pass: u32) {
+        self.pass.store(pass, Ordering::Relaxed);
+    }
+    fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
+    fn shade(
+        &self,
+        (): &mut (),
+        _: &ObjectTraits,
+        grid: &mut Grid,
+        wanted: &[(Arc<str>, ValueType)],
+    ) -> Vec<Option<Vec<f32>>> {
+        flat(grid);
+        let pass = self.pass.load(Ordering::Relaxed);
+        for i in 0..grid.len() {
+            let noise = hash::unit(hash::words(&[grid.seed, i as u32, pass]));
+            grid.c.set(i, grid.c.get(i) * (1.0 + grid.u[i] * (noise - 0.5)));
+        }
+        wanted.iter().map(|_| None).collect()
+    }
+}
+
+fn noisy() -> Noisy {
+    Noisy { pass: AtomicU32::new(0) }
+}
+
+/// Renders passes of one output. Returns the pixels of the crop window and the report.
+fn summed<S: FrameShader>(
+    build: &Build,
+    view: &CameraView,
+    threads: usize,
+    output: (&str, &[Param]),
+    (shader, plan): (&S, PassPlan),
+) -> (Vec<f32>, PassReport) {
+    let reporter = Reporter::silent();
+    let mut outputs = one_output(view, output, &reporter);
+    let stop = AtomicBool::new(false);
+    let options = FrameOptions { threads, passes: Some(plan), ..FrameOptions::new(view, &reporter, &stop) };
+    let (statistics, complete) =
+        render(&build.scene, shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
+    assert!(complete);
+    let image = outputs.images.remove(0);
+    assert_eq!(image.passes.map(|(passes, _)| passes), statistics.passes.map(|report| report.passes));
+    (image.pixels, statistics.passes.unwrap())
+}
+
+/// Returns the error of an image against another one, as the manual defines it.
+fn distance(a: &[f32], b: &[f32]) -> f64 {
+    let squares: f64 = a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+    let sum: f64 = b.iter().map(|b| f64::from(*b)).sum();
+    (squares / a.len() as f64).sqrt() / (sum / a.len() as f64)
+}
+
+#[test]
+fn one_pass_is_the_frame_of_its_own() {
+    let build = busy();
+    let shader = Painted { paint: wavy, displace: None };
+    for data in ["rgba", "rgb", "z", "normal N", "cryptomatte object"] {
+        let view = build.view(&[]);
+        let frame = render_with(&build, &view, 2, (data, &[]), &shader);
+        let (sum, report) = summed(&build, &view, 2, (data, &[]), (&shader, passes(1)));
+        assert!(frame == sum, "{data}");
+        assert_eq!((report.passes, report.mean_passes, report.error), (1, 1.0, None));
+    }
+}
+
+#[test]
+fn passes_do_not_depend_on_threads_buckets_or_crops() {
+    let build = busy();
+    for plan in [passes(3), error(0.03)] {
+        let (whole, report) = summed(&build, &build.view(&[]), 1, ("rgba", &[]), (&noisy(), plan));
+        assert!(report.passes >= 3, "{report:?}");
+        for (threads, size, order) in [(2, 7.0, "spiral"), (3, 16.0, "vertical"), (1, 64.0, "horizontal")] {
+            let mut view = build.view(&[("int[2] limits:bucketsize", vec![size, size])]);
+            view.bucketorder = order.into();
+            let (again, other) = summed(&build, &view, threads, ("rgba", &[]), (&noisy(), plan));
+            assert!(again == whole && other == report, "{threads} threads, buckets of {size}, {order}");
+        }
+        let view = build.view(&[("float[4] crop", vec![0.3, 0.8, 0.2, 0.9])]);
+        let (part, _) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), plan));
+        let crop = view.crop;
+        for (k, pixel) in part.chunks_exact(4).enumerate() {
+            let (x, y) = (crop.x0 as usize + k % crop.width(), crop.y0 as usize + k / crop.width());
+            assert_eq!(pixel, &whole[(y * 61 + x) * 4..][..4], "{plan:?} at {x} {y}");
+        }
+    }
+}
+
+#[test]
+fn the_mean_of_passes_converges_to_the_frame_of_many_samples() {
+    let build = busy();
+    let shader = Painted { paint: wavy, displace: None };
+    let few = build.view(&[("int[2] spatialquality", vec![2.0, 2.0]), ("int temporalquality", vec![4.0])]);
+    let many = build.view(&[
+        ("int[2] spatialquality", vec![24.0, 24.0]),
+        ("int temporalquality", vec![576.0]),
+        ("int dofquality", vec![576.0]),
+    ]);
+    let converged = render_with(&build, &many, 2, ("rgb", &[]), &shader);
+    let of = |n| summed(&build, &few, 2, ("rgb", &[]), (&shader, passes(n)));
+    let [(_, _), (four, _), (sixteen, report)] = [1, 4, 16].map(of);
+    let one = distance(&of(1).0, &converged);
+    let (four, sixteen) = (distance(&four, &converged), distance(&sixteen, &converged));
+    assert!(four < 0.65 * one && sixteen < 0.4 * one, "{one} {four} {sixteen}");
+    // The passes know their error.
+    let estimate = report.error.unwrap();
+    assert!((0.7..1.3).contains(&(estimate.error / sixteen)), "{estimate:?} {sixteen}");
+    assert!(estimate.bound > estimate.error && estimate.blocks_99 > estimate.error, "{estimate:?}");
+}
+
+#[test]
+fn a_requested_error_is_reached_and_costs_passes_where_the_noise_is() {
+    let build = busy();
+    let view = build.view(&[("int[2] spatialquality", vec![2.0, 2.0])]);
+    let (converged, _) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), passes(300)));
+    for asked in [0.06, 0.03] {
+        let (pixels, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), error(asked)));
+        let reached = distance(&pixels, &converged);
+        assert!(reached < 1.2 * f64::from(asked), "{asked}: {reached} {report:?}");
+        assert!(!report.is_short && report.error.unwrap().bound <= f64::from(asked) * 1.05, "{report:?}");
+        let is_whole = report.passes == 2;
+        assert!(is_whole || report.mean_passes < f64::from(report.passes), "{report:?}");
+    }
+    // An error that the number of passes does not allow is reported.
+    let plan = PassPlan { error: Some(0.001), ..passes(3) };
+    let (_, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), plan));
+    assert!(report.is_short && report.passes == 3, "{report:?}");
+}
+
+#[test]
+fn an_image_without_noise_takes_no_more_passes_than_it_needs() {
+    let mut build = flat_camera();
+    build.square(9.0, &[("color C", &[0.3, 0.6, 0.1])], at(0.0, 0.0, 5.0));
+    let shader = Painted { paint: flat, displace: None };
+    let view = build.view(&[]);
+    let frame = render_with(&build, &view, 1, ("rgb", &[]), &shader);
+    let (pixels, report) = summed(&build, &view, 1, ("rgb", &[]), (&shader, error(0.001)));
+    assert_eq!((report.passes, report.error.unwrap().error), (2, 0.0));
+    assert!(pixels == frame, "what is constant stays constant to the bit");
+    // Depths have no error.
+    let (_, report) = summed(&build, &view, 1, ("z", &[]), (&shader, error(0.001)));
+    assert_eq!((report.passes, report.error, report.is_short), (2, None, false));
+}
+
+#[test]
+fn time_decides_only_the_number_of_passes() {
+    let build = busy();
+    let view = build.view(&[]);
+    let deadline = Instant::now() + Duration::from_millis(400);
+    let plan =
+        PassPlan { passes: None, deadline: Some(deadline), grace: Duration::from_millis(50), error: None };
+    let (pixels, report) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), plan));
+    assert!(report.passes >= 1, "{report:?}");
+    let (again, same) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), passes(report.passes)));
+    assert!(pixels == again && same == report);
+    // One pass is always finished.
+    let late = PassPlan { deadline: Some(Instant::now()), ..plan };
+    let (_, report) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), late));
+    assert_eq!(report.passes, 1);
+}
+
+#[test]
+fn a_stopped_frame_has_the_passes_that_were_completed() {
+    /// Stops the frame in its fifth pass.
+    struct Stops<'a>(Noisy, &'a AtomicBool);
+    impl FrameShader for Stops<'_> {
+        type Object = ObjectTraits;
+        type Thread<'b>
+            = ()
+        where
+            Self: 'b;
+        fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
+            self.0.object(primitive)
+        }
+        fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
+            *object
+        }
+        fn thread(&self) {}
+        fn begin_pass(&self, pass: u32) {
+            self.0.begin_pass(pass);
+        }
+        fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
+        fn shade(
+            &self,
+            (): &mut (),
+            object: &ObjectTraits,
+            grid: &mut Grid,
+            wanted: &[(Arc<str>, ValueType)],
+        ) -> Vec<Option<Vec<f32>>> {
+            let found = self.0.shade(&mut (), object, grid, wanted);
+            self.1.store(self.0.pass.load(Ordering::Relaxed) == 4, Ordering::Relaxed);
+            found
+        }
+    }
+    let build = busy();
+    let view = build.view(&[]);
+    let reporter = Reporter::silent();
+    let mut outputs = one_output(&view, ("rgba", &[]), &reporter);
+    let stop = AtomicBool::new(false);
+    let options =
+        FrameOptions { threads: 2, passes: Some(passes(100)), ..FrameOptions::new(&view, &reporter, &stop) };
+    let shader = Stops(noisy(), &stop);
+    let (statistics, _) =
+        render(&build.scene, &shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
+    assert_eq!(statistics.passes.unwrap().passes, 4);
+    let (whole, _) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), passes(4)));
+    assert!(outputs.images[0].pixels == whole);
+}

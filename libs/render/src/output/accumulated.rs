@@ -1,0 +1,364 @@
+//! The sum of the passes of an image.
+//!
+//! A pixel of an image of passes is the mean of its values, weighted with the weights of their filter. Sums are formed
+//! in double precision and in the order of the passes. A pixel has at most one value in a pass, so that neither threads
+//! nor the order of buckets change them.
+//!
+//! Values that have no mean are combined as their filter combines samples: the least or greatest depth of all passes,
+//! the position or number of the first pass. Coverages of mattes are summed by their ids.
+
+use crate::PixelRect;
+use crate::output::plan::OutputImage;
+use crate::passes::{ErrorEstimate, Spot, confident_error};
+use granita_hider::film::{NO_DEPTH, PixelFilter};
+
+/// The side of the parts of an image that get passes together, in pixels.
+pub(crate) const TILE: i32 = 32;
+
+/// The side of the blocks whose errors are reported, in pixels.
+const BLOCK: i32 = 8;
+
+/// The weight of a value without samples in the support of its filter. It counts when no pass has any.
+const UNSEEN: f64 = 1e-30;
+
+/// The way in which passes of a layer are combined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Combine {
+    Mean,
+    Least,
+    Greatest,
+    /// The mean of the passes that see a surface.
+    Depth,
+    First,
+    Mattes,
+}
+
+/// Some channels of an image that are combined alike.
+#[derive(Clone, Copy, Debug)]
+struct Layer {
+    /// The first channel, and the number of channels.
+    channels: [usize; 2],
+    combine: Combine,
+}
+
+/// The sum of the passes of an image.
+pub(crate) struct Accumulated {
+    rect: PixelRect,
+    channels: usize,
+    layers: Vec<Layer>,
+    /// The channels whose error is estimated: colours that have a mean.
+    colors: Vec<usize>,
+    /// The layer of each of `colors`.
+    layer_of: Vec<usize>,
+    /// For each pixel, channel by channel: the weighted sum, or the combined value.
+    sums: Vec<f64>,
+    /// For each pixel and layer: the sum of the weights.
+    weights: Vec<f64>,
+    /// For each pixel: the weighted sum of the squares of its colours.
+    squares: Vec<f64>,
+    /// For each pixel: the number of passes.
+    counts: Vec<u32>,
+    /// For each pixel of each layer of mattes, one layer after the other: the ids with the sums of their coverages.
+    mattes: Vec<Vec<(u32, f64)>>,
+    /// The values of the pass that is rendered.
+    fresh: Vec<(PixelRect, Vec<f32>)>,
+}
+
+impl Accumulated {
+    /// Returns the sum of no passes of an image, over these pixels.
+    pub(crate) fn new(image: &OutputImage, rect: PixelRect) -> Self {
+        let mut first = 0;
+        let layer = |layer: &crate::output::plan::ImageLayer| {
+            let combine = match layer.filter.filter {
+                _ if layer.mattes.is_some() => Combine::Mattes,
+                _ if image.opaque_width.is_some() => Combine::First,
+                PixelFilter::Weighted(_) => Combine::Mean,
+                PixelFilter::Min => Combine::Least,
+                PixelFilter::Max => Combine::Greatest,
+                PixelFilter::Average => Combine::Depth,
+                PixelFilter::Closest => Combine::First,
+            };
+            let channels = [first, layer.channels.len()];
+            first += layer.channels.len();
+            Layer { channels, combine }
+        };
+        let layers: Vec<Layer> = image.layers.iter().map(layer).collect();
+        let channels = image.channels();
+        let of_channel = |c: usize| {
+            layers.iter().position(|l| (l.channels[0]..l.channels[0] + l.channels[1]).contains(&c))
+        };
+        let colors = image.colors().into_iter().enumerate().filter(|(_, is_color)| *is_color).map(|(c, _)| c);
+        let (colors, layer_of): (Vec<usize>, Vec<usize>) = colors
+            .filter_map(|c| Some((c, of_channel(c)?)))
+            .filter(|(_, layer)| layers[*layer].combine == Combine::Mean)
+            .unzip();
+        let pixels = rect.width() * rect.height();
+        let of_mattes = layers.iter().filter(|layer| layer.combine == Combine::Mattes).count();
+        Self {
+            rect,
+            channels,
+            sums: vec![0.0; pixels * channels],
+            weights: vec![0.0; pixels * layers.len()],
+            squares: vec![0.0; if colors.is_empty() { 0 } else { pixels }],
+            counts: vec![0; pixels],
+            mattes: vec![Vec::new(); pixels * of_mattes],
+            fresh: Vec::new(),
+            layers,
+            colors,
+            layer_of,
+        }
+    }
+
+    /// Returns the index of a pixel.
+    fn pixel(&self, x: i32, y: i32) -> usize {
+        (y - self.rect.y0) as usize * self.rect.width() + (x - self.rect.x0) as usize
+    }
+
+    /// Holds the values of a bucket until the pass is complete. `values` has the interleaved channels of its pixels,
+    /// followed by the weights of each layer, layer by layer.
+    pub(crate) fn hold(&mut self, rect: PixelRect, values: Vec<f32>) {
+        self.fresh.push((rect, values));
+    }
+
+    /// Drops the values of a pass that was not completed. Returns their pixels.
+    pub(crate) fn drop_pass(&mut self) -> Vec<PixelRect> {
+        std::mem::take(&mut self.fresh).into_iter().map(|(rect, _)| rect).collect()
+    }
+
+    /// Adds the values of a complete pass.
+    pub(crate) fn end_pass(&mut self) {
+        for (rect, values) in std::mem::take(&mut self.fresh) {
+            let pixels = rect.width() * rect.height();
+            let (values, weights) = values.split_at(pixels * self.channels);
+            let places = (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y]));
+            for (k, [x, y]) in places.enumerate() {
+                let own = &values[k * self.channels..][..self.channels];
+                self.add(self.pixel(x, y), own, &|layer| match weights.get(layer * pixels + k) {
+                    // No sample is in the support of the filter. The value stands in for those of other passes.
+                    Some(0.0) => UNSEEN,
+                    weight => weight.copied().unwrap_or(1.0).into(),
+                });
+            }
+        }
+    }
+
+    /// Adds a value of a pixel. `weight` returns the weight of each layer.
+    fn add(&mut self, pixel: usize, values: &[f32], weight: &dyn Fn(usize) -> f64) {
+        let Self { channels, layers, sums, weights, .. } = self;
+        let is_first = self.counts[pixel] == 0;
+        let sums = &mut sums[pixel * *channels..][..*channels];
+        let mut of_mattes = 0;
+        for (k, layer) in layers.iter().enumerate() {
+            let [first, n] = layer.channels;
+            let (sums, own) = (&mut sums[first..first + n], &values[first..first + n]);
+            let total = &mut weights[pixel * layers.len() + k];
+            match layer.combine {
+                Combine::Mean => {
+                    let w = weight(k);
+                    *total += w;
+                    sums.iter_mut().zip(own).for_each(|(sum, v)| *sum += w * f64::from(*v));
+                }
+                Combine::First if !is_first => (),
+                Combine::Depth => {
+                    if own.iter().all(|v| *v < NO_DEPTH) {
+                        *total += 1.0;
+                        sums.iter_mut().zip(own).for_each(|(sum, v)| *sum += f64::from(*v));
+                    }
+                }
+                Combine::Least if !is_first => {
+                    sums.iter_mut().zip(own).for_each(|(sum, v)| *sum = sum.min(f64::from(*v)));
+                }
+                Combine::Greatest if !is_first => {
+                    // A pass that sees no surface has no depth.
+                    let depth = |v: f64| if v < f64::from(NO_DEPTH) { v } else { f64::NEG_INFINITY };
+                    for (sum, v) in sums.iter_mut().zip(own) {
+                        let most = depth(*sum).max(depth(f64::from(*v)));
+                        *sum = if most.is_finite() { most } else { f64::from(NO_DEPTH) };
+                    }
+                }
+                Combine::First | Combine::Least | Combine::Greatest => {
+                    sums.iter_mut().zip(own).for_each(|(sum, v)| *sum = f64::from(*v));
+                }
+                Combine::Mattes => {
+                    let w = weight(k);
+                    *total += w;
+                    let seen = &mut self.mattes[of_mattes * self.counts.len() + pixel];
+                    of_mattes += 1;
+                    for [id, share] in own.as_chunks::<2>().0 {
+                        let (id, share) = (id.to_bits(), w * f64::from(*share));
+                        match seen.binary_search_by_key(&id, |(id, _)| *id) {
+                            Ok(at) => seen[at].1 += share,
+                            Err(at) if share > 0.0 => seen.insert(at, (id, share)),
+                            Err(_) => (),
+                        }
+                    }
+                }
+            }
+        }
+        if let Some(square) = self.squares.get_mut(pixel) {
+            for (c, layer) in self.colors.iter().zip(&self.layer_of) {
+                let v = f64::from(values[*c]);
+                *square += weight(*layer) * v * v;
+            }
+        }
+        self.counts[pixel] += 1;
+    }
+
+    /// Returns the pixels of the completed passes in a rectangle, with interleaved channels. Pixels without a pass are
+    /// 0.
+    pub(crate) fn pixels(&self, rect: &PixelRect) -> Vec<f32> {
+        let mut out = vec![0.0; rect.width() * rect.height() * self.channels];
+        let places = (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y]));
+        for ([x, y], out) in places.zip(out.chunks_exact_mut(self.channels.max(1))) {
+            let pixel = self.pixel(x, y);
+            if self.counts[pixel] == 0 {
+                continue;
+            }
+            let mut of_mattes = 0;
+            for (k, layer) in self.layers.iter().enumerate() {
+                let [first, n] = layer.channels;
+                let total = self.weights[pixel * self.layers.len() + k];
+                let sums = &self.sums[pixel * self.channels + first..][..n];
+                let out = &mut out[first..first + n];
+                match layer.combine {
+                    Combine::Mean => {
+                        out.iter_mut().zip(sums).for_each(|(out, sum)| *out = (sum / total) as f32)
+                    }
+                    Combine::Depth if total == 0.0 => out.fill(NO_DEPTH),
+                    Combine::Depth => {
+                        out.iter_mut().zip(sums).for_each(|(out, sum)| *out = (sum / total) as f32)
+                    }
+                    Combine::Mattes => {
+                        let mut seen = self.mattes[of_mattes * self.counts.len() + pixel].clone();
+                        of_mattes += 1;
+                        // The sort is stable. Of two ids with the same coverage, that with the lesser bits is first.
+                        seen.sort_by(|a, b| b.1.total_cmp(&a.1));
+                        for (pair, (id, sum)) in out.as_chunks_mut::<2>().0.iter_mut().zip(&seen) {
+                            *pair = [f32::from_bits(*id), (sum / total) as f32];
+                        }
+                    }
+                    _ => out.iter_mut().zip(sums).for_each(|(out, sum)| *out = *sum as f32),
+                }
+            }
+        }
+        out
+    }
+
+    /// Returns the pixels of a bucket as they are with the values of the present pass, for viewers.
+    pub(crate) fn with(&self, rect: &PixelRect, values: &[f32]) -> Vec<f32> {
+        let mut part = Self {
+            rect: *rect,
+            channels: self.channels,
+            layers: self.layers.clone(),
+            colors: Vec::new(),
+            layer_of: Vec::new(),
+            sums: Vec::new(),
+            weights: Vec::new(),
+            squares: Vec::new(),
+            counts: Vec::new(),
+            mattes: Vec::new(),
+            fresh: vec![(*rect, values.to_vec())],
+        };
+        let rows = || (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
+        for row in rows() {
+            let (n, layers) = (rect.width(), self.layers.len());
+            part.sums.extend_from_slice(&self.sums[row * self.channels..][..n * self.channels]);
+            part.weights.extend_from_slice(&self.weights[row * layers..][..n * layers]);
+            part.counts.extend_from_slice(&self.counts[row..][..n]);
+        }
+        for of_layer in self.mattes.chunks(self.counts.len().max(1)) {
+            rows().for_each(|row| part.mattes.extend_from_slice(&of_layer[row..][..rect.width()]));
+        }
+        part.end_pass();
+        part.pixels(rect)
+    }
+
+    /// Returns the number of values of a pixel whose error is estimated.
+    pub(crate) fn colors(&self) -> usize {
+        self.colors.len()
+    }
+
+    /// Returns the mean value, and the mean variance of a value in one pass, of the colours of a pixel; `None` when they
+    /// are not finite or there are fewer than two passes.
+    fn spread(&self, pixel: usize) -> Option<[f64; 2]> {
+        let (n, channels) = (self.counts[pixel], self.colors.len() as f64);
+        if n < 2 || self.colors.is_empty() {
+            return None;
+        }
+        let (mut mean, mut known) = (0.0, 0.0);
+        let mut total = 0.0;
+        for (c, layer) in self.colors.iter().zip(&self.layer_of) {
+            let sum = self.sums[pixel * self.channels + c];
+            total = self.weights[pixel * self.layers.len() + layer];
+            mean += sum / total;
+            known += sum * sum / total;
+        }
+        let differences = (self.squares[pixel] - known).max(0.0);
+        // What rounding leaves of values that are all the same is no variance.
+        let differences = if differences < 1e-12 * known { 0.0 } else { differences };
+        let variance = differences / total * f64::from(n) / f64::from(n - 1) / channels;
+        Some([mean / channels, variance]).filter(|both| both.iter().all(|v| v.is_finite()))
+    }
+
+    /// Returns the mean of the colours of all pixels; `None` when no pixel has two passes.
+    pub(crate) fn mean(&self) -> Option<f64> {
+        let known = || (0..self.counts.len()).filter_map(|pixel| self.spread(pixel));
+        let count = known().count();
+        (count > 0).then(|| known().map(|[mean, _]| mean).sum::<f64>() / count as f64)
+    }
+
+    /// Returns what is known of the pixels of a rectangle.
+    pub(crate) fn spot(&self, rect: &PixelRect) -> Spot {
+        let rect = rect.intersection(&self.rect);
+        let (mut pixels, mut sum, mut passes) = (0_usize, 0.0, 0);
+        for [x, y] in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y])) {
+            let pixel = self.pixel(x, y);
+            if let Some([_, variance]) = self.spread(pixel) {
+                (pixels, sum) = (pixels + 1, sum + variance);
+                passes = passes.max(self.counts[pixel]);
+            }
+        }
+        Spot { pixels, variance: sum / pixels.max(1) as f64, passes }
+    }
+
+    /// Returns the squares of `side` pixels that cover a rectangle, row by row, cut along multiples of `side`.
+    pub(crate) fn cut(rect: &PixelRect, side: i32) -> Vec<PixelRect> {
+        let cuts = |from: i32, to: i32| {
+            let first = from.div_euclid(side) * side;
+            (first..to).step_by(side as usize).map(move |a| [a.max(from), (a + side).min(to)])
+        };
+        cuts(rect.y0, rect.y1)
+            .flat_map(|[y0, y1]| cuts(rect.x0, rect.x1).map(move |[x0, x1]| PixelRect { x0, x1, y0, y1 }))
+            .collect()
+    }
+
+    /// Returns the error over the pixels of a rectangle, relative to the mean value `mean`; `None` when it is not known.
+    pub(crate) fn error(&self, rect: &PixelRect, mean: f64) -> Option<ErrorEstimate> {
+        let spots = |side| -> Vec<Spot> {
+            Self::cut(rect, side).iter().map(|part| self.spot(part)).filter(|spot| spot.pixels > 0).collect()
+        };
+        let tiles = spots(TILE);
+        if self.colors.is_empty() || tiles.is_empty() {
+            return None;
+        }
+        let relative = |squared: f64| match squared {
+            0.0 => 0.0,
+            _ => squared.sqrt() / mean.abs(),
+        };
+        let [error, bound] = confident_error(&tiles).map(relative);
+        let mut blocks: Vec<f64> =
+            spots(BLOCK).iter().map(|s| relative(s.variance / f64::from(s.passes.max(1)))).collect();
+        blocks.sort_by(f64::total_cmp);
+        let last = blocks.len().saturating_sub(1);
+        let blocks_99 = blocks.get((blocks.len() * 99 / 100).min(last)).copied().unwrap_or(0.0);
+        Some(ErrorEstimate { error, bound, blocks_99 })
+    }
+
+    /// Returns the sum of the numbers of passes of the pixels of a rectangle.
+    pub(crate) fn passes(&self, rect: &PixelRect) -> u64 {
+        let row = |y| {
+            self.counts[self.pixel(rect.x0, y)..][..rect.width()].iter().map(|n| u64::from(*n)).sum::<u64>()
+        };
+        (rect.y0..rect.y1).map(row).sum()
+    }
+}

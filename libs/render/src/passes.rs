@@ -1,0 +1,245 @@
+//! Images that are the sum of passes: what is requested, and what was reached.
+//!
+//! A pass is a frame whose random numbers (sample positions, times, lens points, and all directions that shading
+//! draws) are independent of those of the other passes. The image is the mean of its passes, weighted with the weights
+//! of the pixel filter, before gain, gamma and quantizing. It follows from the number of passes alone.
+//!
+//! The error of an image is `sqrt (mean ((a - b)^2)) / mean (b)` over the values of its colour channels, where `b` is
+//! the mean of infinitely many passes. It is estimated from the differences between passes. What all passes have in
+//! common (how surfaces are diced, filters of textures and shadow maps) is not part of it.
+
+use std::time::{Duration, Instant};
+
+/// The number of passes of the whole frame after which an image with a requested error decides where more are needed.
+pub(crate) const PILOT: u32 = 2;
+
+/// The width of the one-sided confidence interval of the reached error in standard deviations, for 95 %.
+const CONFIDENCE: f64 = 1.645;
+
+/// The approximate number of pixels that share one random number: neighbours share samples through the filter, and
+/// points of grids.
+const PIXELS_PER_NUMBER: f64 = 9.0;
+
+/// The end of the passes of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassPlan {
+    /// The largest number of passes, at least 1; `None` when only time or error end them.
+    pub passes: Option<u32>,
+    /// The time at which the image must be finished. The first pass is always finished. A later one begins only when
+    /// it is expected to end in time.
+    pub deadline: Option<Instant>,
+    /// The time that the deadline may be exceeded by before a pass is given up.
+    pub grace: Duration,
+    /// The requested error as a fraction of the mean of the image, for example 0.02 for 2 %.
+    pub error: Option<f32>,
+}
+
+impl PassPlan {
+    /// The largest number of passes of an image for which neither a number nor a time is requested.
+    pub const MOST: u32 = 4096;
+
+    /// True when a pass that takes `time` ends in time.
+    pub(crate) fn has_time_for(&self, time: Duration) -> bool {
+        // Half of the grace is for a time that was predicted too short.
+        self.deadline.is_none_or(|deadline| Instant::now() + time <= deadline + self.grace / 2)
+    }
+
+    /// Returns the plan of the first of `frames` frames that share the time.
+    pub(crate) fn shared_by(self, frames: u32) -> Self {
+        let own = |deadline: Instant| {
+            let now = Instant::now();
+            now + deadline.saturating_duration_since(now) / frames.max(1)
+        };
+        Self { deadline: self.deadline.map(own), ..self }
+    }
+
+    /// Returns the largest number of passes.
+    pub(crate) fn most(&self) -> u32 {
+        let unbounded = if self.deadline.is_some() { u32::MAX } else { Self::MOST };
+        self.passes.unwrap_or(unbounded).max(1)
+    }
+}
+
+/// The error of an image, as its passes show it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ErrorEstimate {
+    /// The root of the mean of the squared errors over the mean of the image.
+    pub error: f64,
+    /// The upper end of the one-sided confidence interval of `error`, at 95 %.
+    pub bound: f64,
+    /// The 99th percentile of the errors of blocks of 8 x 8 pixels, each over the mean of the whole image.
+    pub blocks_99: f64,
+}
+
+/// The passes of the images of a camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PassReport {
+    /// The number of passes that were completed.
+    pub passes: u32,
+    /// The mean number of passes of a pixel. It is less than `passes` where later ones rendered a part of the image.
+    pub mean_passes: f64,
+    /// The largest error of an image; `None` after one pass, and for images without colours.
+    pub error: Option<ErrorEstimate>,
+    /// The error that was requested.
+    pub requested: Option<f32>,
+    /// True when the requested error was not reached.
+    pub is_short: bool,
+}
+
+impl PassReport {
+    /// Returns a text for people.
+    pub fn text(&self) -> String {
+        let mut text = match self.passes {
+            1 => "1 pass".to_owned(),
+            n => format!("{n} passes"),
+        };
+        if self.mean_passes + 0.05 < f64::from(self.passes) {
+            text += &format!(" ({:.1} of a pixel)", self.mean_passes);
+        }
+        if let Some(ErrorEstimate { error, bound, blocks_99 }) = self.error {
+            text += &format!(
+                "; error {}, at most {} at 95 % confidence; 99 % of blocks below {}",
+                percent(error),
+                percent(bound),
+                percent(blocks_99)
+            );
+        }
+        text
+    }
+}
+
+/// Returns a fraction in percent with three digits.
+pub(crate) fn percent(fraction: f64) -> String {
+    let percent = fraction * 100.0;
+    let digits = if percent >= 10.0 {
+        1
+    } else if percent >= 1.0 {
+        2
+    } else {
+        3
+    };
+    format!("{percent:.digits$} %")
+}
+
+/// The differences between the passes of a part of the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Spot {
+    /// The number of pixels.
+    pub(crate) pixels: usize,
+    /// The mean variance of a value in one pass.
+    pub(crate) variance: f64,
+    /// The number of passes.
+    pub(crate) passes: u32,
+}
+
+/// Returns the mean squared error of an image of parts, when each has the passes that `passes` returns, and its
+/// standard deviation.
+fn squared_error(spots: &[Spot], passes: impl Fn(&Spot) -> f64) -> [f64; 2] {
+    let (mut pixels, mut sum, mut spread) = (0.0, 0.0, 0.0);
+    for spot in spots {
+        let (n, all) = (passes(spot).max(1.0), spot.pixels as f64);
+        let own = all * spot.variance / n;
+        // The variance is known from the passes that there are.
+        let freedom = f64::from(spot.passes.max(2) - 1) * (all / PIXELS_PER_NUMBER).max(1.0);
+        (pixels, sum, spread) = (pixels + all, sum + own, spread + own * own * 2.0 / freedom);
+    }
+    if pixels == 0.0 { [0.0; 2] } else { [sum / pixels, spread.sqrt() / pixels] }
+}
+
+/// Returns the mean squared error of an image of parts, and the upper end of its confidence interval.
+pub(crate) fn confident_error(spots: &[Spot]) -> [f64; 2] {
+    let [mean, deviation] = squared_error(spots, |spot| f64::from(spot.passes));
+    [mean, mean + CONFIDENCE * deviation]
+}
+
+/// The rule by which parts of an image get more passes.
+///
+/// The time of an image is least when every part has the same ratio between what a further pass gains and what it
+/// costs (the method of Lagrange). A part whose values have the standard deviation s in one pass then gets `s / step`
+/// passes. The step follows from the first passes of the whole frame. After that, each part decides by itself, so that
+/// a crop of an image has its pixels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Rule {
+    step: f64,
+}
+
+impl Rule {
+    /// Returns the rule with which the mean squared error of an image is `most` at 95 % confidence, as far as the first
+    /// passes show it. `spots` are all parts
+    /// of the whole image after the first passes.
+    pub(crate) fn new(spots: &[Spot], most: f64) -> Self {
+        let fits = |step: f64| {
+            let passes = |spot: &Spot| f64::from(spot.passes).max(spot.variance.sqrt() / step);
+            let [mean, deviation] = squared_error(spots, passes);
+            mean + CONFIDENCE * deviation <= most
+        };
+        let largest = spots.iter().map(|spot| spot.variance.sqrt()).fold(0.0, f64::max);
+        // With the largest step no part gets more passes than it has.
+        let (mut low, mut high) = (0.0, largest.max(f64::MIN_POSITIVE));
+        if fits(high) {
+            return Self { step: high };
+        }
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if fits(middle) { low = middle } else { high = middle }
+        }
+        Self { step: low }
+    }
+
+    /// True when a part needs another pass.
+    pub(crate) fn wants(&self, spot: &Spot) -> bool {
+        spot.variance > 0.0 && f64::from(spot.passes) * self.step < spot.variance.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spot(deviation: f64) -> Spot {
+        Spot { pixels: 1024, variance: deviation * deviation, passes: 2 }
+    }
+
+    #[test]
+    fn parts_get_passes_in_proportion_to_their_deviation() {
+        let spots: Vec<Spot> = (0..100).map(|k| spot(if k < 10 { 1.0 } else { 0.1 })).collect();
+        let rule = Rule::new(&spots, 0.001);
+        let needed = |deviation: f64| {
+            let mut spot = spot(deviation);
+            while rule.wants(&spot) {
+                spot.passes += 1;
+            }
+            spot.passes
+        };
+        let (many, few) = (needed(1.0), needed(0.1));
+        assert!((f64::from(many) / f64::from(few) - 10.0).abs() < 1.0, "{many} {few}");
+        let after: Vec<Spot> =
+            spots.iter().map(|s| Spot { passes: needed(s.variance.sqrt()), ..*s }).collect();
+        let [mean, bound] = confident_error(&after);
+        assert!(mean < bound && bound <= 0.001 && mean > 0.0008, "{mean} {bound}");
+    }
+
+    #[test]
+    fn an_image_without_noise_needs_no_more_passes() {
+        let rule = Rule::new(&[spot(0.0), spot(0.0)], 1e-6);
+        assert!(!rule.wants(&spot(0.0)));
+        assert_eq!(confident_error(&[spot(0.0)]), [0.0, 0.0]);
+        assert_eq!(confident_error(&[]), [0.0, 0.0]);
+        // The requested error is reached already.
+        let rule = Rule::new(&[spot(0.1)], 1.0);
+        assert!(!rule.wants(&spot(0.1)));
+    }
+
+    #[test]
+    fn texts_of_passes_show_percent() {
+        let report = PassReport { passes: 1, mean_passes: 1.0, ..PassReport::default() };
+        assert_eq!(report.text(), "1 pass");
+        let error = Some(ErrorEstimate { error: 0.0123, bound: 0.0131, blocks_99: 0.123 });
+        let report = PassReport { passes: 9, mean_passes: 4.25, error, ..PassReport::default() };
+        assert_eq!(
+            report.text(),
+            "9 passes (4.2 of a pixel); error 1.23 %, at most 1.31 % at 95 % confidence; 99 % of blocks below 12.3 %"
+        );
+        assert_eq!(percent(0.004), "0.400 %");
+    }
+}

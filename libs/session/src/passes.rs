@@ -1,0 +1,67 @@
+//! The passes that the options and the scene request.
+
+use crate::SessionOptions;
+use granita_base::{Location, Reporter, Severity};
+use granita_render::PassPlan;
+use granita_scene::{Scene, attr};
+use std::time::{Duration, Instant};
+
+/// The part of the time of a frame by which it may be exceeded, and the least such time.
+const GRACE: (f64, Duration) = (0.04, Duration::from_millis(40));
+
+/// The passes that an option of the command line requests. Each replaces the attribute of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PassOptions {
+    /// The number of passes ("render:passes").
+    pub passes: Option<u32>,
+    /// The seconds of a frame ("render:seconds"). They begin with the session, or with the end of the frame before.
+    pub seconds: Option<f64>,
+    /// The error as a fraction of the mean of the image ("render:error").
+    pub error: Option<f32>,
+}
+
+/// Returns the passes of a frame; `None` for a frame of its own. `idle_since` is the time at which the session began to
+/// read its scene.
+pub(crate) fn plan(
+    options: &SessionOptions,
+    scene: &Scene,
+    idle_since: Instant,
+    reporter: &Reporter,
+) -> Option<PassPlan> {
+    let asked = options.passes;
+    let refuse = |name: &str, value: String| {
+        let text = format!("\"{name}\" {value} is below 0 or not a number; it is ignored");
+        reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+    };
+    let positive = |name: &str, value: f32| {
+        let is_valid = value >= 0.0 && value.is_finite();
+        if !is_valid {
+            refuse(name, value.to_string());
+        }
+        Some(value).filter(|value| is_valid && *value > 0.0)
+    };
+    let passes = asked.passes.or_else(|| {
+        let count = scene.get(attr::RENDER_PASSES);
+        if count < 0 {
+            refuse(attr::RENDER_PASSES.name(), count.to_string());
+        }
+        u32::try_from(count).ok().filter(|count| *count > 0)
+    });
+    let error = asked.error.or_else(|| positive(attr::RENDER_ERROR.name(), scene.get(attr::RENDER_ERROR)));
+    let of_scene = || positive(attr::RENDER_SECONDS.name(), scene.get(attr::RENDER_SECONDS));
+    let time = match asked.seconds {
+        Some(seconds) => Some((seconds, idle_since)),
+        None => of_scene().map(|seconds| (f64::from(seconds), Instant::now())),
+    };
+    let deadline =
+        time.and_then(|(seconds, from)| from.checked_add(Duration::try_from_secs_f64(seconds).ok()?));
+    let (part, least) = GRACE;
+    let grace =
+        time.map_or(least, |(seconds, _)| least.max(Duration::from_secs_f64((seconds * part).min(60.0))));
+    (passes.is_some() || error.is_some() || deadline.is_some()).then_some(PassPlan {
+        passes,
+        deadline,
+        grace,
+        error,
+    })
+}

@@ -1,0 +1,260 @@
+//! Tests images that are the sum of passes: their options, their ends and what they say about themselves.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
+
+use granita_image::{FormatRegistry, Limits};
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// A scene with all kinds of random numbers: edges, motion, depth of field, an area light, occlusion, indirect light and
+/// a shader's own.
+const SCENE: &str = r#"
+Attribute ("int[2] resolution", (72, 56))
+Attribute ("int[2] spatialquality", (2, 2))
+Attribute ("float fov", 50)
+Attribute ("float[2] shutter", (0, 1))
+Attribute ("float fstop", 4)
+Attribute ("float focallength", 0.3)
+Attribute ("float focaldistance", 5)
+Output ("a.exr", "exr", "rgba", "main")
+Camera ("main")
+World ()
+Attribute ("string geometryset", "++indirect,+occlude,+all")
+Light ("lamp", "pointlight", "float intensity", 20)
+Shader ("surface", "noisy")
+PushTransform ()
+Translate (0, 0.4, 5)
+Motion (0, 1)
+Translate (-0.5, 0, 0)
+Translate (0.5, 0.2, 0)
+Sphere (1, -1, 1, 360)
+PopTransform ()
+PushTransform ()
+Translate (0, -1, 5)
+Scale (5, 5, 5)
+Patch ("linear", 2, 2, "vertex point P", (-1, 0, 1, 1, 0, 1, -1, 0, -1, 1, 0, -1))
+PopTransform ()
+Render ()
+"#;
+
+const SHADER: &str = r#"
+surface noisy () {
+    vector n = normalize (N);
+    float seen = 1 - occlusion ("occlude", P, n, PI / 2, "samples", 16);
+    C = color (0.6, 0.5, 0.3) * (seen + indirect ("indirect", P, n, "samples", 8)) * (0.7 + 0.3 * random ());
+}
+"#;
+
+struct Place(TempDir);
+
+/// The exit status and the messages of a run.
+struct Ran {
+    status: i32,
+    said: String,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.write("scene.pyg", SCENE);
+        place.write("noisy.gsl", SHADER);
+        place
+    }
+
+    fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path().join(name), text).unwrap();
+    }
+
+    fn command(&self, words: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
+        command.current_dir(self.path()).args(words).stdin(Stdio::null());
+        command.env("HOME", self.path()).env_remove("GELATOHOME").env_remove("GELATOTEMP");
+        command
+    }
+
+    fn run(&self, words: &[&str]) -> Ran {
+        let output = self.command(words).output().unwrap();
+        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        Ran { status: output.status.code().unwrap(), said }
+    }
+
+    /// Renders the scene with these options, and returns what it said and its image.
+    fn image(&self, words: &[&str]) -> (String, Shown) {
+        let ran = self.run(&[words, &["scene.pyg"]].concat());
+        assert_eq!(ran.status, 0, "{words:?}: {}", ran.said);
+        (ran.said, self.shown("a.exr"))
+    }
+
+    fn shown(&self, name: &str) -> Shown {
+        let registry: FormatRegistry = granita_plugin::bundled_formats(Limits::default());
+        let file = registry.open(&self.path().join(name)).unwrap();
+        let spec = file.spec(0, 0).unwrap();
+        let text = |name: &str| spec.string(&format!("granita/{name}")).map(str::to_owned);
+        let number = |name: &str| text(name).map(|text| text.parse().unwrap());
+        Shown {
+            passes: text("passes"),
+            errors: ["error", "error95", "blocks99"].map(number),
+            pixels: file.read_level(0, 0).unwrap().to_floats(),
+        }
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.path()).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+/// An image and what it says about itself.
+#[derive(Debug, PartialEq)]
+struct Shown {
+    passes: Option<String>,
+    errors: [Option<f64>; 3],
+    pixels: Vec<f32>,
+}
+
+impl Shown {
+    fn passes(&self) -> u32 {
+        self.passes.as_ref().unwrap().parse().unwrap()
+    }
+}
+
+/// Returns the error of an image against another one over red, green and blue.
+fn distance(a: &Shown, b: &Shown) -> f64 {
+    let colors = |shown: &Shown| -> Vec<f64> {
+        shown.pixels.chunks(4).flat_map(|pixel| pixel[..3].to_vec()).map(f64::from).collect()
+    };
+    let (a, b) = (colors(a), colors(b));
+    let squares: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum();
+    (squares / a.len() as f64).sqrt() / (b.iter().sum::<f64>() / b.len() as f64)
+}
+
+#[test]
+fn passes_make_the_same_bits_with_any_threads_and_buckets() {
+    let place = Place::new();
+    let (said, frame) = place.image(&[]);
+    assert!(frame.passes.is_none() && !said.contains("pass"), "{said}");
+    let (said, one) = place.image(&["-passes", "1"]);
+    assert!(
+        one.pixels == frame.pixels && one.passes() == 1 && said.contains("camera \"main\": 1 pass"),
+        "{said}"
+    );
+    assert_eq!(one.errors, [None; 3]);
+    for options in [["-passes", "4"], ["-error", "6%"]] {
+        let (said, first) = place.image(&[&options[..], &["-threads", "1"]].concat());
+        assert!(said.contains("passes") && said.contains("at 95 % confidence"), "{said}");
+        for front in [
+            "Attribute (\"int[2] limits:bucketsize\", (11, 23))\nAttribute (\"string bucketorder\", \"spiral\")\n",
+            "Attribute (\"int[2] limits:bucketsize\", (64, 8))\nAttribute (\"string bucketorder\", \"vertical\")\n",
+        ] {
+            place.write("front.pyg", front);
+            let (_, again) = place.image(&[&options[..], &["-threads", "2", "front.pyg"]].concat());
+            assert!(first == again, "{options:?} {front}");
+        }
+    }
+}
+
+#[test]
+fn passes_converge_and_know_their_error() {
+    let place = Place::new();
+    let (_, converged) = place.image(&["-passes", "120"]);
+    let of = |n: &str| place.image(&["-passes", n]).1;
+    let (one, sixteen) = (distance(&of("1"), &converged), of("16"));
+    let reached = distance(&sixteen, &converged);
+    assert!(reached < 0.4 * one, "{one} {reached}");
+    let estimate = sixteen.errors[0].unwrap();
+    assert!((0.75..1.3).contains(&(reached / estimate)), "{reached} {estimate}");
+    // The attribute requests the same as the option.
+    place.write("front.pyg", "Attribute (\"float render:error\", 0.03)\n");
+    let (_, by_attribute) = place.image(&["front.pyg"]);
+    let (_, by_option) = place.image(&["-error", "3%"]);
+    assert!(by_attribute == by_option);
+    let error = distance(&by_option, &converged);
+    assert!(error < 0.036 && by_option.errors[1].unwrap() < 0.0315, "{error} {:?}", by_option.errors);
+    let (_, by_name) = place.image(&["-review"]);
+    assert!(by_name == by_option);
+}
+
+#[test]
+fn time_ends_the_passes_and_the_number_makes_them_again() {
+    let place = Place::new();
+    let begin = Instant::now();
+    let (said, timed) = place.image(&["-seconds", "3"]);
+    let took = begin.elapsed();
+    assert!(took < Duration::from_secs(5), "{took:?} {said}");
+    assert!(timed.passes() > 1, "{said}");
+    let (_, again) = place.image(&["-passes", &timed.passes().to_string()]);
+    assert!(again == timed);
+}
+
+#[test]
+fn statistics_hold_the_error() {
+    let place = Place::new();
+    let (said, shown) =
+        place.image(&["-error", "1%", "-passes", "3", "-statistics", "-statistics-json", "s.json"]);
+    assert!(said.contains("the error of 1.00 % was not reached"), "{said}");
+    assert!(said.lines().any(|line| line.starts_with("  passes  ")), "{said}");
+    let json: Value =
+        serde_json::from_str(&std::fs::read_to_string(place.path().join("s.json")).unwrap()).unwrap();
+    let passes = &json["frames"][0]["cameras"][0]["passes"];
+    assert_eq!((&passes["passes"], &passes["is_reached"]), (&3.into(), &false.into()));
+    assert!((passes["error"].as_f64().unwrap() - shown.errors[0].unwrap()).abs() < 1e-6, "{passes}");
+}
+
+#[test]
+fn wrong_values_have_messages_that_say_what_is_expected() {
+    let place = Place::new();
+    for (words, expected) in [
+        (["-error", "0"], "such as 2%"),
+        (["-error", "0%"], "such as 2%"),
+        (["-error", "2"], "such as 2%"),
+        (["-seconds", "-1"], "more than 0"),
+        (["-seconds", "0"], "more than 0"),
+        (["-passes", "0"], "1.."),
+        (["-until", "25:00"], "18:30"),
+        (["-error=1%", "-final"], "cannot be used with"),
+        (["-draft", "-review"], "cannot be used with"),
+    ] {
+        let ran = place.run(&[&words[..], &["scene.pyg"]].concat());
+        assert!(ran.status == 2 && ran.said.contains(expected), "{words:?}: {}", ran.said);
+    }
+    for (name, value) in
+        [("float render:error", "-0.5"), ("float render:seconds", "-1"), ("int render:passes", "-2")]
+    {
+        place.write("front.pyg", &format!("Attribute (\"{name}\", {value})\n"));
+        let ran = place.run(&["front.pyg", "scene.pyg"]);
+        assert!(ran.status == 0 && ran.said.contains("is below 0 or not a number"), "{}", ran.said);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_with_the_passes_so_far() {
+    use rustix::process::{Pid, Signal, kill_process};
+    let place = Place::new();
+    let end = |mut child: Child| {
+        // Some passes take place before.
+        std::thread::sleep(Duration::from_secs(3));
+        kill_process(Pid::from_child(&child), Signal::TERM).unwrap();
+        let status = child.wait().unwrap();
+        assert_eq!(std::os::unix::process::ExitStatusExt::signal(&status), Some(Signal::TERM.as_raw()));
+    };
+    let before = place.names();
+    end(place.command(&["-passes", "100000", "scene.pyg"]).stdout(Stdio::null()).spawn().unwrap());
+    let shown = place.shown("a.exr");
+    assert!(shown.passes() > 1 && shown.errors[0].is_some(), "{:?}", shown.passes);
+    let mut after = place.names();
+    after.retain(|name| !before.contains(name));
+    assert_eq!(after, ["a.exr"]);
+    let (_, again) = place.image(&["-passes", &shown.passes().to_string()]);
+    assert!(again == shown);
+}
