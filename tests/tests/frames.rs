@@ -191,3 +191,32 @@ fn jobs_are_written_and_submitted_in_their_order() {
     let ran = tools.run(folder.path(), "gelato", &["-submit", "slurm", "wrong.json"]).unwrap();
     assert!(ran.status == 2 && ran.stderr.contains("wrong.json: it has no steps"), "{}", ran.stderr);
 }
+
+/// An engine may kill the process of a task only.
+#[test]
+#[cfg(target_os = "linux")]
+fn frames_end_with_the_process_of_their_task() {
+    let (tools, folder) = place();
+    let here = std::fs::canonicalize(folder.path()).unwrap();
+    std::fs::write(here.join("long.pyg"), "Command (\"system sleep 100\")\nWorld ()\nRender ()\n").unwrap();
+    let mut command = std::process::Command::new(tools.program("gelato"));
+    let mut task = command.current_dir(&here).args(["-frames", "1-2", "long.pyg"]).spawn().unwrap();
+    let count = || {
+        let processes = std::fs::read_dir("/proc").unwrap().filter_map(Result::ok);
+        processes
+            .filter(|entry| std::fs::read_link(entry.path().join("cwd")).is_ok_and(|cwd| cwd == here))
+            .count()
+    };
+    let wait = |is_over: &dyn Fn() -> bool| {
+        let begin = std::time::Instant::now();
+        while !is_over() {
+            assert!(begin.elapsed().as_secs() < 30, "{} processes", count());
+            std::thread::sleep(std::time::Duration::from_millis(50));
+        }
+    };
+    // The task, its frame, and the command.
+    wait(&|| count() >= 3);
+    task.kill().unwrap();
+    task.wait().unwrap();
+    wait(&|| count() == 0);
+}

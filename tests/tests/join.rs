@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use granita_tests::{Image, Tools, copy_first};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -191,6 +191,57 @@ fn stopped_and_killed_workers_do_not_cost_the_frame() {
 }
 
 #[test]
+fn workers_that_stop_at_the_start_do_not_cost_the_frame() {
+    let place = Place::new();
+    let (alone, usual) = place.alone();
+    let worker = place.worker("secret");
+    let begin = Instant::now();
+    let mut coordinator = place.coordinator(&["-verbosity", "2"]);
+    // It is stopped before it has read the scene, but after it joined.
+    let mut said = BufReader::new(coordinator.0.as_mut().unwrap().stderr.take().unwrap());
+    let mut line = String::new();
+    while !line.contains(" joins") {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0, "the worker did not join");
+    }
+    worker.signal("-STOP");
+    let rest = std::thread::spawn(move || {
+        let mut text = String::new();
+        said.read_to_string(&mut text).unwrap();
+        text
+    });
+    let second = place.worker("secret");
+    let ran = coordinator.end();
+    let said = rest.join().unwrap();
+    let late = begin.elapsed().saturating_sub(usual);
+    place.check(&ran, &alone);
+    assert!(late < Duration::from_secs(10), "{late:?} late: {said}");
+    drop(second);
+}
+
+#[test]
+fn workers_that_stop_after_their_last_bucket_do_not_hold_the_end() {
+    let place = Place::new();
+    // The command keeps the coordinator from ending.
+    let scene = "Attribute (\"int[2] resolution\", (64, 64))\nOutput (\"few.tif\", \"tiff\", \"rgb\", \"camera\")\n\
+        Translate (0, 0, 4)\nWorld ()\nSphere (1, -1, 1, 360)\nRender ()\nCommand (\"system sleep 2\")\n";
+    std::fs::write(place.path("few.pyg"), scene).unwrap();
+    let listen = format!("listen:127.0.0.1:{}", place.port);
+    let worker = place.worker("secret");
+    let coordinator = place.start(place.folder.path(), &["-net", &listen, "-secret", "secret", "few.pyg"]);
+    let begin = Instant::now();
+    while !place.path("few.tif").exists() {
+        assert!(begin.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    worker.signal("-STOP");
+    let begin = Instant::now();
+    let ran = coordinator.end();
+    assert!(ran.status.success(), "{}", text(&ran.stderr));
+    assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
+}
+
+#[test]
 fn workers_end_with_their_coordinator() {
     let place = Place::new();
     let worker = place.worker("secret");
@@ -231,5 +282,38 @@ fn secrets_are_made_checked_and_required() {
         let ran = run(words);
         assert_eq!(ran.status.code(), Some(2), "{words:?}");
         assert!(text(&ran.stderr).contains(part), "{words:?}: {}", text(&ran.stderr));
+    }
+}
+
+#[test]
+fn workers_stay_for_the_frames_of_a_range() {
+    let place = Place::new();
+    // Many buckets, so that the worker gets some of each frame.
+    let scene = "Attribute (\"int[2] resolution\", (320, 240))\nAttribute (\"int[2] limits:bucketsize\", (8, 8))\n\
+        Attribute (\"int[2] spatialquality\", (6, 6))\nOutput (\"OUT.$frame.tif\", \"tiff\", \"rgb\", \"camera\")\n\
+        Translate (0, 0, 2)\nWorld ()\nAttribute (\"string name\", \"of $frame\")\nLight (\"sky\", \"ambientlight\")\n\
+        Shader (\"surface\", \"plastic\")\nSphere (1, -1, 1, 360)\nRender ()\n";
+    for name in ["alone", "net"] {
+        std::fs::write(place.path(&format!("{name}.pyg")), scene.replace("OUT", name)).unwrap();
+    }
+    let frames = ["-frames", "1-3", "-threads", "1"];
+    let ran = place.start(place.folder.path(), &[&frames[..], &["alone.pyg"]].concat()).end();
+    assert!(ran.status.success(), "{}", text(&ran.stderr));
+    // The name of the file with the secret is relative to the folder of the worker.
+    let address = format!("127.0.0.1:{}", place.port);
+    let join = ["-worker", "-join", &address, "-threads", "1", "-secret", "secret"];
+    let worker = place.start(place.folder.path(), &join);
+    let listen = format!("listen:{address}");
+    let net = ["-statistics", "-net", &listen, "-secret", "secret", "net.pyg"];
+    let ran = place.start(place.folder.path(), &[&frames[..], &net].concat()).end();
+    assert!(ran.status.success() && ran.stderr.is_empty(), "{}", text(&ran.stderr));
+    let said = text(&ran.stdout);
+    assert_eq!(said.matches("  worker ").count(), 3, "one worker in each frame: {said}");
+    let ran = worker.end();
+    assert!(ran.status.success() && ran.stderr.is_empty(), "{}", text(&ran.stderr));
+    for number in 1..=3 {
+        let [alone, net] =
+            ["alone", "net"].map(|name| Image::read(&place.path(&format!("{name}.{number}.tif"))).unwrap());
+        assert!(alone == net, "frame {number} has other pixels");
     }
 }

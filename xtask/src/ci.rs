@@ -33,6 +33,7 @@ pub(crate) fn run() -> Result<(), String> {
     crate::tidy()?;
     pages(root)?;
     attack()?;
+    farm()?;
     other_architecture(root)?;
     dependencies(root)
 }
@@ -85,7 +86,14 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
 
 /// Checks what only builds with devices, and runs its tests.
 fn devices(root: &Path) -> Result<(), String> {
-    let built = ["--package", "gelato", "--package", "granita-benches", "--features", "gelato/gpu,granita-benches/gpu"];
+    let built = [
+        "--package",
+        "gelato",
+        "--package",
+        "granita-benches",
+        "--features",
+        "gelato/gpu,granita-benches/gpu",
+    ];
     let lints = [&["clippy", "--quiet"], &built[..], &["--bins", "--tests", "--", "-D", "warnings"]].concat();
     step(root, "devices: lints", &lints)?;
     step(root, "devices", &["test", "--quiet", "--package", "gelato", "--features", "gpu", "--test", "gpu"])
@@ -114,6 +122,19 @@ fn attack() -> Result<(), String> {
     }
     #[cfg(not(target_os = "linux"))]
     println!("ci: attack: skipped, it needs /proc and sh of Linux");
+    Ok(())
+}
+
+/// Runs the part of `cargo xtask farm` without Slurm, on systems that support it.
+fn farm() -> Result<(), String> {
+    #[cfg(target_os = "linux")]
+    {
+        let start = Instant::now();
+        crate::farm::fixed()?;
+        println!("ci: farm: {:.0} s", start.elapsed().as_secs_f64());
+    }
+    #[cfg(not(target_os = "linux"))]
+    println!("ci: farm: skipped, it needs signals and /proc of Linux");
     Ok(())
 }
 

@@ -9,6 +9,7 @@
 //! - `trade SCENE` measures the time and the error of each parameter of a scene's indirect light and occlusion;
 //! - `rerender` compares random sequences of re-rendered frames with frames rendered anew;
 //! - `gallery` renders the images that pages show, or checks that they are those of today;
+//! - `farm` renders jobs and frames with several processes and with Slurm, and kills some of them (Linux);
 //! - `attack` tests that tools do not run for ever, hang, fill the machine or crash (Linux);
 //! - `install --prefix P` builds everything and installs it as `$GELATOHOME`;
 //! - `dist` makes the tarball, the Python wheel and the package of Debian that users install (Linux);
@@ -31,6 +32,8 @@ mod cpp;
 mod crates;
 mod dist;
 mod errors;
+#[cfg(target_os = "linux")]
+mod farm;
 mod files;
 mod gallery;
 mod home;
@@ -88,6 +91,9 @@ enum Chore {
     /// Test the tools with bombs, failing peers, kills and changed files.
     #[cfg(target_os = "linux")]
     Attack(attack::Options),
+    /// Test jobs and frames of several processes and of the nodes of a Slurm cluster, some of which are killed.
+    #[cfg(target_os = "linux")]
+    Farm(farm::Options),
     /// Measure the cost of calls from C++.
     Crossing {
         /// Use the dev profile.
@@ -134,6 +140,8 @@ fn main() -> ExitCode {
         Chore::ExamplesCpp { debug } => cpp::examples(debug),
         #[cfg(target_os = "linux")]
         Chore::Attack(options) => attack::run(&options),
+        #[cfg(target_os = "linux")]
+        Chore::Farm(options) => farm::run(&options),
         Chore::Crossing { debug } => cpp::crossing(debug),
         Chore::Races => cpp::races(),
         Chore::Trade { words } => suite::trade(&words),

@@ -5,8 +5,11 @@
 //! The schedule is that of the renderer (`granita_render::Schedule`). Workers, connections and time are simulated. The
 //! times of the buckets are measured: three scenes are rendered with one thread, and their buckets are scaled to a
 //! frame of 3840 x 2160 pixels that takes 20 minutes of one core. Every worker has one thread and its own speed. Some
-//! are slow, some stop, and some end. All share the connection of the coordinator. The table has the time of the frame,
-//! and the efficiency: the time of one worker over the time and the number of workers.
+//! are slow, some stop, and some end. All share the connection of the coordinator. The table has
+//! - the time of the frame, and the efficiency: 20 minutes over the time and the number of workers;
+//! - the time between the last answers of the worker that ended first and of the one that ended last;
+//! - the work that was done twice, and that of the margins of divided buckets;
+//! - the part of the time in which the coordinator was busy, and the time of the simulation.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, reason = "a table for a terminal")]
@@ -124,7 +127,8 @@ struct Simulation<'a> {
     coordinator: f64,
     /// The seconds that the coordinator worked.
     worked: f64,
-    rendered: usize,
+    /// The seconds of all tasks that were rendered, on a worker of factor 1.
+    rendered: f64,
 }
 
 fn main() -> ExitCode {
@@ -133,8 +137,16 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), String> {
     println!(
-        "{:<15} {:<8} {:>7} {:>9} {:>10} {:>12} {:>7} {:>14}",
-        "scene", "trouble", "workers", "seconds", "efficiency", "last - first", "twice", "coordinator"
+        "{:<15} {:<8} {:>7} {:>9} {:>10} {:>12} {:>10} {:>11} {:>8}",
+        "scene",
+        "trouble",
+        "workers",
+        "seconds",
+        "efficiency",
+        "last - first",
+        "more work",
+        "coordinator",
+        "took"
     );
     for (scene, about) in SCENES {
         let times = measured(scene)?;
@@ -150,16 +162,22 @@ fn run() -> Result<(), String> {
                 let idle = simulation.run();
                 let real = real.elapsed().as_secs_f64();
                 println!(
-                    "{scene:<15} {:<8} {count:>7} {:>9.2} {:>10.3} {idle:>12.2} {:>7} {:>9.1} % {real:.1} s",
+                    "{scene:<15} {:<8} {count:>7} {:>9.2} {:>10.3} {idle:>12.2} {:>8.2} % {:>9.1} % {real:>6.1} s",
                     format!("{trouble:?}").to_lowercase(),
                     simulation.now,
                     FRAME / (simulation.now * count as f64),
-                    simulation.rendered - BUCKETS,
+                    (100.0 * (simulation.rendered / FRAME - 1.0)).max(0.0),
                     100.0 * simulation.worked / simulation.now
                 );
             }
         }
     }
+    let answers = BUCKETS as f64;
+    println!(
+        "the coordinator is saturated by {:.0} workers, whatever the scene, and its connection by {:.0}",
+        FRAME / (answers * HANDLING),
+        FRAME / (answers * BYTES / BANDWIDTH)
+    );
     Ok(())
 }
 
@@ -238,7 +256,7 @@ impl<'a> Simulation<'a> {
             line: 0.0,
             coordinator: 0.0,
             worked: 0.0,
-            rendered: 0,
+            rendered: 0.0,
         };
         for worker in 0..count {
             simulation.after(READING, Event::Ask(worker));
@@ -321,10 +339,13 @@ impl<'a> Simulation<'a> {
         let Some(task) = self.workers[worker].queue.pop_front() else { return };
         self.workers[worker].rendering = Some(task);
         self.schedule.begun(worker, task, self.now + delay);
-        // A part has margins, so that it takes more than its share.
-        let share = [1.0, 0.35, 0.13][task_depth(task)];
-        let seconds = self.times[task.bucket] * share * self.workers[worker].factor;
+        let seconds = self.seconds(task) * self.workers[worker].factor;
         self.after(delay + seconds, Event::Done(worker, task));
+    }
+
+    /// Returns the seconds of a task on a worker of factor 1. A part has margins, so that it takes more than its share.
+    fn seconds(&self, task: Task) -> f64 {
+        self.times[task.bucket] * [1.0, 0.35, 0.13][task_depth(task)]
     }
 
     /// Sends the pixels of a task, and begins the next one.
@@ -332,7 +353,7 @@ impl<'a> Simulation<'a> {
         if !self.is_alive(worker) {
             return;
         }
-        self.rendered += usize::from(task.part == 0);
+        self.rendered += self.seconds(task);
         self.workers[worker].rendering = None;
         self.begin(worker, 0.0);
         self.line = self.line.max(self.now) + BYTES / BANDWIDTH;

@@ -49,7 +49,7 @@ mod spelling;
 pub mod transform;
 
 pub use bound::Bound;
-pub use files::{AtomicFile, Confinement, FileError, FileStamp, Files, Rules};
+pub use files::{AtomicFile, Confinement, FileError, FileStamp, Files, MovedFolders, Rules};
 pub use filter::Filter;
 pub use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 pub use lru::Lru;

@@ -148,10 +148,12 @@ impl SearchPath {
             return Some(written);
         }
         if path.is_absolute() || name.starts_with("./") || name.starts_with("../") {
-            return path.is_file().then(|| path.to_owned());
+            return self.files.place(path).is_file().then(|| path.to_owned());
         }
         let places = || self.folders.iter().map(|f| f.join(path));
-        let found = places().find(|p| self.files.is_file(p)).or_else(|| places().find(|p| p.is_file()));
+        let found = places()
+            .find(|p| self.files.is_file(p))
+            .or_else(|| places().find(|p| self.files.place(p).is_file()));
         found.map(|p| match p.strip_prefix(".") {
             Ok(plain) => plain.to_owned(),
             Err(_) => p,

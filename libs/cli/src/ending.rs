@@ -84,6 +84,32 @@ pub fn when_caller_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result
     Ok(())
 }
 
+/// The interval at which the end of the parent is noticed.
+const GLANCE: std::time::Duration = std::time::Duration::from_millis(500);
+
+/// Calls `action` when the process that started this one has ended, within half a second.
+///
+/// On systems other than Unix it has no effect.
+///
+/// # Errors
+/// The errors of the system.
+pub(crate) fn when_parent_is_gone(action: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        let parent = std::os::unix::process::parent_id();
+        std::thread::Builder::new().name("parent".to_owned()).spawn(move || {
+            // Another process is the parent of orphans.
+            while std::os::unix::process::parent_id() == parent {
+                std::thread::sleep(GLANCE);
+            }
+            action();
+        })?;
+    }
+    #[cfg(not(unix))]
+    drop(action);
+    Ok(())
+}
+
 /// Waits until the other end of a pipe or socket is closed. Returns false when the system cannot detect it.
 #[cfg(unix)]
 fn hangs_up(end: std::os::fd::BorrowedFd<'_>) -> bool {

@@ -1,6 +1,7 @@
 //! Early ends of a run: by a signal, by `-timeout`, or because the program that it works for is gone.
 
 use crate::ending::next_signal;
+use crate::ending::when_parent_is_gone;
 use crate::{Bar, Status, before_signals, leave, when_caller_is_gone};
 use granita_base::{Reporter, Supervisor};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -85,6 +86,17 @@ impl Ending {
     /// True when a frame is rendered whose images are kept.
     fn is_keeping(&self) -> bool {
         self.busy.get().is_some_and(|busy| busy.load(Ordering::SeqCst))
+    }
+
+    /// Ends the run with the process that started this one.
+    pub fn watch_parent(&self, reporter: &Reporter) {
+        let ending = self.clone();
+        let gone = move || {
+            ending.tidy();
+            leave(Status::WithErrors)
+        };
+        let warn = |error: std::io::Error| reporter.warning(format!("the parent cannot be watched: {error}"));
+        when_parent_is_gone(gone).unwrap_or_else(warn);
     }
 
     /// Ends the run on signals and, when `caller` is true, when the program that it works for is gone.

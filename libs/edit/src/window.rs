@@ -175,11 +175,11 @@ impl Source for Placed {
 }
 
 /// Returns an image over another one, with its first pixel at (x, y), or at its own position. The data window is that
-/// of the lower one, extended to contain the upper one.
+/// of the lower one, or with `extend` the smallest one that also contains the upper one.
 ///
 /// # Errors
 /// [`EditError::Misuse`] when the windows are too large.
-pub fn paste(upper: &Image, lower: &Image, at: Option<(i64, i64)>) -> Result<Image> {
+pub fn paste(upper: &Image, lower: &Image, at: Option<(i64, i64)>, extend: bool) -> Result<Image> {
     let (x, y) = at.unwrap_or((upper.data().x, upper.data().y));
     let upper = upper.at(x, y)?;
     let window = lower.data().union(&upper.data())?;
@@ -192,7 +192,9 @@ pub fn paste(upper: &Image, lower: &Image, at: Option<(i64, i64)>) -> Result<Ima
     });
     let shape = Shape { width: window.width, height: window.height, channels, pixel_type };
     let names = lower.with_channels(channels);
-    names.with_source(Arc::new(Placed { shape, parts: parts.into() })).placed(window.x, window.y)
+    let whole =
+        names.with_source(Arc::new(Placed { shape, parts: parts.into() })).placed(window.x, window.y)?;
+    if extend { Ok(whole) } else { whole.crop(&lower.data()) }
 }
 
 /// Returns a contact sheet of images in rows of `columns` cells, with `pad` pixels between them. A cell has the largest

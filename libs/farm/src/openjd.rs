@@ -6,12 +6,12 @@ use serde_json::{Value, json};
 /// The length of the longest argument of a command in a template.
 const LONGEST: usize = 1024;
 
-/// Returns the template of a job, as JSON. `gelato` is the program on the machines, and `folder` the one in which
-/// commands run.
+/// Returns the template of a job, as JSON. `gelato` is the program on the machines. Commands run in the folder of the
+/// template, unless the parameter "Folder" names another one.
 ///
 /// # Errors
 /// Returns the reason why the specification has no such job.
-pub fn template(job: &Job, gelato: &str, folder: &str) -> Result<Value, String> {
+pub fn template(job: &Job, gelato: &str) -> Result<Value, String> {
     let steps: Result<Vec<Value>, String> = job
         .steps
         .iter()
@@ -25,7 +25,7 @@ pub fn template(job: &Job, gelato: &str, folder: &str) -> Result<Value, String> 
             "type": "PATH",
             "objectType": "DIRECTORY",
             "dataFlow": "INOUT",
-            "default": folder,
+            "default": ".",
             "description": "The folder of the scene, which names are relative to"
         }],
         "steps": steps?,
@@ -111,7 +111,9 @@ mod tests {
     #[test]
     fn steps_have_tasks_and_dependencies() {
         let job = Job::read(JOB).unwrap();
-        let value = template(&job, "gelato", "/shows/it").unwrap();
+        let value = template(&job, "gelato").unwrap();
+        // Names of folders in a template are relative to it.
+        assert_eq!(value["parameterDefinitions"][0]["default"], ".");
         assert_eq!(value["steps"][0]["parameterSpace"]["taskParameterDefinitions"][0]["range"], "0-1");
         assert_eq!(value["steps"][1]["dependencies"][0]["dependsOn"], "maps");
         assert_eq!(value["steps"][1]["parameterSpace"]["taskParameterDefinitions"][0]["range"], "0-2");
@@ -123,20 +125,27 @@ mod tests {
              '-task' '{{Task.Param.Task}}' 'shot.####.pyg'\n"
         );
         let job = Job::of_frames("a", "1".parse().unwrap(), 1, vec!["{{x}}.pyg".to_owned()]);
-        assert!(template(&job, "gelato", "").unwrap_err().contains("contains \"{{\""));
+        assert!(template(&job, "gelato").unwrap_err().contains("contains \"{{\""));
     }
 
-    /// The reference implementation accepts the template, where it is installed.
+    /// The reference implementation accepts and runs templates, where it is installed.
     #[test]
-    fn the_reference_implementation_accepts_templates() {
+    fn the_reference_implementation_accepts_and_runs_templates() {
         if !granita_needs::has("openjd") {
             return;
         }
         let place = tempfile::tempdir().unwrap();
         let file = place.path().join("job.json");
-        let value = template(&Job::read(JOB).unwrap(), "gelato", "/shows/it").unwrap();
+        let value = template(&Job::read(JOB).unwrap(), "gelato").unwrap();
         std::fs::write(&file, value.to_string()).unwrap();
         let ran = std::process::Command::new("openjd").arg("check").arg(&file).output().unwrap();
         assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
+        let job = r#"{"name": "j", "steps": [{"name": "s", "commands": [["touch", "made"]]}]}"#;
+        std::fs::write(&file, template(&Job::read(job).unwrap(), "gelato").unwrap().to_string()).unwrap();
+        // It runs from another folder as well.
+        let mut run = std::process::Command::new("openjd");
+        let ran = run.current_dir("/").arg("run").arg(&file).args(["--step", "s"]).output().unwrap();
+        assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
+        assert!(place.path().join("made").is_file());
     }
 }

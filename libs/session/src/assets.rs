@@ -1,6 +1,6 @@
 //! The files that a scene needs, found without rendering it.
 
-use granita_base::{Param, ParamData, Params, Reporter, SearchPath};
+use granita_base::{Files, Param, ParamData, Params, Reporter, SearchPath};
 use granita_gsl::ir::{ConstValue, SymbolKind};
 use granita_render::ShaderLibrary;
 use granita_scene::{Scene, ShaderGroup, attr};
@@ -12,6 +12,10 @@ use std::sync::Arc;
 /// The longest text that may be the name of a file.
 const LONGEST: usize = 4096;
 
+/// The endings of names that are surely names of files.
+const ENDINGS: [&str; 13] =
+    ["tx", "tex", "env", "shd", "sm", "vsm", "sdb", "exr", "tif", "tiff", "png", "jpg", "hdr"];
+
 /// The files that a scene reads and writes.
 ///
 /// Scenes, shaders and their included files are complete. Textures, maps and databases are found by texts: every text
@@ -21,10 +25,20 @@ const LONGEST: usize = 4096;
 pub struct Assets {
     /// The files that are read, and what they are.
     pub read: BTreeMap<PathBuf, AssetKind>,
+    /// The texts that are names of textures, maps and databases by their ending, but of no file that exists.
+    pub missing: BTreeSet<String>,
     /// The images that are written, as the scene names them.
     pub written: BTreeSet<PathBuf>,
     /// The commands of the scene, which were not run.
     pub commands: Vec<String>,
+}
+
+impl Assets {
+    /// Takes the names of images that the scene itself writes out of those of missing files.
+    pub fn forget_made(&mut self) {
+        let Self { missing, written, .. } = self;
+        missing.retain(|name| !written.iter().any(|path| path.ends_with(name)));
+    }
 }
 
 /// What a file is.
@@ -66,7 +80,8 @@ pub(crate) fn collect(
             assets.written.insert(PathBuf::from(&*output.name));
         }
     }
-    let mut found = Found { textures, names: HashSet::new(), files: BTreeSet::new() };
+    let mut found =
+        Found { textures, names: HashSet::new(), files: BTreeSet::new(), missing: BTreeSet::new() };
     let mut names: BTreeSet<Arc<str>> = BTreeSet::new();
     let mut known = HashSet::new();
     let mut group = |group: &ShaderGroup, found: &mut Found<'_>| {
@@ -105,6 +120,9 @@ pub(crate) fn collect(
     for file in found.files {
         assets.read.entry(file).or_insert(AssetKind::Texture);
     }
+    assets.missing.extend(found.missing);
+    // Maps that the scene itself makes need not exist.
+    assets.forget_made();
 }
 
 /// The files on a search path that texts name.
@@ -113,6 +131,7 @@ struct Found<'a> {
     /// The texts that were looked for.
     names: HashSet<Arc<str>>,
     files: BTreeSet<PathBuf>,
+    missing: BTreeSet<String>,
 }
 
 impl Found<'_> {
@@ -130,19 +149,28 @@ impl Found<'_> {
         if text.is_empty() || text.len() > LONGEST || !self.names.insert(text.clone()) {
             return;
         }
-        match UdimName::parse(text) {
-            Some(set) => self
-                .files
-                .extend(set.names(self.textures).values().filter_map(|name| self.textures.find(name))),
-            None => self.files.extend(self.textures.find(text).filter(|file| file.is_file())),
+        let opener = self.textures.files();
+        let found: Vec<PathBuf> = match UdimName::parse(text) {
+            Some(set) => {
+                set.names(self.textures).values().filter_map(|name| self.textures.find(name)).collect()
+            }
+            None => {
+                self.textures.find(text).filter(|file| opener.place(file).is_file()).into_iter().collect()
+            }
+        };
+        let ending = text.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+        let is_name = ending.is_some_and(|ending| ENDINGS.contains(&&*ending)) && !text.contains(['\n', '*']);
+        if is_name && found.is_empty() {
+            self.missing.insert(text.to_string());
         }
+        self.files.extend(found);
     }
 }
 
 /// True when every image exists and is newer than every file that is read. A scene that runs commands, and one without
 /// images, never is.
-pub fn is_up_to_date(assets: &Assets) -> bool {
-    let changed = |path: &Path| std::fs::metadata(path).and_then(|data| data.modified()).ok();
+pub fn is_up_to_date(assets: &Assets, files: &Files) -> bool {
+    let changed = |path: &Path| std::fs::metadata(files.place(path)).and_then(|data| data.modified()).ok();
     let Some(newest) = assets.read.keys().map(|path| changed(path)).collect::<Option<Vec<_>>>() else {
         return false;
     };

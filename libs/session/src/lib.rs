@@ -57,7 +57,7 @@ pub use connection::Connection;
 pub use desk::{Desk, DeskOptions};
 pub use error::SessionError;
 pub use looking::{LookOptions, Up};
-pub use net::{Joined, PORT as NET_PORT, join};
+pub use net::{Joined, NEXT as NET_NEXT, PORT as NET_PORT, join};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};
 pub use records::FrameRecord;
 pub use remote::{Remote, RemoteEnds, Told};

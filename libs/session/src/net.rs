@@ -16,7 +16,8 @@
 //! - [`FRAME`] N: the frames before this one are over.
 //! - [`BUCKET`] F I P: render this task.
 //! - [`DROP`] F I P: give this task back unless it was begun.
-//! - [`END`]: there is no more work, or the text says why the worker is dismissed.
+//! - [`END`]: there is no more work, or the text says why the worker is dismissed. The text [`NEXT`] says that another
+//!   coordinator is going to listen at the same address.
 //!
 //! The worker sends:
 //! - [`BEGUN`] F I P: it begins this task.
@@ -58,7 +59,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 /// The first line of a worker, which contains the version of the suite and of this protocol.
-const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/4");
+const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/5");
+
+/// The last words of a coordinator after which a worker connects again, to the coordinator of the next frame.
+pub const NEXT: &str = "next";
 
 /// The kinds of messages to a worker.
 const JOB: u8 = b'J';
@@ -338,6 +342,11 @@ impl Drop for Net {
     fn drop(&mut self) {
         self.shared.ends.store(true, Ordering::Relaxed);
         *self.listener.lock() = None;
+        if self.options.net_stays {
+            for worker in self.shared.workers.lock().iter() {
+                let _ = worker.lock().as_mut().map(Worker::stay);
+            }
+        }
         // The threads of workers that are being accepted may hold the list for a moment longer.
         self.shared.workers.lock().clear();
     }

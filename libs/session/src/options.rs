@@ -68,6 +68,11 @@ pub struct SessionOptions {
     pub viewer: Viewer,
     /// True to skip `$GELATOHOME/.gelato.pyg` and `$HOME/.gelato.pyg`.
     pub no_startup_files: bool,
+    /// The files that are read instead of these two, in a packed scene.
+    pub startup_files: Option<Vec<PathBuf>>,
+    /// True when workers that joined connect again at the end, because another coordinator is going to listen at the
+    /// same address.
+    pub net_stays: bool,
     /// The folder for files that a scene writes under [`RunOptions::safe`]. The default is a folder beside the scene,
     /// such as `a.out` for `a.pyg`.
     pub safe_output: Option<PathBuf>,

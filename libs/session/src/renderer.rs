@@ -123,7 +123,7 @@ impl SessionRenderer {
         reporter: Reporter,
         progress: Arc<dyn Progress>,
         finished: Finished,
-        master: Option<WorkerCoordinator>,
+        master: Option<Arc<WorkerCoordinator>>,
     ) -> Self {
         let plugins = Plugins::new(reporter.clone(), options.run.plugin_rules());
         // A run of an untrusted scene starts no programs.
@@ -161,7 +161,7 @@ impl SessionRenderer {
             kept: Kept::default(),
             coarse_kept: Kept::default(),
             busy: Arc::default(),
-            master: master.map(Arc::new),
+            master,
             options,
             reporter,
             finished,

@@ -37,6 +37,7 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
     let written = formats.formats().iter().filter(|format| format.supports("write"));
     let endings = written.flat_map(|format| format.extensions().iter().copied()).chain(ENDINGS);
     let home = options.run.environment.get("GELATOHOME").filter(|home| !home.is_empty()).map(PathBuf::from);
+    let moved = options.run.environment.files().moved().cloned();
     let files = Files::confined(Confinement {
         scene: scene
             .map_or("<stdin>".to_owned(), |path| path.to_string_lossy().replace(['\t', '\n', '\r'], "?")),
@@ -44,7 +45,16 @@ pub(crate) fn files(options: &SessionOptions) -> Files {
         write: Some(absolute(options.safe_output.clone().unwrap_or_else(|| beside.join(name)))),
         extensions: endings.map(str::to_owned).collect(),
     });
+    let files = match moved {
+        Some(moved) => {
+            // All files of a packed scene are in its folder.
+            files.add_root(Path::new("."));
+            files.with_moved(moved)
+        }
+        None => files,
+    };
     scenes.iter().for_each(|file| files.grant(file));
+    options.startup_files.iter().flatten().for_each(|file| files.grant(file));
     for path in options.extra_outputs.iter().map(|output| Path::new(&output.name)) {
         files.grant_output(path);
         if options.keep_partial {

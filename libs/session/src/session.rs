@@ -89,6 +89,8 @@ pub struct Session {
     finished: Finished,
     /// The definitions of the scripts of its scenes.
     scripts: Scripts,
+    /// The coordinator of a worker.
+    master: Option<Arc<WorkerCoordinator>>,
 }
 
 impl std::fmt::Debug for Session {
@@ -128,6 +130,7 @@ impl Session {
             reporter.set_verbosity(verbosity);
         }
         let mut options = options;
+        let master = master.map(Arc::new);
         if options.run.safe && !options.run.environment.files().is_confined() {
             let files = safe::files(&options);
             options.run.environment.set_files(files);
@@ -146,8 +149,13 @@ impl Session {
         }
         let options = Arc::new(options);
         let finished = Finished::default();
-        let renderer =
-            SessionRenderer::new(options.clone(), reporter.clone(), progress.0, finished.clone(), master);
+        let renderer = SessionRenderer::new(
+            options.clone(),
+            reporter.clone(),
+            progress.0,
+            finished.clone(),
+            master.clone(),
+        );
         let (inputs, plugins) = (renderer.inputs(), renderer.plugins());
         let (registry, requested) = (renderer.registry(), renderer.requested());
         let (stop, busy, priority) = (renderer.stop(), renderer.busy(), renderer.priority());
@@ -174,6 +182,7 @@ impl Session {
             listing,
             finished,
             scripts,
+            master,
         };
         session.read_startup_files();
         // Startup files are not a part of the scene.
@@ -189,11 +198,11 @@ impl Session {
         if self.options.no_startup_files {
             return;
         }
-        for variable in ["GELATOHOME", "HOME"] {
-            let Some(folder) = self.options.run.environment.get(variable).filter(|f| !f.is_empty()) else {
-                continue;
-            };
-            let path = Path::new(folder).join(".gelato.pyg");
+        let variables = &self.options.run.environment;
+        let folders = ["GELATOHOME", "HOME"].into_iter().filter_map(|name| variables.get(name));
+        let own = || folders.filter(|f| !f.is_empty()).map(|f| Path::new(f).join(".gelato.pyg")).collect();
+        let files: Vec<PathBuf> = self.options.startup_files.clone().unwrap_or_else(own);
+        for path in files {
             if path.is_file()
                 && let Err(error) = self.read(self.file(&path), &path.to_string_lossy())
             {
@@ -318,6 +327,9 @@ impl Session {
                      (\"{name}\") after World (), or see it as Pyg with topyg"
                 ),
             });
+        }
+        if let Some(master) = self.master.as_ref().filter(|_| self.state.has_rendered()) {
+            master.rest();
         }
         let frames = self.finished.0.frames().clone();
         Outcome {

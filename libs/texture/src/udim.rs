@@ -1,7 +1,7 @@
 //! Sets of images that continue each other: one for each unit square of texture coordinates (UDIM). The names of their
 //! files differ in a number.
 
-use granita_base::SearchPath;
+use granita_base::{Files, SearchPath};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -98,7 +98,10 @@ impl UdimName {
 
     /// Returns the files of the set by their squares, for a name that is a path.
     pub fn files(&self) -> BTreeMap<Square, PathBuf> {
-        self.names_in(Path::new("")).into_iter().map(|(square, name)| (square, name.into())).collect()
+        self.names_in(Path::new(""), &Files::default())
+            .into_iter()
+            .map(|(square, name)| (square, name.into()))
+            .collect()
     }
 
     /// Returns the names of the set's files in the folders of a search path, by their squares. [`SearchPath::find`]
@@ -106,12 +109,12 @@ impl UdimName {
     pub fn names(&self, search: &SearchPath) -> BTreeMap<Square, String> {
         let name = &self.before;
         if Path::new(name).is_absolute() || name.starts_with("./") || name.starts_with("../") {
-            return self.names_in(Path::new(""));
+            return self.names_in(Path::new(""), search.files());
         }
-        search.folders().iter().flat_map(|folder| self.names_in(folder)).collect()
+        search.folders().iter().flat_map(|folder| self.names_in(folder, search.files())).collect()
     }
 
-    fn names_in(&self, folder: &Path) -> BTreeMap<Square, String> {
+    fn names_in(&self, folder: &Path, files: &Files) -> BTreeMap<Square, String> {
         let (parents, begin) = match self.before.rsplit_once('/') {
             Some((parents, begin)) => (&self.before[..=parents.len()], begin),
             None => ("", &self.before[..]),
@@ -119,7 +122,7 @@ impl UdimName {
         let folder = folder.join(parents);
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
         // A folder that cannot be listed has no files that could be read.
-        let Ok(entries) = std::fs::read_dir(folder) else { return BTreeMap::new() };
+        let Ok(entries) = std::fs::read_dir(files.place(folder)) else { return BTreeMap::new() };
         entries
             .filter_map(|entry| {
                 let entry = entry.ok()?;

@@ -10,7 +10,8 @@ use std::ffi::OsString;
 use std::process::{Command, ExitStatus, Stdio};
 
 /// The options that are for the whole range, or that each frame gets in another form.
-const OF_THE_RANGE: [&str; 8] = ["frames", "chunk", "task", "submit", "files", "number", "share", "timeout"];
+const OF_THE_RANGE: [&str; 9] =
+    ["frames", "chunk", "task", "submit", "files", "number", "share", "more", "timeout"];
 
 /// The options whose values are names of files of one frame.
 const NAMES: [&str; 3] = ["output", "statistics_json", "safeout"];
@@ -90,6 +91,9 @@ pub(crate) fn run(
         if options.progress.is_some() {
             command.args(["-share".to_owned(), (done as f64 * part).to_string(), part.to_string()]);
         }
+        // Workers that join stay for the next frame.
+        let stay = done + 1 < numbers.len() && !options.net.is_empty();
+        command.args(stay.then_some("-more"));
         command.args(words(options, given, Some(*number))).stdin(Stdio::null());
         reporter.info(format!("frame {number}, {} of {}", done + 1, numbers.len()));
         let what = format!("rendering frame {number} of -frames");

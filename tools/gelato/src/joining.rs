@@ -3,11 +3,15 @@
 use crate::Options;
 use granita_base::{Environment, Supervisor};
 use granita_cli::{Given, Status, environment, leave, parse_with_given};
-use granita_session::{NetSecret, join};
+use granita_session::{NET_NEXT, NetSecret, join};
 use std::ffi::OsString;
 use std::fs::OpenOptions;
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The option of a worker that has worked for another coordinator before.
+const AGAIN: &str = "--again";
 
 /// What is done when a connection ends, with the last words of the other side.
 type Ended = Box<dyn FnOnce(Option<String>) + Send>;
@@ -17,14 +21,14 @@ pub(crate) struct Streams {
     pub(crate) input: Box<dyn Read + Send>,
     pub(crate) output: Box<dyn Write + Send>,
     /// Returns what is done when the connection ends.
-    pub(crate) ended: fn(Supervisor) -> Ended,
+    pub(crate) ended: Box<dyn FnOnce(Supervisor) -> Ended>,
 }
 
 impl Streams {
     /// Returns standard input and output. Their end is noticed elsewhere.
     pub(crate) fn standard() -> Self {
         let (input, output) = (Box::new(io::stdin()), Box::new(io::stdout()));
-        Self { input, output, ended: |_| Box::new(|_| ()) }
+        Self { input, output, ended: Box::new(|_| Box::new(|_| ())) }
     }
 }
 
@@ -42,14 +46,17 @@ pub(crate) fn streams(
         format!("-join needs a secret: name a file with it (-secret FILE), or set {}", NetSecret::VARIABLE)
     })?;
     let joined = join(address, secret.key()).map_err(|what| format!("-join {what}"))?;
+    // Names of the command line are relative to this folder.
+    let own = std::env::current_dir().unwrap_or_default();
     std::env::set_current_dir(&joined.folder)
         .map_err(|error| format!("-join {address}: the folder {}: {error}", joined.folder.display()))?;
     let words = ["gelato", "-worker"].map(str::to_owned).into_iter().chain(joined.words);
     let (mut sent, given): (Options, Vec<Given>) = parse_with_given(words.map(OsString::from).collect());
     // The coordinator's number of threads is for its own machine.
     sent.threads = options.threads;
-    let ended = |supervisor| -> Ended { Box::new(move |words| end(&supervisor, words.as_deref())) };
-    Ok((sent, given, Some(Streams { input: joined.input, output: joined.output, ended })))
+    let ended =
+        move |supervisor| -> Ended { Box::new(move |words| end(&supervisor, words.as_deref(), &own)) };
+    Ok((sent, given, Some(Streams { input: joined.input, output: joined.output, ended: Box::new(ended) })))
 }
 
 /// Returns the secret that the options or the environment name; `None` where they name none. A coordinator that listens
@@ -95,10 +102,15 @@ fn read(path: &Path) -> io::Result<String> {
     std::fs::read_to_string(path)
 }
 
-/// Ends the process with the connection, whatever it is doing.
-fn end(supervisor: &Supervisor, words: Option<&str>) {
+/// Ends the process with the connection, whatever it is doing, or begins anew with the coordinator of the next frame.
+/// `folder` is the one in which the process was started.
+fn end(supervisor: &Supervisor, words: Option<&str>, folder: &Path) {
     let status = match words {
         Some("") => Status::Done,
+        Some(NET_NEXT) => {
+            supervisor.end();
+            again(folder)
+        }
         Some(reason) => {
             let _ = writeln!(io::stderr(), "gelato -worker: the coordinator has no more work: {reason}");
             Status::WithErrors
@@ -110,4 +122,27 @@ fn end(supervisor: &Supervisor, words: Option<&str>) {
     };
     supervisor.end();
     leave(status)
+}
+
+/// Replaces the process by itself, which connects to the next coordinator. Returns only where that is impossible.
+fn again(folder: &Path) -> Status {
+    let mut words = std::env::args_os();
+    let name = words.next().unwrap_or_default();
+    let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from(&name));
+    let mut command = Command::new(program);
+    let is_again = std::env::args_os().any(|word| word == AGAIN);
+    command.args(words).args((!is_again).then_some(AGAIN)).current_dir(folder);
+    #[cfg(unix)]
+    let error = {
+        use std::os::unix::process::CommandExt;
+        command.arg0(name).exec()
+    };
+    #[cfg(not(unix))]
+    let error = match command.status() {
+        Ok(status) if status.success() => return Status::Done,
+        Ok(_) => return Status::WithErrors,
+        Err(error) => error,
+    };
+    let _ = writeln!(io::stderr(), "gelato -worker: it cannot begin anew: {error}");
+    Status::WithErrors
 }

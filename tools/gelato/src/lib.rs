@@ -8,6 +8,8 @@ mod gpu;
 mod joining;
 mod listing;
 mod manual;
+mod pack;
+mod packed;
 mod progress;
 mod relight;
 mod statistics;
@@ -99,6 +101,12 @@ struct Options {
     #[arg(long, conflicts_with_all = ["stream", "worker", "relight", "frames", "submit"])]
     assets: bool,
 
+    /// Copy everything that the scene reads, with -frames for all frames, to this new folder, and render nothing. The
+    /// scene renders to the same images there
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["stream", "worker", "relight", "assets", "submit", "task",
+          "chunk", "up_to_date"])]
+    pack: Option<PathBuf>,
+
     /// Render only what is not up to date: a frame whose images are newer than everything that it reads is left out. A
     /// scene that runs commands is always rendered
     #[arg(short = 'u', conflicts_with_all = ["stream", "worker", "relight", "assets"])]
@@ -107,6 +115,14 @@ struct Options {
     /// Print the progress as lines for an engine: percent ("progress: 45 %") or openjd
     #[arg(long, value_name = "STYLE", value_parser = ["percent", "openjd"])]
     progress: Option<String>,
+
+    /// Another frame is going to be rendered by the same workers
+    #[arg(long, hide = true)]
+    more: bool,
+
+    /// With -join: this worker has worked before, so that no more work is not an error
+    #[arg(long, hide = true, requires = "join")]
+    again: bool,
 
     /// The number of the frame
     #[arg(long, hide = true, allow_negative_numbers = true)]
@@ -235,12 +251,13 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 29] = [
+const NOT_FOR_WORKERS: [(&str, &str); 32] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
     ("worker", "the session says it first"),
     ("assets", "nothing is rendered"),
+    ("pack", "nothing is rendered"),
     ("up_to_date", "the coordinator decides it"),
     ("frames", "each frame has its own workers"),
     ("chunk", "each frame has its own workers"),
@@ -248,6 +265,8 @@ const NOT_FOR_WORKERS: [(&str, &str); 29] = [
     ("submit", "nothing is rendered"),
     ("progress", "the coordinator prints it"),
     ("share", "the coordinator prints it"),
+    ("more", "the coordinator says it at the end"),
+    ("again", "it is for workers that connect by themselves"),
     ("join", "it is for workers that connect by themselves"),
     ("secret", "only its coordinator knows the worker"),
     ("display", "a worker shows nothing; -iv stands for the image that is shown"),
@@ -280,8 +299,10 @@ pub fn command() -> clap::Command {
 /// program runs as `--as NAME`.
 pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     let (options, given): (Options, Vec<Given>) = parse_with_given(words);
+    let is_again = options.again;
     let (options, given, streams) = match joining::streams(options, given) {
         Ok(all) => all,
+        Err(_) if is_again => return Status::Done,
         Err(what) => {
             console_reporter("gelato -worker", &Bar::new(false)).error(what);
             return Status::Failed;
@@ -317,12 +338,16 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     }
     let ending = Ending::new(bar.clone());
     ending.watch(options.stream || options.worker && streams.is_none() || options.remote, &reporter);
+    // A frame of "-frames" ends with its task, also where an engine kills only that.
+    if options.number.is_some() && !options.worker {
+        ending.watch_parent(&reporter);
+    }
     if let Some(seconds) = options.timeout {
         ending.limit(seconds, &reporter);
     }
     let status = if options.submit.is_some() {
         submit::run(&options, &given, &reporter)
-    } else if options.frames.is_some() {
+    } else if options.frames.is_some() && options.pack.is_none() {
         frames::run(&options, &given, ending.supervisor(), &reporter)
     } else {
         run(&options, &given, tools, Voices { reporter, bar, answers, told, streams }, &ending)
@@ -350,7 +375,7 @@ struct Voices {
 /// Runs the tool with the options.
 fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, ending: &Ending) -> Status {
     let Voices { reporter, bar, answers, told, streams } = voices;
-    let surroundings = match Surroundings::new(options) {
+    let mut surroundings = match Surroundings::new(options) {
         Ok(surroundings) => surroundings,
         Err(error) => {
             reporter.error(error);
@@ -376,14 +401,19 @@ fn run(options: &Options, given: &[Given], tools: &[&str], voices: Voices, endin
             return Status::Failed;
         }
     };
+    let startup = surroundings.startup.take();
     let mut session_options = session_options(options, given, tools, surroundings, supervisor.clone());
-    session_options.net_secret = secret;
+    (session_options.net_secret, session_options.startup_files) = (secret, startup);
     match gpu::accelerator(options.gpu.as_deref().unwrap_or("off"), &reporter) {
         Ok(accelerator) => session_options.accelerator = accelerator,
         Err(what) => {
             reporter.error(format!("-gpu: {what}"));
             return Status::Failed;
         }
+    }
+    if let Some(folder) = &options.pack {
+        let frames = options.frames.as_ref();
+        return pack::run(session_options, &options.files, frames, folder, (&supervisor, &reporter));
     }
     if options.assets {
         return listing::print(session_options, &options.files, &reporter);
@@ -434,6 +464,8 @@ struct Surroundings {
     variables: Environment,
     /// The variables that are also set for the programs which the scene starts.
     of_programs: Vec<(String, String)>,
+    /// The startup files of a packed scene.
+    startup: Option<Vec<PathBuf>>,
 }
 
 impl Surroundings {
@@ -448,11 +480,16 @@ impl Surroundings {
                 .map_err(|error| format!("-cwd {}: {error}", folder.display()))?;
         }
         let mut variables = environment();
+        // An unknown current folder is reported by what needs it.
+        let here = std::env::current_dir().unwrap_or_default();
+        let list = packed::PackList::read(&here)?;
+        let startup = list.as_ref().map(|list| list.enter(&here, &mut variables));
+        let of_pack = list.into_iter().flat_map(|list| list.variables);
         if let Some(number) = options.number {
             variables.set("frame", number.to_string());
         }
-        let mut of_programs: Vec<(String, String)> =
-            options.number.iter().map(|number| ("frame".to_owned(), number.to_string())).collect();
+        let number = options.number.iter().map(|number| ("frame".to_owned(), number.to_string()));
+        let mut of_programs: Vec<(String, String)> = of_pack.chain(number).collect();
         for assignment in &options.env {
             let Some((name, value)) = assignment.split_once('=').filter(|(name, _)| !name.is_empty()) else {
                 return Err(format!("-env {assignment}: expected VAR=VALUE"));
@@ -470,7 +507,7 @@ impl Surroundings {
         if options.files.is_empty() && !options.stream && !options.remote {
             return Err("no scene file was given (try -help)".to_owned());
         }
-        Ok(Self { variables, of_programs })
+        Ok(Self { variables, of_programs, startup })
     }
 }
 
@@ -525,6 +562,8 @@ fn session_options(
         keep_partial: options.keeppartial,
         viewer,
         no_startup_files: false,
+        startup_files: None,
+        net_stays: options.more,
         safe_output: options.safeout.clone(),
         scene_files: options.files.clone(),
         look: LookOptions {

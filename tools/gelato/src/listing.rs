@@ -1,6 +1,6 @@
 //! The files that scenes need (`-assets`), and frames that need not be rendered (`-u`).
 
-use granita_base::Reporter;
+use granita_base::{Files, Reporter};
 use granita_cli::Status;
 use granita_session::{Assets, Session, SessionError, SessionOptions, SharedProgress, is_up_to_date};
 use serde_json::{Value, json};
@@ -12,7 +12,11 @@ use std::path::Path;
 ///
 /// # Errors
 /// Returns the error of a file that cannot be read.
-fn assets(options: SessionOptions, files: &[String], reporter: &Reporter) -> Result<Assets, SessionError> {
+pub(crate) fn assets(
+    options: SessionOptions,
+    files: &[String],
+    reporter: &Reporter,
+) -> Result<Assets, SessionError> {
     let mut session = Session::new(options, reporter.clone(), SharedProgress::default());
     let list = session.list_assets();
     session.expect_files(files)?;
@@ -30,9 +34,10 @@ fn assets(options: SessionOptions, files: &[String], reporter: &Reporter) -> Res
 /// Prints the files that scene files need.
 pub(crate) fn print(options: SessionOptions, files: &[String], reporter: &Reporter) -> Status {
     let folder = options.current_folder.clone();
+    let opener = options.run.environment.files().clone();
     match assets(options, files, reporter) {
         Ok(assets) => {
-            let text = format!("{:#}\n", document(&assets, &folder));
+            let text = format!("{:#}\n", document(&assets, &folder, &opener));
             // A reader that is gone needs no list.
             let _ = std::io::stdout().write_all(text.as_bytes());
             if reporter.errors() > 0 { Status::WithErrors } else { Status::Done }
@@ -47,18 +52,19 @@ pub(crate) fn print(options: SessionOptions, files: &[String], reporter: &Report
 /// True when the images of scene files are newer than all that these need. Errors count as false: the frame that is
 /// rendered then reports them.
 pub(crate) fn needs_nothing(options: SessionOptions, files: &[String]) -> bool {
-    assets(options, files, &Reporter::silent()).is_ok_and(|assets| is_up_to_date(&assets))
+    let opener = options.run.environment.files().clone();
+    assets(options, files, &Reporter::silent()).is_ok_and(|assets| is_up_to_date(&assets, &opener))
 }
 
 /// Returns the list as JSON. Files that cannot be read have no hash.
-fn document(assets: &Assets, folder: &Path) -> Value {
-    let absolute = |path: &Path| folder.join(path).to_string_lossy().into_owned();
+fn document(assets: &Assets, folder: &Path, opener: &Files) -> Value {
+    let absolute = |path: &Path| folder.join(opener.place(path)).to_string_lossy().into_owned();
     let files: Vec<Value> = assets
         .read
         .iter()
         .map(|(path, kind)| {
-            let size = std::fs::metadata(path).map(|data| data.len()).ok();
-            let hash = sha1(path).ok();
+            let size = std::fs::metadata(opener.place(path)).map(|data| data.len()).ok();
+            let hash = sha1(&opener.place(path)).ok();
             json!({
                 "name": path.to_string_lossy(),
                 "path": absolute(path),
@@ -73,7 +79,7 @@ fn document(assets: &Assets, folder: &Path) -> Value {
         .iter()
         .map(|path| json!({"name": path.to_string_lossy(), "path": absolute(path)}))
         .collect();
-    json!({"files": files, "outputs": outputs, "commands": assets.commands})
+    json!({"files": files, "outputs": outputs, "commands": assets.commands, "missing": assets.missing})
 }
 
 /// Returns the SHA-1 hash of a file, in hexadecimal digits.

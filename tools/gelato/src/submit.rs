@@ -80,8 +80,7 @@ fn submit_to_slurm(job: &Job, gelato: &str) -> Result<String, String> {
 
 /// Writes a template of Open Job Description, which has no queue of its own.
 fn write_openjd(job: &Job, gelato: &str) -> Result<String, String> {
-    let folder = std::env::current_dir().map_err(|error| error.to_string())?;
-    let template = openjd::template(job, gelato, &folder.to_string_lossy())?;
+    let template = openjd::template(job, gelato)?;
     let path = PathBuf::from(format!("{}.openjd.json", job.name));
     let text = serde_json::to_string_pretty(&template).map_err(|error| error.to_string())?;
     write(&path, &(text + "\n"))?;

@@ -122,7 +122,7 @@ pub(crate) fn act(machine: &mut Machine<'_>, given: &Given) -> Done {
                 text => Some(position(text)?),
             };
             let [.., upper, lower] = &*machine.stack else { return Err("there are no two images".into()) };
-            let image = paste(&upper.image, &lower.image, at)?;
+            let image = paste(&upper.image, &lower.image, at, given.flag("mergeroi", false)?)?;
             machine.replace(2, image);
             return Ok(());
         }

@@ -204,7 +204,7 @@ pub(crate) const GROUPS: &[(&str, &[Row])] = &[
         row(A::OriginOffset, "originoffset", &["+X+Y"], 1, "Move the data window by a distance"),
         row(A::FullSize, "fullsize", &["WINDOW"], 1, "Set the display window"),
         row(A::FullPixels, "fullpixels", &[], 1, "Set the display window to the data window"),
-        row(A::Paste, "paste", &["+X+Y"], 2, "Place the first image over the second one at a position; auto is its own"),
+        row(A::Paste, "paste", &["+X+Y"], 2, "Place the first image over the second one at a position; auto is its own. mergeroi=1 extends the data window").with(&["mergeroi"]),
         row(A::Mosaic, "mosaic", &["WxH"], 0, "Make a contact sheet of the last W x H images").with(&["pad", "fit"]).also(&["contactsheet"]),
     ]),
     ("Orientation and maps of directions", &[

@@ -106,7 +106,7 @@ fn every_option_runs() {
         "./a.exr -resize:filter=mitchell 0x9 -resample:interp=0 200% -resample 9x9 -o ./o.exr",
         "./a.exr -fit:pad=1:fillmode=width:filter=box 30x30 -crop 9x9+1+1 -croptofull -cut 5x5+0+0 -trim -o ./o.exr",
         "./a.exr -origin +3+4 -originoffset -1-1 -fullsize 50x50+0+0 -fullpixels -o ./o.exr",
-        "./b.exr ./a.exr -paste +4+4 ./b.exr -mosaic:pad=2:fit=10x10 2x1 -o ./o.exr",
+        "./b.exr ./a.exr -paste:mergeroi=1 +4+4 ./b.exr -mosaic:pad=2:fit=10x10 2x1 -o ./o.exr",
         "./a.exr -flip -flop -rotate90 -rotate180 -rotate270 -transpose -cshift +3-2 -orientation 6 -reorient -o ./o.exr",
         "./map.exr -env:size=8:up=z latlong:cross -env:up=z cross:probe -o ./o.exr",
         "./map.exr -env:size=8 latlong:faces -env faces:column -o ./o.exr",
@@ -369,4 +369,15 @@ fn a_configuration_and_its_tables_are_files() {
     assert_eq!(place.values("b.exr")[..3], [1.0; 3]);
     place.done("./a.exr -ociofiletransform ./a.cube -o ./c.exr");
     assert_eq!(place.values("c.exr")[..3], [0.25, 0.125, 0.5]);
+}
+
+#[test]
+fn a_pasted_image_is_cut_unless_the_window_may_grow() {
+    let place = Place::new();
+    place.done("-pattern constant:color=1 4x4 1 -o ./a.exr");
+    place.done("-pattern constant:color=0.5 8x4 1 -o ./b.exr");
+    place.done("./a.exr ./b.exr -paste +6+0 -o ./c.exr");
+    assert_eq!(place.values("c.exr")[..8], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 1.0, 1.0]);
+    place.done("./a.exr ./b.exr -paste:mergeroi=1 +6+0 -o ./d.exr");
+    assert_eq!((place.image("d.exr").spec().width, place.values("d.exr")[9]), (10, 1.0));
 }

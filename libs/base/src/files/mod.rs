@@ -13,11 +13,14 @@
 
 mod atomic;
 mod confined;
+mod moved;
 
 pub use atomic::{AtomicFile, remove_unfinished};
 pub use confined::{Confinement, Rules};
+pub use moved::{MovedFolders, without_dots};
 
 use confined::Confined;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -74,6 +77,8 @@ pub struct Files {
     temporary: Option<Arc<Path>>,
     /// The modification time of files that are written; `None` for the time of writing.
     modified: Option<SystemTime>,
+    /// The folders whose files are elsewhere.
+    moved: Option<Arc<MovedFolders>>,
 }
 
 impl std::fmt::Debug for Files {
@@ -90,7 +95,9 @@ impl PartialEq for Files {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             _ => false,
         };
-        same && self.temporary == other.temporary && self.modified == other.modified
+        same && self.temporary == other.temporary
+            && self.modified == other.modified
+            && self.moved == other.moved
     }
 }
 
@@ -133,6 +140,22 @@ impl Files {
         Self { modified: Some(modified), ..self }
     }
 
+    /// Looks for the files of `moved` at their new places, for reading and for writing.
+    #[must_use]
+    pub fn with_moved(self, moved: Arc<MovedFolders>) -> Self {
+        Self { moved: Some(moved), ..self }
+    }
+
+    /// Returns the folders whose files are elsewhere, if there are any.
+    pub fn moved(&self) -> Option<&Arc<MovedFolders>> {
+        self.moved.as_ref()
+    }
+
+    /// Returns the place of a file or folder, which differs from its name when it was moved ([`Files::with_moved`]).
+    pub fn place<'a>(&self, path: &'a Path) -> Cow<'a, Path> {
+        self.moved.as_ref().map_or(Cow::Borrowed(path), |moved| moved.place(path))
+    }
+
     /// Returns the folder of files that do not belong beside a result, which is that of [`Files::with_temporary`] or
     /// the system's.
     pub fn temporary_folder(&self) -> PathBuf {
@@ -147,21 +170,21 @@ impl Files {
     /// Allows reading files beneath `folder`. A folder that does not exist, or a relative one, has no effect.
     pub fn add_root(&self, folder: &Path) {
         if let Some(confined) = &self.rules {
-            confined.add_root(folder);
+            confined.add_root(&self.place(folder));
         }
     }
 
     /// Allows reading this one file, whatever the rules, because the user named it.
     pub fn grant(&self, file: &Path) {
         if let Some(confined) = &self.rules {
-            confined.grant(file, false);
+            confined.grant(&self.place(file), false);
         }
     }
 
     /// Allows writing and reading this one file, whatever the rules, because the user named it as a result.
     pub fn grant_output(&self, file: &Path) {
         if let Some(confined) = &self.rules {
-            confined.grant(file, true);
+            confined.grant(&self.place(file), true);
         }
     }
 
@@ -175,6 +198,7 @@ impl Files {
     /// # Errors
     /// Returns the system's error, or [`io::ErrorKind::PermissionDenied`] when the rules refuse the file.
     pub fn open(&self, path: &Path) -> io::Result<File> {
+        let path = &*self.place(path);
         match &self.rules {
             None => File::open(path),
             Some(confined) => confined.open(path),
@@ -203,6 +227,7 @@ impl Files {
 
     /// True when `path` is a file that may be read.
     pub fn is_file(&self, path: &Path) -> bool {
+        let path = &*self.place(path);
         match &self.rules {
             None => path.is_file(),
             Some(confined) => confined.is_file(path),
@@ -211,6 +236,7 @@ impl Files {
 
     /// Returns the stamp of a file; `None` when there is no such file, or none that may be read.
     pub fn stamp(&self, path: &Path) -> Option<FileStamp> {
+        let path = &*self.place(path);
         let metadata = match &self.rules {
             None => path.metadata().ok()?,
             Some(_) => self.open(path).ok()?.metadata().ok()?,
@@ -229,6 +255,7 @@ impl Files {
     /// # Errors
     /// Returns [`FileError`] with the system's error, or with the rule that refuses the name.
     pub fn create(&self, path: &Path) -> Result<AtomicFile, FileError> {
+        let path = &*self.place(path);
         let file = match &self.rules {
             None => AtomicFile::create(path),
             Some(confined) => confined.create(path),
@@ -241,6 +268,7 @@ impl Files {
     /// # Errors
     /// Returns the errors of [`Files::create`].
     pub fn create_log(&self, path: &Path) -> Result<File, FileError> {
+        let path = &*self.place(path);
         match &self.rules {
             None => File::create(path).map_err(|source| FileError { path: path.to_owned(), source }),
             Some(confined) => confined.create_log(path),
@@ -252,6 +280,7 @@ impl Files {
     /// # Errors
     /// Returns the errors of [`Files::create`].
     pub fn append(&self, path: &Path) -> Result<File, FileError> {
+        let path = &*self.place(path);
         match &self.rules {
             None => {
                 let opened = File::options().append(true).create(true).open(path);
@@ -266,7 +295,8 @@ impl Files {
     /// # Errors
     /// Returns the errors of [`Files::create`].
     pub fn check_create(&self, path: &Path) -> Result<(), FileError> {
-        let special = self.rules.is_none() && path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
+        let special =
+            self.rules.is_none() && self.place(path).metadata().is_ok_and(|m| !m.is_file() && !m.is_dir());
         // A special file is written directly, and must not be opened twice.
         if special { Ok(()) } else { self.create(path).map(drop) }
     }
@@ -281,7 +311,7 @@ impl Files {
         let folder = match (&self.temporary, &self.rules) {
             (Some(folder), _) => folder.to_path_buf(),
             (None, Some(confined)) => confined.scratch_folder(beside),
-            (None, None) => beside.parent().unwrap_or(Path::new("")).to_owned(),
+            (None, None) => self.place(beside).parent().unwrap_or(Path::new("")).to_owned(),
         };
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
         tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())

@@ -1,7 +1,7 @@
 //! The coordinator's end of the connection to one worker.
 
 use super::secure::{Ends, SecureWriter};
-use super::{ALIVE, BEGUN, BUCKET, DROP, DROPPED, END, GREETING, NO_PIXELS, PIXELS, message};
+use super::{ALIVE, BEGUN, BUCKET, DROP, DROPPED, END, GREETING, NEXT, NO_PIXELS, PIXELS, message};
 use crate::patient::{Patience, Patient};
 use granita_base::process::Process;
 use granita_pyg::frames::{Frame, framed};
@@ -17,6 +17,9 @@ const ENDING: Duration = Duration::from_secs(1);
 
 /// The silence after which others get the tasks of a worker as well. A worker at work sends ten signs of life in it.
 const SUSPICIOUS: Duration = Duration::from_secs(5);
+
+/// The longest message of a worker, in bytes. The pixels of the largest bucket with many images are far below.
+const LONGEST: usize = 1 << 30;
 
 /// A worker, and what it has done.
 pub(super) struct Worker {
@@ -158,6 +161,13 @@ impl Worker {
         Ok(true)
     }
 
+    /// Makes a worker that joined connect again when this is dropped, instead of ending.
+    pub(super) fn stay(&mut self) {
+        if matches!(self.link, Link::Joined(_)) && self.reason.is_empty() {
+            self.reason = NEXT.to_owned();
+        }
+    }
+
     /// Gives tasks of a frame to the worker until none is left. `silent` is called when it has been silent for a
     /// while.
     ///
@@ -217,7 +227,7 @@ impl Worker {
                 buckets.suspect(true);
                 silent(&self.name);
             }
-            while let Some((kind, payload)) = self.message() {
+            while let Some((kind, payload)) = self.message()? {
                 match answer(kind, &payload).ok_or("its answer is malformed")? {
                     Answer::Pixels(task, of, pixels) if of == frame => {
                         self.done.bytes += payload.len() as u64;
@@ -253,12 +263,19 @@ impl Worker {
     }
 
     /// Returns the next message that has arrived whole.
-    fn message(&mut self) -> Option<(u8, Vec<u8>)> {
-        let (head, rest) = self.begun.split_first_chunk::<5>()?;
+    ///
+    /// # Errors
+    /// Returns a message when it is longer than any answer, before the rest of it is kept.
+    fn message(&mut self) -> Result<Option<(u8, Vec<u8>)>, String> {
+        let Some((head, rest)) = self.begun.split_first_chunk::<5>() else { return Ok(None) };
         let length = u32::from_le_bytes([head[1], head[2], head[3], head[4]]) as usize;
-        let (kind, payload) = (head[0], rest.get(..length)?.to_vec());
+        if length > LONGEST {
+            return Err(format!("its answer has {length} bytes; the limit is {LONGEST}"));
+        }
+        let Some(payload) = rest.get(..length) else { return Ok(None) };
+        let message = (head[0], payload.to_vec());
         self.begun.drain(..5 + length);
-        Some((kind, payload))
+        Ok(Some(message))
     }
 }
 

@@ -184,4 +184,73 @@ mod tests {
             assert_eq!(with_port(address), expected);
         }
     }
+
+    const SECRET: &str = "a secret of the tests";
+
+    /// Starts a listener, and returns it with what is shared, the messages, and its address.
+    #[allow(clippy::type_complexity, reason = "the parts of a test")]
+    fn listening()
+    -> (Listener, Arc<Shared>, Arc<parking_lot::Mutex<Vec<granita_base::report::Message>>>, String) {
+        let (reporter, messages) = granita_base::Reporter::collecting();
+        let shared = Arc::new(Shared {
+            reporter,
+            workers: parking_lot::Mutex::default(),
+            state: parking_lot::Mutex::default(),
+            listens: AtomicBool::new(true),
+            launching: AtomicUsize::new(0),
+            ends: AtomicBool::new(false),
+        });
+        let job = super::super::join::job(&["/scene", "a.pyg"]).unwrap();
+        let secret = Secret::new(SECRET).unwrap();
+        let listener = Listener::start("127.0.0.1", 0, secret, job, &Patience::new(2.0), &shared).unwrap();
+        let address = listener.address("127.0.0.1");
+        (listener, shared, messages, address)
+    }
+
+    #[test]
+    fn workers_of_another_version_are_refused_by_name() {
+        let (_listener, shared, messages, address) = listening();
+        let stream = TcpStream::connect(address).unwrap();
+        let hello = b"granita-worker 0.0.1/1\nalpha";
+        let (answer, _ends) =
+            super::super::secure::connect(stream, &Secret::new(SECRET).unwrap(), hello).unwrap();
+        let expected = format!("it is \"granita-worker 0.0.1/1\", and this is \"{GREETING}\"");
+        assert_eq!(String::from_utf8_lossy(&answer), expected);
+        let begin = std::time::Instant::now();
+        while messages.lock().is_empty() && begin.elapsed().as_secs() < 20 {
+            std::thread::sleep(GLANCE);
+        }
+        assert!(messages.lock()[0].text.contains(&expected), "{:?}", messages.lock());
+        assert!(shared.workers.lock().is_empty());
+    }
+
+    /// The largest length that a message can name, before the connection is secure and after that.
+    #[test]
+    fn oversized_messages_cost_no_memory() {
+        use std::io::{Read, Write};
+        let (_listener, shared, messages, address) = listening();
+        let mut stranger = TcpStream::connect(&address).unwrap();
+        stranger.write_all(&[0xff; 4096]).unwrap();
+        stranger.shutdown(std::net::Shutdown::Write).unwrap();
+        // The other side closes, or resets what was not read.
+        let _ = stranger.read_to_end(&mut Vec::new());
+        assert!(shared.workers.lock().is_empty());
+        let stream = TcpStream::connect(&address).unwrap();
+        let hello = format!("{GREETING}\nalpha");
+        let secret = Secret::new(SECRET).unwrap();
+        let (_, mut ends) = super::super::secure::connect(stream, &secret, hello.as_bytes()).unwrap();
+        // A greeting without an end.
+        for _ in 0..64 {
+            let sent = ends.writer.write_all(&[b'x'; 1 << 16]).and_then(|()| ends.writer.flush());
+            if sent.is_err() {
+                break;
+            }
+        }
+        let begin = std::time::Instant::now();
+        while messages.lock().len() < 2 && begin.elapsed().as_secs() < 20 {
+            std::thread::sleep(GLANCE);
+        }
+        assert_eq!(messages.lock().len(), 2, "{:?}", messages.lock());
+        assert!(shared.workers.lock().is_empty());
+    }
 }

@@ -89,7 +89,9 @@ fn entry(word: &str, read: ReadFile<'_>) -> Result<Vec<Server>, String> {
     };
     Ok(match word.split_once(':') {
         Some(("slurm", n)) => {
-            vec![Server::Launch(Launch::new(word, &["srun", "-n", &count(n)?, "--export=ALL"]))]
+            // A node that fails costs its own workers only.
+            let prefix = ["srun", "-n", &count(n)?, "--export=ALL", "--no-kill", "--kill-on-bad-exit=0"];
+            vec![Server::Launch(Launch::new(word, &prefix))]
         }
         Some(("mpi", n)) => {
             let words = ["mpirun", "-n", &count(n)?, "-x", NetSecret::VARIABLE];
@@ -154,7 +156,10 @@ mod tests {
             [Server::Launch(launch)] => launch.words("here:80", &worker).join(" "),
             other => panic!("{other:?}"),
         };
-        assert_eq!(words("slurm:8"), "srun -n 8 --export=ALL gelato -worker -join here:80");
+        assert_eq!(
+            words("slurm:8"),
+            "srun -n 8 --export=ALL --no-kill --kill-on-bad-exit=0 gelato -worker -join here:80"
+        );
         assert_eq!(words("mpi:2"), "mpirun -n 2 -x GRANITA_NET_SECRET gelato -worker -join here:80");
         assert_eq!(words("cmd:bsub -n 4 sh"), "bsub -n 4 sh gelato -worker -join here:80");
         assert_eq!(words("cmd:start-workers --at %h 3"), "start-workers --at here:80 3");

@@ -89,6 +89,17 @@ impl WorkerCoordinator {
     }
 }
 
+impl WorkerCoordinator {
+    /// Waits for the end of the connection, after the last frame of the scene, so that the last words of the
+    /// coordinator arrive. Returns at once when the coordinator requests tasks of a frame that the scene does not have.
+    pub(crate) fn rest(&self) {
+        let mut said = self.shared.said.lock();
+        while !said.over && said.waiting.is_empty() {
+            self.shared.changed.wait(&mut said);
+        }
+    }
+}
+
 impl Shared {
     /// Receives messages until the connection ends. Returns the last words of the coordinator.
     fn listen(&self, input: Box<dyn Read + Send>, output: &Output) -> Option<String> {
