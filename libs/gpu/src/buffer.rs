@@ -2,6 +2,7 @@
 
 use crate::device::Counters;
 use crate::{Device, GpuError};
+use parking_lot::Mutex;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use wgpu::BufferUsages;
@@ -64,8 +65,33 @@ impl Buffer {
             .map_err(|error| device.check().err().unwrap_or(GpuError::Failed { what: error.to_string() }))
     }
 
-    pub(crate) fn new_staging(device: &Device, bytes: u64) -> Result<Self, GpuError> {
-        Self::new(device, "bytes of results", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)
+    /// Returns the first words.
+    ///
+    /// # Errors
+    /// Returns an error when the device is lost, or there is no memory for the copy.
+    pub fn read(&self, device: &Device, words: usize) -> Result<Vec<u32>, GpuError> {
+        device.check()?;
+        if words == 0 {
+            return Ok(Vec::new());
+        }
+        let bytes = words as u64 * 4;
+        let staging =
+            Self::new(device, "bytes of results", bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+        let mapped = Arc::new(Mutex::new(None));
+        let answer = mapped.clone();
+        let done = device.scoped(|| {
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            encoder.copy_buffer_to_buffer(&self.raw, 0, &staging.raw, 0, Some(bytes));
+            device.queue.submit([encoder.finish()]);
+            staging.raw.map_async(wgpu::MapMode::Read, .., move |result| *answer.lock() = Some(result));
+        });
+        done.map_err(|error| device.failure(error.to_string()))?;
+        device.wait()?;
+        if !matches!(*mapped.lock(), Some(Ok(()))) {
+            return Err(device.failure("the result of a kernel cannot be read".to_owned()));
+        }
+        let view = staging.raw.get_mapped_range(..).map_err(|error| device.failure(error.to_string()))?;
+        Ok(bytemuck::pod_collect_to_vec(&view[..]))
     }
 
     pub(crate) fn new_stamps(device: &Device) -> Result<Self, GpuError> {

@@ -1,8 +1,8 @@
 //! An open device: its limits, memory, errors and time.
 
+use crate::GpuError;
 use crate::adapter::{self, Adapter, Choice};
 use crate::native::{self, FloatModes};
-use crate::{Buffer, GpuError, Kernel};
 use parking_lot::Mutex;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -179,107 +179,24 @@ impl Device {
         Ok(())
     }
 
-    /// Runs a kernel with `invocations` invocations, and waits for it. Returns its time on the device in seconds; 0
-    /// when the device does not measure time.
-    ///
-    /// # Errors
-    /// Returns an error when the device is lost or the driver reports one.
-    pub fn run(&self, kernel: &Kernel, buffers: &[&Buffer], invocations: u32) -> Result<f64, GpuError> {
-        self.check()?;
-        if invocations == 0 {
-            return Ok(0.0);
-        }
-        let stamps = self.stamps()?;
-        let done = self.scoped(|| {
-            let bound = kernel.bind(self, buffers);
-            let mut encoder = self.device.create_command_encoder(&Default::default());
-            {
-                let timestamp_writes = stamps.as_ref().map(|s| wgpu::ComputePassTimestampWrites {
-                    query_set: &s.queries,
-                    beginning_of_pass_write_index: Some(0),
-                    end_of_pass_write_index: Some(1),
-                });
-                let mut pass = encoder
-                    .begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
-                pass.set_pipeline(kernel.pipeline());
-                pass.set_bind_group(0, &bound, &[]);
-                let groups = invocations.div_ceil(Kernel::GROUP);
-                // A dimension has at most 65535 groups.
-                let rows = groups.div_ceil(Kernel::ROW);
-                pass.dispatch_workgroups(groups.min(Kernel::ROW), rows, 1);
-            }
-            if let Some(s) = &stamps {
-                encoder.resolve_query_set(&s.queries, 0..2, s.buffer.raw(), 0);
-            }
-            self.queue.submit([encoder.finish()]);
-        });
-        done.map_err(|error| self.failure(error.to_string()))?;
-        self.wait()?;
+    /// Counts a run of a kernel. Returns its time in seconds; 0 when the device does not measure time.
+    pub(crate) fn count(&self, ticks: Option<u64>) -> f64 {
         self.counters.runs.fetch_add(1, Ordering::Relaxed);
-        let Some(stamps) = stamps else { return Ok(0.0) };
-        let words = self.read(&stamps.buffer, 4)?;
-        let at = |k: usize| u64::from(words[2 * k]) | u64::from(words[2 * k + 1]) << 32;
-        let seconds = at(1).saturating_sub(at(0)) as f64 * f64::from(self.tick) * 1e-9;
-        self.counters.nanoseconds.fetch_add((seconds * 1e9) as u64, Ordering::Relaxed);
-        Ok(seconds)
-    }
-
-    /// Returns the first `words` words of a buffer.
-    ///
-    /// # Errors
-    /// Returns an error when the device is lost, or there is no memory for the copy.
-    pub fn read(&self, buffer: &Buffer, words: usize) -> Result<Vec<u32>, GpuError> {
-        self.check()?;
-        if words == 0 {
-            return Ok(Vec::new());
-        }
-        let bytes = words as u64 * 4;
-        let staging = Buffer::new_staging(self, bytes)?;
-        let mapped = Arc::new(Mutex::new(None));
-        let answer = mapped.clone();
-        let done = self.scoped(|| {
-            let mut encoder = self.device.create_command_encoder(&Default::default());
-            encoder.copy_buffer_to_buffer(buffer.raw(), 0, staging.raw(), 0, Some(bytes));
-            self.queue.submit([encoder.finish()]);
-            staging.raw().map_async(wgpu::MapMode::Read, .., move |result| *answer.lock() = Some(result));
-        });
-        done.map_err(|error| self.failure(error.to_string()))?;
-        self.wait()?;
-        if !matches!(*mapped.lock(), Some(Ok(()))) {
-            return Err(self.failure("the result of a kernel cannot be read".to_owned()));
-        }
-        let view = staging.raw().get_mapped_range(..).map_err(|error| self.failure(error.to_string()))?;
-        Ok(bytemuck::pod_collect_to_vec(&view[..]))
+        let nanoseconds = ticks.map_or(0.0, |ticks| ticks as f64 * f64::from(self.tick));
+        self.counters.nanoseconds.fetch_add(nanoseconds as u64, Ordering::Relaxed);
+        nanoseconds * 1e-9
     }
 
     /// Returns the loss of the device if it is the cause of a failure.
-    fn failure(&self, what: String) -> GpuError {
+    pub(crate) fn failure(&self, what: String) -> GpuError {
         self.check().err().unwrap_or(GpuError::Failed { what })
     }
 
-    fn wait(&self) -> Result<(), GpuError> {
+    /// Waits for all work.
+    pub(crate) fn wait(&self) -> Result<(), GpuError> {
         if let Err(error) = self.device.poll(wgpu::PollType::wait_indefinitely()) {
             return Err(self.failure(error.to_string()));
         }
         self.check()
     }
-
-    fn stamps(&self) -> Result<Option<Stamps>, GpuError> {
-        if !self.adapter.abilities.time_stamps {
-            return Ok(None);
-        }
-        let buffer = Buffer::new_stamps(self)?;
-        let queries = self.device.create_query_set(&wgpu::QuerySetDescriptor {
-            label: None,
-            ty: wgpu::QueryType::Timestamp,
-            count: 2,
-        });
-        Ok(Some(Stamps { queries, buffer }))
-    }
-}
-
-/// The beginning and the end of a run.
-struct Stamps {
-    queries: wgpu::QuerySet,
-    buffer: Buffer,
 }

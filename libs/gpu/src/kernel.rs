@@ -91,12 +91,49 @@ impl Kernel {
         })
     }
 
-    pub(crate) fn pipeline(&self) -> &wgpu::ComputePipeline {
-        &self.pipeline
+    /// Runs the kernel with `invocations` invocations and the buffers of its bindings, and waits for it. Returns its time
+    /// on the device in seconds; 0 when the device does not measure time.
+    ///
+    /// # Errors
+    /// Returns an error when the device is lost or the driver reports one.
+    pub fn run(&self, device: &Device, buffers: &[&Buffer], invocations: u32) -> Result<f64, GpuError> {
+        device.check()?;
+        if invocations == 0 {
+            return Ok(0.0);
+        }
+        let stamps = Stamps::new(device)?;
+        let done = device.scoped(|| {
+            let bound = self.bind(device, buffers);
+            let mut encoder = device.device.create_command_encoder(&Default::default());
+            {
+                let timestamp_writes = stamps.as_ref().map(|s| wgpu::ComputePassTimestampWrites {
+                    query_set: &s.queries,
+                    beginning_of_pass_write_index: Some(0),
+                    end_of_pass_write_index: Some(1),
+                });
+                let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
+                let mut pass = encoder.begin_compute_pass(&descriptor);
+                pass.set_pipeline(&self.pipeline);
+                pass.set_bind_group(0, &bound, &[]);
+                let groups = invocations.div_ceil(Self::GROUP);
+                // A dimension has at most 65535 groups.
+                pass.dispatch_workgroups(groups.min(Self::ROW), groups.div_ceil(Self::ROW), 1);
+            }
+            if let Some(s) = &stamps {
+                encoder.resolve_query_set(&s.queries, 0..2, s.buffer.raw(), 0);
+            }
+            device.queue.submit([encoder.finish()]);
+        });
+        done.map_err(|error| device.failure(error.to_string()))?;
+        device.wait()?;
+        let Some(stamps) = stamps else { return Ok(device.count(None)) };
+        let words = stamps.buffer.read(device, 4)?;
+        let at = |k: usize| u64::from(words[2 * k]) | u64::from(words[2 * k + 1]) << 32;
+        Ok(device.count(Some(at(1).saturating_sub(at(0)))))
     }
 
     /// Binds buffers in the order of the bindings.
-    pub(crate) fn bind(&self, device: &Device, buffers: &[&Buffer]) -> wgpu::BindGroup {
+    fn bind(&self, device: &Device, buffers: &[&Buffer]) -> wgpu::BindGroup {
         let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
             .zip(buffers)
             .map(|(binding, buffer)| wgpu::BindGroupEntry {
@@ -106,6 +143,28 @@ impl Kernel {
             .collect();
         let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &self.layout, entries: &entries };
         device.device.create_bind_group(&descriptor)
+    }
+}
+
+/// The beginning and the end of a run, by the clock of the device.
+struct Stamps {
+    queries: wgpu::QuerySet,
+    buffer: Buffer,
+}
+
+impl Stamps {
+    /// Returns `None` when the device does not measure time.
+    fn new(device: &Device) -> Result<Option<Self>, GpuError> {
+        if !device.adapter().abilities.time_stamps {
+            return Ok(None);
+        }
+        let buffer = Buffer::new_stamps(device)?;
+        let queries = device.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: None,
+            ty: wgpu::QueryType::Timestamp,
+            count: 2,
+        });
+        Ok(Some(Self { queries, buffer }))
     }
 }
 

@@ -94,8 +94,8 @@ fn compare(device: &Device, function: &Function, inputs: u32, batch: u32) -> Res
     for first in (0..inputs).step_by(batch as usize) {
         let all: Vec<Input> = (first..inputs.min(first.saturating_add(batch))).map(input).collect();
         from.write(device, all.as_flattened())?;
-        device.run(&kernel, &[&from, &to], all.len() as u32)?;
-        let got = device.read(&to, all.len() * 2)?;
+        kernel.run(device, &[&from, &to], all.len() as u32)?;
+        let got = to.read(device, all.len() * 2)?;
         for (input, got) in all.iter().zip(got.as_chunks::<2>().0) {
             let Some(wanted) = (function.cpu)(*input) else { continue };
             tested += 1;

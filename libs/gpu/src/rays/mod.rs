@@ -199,8 +199,8 @@ impl GpuTracer {
             (own[3], own[7]) = (part.len() as u32, u32::from(width == 1));
             world.write(&self.device, &own)?;
             let buffers = there.buffers([&world, &from, &to]);
-            traced.seconds += self.device.run(&there.kernel, &buffers, part.len() as u32)?;
-            take(&mut traced, n * batch, &self.device.read(&to, part.len() * width)?);
+            traced.seconds += there.kernel.run(&self.device, &buffers, part.len() as u32)?;
+            take(&mut traced, n * batch, &to.read(&self.device, part.len() * width)?);
         }
         Ok(traced)
     }

@@ -136,9 +136,9 @@ impl GpuTracer {
             let world = Buffer::of(device, "bytes of a world", &own)?;
             let buffers = there.buffers([&world, &from, &states]);
             traced.rays += rays as u64;
-            traced.seconds += device.run(&there.occlusion, &buffers, rays as u32)?;
-            traced.seconds += device.run(&there.sums, &[&world, &from, &states, &to], n as u32)?;
-            let sums = device.read(&to, n * SUM)?;
+            traced.seconds += there.occlusion.run(device, &buffers, rays as u32)?;
+            traced.seconds += there.sums.run(device, &[&world, &from, &states, &to], n as u32)?;
+            let sums = to.read(device, n * SUM)?;
             for (point, sum) in now.iter().zip(sums.as_chunks::<SUM>().0) {
                 let [blocked, unusual, x, y, z] = *sum;
                 if unusual > 0 {
