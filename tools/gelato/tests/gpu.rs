@@ -22,7 +22,7 @@ fn gelato(folder: &Path, words: &[&str]) -> (i32, String, String) {
 #[test]
 fn words_that_choose_nothing_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    for word in ["sometimes", "-1", "selftest:x", "list:2"] {
+    for word in ["sometimes", "1.5", "selftest:x", "list:2"] {
         let (status, _, said) = gelato(folder.path(), &["-gpu", word, "a.pyg"]);
         assert!(status == 2 && said.contains("the number of an adapter"), "{word}: {status} {said}");
     }
