@@ -36,7 +36,7 @@ fn operations() -> Vec<(&'static str, Image)> {
         ("add", binary(Binary::Add, &wide, &grey).unwrap()),
         ("mad", multiply_add(&wide, &grey, &wide).unwrap()),
         ("over", over(&wide, &grey).unwrap()),
-        ("paste", paste(&grey, &wide, Some((-10, 30))).unwrap()),
+        ("paste", paste(&grey, &wide, Some((-10, 30)), true).unwrap()),
         ("mosaic", mosaic(&[wide.clone(), grey.clone(), wide.clone()], (2, 2), 3).unwrap()),
         ("transpose", wide.turned(Turn::TRANSPOSE, 1 << 20).unwrap()),
         ("clockwise", wide.turned(Turn::CLOCKWISE, 500).unwrap()),
@@ -151,7 +151,7 @@ fn images_are_placed_together() {
         (sheet.data(), all(&sheet)),
         (window(0, 0, 5, 2), vec![1.0, 2.0, 0.0, 7.0, 0.0, 0.0, 0.0, 0.0, 8.0, 0.0])
     );
-    let pasted = paste(&b, &a, Some((1, -1))).unwrap();
+    let pasted = paste(&b, &a, Some((1, -1)), true).unwrap();
     assert_eq!((pasted.data(), all(&pasted)), (window(0, -1, 2, 2), vec![0.0, 7.0, 1.0, 8.0]));
     assert!(mosaic(&[], (1, 1), 0).is_err() && mosaic(&[a.clone(), b], (1, 1), 0).is_err());
     assert!(mosaic(&[a], (0, 1), 0).is_err());
