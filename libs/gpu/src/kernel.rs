@@ -91,8 +91,8 @@ impl Kernel {
         })
     }
 
-    /// Runs the kernel with `invocations` invocations and the buffers of its bindings, and waits for it. Returns its time
-    /// on the device in seconds; 0 when the device does not measure time.
+    /// Runs the kernel with `invocations` invocations and the buffers of its bindings, and waits for it. Returns its
+    /// time on the device in seconds; 0 when the device does not measure time.
     ///
     /// # Errors
     /// Returns an error when the device is lost or the driver reports one.

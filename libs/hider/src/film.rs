@@ -65,8 +65,9 @@ pub fn filter(
     dispatch(Filtering { support, source, pixels })
 }
 
-/// Returns for each pixel, row by row, the sum of the weights with which [`filter`] sums the samples that a pixel needs:
-/// the weight of the pixel among those of other passes over the same pixels. It is 1 for filters without weights.
+/// Returns for each pixel, row by row, the sum of the weights with which [`filter`] sums the samples that a pixel
+/// needs: the weight of the pixel among those of other passes over the same pixels. It is 1 for filters without
+/// weights.
 pub fn weights(support: &Support, samples: &SampleGrid, pixels: &PixelRect) -> Vec<f32> {
     let places = (pixels.y0..pixels.y1).flat_map(|y| (pixels.x0..pixels.x1).map(move |x| [x, y]));
     let PixelFilter::Weighted(_) = support.spec.filter else { return places.map(|_| 1.0).collect() };

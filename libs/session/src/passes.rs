@@ -1,6 +1,5 @@
 //! The passes that the options and the scene request.
 
-use crate::SessionOptions;
 use granita_base::{Location, Reporter, Severity};
 use granita_render::PassPlan;
 use granita_scene::{Scene, attr};
@@ -23,12 +22,11 @@ pub struct PassOptions {
 /// Returns the passes of a frame; `None` for a frame of its own. `idle_since` is the time at which the session began to
 /// read its scene.
 pub(crate) fn plan(
-    options: &SessionOptions,
+    asked: PassOptions,
     scene: &Scene,
     idle_since: Instant,
     reporter: &Reporter,
 ) -> Option<PassPlan> {
-    let asked = options.passes;
     let refuse = |name: &str, value: String| {
         let text = format!("\"{name}\" {value} is below 0 or not a number; it is ignored");
         reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);

@@ -415,7 +415,7 @@ impl SessionRenderer {
             scene_files: self.options.scene_files.clone(),
             spread: self.spread(scene),
             priority: self.commands.priority.clone(),
-            passes: passes::plan(&self.options, scene, self.idle_since, &self.reporter)
+            passes: passes::plan(self.options.passes, scene, self.idle_since, &self.reporter)
                 .filter(|_| self.desk.lock().is_none()),
         }
     }

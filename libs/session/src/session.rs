@@ -371,8 +371,8 @@ impl Session {
         self.stop.clone()
     }
 
-    /// Returns a flag that is true while a frame is rendered that keeps its images when it is stopped, and while they are
-    /// written.
+    /// Returns a flag that is true while a frame is rendered that keeps its images when it is stopped, and while they
+    /// are written.
     pub fn busy(&self) -> Arc<AtomicBool> {
         self.busy.clone()
     }

@@ -1,5 +1,5 @@
-//! Tests the table "What happens at extremes" of the manual. Each row renders a scene with extreme numbers, and compares
-//! it with the same scene with ordinary ones: to the bit where the difference is a power of two.
+//! Tests the table "What happens at extremes" of the manual. Each row renders a scene with extreme numbers, and
+//! compares it with the same scene with ordinary ones: to the bit where the difference is a power of two.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 

@@ -9,8 +9,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// A scene with all kinds of random numbers: edges, motion, depth of field, an area light, occlusion, indirect light and
-/// a shader's own.
+/// A scene with all kinds of random numbers: edges, motion, depth of field, an area light, occlusion, indirect light
+/// and a shader's own.
 const SCENE: &str = r#"
 Attribute ("int[2] resolution", (72, 56))
 Attribute ("int[2] spatialquality", (2, 2))

@@ -278,8 +278,8 @@ impl Accumulated {
         self.colors.len()
     }
 
-    /// Returns the mean value, and the mean variance of a value in one pass, of the colours of a pixel; `None` when they
-    /// are not finite or there are fewer than two passes.
+    /// Returns the mean value, and the mean variance of a value in one pass, of the colours of a pixel; `None` when
+    /// they are not finite or there are fewer than two passes.
     fn spread(&self, pixel: usize) -> Option<[f64; 2]> {
         let (n, channels) = (self.counts[pixel], self.colors.len() as f64);
         if n < 2 || self.colors.is_empty() {
@@ -332,7 +332,8 @@ impl Accumulated {
             .collect()
     }
 
-    /// Returns the error over the pixels of a rectangle, relative to the mean value `mean`; `None` when it is not known.
+    /// Returns the error over the pixels of a rectangle, relative to the mean value `mean`; `None` when it is not
+    /// known.
     pub(crate) fn error(&self, rect: &PixelRect, mean: f64) -> Option<ErrorEstimate> {
         let spots = |side| -> Vec<Spot> {
             Self::cut(rect, side).iter().map(|part| self.spot(part)).filter(|spot| spot.pixels > 0).collect()
