@@ -339,7 +339,7 @@ impl Accelerator for Moody {
 impl MoodyCopy {
     /// True for every second batch.
     fn takes(&self) -> bool {
-        self.0.traced.fetch_add(1, std::sync::atomic::Ordering::Relaxed) % 2 == 0
+        self.0.traced.fetch_add(1, std::sync::atomic::Ordering::Relaxed).is_multiple_of(2)
     }
 }
 

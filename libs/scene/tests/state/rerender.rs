@@ -89,7 +89,8 @@ impl Run {
     }
 }
 
-/// The attributes that may change are those of the reference, those of re-rendering itself, and "verbosity".
+/// The attributes that may change are those of the reference, those of re-rendering itself, those of passes, and
+/// "verbosity".
 #[test]
 fn the_table_marks_the_attributes_that_may_change() {
     let marked = |scope: Scope| -> Vec<&str> {
@@ -101,7 +102,7 @@ fn the_table_marks_the_attributes_that_may_change() {
     assert_eq!(marked(Scope::Object), ["rerender:locked"]);
     let scene = |name: &str| {
         let is_memory = name.starts_with("limits:") && name.ends_with("memory");
-        let begins = ["rerender:", "path:", "statistics:"].iter().any(|word| name.starts_with(word));
+        let begins = ["rerender:", "path:", "statistics:", "render:"].iter().any(|word| name.starts_with(word));
         is_memory || begins || name == "verbosity"
     };
     for row in TABLE.iter().filter(|row| row.scope == Scope::Global) {
