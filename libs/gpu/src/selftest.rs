@@ -182,8 +182,8 @@ fn input(i: u32) -> Input {
             12 => f32::from_bits(w & 0x807f_ffff | ((w >> 7) % 30) << 23),
             13 => SPECIAL[(w >> 5) as usize % SPECIAL.len()],
             // Numbers of double precision whose quotients and single forms are normal, or nearly so.
-            14 if d % 2 == 0 => return w & 0x800f_ffff | (1023 - 60 + (w >> 3) % 120) << 20,
-            15 if d % 2 == 0 => return w & 0x800f_ffff | (1023 - 152 + (w >> 3) % 30) << 20,
+            14 if d.is_multiple_of(2) => return w & 0x800f_ffff | (1023 - 60 + (w >> 3) % 120) << 20,
+            15 if d.is_multiple_of(2) => return w & 0x800f_ffff | (1023 - 152 + (w >> 3) % 30) << 20,
             _ => return w,
         };
         number.to_bits()
