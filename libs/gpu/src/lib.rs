@@ -7,8 +7,8 @@
 //! # Invariants
 //!
 //! - **The same bits.** Kernels use no built-in function whose result is not exact. Their modules are decorated, so
-//!   that drivers neither contract nor reorder (`spirv.rs`). Quotients and roots are corrected by their residuals. Where
-//!   [`selftest`] holds, hits are those of `granita_trace`.
+//!   that drivers neither contract nor reorder (`spirv.rs`). Quotients and roots are corrected by their residuals.
+//!   Where [`selftest`] holds, hits are those of `granita_trace`.
 //! - **Limits are kept.** No binding is larger than the adapter allows. Trees are divided into pages ([`Pages`]), and
 //!   rays into batches.
 //! - **Nothing is lost with a device.** Every call returns a [`GpuError`] when the device was lost, its memory is used
