@@ -84,7 +84,8 @@ fn tests(root: &Path, arguments: &[&str]) -> Result<(), String> {
     if status.success() { Ok(()) } else { Err("tests failed".to_owned()) }
 }
 
-/// Checks what only builds with devices, and runs its tests.
+/// Checks what only builds with devices. Its tests, `cargo test -p gelato --features gpu --test gpu`, take minutes to
+/// build; those of the crate `gpu` are among the tests of the workspace.
 fn devices(root: &Path) -> Result<(), String> {
     let built = [
         "--package",
@@ -95,8 +96,7 @@ fn devices(root: &Path) -> Result<(), String> {
         "gelato/gpu,granita-benches/gpu",
     ];
     let lints = [&["clippy", "--quiet"], &built[..], &["--bins", "--tests", "--", "-D", "warnings"]].concat();
-    step(root, "devices: lints", &lints)?;
-    step(root, "devices", &["test", "--quiet", "--package", "gelato", "--features", "gpu", "--test", "gpu"])
+    step(root, "devices", &lints)
 }
 
 /// Checks the links of the manual and a part of each of its images. The tests of the manual have run before.

@@ -52,10 +52,7 @@ fn a_plugin_makes_the_conversions_that_are_not_supported() {
     for compiler in compilers() {
         plugin(compiler, &source, "opencolorio.color.so", &[]);
         let (status, text, err) = seen(at);
-        assert!(
-            status == 0 && err.is_empty() && text.contains(" 0.36 "),
-            "{compiler} {status} {text} {err}"
-        );
+        assert!(status == 0 && err.is_empty() && text.contains(" 0.36 "), "{compiler} {status} {text} {err}");
     }
     let words =
         ["-colorconfig", "a.ocio", "grey.exr", "-ociodisplay:from=ACES", "screen", "film", "-safe", "-stats"];

@@ -102,7 +102,8 @@ fn the_table_marks_the_attributes_that_may_change() {
     assert_eq!(marked(Scope::Object), ["rerender:locked"]);
     let scene = |name: &str| {
         let is_memory = name.starts_with("limits:") && name.ends_with("memory");
-        let begins = ["rerender:", "path:", "statistics:", "render:"].iter().any(|word| name.starts_with(word));
+        let begins =
+            ["rerender:", "path:", "statistics:", "render:"].iter().any(|word| name.starts_with(word));
         is_memory || begins || name == "verbosity"
     };
     for row in TABLE.iter().filter(|row| row.scope == Scope::Global) {
