@@ -178,19 +178,9 @@ fn closest(
     tracer: &Tracer,
     resident: &GpuTracer,
 ) -> Result<(), granita_gpu::GpuError> {
-    let (mut times, mut expected) = (Times::NONE, vec![Hit::MISS; rays.len()]);
-    let mut got = expected.clone();
-    for _ in 0..RUNS {
-        let start = Instant::now();
-        expected
-            .par_chunks_mut(CHUNK)
-            .zip(rays.par_chunks(CHUNK))
-            .for_each(|(hits, rays)| tracer.closest(rays, hits));
-        times.cpu = times.cpu.min(start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        times.device = times.device.min(resident.closest(rays, &mut got)?.seconds);
-        times.whole = times.whole.min(start.elapsed().as_secs_f64());
-    }
+    let cpu = |rays: &[Ray], hits: &mut [Hit]| tracer.closest(rays, hits);
+    let device = |hits: &mut Vec<Hit>| Ok(resident.closest(rays, hits)?.seconds);
+    let (times, expected, got) = timed(rays, Hit::MISS, cpu, device)?;
     let bits = |h: &Hit| (h.t.to_bits(), h.mesh, h.triangle, h.b1.to_bits(), h.b2.to_bits());
     let differ = expected.iter().zip(&got).filter(|(a, b)| bits(a) != bits(b)).count();
     times.print(name, &format!("{kind}, closest"), rays.len(), differ);
@@ -204,22 +194,34 @@ fn any(
     tracer: &Tracer,
     resident: &GpuTracer,
 ) -> Result<(), granita_gpu::GpuError> {
-    let (mut times, mut expected) = (Times::NONE, vec![false; rays.len()]);
-    let mut got = expected.clone();
-    for _ in 0..RUNS {
-        let start = Instant::now();
-        expected
-            .par_chunks_mut(CHUNK)
-            .zip(rays.par_chunks(CHUNK))
-            .for_each(|(blocked, rays)| tracer.any(rays, blocked));
-        times.cpu = times.cpu.min(start.elapsed().as_secs_f64());
-        let start = Instant::now();
-        times.device = times.device.min(resident.any(rays, &mut got)?.seconds);
-        times.whole = times.whole.min(start.elapsed().as_secs_f64());
-    }
+    let cpu = |rays: &[Ray], blocked: &mut [bool]| tracer.any(rays, blocked);
+    let device = |blocked: &mut Vec<bool>| Ok(resident.any(rays, blocked)?.seconds);
+    let (times, expected, got) = timed(rays, false, cpu, device)?;
     let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
     times.print(name, &format!("{kind}, any"), rays.len(), differ);
     Ok(())
+}
+
+/// Traces rays on all cores and on the device, in turns. `device` returns the seconds there. Returns the least times
+/// and the results of both.
+fn timed<T: Clone + Send>(
+    rays: &[Ray],
+    none: T,
+    cpu: impl Fn(&[Ray], &mut [T]) + Sync,
+    device: impl Fn(&mut Vec<T>) -> Result<f64, granita_gpu::GpuError>,
+) -> Result<(Times, Vec<T>, Vec<T>), granita_gpu::GpuError> {
+    let (mut times, mut expected) = (Times::NONE, vec![none; rays.len()]);
+    let mut got = expected.clone();
+    for _ in 0..RUNS {
+        let start = Instant::now();
+        let parts = expected.par_chunks_mut(CHUNK).zip(rays.par_chunks(CHUNK));
+        parts.for_each(|(found, rays)| cpu(rays, found));
+        times.cpu = times.cpu.min(start.elapsed().as_secs_f64());
+        let start = Instant::now();
+        times.device = times.device.min(device(&mut got)?);
+        times.whole = times.whole.min(start.elapsed().as_secs_f64());
+    }
+    Ok((times, expected, got))
 }
 
 /// Returns points over the surface of a mesh, slightly outside of it.
