@@ -57,7 +57,8 @@ impl Image {
         image
     }
 
-    fn with_text(&self, name: &str, text: &str) -> Self {
+    /// Returns the image with metadata that is a text.
+    pub(crate) fn with_text(&self, name: &str, text: &str) -> Self {
         let ty = ParamType::of(BaseType::String);
         self.with_attribute(Param { name: name.into(), ty, data: text.into() })
     }

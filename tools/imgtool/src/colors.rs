@@ -18,7 +18,7 @@ pub(crate) fn act(machine: &mut Machine<'_>, given: &Given) -> Done {
     let image = match given.row.action {
         Action::IsColorSpace => {
             config.processor(word, word)?;
-            image.in_space(word)?
+            image.in_space(word)
         }
         Action::ColorConvert => {
             let to = &*given.values[1];
@@ -92,5 +92,5 @@ fn from_file(machine: &Machine<'_>, image: &Image, config: &Config, to: &str) ->
 }
 
 fn converted(image: &Image, given: &Given, processor: Processor, space: Option<&str>) -> Done<Image> {
-    Ok(image.with_colors(processor, given.flag("unpremult", false)?, space)?)
+    Ok(image.with_colors(processor, given.flag("unpremult", false)?, space))
 }
