@@ -28,7 +28,14 @@ impl GridTraits {
     /// defaults.
     pub(crate) const NOTHING: Self = Self { primitive: None, rim_px: None, sides: [true; 4] };
 
-    /// Returns the properties of a part of a primitive.
+    /// Returns the properties of a part of a curve. The curve ends at its two borders along v, so that no neighbour
+    /// continues it there, however near another curve is.
+    pub(crate) fn of_curve(leaf: &Leaf) -> Self {
+        let [u0, u1, ..] = leaf.piece.domain();
+        Self { sides: [true, u1 != 1.0, true, u0 != 0.0], ..Self::NOTHING }
+    }
+
+    /// Returns the properties of a part of a preshaded grid.
     pub(crate) fn new(params: &Params, leaf: &Leaf) -> Self {
         let [u0, u1, v0, v1] = leaf.piece.domain();
         let outer = [v0 == 0.0, u1 == 1.0, v1 == 1.0, u0 == 0.0];

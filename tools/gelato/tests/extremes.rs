@@ -239,6 +239,38 @@ fn thousands_of_transparent_layers_are_as_opaque_as_their_product() {
 }
 
 #[test]
+fn curves_thinner_than_a_pixel_cover_what_they_should() {
+    let place = Place::new();
+    // A pixel is 0.083 units wide at this distance. The curves stand next to each other, with gaps as wide as they are.
+    let alpha = |n: usize, gap: f64| {
+        let width = 0.4 / n as f64;
+        let mut points = String::new();
+        for k in 0..n {
+            let y = (k as f64 + 0.5) * width * (1.0 + gap) - 0.2 * (1.0 + gap);
+            let _ = write!(points, "{}-1, {y}, 3, 1, {y}, 3", if k > 0 { ", " } else { "" });
+        }
+        let text = format!(
+            "Attribute (\"int[2] resolution\", (48, 36))\nAttribute (\"int[2] spatialquality\", (12, 12))\n\
+             Attribute (\"float fov\", 60)\n\
+             Output (\"a.exr\", \"exr\", \"rgba\", \"main\", \"string pixeltype\", \"float\")\nCamera (\"main\")\nWorld ()\n\
+             Shader (\"surface\", \"matte\")\n\
+             Curves (\"linear\", {n}, 2, \"vertex point P\", ({points}), \"constant float width\", {width})\nRender ()\n"
+        );
+        let (status, said, pixels) = place.render(&text);
+        assert!(status == 0 && said.is_empty(), "{said}");
+        pixels.chunks(4).map(|p| p[3]).sum::<f32>()
+    };
+    for gap in [1.0, 3.0] {
+        let few = alpha(8, gap);
+        // 0.01 and 0.001 pixels.
+        for n in [500, 5000] {
+            let many = alpha(n, gap);
+            assert!((many / few - 1.0).abs() < 0.03, "{n} curves with gaps of {gap}: {many}, not {few}");
+        }
+    }
+}
+
+#[test]
 fn textures_of_one_texel_and_very_wide_ones_show_their_colour() {
     let place = Place::new();
     let color = [200_u8, 100, 50];

@@ -130,8 +130,9 @@ fn lights_are_edited_in_the_window() {
     BufReader::new(server.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
     let folder = place();
     // The image has 240 x 160 pixels in an area of 470 x 576, so it is shown at 100 %.
-    let script = "desk
-wait
+    // The desk prepares drags after an image, so that it is idle some time after the image is complete.
+    let script = "wait
+desk
 expect desk: idle
 expect desk: key lit
 screenshot first.png
@@ -139,6 +140,7 @@ key R
 drag X Y X2 Y
 latency
 wait
+desk
 expect desk: idle
 expect desk: key lit edited
 screenshot second.png

@@ -310,6 +310,7 @@ impl<S: FrameShader> Frame<'_, S> {
         // A preshaded grid may carry the properties that the hider needs.
         let given = match diced.leaf.piece.lattice() {
             Some(_) => GridTraits::new(&primitive.keys[0].params, diced.leaf),
+            None if diced.leaf.piece.is_curve() => GridTraits::of_curve(diced.leaf),
             None => GridTraits::NOTHING,
         };
         let rim_px = given.rim_px.unwrap_or(RIM_PX);
