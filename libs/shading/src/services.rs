@@ -308,11 +308,12 @@ impl<'r, 'f> Run<'r, 'f> {
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let share = 1.0 / area.samples as f32;
         for index in 0..area.samples {
-            let own = self.seed;
+            let (own, frame) = (self.seed, self.frame);
             let seed = |lane: u32| match names.get(lane as usize) {
                 Some(name) => hash::words(&[*name, light.seed, AREA]),
                 None => hash::words(&[own, call, light.seed, lane]),
             };
+            let seed = |lane: u32| frame.seed_of(NoiseSource::Lights, seed(lane));
             let active = query.batch.active;
             if !area::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
                 return sum;
@@ -339,7 +340,7 @@ impl<'r, 'f> Run<'r, 'f> {
                     Some(name) => hash::words(&[*name, light.seed, AREA]),
                     None => hash::words(&[own, call, light.seed, lane]),
                 };
-                let (x, y) = sample::square(index, seed);
+                let (x, y) = sample::square(index, self.frame.seed_of(NoiseSource::Lights, seed));
                 (places[0][lane as usize], places[1][lane as usize]) = (x, y);
             }
             let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
@@ -354,12 +355,13 @@ impl<'r, 'f> Run<'r, 'f> {
         sum
     }
 
-    /// Returns the seed of a lane for the next random call.
-    fn lane_seed(&self, call: u32, lane: u32) -> u32 {
-        match self.seeds.of(lane as usize) {
+    /// Returns the seed of a lane for the next random call, which draws for `source`.
+    fn lane_seed(&self, source: NoiseSource, call: u32, lane: u32) -> u32 {
+        let seed = match self.seeds.of(lane as usize) {
             Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
             None => hash::words(&[self.seed, call, lane]),
-        }
+        };
+        self.frame.seed_of(source, seed)
     }
 
     /// Counts a call that draws random numbers.
@@ -700,7 +702,7 @@ impl Run<'_, '_> {
         }
         self.note_file(query.name);
         let call = self.next_call(query.batch.active);
-        let seeds = |lane: u32| self.lane_seed(call, lane);
+        let seeds = |lane: u32| self.lane_seed(NoiseSource::Lights, call, lane);
         // A thread that builds structures for others or renders a map must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit;
         let maps = self.frame.dynamic.as_deref().filter(|_| may_wait);

@@ -169,6 +169,11 @@ struct Options {
     #[arg(long = "final", conflicts_with = "error")]
     final_: bool,
 
+    /// Measure what the noise of an image of passes comes from (edges, motion, lens, lights, ...), with one more pass
+    /// for each
+    #[arg(long)]
+    causes: bool,
+
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
     cwd: Option<PathBuf>,

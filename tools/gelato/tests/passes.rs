@@ -258,3 +258,33 @@ fn a_signal_ends_with_the_passes_so_far() {
     let (_, again) = place.image(&["-passes", &shown.passes().to_string()]);
     assert!(again == shown);
 }
+
+#[test]
+fn the_noise_of_each_source_is_measured() {
+    let place = Place::new();
+    let (_, plain) = place.image(&["-passes", "4"]);
+    let (said, shown) = place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
+    assert!(said.contains("; from ") && said.contains("occlusion "), "{said}");
+    assert!(plain.pixels == shown.pixels && plain.errors == shown.errors);
+    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
+    let record: Value = serde_json::from_str(&text).unwrap();
+    let passes = &record["frames"][0]["cameras"][0]["passes"];
+    let parts = passes["causes"].as_object().unwrap();
+    let names: Vec<&str> = parts.keys().map(String::as_str).collect();
+    assert_eq!(names, ["edges", "indirect", "lens", "motion", "occlusion"]);
+    let error = passes["error"].as_f64().unwrap();
+    assert!(parts.values().all(|part| (1e-4..1.2).contains(&(part.as_f64().unwrap() / error))), "{passes}");
+    assert!(passes["worst_block"]["error"].as_f64().unwrap() >= passes["blocks99"].as_f64().unwrap());
+    assert_eq!(passes["images"][0]["name"], "a.exr");
+    // Fewer samples make more noise.
+    let few = SHADER.replace("\"samples\", 16", "\"samples\", 2");
+    place.write("noisy.gsl", &few);
+    place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
+    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
+    let record: Value = serde_json::from_str(&text).unwrap();
+    let more = record["frames"][0]["cameras"][0]["passes"]["causes"]["occlusion"].as_f64().unwrap();
+    assert!(more > 1.5 * parts["occlusion"].as_f64().unwrap(), "{more} {parts:?}");
+    // Alone it makes the two passes that differences need.
+    let (_, alone) = place.image(&["-causes"]);
+    assert_eq!(alone.passes(), 2);
+}

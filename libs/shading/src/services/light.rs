@@ -142,10 +142,11 @@ impl<'q> Question<'q> {
     /// on another grid changes the result only slightly.
     fn seed(&self, run: &Run<'_, '_>, call: u32, lane: u32) -> u32 {
         if !self.translational {
-            return run.lane_seed(call, lane);
+            return run.lane_seed(self.kind.noise(), call, lane);
         }
         let [x, y, z] = self.places[lane as usize].to_array().map(f32::to_bits);
-        run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]))
+        let seed = run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]));
+        run.frame.seed_of(self.kind.noise(), seed)
     }
 
     /// Returns by how much the width of a ray of a point grows per unit of distance.
