@@ -24,7 +24,8 @@ use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
 use crate::{ShaderThread, ShadingContext};
 use granita_base::{
-    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample, suggestion,
+    BaseType, Location, NoiseSource, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
+    suggestion,
 };
 use granita_dicing::finite;
 use granita_gsl::Func;
@@ -306,8 +307,9 @@ impl<'r, 'f> Run<'r, 'f> {
         };
         let (call, names) = (self.calls, self.seeds_for(light.seed, query));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
-        let share = 1.0 / area.samples as f32;
-        for index in 0..area.samples {
+        let count = samples(area.samples, self.frame.rays.limits.samples);
+        let share = 1.0 / count as f32;
+        for index in 0..count {
             let (own, frame) = (self.seed, self.frame);
             let seed = |lane: u32| match names.get(lane as usize) {
                 Some(name) => hash::words(&[*name, light.seed, AREA]),
@@ -331,10 +333,11 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Any other light runs once.
     fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
         let (call, names, own) = (self.calls, self.seeds_for(light.seed, query), self.seed);
-        let share = 1.0 / light.samples as f32;
+        let count = samples(light.samples, self.frame.rays.limits.samples);
+        let share = 1.0 / count as f32;
         let mut sum = LightResult::default();
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
-        for index in 0..light.samples {
+        for index in 0..count {
             for &lane in query.batch.active {
                 let seed = match names.get(lane as usize) {
                     Some(name) => hash::words(&[*name, light.seed, AREA]),
@@ -511,6 +514,15 @@ fn without_variables(grid: &Grid) -> Grid {
 /// Returns a float option of a lane, or its default.
 fn option(value: Option<Lane<'_>>, lane: usize, default: f32) -> f32 {
     value.map_or(default, |v| v.get(lane))
+}
+
+/// Returns a number of samples of which the mean is taken, times the attribute "render:samples". A single sample stays
+/// one, because a hard shadow or a mirror needs no more.
+fn samples(asked: u32, factor: f32) -> u32 {
+    if asked <= 1 || factor == 1.0 {
+        return asked;
+    }
+    (asked as f32 * factor).round().clamp(1.0, 65536.0) as u32
 }
 
 /// Returns a count option of a lane, from 1 to 65536.
@@ -711,7 +723,7 @@ impl Run<'_, '_> {
         let mut reader =
             maker.as_ref().map_or_else(|| textures.reader(), |maker| textures.reader_with(maker));
         let bias = |lane| self.bias(query.options.bias, lane);
-        maps::shadow(&mut reader, query, &seeds, &bias, out);
+        maps::shadow(&mut reader, query, self.frame.rays.limits.samples, &seeds, &bias, out);
     }
 }
 

@@ -174,6 +174,11 @@ struct Options {
     #[arg(long)]
     causes: bool,
 
+    /// Set an attribute of the scene, and ignore what the scene sets it to; may be given several times:
+    /// -set spatialquality=8,8
+    #[arg(long, value_name = "NAME=VALUE", value_parser = granita_session::attribute_from_text)]
+    set: Vec<granita_base::Param>,
+
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
     cwd: Option<PathBuf>,
@@ -595,6 +600,7 @@ fn session_options(
         open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
         statistics: i32::from(options.statistics),
+        set: options.set.clone(),
         crop: <[f32; 4]>::try_from(options.crop.as_slice()).ok(),
         preview: options.preview,
         shadertype: options.shade.clone(),

@@ -6,7 +6,7 @@ mod bounce;
 
 use super::maps::fit;
 use super::rays::{Aim, HIT, TracingLanes, unknown_set};
-use super::{Run, count, option};
+use super::{Run, count, option, samples};
 use crate::lighting::cache::hemisphere::{Seen, Strata};
 use crate::lighting::cache::lattice::{Lattice, Points, Tolerance, Wanted};
 use crate::lighting::cache::{Kind, Record, Spot};
@@ -460,7 +460,10 @@ impl Gatherer<'_, '_, '_, '_> {
             .map(|&lane| Ask {
                 lane,
                 seed: self.question.seed(self.run, self.call, lane),
-                samples: count(Some(self.question.query.samples), lane as usize),
+                samples: samples(
+                    count(Some(self.question.query.samples), lane as usize),
+                    self.run.frame.rays.limits.samples,
+                ),
             })
             .collect();
         // The first pass traces a quarter of the rays. Where they agree, no more are traced.
