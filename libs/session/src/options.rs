@@ -65,6 +65,8 @@ pub struct SessionOptions {
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
+    /// True when these are all images. Those that the renderer makes for itself (shadow maps on demand) stay.
+    pub only_extra_outputs: bool,
     /// True when the images of frames that are ended early are kept as partial ones (see
     /// [`granita_render::partial_path`]).
     pub keep_partial: bool,

@@ -127,9 +127,10 @@ pub fn attribute_from_text(text: &str) -> Result<Param, String> {
 }
 
 impl State {
-    /// Sets attributes that calls do not change. They come before the first call.
+    /// Sets attributes that calls do not change. They come before the first call. Of several values the last one counts.
     pub fn fix_attributes(&mut self, params: &[Param]) {
         for param in params {
+            self.fixed.remove(&param.name);
             self.set_attribute(param.clone(), &Location::default());
             self.fixed.insert(param.name.clone());
         }
