@@ -15,6 +15,8 @@
 //!   and in a window;
 //! - `cargo run --release -p granita-benches --bin bounces` measures reflections of reflections and further bounces of
 //!   indirect light;
+//! - `cargo run --release -p granita-benches --bin errors` renders twelve scenes at requested errors, and compares what
+//!   was reached with converged images;
 //! - `cargo xtask trade SCENE` measures the time and the error of each parameter of indirect light and occlusion;
 //! - `cargo run --release -p granita-benches --bin peers` runs our tools and the public ones of the field, prints
 //!   ratios, and reports which tools it could not find;

@@ -16,7 +16,8 @@
 //! - [`search`]: search paths with `&` and variables;
 //! - [`files`]: every file that is read or written is opened here, by the rules of the run;
 //! - [`filter`]: reconstruction filters by name;
-//! - [`hash`] and [`sample`]: random numbers that depend only on their coordinates.
+//! - [`hash`] and [`sample`]: random numbers that depend only on their coordinates;
+//! - [`PassNumbers`]: those of the passes of an image, by what they are used for ([`NoiseSource`]).
 //!
 //! The conventions of the whole suite are these. Points are **row vectors**. Matrices are stored row by row, with the
 //! translation in the last row, and `a.then(b)` applies `a` first. "camera" space is left handed: x right, y up, z
@@ -36,6 +37,7 @@ pub mod files;
 pub mod filter;
 pub mod hash;
 mod lru;
+mod noise;
 pub mod number;
 mod once;
 mod parallel;
@@ -53,6 +55,7 @@ pub use files::{AtomicFile, Confinement, FileError, FileStamp, Files, MovedFolde
 pub use filter::Filter;
 pub use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 pub use lru::Lru;
+pub use noise::{NoiseSource, PassNumbers};
 pub use number::{Number, scan_number};
 pub use once::OnceMap;
 pub use parallel::parallel_map;

@@ -1,6 +1,6 @@
 //! Positions, times and lens points of the samples of a rectangle of pixels.
 
-use granita_base::{hash, sample};
+use granita_base::{NoiseSource, PassNumbers, hash, sample};
 use granita_dicing::{CameraView, PixelRect};
 use std::sync::Arc;
 
@@ -71,12 +71,14 @@ impl SamplePattern {
     /// "temporalquality" and "dofquality" are the least numbers of different values in a pixel. Where they are larger
     /// than what `spatialquality` gives, pixels get more samples. A quality of 1 turns the blur off.
     pub fn new(camera: &CameraView, moving: bool) -> Self {
-        Self::of_pass(camera, moving, 0)
+        Self::of_pass(camera, moving, PassNumbers::default())
     }
 
     /// Returns the pattern of a camera for one pass of an image that is the sum of several. The positions, times and
     /// lens points of different passes are independent of each other. Pass 0 has those of [`SamplePattern::new`].
-    pub fn of_pass(camera: &CameraView, moving: bool, pass: u32) -> Self {
+    pub fn of_pass(camera: &CameraView, moving: bool, numbers: PassNumbers) -> Self {
+        let [place, time, at_lens] =
+            [NoiseSource::Edges, NoiseSource::Motion, NoiseSource::Lens].map(|source| numbers.number(source));
         let blur = Self::blurs(camera, moving);
         let defocus = camera.has_depth_of_field();
         let least = u64::from(1.max(if blur { camera.temporalquality } else { 1 }).max(if defocus {
@@ -94,15 +96,15 @@ impl SamplePattern {
         let still_strata = if camera.autopassreduction { asked } else { strata };
         let n = x * y;
         let mut tables = Tables::default();
-        tables.add_places(strata, pass);
+        tables.add_places(strata, place);
         if still_strata != strata {
-            tables.add_places(still_strata, pass);
+            tables.add_places(still_strata, place);
         }
         if blur {
-            tables.add_times(n, camera.shutter, pass);
+            tables.add_times(n, camera.shutter, time);
         }
         if let Some(lens) = camera.lens.filter(|_| defocus) {
-            tables.add_lens(strata, lens.radius, blur, pass);
+            tables.add_lens(strata, lens.radius, blur, at_lens);
         }
         let Tables { fx, fy, time, lens_x, lens_y, .. } = &mut tables;
         for list in [fx, fy, time, lens_x, lens_y] {
@@ -453,15 +455,14 @@ mod tests {
         let camera = CameraView::new(&camera, &granita_base::Reporter::silent());
         let places = |pattern: SamplePattern| (pattern.tables.fx.clone(), pattern.tables.fy.clone());
         let frame = places(SamplePattern::new(&camera, false));
-        assert!(frame == places(SamplePattern::of_pass(&camera, false, 0)));
-        let (first, second) = (1..3).map(|k| places(SamplePattern::of_pass(&camera, false, k))).fold(
-            (Vec::new(), Vec::new()),
-            |(mut x, mut y), (fx, fy)| {
+        assert!(frame == places(SamplePattern::of_pass(&camera, false, PassNumbers::default())));
+        let (first, second) = (1..3)
+            .map(|k| places(SamplePattern::of_pass(&camera, false, PassNumbers::of(k))))
+            .fold((Vec::new(), Vec::new()), |(mut x, mut y), (fx, fy)| {
                 x.extend(fx.iter().take(64).map(|x| x.to_bits()));
                 y.extend(fy.iter().take(64).map(|y| y.to_bits()));
                 (x, y)
-            },
-        );
+            });
         let of_frame: Vec<u32> = frame.0.iter().take(64).map(|x| x.to_bits()).collect();
         assert!(first[..64] != of_frame[..] && first[..64] != first[64..] && second[..64] != second[64..]);
     }

@@ -47,6 +47,8 @@ pub struct RayLimits {
     pub deep_samples: f32,
     /// The attribute "ray:minweight", at least 0.
     pub min_weight: f32,
+    /// The attribute "render:samples", at least 0.
+    pub samples: f32,
     /// The attribute "indirect:maxdepth".
     pub indirect_depth: u32,
 }
@@ -61,6 +63,7 @@ impl RayLimits {
             max_depth_color: scene.get(attr::RAY_MAXDEPTHCOLOR),
             deep_samples: scene.get(attr::RAY_DEEPSAMPLES).max(0.0),
             min_weight: scene.get(attr::RAY_MINWEIGHT).max(0.0),
+            samples: scene.get(attr::RENDER_SAMPLES).max(0.0),
             indirect_depth: u32::try_from(scene.get(attr::INDIRECT_MAXDEPTH)).unwrap_or(0),
         }
     }

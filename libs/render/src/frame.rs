@@ -234,7 +234,7 @@ pub(crate) fn render<S: FrameShader>(
             workers.begin();
             workers.end();
         }
-        frame.sum_passes(crop);
+        frame.sum_passes(crop, &plan);
         let result = frame.run_passes((scene, &plan), &canvases, threads);
         failed = result.failed;
         passed = Some(result);
@@ -265,7 +265,7 @@ pub(crate) fn render<S: FrameShader>(
         kept.fit();
         kept.reuse(frame.shader.changes())
     });
-    statistics.passes = passed.as_ref().map(|passed| passed.report);
+    statistics.passes = passed.as_ref().map(|passed| passed.report.clone());
     let has_picture = passed.as_ref().is_some_and(|passed| passed.report.passes > 0);
     if stop.load(Ordering::Relaxed) && !has_picture {
         let Some(partials) = partials else { return Err(RenderError::Stopped) };
@@ -361,7 +361,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
         let mut thread = if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() };
         // The first pass prints and saves.
-        if self.passes.as_ref().is_some_and(|passes| passes.number > 0) {
+        if self.passes.as_ref().is_some_and(passes::Passes::is_mute) {
             self.shader.mute(&mut thread, true);
         }
         thread

@@ -50,7 +50,7 @@ pub use error::RenderError;
 pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
 pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_light};
 pub use output::partial::partial_path;
-pub use passes::{ErrorEstimate, PassPlan, PassReport};
+pub use passes::{ErrorEstimate, ImageError, PassPlan, PassReport};
 pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
 pub use schedule::{Answer, Schedule, Task};

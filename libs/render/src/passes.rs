@@ -8,6 +8,7 @@
 //! the mean of infinitely many passes. It is estimated from the differences between passes. What all passes have in
 //! common (how surfaces are diced, filters of textures and shadow maps) is not part of it.
 
+use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
 
 /// The number of passes of the whole frame after which an image with a requested error decides where more are needed.
@@ -32,6 +33,8 @@ pub struct PassPlan {
     pub grace: Duration,
     /// The requested error as a fraction of the mean of the image, for example 0.02 for 2 %.
     pub error: Option<f32>,
+    /// True when the part of each noise source in the error is measured, with one more pass for each.
+    pub causes: bool,
 }
 
 impl PassPlan {
@@ -69,10 +72,56 @@ pub struct ErrorEstimate {
     pub bound: f64,
     /// The 99th percentile of the errors of blocks of 8 x 8 pixels, each over the mean of the whole image.
     pub blocks_99: f64,
+    /// The largest of these errors.
+    pub worst_block: f64,
+    /// The first pixel of that block, from the left and the top of the whole image.
+    pub worst_at: [i32; 2],
+    /// The parts of the error that noise sources have, by their numbers: what remains of the error when all other
+    /// random numbers stay the same. `None` for a source that was not measured.
+    pub causes: [Option<f64>; NoiseSource::ALL.len()],
+}
+
+impl ErrorEstimate {
+    /// Returns the noise sources that were measured, with their parts of the error, the largest first.
+    pub fn causes(&self) -> Vec<(NoiseSource, f64)> {
+        let parts = NoiseSource::ALL.into_iter().zip(self.causes);
+        let mut list: Vec<(NoiseSource, f64)> =
+            parts.filter_map(|(source, error)| Some((source, error?))).collect();
+        list.sort_by(|a, b| b.1.total_cmp(&a.1));
+        list
+    }
+
+    /// Returns a text for people.
+    pub fn text(&self) -> String {
+        let mut text = format!(
+            "error {}, at most {} at 95 % confidence; 99 % of blocks below {}, the one at {} {} has {}",
+            percent(self.error),
+            percent(self.bound),
+            percent(self.blocks_99),
+            self.worst_at[0],
+            self.worst_at[1],
+            percent(self.worst_block)
+        );
+        let causes = self.causes();
+        for (k, (source, error)) in causes.iter().enumerate() {
+            let before = if k == 0 { "; from" } else { "," };
+            text += &format!("{before} {} {}", source.name(), percent(*error));
+        }
+        text
+    }
+}
+
+/// The passes of an image, and its error.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageError {
+    /// The name of the file.
+    pub name: String,
+    /// `None` after one pass, and for images without colours.
+    pub error: Option<ErrorEstimate>,
 }
 
 /// The passes of the images of a camera.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PassReport {
     /// The number of passes that were completed.
     pub passes: u32,
@@ -84,6 +133,8 @@ pub struct PassReport {
     pub requested: Option<f32>,
     /// True when the requested error was not reached.
     pub is_short: bool,
+    /// The error of each image.
+    pub images: Vec<ImageError>,
 }
 
 impl PassReport {
@@ -96,13 +147,8 @@ impl PassReport {
         if self.mean_passes + 0.05 < f64::from(self.passes) {
             text += &format!(" ({:.1} of a pixel)", self.mean_passes);
         }
-        if let Some(ErrorEstimate { error, bound, blocks_99 }) = self.error {
-            text += &format!(
-                "; error {}, at most {} at 95 % confidence; 99 % of blocks below {}",
-                percent(error),
-                percent(bound),
-                percent(blocks_99)
-            );
+        if let Some(error) = &self.error {
+            text += &format!("; {}", error.text());
         }
         text
     }
@@ -234,11 +280,22 @@ mod tests {
     fn texts_of_passes_show_percent() {
         let report = PassReport { passes: 1, mean_passes: 1.0, ..PassReport::default() };
         assert_eq!(report.text(), "1 pass");
-        let error = Some(ErrorEstimate { error: 0.0123, bound: 0.0131, blocks_99: 0.123 });
+        let mut causes = [None; NoiseSource::ALL.len()];
+        causes[NoiseSource::Edges as usize] = Some(0.004);
+        causes[NoiseSource::Lights as usize] = Some(0.0115);
+        let error = Some(ErrorEstimate {
+            error: 0.0123,
+            bound: 0.0131,
+            blocks_99: 0.123,
+            worst_block: 0.2,
+            worst_at: [16, 8],
+            causes,
+        });
         let report = PassReport { passes: 9, mean_passes: 4.25, error, ..PassReport::default() };
         assert_eq!(
             report.text(),
-            "9 passes (4.2 of a pixel); error 1.23 %, at most 1.31 % at 95 % confidence; 99 % of blocks below 12.3 %"
+            "9 passes (4.2 of a pixel); error 1.23 %, at most 1.31 % at 95 % confidence; 99 % of blocks below 12.3 %, \
+             the one at 16 8 has 20.0 %; from lights 1.15 %, edges 0.400 %"
         );
         assert_eq!(percent(0.004), "0.400 %");
     }

@@ -309,10 +309,16 @@ impl Statistics {
         ];
         let mut text = format!("Statistics of camera \"{camera}\"");
         let reuse = self.reuse.as_ref().map(Reuse::rows);
-        let passes = self.passes.map(|passes| ("passes", passes.text()));
+        let passes = self.passes.iter().map(|passes| ("passes", passes.text()));
         for (what, value) in rows.into_iter().chain(passes).chain(reuse.into_iter().flatten()) {
             // Writing to a string does not fail.
             let _ = write!(text, "\n  {what:<34} {value}");
+        }
+        // The report has the image with the largest error. The others follow.
+        let images =
+            self.passes.iter().filter(|report| report.images.len() > 1).flat_map(|report| &report.images);
+        for (image, error) in images.filter_map(|image| Some((image, image.error.as_ref()?))) {
+            let _ = write!(text, "\n    {:<32} {}", image.name, error.text());
         }
         text
     }

@@ -77,5 +77,5 @@ pub use scene::{
     AttributeSet, Camera, Connection, Holdout, InputCounts, Light, Output, Primitive, Scene, ShaderGroup,
     ShaderInstance, ShaderUsage, ShapeKey,
 };
-pub use state::{Checkpoint, State, check_pattern, predeclared, version_attribute};
+pub use state::{Checkpoint, State, attribute_from_text, check_pattern, predeclared, version_attribute};
 pub use values::Values;

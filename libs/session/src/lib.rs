@@ -57,6 +57,7 @@ pub use assets::{AssetKind, Assets, is_up_to_date};
 pub use connection::Connection;
 pub use desk::{Desk, DeskOptions};
 pub use error::SessionError;
+pub use granita_scene::attribute_from_text;
 pub use looking::{LookOptions, Up};
 pub use net::{Joined, NEXT as NET_NEXT, PORT as NET_PORT, join};
 pub use options::{ExtraOutput, FindViewer, SessionOptions, Viewer};

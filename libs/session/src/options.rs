@@ -3,6 +3,7 @@
 use crate::looking::LookOptions;
 use crate::passes::PassOptions;
 use crate::secret::NetSecret;
+use granita_base::Param;
 use granita_inputs::RunOptions;
 use granita_trace::Accelerator;
 use std::path::PathBuf;
@@ -54,6 +55,8 @@ pub struct SessionOptions {
     pub verbosity: Option<u8>,
     /// The lower limit of "statistics:level".
     pub statistics: i32,
+    /// Attributes that replace those of the scene, wherever it sets them (see [`granita_scene::attribute_from_text`]).
+    pub set: Vec<Param>,
     /// Replaces the crop window of every camera with xmin, xmax, ymin, ymax, as fractions of the image.
     pub crop: Option<[f32; 4]>,
     /// The preview mode of every camera, which replaces "shadingquality" when not 0.
@@ -62,6 +65,8 @@ pub struct SessionOptions {
     pub shadertype: Option<String>,
     /// Images in addition to the scene's.
     pub extra_outputs: Vec<ExtraOutput>,
+    /// True when these are all images. Those that the renderer makes for itself (shadow maps on demand) stay.
+    pub only_extra_outputs: bool,
     /// True when the images of frames that are ended early are kept as partial ones (see
     /// [`granita_render::partial_path`]).
     pub keep_partial: bool,

@@ -121,6 +121,9 @@ pub(crate) fn amended(
     if (has_files || is_looked_at || !requested.data.is_empty()) && is_automatic(&own, &scene) {
         scene.outputs.clear();
     }
+    if options.only_extra_outputs {
+        scene.outputs.retain(|output| output.get(attr::DYNAMIC));
+    }
     let of_program = requested.outputs(&scene);
     scene.outputs.extend(of_program);
     for extra in &options.extra_outputs {

@@ -17,6 +17,8 @@ pub struct PassOptions {
     pub seconds: Option<f64>,
     /// The error as a fraction of the mean of the image ("render:error").
     pub error: Option<f32>,
+    /// True when the part of each noise source in the error is measured ("render:causes").
+    pub causes: bool,
 }
 
 /// Returns the passes of a frame; `None` for a frame of its own. `idle_since` is the time at which the session began to
@@ -51,15 +53,19 @@ pub(crate) fn plan(
         Some(seconds) => Some((seconds, idle_since)),
         None => of_scene().map(|seconds| (f64::from(seconds), Instant::now())),
     };
+    let causes = asked.causes || scene.get(attr::RENDER_CAUSES);
     let deadline =
         time.and_then(|(seconds, from)| from.checked_add(Duration::try_from_secs_f64(seconds).ok()?));
     let (part, least) = GRACE;
     let grace =
         time.map_or(least, |(seconds, _)| least.max(Duration::from_secs_f64((seconds * part).min(60.0))));
+    // Differences between passes need two of them.
+    let passes = passes.or((causes && error.is_none() && deadline.is_none()).then_some(2));
     (passes.is_some() || error.is_some() || deadline.is_some()).then_some(PassPlan {
         passes,
         deadline,
         grace,
         error,
+        causes,
     })
 }

@@ -184,6 +184,7 @@ impl Session {
             scripts,
             master,
         };
+        session.state.fix_attributes(&session.options.set);
         session.read_startup_files();
         // Startup files are not a part of the scene.
         session.scripts = Scripts::default();

@@ -10,7 +10,9 @@ use crate::services::maps;
 use crate::spaces::{Spaces, Units};
 use crate::texts::Texts;
 use crate::{ShaderLibrary, ShadingEnvironment, ShadingStatistics, preshaded};
-use granita_base::{Files, Location, OnceMap, Reporter, SearchPath, Severity, Vec3, hash};
+use granita_base::{
+    Files, Location, NoiseSource, OnceMap, PassNumbers, Reporter, SearchPath, Severity, Vec3, hash,
+};
 use granita_dicing::{CameraView, finite};
 use granita_rays::{RayFrame, RayWorld};
 
@@ -25,6 +27,8 @@ use std::sync::{Arc, OnceLock};
 
 /// The dimension of the seeds of passes.
 const PASS: u32 = 0x7061_7373;
+/// The dimension of the seeds of a noise source that is varied.
+const VARIED: u32 = 0x7661_7279;
 
 /// Depth maps that are rendered on demand while shaders read them (reference 10.1.5).
 pub trait DepthMaps: Send + Sync {
@@ -85,6 +89,10 @@ pub struct ShadingContext {
     pub(crate) history: Vec<Changes>,
     /// The pass that is rendered, of an image that is the sum of passes.
     pass: AtomicU32,
+    /// The number of the noise source that has other random numbers than the pass, from 1; 0 for none.
+    varied: AtomicU32,
+    /// A bit for each noise source that drew random numbers.
+    drawn: AtomicU32,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
@@ -205,15 +213,37 @@ impl ShadingContext {
             keeps: false,
             history: Vec::new(),
             pass: AtomicU32::new(0),
+            varied: AtomicU32::new(0),
+            drawn: AtomicU32::new(0),
             reporter,
         }
     }
 
     /// Begins a pass of an image that is the sum of passes. Random numbers of different passes are independent of each
     /// other. Those of pass 0 are those of a frame. It must not be called while a thread shades.
-    pub fn begin_pass(&self, pass: u32) {
-        if self.pass.swap(pass, Ordering::Relaxed) != pass {
+    pub fn begin_pass(&self, numbers: PassNumbers) {
+        let varied = numbers.varied.map_or(0, |source| source as u32 + 1);
+        let pass = self.pass.swap(numbers.pass, Ordering::Relaxed);
+        if self.varied.swap(varied, Ordering::Relaxed) != varied || pass != numbers.pass {
             self.light_cache.clear();
+        }
+    }
+
+    /// Returns the noise sources of shading that drew random numbers so far.
+    pub fn noise_sources(&self) -> Vec<NoiseSource> {
+        let drawn = self.drawn.load(Ordering::Relaxed);
+        NoiseSource::ALL.into_iter().filter(|source| drawn >> (*source as u32) & 1 != 0).collect()
+    }
+
+    /// Returns the seed of random numbers that `source` draws.
+    pub(crate) fn seed_of(&self, source: NoiseSource, seed: u32) -> u32 {
+        let number = source as u32;
+        if self.drawn.load(Ordering::Relaxed) >> number & 1 == 0 {
+            self.drawn.fetch_or(1 << number, Ordering::Relaxed);
+        }
+        match self.varied.load(Ordering::Relaxed) == number + 1 {
+            true => hash::words(&[seed, VARIED]),
+            false => seed,
         }
     }
 

@@ -24,7 +24,8 @@ use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
 use crate::{ShaderThread, ShadingContext};
 use granita_base::{
-    BaseType, Location, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample, suggestion,
+    BaseType, Location, NoiseSource, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
+    suggestion,
 };
 use granita_dicing::finite;
 use granita_gsl::Func;
@@ -306,13 +307,15 @@ impl<'r, 'f> Run<'r, 'f> {
         };
         let (call, names) = (self.calls, self.seeds_for(light.seed, query));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
-        let share = 1.0 / area.samples as f32;
-        for index in 0..area.samples {
-            let own = self.seed;
+        let count = samples(area.samples, self.frame.rays.limits.samples);
+        let share = 1.0 / count as f32;
+        for index in 0..count {
+            let (own, frame) = (self.seed, self.frame);
             let seed = |lane: u32| match names.get(lane as usize) {
                 Some(name) => hash::words(&[*name, light.seed, AREA]),
                 None => hash::words(&[own, call, light.seed, lane]),
             };
+            let seed = |lane: u32| frame.seed_of(NoiseSource::Lights, seed(lane));
             let active = query.batch.active;
             if !area::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
                 return sum;
@@ -330,16 +333,17 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Any other light runs once.
     fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
         let (call, names, own) = (self.calls, self.seeds_for(light.seed, query), self.seed);
-        let share = 1.0 / light.samples as f32;
+        let count = samples(light.samples, self.frame.rays.limits.samples);
+        let share = 1.0 / count as f32;
         let mut sum = LightResult::default();
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
-        for index in 0..light.samples {
+        for index in 0..count {
             for &lane in query.batch.active {
                 let seed = match names.get(lane as usize) {
                     Some(name) => hash::words(&[*name, light.seed, AREA]),
                     None => hash::words(&[own, call, light.seed, lane]),
                 };
-                let (x, y) = sample::square(index, seed);
+                let (x, y) = sample::square(index, self.frame.seed_of(NoiseSource::Lights, seed));
                 (places[0][lane as usize], places[1][lane as usize]) = (x, y);
             }
             let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
@@ -354,12 +358,13 @@ impl<'r, 'f> Run<'r, 'f> {
         sum
     }
 
-    /// Returns the seed of a lane for the next random call.
-    fn lane_seed(&self, call: u32, lane: u32) -> u32 {
-        match self.seeds.of(lane as usize) {
+    /// Returns the seed of a lane for the next random call, which draws for `source`.
+    fn lane_seed(&self, source: NoiseSource, call: u32, lane: u32) -> u32 {
+        let seed = match self.seeds.of(lane as usize) {
             Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
             None => hash::words(&[self.seed, call, lane]),
-        }
+        };
+        self.frame.seed_of(source, seed)
     }
 
     /// Counts a call that draws random numbers.
@@ -509,6 +514,15 @@ fn without_variables(grid: &Grid) -> Grid {
 /// Returns a float option of a lane, or its default.
 fn option(value: Option<Lane<'_>>, lane: usize, default: f32) -> f32 {
     value.map_or(default, |v| v.get(lane))
+}
+
+/// Returns a number of samples of which the mean is taken, times the attribute "render:samples". A single sample stays
+/// one, because a hard shadow or a mirror needs no more.
+fn samples(asked: u32, factor: f32) -> u32 {
+    if asked <= 1 || factor == 1.0 {
+        return asked;
+    }
+    (asked as f32 * factor).round().clamp(1.0, 65536.0) as u32
 }
 
 /// Returns a count option of a lane, from 1 to 65536.
@@ -700,7 +714,7 @@ impl Run<'_, '_> {
         }
         self.note_file(query.name);
         let call = self.next_call(query.batch.active);
-        let seeds = |lane: u32| self.lane_seed(call, lane);
+        let seeds = |lane: u32| self.lane_seed(NoiseSource::Lights, call, lane);
         // A thread that builds structures for others or renders a map must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit;
         let maps = self.frame.dynamic.as_deref().filter(|_| may_wait);
@@ -709,7 +723,7 @@ impl Run<'_, '_> {
         let mut reader =
             maker.as_ref().map_or_else(|| textures.reader(), |maker| textures.reader_with(maker));
         let bias = |lane| self.bias(query.options.bias, lane);
-        maps::shadow(&mut reader, query, &seeds, &bias, out);
+        maps::shadow(&mut reader, query, self.frame.rays.limits.samples, &seeds, &bias, out);
     }
 }
 

@@ -15,6 +15,7 @@ mod progress;
 mod relight;
 mod statistics;
 mod submit;
+mod trade;
 mod viewer;
 
 use clap::Parser;
@@ -169,6 +170,26 @@ struct Options {
     #[arg(long = "final", conflicts_with = "error")]
     final_: bool,
 
+    /// Measure what the noise of an image of passes comes from (edges, motion, lens, lights, ...), with one more pass
+    /// for each
+    #[arg(long)]
+    causes: bool,
+
+    /// Measure which settings reach an error (that of -error, by default 2%) or use a time (-seconds) best, on crops of
+    /// the image, and write them to SCENE.trade.pyg and SCENE.trade.svg
+    #[arg(long, conflicts_with_all = ["stream", "worker", "relight", "frames", "submit", "assets", "pack", "up_to_date",
+          "turntable", "safe"])]
+    trade: bool,
+
+    /// Make only the images of -o, and none of the scene
+    #[arg(long, requires = "output")]
+    only: bool,
+
+    /// Set an attribute of the scene, and ignore what the scene sets it to; may be given several times:
+    /// -set spatialquality=8,8
+    #[arg(long, value_name = "NAME=VALUE", value_parser = granita_session::attribute_from_text)]
+    set: Vec<granita_base::Param>,
+
     /// Change to this folder before anything else
     #[arg(long, value_name = "PATH")]
     cwd: Option<PathBuf>,
@@ -281,7 +302,7 @@ struct Options {
 }
 
 /// The options that are not passed to workers, each with the reason. Workers render the same image without them.
-const NOT_FOR_WORKERS: [(&str, &str); 39] = [
+const NOT_FOR_WORKERS: [(&str, &str); 41] = [
     ("statistics", "the coordinator prints them"),
     ("statistics_json", "the coordinator writes them"),
     ("net", "a worker has no workers"),
@@ -319,6 +340,8 @@ const NOT_FOR_WORKERS: [(&str, &str); 39] = [
     ("draft", "the coordinator renders the passes"),
     ("review", "the coordinator renders the passes"),
     ("final_", "the coordinator renders the passes"),
+    ("causes", "the coordinator renders the passes"),
+    ("trade", "nothing is rendered for others"),
     ("nofence", "a safe run has no workers"),
     ("gpu", "another machine has other devices, and the pixels are the same"),
 ];
@@ -384,6 +407,8 @@ pub fn main(words: Vec<OsString>, tools: &[&str]) -> Status {
     }
     let status = if options.submit.is_some() {
         submit::run(&options, &given, &reporter)
+    } else if options.trade {
+        trade::run(&options, &given, ending.supervisor(), &reporter)
     } else if options.frames.is_some() && options.pack.is_none() {
         frames::run(&options, &given, ending.supervisor(), &reporter)
     } else {
@@ -590,6 +615,8 @@ fn session_options(
         open_files: granita_cli::open_files_limit(),
         verbosity: if options.silent { Some(0) } else { options.verbosity },
         statistics: i32::from(options.statistics),
+        set: options.set.clone(),
+        only_extra_outputs: options.only,
         crop: <[f32; 4]>::try_from(options.crop.as_slice()).ok(),
         preview: options.preview,
         shadertype: options.shade.clone(),

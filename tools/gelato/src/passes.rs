@@ -30,6 +30,7 @@ impl Options {
             passes: self.passes,
             seconds: self.seconds.or_else(|| self.until.map(|until| until.seconds_from(&Zoned::now()))),
             error: self.error.or(named),
+            causes: self.causes,
         }
     }
 }

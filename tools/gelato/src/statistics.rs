@@ -2,6 +2,7 @@
 //! `docs/gelato.md`.
 
 use granita_base::{AtomicFile, FileError, Reporter, Severity};
+use granita_render::{ErrorEstimate, ImageError};
 use granita_session::{FrameRecord, Outcome};
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -57,6 +58,12 @@ fn frame(record: &FrameRecord) -> Value {
                     "error": known(error.error),
                     "error95": known(error.bound),
                     "blocks99": known(error.blocks_99),
+                    "worst_block": passes.error.map(|error| {
+                        let [x, y] = error.worst_at;
+                        json!({ "error": error.worst_block, "x": x, "y": y })
+                    }),
+                    "causes": causes(&error),
+                    "images": passes.images.iter().map(image).collect::<Vec<_>>(),
                     "requested": passes.requested,
                     "is_reached": passes.requested.map(|_| !passes.is_short),
                 }),
@@ -78,6 +85,18 @@ fn frame(record: &FrameRecord) -> Value {
         "inputs": { "read": record.inputs.read, "unread": record.inputs.unread },
         "images": names(&record.images),
     })
+}
+
+/// Returns the error of one of several images.
+fn image(image: &ImageError) -> Value {
+    let error = image.error.unwrap_or_default();
+    let known = |value: f64| image.error.map(|_| value);
+    json!({ "name": image.name, "error": known(error.error), "causes": causes(&error) })
+}
+
+/// Returns the parts of the noise sources in an error, by their names.
+fn causes(error: &ErrorEstimate) -> Map<String, Value> {
+    error.causes().into_iter().map(|(source, part)| (source.name().to_owned(), json!(part))).collect()
 }
 
 fn names(paths: &[PathBuf]) -> Vec<String> {

@@ -451,3 +451,33 @@ fn all_errors_of_a_shader_are_reported_once() {
     }
     assert!(ran.said.contains("    C = nosuch;\n"), "{}", ran.said);
 }
+
+#[test]
+fn attributes_are_set_from_the_command_line() {
+    let place = Place::new();
+    place.write("part.pyg", "Attribute (\"float shadingquality\", 1)\nSphere (1, -1, 1, 360)\n");
+    let scene = SCENE
+        .replace("Camera (\"main\")", "Camera (\"main\", \"float fov\", 60)")
+        .replace("Sphere (1, -1, 1, 360)", "Input (\"part.pyg\")");
+    place.write("scene.pyg", &scene);
+    let with = |words: &[&str]| {
+        let ran = place.run(&[words, &["scene.pyg"]].concat());
+        assert_eq!((ran.status, ran.said.as_str()), (0, ""));
+        place.bytes("out.tif")
+    };
+    let plain = with(&[]);
+    // The scene has these values already.
+    assert!(with(&["-set", "fov=60", "-set", "resolution=24,16"]) == plain);
+    // They replace what the camera, the scene and an input set.
+    let changed = ["fov=30", "resolution=12,8", "shadingquality=0.1", "spatialquality=1,1"];
+    for set in changed {
+        assert!(with(&["-set", set]) != plain, "{set}");
+    }
+    place.write("fov.pyg", &scene.replace("\"float fov\", 60", "\"float fov\", 30"));
+    let ran = place.run(&["fov.pyg"]);
+    assert_eq!((ran.status, ran.said.as_str()), (0, ""));
+    let narrow = place.bytes("out.tif");
+    assert!(with(&["-set", "fov=30"]) == narrow);
+    let ran = place.run(&["-set", "shadingqualty=1", "scene.pyg"]);
+    assert!(ran.status == 2 && ran.said.contains("did you mean \"shadingquality\"?"), "{}", ran.said);
+}

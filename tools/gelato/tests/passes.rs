@@ -258,3 +258,80 @@ fn a_signal_ends_with_the_passes_so_far() {
     let (_, again) = place.image(&["-passes", &shown.passes().to_string()]);
     assert!(again == shown);
 }
+
+#[test]
+fn the_noise_of_each_source_is_measured() {
+    let place = Place::new();
+    let (_, plain) = place.image(&["-passes", "4"]);
+    let (said, shown) = place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
+    assert!(said.contains("; from ") && said.contains("occlusion "), "{said}");
+    assert!(plain.pixels == shown.pixels && plain.errors == shown.errors);
+    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
+    let record: Value = serde_json::from_str(&text).unwrap();
+    let passes = &record["frames"][0]["cameras"][0]["passes"];
+    let parts = passes["causes"].as_object().unwrap();
+    let names: Vec<&str> = parts.keys().map(String::as_str).collect();
+    assert_eq!(names, ["edges", "indirect", "lens", "motion", "occlusion"]);
+    let error = passes["error"].as_f64().unwrap();
+    assert!(parts.values().all(|part| (1e-4..1.2).contains(&(part.as_f64().unwrap() / error))), "{passes}");
+    assert!(passes["worst_block"]["error"].as_f64().unwrap() >= passes["blocks99"].as_f64().unwrap());
+    assert_eq!(passes["images"][0]["name"], "a.exr");
+    // Fewer samples make more noise.
+    let few = SHADER.replace("\"samples\", 16", "\"samples\", 2");
+    place.write("noisy.gsl", &few);
+    place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
+    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
+    let record: Value = serde_json::from_str(&text).unwrap();
+    let more = record["frames"][0]["cameras"][0]["passes"]["causes"]["occlusion"].as_f64().unwrap();
+    assert!(more > 1.5 * parts["occlusion"].as_f64().unwrap(), "{more} {parts:?}");
+    // Alone it makes the two passes that differences need.
+    let (_, alone) = place.image(&["-causes"]);
+    assert_eq!(alone.passes(), 2);
+}
+
+#[test]
+fn the_best_settings_are_measured() {
+    let place = Place::new();
+    let ran = place.run(&["-trade", "-error", "4%", "-threads", "2", "scene.pyg"]);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    // The scene has samples, so that their number is varied as well.
+    for part in
+        ["2 x 2, 1  (as it is)", "1 x 1, 0.25", "6 x 6, 16", "* the least time", "-error 4% scene.pyg"]
+    {
+        assert!(ran.said.contains(part), "{part}: {}", ran.said);
+    }
+    assert_eq!(place.names(), ["noisy.gsl", "scene.pyg", "scene.trade.pyg", "scene.trade.svg"]);
+    // The statements can be read, and are those of the command that was printed.
+    let text = std::fs::read_to_string(place.path().join("scene.trade.pyg")).unwrap();
+    let command = ran.said.lines().find_map(|line| line.trim().strip_prefix("gelato ")).unwrap();
+    let words: Vec<&str> = command.split_whitespace().collect();
+    assert!(text.contains("render:error\", 0.04") && words[0] == "-set", "{text}");
+    let (_, by_words) = place.image(&words[..words.len() - 1]);
+    let statements: Vec<&str> = text.lines().filter(|line| line.contains("spatialquality")).collect();
+    let scene = SCENE.replace("Attribute (\"int[2] spatialquality\", (2, 2))", statements[0]);
+    place.write(
+        "best.pyg",
+        &scene.replace("Camera (", &format!("{}\nCamera (", text.replace(statements[0], ""))),
+    );
+    let ran = place.run(&["best.pyg"]);
+    assert_eq!(ran.status, 0, "{}", ran.said);
+    let by_text = place.shown("a.exr");
+    assert!(by_words.pixels == by_text.pixels && by_words.passes == by_text.passes);
+    assert!(by_text.errors[1].unwrap() < 0.042, "{by_text:?}");
+    // What is wrong is said.
+    assert!(place.run(&["-trade", "-"]).said.contains("must be in a file"));
+    let ran = place.run(&["-trade", "missing.pyg"]);
+    assert!(ran.status == 2 && ran.said.contains("missing.pyg"), "{}", ran.said);
+}
+
+#[test]
+fn only_the_images_of_the_command_line_are_made() {
+    let place = Place::new();
+    let ran = place.run(&["-o", "b.exr", "-only", "scene.pyg"]);
+    assert_eq!(
+        (ran.status, place.names().join(" ")),
+        (0, "b.exr noisy.gsl scene.pyg".to_owned()),
+        "{}",
+        ran.said
+    );
+}

@@ -83,7 +83,14 @@ impl Textures for Surroundings<'_> {
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
         let seed = self.grid.as_ref().map_or(0, |grid| grid.seed);
         let bias = |lane: usize| query.options.bias.map_or(0.0, |b| b.get(lane).max(0.0));
-        lookups::shadow(&mut self.textures.reader(), query, &|lane| hash::words(&[seed, lane]), &bias, out);
+        lookups::shadow(
+            &mut self.textures.reader(),
+            query,
+            1.0,
+            &|lane| hash::words(&[seed, lane]),
+            &bias,
+            out,
+        );
     }
 
     fn texture_info(&mut self, texture: &str, name: &str) -> Option<Param> {

@@ -5,7 +5,8 @@ use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
-use crate::passes::{ErrorEstimate, PILOT, PassPlan, PassReport, Rule};
+use crate::passes::{ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule};
+use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
 use granita_scene::Scene;
@@ -17,10 +18,19 @@ use std::time::{Duration, Instant};
 pub(super) struct Passes {
     /// The pass that is rendered, from 0.
     pub(super) number: u32,
+    /// True while a pass is rendered that is no part of the images.
+    is_apart: bool,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
     crop: PixelRect,
     /// The sums of the images of each eye, one eye after the other.
     sums: Vec<Mutex<Accumulated>>,
+}
+
+impl Passes {
+    /// True when the shaders of the present pass print and save nothing.
+    pub(super) fn is_mute(&self) -> bool {
+        self.number > 0 || self.is_apart
+    }
 }
 
 /// The result of the passes of a frame.
@@ -41,11 +51,14 @@ type Decision = Option<(Rule, f64)>;
 
 impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the frame for passes of images that show the pixels of `crop`.
-    pub(super) fn sum_passes(&mut self, crop: PixelRect) {
+    pub(super) fn sum_passes(&mut self, crop: PixelRect, plan: &PassPlan) {
         let rect = self.options.camera.crop;
         let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
-        let sums = images.map(|image| Mutex::new(Accumulated::new(image, rect))).collect();
-        self.passes = Some(Passes { number: 0, crop, sums });
+        let sum = |image| {
+            let sum = Accumulated::new(image, rect);
+            Mutex::new(if plan.causes { sum.keeping_first() } else { sum })
+        };
+        self.passes = Some(Passes { number: 0, is_apart: false, crop, sums: images.map(sum).collect() });
     }
 
     /// Holds the pixels of a bucket until the pass is complete, and shows them. `index` is the number of the image.
@@ -60,8 +73,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut sum = sum.lock();
         let is_seen = rect.intersection(&passes.crop) == rect;
         // The first pass may be all that a stopped frame has.
-        let shown =
-            (is_seen && (passes.number == 0 || canvas.lock().is_shown())).then(|| sum.with(&rect, &values));
+        let shown = (is_seen && !passes.is_apart && (passes.number == 0 || canvas.lock().is_shown()))
+            .then(|| sum.with(&rect, &values));
         sum.hold(rect, values);
         drop(sum);
         if let Some(shown) = shown {
@@ -81,41 +94,107 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut decisions: Vec<Decision> = Vec::new();
         // The time of the last pass, and its number of pixels.
         let mut last: Option<(Duration, usize)> = None;
+        // The time that is left for the passes that measure noise sources.
+        let mut reserved = Duration::ZERO;
         while completed < plan.most() {
             if plan.error.is_some() && completed == PILOT {
                 decisions = self.decisions(plan.error.unwrap_or_default());
             }
             let begin = Instant::now();
-            self.begin_pass(scene, completed, plan.error.is_some());
+            self.begin_pass(scene, PassNumbers::of(completed), plan.error.is_some());
             let list = self.buckets_of_pass(completed, &decisions, plan.error.is_some());
             let area =
                 |index: &usize| self.buckets.order[*index].width() * self.buckets.order[*index].height();
             let pixels: usize = list.iter().map(area).sum();
             let predicted = last.map(|(time, before)| time.mul_f64(pixels as f64 / before.max(1) as f64));
-            if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time)) {
+            if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
                 break;
             }
-            self.release_others(&list);
-            let jobs = self.jobs(scene, threads);
-            let steps = list.iter().map(|index| jobs.cost(*index)).sum();
-            self.options.progress.begin(self.first_image(), steps);
             let limit = plan.deadline.filter(|_| completed > 0).map(|deadline| deadline + plan.grace);
-            let (without, is_late) = self.run_until(limit, &jobs, canvases, threads, &list);
-            self.options.progress.end();
-            if is_late || self.is_stopped() {
-                if is_late {
-                    self.options.stop.store(false, Ordering::Relaxed);
-                }
-                self.each_sum(|sum| drop(sum.drop_pass()));
-                break;
-            }
+            let Some(without) = self.render_pass(scene, limit, canvases, threads, &list) else { break };
             self.each_sum(Accumulated::end_pass);
             failed += without;
             completed += 1;
             last = Some((begin.elapsed(), pixels));
+            if plan.causes && completed == 1 {
+                reserved = begin.elapsed() * u32::try_from(self.noise_sources().len()).unwrap_or(0);
+            }
         }
-        let errors = if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
+        let mut errors = if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
+        if plan.causes && completed > 1 && !self.is_stopped() {
+            self.measure_sources(scene, plan, &mut errors, canvases, threads);
+        }
         Passed { failed, report: self.report(plan, completed, &errors), errors }
+    }
+
+    /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at the
+    /// time `limit` or because the frame was stopped.
+    fn render_pass(
+        &mut self,
+        scene: &Scene,
+        limit: Option<Instant>,
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+        list: &[usize],
+    ) -> Option<usize> {
+        self.release_others(list);
+        let jobs = self.jobs(scene, threads);
+        let steps = list.iter().map(|index| jobs.cost(*index)).sum();
+        self.options.progress.begin(self.first_image(), steps);
+        let (failed, is_late) = self.run_until(limit, &jobs, canvases, threads, list);
+        self.options.progress.end();
+        if !is_late && !self.is_stopped() {
+            return Some(failed);
+        }
+        if is_late {
+            self.options.stop.store(false, Ordering::Relaxed);
+        }
+        self.each_sum(|sum| drop(sum.drop_pass()));
+        None
+    }
+
+    /// Returns the noise sources that the frame has, as far as its passes have shown.
+    fn noise_sources(&self) -> Vec<NoiseSource> {
+        let of_shading = self.shader.noise_sources();
+        let is_there = |source: &NoiseSource| match source {
+            NoiseSource::Edges => true,
+            NoiseSource::Motion => self.pattern.blur || of_shading.contains(source),
+            NoiseSource::Lens => self.pattern.defocus,
+            _ => of_shading.contains(source),
+        };
+        NoiseSource::ALL.into_iter().filter(is_there).collect()
+    }
+
+    /// Measures the part of each noise source in the error of the images. For each one, the first pass is rendered
+    /// again with other random numbers for this source alone. The differences are its variance in one pass.
+    fn measure_sources(
+        &mut self,
+        scene: &Scene,
+        plan: &PassPlan,
+        errors: &mut [Option<ErrorEstimate>],
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+    ) {
+        let Some(crop) = self.passes.as_ref().map(|passes| passes.crop) else { return };
+        let is_seen = |rect: &PixelRect| !rect.intersection(&crop).is_empty();
+        for source in self.noise_sources() {
+            let numbers = PassNumbers { pass: 0, varied: Some(source) };
+            self.begin_pass(scene, numbers, plan.error.is_some());
+            let seen = self.buckets.order.iter().enumerate().filter(|(_, rect)| is_seen(rect));
+            let list: Vec<usize> = seen.map(|(index, _)| index).collect();
+            let limit = plan.deadline.map(|deadline| deadline + plan.grace);
+            if self.render_pass(scene, limit, canvases, threads, &list).is_none() {
+                break;
+            }
+            let Some(passes) = &self.passes else { return };
+            for (sum, error) in passes.sums.iter().zip(errors.iter_mut()) {
+                let mut sum = sum.lock();
+                let (squared, mean) = (sum.compare(&crop), sum.mean());
+                if let Some((estimate, mean)) = error.as_mut().zip(mean.filter(|mean| *mean != 0.0)) {
+                    estimate.causes[source as usize] = Some(squared.sqrt() / mean.abs());
+                }
+            }
+        }
     }
 
     /// Calls `each` with the sum of every image.
@@ -126,16 +205,18 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
     /// tiles instead of buckets. Tiles do not depend on the size of buckets.
-    fn begin_pass(&mut self, scene: &Scene, pass: u32, has_tiles: bool) {
+    fn begin_pass(&mut self, scene: &Scene, numbers: PassNumbers, has_tiles: bool) {
         let camera = self.options.camera;
+        let pass = numbers.pass;
         if let Some(passes) = &mut self.passes {
             passes.number = pass;
+            passes.is_apart = numbers.varied.is_some();
         }
-        self.shader.begin_pass(pass);
-        if pass == 0 {
+        self.shader.begin_pass(numbers);
+        if numbers == PassNumbers::default() {
             return;
         }
-        self.pattern = SamplePattern::of_pass(camera, is_moving(scene, camera), pass);
+        self.pattern = SamplePattern::of_pass(camera, is_moving(scene, camera), numbers);
         for (filters, image) in self.filters.iter_mut().zip(&self.outputs.images) {
             for (filter, layer) in filters.iter_mut().zip(&image.layers) {
                 *filter = film::Support::new(&layer.filter, &self.pattern.tables);
@@ -246,6 +327,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         errors
     }
 
+    /// Returns the names of the images with their errors.
+    fn image_errors(&self, errors: &[Option<ErrorEstimate>]) -> Vec<ImageError> {
+        let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
+        let name = |image: &crate::output::plan::OutputImage| image.path.to_string_lossy().into_owned();
+        images.zip(errors).map(|(image, error)| ImageError { name: name(image), error: *error }).collect()
+    }
+
     /// Returns the report of the passes.
     fn report(&self, plan: &PassPlan, passes: u32, errors: &[Option<ErrorEstimate>]) -> PassReport {
         let error = errors.iter().flatten().copied().max_by(|a, b| a.error.total_cmp(&b.error));
@@ -265,6 +353,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             error,
             requested: plan.error,
             is_short: plan.error.is_some_and(is_above),
+            images: self.image_errors(errors),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! What a frame needs of shaders.
 
+use granita_base::{NoiseSource, PassNumbers};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Holdout, Primitive};
 use granita_shade::Grid;
@@ -56,8 +57,12 @@ pub(crate) trait FrameShader: Sync {
         let _ = (thread, mute);
     }
     /// Begins a pass of an image that is the sum of passes. Random numbers of different passes are independent.
-    fn begin_pass(&self, pass: u32) {
-        let _ = pass;
+    fn begin_pass(&self, numbers: PassNumbers) {
+        let _ = numbers;
+    }
+    /// Returns the noise sources that drew random numbers so far.
+    fn noise_sources(&self) -> Vec<NoiseSource> {
+        Vec::new()
     }
     /// Returns a number that grows when shading saves anything for later frames.
     fn saves(&self) -> u64 {

@@ -62,6 +62,8 @@ pub(crate) struct Accumulated {
     mattes: Vec<Vec<(u32, f64)>>,
     /// The values of the pass that is rendered.
     fresh: Vec<(PixelRect, Vec<f32>)>,
+    /// For each pixel: the colours of the first pass, which others are compared with. Empty unless they are.
+    first: Vec<f32>,
 }
 
 impl Accumulated {
@@ -103,10 +105,17 @@ impl Accumulated {
             counts: vec![0; pixels],
             mattes: vec![Vec::new(); pixels * of_mattes],
             fresh: Vec::new(),
+            first: Vec::new(),
             layers,
             colors,
             layer_of,
         }
+    }
+
+    /// Returns the sum of no passes, the first of which is kept for [`Accumulated::compare`].
+    pub(crate) fn keeping_first(mut self) -> Self {
+        self.first = vec![0.0; self.counts.len() * self.colors.len()];
+        self
     }
 
     /// Returns the index of a pixel.
@@ -201,7 +210,37 @@ impl Accumulated {
                 *square += weight(*layer) * v * v;
             }
         }
+        if is_first && let Some(first) = self.first.chunks_exact_mut(self.colors.len().max(1)).nth(pixel) {
+            self.colors.iter().zip(first).for_each(|(c, first)| *first = values[*c]);
+        }
         self.counts[pixel] += 1;
+    }
+
+    /// Drops the values of a pass that differs from the first one in the random numbers of one source. Returns the
+    /// part of the mean squared error of the pixels of a rectangle that comes from the source.
+    pub(crate) fn compare(&mut self, rect: &PixelRect) -> f64 {
+        let colors = self.colors.len();
+        let mut variances = vec![f64::NAN; self.counts.len()];
+        for (part, values) in std::mem::take(&mut self.fresh) {
+            let places = (part.y0..part.y1).flat_map(|y| (part.x0..part.x1).map(move |x| [x, y]));
+            for ([x, y], own) in places.zip(values.chunks_exact(self.channels.max(1))) {
+                let pixel = self.pixel(x, y);
+                let first = &self.first[pixel * colors..][..colors];
+                let squares =
+                    self.colors.iter().zip(first).map(|(c, first)| f64::from(own[*c] - first).powi(2));
+                // Half of the squared difference of two values is their variance.
+                variances[pixel] = squares.sum::<f64>() / (2 * colors.max(1)) as f64;
+            }
+        }
+        let (mut sum, mut pixels) = (0.0, 0_usize);
+        for [x, y] in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y])) {
+            let pixel = self.pixel(x, y);
+            if variances[pixel].is_finite() {
+                sum += variances[pixel] / f64::from(self.counts[pixel].max(1));
+                pixels += 1;
+            }
+        }
+        sum / pixels.max(1) as f64
     }
 
     /// Returns the pixels of the completed passes in a rectangle, with interleaved channels. Pixels without a pass are
@@ -258,6 +297,7 @@ impl Accumulated {
             counts: Vec::new(),
             mattes: Vec::new(),
             fresh: vec![(*rect, values.to_vec())],
+            first: Vec::new(),
         };
         let rows = || (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
         for row in rows() {
@@ -347,12 +387,17 @@ impl Accumulated {
             _ => squared.sqrt() / mean.abs(),
         };
         let [error, bound] = confident_error(&tiles).map(relative);
-        let mut blocks: Vec<f64> =
-            spots(BLOCK).iter().map(|s| relative(s.variance / f64::from(s.passes.max(1)))).collect();
-        blocks.sort_by(f64::total_cmp);
-        let last = blocks.len().saturating_sub(1);
-        let blocks_99 = blocks.get((blocks.len() * 99 / 100).min(last)).copied().unwrap_or(0.0);
-        Some(ErrorEstimate { error, bound, blocks_99 })
+        let of_block = |part: PixelRect| {
+            let spot = self.spot(&part);
+            (spot.pixels > 0).then(|| (relative(spot.variance / f64::from(spot.passes.max(1))), part))
+        };
+        let mut blocks: Vec<(f64, PixelRect)> =
+            Self::cut(rect, BLOCK).into_iter().filter_map(of_block).collect();
+        blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (worst_block, worst) = *blocks.last()?;
+        let blocks_99 = blocks[(blocks.len() * 99 / 100).min(blocks.len() - 1)].0;
+        let worst_at = [worst.x0, worst.y0];
+        Some(ErrorEstimate { error, bound, blocks_99, worst_block, worst_at, ..ErrorEstimate::default() })
     }
 
     /// Returns the sum of the numbers of passes of the pixels of a rectangle.

@@ -1,7 +1,7 @@
 //! The shaders of a frame.
 
 use crate::frame::{FrameShader, ObjectTraits};
-use granita_base::Vec3;
+use granita_base::{NoiseSource, PassNumbers, Vec3};
 use granita_gsl::ir::ValueType;
 use granita_scene::{Primitive, attr};
 use granita_shade::Grid;
@@ -44,8 +44,12 @@ impl FrameShader for ShadingContext {
         thread.is_mute = mute;
     }
 
-    fn begin_pass(&self, pass: u32) {
-        ShadingContext::begin_pass(self, pass);
+    fn begin_pass(&self, numbers: PassNumbers) {
+        ShadingContext::begin_pass(self, numbers);
+    }
+
+    fn noise_sources(&self) -> Vec<NoiseSource> {
+        ShadingContext::noise_sources(self)
     }
 
     fn saves(&self) -> u64 {

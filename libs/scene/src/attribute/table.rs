@@ -232,6 +232,10 @@ attributes! {
         "seconds after which a frame takes no more passes; 0 for any time", Rerender;
     RENDER_ERROR: Global, f32 = "4.3.10", "render:error", Floats(&[0.0]),
         "error at which images take no more passes, as a fraction of their mean; 0 for none", Rerender;
+    RENDER_SAMPLES: Global, f32 = "4.3.10", "render:samples", Floats(&[1.0]),
+        "factor of the numbers of samples of lights, soft shadows, glossy reflections, occlusion and indirect light", Rerender;
+    RENDER_CAUSES: Global, bool = "4.3.10", "render:causes", Ints(&[0]),
+        "1: measure what the noise of an image of passes comes from", Rerender;
     RENDER_PROGRESS: ReadOnly, f32 = "4.3.10", "render:progress", Floats(&[0.0]),
         "finished part of the frame, 0 to 1";
     RENDER_SUCCESS: ReadOnly, bool = "4.3.10", "render:success", Ints(&[0]),

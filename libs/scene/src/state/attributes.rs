@@ -88,9 +88,59 @@ pub(super) fn attribute_names(scopes: &[Scope]) -> impl Iterator<Item = &'static
     TABLE.iter().filter(move |r| scopes.contains(&r.scope)).map(|r| r.name)
 }
 
+/// Returns the attribute that a text such as `spatialquality=8,8` sets, checked. Values are separated by commas. The
+/// name may be declared with a type, which attributes of users ("user:") need: `float user:age=3`.
+///
+/// # Errors
+/// Returns a message for people when the text has no value, or does not fit the attribute.
+pub fn attribute_from_text(text: &str) -> Result<Param, String> {
+    let (declaration, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    let (mut ty, name) = ParamType::parse(declaration.trim()).map_err(|error| error.to_string())?;
+    let row = attribute_row(&name);
+    if row.is_none() && !name.starts_with("user:") {
+        let hint = hint(suggestion(&name, attribute_names(&[Scope::Camera, Scope::Global, Scope::Object])));
+        return Err(format!("unknown attribute \"{name}\"{hint}"));
+    }
+    match row.map(|row| row.scope) {
+        Some(Scope::ReadOnly) => return Err(format!("attribute \"{name}\" can be read, not set")),
+        Some(Scope::Output | Scope::Writer) => return Err(format!("\"{name}\" is no attribute of scenes")),
+        _ => {}
+    }
+    if ty.base == BaseType::Unknown {
+        ty = row.map(|row| row.ty).ok_or(format!("\"{name}\" needs a type, as in \"float {name}\""))?;
+    }
+    let is_string = ty.base == BaseType::String;
+    let data = if is_string && ty.width() == 1 {
+        ParamData::from(value)
+    } else if is_string {
+        ParamData::String(value.split(',').map(Arc::from).collect())
+    } else {
+        let number =
+            |word: &str| word.trim().parse::<f32>().map_err(|_| format!("\"{word}\" is not a number"));
+        ParamData::Float(value.split(',').map(number).collect::<Result<_, _>>()?)
+    };
+    let param = Param { name: name.as_str().into(), ty, data };
+    match row {
+        Some(row) => convert(&param, row),
+        None => typed(&param),
+    }
+}
+
 impl State {
+    /// Sets attributes that calls do not change. They come before the first call. Of several values the last one counts.
+    pub fn fix_attributes(&mut self, params: &[Param]) {
+        for param in params {
+            self.fixed.remove(&param.name);
+            self.set_attribute(param.clone(), &Location::default());
+            self.fixed.insert(param.name.clone());
+        }
+    }
+
     /// Handles `Attribute`.
     pub(super) fn set_attribute(&mut self, param: Param, at: &Location) {
+        if self.fixed.contains(&param.name) {
+            return;
+        }
         if param.name.starts_with("user:") {
             return self.set_user(param, at);
         }
@@ -100,6 +150,9 @@ impl State {
             let text = format!("unknown attribute \"{}\"{hint}", param.name);
             return self.report(Severity::Warning, at, "attribute", text);
         };
+        if self.fixed.contains(&known.name) {
+            return;
+        }
         let row = known.row;
         let param = match converted(&param, row) {
             Ok(data) => Param { name: known.name.clone(), ty: row.ty, data },
@@ -393,6 +446,33 @@ mod tests {
         assert_eq!(names("+b,-camera,+a"), "a b");
         assert_eq!(names("x,+y"), "x y");
         assert_eq!(names(""), "");
+    }
+
+    #[test]
+    fn attributes_are_read_from_texts() {
+        let read = |text| attribute_from_text(text).unwrap();
+        assert_eq!(
+            read("spatialquality=8, 4"),
+            Param::declared("int[2] spatialquality", &[8, 4][..]).unwrap()
+        );
+        assert_eq!(read("float shadingquality = 0.5"), Param::declared("float shadingquality", 0.5).unwrap());
+        assert_eq!(read("path:input=a=b:&"), Param::declared("string path:input", "a=b:&").unwrap());
+        assert_eq!(read("float[2] user:pair=1,2").data, ParamData::from(&[1.0, 2.0][..]));
+        for (text, part) in [
+            ("shadingquality", "NAME=VALUE"),
+            ("shadingqualty=1", "did you mean \"shadingquality\"?"),
+            ("shadingquality=x", "\"x\" is not a number"),
+            ("spatialquality=3", "2 values"),
+            ("spatialquality=1.5,2", "not 1.5"),
+            ("user:age=3", "needs a type"),
+            ("renderer:name=x", "can be read, not set"),
+            ("bucketorder=round", "cannot be"),
+            ("=3", ""),
+            ("int[x] a=3", ""),
+        ] {
+            let what = attribute_from_text(text).unwrap_err();
+            assert!(what.contains(part), "{text}: {what}");
+        }
     }
 
     #[test]

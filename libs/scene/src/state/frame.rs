@@ -61,6 +61,9 @@ impl State {
                 self.report(Severity::Warning, at, "camera parameter", text);
                 continue;
             };
+            if self.fixed.contains(row.name) {
+                continue;
+            }
             let value = convert(param, row);
             if let Err(text) = &value {
                 let text = format!("Camera \"{camera}\": {text}");

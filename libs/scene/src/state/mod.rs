@@ -21,7 +21,7 @@ mod shapes;
 mod stage;
 mod transforms;
 
-pub use attributes::version_attribute;
+pub use attributes::{attribute_from_text, version_attribute};
 pub use checkpoint::Checkpoint;
 pub use pattern::check_pattern;
 pub use shapes::predeclared;
@@ -117,6 +117,8 @@ pub struct State {
     lost_sets: BTreeMap<Arc<str>, (String, Location)>,
     /// The number of unmatched ends and beginnings of blocks.
     imbalances: usize,
+    /// The names of the attributes that calls do not change.
+    fixed: BTreeSet<Arc<str>>,
 }
 
 impl State {
@@ -150,6 +152,7 @@ impl State {
             rerender: Rerender::default(),
             lost_sets: BTreeMap::new(),
             imbalances: 0,
+            fixed: BTreeSet::new(),
         }
     }
 

@@ -9,7 +9,7 @@ pub(crate) mod hemisphere;
 pub(crate) mod lattice;
 
 use crate::memo::{Changes, Dependencies};
-use granita_base::{Color, Vec3};
+use granita_base::{Color, NoiseSource, Vec3};
 use granita_sdb::{Key, Schema, Value};
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::{HashMap, HashSet};
@@ -26,6 +26,14 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
+    /// Returns what the random numbers of the rays are counted as.
+    pub(crate) fn noise(self) -> NoiseSource {
+        match self {
+            Self::Irradiance => NoiseSource::Indirect,
+            Self::Occlusion => NoiseSource::Occlusion,
+        }
+    }
+
     /// Returns the number of values that are interpolated with their gradients.
     pub(crate) fn channels(self) -> usize {
         match self {

@@ -6,7 +6,7 @@ mod bounce;
 
 use super::maps::fit;
 use super::rays::{Aim, HIT, TracingLanes, unknown_set};
-use super::{Run, count, option};
+use super::{Run, count, option, samples};
 use crate::lighting::cache::hemisphere::{Seen, Strata};
 use crate::lighting::cache::lattice::{Lattice, Points, Tolerance, Wanted};
 use crate::lighting::cache::{Kind, Record, Spot};
@@ -142,10 +142,11 @@ impl<'q> Question<'q> {
     /// on another grid changes the result only slightly.
     fn seed(&self, run: &Run<'_, '_>, call: u32, lane: u32) -> u32 {
         if !self.translational {
-            return run.lane_seed(call, lane);
+            return run.lane_seed(self.kind.noise(), call, lane);
         }
         let [x, y, z] = self.places[lane as usize].to_array().map(f32::to_bits);
-        run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]))
+        let seed = run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]));
+        run.frame.seed_of(self.kind.noise(), seed)
     }
 
     /// Returns by how much the width of a ray of a point grows per unit of distance.
@@ -459,7 +460,10 @@ impl Gatherer<'_, '_, '_, '_> {
             .map(|&lane| Ask {
                 lane,
                 seed: self.question.seed(self.run, self.call, lane),
-                samples: count(Some(self.question.query.samples), lane as usize),
+                samples: samples(
+                    count(Some(self.question.query.samples), lane as usize),
+                    self.run.frame.rays.limits.samples,
+                ),
             })
             .collect();
         // The first pass traces a quarter of the rays. Where they agree, no more are traced.

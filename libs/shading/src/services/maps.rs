@@ -1,6 +1,6 @@
 //! Lookups in texture, environment and shadow files.
 
-use super::{count, option};
+use super::{count, option, samples};
 use crate::lighting::directions::EnvironmentSampler;
 use granita_base::{Transform, Vec3};
 use granita_shade::{
@@ -224,10 +224,12 @@ fn on_sphere(p: Vec3, r: Vec3, radius: f32) -> Vec3 {
 }
 
 /// Answers `shadow ()` from a map, with the same value in all three channels. `seed` gives each lane the seed of
-/// its samples. `bias` is added to its distance, in "common" units. A file that cannot be used gives no shadow.
+/// its samples. `bias` is added to its distance, in "common" units. `factor` is the attribute "render:samples". A file
+/// that cannot be used gives no shadow.
 pub fn shadow(
     reader: &mut TextureReader<'_>,
     query: &ShadowQuery<'_>,
+    factor: f32,
     seed: &dyn Fn(u32) -> u32,
     bias: &dyn Fn(usize) -> f32,
     out: &mut Lanes3,
@@ -246,7 +248,7 @@ pub fn shadow(
                 tblur: option(o.tblur, i, 0.0),
                 swidth: option(o.swidth, i, 1.0),
                 twidth: option(o.twidth, i, 1.0),
-                samples: count(o.samples, i),
+                samples: samples(count(o.samples, i), factor),
                 bias: bias(i),
                 seed: seed(lane),
             };

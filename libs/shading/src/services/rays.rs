@@ -2,11 +2,11 @@
 //! indirect light.
 
 use super::maps::{fit, prepare};
-use super::{Run, count, option};
+use super::{Run, count, option, samples};
 use crate::object::RayScene;
 use crate::thread::{MAX_RAY_LEVELS, MORE_NESTED};
 use crate::trace::RayPurpose;
-use granita_base::{Color, Vec3, hash, sample};
+use granita_base::{Color, NoiseSource, Vec3, hash, sample};
 use granita_dicing::Projection;
 use granita_rays::sampling::{Distribution, in_cone};
 use granita_rays::{Departure, Leaving, RayRequest};
@@ -59,7 +59,8 @@ impl Run<'_, '_> {
     pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
         if self.sees_motion() {
-            (open + (close - open) * sample::line(index, hash::words(&[seed, TIME]))).min(close)
+            let seed = self.frame.seed_of(NoiseSource::Motion, hash::words(&[seed, TIME]));
+            (open + (close - open) * sample::line(index, seed)).min(close)
         } else {
             // Motion and geometry are defined only while the shutter is open.
             self.time.clamp(open, close)
@@ -331,7 +332,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let Some(r) = query.r.get(i).try_normalize().filter(|_| traces && kr != 0.0) else {
             continue;
         };
-        let seed = run.lane_seed(call, lane);
+        let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let path = run.path(i);
         let Some(kept) = roulette(path.weight * kr.abs(), run.frame.rays.limits.min_weight, seed) else {
             continue;
@@ -342,7 +343,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let (dpdx, dpdy) = (query.dpdx.get(i) * width, query.dpdy.get(i) * width);
         let (drdx, drdy) = (query.drdx.get(i) * (width / length), query.drdy.get(i) * (width / length));
-        let asked = count(o.samples, i);
+        let asked = samples(count(o.samples, i), run.frame.rays.limits.samples);
         let per_ray = 1.0 / (asked as f32).sqrt();
         let branch = run.branch(i, seed, asked);
         let departure = run.departure(i, query.p.get(i), r);
@@ -473,7 +474,7 @@ fn probe(
         let i = lane as usize;
         let samples = count(Some(query.samples), i);
         let Some(axis) = query.axis.get(i).try_normalize().filter(|_| index < samples) else { continue };
-        let seed = run.lane_seed(call, lane);
+        let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let angle = query.angle.get(i);
         let aim = Aim {
             p: query.p.get(i),

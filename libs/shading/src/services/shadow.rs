@@ -10,9 +10,9 @@
 
 use super::maps::fit;
 use super::rays::{Aim, DIRECTION, HIT, in_footprint};
-use super::{Run, count, option};
+use super::{Run, count, option, samples};
 use crate::object::RayScene;
-use granita_base::{Color, Vec3, hash, sample};
+use granita_base::{Color, NoiseSource, Vec3, hash, sample};
 use granita_rays::sampling::{Distribution, in_cone};
 use granita_rays::{Leaving, RayRequest};
 use granita_shade::{Lanes3, Rect, ShadowQuery};
@@ -47,11 +47,12 @@ struct Asked {
 }
 
 impl Asked {
-    fn new(query: &ShadowQuery<'_>, lane: usize) -> Self {
+    /// Returns those of a lane. `factor` is the attribute "render:samples".
+    fn new(query: &ShadowQuery<'_>, lane: usize, factor: f32) -> Self {
         let o = &query.options;
         let blur = 0.5 * (option(o.sblur, lane, 0.0) + option(o.tblur, lane, 0.0));
         let half_angle = o.angle.map_or(blur * FRAC_PI_4, |a| a.get(lane));
-        Self { half_angle, samples: count(o.samples, lane) }
+        Self { half_angle, samples: samples(count(o.samples, lane), factor) }
     }
 
     /// True for a single ray to one place.
@@ -86,11 +87,11 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let mut hard = false;
     for &lane in query.batch.active {
         let i = lane as usize;
-        let asked = Asked::new(query, i);
+        let asked = Asked::new(query, i, run.frame.rays.limits.samples);
         hard = hard || asked.is_hard();
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let per_ray = 1.0 / (asked.samples as f32).sqrt();
-        let seed = run.lane_seed(call, lane);
+        let seed = run.lane_seed(NoiseSource::Lights, call, lane);
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
         let first = bundle.rays.len();
         for index in 0..asked.samples {
@@ -209,12 +210,12 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
         }
         for &lane in own {
             let i = lane as usize;
-            if !Asked::new(query, i).is_hard() {
+            if !Asked::new(query, i, run.frame.rays.limits.samples).is_hard() {
                 continue;
             }
             let around = Neighbours::new(&rect, i, &active);
             let at_edge = around.all().any(|k| disagree(out, i, k) && look_alike(query, i, k));
-            let seed = hash::words(&[run.lane_seed(call, lane), EDGE]);
+            let seed = hash::words(&[run.lane_seed(NoiseSource::Lights, call, lane), EDGE]);
             let first = bundle.rays.len();
             for index in 0..if at_edge { EDGE_RAYS } else { 0 } {
                 // All points use one pattern, so that neighbours differ by the position of the edge and not by noise.

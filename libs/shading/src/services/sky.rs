@@ -3,7 +3,7 @@
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Run, SKY, count, option};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
-use granita_base::{Transform, Vec3, hash};
+use granita_base::{NoiseSource, Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
 use granita_texture::{EnvLookup, TextureId, Up, Use};
 use std::sync::Arc;
@@ -214,9 +214,12 @@ impl Run<'_, '_> {
     /// Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels,
     /// SIGGRAPH Asia 2020).
     fn sequences(&self, lanes: usize) -> Vec<(u32, u32)> {
-        let seed = |lane: usize| match self.seeds.of(lane) {
-            Some(own) => hash::words(&[own, SKY]),
-            None => hash::words(&[self.seed, SKY, lane as u32]),
+        let seed = |lane: usize| {
+            let seed = match self.seeds.of(lane) {
+                Some(own) => hash::words(&[own, SKY]),
+                None => hash::words(&[self.seed, SKY, lane as u32]),
+            };
+            self.frame.seed_of(NoiseSource::Environment, seed)
         };
         let mut out: Vec<(u32, u32)> = Vec::with_capacity(lanes);
         for Rect { first, nu, nv } in self.topology.rects() {

@@ -2,13 +2,13 @@
 
 use super::*;
 use crate::passes::{PassPlan, PassReport};
-use granita_base::hash;
+use granita_base::{NoiseSource, PassNumbers, hash};
 use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
 /// A plan of this number of passes.
 fn passes(n: u32) -> PassPlan {
-    PassPlan { passes: Some(n), deadline: None, grace: Duration::ZERO, error: None }
+    PassPlan { passes: Some(n), deadline: None, grace: Duration::ZERO, error: None, causes: false }
 }
 
 /// A plan that ends at this error.
@@ -32,8 +32,11 @@ impl FrameShader for Noisy {
         *object
     }
     fn thread(&self) {}
-    fn begin_pass(&self, pass: u32) {
-        self.pass.store(pass, Ordering::Relaxed);
+    fn begin_pass(&self, numbers: PassNumbers) {
+        self.pass.store(numbers.number(NoiseSource::Lights), Ordering::Relaxed);
+    }
+    fn noise_sources(&self) -> Vec<NoiseSource> {
+        vec![NoiseSource::Lights]
     }
     fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
     fn shade(
@@ -135,7 +138,7 @@ fn the_mean_of_passes_converges_to_the_frame_of_many_samples() {
     let one = distance(&of(1).0, &converged);
     let (four, sixteen) = (distance(&four, &converged), distance(&sixteen, &converged));
     assert!(four < 0.65 * one && sixteen < 0.4 * one, "{one} {four} {sixteen}");
-    // The passes know their error.
+    // The passes know their error, and which block has most of it.
     let estimate = report.error.unwrap();
     assert!((0.7..1.3).contains(&(estimate.error / sixteen)), "{estimate:?} {sixteen}");
     assert!(estimate.bound > estimate.error && estimate.blocks_99 > estimate.error, "{estimate:?}");
@@ -181,7 +184,7 @@ fn time_decides_only_the_number_of_passes() {
     let view = build.view(&[]);
     let deadline = Instant::now() + Duration::from_millis(400);
     let plan =
-        PassPlan { passes: None, deadline: Some(deadline), grace: Duration::from_millis(50), error: None };
+        PassPlan { passes: None, deadline: Some(deadline), grace: Duration::from_millis(50), ..passes(1) };
     let (pixels, report) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), plan));
     assert!(report.passes >= 1, "{report:?}");
     let (again, same) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), passes(report.passes)));
@@ -209,8 +212,8 @@ fn a_stopped_frame_has_the_passes_that_were_completed() {
             *object
         }
         fn thread(&self) {}
-        fn begin_pass(&self, pass: u32) {
-            self.0.begin_pass(pass);
+        fn begin_pass(&self, numbers: PassNumbers) {
+            self.0.begin_pass(numbers);
         }
         fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
         fn shade(
@@ -238,4 +241,34 @@ fn a_stopped_frame_has_the_passes_that_were_completed() {
     assert_eq!(statistics.passes.unwrap().passes, 4);
     let (whole, _) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), passes(4)));
     assert!(outputs.images[0].pixels == whole);
+}
+
+#[test]
+fn the_parts_of_noise_sources_are_measured() {
+    let build = busy();
+    let view = build.view(&[("int[2] spatialquality", vec![2.0, 2.0])]);
+    let plan = |n| PassPlan { causes: true, ..passes(n) };
+    let without = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), passes(8)));
+    let (pixels, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), plan(8)));
+    assert!(pixels == without.0, "what is measured is no part of the image");
+    let estimate = report.error.unwrap();
+    let part = |source| estimate.causes[source as usize];
+    let (edges, lights) = (part(NoiseSource::Edges).unwrap(), part(NoiseSource::Lights).unwrap());
+    // The busy scene moves and is out of focus.
+    assert!(part(NoiseSource::Motion).is_some() && part(NoiseSource::Lens).is_some(), "{estimate:?}");
+    assert_eq!(part(NoiseSource::Occlusion), None);
+    // Each part is less than all, and together they are no less.
+    let all: f64 = estimate.causes().iter().map(|(_, part)| part * part).sum::<f64>();
+    assert!(edges > 0.0 && lights > 0.0 && all.sqrt() > 0.9 * estimate.error, "{estimate:?}");
+    assert!(estimate.causes().iter().all(|(_, part)| *part < 1.1 * estimate.error), "{estimate:?}");
+    // Without noise in shading there is none of this source.
+    let shader = Painted { paint: wavy, displace: None };
+    let (_, report) = summed(&build, &view, 1, ("rgb", &[]), (&shader, plan(2)));
+    assert_eq!(report.error.unwrap().causes[NoiseSource::Lights as usize], None);
+    // Threads and buckets do not show.
+    let again = build
+        .view(&[("int[2] spatialquality", vec![2.0, 2.0]), ("int[2] limits:bucketsize", vec![7.0, 9.0])]);
+    let (_, other) = summed(&build, &again, 1, ("rgb", &[]), (&noisy(), plan(8)));
+    assert_eq!(other.error.unwrap().causes, estimate.causes);
+    assert!(estimate.worst_block >= estimate.blocks_99 && report.images.len() == 1);
 }

@@ -35,7 +35,8 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer]) -> Params {
 }
 
 /// Returns what an image of passes says about itself: `granita/passes`, and once there are two, `granita/error`,
-/// `granita/error95` and `granita/blocks99` as fractions of the mean of the image.
+/// `granita/error95`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions of the mean of
+/// the image.
 pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params {
     let mut params = Params::new();
     let Some((count, error)) = passes else { return params };
@@ -44,10 +45,15 @@ pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params 
         params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
     };
     set("passes", count.to_string());
-    if let Some(ErrorEstimate { error, bound, blocks_99 }) = error {
+    if let Some(estimate) = error {
+        let ErrorEstimate { error, bound, blocks_99, worst_block, worst_at: [x, y], .. } = estimate;
         set("error", format!("{error:.6}"));
         set("error95", format!("{bound:.6}"));
         set("blocks99", format!("{blocks_99:.6}"));
+        set("worstblock", format!("{worst_block:.6} at {x} {y}"));
+        for (source, part) in estimate.causes() {
+            set(&format!("error/{}", source.name()), format!("{part:.6}"));
+        }
     }
     params
 }

@@ -15,7 +15,7 @@ use crate::lighting::cache::{Kind, Record, Spot};
 use crate::object::RayScene;
 use crate::services::Run;
 use crate::services::rays::{TracingLanes, unknown_set};
-use granita_base::{Color, Vec3, hash};
+use granita_base::{Color, NoiseSource, Vec3, hash};
 use granita_rays::{RayRequest, SetHit, mesh_hit};
 use granita_scene::attr;
 use granita_sdb::Mode;
@@ -254,7 +254,11 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
     fn by_rays(&mut self, lanes: &[u32], out: &mut Lanes3) {
         let asks: Vec<Ask> = lanes
             .iter()
-            .map(|&lane| Ask { lane, seed: self.run.lane_seed(self.call, lane), samples: 1 })
+            .map(|&lane| Ask {
+                lane,
+                seed: self.run.lane_seed(NoiseSource::Indirect, self.call, lane),
+                samples: 1,
+            })
             .collect();
         let places = (0..self.query.batch.lanes).map(|i| self.query.p.get(i)).collect();
         let question = question(self.query, places, true);
@@ -314,7 +318,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
         }
         let (p, n) = (self.query.p.get(i), self.axis(lane));
         let front = self.run.surface.as_ref().is_none_or(|surface| surface.ng.get(i).dot(n) >= 0.0);
-        let seed = self.run.lane_seed(self.call, lane);
+        let seed = self.run.lane_seed(NoiseSource::Indirect, self.call, lane);
         let within =
             |dimension| if jittered { hash::unit(hash::words(&[seed, dimension])) - 0.5 } else { 0.0 };
         let width = CELL_WIDTH * distance / self.run.pixels_per_unit(p);
