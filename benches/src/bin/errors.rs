@@ -1,6 +1,6 @@
 //! Measures how well a requested error is reached: twelve scenes at four requested errors, beside converged images.
 //!
-//! `cargo run --release -p granita-benches --bin errors [-- --only WORD --threads N --converged SECONDS]`
+//! `cargo run --release -p granita-benches --bin errors [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
 //!
 //! The converged image of a scene has half the dicing step and computes indirect light and occlusion at every point.
 //! It takes passes for `--converged` seconds (by default 60), and its own error is subtracted. The error of an image is
@@ -16,7 +16,7 @@
 use granita_benches::{Fur, release_tool, repository};
 use granita_image::Limits;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
@@ -251,6 +251,8 @@ struct Options {
     only: Option<String>,
     threads: String,
     converged: String,
+    /// The program that renders; `None` for the one of this checkout.
+    gelato: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
@@ -259,13 +261,15 @@ fn main() -> ExitCode {
 
 fn options() -> Result<Options, String> {
     let mut words = std::env::args().skip(1);
-    let mut options = Options { only: None, threads: "2".to_owned(), converged: "60".to_owned() };
+    let mut options =
+        Options { only: None, threads: "2".to_owned(), converged: "60".to_owned(), gelato: None };
     while let Some(word) = words.next() {
         let value = words.next().ok_or(format!("{word} needs a value"))?;
         match &*word {
             "--only" => options.only = Some(value),
             "--threads" => options.threads = value,
             "--converged" => options.converged = value,
+            "--gelato" => options.gelato = Some(value.into()),
             _ => return Err(format!("no option {word}")),
         }
     }
@@ -300,7 +304,7 @@ fn render(gelato: &Path, folder: &Path, text: &str, words: &[&str]) -> Result<Re
     }
     let formats = granita_plugin::bundled_formats(Limits::default());
     let input = formats.open(&image).map_err(|e| e.to_string())?;
-    let spec = input.spec(0, 0).map_err(|e| e.to_string())?;
+    let spec = input.spec(0, 0).ok_or("no image")?;
     let said = |name: &str| spec.string(&format!("granita/{name}")).map(str::to_owned);
     Ok(Rendered {
         pixels: input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats(),
@@ -320,7 +324,7 @@ fn error(pixels: &[f32], converged: &[f32], own: f64) -> f64 {
 
 fn run() -> Result<(), String> {
     let options = options()?;
-    let gelato = release_tool("gelato")?;
+    let gelato = options.gelato.clone().map_or_else(|| release_tool("gelato"), Ok)?;
     let place = tempfile::tempdir().map_err(|e| e.to_string())?;
     // The maps and shaders of the first example.
     if !repository().join("examples/first/out/room.env").is_file() {

@@ -180,7 +180,10 @@ fn geometric_normals(grid: &Grid, p: &[Vec3], flip: bool) -> Lanes3 {
     let Topology::Rect { nu, nv } = grid.topology else { return grid.ng.clone() };
     let sign = if flip { -1.0 } else { 1.0 };
     let mut normals: Vec<Vec3> = (0..nu * nv).map(|i| grid.dpdu.get(i).cross(grid.dpdv.get(i))).collect();
-    let usable = |v: Vec3| v.is_finite() && v.length_squared() > 1e-30;
+    // Relative to the others, so that the size of the surface does not matter.
+    let lengths = normals.iter().filter(|v| v.is_finite()).map(|v| v.length_squared());
+    let least = 1e-30 * lengths.filter(|length| length.is_finite()).fold(0.0, f32::max);
+    let usable = |v: Vec3| v.is_finite() && v.length_squared() > least;
     let mut missing: Vec<usize> = Vec::new();
     for j in 0..nv {
         for i in 0..nu {

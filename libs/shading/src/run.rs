@@ -237,6 +237,9 @@ fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
     let offset = |g: &Grid, i: usize| g.p.get(i) - before.get(i);
     let sign = if grid.flip_normals { -1.0 } else { 1.0 };
     for Rect { first, nu, nv } in rects {
+        // Relative to the normals before, so that the size of the surface does not matter.
+        let lengths = (first..first + nu * nv).map(|i| grid.ng.get(i).length_squared());
+        let least = 1e-30 * lengths.filter(|length| length.is_finite()).fold(0.0, f32::max);
         for j in 0..nv {
             for i in 0..nu {
                 let at = |i: usize, j: usize| first + j * nu + i;
@@ -252,7 +255,7 @@ fn follow_displacement(grid: &mut Grid, before: &Lanes3) {
                 let ng = du.cross(dv) * sign;
                 grid.dpdu.set(here, du);
                 grid.dpdv.set(here, dv);
-                if ng.is_finite() && ng.length_squared() > 1e-30 {
+                if ng.is_finite() && ng.length_squared() > least {
                     grid.ng.set(here, ng);
                 }
             }

@@ -29,9 +29,13 @@ const CROPS: usize = 4;
 /// The side of the small image, in blocks of which each has this many pixels at least.
 const LEAST_BLOCK: u32 = 12;
 
-/// The factors of "spatialquality" (in each direction) and "render:samples" that are tried.
-const QUALITIES: [f32; 4] = [0.5, 1.0, 2.0, 3.0];
-const SAMPLES: [f32; 4] = [0.25, 1.0, 4.0, 16.0];
+/// The factors between settings that are tried one after the other, of "spatialquality" in each direction and of
+/// "render:samples".
+const QUALITY_STEP: f32 = 2.0;
+const SAMPLES_STEP: f32 = 4.0;
+
+/// The largest number of steps in one direction.
+const STEPS: u32 = 4;
 
 /// The errors of the table, as fractions of the mean of the image.
 const ERRORS: [f64; 5] = [0.08, 0.04, 0.02, 0.01, 0.005];
@@ -84,22 +88,27 @@ struct Setting {
 impl Setting {
     const OWN: Self = Self { quality: 1.0, samples: 1.0 };
 
-    /// Returns the values of the attributes.
+    /// Returns the values of "spatialquality" and "render:samples".
     fn values(self, scene: &Scene) -> ([u32; 2], f32) {
         let times = |n: u32| ((n as f32 * self.quality).round() as u32).clamp(1, 256);
-        (scene.quality.map(times), scene.samples * self.samples)
+        (scene.quality.map(times), self.samples)
+    }
+
+    /// Returns the values of "temporalquality" and "dofquality", as far as the scene has blur. They are the least
+    /// numbers of samples, so that they are scaled like "spatialquality".
+    fn blurs(self, scene: &Scene) -> impl Iterator<Item = (&'static str, u32)> {
+        let square = self.quality * self.quality;
+        let times = move |n: u32| ((n as f32 * square).round() as u32).max(2);
+        let both = ["temporalquality", "dofquality"].into_iter().zip(scene.blurs);
+        both.filter_map(move |(name, n)| Some((name, times(n?))))
     }
 
     /// Returns the words of the command line that set it.
     fn words(self, scene: &Scene) -> Vec<String> {
         let ([x, y], samples) = self.values(scene);
-        [
-            "-set".to_owned(),
-            format!("spatialquality={x},{y}"),
-            "-set".to_owned(),
-            format!("render:samples={samples}"),
-        ]
-        .into()
+        let own = [format!("spatialquality={x},{y}"), format!("render:samples={samples}")].into_iter();
+        let all = own.chain(self.blurs(scene).map(|(name, n)| format!("{name}={n}")));
+        all.flat_map(|set| ["-set".to_owned(), set]).collect()
     }
 }
 
@@ -108,7 +117,8 @@ impl Setting {
 struct Scene {
     resolution: [u32; 2],
     quality: [u32; 2],
-    samples: f32,
+    /// "temporalquality" and "dofquality", with motion blur and depth of field.
+    blurs: [Option<u32>; 2],
 }
 
 /// The cost of a setting over the whole image.
@@ -166,8 +176,7 @@ struct Run {
     seconds: f64,
     /// The error, over the mean of the run's pixels.
     error: f64,
-    quality: [u32; 2],
-    resolution: [u32; 2],
+    scene: Scene,
 }
 
 impl Run {
@@ -192,12 +201,13 @@ impl Renderer<'_> {
         let [image, record] = ["image.exr", "record.json"].map(|name| self.folder.path().join(name));
         let mut command = Command::new(&self.program);
         command.args(["-as", "gelato", "-silent", "-only", "-data", "first", "-o"]).arg(&image);
-        command.arg("-statistics-json").arg(&record).args(["-passes", &passes.to_string()]).args(words);
+        command.arg("-statistics-json").arg(&record).args(["-passes", &passes.to_string()]);
         if let Some(crop) = crop {
             command.arg("-crop").args(crop.map(|x| x.to_string()));
         }
         let passed = self.given.iter().filter(|given| !OWN.contains(&&*given.id));
-        command.args(passed.flat_map(|given| &given.words)).arg("--");
+        // Of several -set of one attribute the last one counts.
+        command.args(passed.flat_map(|given| &given.words)).args(words).arg("--");
         command
             .args(self.options.files.iter().map(OsString::from))
             .stdin(Stdio::null())
@@ -213,10 +223,11 @@ impl Renderer<'_> {
         let last = frames.last().ok_or("the scene renders no frame")?;
         let seconds = last["cameras"][0]["seconds"]["frame"].as_f64().unwrap_or_default();
         let input = self.formats.open(&image).map_err(|error| error.to_string())?;
-        let spec = input.spec(0, 0).map_err(|error| error.to_string())?;
+        let spec = input.spec(0, 0).ok_or("a crop has no image")?;
         let pixels = input.read_level(0, 0).map_err(|error| error.to_string())?;
         let text = |name: &str| spec.string(&format!("granita/{name}"));
         let number = |name: &str| text(name).and_then(|text| text.parse().ok());
+        let count = |name: &str| text(name).and_then(|text| text.parse().ok());
         let pair = || {
             let mut words = text("samples")?.split_whitespace().map(str::parse);
             Some([words.next()?.ok()?, words.next()?.ok()?])
@@ -224,11 +235,14 @@ impl Renderer<'_> {
         Ok(Run {
             size: [spec.width, spec.height],
             channels: spec.channels.len(),
-            resolution: [spec.full_width, spec.full_height],
             pixels: pixels.to_floats(),
             seconds: seconds / f64::from(passes),
             error: number("error").unwrap_or_default(),
-            quality: pair().unwrap_or([1, 1]),
+            scene: Scene {
+                resolution: [spec.full_width, spec.full_height],
+                quality: pair().unwrap_or([1, 1]),
+                blurs: ["temporalquality", "dofquality"].map(count),
+            },
         })
     }
 }
@@ -286,10 +300,9 @@ fn choose(noise: &[f64]) -> Vec<Chosen> {
 }
 
 impl Renderer<'_> {
-    /// Measures the settings that may matter.
-    fn outcomes(&self, reporter: &Reporter) -> Result<(Scene, Vec<Outcome>), String> {
-        let probe = self.run(&[], Some([0.49, 0.51, 0.49, 0.51]), 1)?;
-        let scene = Scene { resolution: probe.resolution, quality: probe.quality, samples: 1.0 };
+    /// Measures settings, from the scene's own one to better ones.
+    fn outcomes(&self, wanted: Wanted, reporter: &Reporter) -> Result<(Scene, Vec<Outcome>), String> {
+        let scene = self.run(&[], Some([0.49, 0.51, 0.49, 0.51]), 1)?.scene;
         let [width, height] = scene.resolution;
         let least = |n: usize| (n as u32 * LEAST_BLOCK) as f32;
         let scale = (least(BLOCKS[0]) / width as f32).max(least(BLOCKS[1]) / height as f32).clamp(0.25, 1.0);
@@ -321,24 +334,25 @@ impl Renderer<'_> {
             variance,
         };
         let mut outcomes = vec![outcome(Setting::OWN, (own_seconds, own_variance))];
-        let more = Setting { samples: SAMPLES[2], ..Setting::OWN };
-        let of_more = measure(more)?;
-        outcomes.push(outcome(more, of_more));
-        // In a scene without samples, their number changes nothing.
-        let has_samples = (of_more.0 / own_seconds - 1.0).abs() > 0.1
-            || (of_more.1 - own_variance).abs() > 1e-3 * own_variance;
-        for samples in SAMPLES.into_iter().filter(|samples| has_samples || *samples == 1.0) {
-            for quality in QUALITIES {
-                let setting = Setting { quality, samples };
-                let same = |outcome: &Outcome| outcome.setting.values(&scene) == setting.values(&scene);
-                if !outcomes.iter().any(same) {
-                    reporter.info(setting.words(&scene).join(" "));
-                    outcomes.push(outcome(setting, measure(setting)?));
+        // From the best setting so far, each number is changed in both directions, as long as it pays.
+        let knobs =
+            [[1.0, 1.0 / SAMPLES_STEP], [1.0, SAMPLES_STEP], [1.0 / QUALITY_STEP, 1.0], [QUALITY_STEP, 1.0]];
+        for [quality, samples] in knobs {
+            for _ in 0..STEPS {
+                let Some(from) = best(&outcomes, wanted).copied() else { break };
+                let Setting { quality: q, samples: s } = from.setting;
+                let setting = Setting { quality: q * quality, samples: s * samples };
+                let same = |outcome: &Outcome| outcome.setting.words(&scene) == setting.words(&scene);
+                if outcomes.iter().any(same) {
+                    break;
+                }
+                reporter.info(setting.words(&scene).join(" "));
+                let next = outcome(setting, measure(setting)?);
+                outcomes.push(next);
+                if next.cost(wanted) > from.cost(wanted) * (1.0 - WORTH) {
+                    break;
                 }
             }
-        }
-        if !has_samples {
-            outcomes.remove(1);
         }
         Ok((scene, outcomes))
     }
@@ -348,7 +362,7 @@ impl Renderer<'_> {
 fn table(scene: &Scene, outcomes: &[Outcome]) -> String {
     let mut text = format!("{:<28} {:>9} {:>9}", "spatialquality, render:samples", "a pass", "its error");
     for error in ERRORS {
-        let _ = write!(text, " {:>9}", format!("to {} %", error * 100.0));
+        let _ = write!(text, " {:>9}", format!("to {} %", percent(error)));
     }
     let least = ERRORS.map(|error| best(outcomes, Wanted::Error(error)).map(|outcome| outcome.setting));
     let mut sorted: Vec<&Outcome> = outcomes.iter().collect();
@@ -371,6 +385,11 @@ fn table(scene: &Scene, outcomes: &[Outcome]) -> String {
     text + "\n* the least time for this error\n"
 }
 
+/// Returns a fraction in percent, without the digits that rounding adds.
+fn percent(fraction: f64) -> f64 {
+    (fraction * 1e6).round() / 1e4
+}
+
 /// Returns a number of seconds for people.
 fn seconds(seconds: f64) -> String {
     if seconds < 10.0 { format!("{seconds:.2} s") } else { format!("{seconds:.0} s") }
@@ -381,7 +400,7 @@ fn snippet(scene: &Scene, best: &Outcome, wanted: Wanted) -> String {
     let ([x, y], samples) = best.setting.values(scene);
     let (what, end) = match wanted {
         Wanted::Error(error) => (
-            format!("an error of {} %, after about {}", 100.0 * error, seconds(best.time(error))),
+            format!("an error of {} %, after about {}", percent(error), seconds(best.time(error))),
             format!("Attribute (\"float render:error\", {error})"),
         ),
         Wanted::Seconds(time) => (
@@ -389,8 +408,10 @@ fn snippet(scene: &Scene, best: &Outcome, wanted: Wanted) -> String {
             format!("Attribute (\"float render:seconds\", {time})"),
         ),
     };
+    let blurs: String =
+        best.setting.blurs(scene).map(|(name, n)| format!("Attribute (\"int {name}\", {n})\n")).collect();
     format!(
-        "# For {what}.\nAttribute (\"int[2] spatialquality\", ({x}, {y}))\nAttribute (\"float render:samples\", {samples})\n{end}\n"
+        "# For {what}.\nAttribute (\"int[2] spatialquality\", ({x}, {y}))\n{blurs}Attribute (\"float render:samples\", {samples})\n{end}\n"
     )
 }
 
@@ -423,7 +444,8 @@ fn trade(
     let asked = options.passes();
     let wanted = match asked.seconds {
         Some(seconds) if asked.error.is_none() => Wanted::Seconds(seconds),
-        _ => Wanted::Error(asked.error.map_or(ERRORS[2], f64::from)),
+        // The error was read as a float of few digits.
+        _ => Wanted::Error(asked.error.map_or(ERRORS[2], |error| (f64::from(error) * 1e6).round() / 1e6)),
     };
     let renderer = Renderer {
         options,
@@ -433,7 +455,7 @@ fn trade(
         folder: tempfile::tempdir().map_err(|e| e.to_string())?,
         formats: granita_plugin::bundled_formats(Limits::default()),
     };
-    let (scene, outcomes) = renderer.outcomes(reporter)?;
+    let (scene, outcomes) = renderer.outcomes(wanted, reporter)?;
     if outcomes.iter().all(|outcome| outcome.variance == 0.0) {
         return Err("the image has no noise, so one pass is all that it needs".to_owned());
     }
@@ -450,7 +472,7 @@ fn trade(
         .and_then(|()| write(&svg, &plot::plot(&scene, &outcomes, file)))
         .map_err(|e| e.to_string())?;
     let end = match wanted {
-        Wanted::Error(error) => format!("-error {}%", 100.0 * error),
+        Wanted::Error(error) => format!("-error {}%", percent(error)),
         Wanted::Seconds(seconds) => format!("-seconds {seconds}"),
     };
     granita_cli::print(&format!(
@@ -511,13 +533,13 @@ mod tests {
 
     #[test]
     fn statements_name_what_they_are_for() {
-        let scene = Scene { resolution: [640, 480], quality: [4, 4], samples: 1.0 };
+        let scene = Scene { resolution: [640, 480], quality: [4, 4], blurs: [Some(16), None] };
         let best = outcome(0.5, 4.0, 1.0, 0.01);
         let text = snippet(&scene, &best, Wanted::Error(0.02));
         assert_eq!(
             text,
             "# For an error of 2 %, after about 25 s.\nAttribute (\"int[2] spatialquality\", (2, 2))\n\
-             Attribute (\"float render:samples\", 4)\nAttribute (\"float render:error\", 0.02)\n"
+             Attribute (\"int temporalquality\", 4)\nAttribute (\"float render:samples\", 4)\nAttribute (\"float render:error\", 0.02)\n"
         );
         assert!(snippet(&scene, &best, Wanted::Seconds(5.0)).contains("render:seconds\", 5)"));
         assert!(table(&scene, &[best]).contains("2 x 2, 4"));

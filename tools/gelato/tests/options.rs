@@ -469,7 +469,7 @@ fn attributes_are_set_from_the_command_line() {
     // The scene has these values already.
     assert!(with(&["-set", "fov=60", "-set", "resolution=24,16"]) == plain);
     // They replace what the camera, the scene and an input set.
-    let changed = ["fov=30", "resolution=12,8", "shadingquality=0.1", "spatialquality=1,1"];
+    let changed = ["fov=30", "resolution=12,8", "shadingquality=4", "spatialquality=1,1"];
     for set in changed {
         assert!(with(&["-set", set]) != plain, "{set}");
     }

@@ -35,7 +35,7 @@ use motion::MotionBlock;
 use rerender::Rerender;
 use save::Saved;
 use shaders::GroupBlock;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// The phase of the frame.
