@@ -259,7 +259,7 @@ impl Net {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]).stdin(Stdio::null());
         command.envs(self.options.run.program_environment.iter().map(|(k, v)| (k, v)));
-        command.env(NetSecret::VARIABLE, secret);
+        command.envs(launch.variables.iter().copied()).env(NetSecret::VARIABLE, secret);
         // Standard output belongs to the images of a caller, or to nobody.
         command.stdout(Stdio::null());
         let (name, program, shared) = (launch.name.clone(), words[0].clone(), self.shared.clone());
