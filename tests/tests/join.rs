@@ -359,6 +359,23 @@ fn workers_end_with_their_coordinator() {
 }
 
 #[test]
+fn commands_that_start_workers_end_with_the_coordinator() {
+    let place = Place::new();
+    // As srun, which waits for the tasks of a lost node.
+    let script = "echo $$ > pid\n\"$1\" -worker -join \"$2\" -threads 1\nsleep 1000\n";
+    std::fs::write(place.path("start.sh"), script).unwrap();
+    let scene = "Output (\"few.tif\", \"tiff\", \"rgb\", \"camera\")\nTranslate (0, 0, 4)\nWorld ()\nSphere (1, -1, 1, 360)\nRender ()\n";
+    std::fs::write(place.path("few.pyg"), scene).unwrap();
+    let command = format!("cmd:sh start.sh {} %h", place.tools.program("gelato").display());
+    let begin = Instant::now();
+    let ran = place.start(place.folder.path(), &["-net", &command, "few.pyg"]).end();
+    assert!(ran.status.success() && ran.stderr.is_empty(), "{}", text(&ran.stderr));
+    assert!(begin.elapsed() < Duration::from_secs(30), "{:?}", begin.elapsed());
+    let process = std::fs::read_to_string(place.path("pid")).unwrap();
+    assert!(!Path::new("/proc").join(process.trim()).exists(), "the command still runs");
+}
+
+#[test]
 fn secrets_are_made_checked_and_required() {
     let place = Place::new();
     let run = |words: &[&str]| place.start(place.folder.path(), words).end();
