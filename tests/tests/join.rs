@@ -9,6 +9,8 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 const SECRET: &str = "a secret of the tests";
@@ -71,7 +73,12 @@ impl Place {
 
     /// Starts a worker, in another folder than that of the scene.
     fn worker(&self, secret: &str) -> Running {
-        let (address, secret) = (format!("127.0.0.1:{}", self.port), self.path(secret));
+        self.worker_at(self.port, secret)
+    }
+
+    /// Starts a worker that connects to a port.
+    fn worker_at(&self, port: u16, secret: &str) -> Running {
+        let (address, secret) = (format!("127.0.0.1:{port}"), self.path(secret));
         let words = ["-worker", "-join", &address, "-threads", "1", "-secret", secret.to_str().unwrap()];
         self.start(Path::new("/"), &words)
     }
@@ -241,6 +248,101 @@ fn workers_that_stop_after_their_last_bucket_do_not_hold_the_end() {
     assert!(begin.elapsed() < Duration::from_secs(10), "{:?}", begin.elapsed());
 }
 
+/// A network between workers and the coordinator. While it stalls, bytes stay where they are, in both directions.
+struct Network {
+    port: u16,
+    stalls: Arc<AtomicBool>,
+}
+
+impl Network {
+    /// Forwards connections to a port of this machine, until the test is over.
+    fn to(port: u16) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let network = Self { port: listener.local_addr().unwrap().port(), stalls: Arc::default() };
+        let stalls = network.stalls.clone();
+        std::thread::spawn(move || {
+            for worker in listener.incoming() {
+                let (worker, coordinator) =
+                    (worker.unwrap(), TcpStream::connect(("127.0.0.1", port)).unwrap());
+                let ends = [(&worker, &coordinator), (&coordinator, &worker)];
+                for (from, to) in ends.map(|(a, b)| (a.try_clone().unwrap(), b.try_clone().unwrap())) {
+                    let stalls = stalls.clone();
+                    std::thread::spawn(move || forward(from, to, &stalls));
+                }
+            }
+        });
+        network
+    }
+
+    fn stall(&self, stalls: bool) {
+        self.stalls.store(stalls, Ordering::SeqCst);
+    }
+}
+
+/// Forwards one direction of a connection.
+fn forward(mut from: TcpStream, mut to: TcpStream, stalls: &AtomicBool) {
+    let mut piece = [0; 1 << 14];
+    while let Ok(n) = from.read(&mut piece) {
+        while stalls.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        if n == 0 || to.write_all(&piece[..n]).is_err() {
+            break;
+        }
+    }
+    let _ = to.shutdown(Shutdown::Write);
+}
+
+/// Renders with two workers whose network stalls in mid-frame, for `stalled` or to the end of the frame. Returns the
+/// messages of the coordinator, and the statuses of the workers.
+fn with_stalled_network(timeout: f32, stalled: Option<Duration>) -> (String, [Option<i32>; 2]) {
+    let place = Place::new();
+    let (alone, usual) = place.alone();
+    let network = Network::to(place.port);
+    std::fs::write(place.path("timeout.pyg"), format!("Attribute (\"float net:timeout\", {timeout})\n"))
+        .unwrap();
+    let mut coordinator = place.coordinator(&["-verbosity", "2", "timeout.pyg"]);
+    drop(place.connect());
+    let begin = Instant::now();
+    let workers = [(); 2].map(|()| place.worker_at(network.port, "secret"));
+    let mut said = BufReader::new(coordinator.0.as_mut().unwrap().stderr.take().unwrap());
+    let mut text = String::new();
+    while text.matches(" joins").count() < 2 {
+        assert!(said.read_line(&mut text).unwrap() > 0, "the workers did not join: {text}");
+    }
+    let rest = std::thread::spawn(move || said.read_to_string(&mut text).map(|_| text).unwrap());
+    std::thread::sleep(usual / 4);
+    network.stall(true);
+    if let Some(stalled) = stalled {
+        std::thread::sleep(stalled);
+        network.stall(false);
+    }
+    let ran = coordinator.end();
+    let late = begin.elapsed().saturating_sub(usual);
+    let said = rest.join().unwrap();
+    place.check(&ran, &alone);
+    assert!(late < Duration::from_secs(10), "{late:?} late: {said}");
+    network.stall(false);
+    let begin = Instant::now();
+    let statuses = workers.map(|worker| worker.end().status.code());
+    assert!(begin.elapsed() < Duration::from_secs(10), "the workers stayed");
+    (said, statuses)
+}
+
+#[test]
+fn a_network_that_stalls_for_seconds_costs_no_worker() {
+    let (said, statuses) = with_stalled_network(60.0, Some(Duration::from_millis(6500)));
+    assert!(said.contains("is silent; others do its part"), "{said}");
+    assert_eq!(statuses, [Some(0), Some(0)], "{said}");
+}
+
+#[test]
+fn a_network_that_stalls_for_long_does_not_cost_the_frame() {
+    let (said, statuses) = with_stalled_network(2.0, None);
+    assert_eq!(said.matches("it has been silent for 2 s").count(), 2, "{said}");
+    assert_eq!(statuses, [Some(1), Some(1)], "{said}");
+}
+
 #[test]
 fn workers_end_with_their_coordinator() {
     let place = Place::new();
@@ -254,6 +356,23 @@ fn workers_end_with_their_coordinator() {
     assert!(begin.elapsed() < Duration::from_secs(10));
     assert_eq!(ran.status.code(), Some(1), "{}", text(&ran.stderr));
     assert!(text(&ran.stderr).contains("the connection to the coordinator is lost"), "{}", text(&ran.stderr));
+}
+
+#[test]
+fn commands_that_start_workers_end_with_the_coordinator() {
+    let place = Place::new();
+    // As srun, which waits for the tasks of a lost node.
+    let script = "echo $$ > pid\n\"$1\" -worker -join \"$2\" -threads 1\nsleep 1000\n";
+    std::fs::write(place.path("start.sh"), script).unwrap();
+    let scene = "Output (\"few.tif\", \"tiff\", \"rgb\", \"camera\")\nTranslate (0, 0, 4)\nWorld ()\nSphere (1, -1, 1, 360)\nRender ()\n";
+    std::fs::write(place.path("few.pyg"), scene).unwrap();
+    let command = format!("cmd:sh start.sh {} %h", place.tools.program("gelato").display());
+    let begin = Instant::now();
+    let ran = place.start(place.folder.path(), &["-net", &command, "few.pyg"]).end();
+    assert!(ran.status.success() && ran.stderr.is_empty(), "{}", text(&ran.stderr));
+    assert!(begin.elapsed() < Duration::from_secs(30), "{:?}", begin.elapsed());
+    let process = std::fs::read_to_string(place.path("pid")).unwrap();
+    assert!(!Path::new("/proc").join(process.trim()).exists(), "the command still runs");
 }
 
 #[test]
@@ -278,6 +397,10 @@ fn secrets_are_made_checked_and_required() {
         (&["-worker", "-join", "localhost", "-secret", "none"], "-secret none: "),
         (&["-worker", "-join", "localhost", "-secret", "open"], "others may read it"),
         (&["-worker", "-join", "localhost", "-secret", "short"], "at least 16 characters"),
+        (
+            &["-worker", "-join", "localhost:1x", "-secret", "secret"],
+            "\"localhost:1x\": expected HOST or HOST:PORT",
+        ),
     ] {
         let ran = run(words);
         assert_eq!(ran.status.code(), Some(2), "{words:?}");

@@ -153,6 +153,82 @@ fn packed_scenes_render_the_same_pixels_elsewhere() {
     assert_eq!(names(&place.show()), [""; 0]);
 }
 
+/// A scene of programs and scripts. "outside" stands for lines of Python that read a file elsewhere.
+const PROGRAMS: &str = "import shapes\n\
+    Attribute (\"int[2] resolution\", (64, 32))\nAttribute (\"string path:generator\", \"../programs:&\")\n\
+    Output (\"a.tif\", \"tiff\", \"rgb\", \"camera\")\nTranslate (0, 0, 4)\nWorld ()\n\
+    for line in open (\"list.txt\"):\n    Input (\"grass \" + line)\n\
+    Input (\"pyg < sh make.sh < data.txt\")\nshapes.ball (0.3)\n\
+    Input (\"far.pyg\", (900, 901, 900, 901, 900, 901))\nOUTSIDERender ()\n";
+
+#[test]
+fn programs_scripts_and_unneeded_inputs_are_packed() {
+    if !granita_needs::has("python3") {
+        return;
+    }
+    let place = Place::new();
+    std::fs::create_dir(place.show().join("programs")).unwrap();
+    let ball = "for x in \"$@\"; do echo \"Translate ($x, 0, 0)\"; echo 'Sphere (0.2, -0.2, 0.2, 360)'; done";
+    granita_needs::write_script(&place.show().join("programs/grass"), ball);
+    place.write(
+        "shot/make.sh",
+        "while read -r x; do echo \"Translate (0, $x, 0)\"; done\necho 'Sphere (0.4, -0.4, 0.4, 360)'\n",
+    );
+    place.write("shot/data.txt", "0.5\n");
+    place.write("shot/list.txt", "1 0.2\n-2\n");
+    place.write("shot/far.pyg", "Sphere (1, -1, 1, 360)\n");
+    place.write("shot/shapes.py", "from gelato import *\ndef ball (r):\n    Sphere (r, -r, r, 360)\n");
+    place.write("other/more.txt", "");
+    place.write("shot/shot.pyg", &PROGRAMS.replace("OUTSIDE", ""));
+    place
+        .write("shot/outside.pyg", &PROGRAMS.replace("OUTSIDE", "open (\"SHOW/other/more.txt\").close ()\n"));
+    let render = |folder: &Path, words: &[&str]| {
+        let ran = place.run(folder, words, false);
+        assert!(ran.status == 0 && ran.stderr.is_empty(), "{}", ran.stderr);
+    };
+    render(&place.shot(), &["shot.pyg"]);
+    // Python keeps the compiled module, and the module is listed nevertheless.
+    render(&place.shot(), &["shot.pyg"]);
+    let before = Image::read(&place.shot().join("a.tif")).unwrap();
+    let ran = place.run(&place.shot(), &["-assets", "shot.pyg"], false);
+    let list: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    let mut kinds: Vec<String> = list["files"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|file| {
+            let name = Path::new(file["name"].as_str().unwrap()).file_name().unwrap().to_string_lossy();
+            format!("{} {name}", file["kind"].as_str().unwrap())
+        })
+        .collect();
+    kinds.sort_unstable();
+    let expected = [
+        "program data.txt",
+        "program make.sh",
+        "scene far.pyg",
+        "scene grass",
+        "scene shot.pyg",
+        "script list.txt",
+        "script shapes.py",
+    ];
+    assert_eq!(kinds, expected, "{list:#}");
+    let commands = ["Input grass 1 0.2", "Input grass -2", "Input pyg < sh make.sh < data.txt"];
+    assert_eq!(list["commands"], serde_json::json!(commands));
+    let ran = place.run(&place.shot(), &["-pack", "../../packed", "shot.pyg"], false);
+    assert_eq!(ran.status, 0, "{}", ran.stderr);
+    let said: Vec<&str> =
+        ran.stderr.lines().filter(|line| !line.contains("the scene runs \"Input ")).collect();
+    assert!(said.is_empty() && ran.stderr.lines().count() == 3, "{}", ran.stderr);
+    // A file that a script opens by a name that leads out of the folder.
+    let ran = place.run(&place.shot(), &["-pack", "../../other", "outside.pyg"], false);
+    let part = "more.txt is packed, but scripts look for it at its old place";
+    assert!(ran.status == 0 && ran.stderr.contains(part), "{}", ran.stderr);
+    let packed = place.folder.path().join("packed");
+    std::fs::rename(place.show(), place.folder.path().join("gone")).unwrap();
+    render(place.folder.path(), &["-cwd", "packed", "shot.pyg"]);
+    assert!(Image::read(&packed.join("a.tif")).unwrap() == before, "other pixels");
+}
+
 #[test]
 fn packs_are_whole_or_not_there() {
     let place = Place::new();

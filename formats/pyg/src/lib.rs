@@ -44,7 +44,7 @@ mod value;
 mod write;
 
 pub use error::PygError;
-pub use options::{Chunking, PygOptions, Scripts};
+pub use options::{Chunking, OpenedFiles, PygOptions, Scripts};
 pub use read::{PygSource, read};
 pub use serve::{Requests, serve, serve_with};
 pub use write::{Writer, WriterOptions};

@@ -3,6 +3,7 @@
 use crate::python::Python;
 use granita_base::{Environment, Files, Supervisor};
 use parking_lot::{Mutex, MutexGuard};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -41,6 +42,8 @@ pub struct PygOptions {
     pub statement_limit: usize,
     /// The interpreter that several scenes share. Scripts that are read with the same value share their definitions.
     pub scripts: Option<Scripts>,
+    /// Receives the names of the files that scripts open.
+    pub opened: OpenedFiles,
 }
 
 impl Default for PygOptions {
@@ -56,7 +59,24 @@ impl Default for PygOptions {
             supervisor: Supervisor::default(),
             statement_limit: 1 << 32,
             scripts: None,
+            opened: OpenedFiles::default(),
         }
+    }
+}
+
+/// The files that scripts opened for reading by themselves, and the modules that they imported. Those of the
+/// interpreter's own folders are left out. Clones share the list.
+#[derive(Clone, Debug, Default)]
+pub struct OpenedFiles(Arc<Mutex<BTreeSet<PathBuf>>>);
+
+impl OpenedFiles {
+    pub(crate) fn add(&self, file: &str) {
+        self.0.lock().insert(file.into());
+    }
+
+    /// Returns the files so far, by name.
+    pub fn list(&self) -> Vec<PathBuf> {
+        self.0.lock().iter().cloned().collect()
     }
 }
 

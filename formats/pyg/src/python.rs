@@ -49,6 +49,8 @@ pub(crate) enum Event {
     Wait,
     /// The script printed this text.
     Printed(String),
+    /// The script opened these files for reading.
+    Opened(Vec<String>),
     /// The piece has been executed. `rebound` is true when the script gave the name of a call another meaning.
     Done { rebound: bool },
     /// A statement ended with an exception. The piece continues with the next statement.
@@ -182,6 +184,10 @@ pub(crate) fn event(kind: u8, payload: &[u8]) -> Option<Event> {
         b'F' => Event::File(frame.rest()),
         b'W' => Event::Wait,
         b'P' => Event::Printed(frame.rest()),
+        b'U' => {
+            let n = frame.word()?;
+            Event::Opened((0..n).map(|_| frame.text()).collect::<Option<Vec<_>>>()?)
+        }
         b'D' => Event::Done { rebound: frame.array::<1>()? != [0] },
         b'R' => Event::Raised(exception(&mut frame)?),
         b'Y' => Event::Unread(exception(&mut frame)?),

@@ -324,6 +324,7 @@ impl Reader<'_> {
                 }
                 // Only programs that start the renderer send these events.
                 Event::File(_) | Event::Text(_) | Event::Wait => {}
+                Event::Opened(names) => names.iter().for_each(|name| self.options.opened.add(name)),
                 Event::Printed(text) => {
                     printed.push_str(&text);
                     while let Some(end) = printed.find('\n') {

@@ -2,7 +2,7 @@
 # bindings/python/gelato/_errors.py and _stream.py, which know the frames.
 #
 # In:  I file name, names of calls | N file name | X line, source | G value (answer to A)
-# Out: C line, name, arguments | A declaration | P text | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
+# Out: C line, name, arguments | A declaration | P text | U files | D rebound | W (ready) | E, R, Y line, kind, text, name | Q line, code, text
 
 
 def _granita_main():
@@ -10,6 +10,23 @@ def _granita_main():
     import builtins
     import os
     import types
+
+    # The folders of the interpreter and of installed packages, whose files belong to the machine.
+    variable = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    installed = tuple(place.rstrip("/") + "/" for place in sys.path if place and place not in variable)
+    opened, reported = set(), set()
+
+    def note(event, args):
+        """Keeps the names of files that are opened for reading."""
+        if event != "open" or not isinstance(args[0], (str, bytes)):
+            return
+        name, mode, flags = args
+        writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR) == os.O_WRONLY
+        if not writes and not (mode and ("w" in mode or "a" in mode or "x" in mode)):
+            opened.add(os.fsdecode(name))
+
+    if hasattr(sys, "addaudithook"):
+        sys.addaudithook(note)
 
     source = os.fdopen(os.dup(0), "rb")
     sink = os.fdopen(os.dup(1), "wb", 1 << 18)
@@ -134,6 +151,20 @@ def _granita_main():
         """Where modules of the file lie."""
         return os.path.dirname(os.path.abspath(file)) if os.path.exists(file) else ""
 
+    def tell_opened():
+        """Reports the files that were opened since the last time."""
+        new, found = sorted(opened - reported), []
+        reported.update(new)
+        for name in new:
+            place = os.path.dirname(name)
+            if os.path.basename(place) == "__pycache__":
+                # A module is its source, not what Python keeps of it.
+                name = os.path.join(os.path.dirname(place), os.path.basename(name).split(".")[0] + ".py")
+            if os.path.isfile(name) and not os.path.abspath(name).startswith(installed + ("/proc/",)):
+                found.append(name)
+        if found:
+            say(b"U", struct.pack("<I", len(found)) + b"".join(text(name) for name in found))
+
     def is_rebound():
         changed = any(scope.get(name) is not function for name, function in api.items())
         return changed or scope.get("GelatoRenderer") is not renderer
@@ -219,7 +250,11 @@ def _granita_main():
             continue
         line = struct.unpack("<I", payload[:4])[0]
         try:
-            if execute(line, payload[4:]):
+            try:
+                done = execute(line, payload[4:])
+            finally:
+                tell_opened()
+            if done:
                 say(b"D", b"\1" if is_rebound() else b"\0")
         except SystemExit as leave:
             code = leave.code

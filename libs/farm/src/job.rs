@@ -1,5 +1,6 @@
 //! Jobs: steps, and what each of them waits for.
 
+use crate::names::unnumbered;
 use crate::range::FrameRange;
 use serde::Deserialize;
 use std::collections::HashSet;
@@ -157,10 +158,10 @@ impl Job {
         Ok(Self { name: text.name, steps })
     }
 
-    /// Returns a job of one step that renders frames.
+    /// Returns a job of one step that renders frames. `name` may have a place for their number, which is left out.
     pub fn of_frames(name: &str, frames: FrameRange, chunk: usize, words: Vec<String>) -> Self {
         let kept = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        let name: String = name.chars().map(|c| if kept(c) { c } else { '_' }).collect();
+        let name: String = unnumbered(name).chars().map(|c| if kept(c) { c } else { '_' }).collect();
         let name = if is_name(&name) { name } else { "job".to_owned() };
         let work = Work::Frames { frames, chunk: chunk.max(1), words };
         let step = Step { name: "frames".to_owned(), after: Vec::new(), work, cores: 0, memory_mb: 0 };
@@ -232,6 +233,8 @@ mod tests {
     fn commands_of_tasks_name_their_frames() {
         let job = Job::of_frames("a/b shot.pyg", "1-9".parse().unwrap(), 2, vec!["s.#.pyg".to_owned()]);
         assert_eq!(job.name, "a_b_shot.pyg");
+        assert_eq!(Job::of_frames("shot.####", "1".parse().unwrap(), 1, Vec::new()).name, "shot");
+        assert_eq!(Job::of_frames("####", "1".parse().unwrap(), 1, Vec::new()).name, "job");
         let step = &job.steps[0];
         assert_eq!(step.tasks(), 5);
         let words = step.command("gelato", "$ID").unwrap().join(" ");

@@ -22,5 +22,5 @@ mod range;
 pub mod slurm;
 
 pub use job::{Job, JobError, Step, Work};
-pub use names::{has_number, numbered, with_frame};
+pub use names::{has_number, numbered, unnumbered, with_frame};
 pub use range::{FrameRange, RangeError};

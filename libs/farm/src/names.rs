@@ -37,6 +37,18 @@ pub fn with_frame(text: &str, frame: i32) -> Option<String> {
     is_changed.then_some(changed)
 }
 
+/// Returns a name without the places for the number of a frame, and without dots, `_` and `-` at its ends.
+pub fn unnumbered(name: &str) -> String {
+    let mut text = String::with_capacity(name.len());
+    let mut rest = name;
+    while let Some((before, _, after)) = mark(rest) {
+        text += before;
+        rest = after;
+    }
+    text += rest;
+    text.trim_matches(['.', '_', '-']).to_owned()
+}
+
 /// True when a name has a place for the number of a frame.
 pub fn has_number(name: &str) -> bool {
     mark(name).is_some()
@@ -104,5 +116,10 @@ mod tests {
         assert_eq!(with_frame("$HOME/%d", 12), None);
         assert_eq!(numbered("a.####", -7), "a.-0007");
         assert_eq!(numbered("a.##", 12345), "a.12345");
+        for (name, expected) in
+            [("shot.####", "shot"), ("a_%04d.b", "a_.b"), ("$frame4", ""), ("wall.a", "wall.a")]
+        {
+            assert_eq!(unnumbered(name), expected);
+        }
     }
 }

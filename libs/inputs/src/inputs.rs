@@ -1,17 +1,16 @@
 //! Resolves the names of `Input` (reference 2.9) to scene files, generators, programs and strings.
 
+use crate::programs::Output;
 use crate::{RunOptions, shell};
-use granita_base::process::Process;
-use granita_base::{Files, Location, Reporter, SearchPath, Severity, Supervisor};
+use granita_base::{Files, Location, Reporter, SearchPath, Severity};
 use granita_plugin::Plugins;
-use granita_pyg::{PygError, PygOptions, PygSource, Scripts};
+use granita_pyg::{OpenedFiles, PygError, PygOptions, PygSource, Scripts};
 use granita_scene::{
     FoundInput, Generator, GeneratorError, GeneratorRegistry, GeneratorSource, InputPaths, SceneSink, Stop,
 };
 use std::ffi::OsStr;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
-use std::process::{ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
 /// The largest number of bytes that a program may write for a generator other than "pyg".
@@ -65,6 +64,8 @@ pub struct Inputs {
     generators: GeneratorRegistry,
     plugins: Plugins,
     reporter: Reporter,
+    /// The files that scripts opened.
+    opened: OpenedFiles,
 }
 
 /// An input that was found but not opened.
@@ -112,7 +113,13 @@ impl Inputs {
 
     /// Returns inputs that also have the generators of `plugins`.
     pub fn with_plugins(options: Arc<RunOptions>, reporter: Reporter, plugins: Plugins) -> Self {
-        Self { options, generators: granita_plugin::bundled_generators(), plugins, reporter }
+        let (generators, opened) = (granita_plugin::bundled_generators(), OpenedFiles::default());
+        Self { options, generators, plugins, reporter, opened }
+    }
+
+    /// Returns the files that scripts opened so far.
+    pub fn opened(&self) -> Vec<PathBuf> {
+        self.opened.list()
     }
 
     /// Returns the generator called `name`. Generators that the user named come first, then bundled ones, then
@@ -167,9 +174,9 @@ impl Inputs {
         if word.is_empty() || word.contains('/') {
             return Err(missing());
         }
-        match folders.find(word).filter(|file| is_executable(file)) {
+        match folders.find(word).filter(|file| is_executable(&self.files().place(file))) {
             Some(file) => {
-                let line = format!("{} {rest}", quoted(&file));
+                let line = format!("{} {rest}", self.own_program(&file));
                 Ok(self.input(command, Kind::Pyg(self.program(command, line)?)))
             }
             None => Err(missing()),
@@ -195,8 +202,8 @@ impl Inputs {
         }
         match extension.as_deref() {
             Some("pyg" | "py") => Ok(self.input(&identity, Kind::Pyg(from))),
-            None if is_executable(path) => {
-                let program = self.program(&path.display().to_string(), quoted(path))?;
+            None if is_executable(&self.files().place(path)) => {
+                let program = self.program(&path.display().to_string(), self.own_program(path))?;
                 Ok(self.input(&identity, Kind::Pyg(program)))
             }
             None => Ok(self.input(&identity, Kind::Pyg(from))),
@@ -227,6 +234,7 @@ impl Inputs {
             files: self.files().clone(),
             supervisor: self.options.supervisor.clone(),
             environment: self.script_environment().into_iter().collect(),
+            opened: self.opened.clone(),
             ..PygOptions::default()
         }
     }
@@ -256,6 +264,12 @@ impl Inputs {
             return Err(InputError::Refused(command.to_owned()));
         }
         Ok(Origin::Program(line))
+    }
+
+    /// Returns the word of the shell that runs a program which is a file of the scene.
+    fn own_program(&self, file: &Path) -> String {
+        self.reporter.file_read(file);
+        quoted(&self.files().place(file))
     }
 
     fn scene_file(&self, name: &str, paths: InputPaths<'_>) -> Option<Origin> {
@@ -293,6 +307,27 @@ impl Input {
         Self { scripts: Some(scripts), ..self }
     }
 
+    /// Returns the line of the shell whose output it is; `None` when no program runs.
+    pub fn program(&self) -> Option<&str> {
+        match &self.kind {
+            Kind::Pyg(Origin::Program(line)) | Kind::Generator(_, Origin::Program(line)) => Some(line),
+            _ => None,
+        }
+    }
+
+    /// Returns the files that it names: its own, or those of the words of a generator's argument.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let files = self.inputs.files();
+        match &self.kind {
+            Kind::Pyg(Origin::File(path)) | Kind::Generator(_, Origin::File(path)) => vec![path.clone()],
+            Kind::Generator(_, Origin::Argument(argument)) => {
+                let words = std::iter::once(&**argument).chain(argument.split_whitespace());
+                words.map(PathBuf::from).filter(|path| files.is_file(path)).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
     /// True when it may contain a whole scene, and not only objects for one.
     pub fn makes_frames(&self) -> bool {
         match &self.kind {
@@ -315,6 +350,7 @@ impl Input {
     /// Returns [`InputError::Io`], [`InputError::Malformed`], [`InputError::Unsupported`] or
     /// [`InputError::Stopped`].
     pub fn read(self, sink: &mut dyn SceneSink) -> Result<(), InputError> {
+        let named = self.files();
         let Self { kind, inputs, scripts, .. } = self;
         let reporter = &inputs.reporter;
         let (from, generator) = match kind {
@@ -329,9 +365,7 @@ impl Input {
             return granita_pyg::read(from.pyg(&inputs.options)?, sink, &options, reporter)
                 .map_err(InputError::from);
         };
-        if let Origin::File(path) = &from {
-            reporter.file_read(path);
-        }
+        named.iter().for_each(|file| reporter.file_read(file));
         let (name, source) = (from.name(), from.source(inputs.files()));
         let source = match (source, from) {
             (Some(source), _) => source,
@@ -429,35 +463,6 @@ impl From<PygError> for InputError {
             PygError::Unsupported(text) => Self::Unsupported(text),
             PygError::Malformed { what, at } => Self::Scene { what, at },
         }
-    }
-}
-
-/// The output of a program, read while it runs. Dropping it ends the program.
-struct Output {
-    child: Process,
-    out: ChildStdout,
-    line: String,
-}
-
-impl Output {
-    fn start(mut command: Command, line: String, supervisor: &Supervisor) -> io::Result<Self> {
-        command.stdin(Stdio::null()).stdout(Stdio::piped());
-        let mut child = supervisor.spawn(&mut command, format!("running \"{line}\""))?;
-        let out = child.take_stdout().ok_or_else(|| io::Error::other("no pipe"))?;
-        Ok(Self { child, out, line })
-    }
-}
-
-impl Read for Output {
-    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
-        let n = self.out.read(buf)?;
-        if n == 0 && !buf.is_empty() {
-            let status = self.child.wait()?;
-            if !status.success() {
-                return Err(io::Error::other(format!("the program \"{}\" failed: {status}", self.line)));
-            }
-        }
-        Ok(n)
     }
 }
 

@@ -46,6 +46,7 @@ impl RunOptions {
             none: self.safe,
             named: self.plugins.clone(),
             current_folder: self.plugins_from_current_folder,
+            files: self.environment.files().clone(),
         }
     }
 }

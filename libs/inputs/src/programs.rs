@@ -1,7 +1,10 @@
 //! The commands for programs that a scene runs.
 
 use crate::RunOptions;
-use std::process::{Command, Stdio};
+use granita_base::Supervisor;
+use granita_base::process::Process;
+use std::io::{self, Read};
+use std::process::{ChildStdout, Command, Stdio};
 
 /// Returns the command that runs a line in the default shell.
 pub fn shell(line: &str, options: &RunOptions) -> Command {
@@ -46,6 +49,36 @@ pub fn prepare(command: &mut Command, options: &RunOptions) {
     command.stdin(Stdio::null());
     if options.programs_print_to_stderr {
         command.stdout(std::io::stderr());
+    }
+}
+
+/// The output of a program, read while it runs. Dropping it ends the program.
+pub(crate) struct Output {
+    child: Process,
+    out: ChildStdout,
+    line: String,
+}
+
+impl Output {
+    /// Starts a command, whose line is `line`.
+    pub(crate) fn start(mut command: Command, line: String, supervisor: &Supervisor) -> io::Result<Self> {
+        command.stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut child = supervisor.spawn(&mut command, format!("running \"{line}\""))?;
+        let out = child.take_stdout().ok_or_else(|| io::Error::other("no pipe"))?;
+        Ok(Self { child, out, line })
+    }
+}
+
+impl Read for Output {
+    fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
+        let n = self.out.read(buf)?;
+        if n == 0 && !buf.is_empty() {
+            let status = self.child.wait()?;
+            if !status.success() {
+                return Err(io::Error::other(format!("the program \"{}\" failed: {status}", self.line)));
+            }
+        }
+        Ok(n)
     }
 }
 

@@ -4,10 +4,11 @@ use crate::dso::{Dso, strings};
 use crate::ffi::{self, ABI, GeneratorTable, Text};
 use crate::interface::{Borrowed, GeneratorObject, Interface, InterfaceObject, c_string};
 use crate::{ErrorManager, Messages};
-use granita_base::{Location, Reporter};
+use granita_base::{Files, Location, Reporter};
 use granita_scene::{Generator, GeneratorError, GeneratorSource, SceneSink, Stop};
 use std::ffi::c_void;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 /// The value of `GelatoAPI::API_VERSION`.
@@ -111,7 +112,7 @@ enum Params {
 impl Params {
     fn of(source: &GeneratorSource) -> std::io::Result<Self> {
         match source {
-            GeneratorSource::File { path, .. } => Ok(Self::Text(path.to_string_lossy().into_owned())),
+            GeneratorSource::File { path, files } => Ok(Self::Text(placed(path, files))),
             GeneratorSource::Bytes { bytes, files, .. } => {
                 let folder = files.temporary_folder();
                 #[cfg(target_os = "linux")]
@@ -141,6 +142,11 @@ impl Params {
             Self::Unnamed(_, name) => name.clone(),
         }
     }
+}
+
+/// Returns the parameter of a generator that reads a file, which opens the file by itself.
+fn placed(path: &Path, files: &Files) -> String {
+    files.place(path).to_string_lossy().into_owned()
 }
 
 /// Runs `f` with an interface whose calls go to `sink`.
@@ -177,7 +183,7 @@ impl Generator for PluginGenerator {
 
     fn bound(&self, source: &GeneratorSource) -> Option<[f32; 6]> {
         let params = match source {
-            GeneratorSource::File { path, .. } => path.to_string_lossy().into_owned(),
+            GeneratorSource::File { path, files } => placed(path, files),
             GeneratorSource::Bytes { .. } => return None,
         };
         match self.kind {

@@ -228,7 +228,8 @@ impl Format for PluginFormat {
     }
 
     fn open(&self, path: &Path, limits: &Limits) -> Result<Box<dyn ImageInput>> {
-        input::open(self, path, limits)
+        // The plugin opens the file by itself.
+        input::open(self, &limits.files.place(path), limits)
     }
 
     fn supports(&self, feature: &str) -> bool {
@@ -253,6 +254,6 @@ impl Format for PluginFormat {
     }
 
     fn create(&self, path: &Path, options: &CreateOptions<'_>) -> Result<Box<dyn ImageOutput>> {
-        output::create(self, path, options)
+        output::create(self, &options.files.place(path), options)
     }
 }

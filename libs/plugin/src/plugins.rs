@@ -56,6 +56,7 @@ struct Inner {
     granted: Mutex<BTreeSet<usize>>,
     program_images: RwLock<Option<ProgramImages>>,
     kept: Mutex<BTreeMap<Arc<str>, Arc<dyn Generator>>>,
+    loaded: Mutex<BTreeSet<PathBuf>>,
     number: AtomicU64,
 }
 
@@ -78,6 +79,7 @@ impl Plugins {
             granted: Mutex::default(),
             program_images: RwLock::default(),
             kept: Mutex::default(),
+            loaded: Mutex::default(),
             number: AtomicU64::new(0),
         }))
     }
@@ -193,7 +195,7 @@ impl Plugins {
             }
             for ending in endings() {
                 let file = folder.join(format!("{name}{}.{ending}", kind.suffix()));
-                if file.is_file() {
+                if self.0.rules.is_file(&file) {
                     self.tell(&file, "found");
                     return Some(file);
                 }
@@ -210,10 +212,14 @@ impl Plugins {
         make: impl FnOnce(&'static Dso) -> Result<T, String>,
         severity: Severity,
     ) -> Option<T> {
-        match Dso::load(file).map_err(|e| format!("it cannot be loaded: {e}")).and_then(make) {
+        match Dso::load(&self.0.rules.files.place(file))
+            .map_err(|e| format!("it cannot be loaded: {e}"))
+            .and_then(make)
+        {
             Ok(made) => {
                 self.tell(file, "loaded");
                 self.0.reporter.file_read(file);
+                self.0.loaded.lock().insert(file.to_owned());
                 Some(made)
             }
             Err(why) => {
@@ -228,6 +234,11 @@ impl Plugins {
                 None
             }
         }
+    }
+
+    /// Returns the libraries that were loaded so far, by the names under which they were found.
+    pub fn loaded(&self) -> Vec<PathBuf> {
+        self.0.loaded.lock().iter().cloned().collect()
     }
 
     fn image(&self, file: &Path, severity: Severity) -> Option<Arc<PluginFormat>> {
@@ -251,7 +262,7 @@ impl Plugins {
                 endings().iter().map(|e| format!("{}.{e}", Kind::Image.suffix())).collect();
             let is_image = |path: &&PathBuf| {
                 let name = path.file_name().unwrap_or_default().to_string_lossy();
-                path.is_file() && ends.iter().any(|end| name.ends_with(end))
+                self.0.rules.is_file(path) && ends.iter().any(|end| name.ends_with(end))
             };
             files.extend(self.0.rules.named.iter().filter(is_image).cloned());
             let path = self.image_path();
@@ -260,14 +271,11 @@ impl Plugins {
                     self.tell_passed_over(folder);
                     continue;
                 }
-                let Ok(entries) = std::fs::read_dir(folder) else {
+                let Some(entries) = self.0.rules.entries(folder) else {
                     self.tell(folder, "is not a folder that can be read");
                     continue;
                 };
-                let mut here: Vec<PathBuf> = entries
-                    .filter_map(|entry| Some(entry.ok()?.path()))
-                    .filter(|path| is_image(&path))
-                    .collect();
+                let mut here: Vec<PathBuf> = entries.into_iter().filter(|path| is_image(&path)).collect();
                 here.sort();
                 files.extend(here);
             }

@@ -1,5 +1,6 @@
 //! The rules for loading shared libraries, and their precedence over bundled parts.
 
+use granita_base::Files;
 use std::path::{Path, PathBuf};
 
 /// The rules for loading plugins.
@@ -17,15 +18,28 @@ pub struct PluginRules {
     /// True when relative folders of search paths may contain generators and shader functions that a scene names.
     /// It is for programs in which a scene runs scripts in any case.
     pub current_folder: bool,
+    /// Says where libraries of moved folders are ([`Files::place`]).
+    pub files: Files,
 }
 
 impl PluginRules {
     /// Returns the library that the user named whose file name `wanted` accepts.
     pub(crate) fn libraries(&self, wanted: impl Fn(&str) -> bool) -> Option<PathBuf> {
         let is_wanted = |path: &&PathBuf| {
-            path.is_file() && path.file_name().and_then(|name| name.to_str()).is_some_and(&wanted)
+            self.is_file(path) && path.file_name().and_then(|name| name.to_str()).is_some_and(&wanted)
         };
         self.named.iter().find(is_wanted).cloned()
+    }
+
+    /// True when there is such a library.
+    pub(crate) fn is_file(&self, path: &Path) -> bool {
+        self.files.place(path).is_file()
+    }
+
+    /// Returns the entries of a folder by their names there, or nothing when it cannot be read.
+    pub(crate) fn entries(&self, folder: &Path) -> Option<Vec<PathBuf>> {
+        let entries = std::fs::read_dir(self.files.place(folder)).ok()?;
+        Some(entries.filter_map(|entry| Some(folder.join(entry.ok()?.file_name()))).collect())
     }
 
     /// Returns the folders to search, in order: those that the user named, then those of a search path. The flag is
@@ -36,7 +50,8 @@ impl PluginRules {
         scene_names_it: bool,
     ) -> impl Iterator<Item = (&'a Path, bool)> {
         let relative = scene_names_it && self.current_folder;
-        let named = self.named.iter().filter(|path| path.is_dir()).map(|path| (path.as_path(), true));
+        let is_folder = |path: &&PathBuf| self.files.place(path).is_dir();
+        let named = self.named.iter().filter(is_folder).map(|path| (path.as_path(), true));
         named.chain(path.iter().map(move |folder| (folder.as_path(), relative || folder.is_absolute())))
     }
 }

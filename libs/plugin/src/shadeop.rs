@@ -497,24 +497,23 @@ impl Plugins {
             }
             for ending in endings() {
                 let file = folder.join(format!("{name}.{ending}"));
-                self.tell(&file, if file.is_file() { "found" } else { "does not exist" });
-                if file.is_file() {
+                let is_there = self.rules().is_file(&file);
+                self.tell(&file, if is_there { "found" } else { "does not exist" });
+                if is_there {
                     list.push(file);
                 }
             }
         }
         for (folder, _) in folders().filter(|(_, counts)| *counts) {
-            let Ok(entries) = std::fs::read_dir(folder) else { continue };
+            let Some(entries) = self.rules().entries(folder) else { continue };
             let is_library = |path: &Path| {
                 let file = path.file_name().unwrap_or_default().to_string_lossy();
                 let mut words = file.split('.');
                 let (_, ending) = (words.next(), words.next());
                 ending.is_some_and(|e| endings().contains(&e)) && words.next().is_none()
             };
-            let mut here: Vec<PathBuf> = entries
-                .filter_map(|entry| Some(entry.ok()?.path()))
-                .filter(|path| is_library(path) && !list.contains(path))
-                .collect();
+            let is_new = |path: &PathBuf| is_library(path) && !list.contains(path);
+            let mut here: Vec<PathBuf> = entries.into_iter().filter(is_new).collect();
             here.sort();
             list.extend(here);
         }

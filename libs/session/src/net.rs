@@ -56,7 +56,8 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Duration;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// The first line of a worker, which contains the version of the suite and of this protocol.
 const GREETING: &str = concat!("granita-worker ", env!("CARGO_PKG_VERSION"), "/5");
@@ -85,6 +86,9 @@ pub const PORT: u16 = 14159;
 /// The interval at which the ends of processes are noticed.
 const GLANCE: Duration = Duration::from_millis(100);
 
+/// The time in which a command that started workers must end after them. One that waits for a lost machine does not.
+const LINGER: Duration = Duration::from_secs(1);
+
 /// The workers of a coordinator.
 pub(crate) struct Net {
     options: Arc<SessionOptions>,
@@ -95,6 +99,8 @@ pub(crate) struct Net {
     started: AtomicBool,
     shared: Arc<Shared>,
     listener: Mutex<Option<Listener>>,
+    /// The threads that wait for the commands which start workers.
+    launched: Mutex<Vec<JoinHandle<()>>>,
 }
 
 /// What the threads that accept workers share with the coordinator.
@@ -150,6 +156,7 @@ impl Net {
             started: AtomicBool::new(false),
             shared: Arc::new(shared),
             listener: Mutex::default(),
+            launched: Mutex::default(),
         }
     }
 
@@ -259,17 +266,19 @@ impl Net {
         let mut command = Command::new(&words[0]);
         command.args(&words[1..]).stdin(Stdio::null());
         command.envs(self.options.run.program_environment.iter().map(|(k, v)| (k, v)));
-        command.env(NetSecret::VARIABLE, secret);
+        command.envs(launch.variables.iter().copied()).env(NetSecret::VARIABLE, secret);
         // Standard output belongs to the images of a caller, or to nobody.
         command.stdout(Stdio::null());
         let (name, program, shared) = (launch.name.clone(), words[0].clone(), self.shared.clone());
         match self.options.run.supervisor.spawn(&mut command, format!("starting workers ({name})")) {
             Ok(mut process) => {
                 shared.launching.fetch_add(1, Ordering::Relaxed);
-                std::thread::spawn(move || {
+                let launched = std::thread::spawn(move || {
+                    let mut end: Option<Instant> = None;
                     let status = process.wait_while(|| {
                         std::thread::sleep(GLANCE);
-                        !shared.ends.load(Ordering::Relaxed)
+                        let ends = shared.ends.load(Ordering::Relaxed);
+                        !ends || end.get_or_insert_with(Instant::now).elapsed() < LINGER
                     });
                     shared.launching.fetch_sub(1, Ordering::Relaxed);
                     let ended = shared.ends.load(Ordering::Relaxed);
@@ -280,6 +289,7 @@ impl Net {
                         _ => (),
                     }
                 });
+                self.launched.lock().push(launched);
             }
             Err(error) => {
                 shared
@@ -349,6 +359,10 @@ impl Drop for Net {
         }
         // The threads of workers that are being accepted may hold the list for a moment longer.
         self.shared.workers.lock().clear();
+        for launched in self.launched.lock().drain(..) {
+            // A panic of the thread was printed.
+            let _ = launched.join();
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! The renderer behind the graphics state.
 
-use crate::assets::{self, Assets};
+use crate::archive::call_text;
+use crate::assets::{self, Listed, Listing, Sources};
 use crate::commands::{self, CommandContext};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
@@ -14,12 +15,9 @@ use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
 use granita_image::{FormatRegistry, Limits};
 use granita_inputs::Inputs;
 use granita_plugin::{NativeShaders, Plugins};
-use granita_pyg::{Writer, WriterOptions};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
 use granita_scene::attribute::{Key, scope};
-use granita_scene::{
-    Call, DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, SceneSink, ShaderGroup, Stop, attr,
-};
+use granita_scene::{DeferredInput, FoundInput, FrameRenderer, InputPaths, Scene, ShaderGroup, Stop, attr};
 use granita_sdb::Databases;
 use parking_lot::{Mutex, MutexGuard};
 use std::path::Path;
@@ -116,9 +114,6 @@ pub(crate) struct SessionRenderer {
     /// The coordinator that this session renders buckets for.
     master: Option<Arc<WorkerCoordinator>>,
 }
-
-/// The list of the files of a scene, when they are listed instead of rendered.
-pub(crate) type Listing = Arc<Mutex<Option<Arc<Mutex<Assets>>>>>;
 
 impl SessionRenderer {
     pub(crate) fn new(
@@ -253,7 +248,7 @@ impl SessionRenderer {
     }
 
     /// Returns the list of files, when they are listed.
-    fn listed(&self) -> Option<Arc<Mutex<Assets>>> {
+    fn listed(&self) -> Option<Listed> {
         self.listing.lock().clone()
     }
 
@@ -291,14 +286,23 @@ impl SessionRenderer {
 
     /// Renders a frame, or all frames of a turntable.
     fn frames(&mut self, scene: Arc<Scene>, camera: Option<&str>) -> Result<(), Stop> {
-        if let Some(assets) = self.listed() {
+        if let Some(Listed { assets, .. }) = self.listed() {
             self.configure_plugins(&scene);
             let requested = self.requested.lock().clone();
             let special = Special { requested: &requested, looking: None, desk: None };
             let scene = outputs::amended(&scene, &self.options, special, &self.registry, &self.reporter);
             let shaders = self.shaders(&scene);
             let textures = self.search_path(&scene, attr::PATH_TEXTURE);
-            assets::collect(&scene, &shaders, &textures, &self.reporter, &mut assets.lock());
+            let sources = Sources {
+                shaders: &shaders,
+                textures: &textures,
+                registry: &self.registry,
+                plugins: &self.plugins,
+                variables: &self.options.run.environment,
+                reporter: &self.reporter,
+                opened: self.inputs.opened(),
+            };
+            assets::collect(&scene, sources, &mut assets.lock());
             return Ok(());
         }
         let looking = self.looking.lock().take();
@@ -485,19 +489,6 @@ impl Drop for Busy {
     }
 }
 
-/// Converts calls to Pyg.
-fn call_text(calls: Vec<Call>, binary: bool) -> std::io::Result<Vec<u8>> {
-    let mut writer = Writer::with_options(Vec::new(), WriterOptions { binary, ..WriterOptions::default() });
-    for call in calls {
-        match writer.call(call, &Location::default()) {
-            Ok(()) => (),
-            Err(Stop::Io(error)) => return Err(error),
-            Err(other) => return Err(std::io::Error::other(other.to_string())),
-        }
-    }
-    writer.into_inner()
-}
-
 impl FrameRenderer for SessionRenderer {
     /// Renders the images of the camera that `Render` names. When none is named, or the named one has no images, the
     /// images of all cameras are rendered. Exporters name their main camera also in shadow passes, in which only the
@@ -532,7 +523,7 @@ impl FrameRenderer for SessionRenderer {
         if self.options.run.supervisor.has_ended() {
             return Err(Stop::Exit);
         }
-        if let Some(assets) = self.listed() {
+        if let Some(Listed { assets, .. }) = self.listed() {
             if name.trim() == "fileread" {
                 return Ok(commands::run(name, params, at, &self.options, &self.commands));
             }
@@ -551,7 +542,12 @@ impl FrameRenderer for SessionRenderer {
         at: &Location,
     ) -> Result<Option<FoundInput>, Stop> {
         match self.inputs.find(command, paths) {
-            Ok(input) => Ok(Some(input.found(command, at))),
+            Ok(input) => {
+                if let Some(Listed { assets, .. }) = self.listed() {
+                    assets.lock().add_program(command, &input);
+                }
+                Ok(Some(input.found(command, at)))
+            }
             Err(error) => {
                 let text = error.to_string();
                 self.reporter.once(&format!("input {text}"), Severity::Error, at, text);
@@ -561,6 +557,9 @@ impl FrameRenderer for SessionRenderer {
     }
 
     fn needed(&mut self, scene: &Arc<Scene>, unread: &[DeferredInput]) -> Vec<bool> {
+        if self.listed().is_some_and(|listed| listed.all_inputs) {
+            return vec![true; unread.len()];
+        }
         self.configure_plugins(scene);
         let requested = self.requested.lock().clone();
         let special = Special { requested: &requested, looking: None, desk: None };

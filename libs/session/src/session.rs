@@ -1,5 +1,6 @@
 //! A session, which reads scenes and renders their frames.
 
+use crate::assets::{Listed, Listing};
 use crate::connection::Connection;
 use crate::forwarded::Forwarded;
 use crate::looking::{Looking, MeshSink};
@@ -7,7 +8,7 @@ use crate::net::WorkerCoordinator;
 use crate::outputs::{DeskFrame, RequestedImages};
 use crate::patches::{self, Deferral};
 use crate::programs::Programs;
-use crate::renderer::{Finished, Listing, SessionRenderer};
+use crate::renderer::{Finished, SessionRenderer};
 use crate::{Assets, FrameRecord, SessionError, SessionOptions, safe};
 use granita_base::{Files, Location, Param, Reporter, Severity};
 use granita_image::FormatRegistry;
@@ -347,9 +348,11 @@ impl Session {
     }
 
     /// Makes the session list the files of its scenes instead of rendering them and running their commands. Returns the
-    /// list, which is complete after the last `Render`.
-    pub fn list_assets(&self) -> Arc<Mutex<Assets>> {
-        self.listing.lock().get_or_insert_default().clone()
+    /// list, which is complete after the last `Render`. With `all_inputs` it contains inputs that no frame needs.
+    pub fn list_assets(&self, all_inputs: bool) -> Arc<Mutex<Assets>> {
+        let assets = Arc::<Mutex<Assets>>::default();
+        *self.listing.lock() = Some(Listed { assets: assets.clone(), all_inputs });
+        assets
     }
 
     /// Returns the plugins of this session, including those that its program permits.
@@ -394,6 +397,9 @@ impl Session {
 
     fn read(&mut self, found: Result<Input, InputError>, name: &str) -> Result<(), SessionError> {
         let input = found.map_err(failed)?.sharing(self.scripts.clone());
+        if let Some(Listed { assets, .. }) = &*self.listing.lock() {
+            assets.lock().add_program(name, &input);
+        }
         let identity = input.identity().clone();
         if !input.makes_frames() {
             self.objects.push(name.to_owned());

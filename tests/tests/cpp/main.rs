@@ -7,6 +7,7 @@ mod border;
 mod color;
 mod examples;
 mod headers;
+mod pack;
 mod reference;
 mod shadeops;
 mod support;

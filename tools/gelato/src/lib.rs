@@ -526,6 +526,8 @@ struct Surroundings {
     of_programs: Vec<(String, String)>,
     /// The startup files of a packed scene.
     startup: Option<Vec<PathBuf>>,
+    /// The plugins of a packed scene.
+    plugins: Vec<PathBuf>,
 }
 
 impl Surroundings {
@@ -544,6 +546,7 @@ impl Surroundings {
         let here = std::env::current_dir().unwrap_or_default();
         let list = packed::PackList::read(&here)?;
         let startup = list.as_ref().map(|list| list.enter(&here, &mut variables));
+        let plugins = list.as_ref().map(|list| list.plugins.clone()).unwrap_or_default();
         let of_pack = list.into_iter().flat_map(|list| list.variables);
         if let Some(number) = options.number {
             variables.set("frame", number.to_string());
@@ -567,7 +570,7 @@ impl Surroundings {
         if options.files.is_empty() && !options.stream && !options.remote {
             return Err("no scene file was given (try -help)".to_owned());
         }
-        Ok(Self { variables, of_programs, startup })
+        Ok(Self { variables, of_programs, startup, plugins })
     }
 }
 
@@ -601,7 +604,7 @@ fn session_options(
             program,
             names: tools.iter().map(|name| (*name).to_owned()).collect(),
         }),
-        plugins: options.plugins.clone(),
+        plugins: options.plugins.iter().chain(&surroundings.plugins).cloned().collect(),
         plugins_from_current_folder: true,
         safe: options.safe,
         supervisor,

@@ -8,17 +8,19 @@ use sha1::{Digest, Sha1};
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// Reads scene files, and returns what they need. No command is run and nothing is written.
+/// Reads scene files, and returns what they need. No command is run and nothing is written. With `all_inputs` the list
+/// contains inputs that the frames do not need.
 ///
 /// # Errors
 /// Returns the error of a file that cannot be read.
 pub(crate) fn assets(
     options: SessionOptions,
     files: &[String],
+    all_inputs: bool,
     reporter: &Reporter,
 ) -> Result<Assets, SessionError> {
     let mut session = Session::new(options, reporter.clone(), SharedProgress::default());
-    let list = session.list_assets();
+    let list = session.list_assets(all_inputs);
     session.expect_files(files)?;
     for file in files {
         match session.read_file(file) {
@@ -35,7 +37,7 @@ pub(crate) fn assets(
 pub(crate) fn print(options: SessionOptions, files: &[String], reporter: &Reporter) -> Status {
     let folder = options.current_folder.clone();
     let opener = options.run.environment.files().clone();
-    match assets(options, files, reporter) {
+    match assets(options, files, true, reporter) {
         Ok(assets) => {
             let text = format!("{:#}\n", document(&assets, &folder, &opener));
             // A reader that is gone needs no list.
@@ -53,7 +55,7 @@ pub(crate) fn print(options: SessionOptions, files: &[String], reporter: &Report
 /// rendered then reports them.
 pub(crate) fn needs_nothing(options: SessionOptions, files: &[String]) -> bool {
     let opener = options.run.environment.files().clone();
-    assets(options, files, &Reporter::silent()).is_ok_and(|assets| is_up_to_date(&assets, &opener))
+    assets(options, files, false, &Reporter::silent()).is_ok_and(|assets| is_up_to_date(&assets, &opener))
 }
 
 /// Returns the list as JSON. Files that cannot be read have no hash.

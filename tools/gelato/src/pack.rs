@@ -9,7 +9,7 @@ use granita_base::files::{is_same_file, without_dots};
 use granita_base::{Environment, Reporter, Supervisor};
 use granita_cli::Status;
 use granita_farm::{FrameRange, numbered};
-use granita_session::{Assets, NetSecret, SessionOptions};
+use granita_session::{AssetKind, Assets, NetSecret, SessionOptions};
 use sha1::{Digest, Sha1};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
@@ -18,9 +18,6 @@ use std::path::{Component, Path, PathBuf};
 
 /// The largest file that is searched for the names of variables, in bytes.
 const LARGEST: u64 = 64 << 20;
-
-/// The endings of libraries, which are plugins.
-const LIBRARIES: [&str; 3] = ["so", "dylib", "dll"];
 
 /// Packs scene files, of the frames of a range where there is one.
 pub(crate) fn run(
@@ -39,7 +36,9 @@ pub(crate) fn run(
                 reporter.warning(format!("-pack: \"{name}\" is the name of no file"));
             }
             for command in &list.commands {
-                reporter.warning(format!("-pack: the scene runs \"{command}\", whose files are not listed"));
+                reporter.warning(format!(
+                    "-pack: the scene runs \"{command}\", whose files are not known; those that its words name are packed"
+                ));
             }
             let text = format!(
                 "{} files, {bytes} bytes; render: gelato -cwd {} {}\n",
@@ -76,13 +75,14 @@ fn packed(
     if !is_free {
         return Err("it exists, and is not an empty folder".to_owned());
     }
-    let variables = options.run.environment.clone();
+    let (variables, plugins) = (options.run.environment.clone(), options.run.plugins.clone());
     let assets = of_frames(options, files, frames, reporter)?;
     let mut plan = Plan::new(here, &assets, &variables);
     for (path, kind) in &assets.read {
-        plan.add(path, kind.name(), reporter)?;
+        plan.add(path, *kind, reporter)?;
     }
     let (mut list, folders) = plan.list(&assets, files, &variables);
+    list.plugins = plugins.into_iter().filter(|name| plan.has_plugin(name)).collect();
     let parent = match into.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
@@ -131,7 +131,7 @@ fn of_frames(
     reporter: &Reporter,
 ) -> Result<Assets, String> {
     let list = |options: SessionOptions, files: &[String]| {
-        let assets = assets(options, files, reporter).map_err(|error| error.to_string())?;
+        let assets = assets(options, files, true, reporter).map_err(|error| error.to_string())?;
         match reporter.errors() {
             0 => Ok(assets),
             n => Err(format!("the scene has errors ({n}), and nothing was written")),
@@ -172,7 +172,7 @@ struct Plan {
     /// The names of startup files, in the order of reading.
     startup: Vec<PathBuf>,
     /// The places of files, and the files with their kinds.
-    files: BTreeMap<PathBuf, (PathBuf, &'static str)>,
+    files: BTreeMap<PathBuf, (PathBuf, AssetKind)>,
 }
 
 impl Plan {
@@ -195,17 +195,27 @@ impl Plan {
     }
 
     /// Adds a file that the scene reads.
-    fn add(&mut self, path: &Path, kind: &'static str, reporter: &Reporter) -> Result<(), String> {
+    fn add(&mut self, path: &Path, kind: AssetKind, reporter: &Reporter) -> Result<(), String> {
         let whole = without_dots(&self.here.join(path));
-        let ending = whole.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-        if ending.is_some_and(|ending| LIBRARIES.contains(&&*ending)) {
-            reporter.warning(format!("-pack: {} is a plugin, which is not packed", path.display()));
-            return Ok(());
-        }
+        let (name, is_here) = (path.display(), whole.starts_with(&self.here));
         let is_of_program = self.home.as_ref().is_some_and(|home| whole.starts_with(home));
         // Names in brackets are of texts inside of the program.
         if is_of_program && !self.startup.contains(&whole) || !path.is_file() {
+            if kind == AssetKind::Plugin {
+                reporter
+                    .warning(format!("-pack: the plugin {name} is a file of $GELATOHOME, and not packed"));
+            }
             return Ok(());
+        }
+        let opener = match kind {
+            AssetKind::Script => "scripts",
+            AssetKind::Program => "commands",
+            _ => "",
+        };
+        if !is_here && !opener.is_empty() {
+            reporter.warning(format!(
+                "-pack: {name} is packed, but {opener} look for it at its old place; name it relative to the scene's folder"
+            ));
         }
         if path.components().any(|part| part == Component::ParentDir) && !is_same_file(path, &whole) {
             return Err(format!("{}: its \"..\" follows a link; name the file without it", path.display()));
@@ -216,6 +226,13 @@ impl Plan {
         }
         self.files.insert(place, (whole, kind));
         Ok(())
+    }
+
+    /// True when a plugin is packed that has this name, or is in the folder of this name.
+    fn has_plugin(&self, name: &Path) -> bool {
+        let named = without_dots(&self.here.join(name));
+        let is_it = |whole: &Path| whole == named || whole.parent() == Some(&named);
+        self.files.values().any(|(whole, kind)| *kind == AssetKind::Plugin && is_it(whole))
     }
 
     /// Returns the place of an absolute file or folder.
@@ -267,7 +284,7 @@ impl Plan {
             list.files.push(PackedFile {
                 name: slashes(place),
                 from: whole.clone(),
-                kind: (*kind).to_owned(),
+                kind: kind.name().to_owned(),
                 bytes: 0,
                 sha1: String::new(),
             });
@@ -289,7 +306,8 @@ impl Plan {
         let mut named = BTreeSet::new();
         for (whole, kind) in self.files.values() {
             let is_small = whole.metadata().is_ok_and(|data| data.len() <= LARGEST);
-            if *kind != "texture" && is_small {
+            let is_text = !matches!(kind, AssetKind::Texture | AssetKind::Plugin);
+            if is_text && is_small {
                 // A file that cannot be read is reported when it is copied.
                 let bytes = std::fs::read(whole).unwrap_or_default();
                 names_after_marks(&String::from_utf8_lossy(&bytes), &mut named);

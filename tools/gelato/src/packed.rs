@@ -28,6 +28,9 @@ pub(crate) struct PackList {
     pub(crate) moved: BTreeMap<PathBuf, String>,
     /// The files that are read before scenes, instead of those of the user.
     pub(crate) startup: Vec<String>,
+    /// The plugins and folders of plugins that the packing user named (`-plugins`), by those names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) plugins: Vec<PathBuf>,
     /// The variables that the scene uses, and their values.
     pub(crate) variables: BTreeMap<String, String>,
     /// The files.
@@ -62,6 +65,7 @@ impl PackList {
             scene: Vec::new(),
             moved: BTreeMap::new(),
             startup: Vec::new(),
+            plugins: Vec::new(),
             variables: BTreeMap::new(),
             files: Vec::new(),
             outputs: Vec::new(),

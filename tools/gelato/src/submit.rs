@@ -67,7 +67,8 @@ fn submit_to_slurm(job: &Job, gelato: &str) -> Result<String, String> {
         let ran = ran.map_err(|error| format!("{}: {error}; {} was written", words[0], path.display()))?;
         if !ran.status.success() {
             let said = String::from_utf8_lossy(&ran.stderr);
-            return Err(format!("step \"{}\": sbatch: {}", step.name, said.trim()));
+            let said: Vec<&str> = said.lines().map(|line| line.trim_start_matches("sbatch: ")).collect();
+            return Err(format!("step \"{}\": sbatch: {}", step.name, said.join("; ")));
         }
         // The number may be followed by the name of a cluster.
         let id = String::from_utf8_lossy(&ran.stdout);

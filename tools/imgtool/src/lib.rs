@@ -160,7 +160,7 @@ fn run(steps: &[Step], run: &Run, reporter: &Reporter) -> Status {
         }
         false => Files::default(),
     };
-    let rules = PluginRules { none: run.safe, named: run.plugins.clone(), current_folder: false };
+    let rules = PluginRules { none: run.safe, named: run.plugins.clone(), ..PluginRules::default() };
     let formats = granita_plugin::formats_with_plugins(
         Limits { files: files.clone(), ..Limits::default() },
         &environment(),

@@ -175,7 +175,7 @@ pub(crate) struct RunArgs {
 impl RunArgs {
     /// Returns the rules for plugins.
     pub(crate) fn rules(&self) -> PluginRules {
-        PluginRules { none: self.safe, named: self.plugins.clone(), current_folder: false }
+        PluginRules { none: self.safe, named: self.plugins.clone(), ..PluginRules::default() }
     }
 
     /// Returns the memory limit of one texture in bytes, on a machine with so much memory.

@@ -1,9 +1,10 @@
 //! The part without an engine: tasks and workers that are killed.
 
-use super::place::{CHUNK, FRAMES, Images, LARGE, Place, Running, compare, images, output, signal, wait};
+use super::place::{
+    CHUNK, FRAMES, Images, LARGE, Place, Running, compare, images, output, secret, signal, wait,
+};
 use std::fs;
 use std::net::{TcpListener, TcpStream};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -46,7 +47,7 @@ pub(super) fn gelato(place: &Place, folder: &Path, words: &[&str]) -> Command {
 }
 
 /// Makes the texture and the depth maps.
-fn maps(place: &Place, folder: &Path) -> Result<(), String> {
+pub(super) fn maps(place: &Place, folder: &Path) -> Result<(), String> {
     output(gelato(place, folder, &["wood.pyg"]))?;
     let mut command = place.command("maketx", folder);
     command.args(["out/wood.tif", "-o", "out/wood.tx"]);
@@ -83,15 +84,11 @@ fn killed_task(place: &Place, references: &References) -> Result<(), String> {
 fn failing_workers(place: &Place, references: &References) -> Result<(), String> {
     let folder = place.job("workers")?;
     maps(place, &folder)?;
-    let secret = folder.join("secret");
-    let told = |error: std::io::Error| format!("{}: {error}", secret.display());
-    fs::write(&secret, "a secret of this test only\n").map_err(told)?;
-    fs::set_permissions(&secret, PermissionsExt::from_mode(0o600)).map_err(told)?;
+    let secret = secret(&folder)?;
     let free = || TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let port = free().map_err(|error| error.to_string())?.port();
     let address = format!("127.0.0.1:{port}");
     let start = |words: &[&str]| {
-        let secret = secret.to_string_lossy();
         let mut command = gelato(place, &folder, &[words, &["-secret", &*secret][..]].concat());
         command.spawn().map(Running).map_err(|error| format!("gelato: {error}"))
     };

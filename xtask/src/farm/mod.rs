@@ -2,6 +2,8 @@
 //!
 //! The parts, in the order in which they run:
 //! - without an engine: a job of 24 frames whose task is killed, and a frame with workers that are killed and stopped;
+//! - with a network namespace, where the user is root and the system allows it: frames whose network stalls;
+//! - with MPI, where `mpirun` is installed: a frame with two processes, one of which is killed;
 //! - with Slurm, where its packages are installed and the user is root: the same job on one node and on three nodes,
 //!   one of which is killed with its tasks, and a frame on three nodes, one of which is killed.
 //!
@@ -10,8 +12,10 @@
 
 mod cluster;
 mod local;
+mod mpi;
 mod place;
 mod slurm;
+mod stall;
 
 use cluster::Cluster;
 use place::Place;
@@ -24,7 +28,7 @@ pub(crate) struct Options {
     /// Use the tools of the dev profile instead of release.
     #[arg(long)]
     debug: bool,
-    /// Run only the part without Slurm.
+    /// Run only the parts without Slurm.
     #[arg(long)]
     without_slurm: bool,
     /// Run only the fixed part that `cargo xtask ci` runs.
@@ -41,19 +45,29 @@ pub(crate) fn run(options: &Options) -> Result<(), String> {
     let begin = Instant::now();
     let references = local::run(&place)?;
     println!("farm: without an engine: {:.0} s", begin.elapsed().as_secs_f64());
-    if options.without_slurm || options.fixed {
+    if options.fixed {
+        return Ok(());
+    }
+    part("a network that stalls", stall::missing(), || stall::run(&place, &references))?;
+    part("MPI", mpi::missing(), || mpi::run(&place, &references))?;
+    if options.without_slurm {
         return Ok(());
     }
     if options.install && Cluster::missing().is_some() {
         install()?;
     }
-    if let Some(what) = Cluster::missing() {
-        println!("farm: Slurm: skipped, {what}");
+    part("Slurm", Cluster::missing(), || slurm::run(&place, &references))
+}
+
+/// Runs a part, unless something is missing for it.
+fn part(name: &str, missing: Option<String>, run: impl FnOnce() -> Result<(), String>) -> Result<(), String> {
+    if let Some(what) = missing {
+        println!("farm: {name}: skipped, {what}");
         return Ok(());
     }
     let begin = Instant::now();
-    slurm::run(&place, &references)?;
-    println!("farm: Slurm: {:.0} s", begin.elapsed().as_secs_f64());
+    run()?;
+    println!("farm: {name}: {:.0} s", begin.elapsed().as_secs_f64());
     Ok(())
 }
 

@@ -4,6 +4,7 @@ use crate::workspace::{Workspace, cargo};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -169,10 +170,23 @@ pub(super) fn compare(what: &str, got: &Images, expected: &Images) -> Result<(),
     match got.iter().find(|(name, bytes)| expected[*name] != **bytes) {
         Some((name, _)) => Err(format!("{what}: {name} differs from that of one process")),
         None => {
-            println!("farm: {what}: {} files equal those of one process", got.len());
+            let number = match got.len() {
+                1 => "the image equals that".to_owned(),
+                n => format!("{n} files equal those"),
+            };
+            println!("farm: {what}: {number} of one process");
             Ok(())
         }
     }
+}
+
+/// Writes a file with a secret, and returns its name.
+pub(super) fn secret(folder: &Path) -> Result<String, String> {
+    let secret = folder.join("secret");
+    let told = |error: io::Error| format!("{}: {error}", secret.display());
+    fs::write(&secret, "a secret of this test only\n").map_err(told)?;
+    fs::set_permissions(&secret, PermissionsExt::from_mode(0o600)).map_err(told)?;
+    Ok(secret.to_string_lossy().into_owned())
 }
 
 /// Waits until something is true.

@@ -3,7 +3,8 @@
 use super::cluster::Cluster;
 use super::local::{References, compare_large};
 use super::place::{CHUNK, LARGE, Place, Running, compare, images, output, wait};
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The number of nodes.
@@ -62,30 +63,69 @@ fn killed_node(cluster: &mut Cluster<'_>, folder: &Path) -> Result<(), String> {
     cluster.start_node(node)
 }
 
+/// A coordinator with a worker on each node, and its messages and statistics.
+struct Frame {
+    coordinator: Running,
+    log: PathBuf,
+}
+
+impl Frame {
+    /// Starts the large frame, and returns when all workers have joined.
+    fn start(cluster: &Cluster<'_>, folder: &Path) -> Result<Self, String> {
+        let log = folder.join("large.log");
+        let told = |error: std::io::Error| format!("{}: {error}", log.display());
+        let to = fs::File::create(&log).map_err(told)?;
+        let mut command = cluster.command_in("gelato", folder);
+        let net = format!("slurm:{NODES}");
+        command.args(["-verbosity", "2", "-statistics", "-threads", "1", "-net", &net, LARGE]);
+        command.stdout(to.try_clone().map_err(told)?).stderr(to);
+        let coordinator = Running(command.spawn().map_err(|error| format!("gelato: {error}"))?);
+        let frame = Self { coordinator, log };
+        wait("the workers on the nodes", || Ok(frame.count(" joins")? == NODES))?;
+        Ok(frame)
+    }
+
+    /// Returns how often its messages contain a text.
+    fn count(&self, part: &str) -> Result<usize, String> {
+        let text =
+            fs::read_to_string(&self.log).map_err(|error| format!("{}: {error}", self.log.display()))?;
+        Ok(text.matches(part).count())
+    }
+
+    /// Waits for its end. All workers but those of `lost` nodes must have stayed.
+    fn finish(
+        mut self,
+        what: &str,
+        folder: &Path,
+        lost: usize,
+        references: &References,
+    ) -> Result<(), String> {
+        let status = self.coordinator.0.wait().map_err(|error| error.to_string())?;
+        if !status.success() {
+            return Err(format!("{what}: {status}"));
+        }
+        compare_large(what, folder, references)?;
+        // The statistics have a line for each worker that is left.
+        let (left, gone) = (self.count("  worker ")?, self.count(" is gone")?);
+        if (left, gone) == (NODES - lost, lost) {
+            Ok(())
+        } else {
+            let text = fs::read_to_string(&self.log).unwrap_or_default();
+            Err(format!("{what}: {left} workers are left, and {gone} are gone:\n{text}"))
+        }
+    }
+}
+
 /// Renders the large frame with a worker on each node, and kills a node meanwhile.
 fn workers(cluster: &mut Cluster<'_>, folder: &Path, references: &References) -> Result<(), String> {
-    let render = |cluster: &Cluster<'_>| {
-        let mut command = cluster.command_in("gelato", folder);
-        command.args(["-silent", "-threads", "1", "-net", &format!("slurm:{NODES}"), LARGE]);
-        command.spawn().map(Running).map_err(|error| format!("gelato: {error}"))
-    };
-    let wait_for = |mut running: Running, what: &str| {
-        let status = running.0.wait().map_err(|error| error.to_string())?;
-        if status.success() {
-            compare_large(what, folder, references)
-        } else {
-            Err(format!("{what}: {status}"))
-        }
-    };
-    wait_for(render(cluster)?, "a frame on three nodes")?;
+    Frame::start(cluster, folder)?.finish("a frame on three nodes", folder, 0, references)?;
     let image = folder.join("out/large.tif");
-    std::fs::remove_file(&image).map_err(|error| format!("{}: {error}", image.display()))?;
-    let running = render(cluster)?;
-    std::thread::sleep(Duration::from_millis(1500) + references.large_time / 8);
-    let is_early = !image.exists();
-    cluster.kill_node(0);
-    if !is_early {
-        println!("farm: the frame was complete before the node was killed");
+    fs::remove_file(&image).map_err(|error| format!("{}: {error}", image.display()))?;
+    let frame = Frame::start(cluster, folder)?;
+    std::thread::sleep(references.large_time / 8);
+    if image.exists() {
+        return Err("the frame was complete before the node was killed".to_owned());
     }
-    wait_for(running, "a frame on three nodes, of which one was killed")
+    cluster.kill_node(0);
+    frame.finish("a frame on three nodes, of which one was killed", folder, 1, references)
 }

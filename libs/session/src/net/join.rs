@@ -45,29 +45,36 @@ pub(super) fn job(texts: &[&str]) -> io::Result<Vec<u8>> {
     framed(JOB, &[&payload])
 }
 
-/// Connects to the coordinator at `HOST[:PORT]`, and receives its work. A coordinator that does not listen is tried
-/// again for a minute.
+/// Connects to the coordinator at `HOST[:PORT]`, and receives its work. A coordinator that does not listen or answer is
+/// tried again for a minute.
 ///
 /// # Errors
 /// Returns the reason why there is no work.
 pub fn join(address: &str, secret: &Secret) -> Result<Joined, String> {
-    let address = with_port(address);
+    let address = with_port(address).ok_or_else(|| format!("\"{address}\": expected HOST or HOST:PORT"))?;
     let begin = Instant::now();
     let hello = format!("{GREETING}\n{}", own_name());
-    let stream = loop {
-        match dial(&address) {
-            Ok(stream) => break stream,
-            Err(_) if begin.elapsed() < WAIT => std::thread::sleep(PAUSE),
-            Err(error) => return Err(format!("{address}: {error}")),
+    let (answer, ends) = loop {
+        let error = match dial(&address).map(|stream| connect(stream, secret, hello.as_bytes())) {
+            Ok(Ok(connected)) => break connected,
+            Ok(Err(error)) => match error.kind() {
+                // A network may stall in the middle of a handshake.
+                io::ErrorKind::TimedOut | io::ErrorKind::WouldBlock => error,
+                // The other side closes the connection of a stranger without a word.
+                io::ErrorKind::UnexpectedEof | io::ErrorKind::ConnectionReset => {
+                    return Err(format!(
+                        "{address}: the coordinator refused the connection; it may have another secret"
+                    ));
+                }
+                _ => return Err(format!("{address}: {error}")),
+            },
+            Err(error) => error,
+        };
+        if begin.elapsed() >= WAIT {
+            return Err(format!("{address}: {error}"));
         }
+        std::thread::sleep(PAUSE);
     };
-    let (answer, ends) = connect(stream, secret, hello.as_bytes()).map_err(|error| match error.kind() {
-        // The other side closes the connection of a stranger without a word.
-        io::ErrorKind::UnexpectedEof | io::ErrorKind::ConnectionReset => {
-            format!("{address}: the coordinator refused the connection; it may have another secret")
-        }
-        _ => format!("{address}: {error}"),
-    })?;
     if !answer.is_empty() {
         return Err(format!("{address}: the coordinator says: {}", String::from_utf8_lossy(&answer)));
     }

@@ -128,7 +128,7 @@ impl Welcome {
             let hello = String::from_utf8_lossy(hello);
             let (greeting, host) = hello.split_once('\n').unwrap_or((&hello, ""));
             let host: String = host.chars().filter(|c| !c.is_control()).take(100).collect();
-            name = format!("{host} ({})", address.ip());
+            name = format!("{host} ({})", address.ip().to_canonical());
             if greeting == GREETING {
                 return Vec::new();
             }
@@ -150,21 +150,28 @@ impl Welcome {
 
     /// Reports a connection that was refused, once for each machine and cause.
     fn refuse(&self, address: SocketAddr, what: &str) {
-        let text = format!("-net: a connection from {} was refused: {what}", address.ip());
+        let text = format!("-net: a connection from {} was refused: {what}", address.ip().to_canonical());
         self.shared.reporter.once(&text, Severity::Warning, &Location::default(), text.clone());
     }
 }
 
-/// Completes the address of a coordinator with the port that "listen" waits at.
-pub(super) fn with_port(address: &str) -> String {
+/// Completes the address of a coordinator with the port that "listen" waits at. Returns `None` for what is no address:
+/// a name must not be empty, and what follows its colon must be a port.
+pub(super) fn with_port(address: &str) -> Option<String> {
+    let host = address.split_once(':').map_or(address, |(host, _)| host);
+    let is_numeric = address.starts_with('[') || address.parse::<std::net::Ipv6Addr>().is_ok();
+    let port = address.split_once(':').map(|(_, port)| port.parse::<u16>());
+    if !is_numeric && (host.is_empty() || port.is_some_and(|port| port.is_err())) {
+        return None;
+    }
     let has_port = address.rsplit_once(':').is_some_and(|(host, port)| {
         port.parse::<u16>().is_ok() && (!host.contains(':') || host.ends_with(']'))
     });
-    match (has_port, address.contains(':') && !address.starts_with('[')) {
+    Some(match (has_port, address.contains(':') && !address.starts_with('[')) {
         (true, _) => address.to_owned(),
         (false, true) => format!("[{address}]:{PORT}"),
         (false, false) => format!("{address}:{PORT}"),
-    }
+    })
 }
 
 #[cfg(test)]
@@ -181,7 +188,10 @@ mod tests {
             ("[::1]:80", "[::1]:80"),
             ("::1", "[::1]:14159"),
         ] {
-            assert_eq!(with_port(address), expected);
+            assert_eq!(with_port(address).as_deref(), Some(expected));
+        }
+        for address in ["", ":80", "alpha:", "alpha:1x", "alpha:99999", "alpha:80:80"] {
+            assert_eq!(with_port(address), None, "{address}");
         }
     }
 

@@ -27,12 +27,18 @@ pub(crate) struct Launch {
     prefix: Vec<String>,
     /// True when the command is the whole: no words of a worker follow.
     is_whole: bool,
+    /// The environment variables of the command.
+    pub(crate) variables: &'static [(&'static str, &'static str)],
 }
+
+/// Makes Open MPI keep the other workers when one fails.
+const OPEN_MPI: &[(&str, &str)] =
+    &[("OMPI_MCA_orte_enable_recovery", "1"), ("OMPI_MCA_orte_abort_on_non_zero_status", "0")];
 
 impl Launch {
     fn new(name: &str, prefix: &[&str]) -> Self {
         let prefix = prefix.iter().map(|word| (*word).to_owned()).collect();
-        Self { name: name.to_owned(), prefix, is_whole: false }
+        Self { name: name.to_owned(), prefix, is_whole: false, variables: &[] }
     }
 
     /// Returns the words of the command. `address` is that of the coordinator, and `worker` are the words that start
@@ -95,7 +101,7 @@ fn entry(word: &str, read: ReadFile<'_>) -> Result<Vec<Server>, String> {
         }
         Some(("mpi", n)) => {
             let words = ["mpirun", "-n", &count(n)?, "-x", NetSecret::VARIABLE];
-            vec![Server::Launch(Launch::new(word, &words))]
+            vec![Server::Launch(Launch { variables: OPEN_MPI, ..Launch::new(word, &words) })]
         }
         Some(("hosts", file)) => hosts(Path::new(file), read)?,
         Some(("listen", place)) => vec![listen(word, place)?],
