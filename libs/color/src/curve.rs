@@ -7,8 +7,8 @@ use crate::transform::{Cdl, ExposureContrast, LogParams, Named, Negatives, Scale
 use granita_machine::widest;
 use std::sync::Arc;
 
-/// Replaces all values by an expression of them. It is a macro because functions that are passed may be called instead of
-/// inlined, and are then not compiled for the vectors of the caller.
+/// Replaces all values by an expression of them. It is a macro because functions that are passed may be called instead
+/// of inlined, and are then not compiled for the vectors of the caller.
 macro_rules! each {
     ($values:expr, |$v:ident| $result:expr) => {
         for value in $values {

@@ -90,8 +90,8 @@ impl Processor {
         self.steps.iter().all(|step| matches!(step, Step::Curves(_)))
     }
 
-    /// Returns the matrix and the offset with which the processor begins, and the rest of it. The matrix changes nothing
-    /// where the processor begins with another step.
+    /// Returns the matrix and the offset with which the processor begins, and the rest of it. The matrix changes
+    /// nothing where the processor begins with another step.
     pub fn split_matrix(&self) -> (Matrix3, [f64; 3], Self) {
         match self.steps.split_first() {
             Some((Step::Matrix(matrix, offset), rest)) => (*matrix, *offset, Self { steps: rest.to_vec() }),

@@ -8,7 +8,8 @@ use granita_color::Config;
 use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::TextureKind;
 use granita_texture::make::{
-    BrokenValues, Bump, BumpFormat, ColorConvert, Conventions, FlatOptions, LevelFilter, Made, MakeOptions, Mode,
+    BrokenValues, Bump, BumpFormat, ColorConvert, Conventions, FlatOptions, LevelFilter, Made, MakeOptions,
+    Mode,
 };
 use std::sync::Arc;
 use support::{Folder, random};

@@ -41,8 +41,8 @@ pub(crate) struct ChannelStatistics {
     pub(crate) mean: f32,
 }
 
-/// The statistics of the channels of one row: the lowest and the highest value, the sum and the number of values. Values
-/// that are not finite do not count.
+/// The statistics of the channels of one row: the lowest and the highest value, the sum and the number of values.
+/// Values that are not finite do not count.
 pub(crate) struct RowStatistics(Vec<(f32, f32, f64, u64)>);
 
 /// The statistics of no value.
