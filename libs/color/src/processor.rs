@@ -99,6 +99,13 @@ impl Processor {
         }
     }
 
+    /// Returns the processor without the curves of channels with which it ends, and these curves.
+    pub fn split_curves(&self) -> (Self, Self) {
+        let curves = self.steps.iter().rev().take_while(|step| matches!(step, Step::Curves(_))).count();
+        let (first, last) = self.steps.split_at(self.steps.len() - curves);
+        (Self { steps: first.to_vec() }, Self { steps: last.to_vec() })
+    }
+
     /// Returns the processor that applies this one and then another.
     #[must_use]
     pub fn then(&self, next: &Self) -> Self {
@@ -574,5 +581,7 @@ mod tests {
         let (matrix, offset, rest) = b.then(&a).split_matrix();
         assert_eq!((Processor::matrix(matrix), offset, rest), (b.clone(), [0.0; 3], a.clone()));
         assert_eq!(a.split_matrix(), (IDENTITY, [0.0; 3], a.clone()));
+        assert_eq!(b.then(&a).split_curves(), (b.clone(), a.clone()));
+        assert_eq!(a.then(&b).split_curves(), (a.then(&b), Processor::identity()));
     }
 }
