@@ -9,7 +9,7 @@
 //! of the cube, or 0, and of the curves, then as `f32` the matrix row by row, the offset, the ranges of the cube and of
 //! the curves, the curves and the cube (see [`ScreenTable`]).
 
-use super::page::Message;
+use super::message::Message;
 use granita_color::Processor;
 use granita_image::{ImageSpec, PixelType};
 use granita_view::{CUBE, CURVES, Colors, LiveInfo, ScreenTable, Viewing};

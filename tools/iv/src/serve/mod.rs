@@ -10,6 +10,7 @@ mod detail;
 mod http;
 mod incoming;
 mod look;
+mod message;
 mod page;
 
 use crate::listen::{self, NetArgs, files};
@@ -20,7 +21,8 @@ use granita_image::FormatRegistry;
 use granita_view::{Live, Viewing};
 use incoming::Incoming;
 use look::Look;
-use page::{Message, Page};
+use message::Message;
+use page::Page;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::PathBuf;

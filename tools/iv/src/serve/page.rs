@@ -30,6 +30,7 @@
 use super::blocks::{BLOCK, RECTS, blocks, parts, reduction};
 use super::detail::Detail;
 use super::look::{Look, are_colors, shown_channels};
+use super::message::Message;
 use granita_image::{Draw, PixelRect};
 use granita_view::{Live, LiveInfo, Panel};
 use half::f16;
@@ -64,13 +65,6 @@ pub(super) struct Page {
     paneled: u64,
     panel: Option<Arc<Panel>>,
     look: Look,
-}
-
-/// A message to the page.
-#[derive(Debug, PartialEq)]
-pub(super) enum Message {
-    Text(String),
-    Pixels(Vec<u8>),
 }
 
 impl Page {
