@@ -11,10 +11,17 @@ use libdeflater::Decompressor;
 /// Returns the packed form of a block's little-endian bytes; `None` when it would not be shorter, because the format
 /// then stores the bytes uncompressed.
 pub(crate) fn compress(bytes: &[u8], content: Content, level: DeflateLevel) -> Option<Vec<u8>> {
-    let mut parted: Vec<u8> = Vec::with_capacity(bytes.len());
-    parted.extend(bytes.iter().step_by(2));
-    parted.extend(bytes.iter().skip(1).step_by(2));
-    let mut before = parted.first().copied()?;
+    let first = *bytes.first()?;
+    let mut parted = vec![0; bytes.len()];
+    let (pairs, rest) = bytes.as_chunks::<2>();
+    let (even, odd) = parted.split_at_mut(bytes.len().div_ceil(2));
+    for ((pair, even), odd) in pairs.iter().zip(even.iter_mut()).zip(odd) {
+        (*even, *odd) = (pair[0], pair[1]);
+    }
+    if let (Some(last), [byte]) = (even.last_mut(), rest) {
+        *last = *byte;
+    }
+    let mut before = first;
     for b in &mut parted[1..] {
         let this = *b;
         *b = this.wrapping_sub(before).wrapping_add(128);

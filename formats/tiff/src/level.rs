@@ -5,7 +5,7 @@ use crate::colors::Colors;
 use crate::directory::Directory;
 use crate::{fax, strip_file, tags};
 use granita_base::{BaseType, Param, ParamData, ParamType};
-use granita_image::metadata::{exif, iptc};
+use granita_image::metadata::{exif, iptc, settings};
 use granita_image::{FileSource, ImageSpec, Limits, PixelType, Result};
 use std::sync::OnceLock;
 
@@ -312,6 +312,7 @@ fn metadata(source: &FileSource, directory: &Directory, spec: &mut ImageSpec) ->
             spec.attributes.set(Param { name: name.into(), ty, data: text.as_str().into() });
         }
     }
+    settings::take(&mut spec.attributes);
     camera_and_archive(source, directory, spec);
     for (tag, name) in tags::MATRICES {
         let m = directory.floats(source, tag, 16)?;

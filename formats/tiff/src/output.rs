@@ -6,7 +6,7 @@ use crate::input::is_float;
 use crate::settings::Settings;
 use crate::tags;
 use granita_base::Files;
-use granita_image::metadata::{exif, iptc};
+use granita_image::metadata::{exif, iptc, settings};
 use granita_image::{
     AtomicFile, Content, CreateOptions, ImageError, ImageOutput, ImageSpec, PixelType, Pixels, Result,
     TileRows,
@@ -310,22 +310,22 @@ impl TiffOutput {
             fields.push(Field::rational(tags::X_POSITION, x));
             fields.push(Field::rational(tags::Y_POSITION, y));
         }
-        for (tag, name) in tags::STRINGS {
+        for (tag, name) in tags::STRINGS.into_iter().filter(|(tag, _)| *tag != tags::XMP) {
             let named = |name: &str| spec.attributes.iter().rev().find(|p| p.name.eq_ignore_ascii_case(name));
             let mut given = named(name);
             if tag == tags::COPYRIGHT {
                 given = given.or_else(|| named("owner"));
             }
             if let Some(text) = given.and_then(|p| spec.string(&p.name)) {
-                fields.push(match tag {
-                    // XMP is not a text of TIFF, which ends with a NUL.
-                    tags::XMP => Field::bytes(tag, 1, text.as_bytes()),
-                    _ => Field::text(tag, text),
-                });
+                fields.push(Field::text(tag, text));
             } else if tag == tags::SOFTWARE {
                 fields.push(Field::text(tag, &format!("Granita {}", granita_base::VERSION)));
             }
         }
+        // XMP is not a text of TIFF, which ends with a NUL.
+        fields.extend(
+            settings::packet(&spec.attributes).map(|text| Field::bytes(tags::XMP, 1, text.as_bytes())),
+        );
         for (tag, name) in tags::MATRICES {
             if let Some(matrix) = spec.matrix(name) {
                 fields.push(Field::floats(tag, &matrix));

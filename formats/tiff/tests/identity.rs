@@ -224,6 +224,9 @@ fn metadata_windows_and_matrices_survive_write_and_read() {
     for name in ["ImageDescription", "DocumentName", "Artist", "copyright", "software"] {
         string(&mut spec.attributes, name, &format!("the {name} \u{e9}"));
     }
+    // Settings of the renderer are in a packet of XMP.
+    string(&mut spec.attributes, "granita/camera", "main <&>");
+    string(&mut spec.attributes, "granita/filter/N", "closest");
     spec.attributes.set(Param::declared("matrix worldtocamera", &matrix[..]).unwrap());
     spec.attributes.set(Param::declared("float fovcot", 1.25).unwrap());
     spec.attributes.set(Param::declared("int unassociatedalpha", 1).unwrap());
@@ -235,7 +238,7 @@ fn metadata_windows_and_matrices_survive_write_and_read() {
     }
     assert_eq!((got.x, got.y, got.full_width, got.full_height), (3, 5, 640, 480));
     assert_eq!(got.string("compression"), Some("zip"));
-    assert_eq!(got.attributes.get("worldtoscreen"), None);
+    assert_eq!((got.attributes.get("worldtoscreen"), got.attributes.get("XMP")), (None, None));
 }
 
 /// A data window may begin left of and above the display window. Its position is then a signed fraction.

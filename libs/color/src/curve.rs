@@ -4,7 +4,30 @@ use crate::aces;
 use crate::math::{exp2, log2, pow};
 use crate::table::{Interpolation, Lut1d, LutInverse};
 use crate::transform::{Cdl, ExposureContrast, LogParams, Named, Negatives, Scale};
+use granita_machine::widest;
 use std::sync::Arc;
+
+/// Replaces all values by an expression of them. It is a macro because functions that are passed may be called instead
+/// of inlined, and are then not compiled for the vectors of the caller.
+macro_rules! each {
+    ($values:expr, |$v:ident| $result:expr) => {
+        for value in $values {
+            let $v = *value;
+            *value = $result;
+        }
+    };
+}
+
+/// Does the same for the magnitudes of values, with the sign kept, when `$mirror` is true.
+macro_rules! mirrored {
+    ($values:expr, $mirror:expr, |$v:ident| $result:expr) => {
+        each!($values, |stored| {
+            let $v = if $mirror { stored.abs() } else { stored };
+            let found = $result;
+            if $mirror { found.copysign(stored) } else { found }
+        })
+    };
+}
 
 /// A line near black, and the value up to which it is used. Negative infinity where there is no line.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,32 +212,36 @@ impl Curve {
 
     /// Applies the function to all values.
     pub(crate) fn apply(&self, values: &mut [f32]) {
+        widest!(self.run(values));
+    }
+
+    /// Does the same, compiled for the vectors of the caller.
+    #[inline(always)]
+    fn run(&self, values: &mut [f32]) {
         match *self {
             Self::Same => {}
             Self::Power(y, Negatives::Clamp) => {
-                each(values, |v| if v > 0.0 { pow(v, y) } else { zero_or_nan(v) })
+                each!(values, |v| if v > 0.0 { pow(v, y) } else { zero_or_nan(v) })
             }
-            Self::Power(y, Negatives::Mirror) => each(values, |v| pow(v.abs(), y).copysign(v)),
-            Self::Power(y, Negatives::Pass) => each(values, |v| {
+            Self::Power(y, Negatives::Mirror) => each!(values, |v| pow(v.abs(), y).copysign(v)),
+            Self::Power(y, Negatives::Pass) => each!(values, |v| {
                 let raised = pow(v, y);
                 if v > 0.0 { raised } else { v }
             }),
             Self::Moncurve { scale, offset, gamma, line, mirror } => {
-                let f = |v: f32| {
+                mirrored!(values, mirror, |v| {
                     let x = f64::from(v);
                     let raised = pow((x * scale + offset) as f32, gamma);
                     if v <= line.end { (x * line.slope) as f32 } else { raised }
-                };
-                mirrored(values, mirror, f);
+                });
             }
             Self::MoncurveInverse { scale, offset, gamma, line, mirror } => {
-                let f = |v: f32| {
+                mirrored!(values, mirror, |v| {
                     let raised = (exp2(log2(v) * gamma) * scale - offset) as f32;
                     if v <= line.end { (f64::from(v) * line.slope) as f32 } else { raised }
-                };
-                mirrored(values, mirror, f);
+                });
             }
-            Self::Log { a, b, s, o, line } => each(values, |v| {
+            Self::Log { a, b, s, o, line } => each!(values, |v| {
                 let x = f64::from(v);
                 let inner = (x * s + o) as f32;
                 // NaN remains NaN.
@@ -222,17 +249,17 @@ impl Curve {
                 let found = (a * log2(inner) + b) as f32;
                 if v <= line.end { (x * line.slope + line.offset) as f32 } else { found }
             }),
-            Self::LogInverse { a, b, s, o, line } => each(values, |v| {
+            Self::LogInverse { a, b, s, o, line } => each!(values, |v| {
                 let x = f64::from(v);
                 let found = ((exp2((x - b) / a) - o) / s) as f32;
                 if v <= line.end { ((x - line.offset) / line.slope) as f32 } else { found }
             }),
-            Self::Range { scale, offset, low, high } => each(values, |v| {
+            Self::Range { scale, offset, low, high } => each!(values, |v| {
                 let moved = (f64::from(v) * scale + offset) as f32;
                 let moved = if moved < low { low } else { moved };
                 if moved > high { high } else { moved }
             }),
-            Self::Contrast { scale, power, factor } => each(values, |v| {
+            Self::Contrast { scale, power, factor } => each!(values, |v| {
                 let x = (f64::from(v) * scale) as f32;
                 let x = if x > 0.0 { x } else { 0.0 };
                 (exp2(log2(x) * power) * factor) as f32
@@ -259,21 +286,6 @@ pub fn srgb_encode(v: f32) -> f32 {
     let a = v.abs();
     let stored = if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * pow(a, 1.0 / 2.4) - 0.055 };
     stored.copysign(v)
-}
-
-#[inline(always)]
-fn each(values: &mut [f32], f: impl Fn(f32) -> f32) {
-    values.iter_mut().for_each(|v| *v = f(*v));
-}
-
-/// Applies `f` to all values, or to their magnitudes with the sign kept.
-#[inline(always)]
-fn mirrored(values: &mut [f32], mirror: bool, f: impl Fn(f32) -> f32) {
-    if mirror {
-        each(values, |v| f(v.abs()).copysign(v));
-    } else {
-        each(values, f);
-    }
 }
 
 #[inline(always)]
@@ -315,15 +327,16 @@ const ADX: [(f64, f64); 11] = [
     (0.6, -0.926_545_676_714_876),
 ];
 
+#[inline(always)]
 fn named(name: Named, inverse: bool, values: &mut [f32]) {
     let ln10 = std::f64::consts::LOG2_10;
     match (name, inverse) {
-        (Named::LinearToPq, false) => each(values, |v| {
+        (Named::LinearToPq, false) => each!(values, |v| {
             let y = exp2(log2((f64::from(v.abs()) * 0.01) as f32) * pq::M1);
             let ratio = (pq::C1 + pq::C2 * y) / (1.0 + pq::C3 * y);
             pow(ratio as f32, pq::M2).copysign(v)
         }),
-        (Named::LinearToPq, true) => each(values, |v| {
+        (Named::LinearToPq, true) => each!(values, |v| {
             let x = exp2(log2(v.abs()) / pq::M2);
             let above = if x > pq::C1 { x - pq::C1 } else { 0.0 };
             let below = pq::C2 - pq::C3 * x;
@@ -333,28 +346,28 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
             let light = if x.is_nan() { x } else { light };
             ((light * 100.0) as f32).copysign(v)
         }),
-        (Named::LinearToHlg, false) => each(values, |v| {
+        (Named::LinearToHlg, false) => each!(values, |v| {
             const A: f64 = 0.178_832_77;
             let c = 0.5 - A * (4.0 * A).ln();
             let x = f64::from(v.abs());
             let high = A * std::f64::consts::LN_2 * log2((4.0 * x - (1.0 - 4.0 * A)) as f32) + c;
             (if x <= 0.25 { x.sqrt() as f32 } else { high as f32 }).copysign(v)
         }),
-        (Named::LinearToHlg, true) => each(values, |v| {
+        (Named::LinearToHlg, true) => each!(values, |v| {
             const A: f64 = 0.178_832_77;
             let c = 0.5 - A * (4.0 * A).ln();
             let x = f64::from(v.abs());
             let high = (exp2((x - c) / A * std::f64::consts::LOG2_E) + (1.0 - 4.0 * A)) / 4.0;
             (if x <= 0.5 { x * x } else { high } as f32).copysign(v)
         }),
-        (Named::LinearToAppleLog, false) => each(values, |v| {
+        (Named::LinearToAppleLog, false) => each!(values, |v| {
             let x = f64::from(v);
             let high = apple::GAMMA * log2((x + apple::BETA) as f32) + apple::DELTA;
             let low = apple::C * (x - apple::R0) * (x - apple::R0);
             let found = if x >= apple::RT { high } else { low };
             if x < apple::R0 { 0.0 } else { found as f32 }
         }),
-        (Named::LinearToAppleLog, true) => each(values, |v| {
+        (Named::LinearToAppleLog, true) => each!(values, |v| {
             let p = f64::from(v);
             let end = apple::C * (apple::RT - apple::R0) * (apple::RT - apple::R0);
             let high = exp2((p - apple::DELTA) / apple::GAMMA) - apple::BETA;
@@ -364,18 +377,18 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
         }),
         // The functions of Canon's logarithms are defined from the signal to linear light (Canon, 2018), which
         // OpenColorIO scales by 0.9.
-        (Named::LinearToCanonLog2, true) => each(values, |v| {
+        (Named::LinearToCanonLog2, true) => each!(values, |v| {
             let x = f64::from(v.clamp(0.0, 1.0));
             let t = (x - 0.092_864_125) / 0.241_360_77;
             let magnitude = (exp2(t.abs() * ln10) - 1.0) / 87.099_375 * 0.9;
             magnitude.copysign(t) as f32
         }),
-        (Named::LinearToCanonLog2, false) => each(values, |v| {
+        (Named::LinearToCanonLog2, false) => each!(values, |v| {
             let x = f64::from(v) / 0.9;
             let t = log2((x.abs() * 87.099_375 + 1.0) as f32) / ln10 * 0.241_360_77;
             ((t.copysign(x) + 0.092_864_125) as f32).clamp(0.0, 1.0)
         }),
-        (Named::LinearToCanonLog3, true) => each(values, |v| {
+        (Named::LinearToCanonLog3, true) => each!(values, |v| {
             let x = f64::from(v.clamp(0.0, 1.0));
             let low = -(exp2((0.127_839_01 - x) / 0.367_268_45 * ln10) - 1.0) / 14.983_25;
             let mid = (x - 0.125_122_19) / 1.975_479_8;
@@ -383,7 +396,7 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
             let found = if x < 0.097_465_473 { low } else { mid };
             ((if x > 0.152_778_91 { high } else { found }) * 0.9) as f32
         }),
-        (Named::LinearToCanonLog3, false) => each(values, |v| {
+        (Named::LinearToCanonLog3, false) => each!(values, |v| {
             let x = f64::from(v) / 0.9;
             let low = 0.127_839_01 - 0.367_268_45 * log2((1.0 - 14.983_25 * x) as f32) / ln10;
             let mid = x * 1.975_479_8 + 0.125_122_19;
@@ -391,7 +404,7 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
             let found = if x < -0.014 { low } else { mid };
             ((if x > 0.014 { high } else { found }) as f32).clamp(0.0, 1.0)
         }),
-        (Named::LinearToAcesCc, false) => each(values, |v| {
+        (Named::LinearToAcesCc, false) => each!(values, |v| {
             let x = f64::from(v);
             let least = 1.0 / 65_536.0;
             let below = if x > 0.0 { least + x * 0.5 } else { least };
@@ -399,17 +412,17 @@ fn named(name: Named, inverse: bool, values: &mut [f32]) {
             let found = ((log2(inner as f32) + 9.72) / 17.52) as f32;
             if v.is_nan() { v } else { found }
         }),
-        (Named::LinearToAcesCc, true) => each(values, |v| {
+        (Named::LinearToAcesCc, true) => each!(values, |v| {
             let x = f64::from(v);
             let found = exp2(x * 17.52 - 9.72);
             let found = if x <= (9.72 - 15.0) / 17.52 { (found - 1.0 / 65_536.0) * 2.0 } else { found };
             let found = if found > 65_504.0 { 65_504.0 } else { found };
             found as f32
         }),
-        (Named::AcesTone, false) => each(values, aces::tone),
-        (Named::AcesTone, true) => each(values, aces::tone_inverse),
-        (Named::DensityToExposure, false) => each(values, |v| density_to_exposure(f64::from(v)) as f32),
-        (Named::DensityToExposure, true) => each(values, |v| exposure_to_density(f64::from(v)) as f32),
+        (Named::AcesTone, false) => each!(values, |v| aces::tone(v)),
+        (Named::AcesTone, true) => each!(values, |v| aces::tone_inverse(v)),
+        (Named::DensityToExposure, false) => each!(values, |v| density_to_exposure(f64::from(v)) as f32),
+        (Named::DensityToExposure, true) => each!(values, |v| exposure_to_density(f64::from(v)) as f32),
     }
 }
 

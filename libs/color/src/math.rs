@@ -2,7 +2,7 @@
 //! operations alone, without branches, so that the compiler makes loops over them into vector code.
 
 /// Returns the logarithm to the base 2 of a positive number; negative infinity for 0, infinity for infinity, and NaN
-/// for NaN and negative numbers. The relative error is below 1e-12.
+/// for NaN and negative numbers. The error is below 2e-11 of the result.
 #[inline(always)]
 pub(crate) fn log2(x: f32) -> f64 {
     // Denormal numbers become normal ones.
@@ -16,18 +16,21 @@ pub(crate) fn log2(x: f32) -> f64 {
     // ln m = 2 atanh t with t = (m - 1) / (m + 1), and |t| < 0.1716.
     let t = (m - 1.0) / (m + 1.0);
     let t2 = t * t;
+    // The polynomial of least relative error, 1.7e-11, that is 1 at 0.
     let series = 1.0
-        + t2 * (1.0 / 3.0
-            + t2 * (1.0 / 5.0 + t2 * (1.0 / 7.0 + t2 * (1.0 / 9.0 + t2 * (1.0 / 11.0 + t2 * (1.0 / 13.0))))));
-    let found =
-        t * series * (2.0 * std::f64::consts::LOG2_E) + f64::from(exponent - if small { 24 } else { 0 });
-    let found = if x == 0.0 { f64::NEG_INFINITY } else { found };
-    let found = if x == f32::INFINITY { f64::INFINITY } else { found };
-    if x >= 0.0 { found } else { f64::NAN }
+        + t2 * (0.333_333_332_772_485_45
+            + t2 * (0.200_000_609_199_041_3
+                + t2 * (0.142_754_104_079_093_06 + t2 * 0.116_652_336_094_949_96)));
+    // Special cases are added as a float, which costs less than to choose among doubles. Others add 0.
+    let whole = (exponent - if small { 24 } else { 0 }) as f32;
+    let special = if x == 0.0 { f32::NEG_INFINITY } else { 0.0 };
+    let special = if x == f32::INFINITY { f32::INFINITY } else { special };
+    let special = if x >= 0.0 { special } else { f32::NAN };
+    t * series * (2.0 * std::f64::consts::LOG2_E) + f64::from(whole + special)
 }
 
 /// Returns 2 to the power `x`, for results that a float can hold. Larger results are infinite as floats. The relative
-/// error is below 1e-11.
+/// error is below 2e-10.
 #[inline(always)]
 pub(crate) fn exp2(x: f64) -> f64 {
     // Adding 1.5 * 2^52 rounds to an integer, which is then in the low bits.
@@ -36,15 +39,15 @@ pub(crate) fn exp2(x: f64) -> f64 {
     let bounded = if bounded > 1000.0 { 1000.0 } else { bounded };
     let rounded = bounded + ROUND;
     let power = f64::from_bits((rounded.to_bits().wrapping_add(1023)) << 52);
-    let f = (bounded - (rounded - ROUND)) * std::f64::consts::LN_2;
+    let f = bounded - (rounded - ROUND);
+    // The polynomial of least relative error, 1.1e-10, that is 1 at 0.
     let series = 1.0
-        + f * (1.0
-            + f * (1.0 / 2.0
-                + f * (1.0 / 6.0
-                    + f * (1.0 / 24.0
-                        + f * (1.0 / 120.0
-                            + f * (1.0 / 720.0
-                                + f * (1.0 / 5040.0 + f * (1.0 / 40_320.0 + f * (1.0 / 362_880.0)))))))));
+        + f * (0.693_147_180_559_945_29
+            + f * (0.240_226_509_222_888_32
+                + f * (0.055_504_108_839_094_055
+                    + f * (0.009_618_056_678_514_34
+                        + f * (0.001_333_350_238_627_385_9
+                            + f * (0.000_154_614_447_015_618_77 + f * 0.000_015_297_323_757_738_564))))));
     series * power
 }
 

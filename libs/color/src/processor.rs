@@ -6,6 +6,7 @@ use crate::fixed;
 use crate::primaries::{self, IDENTITY, Matrix3};
 use crate::table::{Interpolation, Lut3d};
 use crate::transform::{Cdl, Fixed, Negatives, Transform};
+use granita_machine::widest;
 use std::sync::Arc;
 
 /// The number of pixels that go through all steps together.
@@ -89,6 +90,22 @@ impl Processor {
         self.steps.iter().all(|step| matches!(step, Step::Curves(_)))
     }
 
+    /// Returns the matrix and the offset with which the processor begins, and the rest of it. The matrix changes
+    /// nothing where the processor begins with another step.
+    pub fn split_matrix(&self) -> (Matrix3, [f64; 3], Self) {
+        match self.steps.split_first() {
+            Some((Step::Matrix(matrix, offset), rest)) => (*matrix, *offset, Self { steps: rest.to_vec() }),
+            _ => (IDENTITY, [0.0; 3], self.clone()),
+        }
+    }
+
+    /// Returns the processor without the curves of channels with which it ends, and these curves.
+    pub fn split_curves(&self) -> (Self, Self) {
+        let curves = self.steps.iter().rev().take_while(|step| matches!(step, Step::Curves(_))).count();
+        let (first, last) = self.steps.split_at(self.steps.len() - curves);
+        (Self { steps: first.to_vec() }, Self { steps: last.to_vec() })
+    }
+
     /// Returns the processor that applies this one and then another.
     #[must_use]
     pub fn then(&self, next: &Self) -> Self {
@@ -120,28 +137,9 @@ impl Processor {
         let mut planes = [[0.0; BATCH]; 3];
         for batch in pixels.chunks_mut(BATCH * channels) {
             let n = batch.len() / channels;
-            if channels < 3 {
-                for (i, pixel) in batch.chunks_exact(channels).enumerate() {
-                    planes.iter_mut().for_each(|plane| plane[i] = pixel[0]);
-                }
-            } else {
-                let [r, g, b] = &mut planes;
-                let places = r.iter_mut().zip(g.iter_mut()).zip(b.iter_mut());
-                for (((r, g), b), pixel) in places.zip(batch.chunks_exact(channels)) {
-                    (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
-                }
-            }
+            split(batch, channels, &mut planes);
             self.steps.iter().for_each(|step| step.apply(&mut planes, n));
-            if channels < 3 {
-                for (i, pixel) in batch.chunks_exact_mut(channels).enumerate() {
-                    pixel[0] = planes[0][i];
-                }
-            } else {
-                let [r, g, b] = &planes;
-                for (((r, g), b), pixel) in r.iter().zip(g).zip(b).zip(batch.chunks_exact_mut(channels)) {
-                    (pixel[0], pixel[1], pixel[2]) = (*r, *g, *b);
-                }
-            }
+            join(&planes, batch, channels);
         }
     }
 
@@ -333,16 +331,7 @@ impl Step {
     /// Applies the step to `n` colours.
     fn apply<const N: usize>(&self, planes: &mut [[f32; N]; 3], n: usize) {
         match self {
-            Self::Matrix(matrix, offset) => {
-                let m = matrix.map(|row| row.map(|v| v as f32));
-                let o = offset.map(|v| v as f32);
-                let [r, g, b] = planes;
-                for ((r, g), b) in r.iter_mut().zip(g.iter_mut()).zip(b.iter_mut()).take(n) {
-                    let v = [*r, *g, *b];
-                    let row = |c: usize| m[c][0] * v[0] + m[c][1] * v[1] + m[c][2] * v[2] + o[c];
-                    (*r, *g, *b) = (row(0), row(1), row(2));
-                }
-            }
+            Self::Matrix(matrix, offset) => widest!(multiply(matrix, offset, planes, n)),
             Self::Curves(curves) => {
                 for (curve, plane) in curves.iter().zip(planes) {
                     curve.apply(&mut plane[..n]);
@@ -362,6 +351,68 @@ impl Step {
                 }
             }
         }
+    }
+}
+
+/// Copies the colours of pixels into planes. One grey channel becomes three.
+fn split(pixels: &[f32], channels: usize, planes: &mut [[f32; BATCH]; 3]) {
+    let [r, g, b] = planes;
+    let places = r.iter_mut().zip(g.iter_mut()).zip(b.iter_mut());
+    // With a constant number of channels, the compiler makes vectors of the loop.
+    match channels {
+        0 => {}
+        1 | 2 => {
+            for (((r, g), b), pixel) in places.zip(pixels.chunks_exact(channels)) {
+                (*r, *g, *b) = (pixel[0], pixel[0], pixel[0]);
+            }
+        }
+        3 => {
+            for (((r, g), b), pixel) in places.zip(pixels.as_chunks::<3>().0) {
+                (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
+            }
+        }
+        _ => {
+            for (((r, g), b), pixel) in places.zip(pixels.chunks_exact(channels)) {
+                (*r, *g, *b) = (pixel[0], pixel[1], pixel[2]);
+            }
+        }
+    }
+}
+
+/// Does the inverse of [`split`].
+fn join(planes: &[[f32; BATCH]; 3], pixels: &mut [f32], channels: usize) {
+    let [r, g, b] = planes;
+    let places = r.iter().zip(g).zip(b);
+    match channels {
+        0 => {}
+        1 | 2 => {
+            for (r, pixel) in r.iter().zip(pixels.chunks_exact_mut(channels)) {
+                pixel[0] = *r;
+            }
+        }
+        3 => {
+            for (((r, g), b), pixel) in places.zip(pixels.as_chunks_mut::<3>().0) {
+                *pixel = [*r, *g, *b];
+            }
+        }
+        _ => {
+            for (((r, g), b), pixel) in places.zip(pixels.chunks_exact_mut(channels)) {
+                (pixel[0], pixel[1], pixel[2]) = (*r, *g, *b);
+            }
+        }
+    }
+}
+
+/// Applies a matrix and an offset to `n` colours.
+#[inline(always)]
+fn multiply<const N: usize>(matrix: &Matrix3, offset: &[f64; 3], planes: &mut [[f32; N]; 3], n: usize) {
+    let m = matrix.map(|row| row.map(|v| v as f32));
+    let o = offset.map(|v| v as f32);
+    let [r, g, b] = planes;
+    for ((r, g), b) in r.iter_mut().zip(g.iter_mut()).zip(b.iter_mut()).take(n) {
+        let v = [*r, *g, *b];
+        let row = |c: usize| m[c][0] * v[0] + m[c][1] * v[1] + m[c][2] * v[2] + o[c];
+        (*r, *g, *b) = (row(0), row(1), row(2));
     }
 }
 
@@ -527,5 +578,10 @@ mod tests {
         assert_eq!(a.then(&b).map([0.5, 0.5, 0.5]), [0.5, 0.25, 0.25]);
         assert_eq!(b.then(&b).then(&a).map([0.25, 0.5, 0.5]), [1.0, 0.25, 0.25]);
         assert!(Processor::identity().then(&Processor::identity()).is_identity());
+        let (matrix, offset, rest) = b.then(&a).split_matrix();
+        assert_eq!((Processor::matrix(matrix), offset, rest), (b.clone(), [0.0; 3], a.clone()));
+        assert_eq!(a.split_matrix(), (IDENTITY, [0.0; 3], a.clone()));
+        assert_eq!(b.then(&a).split_curves(), (b.clone(), a.clone()));
+        assert_eq!(a.then(&b).split_curves(), (a.then(&b), Processor::identity()));
     }
 }

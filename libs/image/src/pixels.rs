@@ -166,12 +166,19 @@ impl Pixels {
 
     /// Appends the little-endian bytes of all values to `out`.
     pub fn append_le_bytes(&self, out: &mut Vec<u8>) {
+        // Written into bytes that are there already, the values are copied as blocks.
+        fn append<const N: usize, T: Copy>(out: &mut Vec<u8>, values: &[T], bytes: impl Fn(T) -> [u8; N]) {
+            let at = out.len();
+            out.resize(at + N * values.len(), 0);
+            let places = out[at..].as_chunks_mut::<N>().0;
+            places.iter_mut().zip(values).for_each(|(place, v)| *place = bytes(*v));
+        }
         match self {
             Self::U8(v) => out.extend_from_slice(v),
-            Self::U16(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
-            Self::U32(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
-            Self::Half(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
-            Self::Float(v) => out.extend(v.iter().flat_map(|v| v.to_le_bytes())),
+            Self::U16(v) => append(out, v, u16::to_le_bytes),
+            Self::U32(v) => append(out, v, u32::to_le_bytes),
+            Self::Half(v) => append(out, v, f16::to_le_bytes),
+            Self::Float(v) => append(out, v, f32::to_le_bytes),
         }
     }
 

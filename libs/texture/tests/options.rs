@@ -7,7 +7,10 @@ use granita_base::{Filter, Param};
 use granita_color::Config;
 use granita_image::{ImageSpec, PixelType, Pixels};
 use granita_texture::TextureKind;
-use granita_texture::make::{BrokenValues, ColorConvert, Made, MakeOptions, Mode};
+use granita_texture::make::{
+    BrokenValues, Bump, BumpFormat, ColorConvert, Conventions, FlatOptions, LevelFilter, Made, MakeOptions,
+    Mode,
+};
 use std::sync::Arc;
 use support::{Folder, random};
 
@@ -237,6 +240,63 @@ fn constant_images_take_one_tile() {
 }
 
 /// A streamed texture does not depend on the permitted memory. The error of any other one names the option.
+/// By the conventions of OpenImageIO, most plain textures are made in bands. An option that changes nothing here makes
+/// them as a whole.
+#[test]
+fn textures_that_are_made_in_bands_are_those_made_as_a_whole() {
+    let folder = Folder::new();
+    let height = || Bump { format: BumpFormat::Height, uv_scale: 2.0, ..Bump::default() };
+    let cases: [(usize, PixelType, &str, Option<Bump>); 8] = [
+        (3, PixelType::U8, "box", None),
+        (4, PixelType::U8, "lanczos3", None),
+        (1, PixelType::U16, "mitchell", None),
+        (3, PixelType::Half, "box", None),
+        (5, PixelType::Float, "catmull-rom", None),
+        (1, PixelType::U16, "box", Some(Bump::default())),
+        (3, PixelType::U8, "box", Some(Bump::default())),
+        (2, PixelType::Half, "gaussian", Some(height())),
+    ];
+    for (i, (n, pixel_type, filter, bump)) in cases.into_iter().enumerate() {
+        // A hash has a part for each 256 rows.
+        let size = if i % 2 == 0 { (37, 300) } else { (64, 33) };
+        folder.image_of("a.tif", ImageSpec::new(size.0, size.1, n, pixel_type), |x, y, c| {
+            random(x + 300 * y, (c + 8 * i) as u32)
+        });
+        let inputs = Config::built_in().processor("lin_rec709", "srgb").unwrap();
+        let encoded = ColorConvert { inputs, ..ColorConvert::default() };
+        for colors in [None, Some(Arc::new(encoded))] {
+            let flat = FlatOptions {
+                conventions: Conventions::OpenImageIo,
+                filter: LevelFilter::from_word(filter),
+                bump,
+                ..FlatOptions::default()
+            };
+            let bands = MakeOptions { flat, color_convert: colors, resize: false, ..exr() };
+            let mut whole = bands.clone();
+            whole.flat.drop_opaque = true;
+            for format in ["OpenEXR", "tiff"] {
+                let made = |options: &MakeOptions, threads: usize| {
+                    let options = MakeOptions { format: format.to_owned(), ..options.clone() };
+                    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                    pool.install(|| folder.make(&["a.tif"], "a.tx", &options)).unwrap();
+                    std::fs::read(folder.path("a.tx")).unwrap()
+                };
+                let expected = made(&whole, 1);
+                assert!(made(&bands, 1) == expected, "{i} {format}");
+                assert!(made(&bands, 3) == expected, "{i} {format}, 3 threads");
+            }
+        }
+    }
+    // Images of one colour and values that are not finite are treated as a whole, whatever the options.
+    folder.image_of("a.tif", ImageSpec::new(300, 200, 1, PixelType::Float), |x, _, _| {
+        if x == 7 { f32::NAN } else { 0.5 }
+    });
+    let flat = FlatOptions { conventions: Conventions::OpenImageIo, ..FlatOptions::default() };
+    let fixed = MakeOptions { flat, broken_values: BrokenValues::Fix, resize: false, ..exr() };
+    let told = notes(folder.make(&["a.tif"], "a.tx", &fixed).unwrap());
+    assert!(told[0].contains("200 pixels with values that are not finite were replaced"), "{told:?}");
+}
+
 #[test]
 fn a_memory_limit_does_not_change_the_texture() {
     let folder = Folder::new();

@@ -1,5 +1,6 @@
 //! The colours of a page: what its file says of them, their conversion to linear light, and the view of a display.
 
+use crate::screen_table::ScreenTable;
 use granita_base::Params;
 use granita_color::{ColorError, Config, Encoding, Primaries, Processor, Transfer};
 use granita_image::{ImageSpec, PixelType};
@@ -217,6 +218,25 @@ impl Colors {
         Self { text: noted(text, found.note), managed }
     }
 
+    /// Returns what is assumed of the colours of an image in a file of this name, and the conversion of its values to
+    /// linear light: to that of the view's configuration, or with the primaries of Rec. 709 without a view. Integers
+    /// are fractions of the largest one.
+    pub fn to_linear(spec: &ImageSpec, viewing: Option<&Viewing>, file: &str) -> (String, Processor) {
+        if let Some(viewing) = viewing {
+            let colors = viewing.colors(spec, file);
+            return (
+                colors.text,
+                colors.managed.map_or_else(Processor::identity, |managed| managed.to_linear),
+            );
+        }
+        let found = described(spec);
+        let Some(encoding) = found.encoding.or_else(|| assumed(spec)) else {
+            return (String::new(), Processor::identity());
+        };
+        let processor = encoding.to_linear(&Primaries::REC709);
+        (noted(encoding.text, found.note), processor)
+    }
+
     /// Returns the colours of values that the user declares as sRGB, or as linear.
     pub(crate) fn chosen(encoded: bool) -> Self {
         let text = if encoded { "sRGB (chosen)" } else { "linear, Rec. 709 (chosen)" };
@@ -366,6 +386,11 @@ impl Viewing {
     /// Returns the view.
     pub fn view(&self) -> &str {
         &self.view
+    }
+
+    /// Returns the conversion of linear light to the screen as a table.
+    pub fn table(&self) -> ScreenTable {
+        ScreenTable::new(&self.to_screen)
     }
 
     /// Returns the colours of an image in a file of this name, to be seen through the view.

@@ -6,7 +6,7 @@
 //! upper left pixel is (0, 0).
 
 use crate::{Result, ViewError};
-use granita_image::{Draw, PixelRect, Request, Wishes};
+use granita_image::{Draw, ImageSpec, PixelRect, Request, Wishes};
 use parking_lot::{Condvar, Mutex, MutexGuard, RwLock};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -123,6 +123,9 @@ pub struct LiveInfo {
     pub takes_requests: bool,
     /// The controls beside the image, which its sender describes. It is empty for images without a panel.
     pub panel: Arc<Panel>,
+    /// The description of the file from which the image was read, whose values are those of the file as fractions;
+    /// `None` for other images.
+    pub spec: Option<Arc<ImageSpec>>,
 }
 
 /// The number of changes that are stored one by one. Older ones count as changes of the whole image.
@@ -145,6 +148,7 @@ struct State {
     panel: Arc<Panel>,
     panel_bytes: usize,
     edits: Option<EditSender>,
+    spec: Option<Arc<ImageSpec>>,
 }
 
 struct Image {
@@ -280,6 +284,7 @@ impl Live {
             panel: Arc::default(),
             panel_bytes: 0,
             edits: None,
+            spec: None,
         };
         let image = Arc::new(Image {
             id: self.0.next_id.fetch_add(1, Ordering::Relaxed),
@@ -508,6 +513,13 @@ impl Live {
         self.image(name).ok()?.read(|state| state.edits.clone())
     }
 
+    /// Sets the description of the file from which an image is read. It says what the values are.
+    pub fn describe(&self, name: &str, spec: &ImageSpec) {
+        let Ok(image) = self.image(name) else { return };
+        image.write(None, |state| state.spec = Some(Arc::new(spec.clone())));
+        self.tell();
+    }
+
     /// Returns the names of the images, in order of creation.
     pub fn names(&self) -> Vec<String> {
         let images = self.0.images.read();
@@ -530,6 +542,7 @@ impl Live {
             wishes: state.wishes.clone(),
             takes_requests: state.requests.is_some(),
             panel: state.panel.clone(),
+            spec: state.spec.clone(),
         }))
     }
 

@@ -200,10 +200,11 @@ fn parts_have_their_own_types_and_names() {
             ", \"string compression\", \"zips\", \"int cryptomatte:ranks\", 3",
         )
         + &part("point P", "position", "")
-        + "Output (\"@/alone.exr\", \"exr\", \"rgba\", \"c\")\n";
+        + "Output (\"@/alone.exr\", \"exr\", \"rgba\", \"c\")\n"
+        + "Output (\"@/alone.tif\", \"tiff\", \"rgba\", \"c\")\n";
     let rendered = place.quiet(&scene(1, "", &outputs));
     let written = &rendered.outcome.images;
-    assert_eq!(written.len(), 2, "{written:?}");
+    assert_eq!(written.len(), 3, "{written:?}");
     let input = open(&place.path("p.exr"));
     let of = |k: usize| {
         let spec = input.spec(k, 0).unwrap();
@@ -219,6 +220,17 @@ fn parts_have_their_own_types_and_names() {
     assert_eq!(text(0, "granita/samples").as_deref(), Some("4 4"));
     let alone = open(&place.path("alone.exr"));
     assert_eq!(input.read_level(0, 0).unwrap(), alone.read_level(0, 0).unwrap());
+    // TIFF has the same settings, in its packet of XMP.
+    let tiff = open(&place.path("alone.tif"));
+    let settings = |input: &dyn granita_image::ImageInput| -> Vec<(String, String)> {
+        let spec = input.spec(0, 0).unwrap();
+        let own = spec.attributes.iter().filter(|p| p.name.starts_with("granita/"));
+        let mut all: Vec<(String, String)> =
+            own.map(|p| (p.name.to_string(), spec.string(&p.name).unwrap().to_owned())).collect();
+        all.sort();
+        all
+    };
+    assert_eq!((settings(&*tiff), settings(&*tiff).len()), (settings(&*alone), 3));
     if granita_needs::has("exrinfo") {
         let said = std::process::Command::new("exrinfo").arg(place.path("p.exr")).output().unwrap();
         let said = String::from_utf8_lossy(&said.stdout).into_owned();

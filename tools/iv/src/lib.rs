@@ -35,9 +35,6 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
         rules.clone(),
         args.debugdso,
     );
-    if args.net.serve.is_some() {
-        return serve::run(&args.net, &args.files, &formats, reporter);
-    }
     let viewing = match colors::viewing(&args.look, &granita_cli::environment(), rules, reporter) {
         Ok(viewing) => viewing,
         Err(what) => {
@@ -45,6 +42,9 @@ fn run(args: &Args, reporter: &Reporter) -> Status {
             return Status::Failed;
         }
     };
+    if args.net.serve.is_some() {
+        return serve::run(&args.net, &args.files, viewing, &formats, reporter);
+    }
     let still = still::Still { args, formats: &formats, viewing: viewing.as_ref(), reporter };
     if let Some(status) = still.run() {
         return status;

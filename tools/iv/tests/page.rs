@@ -73,8 +73,14 @@ fn draw_square(display: &str, name: &str) {
 
 /// Starts the viewer. Returns it, the address to which renderers connect, and the address of its page.
 fn serve() -> (Running, String, String) {
+    serve_with(&[])
+}
+
+/// Does the same with further options.
+fn serve_with(words: &[&str]) -> (Running, String, String) {
     let mut iv = Command::new(env!("CARGO_BIN_EXE_iv"));
-    let iv = iv.args(["-serve", "0", "-listen", "0"]).stdout(Stdio::piped()).stdin(Stdio::null());
+    let iv = iv.args(["-serve", "0", "-listen", "0"]).args(words).env_remove("OCIO");
+    let iv = iv.stdout(Stdio::piped()).stdin(Stdio::null());
     let mut iv = Running(iv.spawn().unwrap());
     let mut lines = BufReader::new(iv.0.stdout.take().unwrap()).lines().map(Result::unwrap);
     let mut said = |what: &str| lines.find_map(|line| line.strip_prefix(what).map(str::to_owned)).unwrap();
@@ -131,6 +137,74 @@ fn the_page_shows_what_a_renderer_sends() {
         assert!(is_near(&shot, [x + 40, y - 30], [0.0, 255.0, 0.0]), "{hash}");
         assert!(is_near(&shot, [x - 40, y + 30], [0.0, 0.0, 188.0]), "{hash}");
     }
+}
+
+/// Waits until the middle of the view of a page has this colour, from 0 to 255.
+fn until_the_middle_is(page: &mut Page, color: [f32; 3], what: &str) {
+    let begin = Instant::now();
+    let place = "(() => { const r = view.getBoundingClientRect(); return [r.left + r.width / 2, r.top + r.height / 2]; })()";
+    loop {
+        let at = page.value(place).unwrap();
+        let at = [0, 1].map(|i| at[i].as_f64().unwrap() as usize);
+        let shot = screenshot(page);
+        if is_near(&shot, at, color) {
+            return;
+        }
+        let got = &shot[(at[1] * 600 + at[0]) * 3..][..3];
+        assert!(begin.elapsed() < PATIENCE, "{what}: {got:?} instead of {color:?}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+#[test]
+fn pages_show_colours_through_the_views_that_are_chosen_in_them() {
+    let Some(browser) = granita_browser::find() else {
+        granita_needs::skip("chromium (or another browser)");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, head: &str, pixel: Vec<u8>| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, [head.as_bytes(), &pixel.repeat(100 * 80)].concat()).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let color = [0.18, 0.4, 0.05_f32];
+    let linear = file("a.pfm", "PF\n100 80\n-1.0\n", color.iter().flat_map(|v| v.to_le_bytes()).collect());
+    let bytes = file("a.ppm", "P6\n100 80\n255\n", vec![200, 128, 50]);
+    let config = granita_color::Config::built_in();
+    let seen = |view: &str, gain: f32| {
+        let linear = config.processor("lin_rec709", "ACEScg").unwrap();
+        let through = linear.then(&config.display_processor("ACEScg", "sRGB - Display", view).unwrap());
+        through.map(color.map(|v| v * gain)).map(|v| v.clamp(0.0, 1.0) * 255.0)
+    };
+    let (_iv, _, url) = serve_with(&["-colorconfig", "ocio://default", &linear]);
+    for hash in ["", "#plain"] {
+        let place = folder.path().join(format!("profile{hash}"));
+        std::fs::create_dir(&place).unwrap();
+        let mut page = Page::open(&browser, &place, &format!("{url}{hash}"), [600, 400]).unwrap();
+        page.until("colors.table && colors.managed").unwrap();
+        until_the_middle_is(&mut page, seen("Un-tone-mapped", 1.0), hash);
+        let text = page.value("document.getElementById('colors').textContent").unwrap();
+        let expected = "linear, Rec. 709 (assumed); seen through sRGB - Display, Un-tone-mapped";
+        assert_eq!(text, expected);
+        let aces = "ACES 1.0 - SDR Video";
+        page.value(&format!("$('through').value = '{aces}'; $('through').onchange()")).unwrap();
+        until_the_middle_is(&mut page, seen(aces, 1.0), hash);
+        page.value("$('exposure').value = 1; tuned()").unwrap();
+        until_the_middle_is(&mut page, seen(aces, 2.0), hash);
+        // The first view of another display.
+        page.value("$('display').value = 'Rec.1886 Rec.709 - Display'; $('display').onchange()").unwrap();
+        page.until("colors.state.display === 'Rec.1886 Rec.709 - Display' && $('through').value !== ''")
+            .unwrap();
+    }
+    // Without a configuration there is no choice, and bytes have the colours of their file.
+    let (_iv, _, url) = serve_with(&[&bytes]);
+    let place = folder.path().join("profile of bytes");
+    std::fs::create_dir(&place).unwrap();
+    let mut page = Page::open(&browser, &place, &url, [600, 400]).unwrap();
+    page.until("current && image").unwrap();
+    until_the_middle_is(&mut page, [200.0, 128.0, 50.0], "bytes");
+    assert_eq!(page.value("document.querySelector('label.look').hidden").unwrap(), true);
 }
 
 /// Returns the fraction of a part of a row of the screen that has one of these colours.

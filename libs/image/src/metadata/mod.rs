@@ -25,6 +25,7 @@
 
 pub mod exif;
 pub mod iptc;
+pub mod settings;
 mod tags;
 
 use granita_base::{BaseType, Param, ParamData, ParamType, Params};

@@ -1,6 +1,8 @@
 //! Gamma and the conversion of colours. Colours become linear light before MIP levels are made, and are encoded after.
 
 use granita_color::Processor;
+use half::f16;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// The conversion of colours from the inputs to the texture, in two parts.
@@ -34,6 +36,15 @@ pub(crate) struct Conversion {
     pub(super) alpha: Option<usize>,
     /// True when colours have to be multiplied by alpha.
     pub(super) multiply: bool,
+}
+
+/// What a conversion makes of each half.
+#[derive(Clone, Debug)]
+pub(crate) struct HalfTable {
+    /// The results of the three colours, or of all of them where they are the same.
+    planes: Vec<Vec<f32>>,
+    /// The halves as floats.
+    plain: Vec<f32>,
 }
 
 impl Conversion {
@@ -101,6 +112,48 @@ impl Conversion {
             for (c, (v, byte)) in texel.iter_mut().zip(bytes).enumerate() {
                 let byte = usize::from(*byte);
                 *v = if self.is_color(c) { table[3 * byte + c] } else { plain[byte] };
+            }
+        }
+        self.associate(out, n);
+    }
+
+    /// Returns the results of [`Conversion::to_linear`] for all halves, before colours are multiplied by alpha; `None`
+    /// where they are more than functions of one channel each, and where nothing is converted.
+    pub(crate) fn table_of_halves(&self, n: usize) -> Option<HalfTable> {
+        let separable = self.colors.as_ref().is_none_or(|colors| colors.inputs.is_separable());
+        let converts = self.ingamma != 1.0 || !self.keeps_colors();
+        if !separable || !converts || !self.converts_stored() || n == 2 {
+            return None;
+        }
+        let plain: Vec<f32> = (0..=u16::MAX).map(|bits| f16::from_bits(bits).to_f32()).collect();
+        let mut all: Vec<f32> = plain.iter().flat_map(|v| [power(*v, self.ingamma); 3]).collect();
+        if let Some(colors) = &self.colors {
+            all.par_chunks_mut(3 * 4096).for_each(|values| colors.inputs.apply(values, 3));
+        }
+        let plane = |c: usize| -> Vec<f32> { all.iter().skip(c).step_by(3).copied().collect() };
+        let bits = |plane: &Vec<f32>| plane.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+        let mut planes = vec![plane(0), plane(1), plane(2)];
+        if bits(&planes[0]) == bits(&planes[1]) && bits(&planes[0]) == bits(&planes[2]) {
+            planes.truncate(1);
+        }
+        Some(HalfTable { planes, plain })
+    }
+
+    /// Does the same as [`Conversion::to_linear`] for halves of `n` channels, by their table.
+    pub(crate) fn halves_to_linear(&self, table: &HalfTable, halves: &[f16], n: usize, out: &mut [f32]) {
+        let same = table.planes.len() == 1;
+        if same && self.alpha.is_none() && n <= 3 {
+            let plane = &table.planes[0];
+            out.iter_mut().zip(halves).for_each(|(v, half)| *v = plane[usize::from(half.to_bits())]);
+            return;
+        }
+        for (texel, halves) in out.chunks_exact_mut(n).zip(halves.chunks_exact(n)) {
+            for (c, (v, half)) in texel.iter_mut().zip(halves).enumerate() {
+                let plane = match self.is_color(c) {
+                    true => &table.planes[if same { 0 } else { c }],
+                    false => &table.plain,
+                };
+                *v = plane[usize::from(half.to_bits())];
             }
         }
         self.associate(out, n);
@@ -206,6 +259,30 @@ mod tests {
             c.to_linear(&mut b, 4);
             assert_eq!(a, b, "{to}");
         }
+    }
+
+    #[test]
+    fn conversions_of_halves_and_floats_agree() {
+        let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let halves: Vec<f16> = (0..=u16::MAX).map(f16::from_bits).collect();
+        for (n, alpha, multiply, ingamma) in
+            [(4, Some(3), true, 1.0), (4, Some(1), false, 1.0), (1, None, false, 2.0), (4, None, false, 1.0)]
+        {
+            let options = MakeOptions { ingamma, ..options(convert("lin_rec709", "srgb_texture")) };
+            let c = options.conversion(alpha, multiply);
+            let table = c.table_of_halves(n).unwrap();
+            let mut a = vec![0.0; halves.len()];
+            c.halves_to_linear(&table, &halves, n, &mut a);
+            let mut b: Vec<f32> = halves.iter().map(|v| v.to_f32()).collect();
+            c.to_linear(&mut b, n);
+            assert_eq!(bits(&a), bits(&b), "{n} {alpha:?}");
+        }
+        // Matrices mix channels, and colours that are divided by alpha are not functions of one channel.
+        let mixed = options(convert("lin_rec709", "ACEScg")).conversion(None, false);
+        assert!(mixed.table_of_halves(3).is_none());
+        let divided = ColorConvert { unassociate: true, ..convert("lin_rec709", "srgb_texture") };
+        assert!(options(divided).conversion(Some(3), false).table_of_halves(4).is_none());
+        assert!(MakeOptions::default().conversion(None, false).table_of_halves(3).is_none());
     }
 
     #[test]

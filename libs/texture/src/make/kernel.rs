@@ -7,7 +7,6 @@ use crate::image::Image;
 use granita_base::Filter;
 use granita_base::filter::{cubic, sinc};
 use rayon::prelude::*;
-use std::f32::consts::PI;
 
 /// The shape of a filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -116,6 +115,15 @@ impl Kernel {
         }
     }
 
+    /// Returns the size in pixels at which the filter resizes an image, and its radius in texels of the source.
+    pub(super) fn extent(self, from: (usize, usize), to: (usize, usize)) -> ((f32, f32), (i64, i64)) {
+        let ratio = (to.0 as f32 / from.0 as f32, to.1 as f32 / from.1 as f32);
+        let natural = self.natural_width();
+        let size = (natural * ratio.0.max(1.0), natural * ratio.1.max(1.0));
+        let reach = |ratio: f32| (size.0 / 2.0 / ratio).ceil() as i64;
+        (size, (reach(ratio.0), reach(ratio.1)))
+    }
+
     /// Returns the weight at (x, y) for a filter of `width` x `height` pixels.
     pub fn weight_at(self, (x, y): (f32, f32), (width, height): (f32, f32)) -> f32 {
         if self.is_radial() {
@@ -166,73 +174,22 @@ impl LevelFilter {
     }
 }
 
-/// The source texels and weights of each destination texel in one direction.
-type Weights = Vec<Vec<(usize, f32)>>;
-
 /// Returns the index of the texel that replaces `i`, which may lie beyond a border.
-fn clamped(i: i64, n: usize) -> usize {
+pub(super) fn clamped(i: i64, n: usize) -> usize {
     i.clamp(0, n as i64 - 1) as usize
 }
 
 /// Returns the centre of destination texel `o` as an index of a source texel and a part of it.
-fn centre(o: usize, from: usize, to: usize) -> (i64, f32) {
+pub(super) fn centre(o: usize, from: usize, to: usize) -> (i64, f32) {
     let at = (o as f32 + 0.5) * (1.0 / to as f32) * from as f32;
     (at.floor() as i64, at - at.floor())
 }
 
-/// Returns the normalised weights of a kernel of this radius, in source texels.
-fn weights(from: usize, to: usize, radius: i64, kernel: Kernel, width: f32) -> Weights {
-    let ratio = to as f32 / from as f32;
-    (0..to)
-        .map(|o| {
-            let (at, part) = centre(o, from, to);
-            let taps: Vec<(usize, f32)> = (-radius..=radius)
-                .map(|i| (clamped(at + i, from), kernel.weight(ratio * (i as f32 - (part - 0.5)), width)))
-                .filter(|tap| tap.1 != 0.0)
-                .collect();
-            let total: f32 = taps.iter().map(|tap| tap.1).sum();
-            taps.into_iter().map(|(i, w)| (i, if total == 0.0 { 0.0 } else { w / total })).collect()
-        })
-        .collect()
-}
-
-/// Applies weights across and down.
-fn separable(source: &Image, across: &Weights, down: &Weights) -> Image {
-    let n = source.channels;
-    let mut wide = Image::new(across.len(), source.height, n);
-    let (from, to) = (source.width * n, across.len() * n);
-    wide.data.par_chunks_mut(to).zip(source.data.par_chunks(from)).for_each(|(to, from)| {
-        for (texel, taps) in to.chunks_exact_mut(n).zip(across) {
-            for &(i, w) in taps {
-                for (v, from) in texel.iter_mut().zip(&from[i * n..][..n]) {
-                    *v += w * from;
-                }
-            }
-        }
-    });
-    let mut out = Image::new(across.len(), down.len(), n);
-    out.data.par_chunks_mut(to).zip(down).for_each(|(row, taps)| {
-        for &(i, w) in taps {
-            for (v, from) in row.iter_mut().zip(&wide.data[i * to..][..to]) {
-                *v += w * from;
-            }
-        }
-    });
-    out
-}
-
-/// Returns an image in another size.
-pub(crate) fn resampled(source: &Image, (width, height): (usize, usize), kernel: Kernel) -> Image {
-    let ratio = (width as f32 / source.width as f32, height as f32 / source.height as f32);
-    let natural = kernel.natural_width();
-    let size = (natural * ratio.0.max(1.0), natural * ratio.1.max(1.0));
-    let reach = |ratio: f32| (size.0 / 2.0 / ratio).ceil() as i64;
-    let (rx, ry) = (reach(ratio.0), reach(ratio.1));
-    if !kernel.is_radial() {
-        let across = weights(source.width, width, rx, kernel, size.0);
-        let down = weights(source.height, height, ry, kernel, size.1);
-        return separable(source, &across, &down);
-    }
+/// Returns an image in another size, by a kernel that is not a product of functions of x and of y.
+pub(crate) fn resampled_radially(source: &Image, (width, height): (usize, usize), kernel: Kernel) -> Image {
+    let from = (source.width, source.height);
+    let ratio = (width as f32 / from.0 as f32, height as f32 / from.1 as f32);
+    let (size, (rx, ry)) = kernel.extent(from, (width, height));
     let n = source.channels;
     let mut out = Image::new(width, height, n);
     out.data.par_chunks_mut(width * n).enumerate().for_each(|(y, row)| {
@@ -256,27 +213,6 @@ pub(crate) fn resampled(source: &Image, (width, height): (usize, usize), kernel:
         }
     });
     out
-}
-
-/// Returns an image in another size, with bilinear interpolation at the centres of the texels. At half the size that is
-/// the mean of four texels. Rows of a panorama are also weighted by the sine of their polar angle.
-pub(crate) fn interpolated(source: &Image, (width, height): (usize, usize), panorama: bool) -> Image {
-    let pair = |o: usize, from: usize, to: usize| {
-        let at = (o as f32 + 0.5) * (1.0 / to as f32) * from as f32 - 0.5;
-        let i = at.floor();
-        (clamped(i as i64, from), clamped(i as i64 + 1, from), at - i)
-    };
-    let between = |(a, b, part): (usize, usize, f32)| vec![(a, 1.0 - part), (b, part)];
-    let across = (0..width).map(|x| between(pair(x, source.width, width))).collect();
-    let down = (0..height)
-        .map(|y| {
-            let (a, b, part) = pair(y, source.height, height);
-            let sine = |row: usize| (PI * (row as f32 + 0.5) / source.height as f32).sin();
-            let (w0, w1) = ((1.0 - part) * sine(a), part * sine(b));
-            between((a, b, if panorama { w1 / (w0 + w1) } else { part }))
-        })
-        .collect();
-    separable(source, &across, &down)
 }
 
 /// Returns an image plus `amount` times its difference from a blurred copy. The blur extends over 3 x 3 texels.
@@ -347,46 +283,17 @@ fn each(image: &mut Image, skip: &[usize], change: impl Fn(f32) -> f32 + Sync) {
 mod tests {
     use super::*;
 
-    fn noise(width: usize, height: usize) -> Image {
-        let mut p = Image::new(width, height, 2);
-        for (i, v) in p.data.iter_mut().enumerate() {
-            *v = granita_base::hash::unit(granita_base::hash::words(&[i as u32]));
-        }
-        p
-    }
-
     #[test]
     fn kernels_keep_constants_and_have_names() {
         for (name, kernel) in Kernel::NAMES {
             assert_eq!(Kernel::from_word(name), Some(kernel));
             let mut p = Image::new(13, 10, 1);
             p.data.fill(0.25);
-            // A disk of the width of a texel misses all texels of an enlarged image.
-            let sizes = [(6, 5), (13, 10), (16, 16)];
-            for size in sizes.into_iter().take(if kernel == Kernel::Disk { 2 } else { 3 }) {
-                for v in resampled(&p, size, kernel).data {
-                    assert!((v - 0.25).abs() < 1e-5, "{name} {size:?} {v}");
-                }
-            }
             assert!(sharpened(&p, kernel, 2.0).data.iter().all(|v| (v - 0.25).abs() < 1e-6), "{name}");
         }
         let f = LevelFilter::from_word("post-unsharp-mitchell").unwrap();
         assert_eq!((f.kernel, f.blur, f.sharpen_after), (Kernel::Lanczos3, Kernel::Mitchell, true));
         assert_eq!(LevelFilter::from_word("unsharp-round"), None);
-    }
-
-    #[test]
-    fn interpolation_halves_by_means() {
-        let p = noise(8, 6);
-        let half = interpolated(&p, (4, 3), false);
-        for (y, x) in (0..3).flat_map(|y| (0..4).map(move |x| (y, x))) {
-            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| p.texel(2 * x + i, 2 * y + j)[0]);
-            assert!((half.texel(x, y)[0] - four.iter().sum::<f32>() / 4.0).abs() < 1e-6);
-        }
-        assert_eq!(resampled(&p, (4, 3), Kernel::Box).data.len(), half.data.len());
-        for (a, b) in resampled(&p, (4, 3), Kernel::Box).data.iter().zip(&half.data) {
-            assert!((a - b).abs() < 1e-6);
-        }
     }
 
     #[test]

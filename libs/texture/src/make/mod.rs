@@ -1,5 +1,6 @@
 //! Makes textures, which is the work of `maketx` (reference 9.1).
 
+mod banded;
 mod bump;
 mod color;
 mod convert;
@@ -12,6 +13,7 @@ mod kernel;
 mod options;
 mod output;
 mod picture;
+mod reduction;
 mod scan;
 mod shadow;
 mod source;
@@ -50,7 +52,9 @@ pub type Progress<'a> = &'a (dyn Fn(u64, u64) + Sync);
 ///
 /// Plain textures, and latitude-longitude maps of one image with the box filter, are made while their rows are read,
 /// with some hundred rows in memory. For plain ones that repeat in t, with another filter than the box, all rows are
-/// kept until the last. Others are made in memory as a whole (see [`MakeOptions::memory_bytes`]).
+/// kept until the last. Plain textures by the conventions of OpenImageIO are made from rows that are read twice, with
+/// two levels after the first in memory, unless an option needs the whole image. Others are made in memory as a whole
+/// (see [`MakeOptions::memory_bytes`]).
 ///
 /// The result does not depend on the number of threads. The file appears complete or not at all.
 ///
@@ -175,46 +179,54 @@ fn streamed<'a>(
 }
 
 /// Checks that a texture that is made as a whole fits into the permitted memory. The memory holds the inputs in floats,
-/// and all levels of the texture, for a short time twice.
+/// and all levels of the texture, for a short time twice. Less is needed for a texture whose levels are made while they
+/// are written.
 fn check_memory(inputs: &[PathBuf], options: &MakeOptions, registry: &FormatRegistry) -> Result<()> {
     let exr = makes_exr(options, registry);
     let (mut bytes, mut working) = (0_u64, 0);
     let files = inputs.iter().filter(|p| !is_empty_face(p)).count();
     for path in inputs.iter().filter(|p| !is_empty_face(p)) {
         let source = Source::open(path, options, registry)?;
-        let (w, h) = (source.width as u64, source.height as u64);
-        let side = |n: u64| match options.mode {
-            Mode::Shadow | Mode::ShadCube | Mode::VolShad => n,
-            _ if options.resize || exr => n.next_power_of_two(),
-            _ => n,
+        let of_one = match files == 1 && banded::Rows::suit(&source, options) {
+            true => banded::Rows::bytes(&source, options),
+            false => whole_bytes(&source, options, exr, files),
         };
-        let texture = match options.mode {
-            // The texture has six faces.
-            Mode::EnvCube if files == 1 && environment::is_cube(&source.spec) => {
-                side(w / 3) * side(h / 2) * 6
-            }
-            Mode::EnvCube if files == 1 => side(w / 4) * side(w / 4) * 6,
-            Mode::LightProbe => side(w / 3) * side(w / 3) * 6,
-            Mode::VertCross => side(w / 3) * side(h / 4) * 6,
-            // The map is four faces wide and two high. Each of the six inputs counts a sixth of it.
-            Mode::EnvLatLong if files > 1 => side(4 * w) * side(2 * h) / 6,
-            _ => side(w) * side(h),
-        };
-        // All levels together have a third more texels than the first. A mosaic of them is made beside the faces, and
-        // one level is stored beside that.
-        let halves = match (options.flat.needs_whole(), options.hash) {
-            // The first level is the image itself, and only changes of a level are beside the levels.
-            (true, false) => 3,
-            (_, false) => 7,
-            (_, true) => 9,
-        };
-        let texels = (w * h).saturating_add(texture.saturating_mul(halves) / 2);
-        let channels = if options.flat.bump.is_some() { 6 } else { 0 };
-        let channels = source.channels.max(channels).max(options.flat.channels.unwrap_or(0));
-        bytes = bytes.saturating_add(texels.saturating_mul(4 * channels as u64));
+        bytes = bytes.saturating_add(of_one);
         working = source.working_bytes().max(working);
     }
     allow_memory(&inputs[0], bytes.saturating_add(working), options)
+}
+
+/// Returns the bytes of memory that one of `files` inputs takes in a texture that is made as a whole.
+fn whole_bytes(source: &Source, options: &MakeOptions, exr: bool, files: usize) -> u64 {
+    let (w, h) = (source.width as u64, source.height as u64);
+    let side = |n: u64| match options.mode {
+        Mode::Shadow | Mode::ShadCube | Mode::VolShad => n,
+        _ if options.resize || exr => n.next_power_of_two(),
+        _ => n,
+    };
+    let texture = match options.mode {
+        // The texture has six faces.
+        Mode::EnvCube if files == 1 && environment::is_cube(&source.spec) => side(w / 3) * side(h / 2) * 6,
+        Mode::EnvCube if files == 1 => side(w / 4) * side(w / 4) * 6,
+        Mode::LightProbe => side(w / 3) * side(w / 3) * 6,
+        Mode::VertCross => side(w / 3) * side(h / 4) * 6,
+        // The map is four faces wide and two high. Each of the six inputs counts a sixth of it.
+        Mode::EnvLatLong if files > 1 => side(4 * w) * side(2 * h) / 6,
+        _ => side(w) * side(h),
+    };
+    // All levels together have a third more texels than the first. A mosaic of them is made beside the faces, and one
+    // level is stored beside that.
+    let halves = match (options.flat.needs_whole(), options.hash) {
+        // The first level is the image itself, and only changes of a level are beside the levels.
+        (true, false) => 3,
+        (_, false) => 7,
+        (_, true) => 9,
+    };
+    let texels = (w * h).saturating_add(texture.saturating_mul(halves) / 2);
+    let channels = if options.flat.bump.is_some() { 6 } else { 0 };
+    let channels = source.channels.max(channels).max(options.flat.channels.unwrap_or(0));
+    texels.saturating_mul(4 * channels as u64)
 }
 
 /// Returns `Ok` when the options permit so many bytes of memory, and the system grants them.

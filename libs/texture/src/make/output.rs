@@ -1,5 +1,6 @@
 //! Writes the levels of a texture.
 
+use super::banded::Bands;
 use super::color::Conversion;
 use super::picture::Window;
 use super::scan::Scan;
@@ -46,6 +47,8 @@ pub(crate) struct Extras {
 pub(crate) enum Body {
     /// The levels of one image.
     Flat(Vec<Image>),
+    /// The levels of one image, which are made while they are written.
+    Bands(Bands),
     /// The levels of six faces px nx py ny pz nz, left handed. Each entry holds the six faces of one level.
     Cube(Vec<[Image; 6]>),
 }
@@ -329,7 +332,7 @@ impl Plan {
         (fit(width, self.tile.0), fit(height, self.tile.1))
     }
 
-    /// Returns the levels as they are stored, with display window and tiles.
+    /// Returns the levels as they are stored, with display window and tiles. Bands have none yet.
     fn levels(&self, body: Body, path: &Path) -> Result<Vec<Stored>> {
         let flat = |p: Image| {
             let (full, tile) = ((p.width as u32, p.height as u32), self.tile(p.width, p.height));
@@ -337,6 +340,7 @@ impl Plan {
         };
         match body {
             Body::Flat(levels) => Ok(levels.into_iter().map(flat).collect()),
+            Body::Bands(_) => Ok(Vec::new()),
             Body::Cube(levels) if self.exr => {
                 let n = levels[0][0].width;
                 if levels.len() > 1 && !n.is_power_of_two() {
@@ -415,44 +419,91 @@ pub(crate) fn write(
         ..ImageSpec::new(1, 1, 1, texture.pixel_type)
     };
     let mut plan = Plan::new(texture.kind, texture.up, &described, options, registry)?;
-    let levels = plan.levels(texture.body, path)?;
-    let size = |p: &Image| (p.width, p.height);
     let conversion = texture.conversion.as_ref().filter(|_| !texture.kind.is_shadow());
-    let store = |p: Image| pixels(p.data, p.channels, plan.pixel_type, Units::Fractions, conversion);
-    if options.hash {
-        let first = levels[0].image.clone();
-        let mut scan = Scan::new(size(&first), first.channels, plan.pixel_type, true);
-        scan.push(&store(first));
-        plan.describe_content(&scan, options);
-    }
-    for (name, value) in &texture.extras.marks {
-        plan.mark(name, value.as_deref());
-    }
-    let mut specs: Vec<ImageSpec> =
-        levels.iter().map(|level| plan.spec(size(&level.image), level.full, level.tile)).collect();
-    if let Some((data, full)) = texture.extras.frame {
-        let spec = &mut specs[0];
-        (spec.x, spec.y, spec.full_x, spec.full_y) =
-            (data.x as i32, data.y as i32, full.x as i32, full.y as i32);
-        (spec.full_width, spec.full_height) = (full.width as u32, full.height as u32);
-    }
-    let mut writer = Writer::create(path, specs.clone(), options, registry, progress)?;
-    for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
-        let stored =
-            pixels(level.image.data, spec.nchannels(), plan.pixel_type, Units::Fractions, conversion);
-        let row = spec.width as usize * spec.nchannels() * spec.tile_height as usize;
-        let mut shelf = Shelf::new(spec);
-        // The level is converted by rows of tiles, so that not all its tiles are in memory beside it.
-        for at in (0..stored.len()).step_by(row) {
-            let mut rows = Pixels::zeros(plan.pixel_type, row.min(stored.len() - at));
-            let count = rows.len();
-            rows.copy_from(0, &stored, at, count);
-            writer.write(i, shelf.push(&rows))?;
+    let target = Target { path, options, registry, progress, conversion };
+    let (spec, count, costs) = match texture.body {
+        Body::Bands(bands) => target.write_bands(&bands, &mut plan, &texture.extras)?,
+        body => {
+            let levels = plan.levels(body, path)?;
+            target.write_levels(levels, &mut plan, &texture.extras)?
         }
-    }
-    let costs = writer.finish()?;
+    };
     let mut notes = texture.notes;
     notes.append(&mut plan.notes);
-    let (width, height, levels) = (specs[0].width, specs[0].height, specs.len() as u32);
-    Ok((Made::Written { width, height, levels, notes }, costs))
+    Ok((Made::Written { width: spec.width, height: spec.height, levels: count as u32, notes }, costs))
+}
+
+/// The file of a texture.
+struct Target<'a> {
+    path: &'a Path,
+    options: &'a MakeOptions,
+    registry: &'a FormatRegistry,
+    progress: Progress<'a>,
+    conversion: Option<&'a Conversion>,
+}
+
+impl Target<'_> {
+    /// Returns floats as the texture stores them.
+    fn stored(&self, values: Vec<f32>, n: usize, pixel_type: PixelType) -> Pixels {
+        pixels(values, n, pixel_type, Units::Fractions, self.conversion)
+    }
+
+    /// Writes levels while they are made. Returns the description of the first one and their number.
+    fn write_bands(
+        &self,
+        bands: &Bands,
+        plan: &mut Plan,
+        extras: &Extras,
+    ) -> Result<(ImageSpec, usize, Costs)> {
+        extras.marks.iter().for_each(|(name, value)| plan.mark(name, value.as_deref()));
+        let specs: Vec<ImageSpec> = (bands.sizes().into_iter())
+            .map(|(w, h)| plan.spec((w, h), (w as u32, h as u32), plan.tile(w, h)))
+            .collect();
+        let mut shelves: Vec<Shelf> = specs.iter().map(Shelf::new).collect();
+        let (first, count) = (specs[0].clone(), specs.len());
+        let mut writer = Writer::create(self.path, specs, self.options, self.registry, self.progress)?;
+        bands.write(first.tile_height as usize, |level, values| {
+            let stored = self.stored(values, first.nchannels(), plan.pixel_type);
+            writer.write(level, shelves[level].push(&stored))
+        })?;
+        Ok((first, count, writer.finish()?))
+    }
+
+    /// Does the same for levels that are complete.
+    fn write_levels(
+        &self,
+        levels: Vec<Stored>,
+        plan: &mut Plan,
+        extras: &Extras,
+    ) -> Result<(ImageSpec, usize, Costs)> {
+        let size = |p: &Image| (p.width, p.height);
+        if self.options.hash {
+            let first = levels[0].image.clone();
+            let mut scan = Scan::new(size(&first), first.channels, plan.pixel_type, true);
+            scan.push(&self.stored(first.data, first.channels, plan.pixel_type));
+            plan.describe_content(&scan, self.options);
+        }
+        extras.marks.iter().for_each(|(name, value)| plan.mark(name, value.as_deref()));
+        let mut specs: Vec<ImageSpec> =
+            levels.iter().map(|level| plan.spec(size(&level.image), level.full, level.tile)).collect();
+        if let Some((data, full)) = extras.frame {
+            let spec = &mut specs[0];
+            (spec.x, spec.y, spec.full_x, spec.full_y) =
+                (data.x as i32, data.y as i32, full.x as i32, full.y as i32);
+            (spec.full_width, spec.full_height) = (full.width as u32, full.height as u32);
+        }
+        let mut writer =
+            Writer::create(self.path, specs.clone(), self.options, self.registry, self.progress)?;
+        for (i, (level, spec)) in levels.into_iter().zip(&specs).enumerate() {
+            let n = spec.nchannels();
+            let row = spec.width as usize * n * spec.tile_height as usize;
+            let mut shelf = Shelf::new(spec);
+            // The level is converted by rows of tiles, so that no other form of all of it is in memory beside it.
+            for values in level.image.data.chunks(row.max(1)) {
+                let rows = self.stored(values.to_vec(), n, plan.pixel_type);
+                writer.write(i, shelf.push(&rows))?;
+            }
+        }
+        Ok((specs[0].clone(), specs.len(), writer.finish()?))
+    }
 }

@@ -41,36 +41,62 @@ pub(crate) struct ChannelStatistics {
     pub(crate) mean: f32,
 }
 
-impl Picture {
-    /// Returns the index of the alpha channel.
-    pub(crate) fn alpha(&self) -> Option<usize> {
-        let is_alpha = |name: &str| {
-            let name = name.rsplit('.').next().unwrap_or_default();
-            name == "A" || name.eq_ignore_ascii_case("alpha")
-        };
-        self.channels.iter().position(|name| is_alpha(name))
+/// The statistics of the channels of one row: the lowest and the highest value, the sum and the number of values.
+/// Values that are not finite do not count.
+pub(crate) struct RowStatistics(Vec<(f32, f32, f64, u64)>);
+
+/// The statistics of no value.
+const NOTHING: (f32, f32, f64, u64) = (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0);
+
+/// Adds a value to the statistics of its channel.
+#[inline(always)]
+fn add(one: &mut (f32, f32, f64, u64), v: f32) {
+    let is_finite = v.is_finite();
+    let (low, high, term) = if is_finite { (v, v, f64::from(v)) } else { (NOTHING.0, NOTHING.1, 0.0) };
+    *one = (one.0.min(low), one.1.max(high), one.2 + term, one.3 + u64::from(is_finite));
+}
+
+impl RowStatistics {
+    fn none(n: usize) -> Self {
+        Self(vec![NOTHING; n])
     }
 
-    /// Returns the statistics of each channel.
-    pub(crate) fn statistics(&self) -> Vec<ChannelStatistics> {
-        let n = self.image.channels;
-        let row = self.image.width * n;
-        let none = || vec![(f32::INFINITY, f32::NEG_INFINITY, 0.0_f64, 0_u64); n];
-        // The sums of rows are added in their order, so that the result does not depend on the threads.
-        let rows: Vec<_> = (self.image.data.par_chunks(row.max(1)))
-            .map(|row| {
-                let mut all = none();
+    /// Returns the statistics of a row of `n` channels.
+    pub(crate) fn of(row: &[f32], n: usize) -> Self {
+        match n {
+            1 => Self::of_texels(row.as_chunks::<1>().0),
+            3 => Self::of_texels(row.as_chunks::<3>().0),
+            4 => Self::of_texels(row.as_chunks::<4>().0),
+            6 => Self::of_texels(row.as_chunks::<6>().0),
+            _ => {
+                let mut all = Self::none(n);
                 for texel in row.chunks_exact(n) {
-                    for (one, v) in all.iter_mut().zip(texel).filter(|(_, v)| v.is_finite()) {
-                        *one = (one.0.min(*v), one.1.max(*v), one.2 + f64::from(*v), one.3 + 1);
-                    }
+                    all.0.iter_mut().zip(texel).for_each(|(one, v)| add(one, *v));
                 }
                 all
-            })
-            .collect();
-        let mut total = none();
+            }
+        }
+    }
+
+    /// Does the same for a constant number of channels, whose statistics stay in registers.
+    fn of_texels<const N: usize>(texels: &[[f32; N]]) -> Self {
+        let mut all = [NOTHING; N];
+        for texel in texels {
+            all.iter_mut().zip(texel).for_each(|(one, v)| add(one, *v));
+        }
+        Self(all.to_vec())
+    }
+
+    /// Returns the smallest number of finite values of a channel.
+    pub(crate) fn finite(&self) -> u64 {
+        self.0.iter().map(|channel| channel.3).min().unwrap_or(0)
+    }
+
+    /// Returns the statistics of all rows. Sums are added in the order of the rows.
+    pub(crate) fn total(rows: &[Self], n: usize) -> Vec<ChannelStatistics> {
+        let mut total = Self::none(n);
         for row in rows {
-            for (all, one) in total.iter_mut().zip(row) {
+            for (all, one) in total.0.iter_mut().zip(&row.0) {
                 *all = (all.0.min(one.0), all.1.max(one.1), all.2 + one.2, all.3 + one.3);
             }
         }
@@ -78,7 +104,29 @@ impl Picture {
             0 => ChannelStatistics { low: 0.0, high: 0.0, mean: 0.0 },
             _ => ChannelStatistics { low, high, mean: (sum / count as f64) as f32 },
         };
-        total.into_iter().map(finish).collect()
+        total.0.into_iter().map(finish).collect()
+    }
+}
+
+/// True when the channel of this name is alpha.
+pub(crate) fn is_alpha(name: &str) -> bool {
+    let name = name.rsplit('.').next().unwrap_or_default();
+    name == "A" || name.eq_ignore_ascii_case("alpha")
+}
+
+impl Picture {
+    /// Returns the index of the alpha channel.
+    pub(crate) fn alpha(&self) -> Option<usize> {
+        self.channels.iter().position(|name| is_alpha(name))
+    }
+
+    /// Returns the statistics of each channel.
+    pub(crate) fn statistics(&self) -> Vec<ChannelStatistics> {
+        let n = self.image.channels;
+        let row = self.image.width * n;
+        let rows: Vec<_> =
+            self.image.data.par_chunks(row.max(1)).map(|row| RowStatistics::of(row, n)).collect();
+        RowStatistics::total(&rows, n)
     }
 
     /// True when all channels of each pixel are equal.

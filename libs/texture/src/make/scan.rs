@@ -4,6 +4,9 @@ use granita_image::{PixelType, Pixels};
 use sha1::{Digest, Sha1};
 use std::fmt::Write;
 
+/// The number of rows whose hash is one part of the hash of an image, by the conventions of OpenImageIO.
+pub(crate) const HASHED_ROWS: usize = 256;
+
 /// The content of level 0, which is scanned before it is written.
 pub(crate) struct Scan {
     hash: Option<Sha1>,
@@ -55,6 +58,16 @@ impl Scan {
         let hash = hexadecimal(self.hash.clone()?);
         let mean = self.sums.iter().map(|s| (s / self.pixels.max(1) as f64) as f32).collect();
         Some((hash, mean))
+    }
+}
+
+/// Adds the bytes of values to a hash.
+pub(crate) fn update(sha1: &mut Sha1, values: &[f32]) {
+    let mut bytes = [0; 4 * 1024];
+    for values in values.chunks(1024) {
+        let places = bytes.as_chunks_mut::<4>().0;
+        places.iter_mut().zip(values).for_each(|(place, v)| *place = v.to_le_bytes());
+        sha1.update(&bytes[..4 * values.len()]);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The rows of an input, as its file stores them and as they are computed with.
 
-use super::color::Conversion;
+use super::color::{Conversion, HalfTable};
 use super::flat::Frame;
 use super::options::{BrokenValues, MakeOptions};
 use crate::error::{Result, TextureError};
@@ -12,6 +12,7 @@ use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The number of pixels that any display window may have, even if little of it is covered by data: 16384 x 16384.
@@ -226,13 +227,25 @@ impl Source {
 
     /// Returns the whole display window in floats, with integers in these units.
     pub(crate) fn image(&self, conversion: Option<&Conversion>, units: Units) -> Result<Image> {
-        let mut data = Vec::with_capacity(self.width * self.height * self.channels);
+        self.filled(|rows, first, out| fill(rows, first, self.channels, units, conversion, out))
+    }
+
+    /// Returns the whole display window, converted by `texels`.
+    pub(crate) fn converted(&self, texels: &Texels) -> Result<Image> {
+        self.filled(|rows, first, out| texels.fill(rows, first, out))
+    }
+
+    /// Returns the whole display window in floats. `fill` converts the values of rows from an index on.
+    fn filled(&self, fill: impl Fn(&Pixels, usize, &mut [f32]) + Sync) -> Result<Image> {
+        let mut image = Image::new(self.width, self.height, self.channels);
+        let chunk = (CHUNK / self.channels).max(1) * self.channels;
         // The rows are read in portions, so that the stored values and the floats are not in memory as a whole at once.
-        for y in (0..self.height).step_by(256) {
+        let portions = image.data.chunks_mut(256 * self.width * self.channels);
+        for (y, out) in (0..self.height).step_by(256).zip(portions) {
             let rows = self.rows(y, (y + 256).min(self.height))?;
-            data.extend(floats(&rows, self.channels, units, conversion));
+            out.par_chunks_mut(chunk).enumerate().for_each(|(i, out)| fill(&rows, i * chunk, out));
         }
-        Ok(Image { width: self.width, height: self.height, channels: self.channels, data })
+        Ok(image)
     }
 }
 
@@ -284,32 +297,95 @@ pub(crate) enum Units {
 pub(crate) fn floats(pixels: &Pixels, n: usize, units: Units, conversion: Option<&Conversion>) -> Vec<f32> {
     let mut out = vec![0.0; pixels.len()];
     let chunk = (CHUNK / n).max(1) * n;
+    out.par_chunks_mut(chunk)
+        .enumerate()
+        .for_each(|(i, out)| fill(pixels, i * chunk, n, units, conversion, out));
+    out
+}
+
+/// Does the same for the values from index `first` on, as many as `out` holds. They are whole pixels.
+fn fill(
+    pixels: &Pixels,
+    first: usize,
+    n: usize,
+    units: Units,
+    conversion: Option<&Conversion>,
+    out: &mut [f32],
+) {
+    let range = first..first + out.len();
     let conversion = conversion.filter(|c| !c.keeps_inputs());
     let stored = units == Units::Stored;
-    out.par_chunks_mut(chunk).enumerate().for_each(|(i, out)| {
-        let range = i * chunk..i * chunk + out.len();
-        match pixels {
-            Pixels::U8(v) => {
-                let v = &v[range];
-                match conversion {
-                    Some(conversion) => return conversion.bytes_to_linear(v, n, out),
-                    None if stored => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v)),
-                    None => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v) / 255.0),
-                }
+    match pixels {
+        Pixels::U8(v) => {
+            let v = &v[range];
+            match conversion {
+                Some(conversion) => return conversion.bytes_to_linear(v, n, out),
+                None if stored => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v)),
+                None => out.iter_mut().zip(v).for_each(|(o, v)| *o = f32::from(*v) / 255.0),
             }
-            Pixels::U16(v) => {
-                let unit = if stored { 1.0 } else { 65535.0 };
-                out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = f32::from(*v) / unit);
-            }
-            Pixels::U32(v) => out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = *v as f32),
-            Pixels::Half(v) => v[range].convert_to_f32_slice(out),
-            Pixels::Float(v) => out.copy_from_slice(&v[range]),
         }
-        if let Some(conversion) = conversion {
-            conversion.to_linear(out, n);
+        Pixels::U16(v) => {
+            let unit = if stored { 1.0 } else { 65535.0 };
+            out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = f32::from(*v) / unit);
         }
-    });
-    out
+        Pixels::U32(v) => out.iter_mut().zip(&v[range]).for_each(|(o, v)| *o = *v as f32),
+        Pixels::Half(v) => v[range].convert_to_f32_slice(out),
+        Pixels::Float(v) => out.copy_from_slice(&v[range]),
+    }
+    if let Some(conversion) = conversion {
+        conversion.to_linear(out, n);
+    }
+}
+
+/// The conversion from the pixels of a file to the floats of its texture.
+#[derive(Clone, Debug)]
+pub(crate) struct Texels {
+    conversion: Conversion,
+    channels: usize,
+    /// The largest integer, where integers are multiplied by its inverse instead of divided by it, and remain integers
+    /// when colours are multiplied by alpha. That is what OpenImageIO does, and its hash depends on it.
+    largest: Option<f32>,
+    /// The results for halves, where a table has them.
+    halves: Option<Arc<HalfTable>>,
+}
+
+impl Texels {
+    /// Returns the conversion for a file. `peer` is true by the conventions of OpenImageIO.
+    pub(crate) fn new(source: &Source, conversion: &Conversion, peer: bool) -> Self {
+        let largest = match source.spec.pixel_type {
+            PixelType::U8 => Some(255.0),
+            PixelType::U16 => Some(65535.0),
+            _ => None,
+        };
+        let largest = largest.filter(|_| peer);
+        let halves = match source.spec.pixel_type {
+            PixelType::Half => conversion.table_of_halves(source.channels).map(Arc::new),
+            _ => None,
+        };
+        Self { conversion: conversion.clone(), channels: source.channels, largest, halves }
+    }
+
+    /// Converts the values from index `first` on, as many as `out` holds. They are whole pixels.
+    pub(crate) fn fill(&self, pixels: &Pixels, first: usize, out: &mut [f32]) {
+        let n = self.channels;
+        if let (Some(table), Pixels::Half(halves)) = (&self.halves, pixels) {
+            return self.conversion.halves_to_linear(table, &halves[first..first + out.len()], n, out);
+        }
+        let Some(largest) = self.largest else {
+            return fill(pixels, first, n, Units::Fractions, Some(&self.conversion), out);
+        };
+        fill(pixels, first, n, Units::Stored, None, out);
+        let scale = 1.0 / largest;
+        out.iter_mut().for_each(|v| *v *= scale);
+        if self.conversion.multiplies() {
+            self.conversion.associate(out, n);
+            out.iter_mut().for_each(|v| *v = (*v * largest).round() * scale);
+        }
+        if !self.conversion.keeps_colors() {
+            // The conversion is not rounded to integers.
+            self.conversion.convert_colors(out, n);
+        }
+    }
 }
 
 /// Does the inverse of [`floats`], rounded to nearest and clamped. Colours are encoded when there is a conversion.

@@ -1,32 +1,28 @@
 //! Makes textures of one flat image that is in memory as a whole, for the options of [`FlatOptions`].
 
-use super::bump;
+use super::banded::{Bands, Rows, Scanned, hash_of_parts, limit_to_halves};
+use super::bump::{self, Slopes};
 use super::distribution;
 use super::environment::is_cube;
 use super::flat::{FlatOptions, Frame};
-use super::kernel::{Kernel, compress_highlights, expand_highlights, interpolated, resampled, sharpened};
+use super::kernel::{Kernel, compress_highlights, expand_highlights, sharpened};
 use super::options::BrokenValues;
 use super::output::{Body, Extras, Texture};
-use super::picture::{ChannelStatistics, Picture, Window};
-use super::scan::hexadecimal;
-use super::source::{Source, Units};
+use super::picture::{ChannelStatistics, Picture, Window, is_alpha};
+use super::reduction::{interpolated, resampled};
+use super::scan::{HASHED_ROWS, update};
+use super::source::{Source, Texels};
 use super::sphere::{latlong_mean, latlong_next};
 use super::surround::{Parts, Surrounded};
 use super::{MakeOptions, Mode, color::Conversion, makes_exr, power_of_two};
 use crate::error::{Result, TextureError};
 use crate::image::{Image, half};
 use crate::{TextureKind, Up, Wrap};
-use granita_base::Filter;
+use granita_base::{Filter, Params};
 use granita_image::{FormatRegistry, PixelType};
 use rayon::prelude::*;
 use sha1::{Digest, Sha1};
 use std::path::Path;
-
-/// The number of rows whose hash is one part of the hash of an image.
-const HASHED_ROWS: usize = 256;
-
-/// The largest finite half.
-const LARGEST_HALF: f32 = 65504.0;
 
 /// What is known while a texture is made.
 struct Work<'a> {
@@ -58,7 +54,7 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
             return Err(TextureError::Misuse { what });
         }
     };
-    let source = Source::open(path, options, registry)?;
+    let mut source = Source::open(path, options, registry)?;
     if is_cube(&source.spec) && kind == TextureKind::LatLongEnvironment {
         let what = "the options do not apply to a file that holds a cube".to_owned();
         return Err(TextureError::Malformed { path: path.to_owned(), what });
@@ -77,16 +73,42 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
     let pixel_type = source.spec.pixel_type;
     work.halves = super::output::stored_type(options, kind, pixel_type, registry)? == PixelType::Half;
     let mut notes = Vec::new();
-    let mut picture = read_picture(&source, &conversion, flat.is_peer())?;
     let mut attributes = source.spec.attributes.clone();
+    let icc_profile = source.spec.icc_profile.clone();
+    if let Some(bump) = flat.bump.as_ref().filter(|bump| flat.is_peer() || bump.uv_scale != 0.0) {
+        attributes.set(super::output::number("uvslopes_scale", bump.uv_scale));
+    }
+    if Rows::suit(&source, options) {
+        let texels = Texels::new(&source, &conversion, flat.is_peer());
+        let rows = Rows::new(source, texels, flat.bump.as_ref())?;
+        let scanned = rows.scan(&work.hashed_options())?;
+        let constant = scanned.statistics.iter().all(|c| c.low == c.high);
+        let repairs = scanned.is_broken && options.broken_values != BrokenValues::Keep;
+        if !constant && !repairs {
+            let texture = Texture {
+                kind,
+                body: Body::Flat(Vec::new()),
+                up: None,
+                channels: Vec::new(),
+                pixel_type,
+                attributes,
+                icc_profile,
+                conversion: Some(conversion),
+                notes,
+                extras: Extras::default(),
+            };
+            return Ok(work.banded(rows, scanned, texture));
+        }
+        source = rows.into_source();
+        let bytes = super::whole_bytes(&source, options, work.exr, 1);
+        super::allow_memory(path, bytes.saturating_add(source.working_bytes()), options)?;
+    }
+    let mut picture = read_picture(&source, &conversion, flat.is_peer())?;
     if flat.probe {
         picture = panorama_of_probe(&picture);
     }
     if let Some(bump) = &flat.bump {
         picture = bump::slopes(&picture, bump).map_err(|what| work.malformed(what))?;
-        if flat.is_peer() || bump.uv_scale != 0.0 {
-            attributes.set(super::output::number("uvslopes_scale", bump.uv_scale));
-        }
     }
     if let Some(distribution) = &flat.distribution {
         let channels = if flat.bump.is_some() { 6 } else { 4 };
@@ -135,34 +157,15 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
         }
         _ => None,
     };
-    let mut marks = Vec::new();
     let surrounded = work.surrounded(&picture.image, &mut notes)?;
     let top = work.first_level(picture.image);
     // An image that was enlarged begins at (0, 0).
     let frame = (framed && (top.width, top.height) == (data.width, data.height)).then_some((data, full));
+    let mut marks = Vec::new();
     if flat.is_peer() {
-        let numbers = |value: fn(&ChannelStatistics) -> f32| {
-            let of = |c| statistics.get(c).map_or(0.0, value).to_string();
-            (0..channels.len()).map(of).collect::<Vec<_>>().join(",")
-        };
-        marks.push(("oiio:SHA-1", Some(work.hash(&top))));
-        marks.push(("oiio:ConstantColor", constant.then(|| numbers(|c| c.low))));
-        marks.push(("oiio:AverageColor", flat.average.then(|| numbers(|c| c.mean))));
-        attributes.set(super::output::number("fovcot", aspect));
-        if work.overscan
-            && !matches!(work.wrap(), (Wrap::Clamp, Wrap::Clamp | Wrap::Black) | (Wrap::Black, Wrap::Clamp))
-        {
-            marks.push(("wrapmodes", Some("black,black".to_owned())));
-        }
-        if let Some(signature) = &flat.signature {
-            let history = attributes.string("Exif:ImageHistory").map(|old| format!("{}\n", old.trim_end()));
-            let history = history.unwrap_or_default() + signature;
-            attributes.set(super::output::word("Exif:ImageHistory", &history));
-            attributes.set(super::output::word("software", signature));
-        }
-        if flat.keep_aspect {
-            attributes.set(super::output::number("pixelaspect", aspect));
-        }
+        let hash = work.hash(&top);
+        let found = Found { statistics: &statistics, channels: channels.len(), constant, hash, aspect };
+        marks = work.describe(found, &mut attributes);
     }
     let levels = work.levels(top, alpha, surrounded)?;
     Ok(Texture {
@@ -172,46 +175,30 @@ pub(crate) fn read(path: &Path, options: &MakeOptions, registry: &FormatRegistry
         channels,
         pixel_type,
         attributes,
-        icc_profile: source.spec.icc_profile.clone(),
+        icc_profile,
         conversion: Some(conversion),
         notes,
         extras: Extras { frame, marks },
     })
 }
 
-/// The number of texels whose colours are converted together.
+/// What the metadata say of the first level.
+struct Found<'a> {
+    statistics: &'a [ChannelStatistics],
+    channels: usize,
+    constant: bool,
+    hash: String,
+    /// The width of the display window divided by its height.
+    aspect: f32,
+}
+
+/// The number of texels that are changed together.
 const CONVERTED: usize = 4096;
 
-/// Reads the window of a source, with the values that are not finite. As a `peer`, integers are multiplied by the
-/// inverse of their largest value instead of divided by it, and remain integers when colours are multiplied by alpha.
-/// The hash depends on it.
+/// Reads the window of a source, with the values that are not finite.
 fn read_picture(source: &Source, conversion: &Conversion, peer: bool) -> Result<Picture> {
     let spec = &source.spec;
-    let unit = match spec.pixel_type {
-        PixelType::U8 => Some(255.0_f32),
-        PixelType::U16 => Some(65535.0),
-        _ => None,
-    };
-    let image = match unit.filter(|_| peer) {
-        Some(unit) => {
-            let mut image = source.image(None, Units::Stored)?;
-            let (n, scale) = (image.channels, 1.0 / unit);
-            image.data.par_chunks_mut(n).for_each(|texel| {
-                texel.iter_mut().for_each(|v| *v *= scale);
-                if conversion.multiplies() {
-                    conversion.associate(texel, n);
-                    texel.iter_mut().for_each(|v| *v = (*v * unit).round() * scale);
-                }
-            });
-            if !conversion.keeps_colors() {
-                // The conversion is not rounded to integers.
-                let chunk = CONVERTED * n;
-                image.data.par_chunks_mut(chunk).for_each(|texels| conversion.convert_colors(texels, n));
-            }
-            image
-        }
-        None => source.image(Some(conversion), Units::Fractions)?,
-    };
+    let image = source.converted(&Texels::new(source, conversion, peer))?;
     let (x, y) = (i64::from(spec.full_x), i64::from(spec.full_y));
     let (data, full) = match source.is_data() {
         true => {
@@ -252,6 +239,69 @@ fn panorama_of_probe(probe: &Picture) -> Picture {
 }
 
 impl Work<'_> {
+    /// Returns a texture whose levels are made while they are written. `texture` has the attributes of the file.
+    fn banded(&self, rows: Rows, scanned: Scanned, mut texture: Texture) -> Texture {
+        let own = &rows.source().spec.channels;
+        texture.channels = if self.flat.bump.is_some() { Slopes::channels() } else { own.clone() };
+        self.name_channels(&mut texture.channels);
+        let (width, height) = rows.size();
+        let found = Found {
+            statistics: &scanned.statistics,
+            channels: texture.channels.len(),
+            constant: false,
+            hash: scanned.hash,
+            aspect: width as f32 / height as f32,
+        };
+        texture.extras.marks = self.describe(found, &mut texture.attributes);
+        texture.body = Body::Bands(Bands {
+            rows,
+            kernel: self.kernel().unwrap_or(Kernel::Box),
+            levels: self.flat.levels,
+            alpha: texture.channels.iter().position(|name| is_alpha(name)),
+            halves: self.halves,
+        });
+        texture
+    }
+
+    /// Adds metadata to attributes, and returns those that have places of their own.
+    fn describe(&self, found: Found<'_>, attributes: &mut Params) -> Vec<(&'static str, Option<String>)> {
+        let flat = self.flat;
+        let numbers = |value: fn(&ChannelStatistics) -> f32| {
+            let of = |c| found.statistics.get(c).map_or(0.0, value).to_string();
+            (0..found.channels).map(of).collect::<Vec<_>>().join(",")
+        };
+        let mut marks = vec![
+            ("oiio:SHA-1", Some(found.hash)),
+            ("oiio:ConstantColor", found.constant.then(|| numbers(|c| c.low))),
+            ("oiio:AverageColor", flat.average.then(|| numbers(|c| c.mean))),
+        ];
+        attributes.set(super::output::number("fovcot", found.aspect));
+        if self.overscan
+            && !matches!(self.wrap(), (Wrap::Clamp, Wrap::Clamp | Wrap::Black) | (Wrap::Black, Wrap::Clamp))
+        {
+            marks.push(("wrapmodes", Some("black,black".to_owned())));
+        }
+        if let Some(signature) = &flat.signature {
+            let history = attributes.string("Exif:ImageHistory").map(|old| format!("{}\n", old.trim_end()));
+            let history = history.unwrap_or_default() + signature;
+            attributes.set(super::output::word("Exif:ImageHistory", &history));
+            attributes.set(super::output::word("software", signature));
+        }
+        if flat.keep_aspect {
+            attributes.set(super::output::number("pixelaspect", found.aspect));
+        }
+        marks
+    }
+
+    /// Gives channels the names that were requested.
+    fn name_channels(&self, channels: &mut [String]) {
+        for (own, given) in channels.iter_mut().zip(&self.flat.channel_names) {
+            if !given.is_empty() {
+                own.clone_from(given);
+            }
+        }
+    }
+
     fn malformed(&self, what: String) -> TextureError {
         TextureError::Malformed { path: self.path.to_owned(), what }
     }
@@ -277,11 +327,7 @@ impl Work<'_> {
         if let Some(count) = flat.channels.filter(|count| *count != picture.image.channels) {
             picture.set_channels(count);
         }
-        for (own, given) in picture.channels.iter_mut().zip(&flat.channel_names) {
-            if !given.is_empty() {
-                own.clone_from(given);
-            }
-        }
+        self.name_channels(&mut picture.channels);
     }
 
     /// Gives a picture the pixels of the window that the texture shows, and those around it.
@@ -347,9 +393,8 @@ impl Work<'_> {
         }
     }
 
-    /// Returns the hash of the first level and of the options that change the others. It is that of OpenImageIO, so
-    /// that textures of both tools with the same pixels are recognised as equal.
-    fn hash(&self, top: &Image) -> String {
+    /// Returns the options that are part of the hash.
+    fn hashed_options(&self) -> String {
         let mut options = self.flat.filter.as_ref().map_or("box", |f| &f.name).to_owned() + " ";
         if self.flat.sharpen != 0.0 {
             options += &format!("sharpen_A={} ", self.flat.sharpen);
@@ -360,25 +405,19 @@ impl Work<'_> {
         if self.flat.keep_aspect {
             options += "keepaspect=1 ";
         }
-        let of_rows = |rows: &[f32]| {
+        options
+    }
+
+    /// Returns the hash of the first level and of the options that change the others. It is that of OpenImageIO, so
+    /// that textures of both tools with the same pixels are recognised as equal.
+    fn hash(&self, top: &Image) -> String {
+        let part = HASHED_ROWS * top.width * top.channels;
+        let hashed = |rows: &[f32]| {
             let mut sha1 = Sha1::new();
-            rows.chunks(1 << 16).for_each(|part| {
-                sha1.update(part.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>());
-            });
+            update(&mut sha1, rows);
             sha1
         };
-        let mut all = if top.height <= HASHED_ROWS {
-            of_rows(&top.data)
-        } else {
-            let part = HASHED_ROWS * top.width * top.channels;
-            let parts: Vec<String> =
-                top.data.par_chunks(part).map(|rows| hexadecimal(of_rows(rows))).collect();
-            let mut sha1 = Sha1::new();
-            parts.iter().for_each(|part| sha1.update(part));
-            sha1
-        };
-        all.update(options);
-        hexadecimal(all)
+        hash_of_parts(top.data.par_chunks(part).map(hashed).collect(), &self.hashed_options())
     }
 
     /// Makes the values of a level storable.
@@ -387,13 +426,7 @@ impl Work<'_> {
             return;
         }
         let n = image.channels;
-        for (i, v) in image.data.iter_mut().enumerate() {
-            // NaN becomes the lowest value, as in OpenImageIO.
-            *v = if v.is_nan() { -LARGEST_HALF } else { v.clamp(-LARGEST_HALF, LARGEST_HALF) };
-            if alpha == Some(i % n) {
-                *v = v.clamp(0.0, 1.0);
-            }
-        }
+        image.data.par_chunks_mut(CONVERTED * n).for_each(|values| limit_to_halves(values, n, alpha));
     }
 
     /// Gives the first and the last column of a panorama the same texels, and its first and last row one colour. Files

@@ -44,6 +44,7 @@ pub(crate) fn read(live: &Live, formats: &FormatRegistry, path: &Path) -> Result
             _ => format!("{}#{image}", path.display()),
         };
         live.create(&name, spec.width, spec.height, &spec.channels).map_err(|e| format!("{name}: {e}"))?;
+        live.describe(&name, spec);
         let n = spec.nchannels();
         let places: Vec<(usize, usize, usize)> = (0..n).map(|c| (c, c, n)).collect();
         for y in (0..spec.height).step_by(ROWS as usize) {

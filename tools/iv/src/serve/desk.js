@@ -420,10 +420,10 @@ function setCompare() {
   if (!id) return draw();
   const own = compare.socket = new WebSocket(socket.url);
   own.binaryType = "arraybuffer";
-  own.onopen = () => own.send(JSON.stringify({ show: id, channels: selection.split(",").map(Number) }));
+  own.onopen = () => { if (colors.state) seeThrough(own, colors.state.display, colors.state.view); own.send(JSON.stringify({ show: id, channels: selection.split(",").map(Number) })); };
   own.onmessage = ({ data }) => {
     if (compare.socket !== own) return;
-    if (typeof data !== "string") return unpack(data, (word, x, y, w, h, scale, values) => {
+    if (typeof data !== "string") return new DataView(data).getUint32(0, true) !== 0 && unpack(data, (word, x, y, w, h, scale, values) => {
       if (compare.tiles && word(0) === compare.id && scale === compare.tiles.scale) { put(compare.tiles, x, y, w, h, values); draw(); }
     });
     const news = JSON.parse(data);

@@ -99,6 +99,7 @@ mod tests {
             wishes: Wishes::default(),
             takes_requests: false,
             panel: Default::default(),
+            spec: None,
         }
     }
 

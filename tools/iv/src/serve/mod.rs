@@ -3,12 +3,14 @@
 //! One port serves one page, which is self-contained, and its web socket. Both are found only under a random word in
 //! the address, which is printed. A page cannot change anything here, but for images with a panel the edits of its
 //! user are passed on to the sender of the image. Pages on other machines only watch. Each page has its own exposure,
-//! zoom and position.
+//! zoom, position, display and view.
 
 mod blocks;
 mod detail;
 mod http;
 mod incoming;
+mod look;
+mod message;
 mod page;
 
 use crate::listen::{self, NetArgs, files};
@@ -16,9 +18,11 @@ use granita_base::{Location, Reporter, Severity};
 use granita_cli::Status;
 use granita_display::{Place, Places, listen_address};
 use granita_image::FormatRegistry;
-use granita_view::Live;
+use granita_view::{Live, Viewing};
 use incoming::Incoming;
-use page::{Message, Page};
+use look::Look;
+use message::Message;
+use page::Page;
 use std::io::ErrorKind;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::PathBuf;
@@ -55,6 +59,8 @@ fn page() -> String {
 
 struct Shared {
     live: Live,
+    /// The view through which pages show images at first.
+    viewing: Option<Viewing>,
     token: String,
     hosts: http::Hosts,
     places: Arc<Places>,
@@ -62,10 +68,16 @@ struct Shared {
 
 impl Server {
     /// Serves `live` at `address`, also to browsers that request it by one of `names`. Port 0 stands for any free port.
+    /// Pages show images through `viewing`, if there is one, until their users choose another display or view.
     ///
     /// # Errors
     /// Returns the error of the system.
-    pub(crate) fn start(address: SocketAddr, names: &[String], live: Live) -> std::io::Result<Self> {
+    pub(crate) fn start(
+        address: SocketAddr,
+        names: &[String],
+        live: Live,
+        viewing: Option<Viewing>,
+    ) -> std::io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
         let mut random = [0; 16];
@@ -74,7 +86,7 @@ impl Server {
         let url = format!("http://{address}/{token}/");
         let hosts = http::Hosts::new(address.ip(), names);
         let places = Places::new(CONNECTIONS, CONNECTIONS_OF_ADDRESS);
-        let shared = Arc::new(Shared { live, token, hosts, places });
+        let shared = Arc::new(Shared { live, viewing, token, hosts, places });
         let own = shared.clone();
         std::thread::Builder::new().name("pages".to_owned()).spawn(move || accept(&own, &listener))?;
         Ok(Self { address, url, shared })
@@ -172,7 +184,7 @@ fn show(shared: &Shared, socket: TcpStream, more: Vec<u8>) {
     let Ok(socket) = Incoming::new(socket, move || live.wake()) else { return };
     let is_ready = socket.readiness();
     let mut web = WebSocket::from_partially_read(socket, more, Role::Server, Some(config));
-    let mut page = Page::new(shared.live.clone(), may_edit);
+    let mut page = Page::new(shared.live.clone(), may_edit, Look::new(shared.viewing.clone()));
     while !shared.places.is_ending() {
         let mut answers = page.news();
         loop {
@@ -238,13 +250,14 @@ fn names(args: &NetArgs, serve: &str) -> Vec<String> {
 pub(crate) fn run(
     args: &NetArgs,
     paths: &[PathBuf],
+    viewing: Option<Viewing>,
     formats: &FormatRegistry,
     reporter: &Reporter,
 ) -> Status {
     let live = Live::default();
     let begun = args.serve.as_deref().map_or(Err("-serve needs a port".to_owned()), |text| {
         let address = listen_address(text).map_err(|e| format!("-serve: {e}"))?;
-        Server::start(address, &names(args, text), live.clone())
+        Server::start(address, &names(args, text), live.clone(), viewing)
             .map_err(|e| format!("cannot serve pages on {address}: {e}"))
     });
     let server = match begun {

@@ -10,12 +10,16 @@
 //!
 //! - `{"images": [{id, name, width, height, channels, note, live, panel, edits} ...], "shown": ID}` whenever the list
 //!   changes
-//! - `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...]}` before the first pixels of an image
+//! - `{"image": ID, "scale": s, "width": w, "height": h, "channels": [c ...], "colors": text, "managed": m}` before the
+//!   first pixels of an image. The text says what is assumed of its colours. With `"managed": true` its pixels are
+//!   colours of linear light, else values as stored
 //! - `{"marks": [[x, y, w, h] ...]}`
 //! - `{"drawing": [[step, number ...] ...]}` with the steps of a canvas ("moveTo" ...)
 //! - `{"probe": [x, y], "values": ["v" ...]}`
 //! - `{"panel": ID, "all": a, "parts": {name: text ...}}` with the changed parts of a panel, which are JSON in a text,
 //!   or null for parts that are gone. With `"all": true`, these are all parts
+//!
+//! The choice of a display and of a view, and their table, are described in [`look`](super::look).
 //!
 //! Pixels are little endian: `u32` id, `u32` 0 for floats or 1 for halves, `u32` x, y, width, height, `u32` number of
 //! channels, `u32` scale, then the values row by row with interleaved channels. An image of more than
@@ -25,6 +29,8 @@
 
 use super::blocks::{BLOCK, RECTS, blocks, parts, reduction};
 use super::detail::Detail;
+use super::look::{Look, are_colors, shown_channels};
+use super::message::Message;
 use granita_image::{Draw, PixelRect};
 use granita_view::{Live, LiveInfo, Panel};
 use half::f16;
@@ -58,18 +64,12 @@ pub(super) struct Page {
     /// The id of the image whose panel the page shows, and the panel that it has; 0 for none.
     paneled: u64,
     panel: Option<Arc<Panel>>,
-}
-
-/// A message to the page.
-#[derive(Debug, PartialEq)]
-pub(super) enum Message {
-    Text(String),
-    Pixels(Vec<u8>),
+    look: Look,
 }
 
 impl Page {
-    /// Returns a page. Its edits are passed on if `may_edit` is true.
-    pub(super) fn new(live: Live, may_edit: bool) -> Self {
+    /// Returns a page with these colours. Its edits are passed on if `may_edit` is true.
+    pub(super) fn new(live: Live, may_edit: bool, look: Look) -> Self {
         Self {
             live,
             version: None,
@@ -84,6 +84,7 @@ impl Page {
             may_edit,
             paneled: 0,
             panel: None,
+            look,
         }
     }
 
@@ -95,6 +96,11 @@ impl Page {
             let index = |c: &Value| c.as_u64().and_then(|c| usize::try_from(c).ok());
             self.channels = channels.iter().take(4).filter_map(index).collect();
             (self.chosen, self.known, self.detail) = (id, None, None);
+            return None;
+        }
+        if self.look.choose(&value) {
+            // All pixels are sent again.
+            (self.known, self.detail) = (None, None);
             return None;
         }
         if let Some(id) = value["panel"].as_u64() {
@@ -167,7 +173,7 @@ impl Page {
     /// Returns the pending messages for the page, up to a few megabytes.
     pub(super) fn news(&mut self) -> Vec<Message> {
         let version = self.live.version();
-        let mut messages = Vec::new();
+        let mut messages = self.look.news();
         let mut panel = None;
         if self.version != Some(version) {
             self.version = Some(version);
@@ -194,12 +200,14 @@ impl Page {
         };
         self.channels.retain(|c| *c < info.channels.len());
         if self.channels.is_empty() {
-            self.channels = colors(&info.channels);
+            self.channels = shown_channels(&info.channels);
         }
         let scale = reduction(&info);
         if self.known.is_none_or(|(id, _)| id != info.id) {
+            let managed = are_colors(&info, &self.channels);
+            let colors = if managed { self.look.text(&info) } else { "" };
             let text = json!({"image": info.id, "scale": scale, "channels": self.channels,
-                "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
+                "colors": colors, "managed": managed, "width": info.width.div_ceil(scale), "height": info.height.div_ceil(scale)});
             messages.push(Message::Text(text.to_string()));
             self.pending = blocks(&[PixelRect::at(0, 0, info.width, info.height)], &info, BLOCK);
             self.marks.clear();
@@ -265,8 +273,9 @@ impl Page {
 
     /// Returns a message with the channels of a rectangle that the page requested; `None` when the image was replaced
     /// meanwhile.
-    fn pixels(&self, info: &LiveInfo, rect: PixelRect, scale: u32) -> Option<Vec<u8>> {
-        let values = self.live.read(&info.name, rect, &self.channels).ok()?;
+    fn pixels(&mut self, info: &LiveInfo, rect: PixelRect, scale: u32) -> Option<Vec<u8>> {
+        let mut values = self.live.read(&info.name, rect, &self.channels).ok()?;
+        self.look.convert(info, &self.channels, &mut values);
         let n = self.channels.len();
         let values = if scale == 1 { values } else { reduced(&values, &rect, n, scale as usize) };
         // Halves are enough for colours on a screen. Depths and other values are sent as floats.
@@ -298,15 +307,6 @@ fn step(step: &Draw) -> Value {
         Draw::Fill => json!(["fill"]),
         Draw::Stroke => json!(["stroke"]),
         Draw::BeginPath => json!(["beginPath"]),
-    }
-}
-
-/// Returns the channels that represent the image best, which are its colours or the first one.
-fn colors(names: &[String]) -> Vec<usize> {
-    let find = |name: &str| names.iter().position(|n| n == name);
-    match (find("R"), find("G"), find("B")) {
-        (Some(r), Some(g), Some(b)) => [Some(r), Some(g), Some(b), find("A")].into_iter().flatten().collect(),
-        _ => vec![find("Y").unwrap_or(0)],
     }
 }
 
@@ -381,7 +381,7 @@ mod tests {
     fn a_page_receives_the_pixels_of_the_image() {
         let live = Live::default();
         live.create("a", 700, 300, &names(&["R", "G", "B", "A", "Z"])).unwrap();
-        let mut page = Page::new(live.clone(), true);
+        let mut page = Page::new(live.clone(), true, Look::new(None));
         let mut painting = (0, 0, Vec::new());
         assert_eq!(painted(&mut page, &mut painting), 0, "nothing is chosen yet");
         let id = live.info("a").unwrap().id;
@@ -442,7 +442,7 @@ mod tests {
         live.create("a", 9001, 5, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 5).map(|v| (v % 9001) as f32).collect();
         live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 5), &all).unwrap();
-        let mut page = Page::new(live.clone(), true);
+        let mut page = Page::new(live.clone(), true, Look::new(None));
         page.hear(&format!("{{\"show\": {}, \"channels\": [0]}}", live.info("a").unwrap().id));
         let mut painting = (0, 0, Vec::new());
         painted(&mut page, &mut painting);
@@ -462,7 +462,7 @@ mod tests {
         live.create("a", 9001, 40, &names(&["Y"])).unwrap();
         let all: Vec<f32> = (0..9001 * 40).map(|v| (v % 9001) as f32 / 8.0).collect();
         live.update("a", &[(0, 0, 1)], PixelRect::at(0, 0, 9001, 40), &all).unwrap();
-        let mut page = Page::new(live.clone(), true);
+        let mut page = Page::new(live.clone(), true, Look::new(None));
         let id = live.info("a").unwrap().id;
         let ask =
             |scale: u32, rect: [i32; 4]| json!({"detail": id, "scale": scale, "rect": rect}).to_string();
@@ -513,13 +513,6 @@ mod tests {
         assert_eq!((details(&mut page), page.is_behind()), (Vec::new(), false));
     }
 
-    #[test]
-    fn colour_channels_are_found_by_name() {
-        assert_eq!(colors(&names(&["A", "B", "G", "R"])), [3, 2, 1, 0]);
-        assert_eq!(colors(&names(&["R", "G", "B", "Z"])), [0, 1, 2]);
-        assert_eq!((colors(&names(&["Z", "Y"])), colors(&names(&["Z"]))), (vec![1], vec![0]));
-    }
-
     /// Returns the texts of the messages of a page.
     fn texts(page: &mut Page) -> Vec<Value> {
         let text = |message| match message {
@@ -534,7 +527,7 @@ mod tests {
         let live = Live::default();
         live.create("a", 4, 4, &names(&["Y"])).unwrap();
         let id = live.info("a").unwrap().id;
-        let mut page = Page::new(live.clone(), true);
+        let mut page = Page::new(live.clone(), true, Look::new(None));
         page.hear(&json!({"show": id, "channels": [0]}).to_string());
         page.hear(&json!({"panel": id}).to_string());
         page.news();
@@ -557,7 +550,8 @@ mod tests {
         live.take_edits("a", granita_view::EditSender::new(move |text| to.send(text.to_owned()).is_ok()));
         live.answer("a", granita_view::RequestSender::new(|_| true));
         let id = live.info("a").unwrap().id;
-        let (mut page, mut watcher) = (Page::new(live.clone(), true), Page::new(live.clone(), false));
+        let (mut page, mut watcher) =
+            (Page::new(live.clone(), true, Look::new(None)), Page::new(live.clone(), false, Look::new(None)));
         let flags = |page: &mut Page| {
             let list = texts(page).into_iter().find(|m| m["images"].is_array()).unwrap();
             (list["images"][0]["panel"].clone(), list["images"][0]["edits"].clone())

@@ -5,7 +5,7 @@ use granita_image::PixelRect;
 use std::io::{Read, Write};
 
 fn serving(live: &Live) -> Server {
-    Server::start(([127, 0, 0, 1], 0).into(), &[], live.clone()).unwrap()
+    Server::start(([127, 0, 0, 1], 0).into(), &[], live.clone(), None).unwrap()
 }
 
 /// Sends bytes. Returns the answer until the connection ends.
@@ -115,7 +115,7 @@ fn is_closed(address: SocketAddr) {
 #[test]
 fn a_server_on_all_addresses_ends() {
     let live = Live::default();
-    let server = Server::start(([0, 0, 0, 0], 0).into(), &["box".to_owned()], live).unwrap();
+    let server = Server::start(([0, 0, 0, 0], 0).into(), &["box".to_owned()], live, None).unwrap();
     let port = server.address.port();
     drop(server);
     is_closed(([127, 0, 0, 1], port).into());
