@@ -451,7 +451,8 @@ fn read_fault(place: &Place, error: image::ImageError) -> ImageError {
         image::ImageError::IoError(e) => place.io(e),
         image::ImageError::Unsupported(e) => place.unsupported(e.to_string()),
         image::ImageError::Limits(e) => place.unsupported(format!("{}: {e}", place.format)),
-        other => place.malformed(other.to_string()),
+        // Some messages of the decoder of JPEG end with a line end that was escaped.
+        other => place.malformed(other.to_string().trim_end_matches("\\n")),
     }
 }
 

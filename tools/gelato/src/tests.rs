@@ -7,7 +7,7 @@ use clap::CommandFactory;
 use granita_cli::try_parse;
 
 /// Values that at least one option accepts.
-const VALUES: [&str; 6] = ["0.5", "3", "A=B", "localhost:14158", "defaultsurface", "z"];
+const VALUES: [&str; 7] = ["0.5", "3", "A=B", "localhost:14158", "defaultsurface", "z", "fov=30"];
 
 fn parsed(words: &[String]) -> Result<(Options, Vec<Given>), granita_cli::Refusal> {
     try_parse([&["gelato".to_owned()], words].concat().into_iter().map(OsString::from).collect())
@@ -25,7 +25,9 @@ fn example(arg: &clap::Arg) -> (Options, Vec<Given>) {
     };
     for value in VALUES {
         let option = [vec![name.clone()], vec![value.to_owned(); count]].concat();
-        for others in [vec!["a.pyg"], vec![], vec!["-stream"], vec!["-safe", "a.pyg"]] {
+        for others in
+            [vec!["a.pyg"], vec![], vec!["-stream"], vec!["-safe", "a.pyg"], vec!["-o", "a.tif", "a.pyg"]]
+        {
             let others: Vec<String> = others.into_iter().map(str::to_owned).collect();
             if let Ok(parsed) = parsed(&[option.clone(), others].concat()) {
                 return parsed;
@@ -57,6 +59,8 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
     let needed = [
         "threads",
         "number",
+        "only",
+        "set",
         "env",
         "preview",
         "shade",

@@ -142,9 +142,9 @@ impl Outcome {
         self.passes(error) * self.seconds
     }
 
-    /// Returns the error that is reached in a number of seconds. One pass is always made.
+    /// Returns the error that is reached in a number of seconds; infinite when one pass takes longer.
     fn error(&self, seconds: f64) -> f64 {
-        (self.variance / (seconds / self.seconds).floor().max(1.0)).sqrt()
+        (self.variance / (seconds / self.seconds).floor()).sqrt()
     }
 
     /// Returns what is to be small.
@@ -158,9 +158,18 @@ impl Outcome {
 
 /// Returns the outcome that is best for what is wanted; the scene's own unless another one is clearly better.
 fn best(outcomes: &[Outcome], wanted: Wanted) -> Option<&Outcome> {
-    let least = outcomes.iter().min_by(|a, b| a.cost(wanted).total_cmp(&b.cost(wanted)))?;
+    // Where no pass ends in time, the quickest one is best.
+    let order = |a: &&Outcome, b: &&Outcome| {
+        a.cost(wanted).total_cmp(&b.cost(wanted)).then(a.seconds.total_cmp(&b.seconds))
+    };
+    let least = outcomes.iter().min_by(order)?;
     let own = outcomes.iter().find(|outcome| outcome.setting == Setting::OWN);
-    own.filter(|own| own.cost(wanted) <= least.cost(wanted) * (1.0 + WORTH)).or(Some(least))
+    own.filter(|own| {
+        let within = |a: f64, b: f64| a <= b * (1.0 + WORTH);
+        within(own.cost(wanted), least.cost(wanted))
+            && (own.cost(wanted).is_finite() || within(own.seconds, least.seconds))
+    })
+    .or(Some(least))
 }
 
 /// A part of the image, from 0 to 1 (xmin, xmax, ymin, ymax).
@@ -349,7 +358,7 @@ impl Renderer<'_> {
                 reporter.info(setting.words(&scene).join(" "));
                 let next = outcome(setting, measure(setting)?);
                 outcomes.push(next);
-                if next.cost(wanted) > from.cost(wanted) * (1.0 - WORTH) {
+                if next.cost(wanted) >= from.cost(wanted) * (1.0 - WORTH) {
                     break;
                 }
             }
@@ -404,7 +413,14 @@ fn snippet(scene: &Scene, best: &Outcome, wanted: Wanted) -> String {
             format!("Attribute (\"float render:error\", {error})"),
         ),
         Wanted::Seconds(time) => (
-            format!("{}, with an error of about {:.2} %", seconds(time), 100.0 * best.error(time)),
+            match best.error(time) {
+                error if error.is_finite() => {
+                    format!("{}, with an error of about {:.2} %", seconds(time), 100.0 * error)
+                }
+                _ => {
+                    format!("{}, which is less than the {} of one pass", seconds(time), seconds(best.seconds))
+                }
+            },
             format!("Attribute (\"float render:seconds\", {time})"),
         ),
     };
@@ -505,6 +521,7 @@ mod tests {
         assert_eq!((coarse.time(0.02), own.time(0.02)), (25.0, 12.0));
         assert_eq!(best(&all, Wanted::Seconds(2.0)), Some(&coarse));
         assert_eq!(best(&all, Wanted::Seconds(40.0)), Some(&own));
+        assert_eq!(best(&all, Wanted::Seconds(0.5)), Some(&coarse));
         // A difference that times may have by chance changes nothing.
         let alike = outcome(2.0, 1.0, 3.9, 0.001);
         assert_eq!(best(&[own, alike], Wanted::Error(0.02)), Some(&own));

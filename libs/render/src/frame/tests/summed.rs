@@ -76,7 +76,10 @@ fn summed<S: FrameShader>(
         render(&build.scene, shader, options, std::slice::from_mut(&mut outputs), None).unwrap();
     assert!(complete);
     let image = outputs.images.remove(0);
-    assert_eq!(image.passes.map(|(passes, _)| passes), statistics.passes.as_ref().map(|report| report.passes));
+    assert_eq!(
+        image.passes.map(|(passes, _)| passes),
+        statistics.passes.as_ref().map(|report| report.passes)
+    );
     (image.pixels, statistics.passes.unwrap())
 }
 
