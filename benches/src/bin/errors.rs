@@ -1,6 +1,7 @@
 //! Measures how well a requested error is reached: twelve scenes at four requested errors, beside converged images.
 //!
-//! `cargo run --release -p granita-benches --bin errors [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
+//! `cargo run --release -p granita-benches --bin errors
+//! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
 //!
 //! The converged image of a scene has half the dicing step and computes indirect light and occlusion at every point.
 //! It takes passes for `--converged` seconds (by default 60), and its own error is subtracted. The error of an image is

@@ -5,8 +5,8 @@
 //! follows for each error. What the settings change makes noise and no bias, so that no converged image is needed.
 //!
 //! The crops are blocks of the image, chosen at random with probabilities in proportion to their noise, which a small
-//! image shows. The mean over the whole image is estimated from them by importance sampling. The time of the whole image
-//! is that of the small one, times the number of its pixels.
+//! image shows. The mean over the whole image is estimated from them by importance sampling. The time of the whole
+//! image is that of the small one, times the number of its pixels.
 
 mod plot;
 
@@ -369,6 +369,7 @@ impl Renderer<'_> {
 
 /// Returns the table of all settings, the quickest first.
 fn table(scene: &Scene, outcomes: &[Outcome]) -> String {
+    // tidy: attribute: the heading of a table
     let mut text = format!("{:<28} {:>9} {:>9}", "spatialquality, render:samples", "a pass", "its error");
     for error in ERRORS {
         let _ = write!(text, " {:>9}", format!("to {} %", percent(error)));

@@ -127,8 +127,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         Passed { failed, report: self.report(plan, completed, &errors), errors }
     }
 
-    /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at the
-    /// time `limit` or because the frame was stopped.
+    /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at
+    /// the time `limit` or because the frame was stopped.
     fn render_pass(
         &mut self,
         scene: &Scene,

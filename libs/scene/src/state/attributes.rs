@@ -127,7 +127,8 @@ pub fn attribute_from_text(text: &str) -> Result<Param, String> {
 }
 
 impl State {
-    /// Sets attributes that calls do not change. They come before the first call. Of several values the last one counts.
+    /// Sets attributes that calls do not change. They come before the first call. Of several values the last one
+    /// counts.
     pub fn fix_attributes(&mut self, params: &[Param]) {
         for param in params {
             self.fixed.remove(&param.name);
