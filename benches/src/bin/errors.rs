@@ -34,8 +34,11 @@ struct Quality {
 const ORDINARY: Quality = Quality { shading: 1.0, maxerror: 0.25 };
 const CONVERGED: Quality = Quality { shading: 2.0, maxerror: 0.0 };
 
+/// Makes the text of a scene.
+type Make = fn(Quality) -> String;
+
 /// The scenes by their names.
-const SCENES: [(&str, fn(Quality) -> String); 12] = [
+const SCENES: [(&str, Make); 12] = [
     ("box", cornell),
     ("room", room),
     ("rabbit", rabbit),

@@ -48,7 +48,7 @@ pub(crate) enum Body {
     /// The levels of one image.
     Flat(Vec<Image>),
     /// The levels of one image, which are made while they are written.
-    Bands(Bands),
+    Bands(Box<Bands>),
     /// The levels of six faces px nx py ny pz nz, left handed. Each entry holds the six faces of one level.
     Cube(Vec<[Image; 6]>),
 }

@@ -253,13 +253,13 @@ impl Work<'_> {
             aspect: width as f32 / height as f32,
         };
         texture.extras.marks = self.describe(found, &mut texture.attributes);
-        texture.body = Body::Bands(Bands {
+        texture.body = Body::Bands(Box::new(Bands {
             rows,
             kernel: self.kernel().unwrap_or(Kernel::Box),
             levels: self.flat.levels,
             alpha: texture.channels.iter().position(|name| is_alpha(name)),
             halves: self.halves,
-        });
+        }));
         texture
     }
 
