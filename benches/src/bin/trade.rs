@@ -15,6 +15,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
 
 use granita_benches::release_tool;
+use granita_cli::ErrorPlot;
 use granita_image::Limits;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -291,6 +292,13 @@ fn is_best(one: &Outcome, all: &[Outcome]) -> bool {
     })
 }
 
+/// Returns the best outcomes, the quickest first.
+fn pareto(outcomes: &[Outcome]) -> Vec<&Outcome> {
+    let mut best: Vec<&Outcome> = outcomes.iter().filter(|o| is_best(o, outcomes)).collect();
+    best.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
+    best
+}
+
 fn table(outcomes: &[Outcome]) {
     println!("| knob | setting | seconds | error, % | best |\n|---|---|---|---|---|");
     for o in outcomes {
@@ -304,90 +312,28 @@ fn table(outcomes: &[Outcome]) {
         );
     }
     println!("\nPareto-best, quickest first:");
-    let mut best: Vec<&Outcome> = outcomes.iter().filter(|o| is_best(o, outcomes)).collect();
-    best.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-    for o in best {
+    for o in pareto(outcomes) {
         println!("- {:.2} s, {:.2}%: {}", o.seconds, 100.0 * o.error, words(&o.setting));
     }
 }
 
-/// Returns a plot of error against time, both logarithmic. The best outcomes are connected.
+/// Returns a plot of all outcomes. The best ones are connected.
 fn plot(outcomes: &[Outcome], scene: &Path) -> String {
-    const SIZE: (f64, f64) = (720.0, 480.0);
-    const MARGIN: f64 = 60.0;
-    const COLORS: [&str; 8] =
-        ["#000000", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#999999"];
-    let range = |f: &dyn Fn(&Outcome) -> f64| {
-        let all = outcomes.iter().map(|o| f(o).max(1e-6).log10());
-        let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
-        (lo - 0.1, hi + 0.1)
-    };
-    let (xs, ys) = (range(&|o| o.seconds), range(&|o| o.error));
-    let x = |s: f64| MARGIN + (s.max(1e-6).log10() - xs.0) / (xs.1 - xs.0) * (SIZE.0 - 2.0 * MARGIN);
-    let y = |e: f64| SIZE.1 - MARGIN - (e.max(1e-6).log10() - ys.0) / (ys.1 - ys.0) * (SIZE.1 - 2.0 * MARGIN);
-    let mut out = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\" height=\"{}\" font-family=\"sans-serif\" font-size=\"12\">\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<text x=\"{MARGIN}\" y=\"24\">{}: error against time</text>\n",
-        SIZE.0,
-        SIZE.1,
-        scene.file_name().unwrap_or_default().to_string_lossy()
-    );
-    // Writing to a string does not fail.
-    for (ticks, horizontal) in [(xs, true), (ys, false)] {
-        for power in ticks.0.floor() as i32..=ticks.1.ceil() as i32 {
-            for digit in [1.0, 2.0, 5.0] {
-                let value = digit * 10f64.powi(power);
-                if value.log10() < ticks.0 || value.log10() > ticks.1 {
-                    continue;
-                }
-                let _ = if horizontal {
-                    let (at, to) = (x(value), SIZE.1 - MARGIN);
-                    writeln!(
-                        out,
-                        "<path d=\"M{at:.1} {MARGIN}V{to}\" stroke=\"#ddd\"/><text x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{value} s</text>",
-                        to + 18.0
-                    )
-                } else {
-                    let (at, to) = (y(value), SIZE.0 - MARGIN);
-                    writeln!(
-                        out,
-                        "<path d=\"M{MARGIN} {at:.1}H{to}\" stroke=\"#ddd\"/><text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}%</text>",
-                        MARGIN - 6.0,
-                        at + 4.0,
-                        (value * 1e4).round() / 100.0
-                    )
-                };
-            }
-        }
-    }
-    let mut best: Vec<&Outcome> = outcomes.iter().filter(|o| is_best(o, outcomes)).collect();
-    best.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
-    let line: Vec<String> = best.iter().map(|o| format!("{:.1},{:.1}", x(o.seconds), y(o.error))).collect();
-    let _ = writeln!(out, "<polyline points=\"{}\" fill=\"none\" stroke=\"black\"/>", line.join(" "));
+    let name = scene.file_name().unwrap_or_default().to_string_lossy();
+    let at = |o: &Outcome| (o.seconds, o.error);
+    let mut plot =
+        ErrorPlot::new(&name, outcomes.iter().map(|o| o.seconds), outcomes.iter().map(|o| o.error));
+    let best: Vec<(f64, f64)> = pareto(outcomes).into_iter().map(at).collect();
+    plot.line(&best, ErrorPlot::BLACK);
+    let colors = || [ErrorPlot::BLACK].into_iter().chain(ErrorPlot::COLORS);
     let mut knobs: Vec<&str> = Vec::new();
-    for o in outcomes {
-        if !knobs.contains(&o.knob) {
-            knobs.push(o.knob);
+    for outcome in outcomes {
+        if !knobs.contains(&outcome.knob) {
+            knobs.push(outcome.knob);
         }
-        let color = COLORS[knobs.iter().position(|k| *k == o.knob).unwrap_or(0) % COLORS.len()];
-        let _ = writeln!(
-            out,
-            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"4\" fill=\"{color}\"><title>{}</title></circle>",
-            x(o.seconds),
-            y(o.error),
-            words(&o.setting)
-        );
+        let known = knobs.iter().zip(colors().cycle()).find(|(knob, _)| **knob == outcome.knob);
+        plot.dot(at(outcome), &words(&outcome.setting), known.map_or(ErrorPlot::BLACK, |(_, color)| color));
     }
-    for (k, knob) in knobs.iter().enumerate() {
-        let at = 40.0 + 16.0 * k as f64;
-        let _ = writeln!(
-            out,
-            "<circle cx=\"{}\" cy=\"{at}\" r=\"4\" fill=\"{}\"/><text x=\"{}\" y=\"{}\">{knob}</text>",
-            SIZE.0 - 160.0,
-            COLORS[k % COLORS.len()],
-            SIZE.0 - 150.0,
-            at + 4.0
-        );
-    }
-    out + "</svg>\n"
+    knobs.iter().zip(colors().cycle()).for_each(|(knob, color)| plot.name(knob, color));
+    plot.finish()
 }

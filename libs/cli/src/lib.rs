@@ -17,6 +17,7 @@ mod ending;
 mod fence;
 mod files;
 mod help;
+mod plot;
 mod progress;
 mod run;
 
@@ -27,6 +28,7 @@ pub use ending::{before_signals, leave, wait_for_end, when_caller_is_gone};
 pub use fence::{Fence, fence};
 pub use files::open_files_limit;
 pub use help::help;
+pub use plot::ErrorPlot;
 pub use progress::{Bar, console_reporter, reporter_with, time_left};
 pub use run::{Ending, seconds};
 

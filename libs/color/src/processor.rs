@@ -90,13 +90,32 @@ impl Processor {
         self.steps.iter().all(|step| matches!(step, Step::Curves(_)))
     }
 
-    /// Returns the matrix and the offset with which the processor begins, and the rest of it. The matrix changes
-    /// nothing where the processor begins with another step.
-    pub fn split_matrix(&self) -> (Matrix3, [f64; 3], Self) {
-        match self.steps.split_first() {
-            Some((Step::Matrix(matrix, offset), rest)) => (*matrix, *offset, Self { steps: rest.to_vec() }),
-            _ => (IDENTITY, [0.0; 3], self.clone()),
+    /// Returns the processor without the matrix and the offset with which it ends, and these. The matrix changes nothing
+    /// where the processor ends with another step.
+    pub fn split_matrix(&self) -> (Self, Matrix3, [f64; 3]) {
+        match self.steps.split_last() {
+            Some((Step::Matrix(matrix, offset), rest)) => (Self { steps: rest.to_vec() }, *matrix, *offset),
+            _ => (self.clone(), IDENTITY, [0.0; 3]),
         }
+    }
+
+    /// Returns the product of the matrices before the first curves and tables, which is the space in which these work.
+    /// Limits of values and other steps between these matrices are left out.
+    pub fn first_matrices(&self) -> Matrix3 {
+        let is_limit = |curve: &Curve| match curve {
+            Curve::Range { scale, offset, .. } => (*scale, *offset) == (1.0, 0.0),
+            other => *other == Curve::Same,
+        };
+        let mut product = IDENTITY;
+        for step in &self.steps {
+            match step {
+                Step::Matrix(matrix, _) => product = primaries::multiply(matrix, &product),
+                Step::Fixed(..) => (),
+                Step::Curves(curves) if curves.iter().all(is_limit) => (),
+                _ => break,
+            }
+        }
+        product
     }
 
     /// Returns the processor without the curves of channels with which it ends, and these curves.

@@ -325,7 +325,7 @@ impl<'r> FrameInProgress<'r> {
         let outputs: Vec<&Output> =
             self.scene.outputs.iter().filter(own).filter(|o| !self.is_taken(o)).collect();
         let mut plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
-        plan.set_mattes(&self.scene);
+        plan.set_scene(&self.scene);
         if plan.images.is_empty() {
             return Ok(());
         }

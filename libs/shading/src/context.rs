@@ -237,11 +237,21 @@ impl ShadingContext {
 
     /// Returns the seed of random numbers that `source` draws.
     pub(crate) fn seed_of(&self, source: NoiseSource, seed: u32) -> u32 {
+        self.draws(source);
+        self.varied_seed(source, seed)
+    }
+
+    /// Records that `source` draws random numbers.
+    pub(crate) fn draws(&self, source: NoiseSource) {
         let number = source as u32;
         if self.drawn.load(Ordering::Relaxed) >> number & 1 == 0 {
             self.drawn.fetch_or(1 << number, Ordering::Relaxed);
         }
-        match self.varied.load(Ordering::Relaxed) == number + 1 {
+    }
+
+    /// Returns the same seed as [`Self::seed_of`], for numbers of which it is not known yet whether they count.
+    pub(crate) fn varied_seed(&self, source: NoiseSource, seed: u32) -> u32 {
+        match self.varied.load(Ordering::Relaxed) == source as u32 + 1 {
             true => hash::words(&[seed, VARIED]),
             false => seed,
         }

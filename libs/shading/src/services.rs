@@ -343,7 +343,7 @@ impl<'r, 'f> Run<'r, 'f> {
                     Some(name) => hash::words(&[*name, light.seed, AREA]),
                     None => hash::words(&[own, call, light.seed, lane]),
                 };
-                let (x, y) = sample::square(index, self.frame.seed_of(NoiseSource::Lights, seed));
+                let (x, y) = sample::square(index, self.frame.varied_seed(NoiseSource::Lights, seed));
                 (places[0][lane as usize], places[1][lane as usize]) = (x, y);
             }
             let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
@@ -352,6 +352,7 @@ impl<'r, 'f> Run<'r, 'f> {
             if index == 0 && !one.broad {
                 return one;
             }
+            self.frame.draws(NoiseSource::Lights);
             add_share(&mut sum, one, share);
             self.calls += 1;
         }
@@ -360,11 +361,15 @@ impl<'r, 'f> Run<'r, 'f> {
 
     /// Returns the seed of a lane for the next random call, which draws for `source`.
     fn lane_seed(&self, source: NoiseSource, call: u32, lane: u32) -> u32 {
-        let seed = match self.seeds.of(lane as usize) {
+        self.frame.seed_of(source, self.call_seed(call, lane))
+    }
+
+    /// Returns the seed of a lane for the next call, when the call itself draws nothing and only passes it on.
+    fn call_seed(&self, call: u32, lane: u32) -> u32 {
+        match self.seeds.of(lane as usize) {
             Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
             None => hash::words(&[self.seed, call, lane]),
-        };
-        self.frame.seed_of(source, seed)
+        }
     }
 
     /// Counts a call that draws random numbers.

@@ -3,11 +3,12 @@
 //! Each frame is a process of its own, so that one that fails costs no other.
 
 use crate::Options;
+use crate::again::{Again, passed_on};
 use granita_base::{Reporter, Supervisor};
 use granita_cli::{Given, Status};
 use granita_farm::{FrameRange, numbered};
 use std::ffi::OsString;
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::ExitStatus;
 
 /// The options that are for the whole range, or that each frame gets in another form.
 const OF_THE_RANGE: [&str; 9] =
@@ -24,7 +25,7 @@ const TRY_AGAIN: u8 = 75;
 pub(crate) fn words(options: &Options, given: &[Given], number: Option<i32>) -> Vec<OsString> {
     let name = |name: &str| number.map_or_else(|| name.to_owned(), |number| numbered(name, number));
     let mut words = Vec::new();
-    for option in given.iter().filter(|given| !OF_THE_RANGE.contains(&&*given.id)) {
+    for option in passed_on(given, &OF_THE_RANGE) {
         let is_name = NAMES.contains(&&*option.id);
         words.extend(option.words.iter().map(|word| match word.to_str() {
             Some(text) if is_name => name(text).into(),
@@ -68,10 +69,10 @@ pub(crate) fn run(
             return Status::Failed;
         }
     };
-    let program = match std::env::current_exe() {
-        Ok(program) => program,
-        Err(error) => {
-            reporter.error(format!("-frames: this program cannot be found: {error}"));
+    let again = match Again::new(supervisor) {
+        Ok(again) => again,
+        Err(what) => {
+            reporter.error(format!("-frames: {what}"));
             return Status::Failed;
         }
     };
@@ -85,20 +86,16 @@ pub(crate) fn run(
             return Status::WithErrors;
         }
         let part = 100.0 / numbers.len() as f64;
-        let mut command = Command::new(&program);
-        // Whatever program this is, as for "granita gelato".
-        command.args(["-as", "gelato"]);
+        let mut command = again.command();
         if options.progress.is_some() {
             command.args(["-share".to_owned(), (done as f64 * part).to_string(), part.to_string()]);
         }
         // Workers that join stay for the next frame.
         let stay = done + 1 < numbers.len() && !options.net.is_empty();
         command.args(stay.then_some("-more"));
-        command.args(words(options, given, Some(*number))).stdin(Stdio::null());
+        command.args(words(options, given, Some(*number)));
         reporter.info(format!("frame {number}, {} of {}", done + 1, numbers.len()));
-        let what = format!("rendering frame {number} of -frames");
-        let status = supervisor.spawn(&mut command, what).and_then(|mut process| process.wait());
-        match status {
+        match again.run(command, &format!("rendering frame {number} of -frames")) {
             Ok(status) => match code(status) {
                 Ok(0) => (),
                 Ok(_) => {

@@ -8,18 +8,17 @@
 //! image shows. The mean over the whole image is estimated from them by importance sampling. The time of the whole
 //! image is that of the small one, times the number of its pixels.
 
-mod plot;
-
 use crate::Options;
+use crate::again::{Again, passed_on};
 use granita_base::{AtomicFile, Reporter, Supervisor};
-use granita_cli::{Given, Status};
+use granita_cli::{ErrorPlot, Given, Status};
 use granita_image::{FormatRegistry, Limits};
 use serde_json::Value;
 use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use tempfile::TempDir;
 
 /// The numbers of blocks across and down the image, and of those that are rendered.
@@ -91,7 +90,7 @@ impl Setting {
     /// Returns the values of "spatialquality" and "render:samples".
     fn values(self, scene: &Scene) -> ([u32; 2], f32) {
         let times = |n: u32| ((n as f32 * self.quality).round() as u32).clamp(1, 256);
-        (scene.quality.map(times), self.samples)
+        (scene.quality.map(times), self.samples * scene.samples)
     }
 
     /// Returns the values of "temporalquality" and "dofquality", as far as the scene has blur. They are the least
@@ -117,6 +116,8 @@ impl Setting {
 struct Scene {
     resolution: [u32; 2],
     quality: [u32; 2],
+    /// "render:samples".
+    samples: f32,
     /// "temporalquality" and "dofquality", with motion blur and depth of field.
     blurs: [Option<u32>; 2],
 }
@@ -199,8 +200,7 @@ impl Run {
 struct Renderer<'a> {
     options: &'a Options,
     given: &'a [Given],
-    supervisor: &'a Supervisor,
-    program: std::path::PathBuf,
+    again: Again<'a>,
     folder: TempDir,
     formats: FormatRegistry,
 }
@@ -208,21 +208,16 @@ struct Renderer<'a> {
 impl Renderer<'_> {
     fn run(&self, words: &[String], crop: Option<Crop>, passes: u32) -> Result<Run, String> {
         let [image, record] = ["image.exr", "record.json"].map(|name| self.folder.path().join(name));
-        let mut command = Command::new(&self.program);
-        command.args(["-as", "gelato", "-silent", "-only", "-data", "first", "-o"]).arg(&image);
+        let mut command = self.again.command();
+        command.args(["-silent", "-only", "-data", "first", "-o"]).arg(&image);
         command.arg("-statistics-json").arg(&record).args(["-passes", &passes.to_string()]);
         if let Some(crop) = crop {
             command.arg("-crop").args(crop.map(|x| x.to_string()));
         }
-        let passed = self.given.iter().filter(|given| !OWN.contains(&&*given.id));
         // Of several -set of one attribute the last one counts.
-        command.args(passed.flat_map(|given| &given.words)).args(words).arg("--");
-        command
-            .args(self.options.files.iter().map(OsString::from))
-            .stdin(Stdio::null())
-            .stdout(Stdio::null());
-        let status = self.supervisor.spawn(&mut command, "rendering crops for -trade");
-        let status = status.and_then(|mut process| process.wait()).map_err(|error| error.to_string())?;
+        command.args(passed_on(self.given, &OWN).flat_map(|given| &given.words)).args(words).arg("--");
+        command.args(self.options.files.iter().map(OsString::from)).stdout(Stdio::null());
+        let status = self.again.run(command, "rendering crops for -trade")?;
         if !status.success() {
             return Err(format!("a crop was not rendered: {status}"));
         }
@@ -250,6 +245,7 @@ impl Renderer<'_> {
             scene: Scene {
                 resolution: [spec.full_width, spec.full_height],
                 quality: pair().unwrap_or([1, 1]),
+                samples: text("render:samples").and_then(|text| text.parse().ok()).unwrap_or(1.0),
                 blurs: ["temporalquality", "dofquality"].map(count),
             },
         })
@@ -432,6 +428,34 @@ fn snippet(scene: &Scene, best: &Outcome, wanted: Wanted) -> String {
     )
 }
 
+/// Returns a picture with one line for each setting. The settings that are best for an error are drawn in colour.
+fn plot(scene: &Scene, outcomes: &[Outcome], name: &str) -> String {
+    let times = outcomes.iter().flat_map(|outcome| ERRORS.map(|error| outcome.time(error)));
+    let mut plot = ErrorPlot::new(name, times, ERRORS.into_iter());
+    let is_best = |setting: Setting| {
+        ERRORS
+            .iter()
+            .any(|error| best(outcomes, Wanted::Error(*error)).is_some_and(|best| best.setting == setting))
+    };
+    let mut colors = ErrorPlot::COLORS.iter().cycle();
+    for outcome in outcomes {
+        let points = ERRORS.map(|error| (outcome.time(error), error));
+        let ([across, down], samples) = outcome.setting.values(scene);
+        let name = format!("{across} x {down}, {samples}");
+        if outcome.setting == Setting::OWN {
+            plot.line(&points, ErrorPlot::BLACK);
+            plot.name(&format!("{name} (as it is)"), ErrorPlot::BLACK);
+        } else if is_best(outcome.setting) {
+            let color = colors.next().unwrap_or(&ErrorPlot::BLACK);
+            plot.line(&points, color);
+            plot.name(&name, color);
+        } else {
+            plot.line(&points, ErrorPlot::FAINT);
+        }
+    }
+    plot.finish()
+}
+
 /// Measures the settings of a scene, prints them, and writes the best ones.
 pub(crate) fn run(
     options: &Options,
@@ -467,8 +491,7 @@ fn trade(
     let renderer = Renderer {
         options,
         given,
-        supervisor,
-        program: std::env::current_exe().map_err(|e| format!("this program cannot be found: {e}"))?,
+        again: Again::new(supervisor)?,
         folder: tempfile::tempdir().map_err(|e| e.to_string())?,
         formats: granita_plugin::bundled_formats(Limits::default()),
     };
@@ -486,7 +509,7 @@ fn trade(
     };
     let text = snippet(&scene, best, wanted);
     write(&pyg, &text)
-        .and_then(|()| write(&svg, &plot::plot(&scene, &outcomes, file)))
+        .and_then(|()| write(&svg, &plot(&scene, &outcomes, file)))
         .map_err(|e| e.to_string())?;
     let end = match wanted {
         Wanted::Error(error) => format!("-error {}%", percent(error)),
@@ -551,15 +574,15 @@ mod tests {
 
     #[test]
     fn statements_name_what_they_are_for() {
-        let scene = Scene { resolution: [640, 480], quality: [4, 4], blurs: [Some(16), None] };
+        let scene = Scene { resolution: [640, 480], quality: [4, 4], samples: 0.5, blurs: [Some(16), None] };
         let best = outcome(0.5, 4.0, 1.0, 0.01);
         let text = snippet(&scene, &best, Wanted::Error(0.02));
         assert_eq!(
             text,
             "# For an error of 2 %, after about 25 s.\nAttribute (\"int[2] spatialquality\", (2, 2))\n\
-             Attribute (\"int temporalquality\", 4)\nAttribute (\"float render:samples\", 4)\nAttribute (\"float render:error\", 0.02)\n"
+             Attribute (\"int temporalquality\", 4)\nAttribute (\"float render:samples\", 2)\nAttribute (\"float render:error\", 0.02)\n"
         );
         assert!(snippet(&scene, &best, Wanted::Seconds(5.0)).contains("render:seconds\", 5)"));
-        assert!(table(&scene, &[best]).contains("2 x 2, 4"));
+        assert!(table(&scene, &[best]).contains("2 x 2, 2"));
     }
 }

@@ -290,6 +290,25 @@ fn the_noise_of_each_source_is_measured() {
 }
 
 #[test]
+fn hard_shadows_are_no_source_of_noise() {
+    let place = Place::new();
+    let causes = |scene: &str| -> Vec<String> {
+        place.write("scene.pyg", &scene.replace("\"noisy\"", "\"plastic\""));
+        place.image(&["-causes", "-statistics-json", "s.json"]);
+        let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
+        let record: Value = serde_json::from_str(&text).unwrap();
+        let causes = record["frames"][0]["cameras"][0]["passes"]["causes"].as_object().unwrap();
+        causes.keys().cloned().collect()
+    };
+    let intensity = "\"float intensity\", 20";
+    let lit = |more: &str| SCENE.replace(intensity, &format!("{intensity}, {more}"));
+    let hard = lit("\"string shadowname\", \"occlude\"");
+    assert_eq!(causes(&hard), ["edges", "lens", "motion"]);
+    let soft = lit("\"string shadowname\", \"occlude\", \"float shadowblur\", 0.1");
+    assert_eq!(causes(&soft), ["edges", "lens", "lights", "motion"]);
+}
+
+#[test]
 fn the_best_settings_are_measured() {
     let place = Place::new();
     let scene = SCENE.replace("(72, 56)", "(32, 24)");

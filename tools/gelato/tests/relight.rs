@@ -39,8 +39,10 @@ struct Seen {
     panel: BTreeMap<String, Value>,
     pixels: Vec<f32>,
     names: Vec<String>,
-    /// The numbers of coarse and of other frames that were reported.
-    frames: [usize; 2],
+    /// The number of coarse frames that were reported.
+    coarse_frames: usize,
+    /// The number of edits that were sent. It is also the number of the last of them.
+    edits: u64,
 }
 
 #[derive(Default)]
@@ -70,11 +72,7 @@ impl Sink for Viewer {
             }
             Packet::Panel { part, text, .. } => {
                 let value: Value = serde_json::from_str(&text).unwrap_or(Value::Null);
-                match value["status"].as_str() {
-                    Some("coarse") => seen.frames[0] += 1,
-                    Some("final") => seen.frames[1] += 1,
-                    _ => (),
-                }
+                seen.coarse_frames += usize::from(value["status"] == "coarse");
                 seen.panel.insert(part, value);
             }
             _ => (),
@@ -95,8 +93,12 @@ impl Sink for Viewer {
 }
 
 impl Viewer {
-    fn send(&self, edit: Value) {
-        let client = self.seen.lock().client.clone().unwrap();
+    fn send(&self, mut edit: Value) {
+        let mut seen = self.seen.lock();
+        let client = seen.client.clone().unwrap();
+        seen.edits += 1;
+        edit["number"] = json!(seen.edits);
+        drop(seen);
         assert!(client.send(Packet::Edit { name: "scene.pyg".to_owned(), text: edit.to_string() }));
     }
 
@@ -112,10 +114,12 @@ impl Viewer {
         }
     }
 
-    /// Waits until the image shows the lights.
-    fn idle(&self, what: &str, condition: impl Fn(&Seen) -> bool) {
-        let is_idle = |seen: &Seen| seen.panel.get("state").is_some_and(|state| state["status"] == "idle");
-        self.until(what, |seen| (is_idle(seen) && condition(seen)).then_some(()));
+    /// Waits until the final image shows all edits that were sent.
+    fn shows_edits(&self, what: &str) {
+        self.until(what, |seen| {
+            let image = &seen.panel.get("state")?["image"];
+            (image["edit"] == seen.edits && image["coarse"] == false).then_some(())
+        });
     }
 }
 
@@ -148,7 +152,7 @@ fn edits_change_the_image_and_are_saved_as_a_patch_with_its_pixels() {
         Listener::bind(([127, 0, 0, 1], 0).into(), ServerLimits::default(), viewer.clone()).unwrap();
     let address = listener.address().to_string();
     let running = gelato(place).args(["-relight", "-display", &address, "scene.pyg"]).spawn().unwrap();
-    viewer.idle("the first image", |seen| seen.panel.contains_key("light/key"));
+    viewer.until("the first image", |seen| seen.panel.get("state").map(|_| ()));
     let first = viewer
         .until("its pixels", |seen| (!seen.pixels.iter().any(|v| v.is_nan())).then(|| seen.pixels.clone()));
     let written = std::fs::metadata(place.join("out.tif")).unwrap().modified().unwrap();
@@ -159,23 +163,25 @@ fn edits_change_the_image_and_are_saved_as_a_patch_with_its_pixels() {
         let set = json!({"do": "set", "light": "key", "layer": 0, "param": "intensity", "value": value});
         viewer.send(set);
     }
-    viewer.until("a coarse frame", |seen| (seen.frames[0] > 0).then_some(()));
+    viewer.until("a coarse frame", |seen| (seen.coarse_frames > 0).then_some(()));
     viewer.send(json!({"do": "end"}));
     let light = |seen: &Seen| seen.panel["light/key"]["layers"][0]["params"][0]["value"].clone();
-    viewer.idle("the drag", |seen| light(seen) == json!(11.0) && seen.frames[1] > 0);
+    viewer.shows_edits("the drag");
+    assert_eq!(light(&viewer.seen.lock()), 11.0);
     viewer.send(json!({"do": "place", "light": "key", "at": [40, 2]}));
-    viewer.idle("the place", |seen| {
-        let at = seen.panel["light/key"]["at"].as_array();
-        at.is_some_and(|at| (at[0].as_f64().unwrap() - 40.0).abs() < 0.1)
-    });
+    viewer.shows_edits("the place");
+    let at = viewer.seen.lock().panel["light/key"]["at"][0].as_f64().unwrap();
+    assert!((at - 40.0).abs() < 0.1, "{at}");
     viewer.send(json!({"do": "on", "light": "kee", "value": false}));
     let said =
         viewer.until("a message", |seen| seen.panel["state"]["message"]["text"].as_str().map(str::to_owned));
     assert_eq!(said, "there is no light \"kee\"; did you mean \"key\"?");
     viewer.send(json!({"do": "save", "file": "night.pyg"}));
-    viewer.idle("saved", |seen| seen.panel["state"]["saved"] == true);
+    viewer.until("saved", |seen| (seen.panel["state"]["saved"] == true).then_some(()));
     assert_eq!(std::fs::metadata(place.join("out.tif")).unwrap().modified().unwrap(), written);
-    viewer.idle("the image before", |seen| seen.names.iter().any(|name| name == "scene.pyg before"));
+    viewer.until("the image before", |seen| {
+        seen.names.iter().any(|name| name == "scene.pyg before").then_some(())
+    });
     viewer.send(json!({"do": "quit"}));
     let output = running.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -200,9 +206,9 @@ fn edits_that_were_not_saved_are_kept_when_the_viewer_goes() {
         Listener::bind(([127, 0, 0, 1], 0).into(), ServerLimits::default(), viewer.clone()).unwrap();
     let address = listener.address().to_string();
     let running = gelato(place).args(["-relight", "-display", &address, "scene.pyg"]).spawn().unwrap();
-    viewer.idle("the first image", |seen| seen.panel.contains_key("light/key"));
+    viewer.until("the first image", |seen| seen.panel.get("state").map(|_| ()));
     viewer.send(json!({"do": "on", "light": "key", "value": false}));
-    viewer.idle("off", |seen| seen.panel["light/key"]["lit"] == false);
+    viewer.until("off", |seen| (seen.panel["light/key"]["lit"] == false).then_some(()));
     drop(listener);
     let output = running.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -180,6 +180,8 @@ pub(crate) struct OutputImage {
     pub(crate) opaque_width: Option<f32>,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
+    /// The attribute "render:samples" of the scene.
+    samples: f32,
     /// The number of passes whose sum it is and its error; `None` for a frame of its own.
     pub(crate) passes: Option<(u32, Option<ErrorEstimate>)>,
 }
@@ -325,12 +327,15 @@ impl OutputSet {
             params,
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
             part,
+            samples: 1.0,
             passes: None,
         })
     }
 
-    /// Sets the mattes of a scene, if any are requested.
-    pub(crate) fn set_mattes(&mut self, scene: &Scene) {
+    /// Sets what images have of a scene: its settings, and its mattes if any are requested.
+    pub(crate) fn set_scene(&mut self, scene: &Scene) {
+        let samples = scene.get(attr::RENDER_SAMPLES);
+        self.images.iter_mut().for_each(|image| image.samples = samples);
         let layers = self.images.iter_mut().flat_map(|image| &mut image.layers);
         let mut layers = layers.filter_map(|layer| layer.mattes.as_mut()).peekable();
         if layers.peek().is_none() {
@@ -928,7 +933,8 @@ impl OutputImage {
             });
         }
         let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
-        let of_frame = [camera.metadata(), settings(camera, &self.layers), of_passes(self.passes)];
+        let of_frame =
+            [camera.metadata(), settings(camera, &self.layers, self.samples), of_passes(self.passes)];
         for param in of_mattes.chain(of_frame).flat_map(|params| params.0) {
             spec.attributes.set(param);
         }

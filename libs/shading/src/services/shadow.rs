@@ -91,7 +91,10 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         hard = hard || asked.is_hard();
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let per_ray = 1.0 / (asked.samples as f32).sqrt();
-        let seed = run.lane_seed(NoiseSource::Lights, call, lane);
+        let seed = match asked.is_hard() {
+            true => run.call_seed(call, lane),
+            false => run.lane_seed(NoiseSource::Lights, call, lane),
+        };
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
         let first = bundle.rays.len();
         for index in 0..asked.samples {
@@ -215,7 +218,7 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
             }
             let around = Neighbours::new(&rect, i, &active);
             let at_edge = around.all().any(|k| disagree(out, i, k) && look_alike(query, i, k));
-            let seed = hash::words(&[run.lane_seed(NoiseSource::Lights, call, lane), EDGE]);
+            let seed = hash::words(&[run.call_seed(call, lane), EDGE]);
             let first = bundle.rays.len();
             for index in 0..if at_edge { EDGE_RAYS } else { 0 } {
                 // All points use one pattern, so that neighbours differ by the position of the edge and not by noise.

@@ -9,8 +9,8 @@ use crate::passes::ErrorEstimate;
 use granita_base::{BaseType, Param, ParamType, Params};
 use granita_hider::film::{FilterSpec, PixelFilter};
 
-/// Returns the settings of an image of `camera` with these layers.
-pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer]) -> Params {
+/// Returns the settings of an image of `camera` with these layers. `samples` is the attribute "render:samples".
+pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer], samples: f32) -> Params {
     let mut params = Params::new();
     let mut set = |name: &str, text: String| {
         let ty = ParamType::of(BaseType::String);
@@ -26,6 +26,9 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer]) -> Params {
     }
     if camera.has_depth_of_field() {
         set("dofquality", camera.dofquality.to_string());
+    }
+    if samples != 1.0 {
+        set("render:samples", samples.to_string()); // tidy: attribute: the name of metadata
     }
     match layers {
         [one] => set("filter", filter_text(&one.filter)),
