@@ -84,6 +84,37 @@ pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
     }
 }
 
+/// Chooses `count` parts of a whole, each time with probabilities in proportion to `sizes`, except for the share `even`
+/// of the choices, for which all parts are alike (systematic sampling). Returns the parts that were chosen, in order,
+/// how often, and a factor: the sum over them of the factor times a value estimates the sum of the value over all parts.
+///
+/// ```
+/// use granita_base::sample;
+/// let chosen = sample::in_proportion(&[1.0, 0.0, 3.0, 0.0], 4, 0.0);
+/// assert_eq!(chosen, [(0, 1, 1.0), (2, 3, 1.0)]);
+/// ```
+pub fn in_proportion(sizes: &[f64], count: usize, even: f64) -> Vec<(usize, usize, f64)> {
+    let (parts, total) = (sizes.len() as f64, sizes.iter().sum::<f64>());
+    let share = |size: f64| match total > 0.0 {
+        true => (1.0 - even) * size / total + even / parts,
+        false => 1.0 / parts,
+    };
+    let mut chosen = Vec::new();
+    let (mut sum, mut next) = (0.0, 0);
+    for (part, size) in sizes.iter().enumerate() {
+        let share = share(*size);
+        sum += share;
+        let before = next;
+        while next < count && (next as f64 + 0.5) / count as f64 <= sum {
+            next += 1;
+        }
+        if next > before {
+            chosen.push((part, next - before, (next - before) as f64 / (count as f64 * share)));
+        }
+    }
+    chosen
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

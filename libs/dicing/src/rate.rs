@@ -41,6 +41,8 @@ pub struct SceneDicing {
     pub trim_quality: f32,
     /// The attributes "dice:fixeduname" and "dice:fixedvname".
     fixed_names: [Arc<str>; 2],
+    /// The factor by which surfaces have more points along each side than their attributes say.
+    pub finer: f32,
 }
 
 impl SceneDicing {
@@ -51,6 +53,7 @@ impl SceneDicing {
             most_points: scene.get(attr::LIMITS_PRIMITIVEPOINTS),
             trim_quality: scene.get(attr::TRIMCURVE_QUALITY),
             fixed_names: [attr::DICE_FIXEDUNAME, attr::DICE_FIXEDVNAME].map(|key| scene.get(key)),
+            finer: 1.0,
         }
     }
 }
@@ -109,7 +112,7 @@ impl DiceSettings {
         let gridsize = scene.gridsize;
         let not_negative = |v: f32| if v.is_finite() { v.max(0.0) } else { 0.0 };
         Self {
-            quality: positive(quality, 1.0).clamp(1e-4, MAX_QUALITY),
+            quality: (positive(quality, 1.0) * scene.finer).clamp(1e-4, MAX_QUALITY),
             gridsize: if gridsize > 0 { (gridsize as usize).clamp(4, 1 << 16) } else { 256 },
             curvature: positive(curvature_deg, 10.0).to_radians(),
             highcurvature: positive(attributes.get(attr::DICE_HIGHCURVATURE), 120.0).to_radians(),
@@ -119,9 +122,10 @@ impl DiceSettings {
             keepcreases: attributes.get(attr::DICE_KEEPCREASES),
             thincurve_px: not_negative(attributes.get(attr::DICE_THINCURVE)),
             fixed: match fixed[..] {
-                [u, v] if u > 0.0 && v > 0.0 && u.is_finite() && v.is_finite() => {
-                    Some(FixedDicing { rate: [u, v], names: scene.fixed_names.clone() })
-                }
+                [u, v] if u > 0.0 && v > 0.0 && u.is_finite() && v.is_finite() => Some(FixedDicing {
+                    rate: [u, v].map(|rate| rate * scene.finer),
+                    names: scene.fixed_names.clone(),
+                }),
                 _ => None,
             },
         }

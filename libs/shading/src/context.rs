@@ -93,6 +93,8 @@ pub struct ShadingContext {
     varied: AtomicU32,
     /// A bit for each noise source that drew random numbers.
     drawn: AtomicU32,
+    /// The factor of "maxerror" of records, as the bits of a float.
+    tolerance: AtomicU32,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
@@ -215,6 +217,7 @@ impl ShadingContext {
             pass: AtomicU32::new(0),
             varied: AtomicU32::new(0),
             drawn: AtomicU32::new(0),
+            tolerance: AtomicU32::new(1.0_f32.to_bits()),
             reporter,
         }
     }
@@ -227,6 +230,19 @@ impl ShadingContext {
         if self.varied.swap(varied, Ordering::Relaxed) != varied || pass != numbers.pass {
             self.light_cache.clear();
         }
+    }
+
+    /// Sets the factor of "maxerror" of all records of indirect light and occlusion: 1 for what the scene says, and 0 to
+    /// compute every point. It must not be called while a thread shades.
+    pub fn set_tolerance(&self, factor: f32) {
+        if self.tolerance.swap(factor.to_bits(), Ordering::Relaxed) != factor.to_bits() {
+            self.light_cache.clear();
+        }
+    }
+
+    /// Returns the factor of "maxerror".
+    pub(crate) fn tolerance(&self) -> f32 {
+        f32::from_bits(self.tolerance.load(Ordering::Relaxed))
     }
 
     /// Returns the noise sources of shading that drew random numbers so far.
@@ -430,7 +446,7 @@ impl ShadingContext {
         let rays = &self.rays.counts;
         let t = self.textures.statistics();
         ShadingStatistics {
-            rays: count(&rays.rays),
+            rays: count(&rays.rays) + count(&rays.shadow_rays),
             shadow_rays: count(&rays.shadow_rays),
             ray_hits_shaded: count(&rays.shaded),
             ray_structures: sets as u64,

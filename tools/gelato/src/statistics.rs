@@ -57,6 +57,7 @@ fn frame(record: &FrameRecord) -> Value {
                     "of_a_pixel": passes.mean_passes,
                     "error": known(error.error),
                     "error95": known(error.bound),
+                    "bias": error.bias,
                     "blocks99": known(error.blocks_99),
                     "worst_block": passes.error.map(|error| {
                         let [x, y] = error.worst_at;
@@ -91,7 +92,7 @@ fn frame(record: &FrameRecord) -> Value {
 fn image(image: &ImageError) -> Value {
     let error = image.error.unwrap_or_default();
     let known = |value: f64| image.error.map(|_| value);
-    json!({ "name": image.name, "error": known(error.error), "causes": causes(&error) })
+    json!({ "name": image.name, "error": known(error.error), "bias": error.bias, "causes": causes(&error) })
 }
 
 /// Returns the parts of the noise sources in an error, by their names.

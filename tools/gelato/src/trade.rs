@@ -10,7 +10,7 @@
 
 use crate::Options;
 use crate::again::{Again, passed_on};
-use granita_base::{AtomicFile, Reporter, Supervisor};
+use granita_base::{AtomicFile, Reporter, Supervisor, sample};
 use granita_cli::{ErrorPlot, Given, Status};
 use granita_image::{FormatRegistry, Limits};
 use serde_json::Value;
@@ -280,28 +280,13 @@ struct Chosen {
 /// so that nothing is missed that the small image does not show.
 fn choose(noise: &[f64]) -> Vec<Chosen> {
     let [across, down] = BLOCKS;
-    let count = noise.len() as f64;
-    let total: f64 = noise.iter().sum();
-    let share = |noise: f64| if total > 0.0 { 0.95 * noise / total + 0.05 / count } else { 1.0 / count };
-    let mut chosen: Vec<Chosen> = Vec::new();
-    let (mut sum, mut next) = (0.0, 0);
-    for (k, noise) in noise.iter().enumerate() {
-        let share = share(*noise);
-        sum += share;
-        let mut times = 0;
-        while next < CROPS && (next as f64 + 0.5) / CROPS as f64 <= sum {
-            (next, times) = (next + 1, times + 1);
-        }
-        if times > 0 {
-            let at = |k: usize, n: usize| [k, k + 1].map(|k| k as f32 / n as f32);
-            let ([x0, x1], [y0, y1]) = (at(k % across, across), at(k / across, down));
-            chosen.push(Chosen {
-                crop: [x0, x1, y0, y1],
-                weight: f64::from(times) / (CROPS as f64 * share * count),
-            });
-        }
-    }
-    chosen
+    let chosen = sample::in_proportion(noise, CROPS, 0.05);
+    let block = |(k, _, factor): (usize, usize, f64)| {
+        let at = |k: usize, n: usize| [k, k + 1].map(|k| k as f32 / n as f32);
+        let ([x0, x1], [y0, y1]) = (at(k % across, across), at(k / across, down));
+        Chosen { crop: [x0, x1, y0, y1], weight: factor / noise.len() as f64 }
+    };
+    chosen.into_iter().map(block).collect()
 }
 
 impl Renderer<'_> {

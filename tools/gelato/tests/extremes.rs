@@ -3,11 +3,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
+mod folder;
+
+use folder::Folder;
 use granita_image::{FormatRegistry, Limits};
 use std::fmt::Write;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use tempfile::TempDir;
 
 /// A light whose shading scales exactly with powers of two, and surfaces.
 const SHADERS: [(&str, &str); 4] = [
@@ -95,34 +95,32 @@ impl Scene {
     }
 }
 
-struct Place(TempDir);
+struct Place(Folder);
+
+impl std::ops::Deref for Place {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
+}
 
 impl Place {
     fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        for (name, text) in SHADERS {
-            std::fs::write(place.path().join(format!("{name}.gsl")), text).unwrap();
-        }
-        place
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
+        let place = Folder::with(&[]);
+        SHADERS.iter().for_each(|(name, text)| place.write(&format!("{name}.gsl"), text));
+        Self(place)
     }
 
     /// Renders a scene. Returns the exit status, the messages, and the pixels if there are any.
     fn render(&self, text: &str) -> (i32, String, Vec<f32>) {
-        std::fs::write(self.path().join("scene.pyg"), text).unwrap();
+        self.write("scene.pyg", text);
         let _ = std::fs::remove_file(self.path().join("a.exr"));
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
-        command.current_dir(self.path()).args(["-timeout", "300", "scene.pyg"]).stdin(Stdio::null());
-        command.env("HOME", self.path()).env_remove("GELATOHOME").env_remove("GELATOTEMP");
-        let output = command.output().unwrap();
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        let ran = self.run(&["-timeout", "300", "scene.pyg"]);
         let registry: FormatRegistry = granita_plugin::bundled_formats(Limits::default());
         let pixels = registry.open(&self.path().join("a.exr")).ok();
         let pixels = pixels.map_or_else(Vec::new, |file| file.read_level(0, 0).unwrap().to_floats());
-        (output.status.code().unwrap(), said, pixels)
+        (ran.status, ran.said, pixels)
     }
 
     /// Renders a scene without any message. Returns the pixels, all of which are finite.

@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
-use std::path::Path;
-use std::process::{Command, Stdio};
-use tempfile::TempDir;
+mod folder;
+
+use folder::Folder;
 
 const SMALL: &str =
     "Attribute (\"int[2] resolution\", (48, 36))\nAttribute (\"int[2] spatialquality\", (2, 2))\n";
@@ -13,12 +13,14 @@ const SMALL: &str =
 const BOX: &str = "v -1 3 -1\nv 1 3 -1\nv 1 3 0\nv -1 3 0\nv -1 4 -1\nv 1 4 -1\nv 1 4 0\nv -1 4 0\n\
     f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
 
-struct Place(TempDir);
+struct Place(Folder);
 
-/// The exit status and the messages of a run.
-struct Ran {
-    status: i32,
-    said: String,
+impl std::ops::Deref for Place {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
 }
 
 /// An image of floats.
@@ -36,32 +38,13 @@ impl Pixels {
 
 impl Place {
     fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        place.write("small.pyg", SMALL);
-        place.write("box.obj", BOX);
-        place
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
-        std::fs::write(self.path().join(name), bytes).unwrap();
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+        Self(Folder::with(&[("small.pyg", SMALL), ("box.obj", BOX)]))
     }
 
     /// Returns the names of the images in the folder, sorted.
     fn images(&self) -> Vec<String> {
-        let names =
-            std::fs::read_dir(self.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
         let image = |n: &String| [".png", ".pfm", ".tif", ".exr"].iter().any(|ending| n.ends_with(ending));
-        let mut names: Vec<String> = names.filter(image).collect();
-        names.sort();
-        names
+        self.names().into_iter().filter(image).collect()
     }
 
     /// Reads an image in the format PFM, whose rows go up.
@@ -76,15 +59,6 @@ impl Place {
         let rows: Vec<f32> = data.iter().map(|b| f32::from_le_bytes(*b)).collect();
         let values = rows.chunks(width * 3).rev().flatten().copied().collect();
         Pixels { width, values }
-    }
-
-    fn run(&self, words: &[&str]) -> Ran {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
-        command.current_dir(self.path()).args(words).stdin(Stdio::null());
-        command.env_remove("GELATOHOME").env("HOME", self.path());
-        let output = command.output().unwrap();
-        let said = [output.stdout, output.stderr].concat();
-        Ran { status: output.status.code().unwrap(), said: String::from_utf8(said).unwrap() }
     }
 }
 

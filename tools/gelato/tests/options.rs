@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
-use serde_json::Value;
-use std::path::Path;
+mod folder;
+
+use folder::Folder;
 use std::process::{Command, Stdio};
-use tempfile::TempDir;
 
 const SCENE: &str = r#"
 Attribute ("int[2] resolution", (24, 16))
@@ -20,66 +20,26 @@ Sphere (1, -1, 1, 360)
 Render ()
 "#;
 
-struct Place(TempDir);
+struct Place(Folder);
 
-/// The exit status and the messages of a run.
-struct Ran {
-    status: i32,
-    said: String,
+impl std::ops::Deref for Place {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
 }
 
 impl Place {
     /// Makes a folder with the scene in it.
     fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        place.write("scene.pyg", SCENE);
-        place
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.path().join(name), text).unwrap();
-    }
-
-    fn read(&self, name: &str) -> String {
-        std::fs::read_to_string(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
-    }
-
-    fn has(&self, name: &str) -> bool {
-        self.path().join(name).exists()
+        Self(Folder::with(&[("scene.pyg", SCENE)]))
     }
 
     /// True when no temporary files are left in the folder.
     fn is_clean(&self) -> bool {
         let names = std::fs::read_dir(self.path()).unwrap().map(|e| e.unwrap().file_name());
         names.into_iter().all(|n| !n.to_string_lossy().starts_with('.'))
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
-        command.current_dir(self.path()).args(words).stdin(Stdio::null());
-        for variable in ["GELATOHOME", "GELATOTEMP", "PYG_ALWAYS_PYGLET", "PYG_NEVER_PYGLET"] {
-            command.env_remove(variable);
-        }
-        command.env("HOME", self.path());
-        command
-    }
-
-    fn run(&self, words: &[&str]) -> Ran {
-        Self::ran(self.command(words))
-    }
-
-    fn ran(mut command: Command) -> Ran {
-        let output = command.output().unwrap();
-        let said = [output.stdout, output.stderr].concat();
-        Ran { status: output.status.code().unwrap(), said: String::from_utf8(said).unwrap() }
     }
 }
 
@@ -89,7 +49,7 @@ fn statistics_are_printed_and_written_as_json() {
     let ran = place.run(&["-statistics", "-statistics-json", "out.json", "scene.pyg"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
     assert!(ran.said.contains("Statistics of camera \"main\"") && ran.said.contains("texture files"));
-    let json: Value = serde_json::from_str(&place.read("out.json")).unwrap();
+    let json = place.json("out.json");
     assert_eq!(json["schema"], "granita-statistics-1");
     assert_eq!((&json["exit_status"], &json["messages"]["errors"]), (&0.into(), &0.into()));
     assert_eq!(json["scenes"], serde_json::json!(["scene.pyg"]));
@@ -110,7 +70,7 @@ fn statistics_are_printed_and_written_as_json() {
 
     // The file is also written by a run that failed.
     let ran = place.run(&["-statistics-json", "failed.json", "nosuch.pyg"]);
-    let json: Value = serde_json::from_str(&place.read("failed.json")).unwrap();
+    let json = place.json("failed.json");
     assert_eq!((ran.status, &json["exit_status"], &json["frames"]), (2, &2.into(), &serde_json::json!([])));
     let ran = place.run(&["-statistics-json", "no/folder/out.json", "scene.pyg"]);
     assert!(ran.status == 2 && ran.said.contains("no folder no/folder"), "{}", ran.said);
@@ -218,11 +178,11 @@ fn startup_files_are_read_in_order() {
     place.write("scene.pyg", &SCENE.replace("Attribute (\"int[2] resolution\", (24, 16))\n", ""));
     let mut command = place.command(&["scene.pyg", "-o", "small.png", "-statistics-json", "s.json"]);
     command.env("GELATOHOME", place.path()).env("HOME", place.path().join("home"));
-    let ran = Place::ran(command);
+    let ran = Folder::ran(command);
     assert_eq!(ran.status, 0, "{}", ran.said);
     let png = place.bytes("small.png");
     assert_eq!((png[19], png[23]), (10, 4));
-    let json: Value = serde_json::from_str(&place.read("s.json")).unwrap();
+    let json = place.json("s.json");
     assert_eq!(json["files_read"].as_array().unwrap().len(), 3);
 }
 
@@ -233,7 +193,7 @@ fn a_missing_folder_for_temporary_files_is_an_error() {
     let ran = |folder: &str| {
         let mut command = place.command(&["dump.pyg"]);
         command.env("GELATOTEMP", folder);
-        Place::ran(command)
+        Folder::ran(command)
     };
     std::fs::create_dir(place.path().join("temporary")).unwrap();
     let known = ran("temporary");
@@ -316,7 +276,7 @@ fn scenes_are_read_from_files_generators_and_standard_input() {
         std::fs::remove_file(place.path().join("out.tif")).unwrap();
         let mut command = place.command(&[name]);
         command.stdin(std::fs::File::open(place.path().join("scene.pyg")).unwrap());
-        let ran = Place::ran(command);
+        let ran = Folder::ran(command);
         assert_eq!((ran.status, ran.said.as_str()), (0, ""), "{name}");
         assert_eq!(place.bytes("out.tif"), whole);
     }
@@ -374,15 +334,8 @@ fn a_closed_pipe_drops_messages_but_not_the_image() {
     let place = Place::new();
     place.write("loud.gsl", "surface loud () { printf (\"%f %f\\n\", u, v); }\n");
     place.write("loud.pyg", &SCENE.replace("\"plastic\"", "\"loud\""));
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gelato"))
-        .arg("loud.pyg")
-        .current_dir(place.path())
-        .env_remove("GELATOHOME")
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child =
+        place.command(&["loud.pyg"]).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     let ended = child.wait_with_output().unwrap();
     assert_eq!(ended.status.code(), Some(0), "{}", String::from_utf8_lossy(&ended.stderr));
@@ -425,7 +378,7 @@ fn errors_without_a_frame_have_a_status_of_their_own() {
     assert!(ran.said.contains("broken.stl holds no objects that can be drawn"), "{}", ran.said);
     let mut command = place.command(&["-"]);
     command.stdin(std::fs::File::open(place.path().join("invalid.pyg")).unwrap());
-    assert_eq!(Place::ran(command).status, 2);
+    assert_eq!(Folder::ran(command).status, 2);
 }
 
 #[test]

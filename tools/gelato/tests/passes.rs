@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test, with a line number")]
 
+mod folder;
+
+use folder::Folder;
 use granita_image::{FormatRegistry, Limits};
-use serde_json::Value;
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
 
 /// A scene with all kinds of random numbers: edges, motion, depth of field, an area light, occlusion, indirect light
 /// and a shader's own.
@@ -48,41 +48,19 @@ surface noisy () {
 }
 "#;
 
-struct Place(TempDir);
+struct Place(Folder);
 
-/// The exit status and the messages of a run.
-struct Ran {
-    status: i32,
-    said: String,
+impl std::ops::Deref for Place {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.0
+    }
 }
 
 impl Place {
     fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        place.write("scene.pyg", SCENE);
-        place.write("noisy.gsl", SHADER);
-        place
-    }
-
-    fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.path().join(name), text).unwrap();
-    }
-
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_gelato"));
-        command.current_dir(self.path()).args(words).stdin(Stdio::null());
-        command.env("HOME", self.path()).env_remove("GELATOHOME").env_remove("GELATOTEMP");
-        command
-    }
-
-    fn run(&self, words: &[&str]) -> Ran {
-        let output = self.command(words).output().unwrap();
-        let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
-        Ran { status: output.status.code().unwrap(), said }
+        Self(Folder::with(&[("scene.pyg", SCENE), ("noisy.gsl", SHADER)]))
     }
 
     /// Renders the scene with these options, and returns what it said and its image.
@@ -103,14 +81,6 @@ impl Place {
             errors: ["error", "error95", "blocks99"].map(number),
             pixels: file.read_level(0, 0).unwrap().to_floats(),
         }
-    }
-
-    fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.path()).unwrap();
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
-        names.sort();
-        names
     }
 }
 
@@ -203,8 +173,7 @@ fn statistics_hold_the_error() {
         place.image(&["-error", "1%", "-passes", "3", "-statistics", "-statistics-json", "s.json"]);
     assert!(said.contains("the error of 1.000 % was not reached"), "{said}");
     assert!(said.lines().any(|line| line.starts_with("  passes  ")), "{said}");
-    let json: Value =
-        serde_json::from_str(&std::fs::read_to_string(place.path().join("s.json")).unwrap()).unwrap();
+    let json = place.json("s.json");
     let passes = &json["frames"][0]["cameras"][0]["passes"];
     assert_eq!((&passes["passes"], &passes["is_reached"]), (&3.into(), &false.into()));
     assert!((passes["error"].as_f64().unwrap() - shown.errors[0].unwrap()).abs() < 1e-6, "{passes}");
@@ -266,8 +235,7 @@ fn the_noise_of_each_source_is_measured() {
     let (said, shown) = place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
     assert!(said.contains("; from ") && said.contains("occlusion "), "{said}");
     assert!(plain.pixels == shown.pixels && plain.errors == shown.errors);
-    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
-    let record: Value = serde_json::from_str(&text).unwrap();
+    let record = place.json("s.json");
     let passes = &record["frames"][0]["cameras"][0]["passes"];
     let parts = passes["causes"].as_object().unwrap();
     let names: Vec<&str> = parts.keys().map(String::as_str).collect();
@@ -280,8 +248,7 @@ fn the_noise_of_each_source_is_measured() {
     let few = SHADER.replace("\"samples\", 16", "\"samples\", 2");
     place.write("noisy.gsl", &few);
     place.image(&["-passes", "4", "-causes", "-statistics-json", "s.json"]);
-    let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
-    let record: Value = serde_json::from_str(&text).unwrap();
+    let record = place.json("s.json");
     let more = record["frames"][0]["cameras"][0]["passes"]["causes"]["occlusion"].as_f64().unwrap();
     assert!(more > 1.5 * parts["occlusion"].as_f64().unwrap(), "{more} {parts:?}");
     // Alone it makes the two passes that differences need.
@@ -290,13 +257,44 @@ fn the_noise_of_each_source_is_measured() {
 }
 
 #[test]
+fn bias_is_a_part_of_the_error() {
+    let place = Place::new();
+    place.write("striped.gsl", "surface striped () { C = mod (12 * u + 7 * v, 1) < 0.5 ? 0.1 : 1; }");
+    let still = SCENE.lines().filter(|line| !line.contains("shutter") && !line.contains("fstop"));
+    let still = still.collect::<Vec<_>>().join("\n").replace("\"noisy\"", "\"striped\"");
+    place.write("scene.pyg", &still);
+    let (_, converged) = place.image(&["-passes", "12", "-set", "shadingquality=6"]);
+    // No number of passes of the scene as it is has this error.
+    let (_, coarse) = place.image(&["-passes", "12"]);
+    assert!(distance(&coarse, &converged) > 0.05, "{}", distance(&coarse, &converged));
+    let (said, shown) = place.image(&["-error", "5%", "-threads", "1"]);
+    let reached = distance(&shown, &converged);
+    assert!(said.contains("; bias ") && (0.4 * 0.05..1.2 * 0.05).contains(&reached), "{reached} {said}");
+    // Neither threads nor buckets nor the part that is shown change a bit.
+    let (_, again) = place.image(&["-error", "5%", "-threads", "2", "-set", "limits:bucketsize=16,16"]);
+    assert!(again == shown);
+    let (_, part) = place.image(&["-error", "5%", "-crop", "0.25", "0.5", "0.25", "0.75"]);
+    let of_part: Vec<f32> =
+        (14..42).flat_map(|y| shown.pixels[(y * 72 + 18) * 4..][..18 * 4].to_vec()).collect();
+    assert!(part.pixels == of_part);
+    // The number of passes makes the same image. The finer passes count from the second one on.
+    let some = [2, 3, shown.passes()].map(|n| place.image(&["-error", "5%", "-passes", &n.to_string()]).1);
+    assert!(some[0].pixels == some[1].pixels && some[0].pixels != shown.pixels && some[2] == shown);
+    assert!(some.iter().all(|some| some.errors[0].is_some()));
+    // A scene with less detail has no more points than it says.
+    place.write("scene.pyg", &still.replace("\"striped\"", "\"plastic\""));
+    let (_, plain) = place.image(&["-passes", "2"]);
+    let (_, shown) = place.image(&["-error", "5%"]);
+    assert!(shown.passes() == 2 && shown.pixels == plain.pixels);
+}
+
+#[test]
 fn hard_shadows_are_no_source_of_noise() {
     let place = Place::new();
     let causes = |scene: &str| -> Vec<String> {
         place.write("scene.pyg", &scene.replace("\"noisy\"", "\"plastic\""));
         place.image(&["-causes", "-statistics-json", "s.json"]);
-        let text = std::fs::read_to_string(place.path().join("s.json")).unwrap();
-        let record: Value = serde_json::from_str(&text).unwrap();
+        let record = place.json("s.json");
         let causes = record["frames"][0]["cameras"][0]["passes"]["causes"].as_object().unwrap();
         causes.keys().cloned().collect()
     };

@@ -60,6 +60,10 @@ pub(crate) trait FrameShader: Sync {
     fn begin_pass(&self, numbers: PassNumbers) {
         let _ = numbers;
     }
+    /// Sets the factor of the tolerance of what shading interpolates; 0 computes every point.
+    fn set_tolerance(&self, factor: f32) {
+        let _ = factor;
+    }
     /// Returns the noise sources that drew random numbers so far.
     fn noise_sources(&self) -> Vec<NoiseSource> {
         Vec::new()

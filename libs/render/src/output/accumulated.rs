@@ -41,6 +41,12 @@ struct Layer {
     combine: Combine,
 }
 
+/// Returns the pixels of a rectangle, row by row.
+fn places(rect: &PixelRect) -> impl Iterator<Item = [i32; 2]> + use<> {
+    let PixelRect { x0, x1, y0, y1 } = *rect;
+    (y0..y1).flat_map(move |y| (x0..x1).map(move |x| [x, y]))
+}
+
 /// The sum of the passes of an image.
 pub(crate) struct Accumulated {
     rect: PixelRect,
@@ -62,8 +68,10 @@ pub(crate) struct Accumulated {
     mattes: Vec<Vec<(u32, f64)>>,
     /// The values of the pass that is rendered.
     fresh: Vec<(PixelRect, Vec<f32>)>,
-    /// For each pixel: the colours of the first pass, which others are compared with. Empty unless they are.
-    first: Vec<f32>,
+    /// The values of a complete pass that is not added yet.
+    waiting: Vec<(PixelRect, Vec<f32>)>,
+    /// For each of the first passes: the colours of all pixels, which others are compared with. Empty unless they are.
+    early: Vec<Vec<f32>>,
 }
 
 impl Accumulated {
@@ -105,17 +113,37 @@ impl Accumulated {
             counts: vec![0; pixels],
             mattes: vec![Vec::new(); pixels * of_mattes],
             fresh: Vec::new(),
-            first: Vec::new(),
+            waiting: Vec::new(),
+            early: Vec::new(),
             layers,
             colors,
             layer_of,
         }
     }
 
-    /// Returns the sum of no passes, the first of which is kept for [`Accumulated::compare`].
-    pub(crate) fn keeping_first(mut self) -> Self {
-        self.first = vec![0.0; self.counts.len() * self.colors.len()];
+    /// Returns the sum of no passes, the first `passes` of which are kept for [`Accumulated::compare`] and
+    /// [`Accumulated::differences`].
+    pub(crate) fn keeping(mut self, passes: u32) -> Self {
+        let colors = self.counts.len() * self.colors.len();
+        self.early = (0..passes).map(|_| vec![0.0; colors]).collect();
         self
+    }
+
+    /// Keeps a complete pass for [`Accumulated::restart`].
+    pub(crate) fn wait(&mut self) {
+        self.waiting.append(&mut self.fresh);
+    }
+
+    /// Drops all passes, and adds the one that waits.
+    pub(crate) fn restart(&mut self) {
+        self.sums.fill(0.0);
+        self.weights.fill(0.0);
+        self.squares.fill(0.0);
+        self.counts.fill(0);
+        self.mattes.iter_mut().for_each(Vec::clear);
+        let fresh = std::mem::replace(&mut self.fresh, std::mem::take(&mut self.waiting));
+        self.end_pass();
+        self.fresh = fresh;
     }
 
     /// Returns the index of a pixel.
@@ -139,8 +167,7 @@ impl Accumulated {
         for (rect, values) in std::mem::take(&mut self.fresh) {
             let pixels = rect.width() * rect.height();
             let (values, weights) = values.split_at(pixels * self.channels);
-            let places = (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y]));
-            for (k, [x, y]) in places.enumerate() {
+            for (k, [x, y]) in places(&rect).enumerate() {
                 let own = &values[k * self.channels..][..self.channels];
                 self.add(self.pixel(x, y), own, &|layer| match weights.get(layer * pixels + k) {
                     // No sample is in the support of the filter. The value stands in for those of other passes.
@@ -210,8 +237,9 @@ impl Accumulated {
                 *square += weight(*layer) * v * v;
             }
         }
-        if is_first && let Some(first) = self.first.chunks_exact_mut(self.colors.len().max(1)).nth(pixel) {
-            self.colors.iter().zip(first).for_each(|(c, first)| *first = values[*c]);
+        if let Some(early) = self.early.get_mut(self.counts[pixel] as usize) {
+            let early = &mut early[pixel * self.colors.len()..][..self.colors.len()];
+            self.colors.iter().zip(early).for_each(|(c, early)| *early = values[*c]);
         }
         self.counts[pixel] += 1;
     }
@@ -219,36 +247,78 @@ impl Accumulated {
     /// Drops the values of a pass that differs from the first one in the random numbers of one source. Returns the
     /// part of the mean squared error of the pixels of a rectangle that comes from the source.
     pub(crate) fn compare(&mut self, rect: &PixelRect) -> f64 {
-        let colors = self.colors.len();
-        let mut variances = vec![f64::NAN; self.counts.len()];
-        for (part, values) in std::mem::take(&mut self.fresh) {
-            let places = (part.y0..part.y1).flat_map(|y| (part.x0..part.x1).map(move |x| [x, y]));
-            for ([x, y], own) in places.zip(values.chunks_exact(self.channels.max(1))) {
-                let pixel = self.pixel(x, y);
-                let first = &self.first[pixel * colors..][..colors];
-                let squares =
-                    self.colors.iter().zip(first).map(|(c, first)| f64::from(own[*c] - first).powi(2));
-                // Half of the squared difference of two values is their variance.
-                variances[pixel] = squares.sum::<f64>() / (2 * colors.max(1)) as f64;
-            }
-        }
+        let colors = self.colors.len().max(1);
+        let differences = self.differences(0);
         let (mut sum, mut pixels) = (0.0, 0_usize);
-        for [x, y] in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y])) {
+        for [x, y] in places(rect) {
             let pixel = self.pixel(x, y);
-            if variances[pixel].is_finite() {
-                sum += variances[pixel] / f64::from(self.counts[pixel].max(1));
+            let Some(own) = differences.chunks_exact(colors).nth(pixel) else { continue };
+            // Half of the squared difference of two values is their variance.
+            let variance = own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / (2 * colors) as f64;
+            if variance.is_finite() {
+                sum += variance / f64::from(self.counts[pixel].max(1));
                 pixels += 1;
             }
         }
         sum / pixels.max(1) as f64
     }
 
+    /// Drops the values of a pass. Returns, for each pixel, the differences of its colours from those of an early pass,
+    /// and NaN for pixels that the pass does not have.
+    pub(crate) fn differences(&mut self, early: usize) -> Vec<f32> {
+        let colors = self.colors.len();
+        let mut differences = vec![f32::NAN; self.counts.len() * colors];
+        for (part, values) in std::mem::take(&mut self.fresh) {
+            for ([x, y], own) in places(&part).zip(values.chunks_exact(self.channels.max(1))) {
+                let pixel = self.pixel(x, y);
+                let Some(early) = self.early.get(early) else { continue };
+                let early = &early[pixel * colors..][..colors];
+                let out = &mut differences[pixel * colors..][..colors];
+                for ((c, early), out) in self.colors.iter().zip(early).zip(out) {
+                    *out = own[*c] - early;
+                }
+            }
+        }
+        differences
+    }
+
+    /// Returns the mean over a rectangle of the products of differences of two passes, and the number of pixels.
+    pub(crate) fn covariance(&self, rect: &PixelRect, [a, b]: [&[f32]; 2]) -> (f64, usize) {
+        let colors = self.colors.len();
+        let (mut sum, mut pixels) = (0.0, 0);
+        for [x, y] in places(&rect.intersection(&self.rect)) {
+            let all = self.pixel(x, y) * colors..(self.pixel(x, y) + 1) * colors;
+            let products = a[all.clone()].iter().zip(&b[all]).map(|(a, b)| f64::from(*a) * f64::from(*b));
+            let product = products.sum::<f64>() / colors.max(1) as f64;
+            if product.is_finite() {
+                (sum, pixels) = (sum + product, pixels + 1);
+            }
+        }
+        (sum / pixels.max(1) as f64, pixels)
+    }
+
+    /// Returns the sum of the squared differences between neighbouring pixels of a rectangle.
+    pub(crate) fn contrast(&self, rect: &PixelRect) -> f64 {
+        let colors = self.colors.len();
+        let Some(first) = self.early.first() else { return 0.0 };
+        let rect = rect.intersection(&self.rect);
+        let color = |x: i32, y: i32| &first[self.pixel(x, y) * colors..][..colors];
+        let squares = places(&rect).map(|[x, y]| {
+            let beside = [[x + 1, y], [x, y + 1]].into_iter().filter(|[x, y]| *x < rect.x1 && *y < rect.y1);
+            let own = color(x, y);
+            let square = |[x, y]: [i32; 2]| {
+                own.iter().zip(color(x, y)).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+            };
+            beside.map(square).sum::<f64>()
+        });
+        squares.filter(|v| v.is_finite()).sum()
+    }
+
     /// Returns the pixels of the completed passes in a rectangle, with interleaved channels. Pixels without a pass are
     /// 0.
     pub(crate) fn pixels(&self, rect: &PixelRect) -> Vec<f32> {
         let mut out = vec![0.0; rect.width() * rect.height() * self.channels];
-        let places = (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y]));
-        for ([x, y], out) in places.zip(out.chunks_exact_mut(self.channels.max(1))) {
+        for ([x, y], out) in places(rect).zip(out.chunks_exact_mut(self.channels.max(1))) {
             let pixel = self.pixel(x, y);
             if self.counts[pixel] == 0 {
                 continue;
@@ -297,7 +367,8 @@ impl Accumulated {
             counts: Vec::new(),
             mattes: Vec::new(),
             fresh: vec![(*rect, values.to_vec())],
-            first: Vec::new(),
+            waiting: Vec::new(),
+            early: Vec::new(),
         };
         let rows = || (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
         for row in rows() {
@@ -351,7 +422,7 @@ impl Accumulated {
     pub(crate) fn spot(&self, rect: &PixelRect) -> Spot {
         let rect = rect.intersection(&self.rect);
         let (mut pixels, mut sum, mut passes) = (0_usize, 0.0, 0);
-        for [x, y] in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| [x, y])) {
+        for [x, y] in places(&rect) {
             let pixel = self.pixel(x, y);
             if let Some([_, variance]) = self.spread(pixel) {
                 (pixels, sum) = (pixels + 1, sum + variance);

@@ -48,6 +48,10 @@ impl FrameShader for ShadingContext {
         ShadingContext::begin_pass(self, numbers);
     }
 
+    fn set_tolerance(&self, factor: f32) {
+        ShadingContext::set_tolerance(self, factor);
+    }
+
     fn noise_sources(&self) -> Vec<NoiseSource> {
         ShadingContext::noise_sources(self)
     }

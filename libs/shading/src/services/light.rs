@@ -72,6 +72,7 @@ impl<'q> Question<'q> {
             }
         };
         let maxerror = at_least_0(o.maxerror.map(|v| v.get(first)), attributes.get(error));
+        let maxerror = maxerror * run.frame.tolerance();
         let maxpixeldist = at_least_0(o.maxpixeldist.map(|v| v.get(first)), attributes.get(distance));
         let minsamples = usize::try_from(attributes.get(least)).unwrap_or(0);
         let tolerance = Tolerance { maxerror, maxpixeldist, minsamples };

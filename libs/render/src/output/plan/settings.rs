@@ -38,7 +38,7 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer], samples: f32)
 }
 
 /// Returns what an image of passes says about itself: `granita/passes`, and once there are two, `granita/error`,
-/// `granita/error95`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions of the mean of
+/// `granita/error95`, `granita/bias`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions of the mean of
 /// the image.
 pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params {
     let mut params = Params::new();
@@ -52,6 +52,9 @@ pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params 
         let ErrorEstimate { error, bound, blocks_99, worst_block, worst_at: [x, y], .. } = estimate;
         set("error", format!("{error:.6}"));
         set("error95", format!("{bound:.6}"));
+        if let Some(bias) = estimate.bias {
+            set("bias", format!("{bias:.6}"));
+        }
         set("blocks99", format!("{blocks_99:.6}"));
         set("worstblock", format!("{worst_block:.6} at {x} {y}"));
         for (source, part) in estimate.causes() {
