@@ -3,13 +3,14 @@
 //! `cargo run --release -p granita-benches --bin errors
 //! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
 //!
-//! The converged image of a scene has half the dicing step and computes indirect light and occlusion at every point.
-//! It takes passes for `--converged` seconds (by default 60), and its own error is subtracted. The error of an image is
+//! The converged image of a scene has a quarter of the dicing step, because an image with a requested error may have
+//! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by default
+//! 60), at least 4 passes, and its own error is subtracted. The error of an image is
 //! the root of the mean of its squared differences from the converged image, over the mean of that image.
 //!
 //! A row has the error and the time of the frame without passes, and for each requested error the error that was
-//! reached and the time. `bias` is the error that remains with very many passes: what dicing and interpolated records
-//! add.
+//! reached and the time. `bias` is the error of the scene as it is that remains with very many passes: what dicing and
+//! interpolated records add.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -32,7 +33,7 @@ struct Quality {
 }
 
 const ORDINARY: Quality = Quality { shading: 1.0, maxerror: 0.25 };
-const CONVERGED: Quality = Quality { shading: 2.0, maxerror: 0.0 };
+const CONVERGED: Quality = Quality { shading: 4.0, maxerror: 0.0 };
 
 /// Makes the text of a scene.
 type Make = fn(Quality) -> String;
@@ -346,12 +347,15 @@ fn run() -> Result<(), String> {
             let words = [&["-threads", &options.threads][..], words].concat();
             render(&gelato, place.path(), &make(quality), &words)
         };
-        let converged = draw(CONVERGED, &["-seconds", &options.converged])?;
+        let mut converged = draw(CONVERGED, &["-seconds", &options.converged])?;
+        if converged.passes.parse::<u32>().is_ok_and(|passes| passes < 4) {
+            converged = draw(CONVERGED, &["-passes", "4"])?;
+        }
         let own = converged.says.unwrap_or_default();
         let of = |image: &Rendered| error(&image.pixels, &converged.pixels, own);
         let plain = draw(ORDINARY, &[])?;
         let mut row = format!("| {name} | {:.2} s {:.2} % |", plain.seconds, of(&plain));
-        let many = draw(ORDINARY, &["-error", "0.3%", "-seconds", &options.converged])?;
+        let many = draw(ORDINARY, &["-seconds", &options.converged])?;
         let noise = many.says.unwrap_or_default();
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
         let _ = write!(row, " {own:.2} %, {bias:.2} % |");
