@@ -326,6 +326,9 @@ impl<'r> FrameInProgress<'r> {
             self.scene.outputs.iter().filter(own).filter(|o| !self.is_taken(o)).collect();
         let mut plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
         plan.set_scene(&self.scene);
+        if passes.is_none() && !self.is_worker && plan.leave_out_errors(reporter) {
+            self.report.complete = false;
+        }
         if plan.images.is_empty() {
             return Ok(());
         }

@@ -18,7 +18,7 @@ pub(crate) fn report(scene: &Scene, library: &dyn ShaderLibrary, reporter: &Repo
     for output in &scene.outputs {
         for data in output.layers().filter(|_| &*output.format != "null") {
             if let Ok((ty, name)) = ParamType::parse(data)
-                && !matches!(data, "rgb" | "rgba" | "z" | "avgz" | "volz")
+                && !matches!(data, "rgb" | "rgba" | "error" | "z" | "avgz" | "volz")
             {
                 asked.push((output, data, ty, name));
             }

@@ -206,8 +206,8 @@ pub struct Output {
     pub name: Arc<str>,
     /// The image format.
     pub format: Arc<str>,
-    /// The data: "rgb", "rgba", "z", "avgz", "volz", or `type name` of a variable; several with commas between them for
-    /// an image of several layers.
+    /// The data: "rgb", "rgba", "error", "z", "avgz", "volz", or `type name` of a variable; several with commas between
+    /// them for an image of several layers.
     pub data: Arc<str>,
     /// The name of the camera that it shows.
     pub camera: Arc<str>,

@@ -257,6 +257,24 @@ fn the_noise_of_each_source_is_measured() {
 }
 
 #[test]
+fn the_noise_of_each_pixel_is_an_image() {
+    let place = Place::new();
+    let noise = "Output (\"noise.exr\", \"exr\", \"error\", \"main\", \"string pixeltype\", \"float\")\n";
+    place.write("scene.pyg", &SCENE.replace("Camera (\"main\")", &format!("{noise}Camera (\"main\")")));
+    let (_, shown) = place.image(&["-passes", "4"]);
+    let of_pixels = place.shown("noise.exr").pixels;
+    assert_eq!(of_pixels.len(), 72 * 56 * 3);
+    let squares = of_pixels.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / of_pixels.len() as f64;
+    let error = shown.errors[0].unwrap();
+    assert!((squares.sqrt() / error - 1.0).abs() < 1e-3, "{} {error}", squares.sqrt());
+    // A frame without passes has no noise to show.
+    std::fs::remove_file(place.path().join("noise.exr")).unwrap();
+    let ran = place.run(&["scene.pyg"]);
+    assert!(ran.status == 1 && ran.said.contains("noise.exr\": it is left out"), "{}", ran.said);
+    assert!(place.has("a.exr") && !place.has("noise.exr"));
+}
+
+#[test]
 fn bias_is_a_part_of_the_error() {
     let place = Place::new();
     place.write("striped.gsl", "surface striped () { C = mod (12 * u + 7 * v, 1) < 0.5 ? 0.1 : 1; }");

@@ -481,16 +481,23 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut errors = Vec::with_capacity(passes.sums.len());
         for (index, (sum, canvas)) in passes.sums.iter().zip(canvases).enumerate() {
             let sum = sum.lock();
+            let of_frame = decisions.get(index).and_then(|decision| decision.map(|(_, mean)| mean));
+            let mean = of_frame.or_else(|| sum.mean());
+            let is_error = self.outputs.images[index % self.outputs.images.len()].is_error;
             canvas.lock().restart();
             for bucket in &self.buckets.order {
                 let seen = bucket.intersection(&passes.crop);
                 if !seen.is_empty() {
                     canvas.lock().begin(&seen);
-                    self.store(canvas, &seen, &sum.pixels(&seen));
+                    let values = match mean.filter(|mean| is_error && *mean != 0.0) {
+                        Some(mean) => sum.deviations(&seen, mean),
+                        None if is_error => vec![0.0; seen.width() * seen.height() * 3],
+                        None => sum.pixels(&seen),
+                    };
+                    self.store(canvas, &seen, &values);
                 }
             }
-            let of_frame = decisions.get(index).and_then(|decision| decision.map(|(_, mean)| mean));
-            let error = of_frame.or_else(|| sum.mean()).and_then(|mean| sum.error(&passes.crop, mean));
+            let error = mean.and_then(|mean| sum.error(&passes.crop, mean));
             errors
                 .push(error.map(|error| passes.bias.get(index).map_or(error, |bias| error.with_bias(*bias))));
         }

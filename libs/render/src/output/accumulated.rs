@@ -97,7 +97,8 @@ impl Accumulated {
         let of_channel = |c: usize| {
             layers.iter().position(|l| (l.channels[0]..l.channels[0] + l.channels[1]).contains(&c))
         };
-        let colors = image.colors().into_iter().enumerate().filter(|(_, is_color)| *is_color).map(|(c, _)| c);
+        let is_color = |(_, is_color): &(usize, bool)| *is_color || image.is_error;
+        let colors = image.colors().into_iter().enumerate().filter(is_color).map(|(c, _)| c);
         let (colors, layer_of): (Vec<usize>, Vec<usize>) = colors
             .filter_map(|c| Some((c, of_channel(c)?)))
             .filter(|(_, layer)| layers[*layer].combine == Combine::Mean)
@@ -409,6 +410,18 @@ impl Accumulated {
         let differences = if differences < 1e-12 * known { 0.0 } else { differences };
         let variance = differences / total * f64::from(n) / f64::from(n - 1) / channels;
         Some([mean / channels, variance]).filter(|both| both.iter().all(|v| v.is_finite()))
+    }
+
+    /// Returns the standard deviations of the pixels of a rectangle over the mean value `mean`: the noise of the image.
+    /// Each channel of a pixel has that of all its colours. It is 0 where it is not known.
+    pub(crate) fn deviations(&self, rect: &PixelRect, mean: f64) -> Vec<f32> {
+        let deviation = |[x, y]: [i32; 2]| {
+            let pixel = self.pixel(x, y);
+            let [_, variance] = self.spread(pixel).unwrap_or_default();
+            let noise = (variance / f64::from(self.counts[pixel].max(1))).sqrt();
+            (noise / mean.abs()) as f32
+        };
+        places(rect).flat_map(|at| std::iter::repeat_n(deviation(at), self.channels)).collect()
     }
 
     /// Returns the mean of the colours of all pixels; `None` when no pixel has two passes.

@@ -41,6 +41,8 @@ enum Data {
     Depth {
         middle: bool,
     },
+    /// The noise of each pixel of the colours, of an image of passes.
+    Error,
     /// Opacity against depth, with this number of thresholds.
     Volume {
         depths: usize,
@@ -65,6 +67,7 @@ impl Data {
             Self::Color { alpha: true } => Some("rgba"),
             Self::Depth { middle: false } => Some("z"),
             Self::Depth { middle: true } => Some("avgz"),
+            Self::Error => Some("error"),
             Self::Volume { .. } => None,
             Self::Mattes { kind, .. } => Some(kind.word()),
             Self::Variable { names, .. } => {
@@ -78,7 +81,7 @@ impl Data {
     fn channel_names(&self, is_one_of: bool) -> Vec<String> {
         let strings = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>();
         let (elements, ty) = match self {
-            Self::Color { alpha: false } => return strings(&["R", "G", "B"]),
+            Self::Color { alpha: false } | Self::Error => return strings(&["R", "G", "B"]),
             Self::Color { alpha: true } => return strings(&["R", "G", "B", "A"]),
             Self::Depth { middle: true } if is_one_of => return strings(&["avgz"]),
             Self::Depth { .. } => return strings(&["Z"]),
@@ -178,6 +181,8 @@ pub(crate) struct OutputImage {
     pub(crate) written: Option<Result<(), String>>,
     /// "opaquewidth" of an image whose pixels are texels of a volume shadow map and not filtered samples.
     pub(crate) opaque_width: Option<f32>,
+    /// True for an image of the noise of the colours that its passes have.
+    pub(crate) is_error: bool,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
     /// The attribute "render:samples" of the scene.
@@ -230,7 +235,7 @@ impl OutputSet {
     /// Adds what a layer needs to what the samples must hold.
     fn ask_for(&mut self, data: &Data) {
         match data {
-            Data::Color { .. } => self.needs_shading = true,
+            Data::Color { .. } | Data::Error => self.needs_shading = true,
             Data::Volume { .. } => (),
             // The mattes follow with the scene.
             Data::Mattes { .. } => self.needs_shading = true,
@@ -253,6 +258,7 @@ impl OutputSet {
     fn channels(&self, data: &Data) -> Vec<usize> {
         match data {
             Data::Color { alpha } => (0..3 + usize::from(*alpha)).collect(),
+            Data::Error => (0..3).collect(),
             Data::Depth { middle } => vec![4 + usize::from(*middle)],
             // There are no channels of samples. These are only counted.
             Data::Volume { .. } | Data::Mattes { .. } => vec![0; data.channel_names(false).len()],
@@ -326,10 +332,27 @@ impl OutputSet {
             names,
             params,
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
+            is_error: matches!(of_layers, [Data::Error]),
             part,
             samples: 1.0,
             passes: None,
         })
+    }
+
+    /// Leaves out the images of errors, which a frame without passes does not have. Returns true when there were any.
+    pub(crate) fn leave_out_errors(&mut self, reporter: &Reporter) -> bool {
+        let before = self.images.len();
+        self.images.retain(|image| {
+            if image.is_error {
+                reporter.error(format!(
+                    "output \"{}\": it is left out, because \"error\" is known of passes alone; request \
+                     \"render:passes\" (-passes), \"render:error\" (-error) or \"render:seconds\" (-seconds)",
+                    image.path.display()
+                ));
+            }
+            !image.is_error
+        });
+        self.images.len() < before
     }
 
     /// Sets what images have of a scene: its settings, and its mattes if any are requested.
@@ -450,6 +473,7 @@ fn content(data: &str, output: &Output, reporter: &Reporter) -> Result<Data, Str
     match data {
         "rgb" => Ok(Data::Color { alpha: false }),
         "rgba" => Ok(Data::Color { alpha: true }),
+        "error" => Ok(Data::Error),
         "z" => Ok(Data::Depth { middle: false }),
         "avgz" => Ok(Data::Depth { middle: true }),
         "" if &*output.data != data => Err(format!("data \"{}\": a layer has no name", output.data)),
@@ -479,6 +503,9 @@ fn check_layers(layers: Vec<Data>, output: &Output, format: &dyn Format) -> Resu
     }
     if layers.iter().any(|data| matches!(data, Data::Volume { .. })) {
         return Err("\"volz\" cannot be one of several layers".to_owned());
+    }
+    if layers.contains(&Data::Error) {
+        return Err("\"error\" cannot be one of several layers".to_owned());
     }
     let names: Vec<String> = layers.iter().flat_map(|data| data.channel_names(true)).collect();
     if let Some(twice) = (1..names.len()).find(|k| names[..*k].contains(&names[*k])) {
