@@ -597,9 +597,11 @@ mod tests {
         assert_eq!(a.then(&b).map([0.5, 0.5, 0.5]), [0.5, 0.25, 0.25]);
         assert_eq!(b.then(&b).then(&a).map([0.25, 0.5, 0.5]), [1.0, 0.25, 0.25]);
         assert!(Processor::identity().then(&Processor::identity()).is_identity());
-        let (matrix, offset, rest) = b.then(&a).split_matrix();
+        let (rest, matrix, offset) = a.then(&b).split_matrix();
         assert_eq!((Processor::matrix(matrix), offset, rest), (b.clone(), [0.0; 3], a.clone()));
-        assert_eq!(a.split_matrix(), (IDENTITY, [0.0; 3], a.clone()));
+        assert_eq!(a.split_matrix(), (a.clone(), IDENTITY, [0.0; 3]));
+        let double = b.then(&b).then(&a).then(&b).first_matrices();
+        assert_eq!((double[0][0], a.then(&b).first_matrices()), (4.0, IDENTITY));
         assert_eq!(b.then(&a).split_curves(), (b.clone(), a.clone()));
         assert_eq!(a.then(&b).split_curves(), (a.then(&b), Processor::identity()));
     }

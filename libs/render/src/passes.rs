@@ -32,8 +32,8 @@ pub(crate) struct Accuracy {
 
 impl Accuracy {
     /// With it the bias of [`Accuracy::SCENE`] is measured. The deviation of interpolated light is at most the square of
-    /// "maxerror", so that a sixth of it remains.
-    pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.4 };
+    /// "maxerror", so that a quarter of it remains.
+    pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.5 };
     /// What the scene says.
     pub(crate) const SCENE: Self = Self { dicing: 1.0, tolerance: 1.0 };
     /// The part of the bias that remains on the next level, with half of the dicing step. Hard edges have a half, and

@@ -57,7 +57,7 @@ const TOLERANCE: f64 = 1.05;
 
 /// The side of the parts of an image in which bias is measured, in pixels, and their largest number.
 const PROBE: i32 = 16;
-const PROBES: usize = 32;
+const PROBES: usize = 12;
 
 /// A part of an image in which bias is measured.
 struct Probe {
@@ -352,7 +352,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             passes.sums.iter().map(of).sum()
         };
         let contrasts: Vec<f64> = parts.iter().map(contrast).collect();
-        let count = (parts.len() / 6).clamp(4, PROBES);
+        let count = (parts.len() / 12).clamp(4, PROBES);
         let chosen = sample::in_proportion(&contrasts, count, 0.2);
         chosen
             .into_iter()
