@@ -4,8 +4,8 @@
 //! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
 //!
 //! The converged image of a scene has a quarter of the dicing step, because an image with a requested error may have
-//! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by default
-//! 60), at least 4 passes, and its own error is subtracted. The error of an image is
+//! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by
+//! default 60), at least 4 passes, and its own error is subtracted. The error of an image is
 //! the root of the mean of its squared differences from the converged image, over the mean of that image.
 //!
 //! A row has the error and the time of the frame without passes, and for each requested error the error that was

@@ -86,7 +86,8 @@ pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
 
 /// Chooses `count` parts of a whole, each time with probabilities in proportion to `sizes`, except for the share `even`
 /// of the choices, for which all parts are alike (systematic sampling). Returns the parts that were chosen, in order,
-/// how often, and a factor: the sum over them of the factor times a value estimates the sum of the value over all parts.
+/// how often, and a factor: the sum over them of the factor times a value estimates the sum of the value over all
+/// parts.
 ///
 /// ```
 /// use granita_base::sample;

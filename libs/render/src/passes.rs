@@ -9,8 +9,8 @@
 //!
 //! What all passes have in common is bias. With a requested error, some small parts of the image are rendered once more
 //! with half of the dicing step and with more records of indirect light and occlusion. Where the bias is too
-//! large, the passes begin again with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not part of
-//! it.
+//! large, the passes begin again with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not part
+//! of it.
 
 use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
@@ -31,8 +31,8 @@ pub(crate) struct Accuracy {
 }
 
 impl Accuracy {
-    /// With it the bias of [`Accuracy::SCENE`] is measured. The deviation of interpolated light is at most the square of
-    /// "maxerror", so that a quarter of it remains.
+    /// With it the bias of [`Accuracy::SCENE`] is measured. The deviation of interpolated light is at most the square
+    /// of "maxerror", so that a quarter of it remains.
     pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.5 };
     /// What the scene says.
     pub(crate) const SCENE: Self = Self { dicing: 1.0, tolerance: 1.0 };

@@ -15,12 +15,13 @@ pub const CURVES: (usize, (f32, f32)) = (16 * 73 + 12 * 73 + 1, (-16.0, 12.0));
 pub const CUBE: (usize, (f32, f32)) = (18 * 4 + 1, (-10.0, 8.0));
 /// The scale of the entries of the cube: much smaller values are stored linearly, and greater ones as logarithms.
 pub const SMALL: f32 = 1.0 / 4096.0;
-/// The largest value of linear light. Greater ones, which would make differences of infinities, are limited to it first.
+/// The largest value of linear light. Greater ones, which would make differences of infinities, are limited to it
+/// first.
 const LARGEST: f32 = 1.0e30;
 
 /// A matrix and an offset, then where colours are mixed in other ways a cube, then another matrix and offset, then
-/// curves. Places in tables are logarithms: entry 0 is the value at 0, and the others are at equal steps of the
-/// logarithm to the base 2. Places outside are clamped. Between the entries of curves, values are interpolated linearly.
+/// curves. Places in tables are logarithms: entry 0 is the value at 0, and the others are at equal steps of
+/// the logarithm to the base 2. Places outside are clamped. Between the entries of curves, values are interpolated linearly.
 ///
 /// Entries of the cube are logarithms too: v is stored as the logarithm to the base 2 of 1 + |v| / [`SMALL`], with the
 /// sign of v. A colour lies in one of the six tetrahedra of entries that share the diagonal of their cell, and the four

@@ -245,7 +245,7 @@ impl Renderer<'_> {
             scene: Scene {
                 resolution: [spec.full_width, spec.full_height],
                 quality: pair().unwrap_or([1, 1]),
-                samples: text("render:samples").and_then(|text| text.parse().ok()).unwrap_or(1.0),
+                samples: text("render:samples").and_then(|text| text.parse().ok()).unwrap_or(1.0), // tidy: attribute: the name of metadata
                 blurs: ["temporalquality", "dofquality"].map(count),
             },
         })

@@ -7,7 +7,8 @@
 //!
 //! A table is binary, in little endian: `u32` 0 where messages of pixels have an id, `u32` number of entries of an edge
 //! of the cube, or 0, and of the curves, then as `f32` the first matrix row by row and its offset, the last one and its
-//! offset, the ranges of the cube and of the curves, the scale of the cube, the curves and the cube (see [`ScreenTable`]).
+//! offset, the ranges of the cube and of the curves, the scale of the cube, the curves and the cube (see
+//! [`ScreenTable`]).
 
 use super::message::Message;
 use granita_color::Processor;

@@ -38,8 +38,8 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer], samples: f32)
 }
 
 /// Returns what an image of passes says about itself: `granita/passes`, and once there are two, `granita/error`,
-/// `granita/error95`, `granita/bias`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions of the mean of
-/// the image.
+/// `granita/error95`, `granita/bias`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions
+/// of the mean of the image.
 pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params {
     let mut params = Params::new();
     let Some((count, error)) = passes else { return params };
