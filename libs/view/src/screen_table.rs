@@ -21,7 +21,8 @@ const LARGEST: f32 = 1.0e30;
 
 /// A matrix and an offset, then where colours are mixed in other ways a cube, then another matrix and offset, then
 /// curves. Places in tables are logarithms: entry 0 is the value at 0, and the others are at equal steps of
-/// the logarithm to the base 2. Places outside are clamped. Between the entries of curves, values are interpolated linearly.
+/// the logarithm to the base 2. Places outside are clamped. Between the entries of curves, values are interpolated
+/// linearly.
 ///
 /// Entries of the cube are logarithms too: v is stored as the logarithm to the base 2 of 1 + |v| / [`SMALL`], with the
 /// sign of v. A colour lies in one of the six tetrahedra of entries that share the diagonal of their cell, and the four

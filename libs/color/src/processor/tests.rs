@@ -1,3 +1,5 @@
+//! Tests of chains of steps.
+
 use super::*;
 use crate::transform::{LogParams, Named};
 
