@@ -96,7 +96,7 @@ fn a_turntable_is_an_image_for_each_angle() {
     let place = Place::new();
     place.write(
         "red.pyg",
-        format!("{SMALL}Attribute (\"color C\", (1, 0, 0))\nShader (\"surface\", \"constant\")\n"),
+        &format!("{SMALL}Attribute (\"color C\", (1, 0, 0))\nShader (\"surface\", \"constant\")\n"),
     );
     let ran = place.run(&["red.pyg", "box.obj", "-turntable", "4", "-data", "rgb", "-o", "spin.pfm"]);
     let want = "box.obj: without Render (), shown in a studio: spin-001.pfm to spin-004.pfm\n";
@@ -117,7 +117,7 @@ fn a_turntable_is_an_image_for_each_angle() {
 
     place.write(
         "whole.pyg",
-        format!("{SMALL}World ()\nTranslate (0, 0, 5)\nSphere (1, -1, 1, 360)\nRender ()\n"),
+        &format!("{SMALL}World ()\nTranslate (0, 0, 5)\nSphere (1, -1, 1, 360)\nRender ()\n"),
     );
     let ran = place.run(&["whole.pyg", "-turntable", "4", "-o", "whole.png"]);
     assert!(
@@ -136,7 +136,7 @@ fn what_the_files_say_is_obeyed() {
         SetTransform (\"world\")\nLight (\"l\", \"ambientlight\", \"float intensity\", 0.5)\nAttribute (\"color C\", (1, 0, 0))\n";
     place.write(
         "own.pyg",
-        format!("{SMALL}Attribute (\"float fov\", 6)\nShader (\"surface\", \"constant\")\n{own}"),
+        &format!("{SMALL}Attribute (\"float fov\", 6)\nShader (\"surface\", \"constant\")\n{own}"),
     );
     let ran = place.run(&["own.pyg", "box.obj"]);
     assert_eq!((ran.status, place.images()), (0, vec!["own.pfm".to_owned()]), "{}", ran.said);

@@ -70,7 +70,7 @@ fn text(scene: &Scene) -> String {
 
 /// Renders a scene. Returns what its statistics say as JSON.
 fn record(folder: &Folder, scene: &Scene) -> Value {
-    folder.write("scene.pyg", text(scene));
+    folder.write("scene.pyg", &text(scene));
     let ran = folder.run(&[&["-statistics-json", "s.json"], scene.options, &["scene.pyg"]].concat());
     assert!(ran.status == 0 && !ran.said.contains("error:"), "{}", ran.said);
     folder.json("s.json")["frames"][0].clone()

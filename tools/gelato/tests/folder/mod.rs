@@ -28,7 +28,7 @@ impl Folder {
         self.0.path()
     }
 
-    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+    pub(crate) fn write(&self, name: &str, bytes: &(impl AsRef<[u8]> + ?Sized)) {
         std::fs::write(self.path().join(name), bytes).unwrap();
     }
 
