@@ -217,3 +217,25 @@ fn cryptomattes_of_workers_equal_those_of_one_process() {
     assert!((0..6).all(|i| holds(format!("ball{i}").as_bytes())), "a name is missing");
     assert!(render(&["-net", "local local"]) == alone, "another file");
 }
+
+/// Workers leave out the same images as the process that asks them.
+#[test]
+fn images_that_are_left_out_cost_no_worker() {
+    let tools = Tools::build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    let scene = format!(
+        "Attribute (\"string net:workercmd\", \"{}\")\nAttribute (\"int[2] resolution\", (64, 32))\nAttribute (\"int[2] limits:bucketsize\", (16, 16))\n\
+         Output (\"noise.exr\", \"exr\", \"error\", \"camera\")\nOutput (\"out.exr\", \"exr\", \"rgba\", \"camera\")\n\
+         Translate (0, 0, 3)\nWorld ()\nShader (\"surface\", \"constant\")\nSphere (1, -1, 1, 360)\nRender ()\n",
+        tools.program("gelato").display()
+    );
+    std::fs::write(place.join("scene.pyg"), scene).unwrap();
+    let render = |words: &[&str]| {
+        let ran = tools.run(place, "gelato", &[words, &["scene.pyg"]].concat()).unwrap();
+        assert!(ran.status == 1 && ran.stderr.lines().count() == 1, "{}", ran.stderr);
+        assert!(ran.stderr.contains("\"noise.exr\": it is left out"), "{}", ran.stderr);
+        std::fs::read(place.join("out.exr")).unwrap()
+    };
+    assert!(render(&[]) == render(&["-net", "local local"]));
+}

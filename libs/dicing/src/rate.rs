@@ -59,9 +59,11 @@ impl SceneDicing {
 }
 
 impl SceneDicing {
-    /// Returns the largest number of points into which a primitive may be diced.
+    /// Returns the largest number of points into which a primitive may be diced. The attribute is for surfaces that are
+    /// as fine as the scene says.
     pub fn most_points(&self) -> u64 {
-        if self.most_points > 0 { u64::from(self.most_points.unsigned_abs()) } else { u64::MAX }
+        let most = f64::from(self.most_points) * f64::from(self.finer).powi(2);
+        if self.most_points > 0 { most as u64 } else { u64::MAX }
     }
 }
 

@@ -26,7 +26,7 @@ const CONFIDENCE: f64 = 1.645;
 pub(crate) struct Accuracy {
     /// The factor of "shadingquality".
     pub(crate) dicing: f32,
-    /// The factor of "maxerror" of records of indirect light and occlusion. 0 computes every point.
+    /// The factor of "maxerror" of records of indirect light and occlusion.
     pub(crate) tolerance: f32,
 }
 

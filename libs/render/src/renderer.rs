@@ -326,7 +326,14 @@ impl<'r> FrameInProgress<'r> {
             self.scene.outputs.iter().filter(own).filter(|o| !self.is_taken(o)).collect();
         let mut plan = OutputSet::new(&outputs, view, &environment.registry, reporter)?;
         plan.set_scene(&self.scene);
-        if passes.is_none() && !self.is_worker && plan.leave_out_errors(reporter) {
+        // A worker has the same images, without another message.
+        let left_out = if passes.is_none() { plan.leave_out_errors() } else { Vec::new() };
+        for path in left_out.iter().filter(|_| !self.is_worker) {
+            reporter.error(format!(
+                "output \"{}\": it is left out, because \"error\" is known of passes alone; request \
+                 \"render:passes\" (-passes), \"render:error\" (-error) or \"render:seconds\" (-seconds)",
+                path.display()
+            ));
             self.report.complete = false;
         }
         if plan.images.is_empty() {

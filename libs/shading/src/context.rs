@@ -232,8 +232,8 @@ impl ShadingContext {
         }
     }
 
-    /// Sets the factor of "maxerror" of all records of indirect light and occlusion: 1 for what the scene says, and 0
-    /// to compute every point. It must not be called while a thread shades.
+    /// Sets the factor of "maxerror" of all records of indirect light and occlusion, above 0; 1 is what the scene says.
+    /// It must not be called while a thread shades.
     pub fn set_tolerance(&self, factor: f32) {
         if self.tolerance.swap(factor.to_bits(), Ordering::Relaxed) != factor.to_bits() {
             self.light_cache.clear();

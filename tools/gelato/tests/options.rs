@@ -20,32 +20,14 @@ Sphere (1, -1, 1, 360)
 Render ()
 "#;
 
-struct Place(Folder);
-
-impl std::ops::Deref for Place {
-    type Target = Folder;
-
-    fn deref(&self) -> &Folder {
-        &self.0
-    }
-}
-
-impl Place {
-    /// Makes a folder with the scene in it.
-    fn new() -> Self {
-        Self(Folder::with(&[("scene.pyg", SCENE)]))
-    }
-
-    /// True when no temporary files are left in the folder.
-    fn is_clean(&self) -> bool {
-        let names = std::fs::read_dir(self.path()).unwrap().map(|e| e.unwrap().file_name());
-        names.into_iter().all(|n| !n.to_string_lossy().starts_with('.'))
-    }
+/// Makes a folder with the scene in it.
+fn place() -> Folder {
+    Folder::with(&[("scene.pyg", SCENE)])
 }
 
 #[test]
 fn statistics_are_printed_and_written_as_json() {
-    let place = Place::new();
+    let place = place();
     let ran = place.run(&["-statistics", "-statistics-json", "out.json", "scene.pyg"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
     assert!(ran.said.contains("Statistics of camera \"main\"") && ran.said.contains("texture files"));
@@ -78,7 +60,7 @@ fn statistics_are_printed_and_written_as_json() {
 
 #[test]
 fn attributes_for_file_lists_and_logs_write_files() {
-    let place = Place::new();
+    let place = place();
     place.write("other.gsl", "#include \"part.h\"\nsurface other () { C = GREY; }\n");
     place.write("part.h", "#define GREY 0.5\n");
     place.write("ball.pyg", "Sphere (1, -1, 1, 360)\n");
@@ -118,7 +100,7 @@ Attribute ("float opactiy", 1)
 
 #[test]
 fn messages_follow_the_verbosity_and_are_counted() {
-    let place = Place::new();
+    let place = place();
     let twice = "Attribute (\"float opactiy\", 1)\nAttribute (\"string C\", \"red\")\n";
     place.write("scene.pyg", &format!("{twice}{twice}{twice}{SCENE}"));
     let normal = place.run(&["scene.pyg"]);
@@ -144,7 +126,7 @@ fn messages_follow_the_verbosity_and_are_counted() {
 
 #[test]
 fn the_working_folder_and_variables_are_set() {
-    let place = Place::new();
+    let place = place();
     std::fs::create_dir(place.path().join("inside")).unwrap();
     let text = SCENE
         .replace("World", "Attribute (\"string path:shader\", \"$WHERE\")\nWorld")
@@ -168,7 +150,7 @@ fn the_working_folder_and_variables_are_set() {
 
 #[test]
 fn startup_files_are_read_in_order() {
-    let place = Place::new();
+    let place = place();
     std::fs::create_dir(place.path().join("home")).unwrap();
     place.write(
         ".gelato.pyg",
@@ -188,7 +170,7 @@ fn startup_files_are_read_in_order() {
 
 #[test]
 fn a_missing_folder_for_temporary_files_is_an_error() {
-    let place = Place::new();
+    let place = place();
     place.write("dump.pyg", &format!("Attribute (\"string griddump:filename\", \"grids.pyg\"){SCENE}"));
     let ran = |folder: &str| {
         let mut command = place.command(&["dump.pyg"]);
@@ -208,7 +190,7 @@ fn a_missing_folder_for_temporary_files_is_an_error() {
 
 #[test]
 fn options_add_output_images() {
-    let place = Place::new();
+    let place = place();
     let ran = place.run(&["scene.pyg", "-o", "a.png", "-data", "first"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
     assert!(place.has("a.png") && place.has("out.tif"));
@@ -222,7 +204,7 @@ fn options_add_output_images() {
 
 #[test]
 fn options_for_quick_renders_change_the_image() {
-    let place = Place::new();
+    let place = place();
     let image = |words: &[&str]| {
         let ran = place.run(&[words, &["scene.pyg"]].concat());
         assert_eq!((ran.status, ran.said.as_str()), (0, ""), "{words:?}");
@@ -249,7 +231,7 @@ fn options_for_quick_renders_change_the_image() {
 
 #[test]
 fn scenes_with_safe_run_no_programs() {
-    let place = Place::new();
+    let place = place();
     let programs = "Command (\"system touch seen\")\nInput (\"pyg < touch seen\")\nCommand (\"mkdir\", \"string name\", \"seen\")\n";
     place.write("scene.pyg", &format!("{programs}{SCENE}"));
     let ran = place.run(&["-safe", "scene.pyg"]);
@@ -262,7 +244,7 @@ fn scenes_with_safe_run_no_programs() {
 
 #[test]
 fn scenes_are_read_from_files_generators_and_standard_input() {
-    let place = Place::new();
+    let place = place();
     // Two files count as one, and either may be a generator with arguments.
     let (front, back) = SCENE.split_once("World").unwrap();
     place.write("a.pyg", front);
@@ -291,7 +273,7 @@ fn scenes_are_read_from_files_generators_and_standard_input() {
 
 #[test]
 fn progress_is_printed_in_lines_without_a_terminal() {
-    let place = Place::new();
+    let place = place();
     place.write("small.pyg", &format!("Attribute (\"int[2] limits:bucketsize\", (4, 4))\n{SCENE}"));
     let ran = place.run(&["-verbosity", "2", "small.pyg"]);
     assert_eq!(ran.status, 0, "{}", ran.said);
@@ -304,7 +286,7 @@ fn progress_is_printed_in_lines_without_a_terminal() {
 
 #[test]
 fn indirectly_read_files_are_listed() {
-    let place = Place::new();
+    let place = place();
     place.write("m.mtl", "newmtl red\nKd 1 0 0\n");
     place.write("t.obj", "mtllib m.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     place.write("part.rib", "ReadArchive \"inner.rib\"\n");
@@ -331,7 +313,7 @@ fn indirectly_read_files_are_listed() {
 /// A reader of the messages that has gone does not cost the image.
 #[test]
 fn a_closed_pipe_drops_messages_but_not_the_image() {
-    let place = Place::new();
+    let place = place();
     place.write("loud.gsl", "surface loud () { printf (\"%f %f\\n\", u, v); }\n");
     place.write("loud.pyg", &SCENE.replace("\"plastic\"", "\"loud\""));
     let mut child =
@@ -357,7 +339,7 @@ fn the_option_as_takes_one_dash_or_two() {
 
 #[test]
 fn errors_without_a_frame_have_a_status_of_their_own() {
-    let place = Place::new();
+    let place = place();
     for (name, text, status) in [
         ("broken.stl", "solid x\nfacet nothing\n", 2),
         ("empty.obj", "v 1 x\nf 1 2\n", 2),
@@ -383,7 +365,7 @@ fn errors_without_a_frame_have_a_status_of_their_own() {
 
 #[test]
 fn all_errors_of_a_shader_are_reported_once() {
-    let place = Place::new();
+    let place = place();
     let shader = "surface bad (float a = \"x\")\n{\n    float unused = 1;\n    C = nosuch;\n    P = 0;\n}\n";
     place.write("bad.gsl", shader);
     let ball = "Shader (\"surface\", \"bad\")\nSphere (1, -1, 1, 360)\n";
@@ -407,7 +389,7 @@ fn all_errors_of_a_shader_are_reported_once() {
 
 #[test]
 fn attributes_are_set_from_the_command_line() {
-    let place = Place::new();
+    let place = place();
     place.write("part.pyg", "Attribute (\"float shadingquality\", 1)\nSphere (1, -1, 1, 360)\n");
     let scene = SCENE
         .replace("Camera (\"main\")", "Camera (\"main\", \"float fov\", 60)")

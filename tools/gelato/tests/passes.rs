@@ -299,6 +299,9 @@ fn bias_is_a_part_of_the_error() {
     let some = [2, 3, shown.passes()].map(|n| place.image(&["-error", "5%", "-passes", &n.to_string()]).1);
     assert!(some[0].pixels == some[1].pixels && some[0].pixels != shown.pixels && some[2] == shown);
     assert!(some.iter().all(|some| some.errors[0].is_some()));
+    // Finer surfaces have more points than the limit on those of the scene.
+    let (_, again) = place.image(&["-error", "5%", "-set", "limits:primitivepoints=20000"]);
+    assert!(again == shown);
     // A scene with less detail has no more points than it says.
     place.write("scene.pyg", &still.replace("\"striped\"", "\"plastic\""));
     let (_, plain) = place.image(&["-passes", "2"]);

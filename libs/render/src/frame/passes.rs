@@ -40,6 +40,11 @@ impl Passes {
     pub(super) fn is_mute(&self) -> bool {
         self.number > 0 || self.is_apart
     }
+
+    /// True when the error of an image is estimated.
+    fn has_colors(&self) -> bool {
+        self.sums.iter().any(|sum| sum.lock().colors() > 0)
+    }
 }
 
 /// The result of the passes of a frame.
@@ -279,6 +284,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         threads: usize,
     ) -> bool {
         let camera = self.options.camera;
+        if let Some(passes) = self.passes.as_mut().filter(|passes| !passes.has_colors()) {
+            passes.bias = vec![0.0; passes.sums.len()];
+            return true;
+        }
         let probes = self.probes();
         let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
         let cells: Vec<[i32; 2]> = probes.iter().map(|probe| cell(&probe.rect)).collect();
@@ -518,12 +527,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let pixels = all.crop.width() * all.crop.height();
             Some(all.sums.first()?.lock().passes(&all.crop) as f64 / pixels.max(1) as f64)
         });
-        let has_colors = || {
-            let sums = self.passes.iter().flat_map(|passes| &passes.sums);
-            sums.into_iter().any(|sum| sum.lock().colors() > 0)
-        };
+        let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let is_above =
-            |most: f32| error.map_or_else(has_colors, |error| error.bound > f64::from(most) * TOLERANCE);
+            |most: f32| error.map_or_else(|| has_colors, |error| error.bound > f64::from(most) * TOLERANCE);
         PassReport {
             passes,
             mean_passes: of_pixels.unwrap_or_default(),

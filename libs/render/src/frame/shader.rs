@@ -60,7 +60,7 @@ pub(crate) trait FrameShader: Sync {
     fn begin_pass(&self, numbers: PassNumbers) {
         let _ = numbers;
     }
-    /// Sets the factor of the tolerance of what shading interpolates; 0 computes every point.
+    /// Sets the factor of the tolerance of what shading interpolates, above 0; 1 is what the scene says.
     fn set_tolerance(&self, factor: f32) {
         let _ = factor;
     }

@@ -339,20 +339,9 @@ impl OutputSet {
         })
     }
 
-    /// Leaves out the images of errors, which a frame without passes does not have. Returns true when there were any.
-    pub(crate) fn leave_out_errors(&mut self, reporter: &Reporter) -> bool {
-        let before = self.images.len();
-        self.images.retain(|image| {
-            if image.is_error {
-                reporter.error(format!(
-                    "output \"{}\": it is left out, because \"error\" is known of passes alone; request \
-                     \"render:passes\" (-passes), \"render:error\" (-error) or \"render:seconds\" (-seconds)",
-                    image.path.display()
-                ));
-            }
-            !image.is_error
-        });
-        self.images.len() < before
+    /// Leaves out the images of errors, which a frame without passes does not have. Returns their file names.
+    pub(crate) fn leave_out_errors(&mut self) -> Vec<PathBuf> {
+        self.images.extract_if(.., |image| image.is_error).map(|image| image.path).collect()
     }
 
     /// Sets what images have of a scene: its settings, and its mattes if any are requested.

@@ -53,6 +53,11 @@ impl Folder {
         names
     }
 
+    /// True when no temporary files are left.
+    pub(crate) fn is_clean(&self) -> bool {
+        self.names().iter().all(|name| !name.starts_with('.'))
+    }
+
     /// Returns a file of JSON.
     pub(crate) fn json(&self, name: &str) -> Value {
         serde_json::from_str(&self.read(name)).unwrap_or_else(|e| panic!("{name}: {e}"))

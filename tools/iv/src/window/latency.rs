@@ -41,6 +41,11 @@ impl Latency {
         self.sent
     }
 
+    /// Returns the number of the last edit; 0 before the first one.
+    pub(super) fn last_edit(&self) -> u64 {
+        self.sent
+    }
+
     /// Records a frame of the window, at its end. `reported` is the last complete image of the sender, and `complete`
     /// is true when the window draws all of its pixels. Returns true when another frame is necessary.
     pub(super) fn drawn(&mut self, reported: Option<(u64, bool)>, complete: bool) -> bool {

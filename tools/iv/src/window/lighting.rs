@@ -63,9 +63,13 @@ fn compare(app: &mut App, before: &str) {
 
 /// What scripts and measurements use.
 impl Desk {
-    /// True when an image has a panel and its sender renders nothing.
-    pub(super) fn is_idle(&self) -> bool {
-        self.part("state")["status"] == "idle"
+    /// True when an image has a panel, and its sender shows the edits up to this number and renders nothing. A sender
+    /// that reports no numbers is idle when it says so.
+    pub(super) fn is_idle(&self, sent: u64) -> bool {
+        let state = self.part("state");
+        let image = &state["image"];
+        let is_shown = image["edit"].as_u64().unwrap_or(0) >= sent && image["coarse"] != true;
+        state["status"] == "idle" && (image.is_null() || is_shown)
     }
 
     /// Returns the number of the last edit that the last complete image shows, and true when that image is coarse.

@@ -9,7 +9,7 @@
 //! | `move X Y` | moves the pointer, in pixels of the screen |
 //! | `click X Y [Shift+][Ctrl+]` | clicks with the primary button |
 //! | `drag X Y X Y [Shift+][Ctrl+]` | drags with the primary button, in eight steps |
-//! | `desk` | waits until the desk for lighting is there and renders nothing, at most 60 s |
+//! | `desk` | waits until the desk for lighting is there, shows all edits and renders nothing, at most 60 s |
 //! | `light ID DX DY` | chooses a light of the desk and drags it in the image by DX and DY pixels of the screen, in eight steps |
 //! | `light ID DX DY S` | the same within S seconds, at most 60, in 30 steps each second |
 //! | `latency` | waits until the image shows all edits of the desk, at most 60 s, and prints the milliseconds from each edit to the first image with it, and from the last input to the final image |

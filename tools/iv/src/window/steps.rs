@@ -43,7 +43,7 @@ impl App {
             script.steps.pop_front();
         }
         let is_done = match script.steps.front() {
-            Some(Step::Desk) => self.desk.is_idle(),
+            Some(Step::Desk) => self.desk.is_idle(self.latency.last_edit()),
             Some(Step::Latency) => self.latency.is_done(),
             _ => true,
         };

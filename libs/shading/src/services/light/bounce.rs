@@ -313,7 +313,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
             value.map(|v| v.get(i)).filter(|v| *v >= 0.0).unwrap_or(attribute)
         };
         let distance = or(o.maxpixeldist, self.maxpixeldist);
-        if or(o.maxerror, self.maxerror) * self.run.frame.tolerance() <= 0.0 {
+        if or(o.maxerror, self.maxerror) <= 0.0 {
             return None;
         }
         let (p, n) = (self.query.p.get(i), self.axis(lane));
