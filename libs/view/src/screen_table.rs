@@ -19,7 +19,7 @@ pub const SMALL: f32 = 1.0 / 4096.0;
 /// first.
 const LARGEST: f32 = 1.0e30;
 
-/// A matrix and an offset, then where colours are mixed in other ways a cube, then another matrix and offset, then
+/// Where colours are mixed in other ways than by a matrix, a matrix and a cube. Then a matrix and an offset, then
 /// curves. Places in tables are logarithms: entry 0 is the value at 0, and the others are at equal steps of
 /// the logarithm to the base 2. Places outside are clamped. Between the entries of curves, values are interpolated
 /// linearly.
@@ -30,33 +30,21 @@ const LARGEST: f32 = 1.0e30;
 /// it is close to a curve for each component. So such a coarse cube suffices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScreenTable {
-    /// The first matrix, row by row (each row gives one component of the result), and the offset that is added.
-    pub first: Affine,
+    /// The matrix before the cube, row by row. Each row gives one component of the result.
+    pub first: [[f32; 3]; 3],
     /// The entries of the cube, red fastest; empty where there is none.
     pub cube: Vec<[f32; 3]>,
-    /// The matrix and the offset after the cube.
-    pub last: Affine,
+    /// The matrix after the cube, row by row.
+    pub last: [[f32; 3]; 3],
+    /// The offset that is added after it.
+    pub offset: [f32; 3],
     /// The entries of the curves of the three components: values of the screen, from 0 to 1.
     pub curves: Vec<[f32; 3]>,
 }
 
-/// A matrix and an offset.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Affine {
-    /// The matrix, row by row. Each row gives one component of the result.
-    pub matrix: [[f32; 3]; 3],
-    /// What is added to the product.
-    pub offset: [f32; 3],
-}
-
-impl Affine {
-    fn new(matrix: Matrix3, offset: [f64; 3]) -> Self {
-        Self { matrix: matrix.map(|row| row.map(|v| v as f32)), offset: offset.map(|v| v as f32) }
-    }
-
-    fn map(&self, v: [f32; 3]) -> [f32; 3] {
-        [0, 1, 2].map(|c| self.offset[c] + (0..3).map(|k| self.matrix[c][k] * v[k]).sum::<f32>())
-    }
+/// Returns the product of a matrix and a colour.
+fn product(matrix: &[[f32; 3]; 3], v: [f32; 3]) -> [f32; 3] {
+    matrix.map(|row| row.iter().zip(v).map(|(m, v)| m * v).sum())
 }
 
 /// Returns the value at an entry.
@@ -87,31 +75,32 @@ impl ScreenTable {
     pub fn new(to_screen: &Processor) -> Self {
         let (rest, curves_of_screen) = to_screen.split_curves();
         let (mixed, matrix, offset) = rest.split_matrix();
-        let last = Affine::new(matrix, offset);
+        let floats = |matrix: Matrix3| matrix.map(|row| row.map(|v| v as f32));
+        let (last, offset) = (floats(matrix), offset.map(|v| v as f32));
         let mut curves: Vec<[f32; 3]> = (0..CURVES.0).map(|i| [at(i, CURVES); 3]).collect();
         curves_of_screen.apply(curves.as_flattened_mut(), 3);
         curves.as_flattened_mut().iter_mut().for_each(|v| *v = if *v > 0.0 { v.min(1.0) } else { 0.0 });
         if mixed.is_identity() {
-            return Self { first: Affine::new(IDENTITY, [0.0; 3]), cube: Vec::new(), last, curves };
+            return Self { first: floats(IDENTITY), cube: Vec::new(), last, offset, curves };
         }
         let (first, back) = match mixed.first_matrices() {
             first if let Some(back) = inverse(&first) => (first, back),
             _ => (IDENTITY, IDENTITY),
         };
         let n = CUBE.0;
-        let back = Affine::new(back, [0.0; 3]);
-        let color = |k: usize| back.map([k % n, k / n % n, k / n / n].map(|i| at(i, CUBE)));
+        let back = floats(back);
+        let color = |k: usize| product(&back, [k % n, k / n % n, k / n / n].map(|i| at(i, CUBE)));
         let mut cube: Vec<[f32; 3]> = (0..n * n * n).map(color).collect();
         cube.par_chunks_mut(CHUNK).for_each(|colors| {
             mixed.apply(colors.as_flattened_mut(), 3);
             colors.as_flattened_mut().iter_mut().for_each(|v| *v = encoded(*v));
         });
-        Self { first: Affine::new(first, [0.0; 3]), cube, last, curves }
+        Self { first: floats(first), cube, last, offset, curves }
     }
 
     /// Returns a colour by the table, as a program that has it computes it.
     pub fn map(&self, rgb: [f32; 3]) -> [f32; 3] {
-        let mut v = self.first.map(rgb.map(|v| v.clamp(-LARGEST, LARGEST)));
+        let mut v = product(&self.first, rgb.map(|v| v.clamp(-LARGEST, LARGEST)));
         if !self.cube.is_empty() {
             let [(i, x), (j, y), (k, z)] = v.map(|v| place(v, CUBE));
             // The axes by which the second and the last entry differ from their neighbours on the diagonal.
@@ -131,9 +120,9 @@ impl ScreenTable {
             let entry = |c: usize| corners.iter().map(|(at, weight)| weight * self.cube[*at][c]).sum();
             v = [0, 1, 2].map(|c| decoded(entry(c)));
         }
-        let v = self.last.map(v);
+        let v = product(&self.last, v);
         [0, 1, 2].map(|c| {
-            let (i, t) = place(v[c], CURVES);
+            let (i, t) = place(v[c] + self.offset[c], CURVES);
             self.curves[i][c] * (1.0 - t) + self.curves[i + 1][c] * t
         })
     }

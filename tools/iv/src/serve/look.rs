@@ -6,14 +6,14 @@
 //! NAME, "view": NAME}`. Without a view, the display's first one is chosen.
 //!
 //! A table is binary, in little endian: `u32` 0 where messages of pixels have an id, `u32` number of entries of an edge
-//! of the cube, or 0, and of the curves, then as `f32` the first matrix row by row and its offset, the last one and its
+//! of the cube, or 0, and of the curves, then as `f32` the first matrix row by row, the last one, the
 //! offset, the ranges of the cube and of the curves, the scale of the cube, the curves and the cube (see
 //! [`ScreenTable`]).
 
 use super::message::Message;
 use granita_color::Processor;
 use granita_image::{ImageSpec, PixelType};
-use granita_view::screen_table::{Affine, CUBE, CURVES, SMALL};
+use granita_view::screen_table::{CUBE, CURVES, SMALL};
 use granita_view::{Colors, LiveInfo, ScreenTable, Viewing};
 use serde_json::{Value, json};
 
@@ -103,13 +103,12 @@ pub(super) fn shown_channels(names: &[String]) -> Vec<usize> {
 /// Returns a table as the page receives it.
 fn packed(table: &ScreenTable) -> Vec<u8> {
     let edge = if table.cube.is_empty() { 0 } else { CUBE.0 };
-    let mut bytes: Vec<u8> = Vec::with_capacity(128 + 12 * (table.curves.len() + table.cube.len()));
+    let mut bytes: Vec<u8> = Vec::with_capacity(116 + 12 * (table.curves.len() + table.cube.len()));
     for word in [0, edge as u32, CURVES.0 as u32] {
         bytes.extend(word.to_le_bytes());
     }
-    let affine = |part: &Affine| part.matrix.into_iter().flatten().chain(part.offset).collect::<Vec<_>>();
     let numbers = [CUBE.1.0, CUBE.1.1, CURVES.1.0, CURVES.1.1, SMALL];
-    let numbers = [affine(&table.first), affine(&table.last), numbers.to_vec()].concat();
+    let numbers = [table.first.as_flattened(), table.last.as_flattened(), &table.offset, &numbers].concat();
     let values = table.curves.as_flattened().iter().chain(table.cube.as_flattened());
     numbers.iter().chain(values).for_each(|v| bytes.extend(v.to_le_bytes()));
     bytes
@@ -141,7 +140,7 @@ mod tests {
         assert_eq!((&state["display"], &state["view"]), (&json!("sRGB - Display"), &json!("Un-tone-mapped")));
         assert_eq!(
             (state["displays"][0]["name"].clone(), kind, bytes),
-            (json!("sRGB - Display"), 0, 12 + 29 * 4 + CURVES.0 * 12)
+            (json!("sRGB - Display"), 0, 12 + 26 * 4 + CURVES.0 * 12)
         );
         assert!(news(&mut look).is_none());
         assert!(!look.choose(&json!({"show": 1})));
@@ -149,7 +148,7 @@ mod tests {
         let (state, kind, bytes) = news(&mut look).unwrap();
         assert_eq!(
             (&state["view"], kind, bytes),
-            (&json!("ACES 1.0 - SDR Video"), CUBE.0 as u8, 12 + 29 * 4 + (CURVES.0 + CUBE.0.pow(3)) * 12)
+            (&json!("ACES 1.0 - SDR Video"), CUBE.0 as u8, 12 + 26 * 4 + (CURVES.0 + CUBE.0.pow(3)) * 12)
         );
         assert!(look.choose(&json!({"display": "no such"})));
         let (state, ..) = news(&mut look).unwrap();
