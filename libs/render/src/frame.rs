@@ -1,6 +1,7 @@
 //! Renders one camera's images, from primitives to filtered pixels.
 
 mod again;
+mod bias;
 mod bucket;
 mod cells;
 mod demand;

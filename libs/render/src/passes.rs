@@ -54,15 +54,41 @@ impl Accuracy {
     pub(crate) fn of_level(level: i32) -> Self {
         Self { dicing: 2.0_f32.powi(level), tolerance: (Self::FALL as f32).sqrt().powi(level) }
     }
+}
 
-    /// Returns what remains of a bias on a level.
-    pub(crate) fn remains(bias: f64, level: i32) -> f64 {
-        bias * Self::FALL.powi(level)
+/// The mean squared bias of an image over the square of its mean, as it was measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SquaredBias {
+    pub(crate) value: f64,
+    /// The standard deviation of `value`.
+    pub(crate) deviation: f64,
+}
+
+impl SquaredBias {
+    /// Returns the bias, and 0 where it cannot be told from noise.
+    pub(crate) fn root(&self) -> f64 {
+        if self.value > self.deviation { self.value.sqrt() } else { 0.0 }
     }
 
-    /// Returns the squared noise that an image with a bias may have for an error.
-    pub(crate) fn squared_noise(bias: f64, error: f64) -> f64 {
-        (error * error - bias * bias).max(0.5 * error * error)
+    /// Returns the upper end of the one-sided confidence interval of the squared bias, at 95 %.
+    fn bound(&self) -> f64 {
+        self.value.max(0.0) + CONFIDENCE * self.deviation
+    }
+
+    /// True when it is known well enough for a requested error: to a half of itself, or of what the error permits.
+    pub(crate) fn is_known_for(&self, error: f64) -> bool {
+        self.deviation <= 0.5 * self.value.max((Accuracy::SHARE * error).powi(2))
+    }
+
+    /// Returns what remains of it on a level.
+    pub(crate) fn remains(self, level: i32) -> Self {
+        let part = Accuracy::FALL.powi(2 * level);
+        Self { value: part * self.value, deviation: part * self.deviation }
+    }
+
+    /// Returns the squared noise that an image may have for an error. What is not known of the bias counts as bias.
+    pub(crate) fn leaves(&self, error: f64) -> f64 {
+        (error * error - self.bound()).max(0.5 * error * error)
     }
 }
 
@@ -136,7 +162,8 @@ pub struct ErrorEstimate {
 
 impl ErrorEstimate {
     /// Returns the estimate with a bias, which is independent of the noise.
-    pub(crate) fn with_bias(self, bias: f64) -> Self {
+    pub(crate) fn with_bias(self, bias: &SquaredBias) -> Self {
+        let bias = bias.root();
         let [error, bound] = [self.error, self.bound].map(|noise| noise.hypot(bias));
         Self { error, bound, bias: Some(bias), ..self }
     }
@@ -332,12 +359,25 @@ mod tests {
         assert_eq!(Accuracy::of_level(Accuracy::level(0.0, 0.01)), Accuracy::SCENE);
         assert_eq!([0.006, 0.012, 0.025, 1.0].map(|bias| Accuracy::level(bias, 0.01)), [0, 1, 2, 3]);
         assert_eq!(Accuracy::level(f64::NAN, 0.01), 0);
-        let remains = Accuracy::remains(0.025, 2);
-        assert!(remains < 0.6 * 0.01 && Accuracy::of_level(2).dicing == 4.0);
-        let noise = Accuracy::squared_noise(remains, 0.01);
-        assert!((noise.sqrt().hypot(remains) - 0.01).abs() < 1e-9);
+        let bias = |root: f64| SquaredBias { value: root * root, deviation: 0.0 };
+        let remains = bias(0.025).remains(2);
+        assert!(remains.root() < 0.6 * 0.01 && Accuracy::of_level(2).dicing == 4.0);
+        let noise = remains.leaves(0.01);
+        assert!((noise.sqrt().hypot(remains.root()) - 0.01).abs() < 1e-9);
         // What cannot be reached is no reason for passes without end.
-        assert_eq!(Accuracy::squared_noise(0.5, 0.01), 0.00005);
+        assert_eq!(bias(0.5).leaves(0.01), 0.00005);
+    }
+
+    #[test]
+    fn what_is_not_known_of_bias_counts_as_bias() {
+        let unsure = SquaredBias { value: 1e-5, deviation: 2e-5 };
+        assert_eq!(unsure.root(), 0.0);
+        assert!((unsure.leaves(0.01) - (1e-4 - 1e-5 - CONFIDENCE * 2e-5)).abs() < 1e-12);
+        assert!(unsure.is_known_for(0.02) && !unsure.is_known_for(0.01));
+        let estimate = ErrorEstimate { error: 0.003, bound: 0.004, ..ErrorEstimate::default() };
+        assert_eq!(estimate.with_bias(&unsure), ErrorEstimate { bias: Some(0.0), ..estimate });
+        let sure = SquaredBias { value: 1.6e-5, deviation: 1e-6 };
+        assert!((estimate.with_bias(&sure).error - 0.005).abs() < 1e-9);
     }
 
     #[test]

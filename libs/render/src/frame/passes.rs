@@ -5,8 +5,8 @@ use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
-use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule};
-use granita_base::{NoiseSource, PassNumbers, sample};
+use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
+use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
 use granita_scene::Scene;
@@ -24,15 +24,15 @@ pub(super) struct Passes {
     first: u32,
     /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
     /// frame, and show where more are needed. Before them there may be as many that showed that more accuracy is.
-    first_of_tiles: u32,
+    pub(super) first_of_tiles: u32,
     /// The level of [`Accuracy`] of the passes that are rendered.
-    level: i32,
-    /// What the passes of an image have in common: the bias of each sum over its mean, once it was measured.
-    bias: Vec<f64>,
+    pub(super) level: i32,
+    /// What the passes of an image have in common, for each sum. Empty when it was not measured.
+    pub(super) bias: Vec<SquaredBias>,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
     crop: PixelRect,
     /// The sums of the images of each eye, one eye after the other.
-    sums: Vec<Mutex<Accumulated>>,
+    pub(super) sums: Vec<Mutex<Accumulated>>,
 }
 
 impl Passes {
@@ -42,7 +42,7 @@ impl Passes {
     }
 
     /// True when the error of an image is estimated.
-    fn has_colors(&self) -> bool {
+    pub(super) fn has_colors(&self) -> bool {
         self.sums.iter().any(|sum| sum.lock().colors() > 0)
     }
 }
@@ -59,38 +59,6 @@ pub(super) struct Passed {
 
 /// The factor by which the reached error may exceed the requested one. The first passes show it to a few percent.
 const TOLERANCE: f64 = 1.05;
-
-/// The side of the parts of an image in which bias is measured, in pixels, and their largest number.
-const PROBE: i32 = 16;
-const PROBES: usize = 12;
-
-/// A part of an image in which bias is measured.
-struct Probe {
-    rect: PixelRect,
-    /// The number of times that it was chosen.
-    times: f64,
-    /// The sum over all probes of the factor times a value estimates the sum of the value over all parts.
-    factor: f64,
-}
-
-/// Returns the mean squared bias of an image, from the differences that two passes have in `probes` from passes with
-/// the same numbers and more accuracy. The passes are independent, so that their noise has no part in it. It is 0 where
-/// it is less than the standard deviation of its estimate.
-fn squared_bias(sum: &Accumulated, probes: &[Probe], [a, b]: [&Vec<f32>; 2]) -> f64 {
-    // The sum over the image of each choice alone, as if all choices were like it.
-    let choices: f64 = probes.iter().map(|probe| probe.times).sum();
-    let (mut sums, mut pixels) = (Vec::with_capacity(probes.len()), 0.0);
-    for Probe { rect, times, factor } in probes {
-        let (product, n) = sum.covariance(rect, [a, b]);
-        let own = factor * n as f64;
-        sums.push((*times, product * own * choices / times));
-        pixels += own;
-    }
-    let mean = sums.iter().map(|(times, sum)| times * sum).sum::<f64>() / choices;
-    let spread = sums.iter().map(|(times, sum)| times * (sum - mean).powi(2)).sum::<f64>();
-    let deviation = (spread / (choices * (choices - 1.0))).sqrt();
-    if mean > deviation { mean / pixels } else { 0.0 }
-}
 
 /// What decides where an image needs more passes, and the mean of its colours.
 type Decision = Option<(Rule, f64)>;
@@ -156,10 +124,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if let Some(error) = plan.error {
                 // The time of two passes is more than it takes, unless the image is small.
                 let time = last.map_or(Duration::ZERO, |(time, _)| 2 * time);
-                if completed == PILOT
-                    && (!plan.has_time_for(time) || !self.measure_bias(scene, plan, error, canvases, threads))
-                {
-                    break;
+                if completed == PILOT && plan.has_time_for(time) {
+                    self.measure_bias(scene, plan, error, canvases, threads);
                 }
                 if self.passes.as_ref().is_some_and(|passes| passes.first_of_tiles == completed) {
                     decisions = self.decisions(error);
@@ -194,7 +160,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at
     /// the time `limit` or because the frame was stopped.
-    fn render_pass(
+    pub(super) fn render_pass(
         &mut self,
         scene: &Scene,
         limit: Option<Instant>,
@@ -266,71 +232,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
     }
 
-    /// Sets how accurately the following passes compute what they have in common.
-    fn set_accuracy(&mut self, accuracy: Accuracy) {
-        self.dicing.finer = accuracy.dicing;
-        self.shader.set_tolerance(accuracy.tolerance);
-    }
-
-    /// Measures the bias of the images from the first passes, and sets the accuracy that the requested error needs.
-    /// Where that is finer than what the scene says, the images begin again with the next pass. Returns false when the
-    /// measurement was given up.
-    fn measure_bias(
-        &mut self,
-        scene: &Scene,
-        plan: &PassPlan,
-        error: f32,
-        canvases: &[Mutex<Canvas>],
-        threads: usize,
-    ) -> bool {
-        let camera = self.options.camera;
-        if let Some(passes) = self.passes.as_mut().filter(|passes| !passes.has_colors()) {
-            passes.bias = vec![0.0; passes.sums.len()];
-            return true;
-        }
-        let probes = self.probes();
-        let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
-        let cells: Vec<[i32; 2]> = probes.iter().map(|probe| cell(&probe.rect)).collect();
-        let order = BucketOrder::plain(&camera.bucketorder);
-        let side = PROBE.unsigned_abs();
-        let of_probes = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
-        let all = of_probes.order.iter().enumerate();
-        let list: Vec<usize> =
-            all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
-        let limit = plan.deadline.map(|deadline| deadline + plan.grace);
-        let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        self.set_accuracy(Accuracy::FINER);
-        // For each pass, the differences of each image.
-        let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
-        for pass in 0..PILOT {
-            self.begin_pass(scene, PassNumbers::of(pass), false, true);
-            if self.render_pass(scene, limit, canvases, threads, &list).is_none() {
-                break;
-            }
-            let mut found = Vec::new();
-            self.each_sum(|sum| found.push(sum.differences(pass as usize)));
-            differences.push(found);
-        }
-        self.buckets = buckets;
-        self.set_accuracy(Accuracy::SCENE);
-        let ([first, second], Some(passes)) = (&differences[..], &mut self.passes) else { return false };
-        let of_sums = passes.sums.iter().zip(first.iter().zip(second));
-        let bias: Vec<f64> = of_sums
-            .map(|(sum, (a, b))| {
-                let sum = sum.lock();
-                let mean = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0);
-                mean.map_or(0.0, |mean| squared_bias(&sum, &probes, [a, b]).sqrt() / mean.abs())
-            })
-            .collect();
-        let level = bias.iter().map(|bias| Accuracy::level(*bias, error.into())).max().unwrap_or(0);
-        passes.bias = bias;
-        if level > 0 {
-            (passes.level, passes.first_of_tiles) = (level, 2 * PILOT);
-            self.set_accuracy(Accuracy::of_level(level));
-        }
-        true
-    }
-
     /// Adds a complete pass to the images. The first ones with more accuracy replace those before when there are enough
     /// of them to know their error.
     fn add_pass(&mut self, number: u32) {
@@ -342,35 +243,14 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             }
             passes.first = begun;
             let level = passes.level;
-            passes.bias.iter_mut().for_each(|bias| *bias = Accuracy::remains(*bias, level));
+            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains(level));
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
     }
 
-    /// Chooses small parts of the image in which the bias is measured, more often where there is contrast.
-    fn probes(&self) -> Vec<Probe> {
-        let Some(passes) = &self.passes else { return Vec::new() };
-        let parts = Accumulated::cut(&self.options.camera.crop, PROBE);
-        let contrast = |part: &PixelRect| -> f64 {
-            let of = |sum: &Mutex<Accumulated>| {
-                let sum = sum.lock();
-                let squared = sum.mean().map_or(0.0, |mean| mean * mean);
-                if squared > 0.0 { sum.contrast(part) / squared } else { 0.0 }
-            };
-            passes.sums.iter().map(of).sum()
-        };
-        let contrasts: Vec<f64> = parts.iter().map(contrast).collect();
-        let count = (parts.len() / 12).clamp(4, PROBES);
-        let chosen = sample::in_proportion(&contrasts, count, 0.2);
-        chosen
-            .into_iter()
-            .map(|(part, times, factor)| Probe { rect: parts[part], times: times as f64, factor })
-            .collect()
-    }
-
     /// Calls `each` with the sum of every image.
-    fn each_sum(&self, mut each: impl FnMut(&mut Accumulated)) {
+    pub(super) fn each_sum(&self, mut each: impl FnMut(&mut Accumulated)) {
         let sums = self.passes.iter().flat_map(|passes| &passes.sums);
         sums.for_each(|sum| each(&mut sum.lock()));
     }
@@ -378,7 +258,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
     /// tiles instead of buckets. Tiles do not depend on the size of buckets.
     /// `is_apart` is true for a pass that is no part of the images.
-    fn begin_pass(&mut self, scene: &Scene, numbers: PassNumbers, has_tiles: bool, is_apart: bool) {
+    pub(super) fn begin_pass(
+        &mut self,
+        scene: &Scene,
+        numbers: PassNumbers,
+        has_tiles: bool,
+        is_apart: bool,
+    ) {
         let camera = self.options.camera;
         let pass = numbers.pass;
         let mut first_of_tiles = PILOT;
@@ -438,13 +324,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     fn decisions(&self, error: f32) -> Vec<Decision> {
         let whole = self.options.camera.crop;
         let error = f64::from(error);
-        let decision = |(sum, bias): (&Mutex<Accumulated>, &f64)| {
+        let decision = |(sum, bias): (&Mutex<Accumulated>, SquaredBias)| {
             let sum = sum.lock();
             let mean = sum.mean().filter(|_| sum.colors() > 0)?;
             let tiles: Vec<_> = Accumulated::cut(&whole, TILE).iter().map(|tile| sum.spot(tile)).collect();
-            Some((Rule::new(&tiles, Accuracy::squared_noise(*bias, error) * mean * mean), mean))
+            Some((Rule::new(&tiles, bias.leaves(error) * mean * mean), mean))
         };
-        self.passes.iter().flat_map(|passes| passes.sums.iter().zip(&passes.bias)).map(decision).collect()
+        let Some(passes) = &self.passes else { return Vec::new() };
+        let bias = passes.bias.iter().copied().chain(std::iter::repeat(SquaredBias::default()));
+        passes.sums.iter().zip(bias).map(decision).collect()
     }
 
     /// Renders the buckets of `list`. Gives up at the time `limit`. Returns the number of buckets that failed, and true
@@ -508,7 +396,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             }
             let error = mean.and_then(|mean| sum.error(&passes.crop, mean));
             errors
-                .push(error.map(|error| passes.bias.get(index).map_or(error, |bias| error.with_bias(*bias))));
+                .push(error.map(|error| passes.bias.get(index).map_or(error, |bias| error.with_bias(bias))));
         }
         errors
     }

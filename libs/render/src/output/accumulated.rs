@@ -123,7 +123,7 @@ impl Accumulated {
     }
 
     /// Returns the sum of no passes, the first `passes` of which are kept for [`Accumulated::compare`] and
-    /// [`Accumulated::differences`].
+    /// [`Accumulated::early`].
     pub(crate) fn keeping(mut self, passes: u32) -> Self {
         let colors = self.counts.len() * self.colors.len();
         self.early = (0..passes).map(|_| vec![0.0; colors]).collect();
@@ -249,13 +249,15 @@ impl Accumulated {
     /// part of the mean squared error of the pixels of a rectangle that comes from the source.
     pub(crate) fn compare(&mut self, rect: &PixelRect) -> f64 {
         let colors = self.colors.len().max(1);
-        let differences = self.differences(0);
+        let (all, early) = (self.drop_colors(), self.early(0));
         let (mut sum, mut pixels) = (0.0, 0_usize);
         for [x, y] in places(rect) {
             let pixel = self.pixel(x, y);
-            let Some(own) = differences.chunks_exact(colors).nth(pixel) else { continue };
+            let part = pixel * colors..(pixel + 1) * colors;
+            let Some((own, early)) = all.get(part.clone()).zip(early.get(part)) else { continue };
             // Half of the squared difference of two values is their variance.
-            let variance = own.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / (2 * colors) as f64;
+            let squares = own.iter().zip(early).map(|(a, b)| f64::from(a - b).powi(2));
+            let variance = squares.sum::<f64>() / (2 * colors) as f64;
             if variance.is_finite() {
                 sum += variance / f64::from(self.counts[pixel].max(1));
                 pixels += 1;
@@ -264,38 +266,36 @@ impl Accumulated {
         sum / pixels.max(1) as f64
     }
 
-    /// Drops the values of a pass. Returns, for each pixel, the differences of its colours from those of an early pass,
-    /// and NaN for pixels that the pass does not have.
-    pub(crate) fn differences(&mut self, early: usize) -> Vec<f32> {
-        let colors = self.colors.len();
-        let mut differences = vec![f32::NAN; self.counts.len() * colors];
-        for (part, values) in std::mem::take(&mut self.fresh) {
-            for ([x, y], own) in places(&part).zip(values.chunks_exact(self.channels.max(1))) {
-                let pixel = self.pixel(x, y);
-                let Some(early) = self.early.get(early) else { continue };
-                let early = &early[pixel * colors..][..colors];
-                let out = &mut differences[pixel * colors..][..colors];
-                for ((c, early), out) in self.colors.iter().zip(early).zip(out) {
-                    *out = own[*c] - early;
-                }
-            }
-        }
-        differences
+    /// Returns the colours of all pixels in one of the passes that are kept.
+    pub(crate) fn early(&self, pass: usize) -> &[f32] {
+        self.early.get(pass).map_or(&[], Vec::as_slice)
     }
 
-    /// Returns the mean over a rectangle of the products of differences of two passes, and the number of pixels.
-    pub(crate) fn covariance(&self, rect: &PixelRect, [a, b]: [&[f32]; 2]) -> (f64, usize) {
+    /// Drops the values of a pass. Returns the colours of all pixels, NaN for pixels that the pass does not have.
+    pub(crate) fn drop_colors(&mut self) -> Vec<f32> {
         let colors = self.colors.len();
-        let (mut sum, mut pixels) = (0.0, 0);
-        for [x, y] in places(&rect.intersection(&self.rect)) {
-            let all = self.pixel(x, y) * colors..(self.pixel(x, y) + 1) * colors;
-            let products = a[all.clone()].iter().zip(&b[all]).map(|(a, b)| f64::from(*a) * f64::from(*b));
-            let product = products.sum::<f64>() / colors.max(1) as f64;
-            if product.is_finite() {
-                (sum, pixels) = (sum + product, pixels + 1);
+        let mut all = vec![f32::NAN; self.counts.len() * colors];
+        for (part, values) in std::mem::take(&mut self.fresh) {
+            for ([x, y], own) in places(&part).zip(values.chunks_exact(self.channels.max(1))) {
+                let out = &mut all[self.pixel(x, y) * colors..][..colors];
+                self.colors.iter().zip(out).for_each(|(c, out)| *out = own[*c]);
             }
         }
-        (sum / pixels.max(1) as f64, pixels)
+        all
+    }
+
+    /// Returns the part of the colours of all pixels that lies in rectangles, one rectangle after the other.
+    pub(crate) fn colors_in(&self, rects: &[PixelRect], all: &[f32]) -> Vec<f32> {
+        let colors = self.colors.len();
+        let rects = rects.iter().map(|rect| rect.intersection(&self.rect));
+        let pixels = rects.flat_map(|rect| places(&rect)).map(|[x, y]| self.pixel(x, y));
+        pixels.flat_map(|pixel| &all[pixel * colors..][..colors]).copied().collect()
+    }
+
+    /// Returns the number of values of colours in a rectangle.
+    pub(crate) fn values_in(&self, rect: &PixelRect) -> usize {
+        let rect = rect.intersection(&self.rect);
+        rect.width() * rect.height() * self.colors.len()
     }
 
     /// Returns the sum of the squared differences between neighbouring pixels of a rectangle.
