@@ -93,7 +93,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let side = PROBE.unsigned_abs();
         let of_probes = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
         let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes(scene, plan, error.into(), &probes, canvases, threads);
+        let bias = self.bias_of_probes((scene, plan), error.into(), &probes, canvases, threads);
         self.buckets = buckets;
         self.set_accuracy(Accuracy::SCENE);
         let Some((passes, bias)) = self.passes.as_mut().zip(bias) else { return };
@@ -109,8 +109,7 @@ impl<S: FrameShader> Frame<'_, S> {
     /// when the measurement was given up.
     fn bias_of_probes(
         &mut self,
-        scene: &Scene,
-        plan: &PassPlan,
+        (scene, plan): (&Scene, &PassPlan),
         error: f64,
         probes: &[Probe],
         canvases: &[Mutex<Canvas>],
