@@ -70,11 +70,6 @@ impl SquaredBias {
         if self.value > self.deviation { self.value.sqrt() } else { 0.0 }
     }
 
-    /// Returns the upper end of the one-sided confidence interval of the squared bias, at 95 %.
-    fn bound(&self) -> f64 {
-        self.value.max(0.0) + CONFIDENCE * self.deviation
-    }
-
     /// True when it is known well enough for a requested error: to a half of itself, or of what the error permits.
     pub(crate) fn is_known_for(&self, error: f64) -> bool {
         self.deviation <= 0.5 * self.value.max((Accuracy::SHARE * error).powi(2))
@@ -86,9 +81,12 @@ impl SquaredBias {
         Self { value: part * self.value, deviation: part * self.deviation }
     }
 
-    /// Returns the squared noise that an image may have for an error. What is not known of the bias counts as bias.
+    /// Returns the squared noise that an image may have for an error. What is not known of the bias counts as bias, up
+    /// to a quarter of the squared error, because less noise removes no bias.
     pub(crate) fn leaves(&self, error: f64) -> f64 {
-        (error * error - self.bound()).max(0.5 * error * error)
+        let squared = error * error;
+        let unknown = self.deviation.min(0.25 * squared);
+        (squared - self.value.max(0.0) - unknown).max(0.5 * squared)
     }
 }
 
@@ -372,7 +370,8 @@ mod tests {
     fn what_is_not_known_of_bias_counts_as_bias() {
         let unsure = SquaredBias { value: 1e-5, deviation: 2e-5 };
         assert_eq!(unsure.root(), 0.0);
-        assert!((unsure.leaves(0.01) - (1e-4 - 1e-5 - CONFIDENCE * 2e-5)).abs() < 1e-12);
+        assert!((unsure.leaves(0.01) - 7e-5).abs() < 1e-12);
+        assert!((SquaredBias { deviation: 1.0, ..unsure }.leaves(0.01) - 6.5e-5).abs() < 1e-12);
         assert!(unsure.is_known_for(0.02) && !unsure.is_known_for(0.01));
         let estimate = ErrorEstimate { error: 0.003, bound: 0.004, ..ErrorEstimate::default() };
         assert_eq!(estimate.with_bias(&unsure), ErrorEstimate { bias: Some(0.0), ..estimate });

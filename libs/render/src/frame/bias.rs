@@ -9,13 +9,14 @@ use crate::passes::{Accuracy, PILOT, PassPlan, SquaredBias};
 use granita_base::{PassNumbers, sample};
 use granita_scene::Scene;
 use parking_lot::Mutex;
+use std::time::Duration;
 
 /// The side of the parts of an image in which bias is measured, in pixels, and their largest number.
 const PROBE: i32 = 16;
 const PROBES: usize = 12;
 
 /// The largest number of passes that bias is measured with.
-const MOST_PASSES: u32 = 8;
+const MOST_PASSES: u32 = 16;
 
 /// A part of an image in which bias is measured.
 struct Probe {
@@ -74,29 +75,38 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Measures the bias of the images after the first passes, and sets the accuracy that the requested error needs.
-    /// Where that is finer than what the scene says, the images begin again with the next pass. Does nothing when it
-    /// is stopped.
+    /// Where that is finer than what the scene says, the images begin again with the next pass. `time` is that of one
+    /// pass. Without the time for the measurement, the following passes render the whole frame: then the images are
+    /// those of as many passes without a requested error, and time has decided only their number.
     pub(super) fn measure_bias(
         &mut self,
-        scene: &Scene,
-        plan: &PassPlan,
+        (scene, plan): (&Scene, &PassPlan),
         error: f32,
+        time: Duration,
         canvases: &[Mutex<Canvas>],
         threads: usize,
     ) {
         if !self.passes.as_ref().is_some_and(super::passes::Passes::has_colors) {
             return;
         }
-        let camera = self.options.camera;
-        let probes = self.probes();
-        let order = BucketOrder::plain(&camera.bucketorder);
-        let side = PROBE.unsigned_abs();
-        let of_probes = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
-        let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes((scene, plan), error.into(), &probes, canvases, threads);
-        self.buckets = buckets;
-        self.set_accuracy(Accuracy::SCENE);
-        let Some((passes, bias)) = self.passes.as_mut().zip(bias) else { return };
+        let most = self.most_passes_of_bias(error.into());
+        let bias = plan.has_time_for(time * most).then(|| {
+            let camera = self.options.camera;
+            let probes = self.probes();
+            let order = BucketOrder::plain(&camera.bucketorder);
+            let side = PROBE.unsigned_abs();
+            let of_probes = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
+            let buckets = std::mem::replace(&mut self.buckets, of_probes);
+            let bias = self.bias_of_probes((scene, plan), (error.into(), most), &probes, canvases, threads);
+            self.buckets = buckets;
+            self.set_accuracy(Accuracy::SCENE);
+            bias
+        });
+        let Some(passes) = &mut self.passes else { return };
+        let Some(bias) = bias.flatten() else {
+            passes.first_of_tiles = u32::MAX;
+            return;
+        };
         let level = bias.iter().map(|bias| Accuracy::level(bias.root(), error.into())).max().unwrap_or(0);
         passes.bias = bias;
         if level > 0 {
@@ -105,12 +115,12 @@ impl<S: FrameShader> Frame<'_, S> {
         }
     }
 
-    /// Returns the squared bias of each image, from as many passes as the requested error needs and is worth; `None`
+    /// Returns the squared bias of each image, from as many passes as the requested error needs, at most `most`; `None`
     /// when the measurement was given up.
     fn bias_of_probes(
         &mut self,
         (scene, plan): (&Scene, &PassPlan),
-        error: f64,
+        (error, most): (f64, u32),
         probes: &[Probe],
         canvases: &[Mutex<Canvas>],
         threads: usize,
@@ -122,10 +132,10 @@ impl<S: FrameShader> Frame<'_, S> {
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
         let limit = plan.deadline.map(|deadline| deadline + plan.grace);
-        let most = self.most_passes_of_bias(error);
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
-        for pass in 0.. {
+        let mut bias = Vec::new();
+        for pass in 0..most {
             let render = |frame: &mut Self, accuracy| {
                 frame.set_accuracy(accuracy);
                 frame.begin_pass(scene, PassNumbers::of(pass), false, true);
@@ -158,16 +168,16 @@ impl<S: FrameShader> Frame<'_, S> {
                 let mean = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0);
                 mean.map_or_else(SquaredBias::default, |mean| squared_bias(&sum, mean, probes, passes))
             };
-            let bias: Vec<SquaredBias> = sums.zip(&differences).map(of_sum).collect();
-            if pass + 1 >= most || bias.iter().all(|bias| bias.is_known_for(error)) {
-                return Some(bias);
+            bias = sums.zip(&differences).map(of_sum).collect();
+            if bias.iter().all(|bias| bias.is_known_for(error)) {
+                break;
             }
         }
-        None
+        Some(bias)
     }
 
-    /// Returns the largest number of passes that the bias is measured with: a part of those that the requested error
-    /// needs, as far as the first passes show it.
+    /// Returns the largest number of passes that the bias is measured with: a quarter of those that the requested
+    /// error needs, as far as the first passes show it.
     fn most_passes_of_bias(&self, error: f64) -> u32 {
         let whole = self.options.camera.crop;
         let needed = |sum: &Mutex<Accumulated>| {
@@ -176,8 +186,8 @@ impl<S: FrameShader> Frame<'_, S> {
             f64::from(PILOT) * (noise / error).powi(2)
         };
         let needed = self.passes.iter().flat_map(|passes| &passes.sums).map(needed).fold(0.0, f64::max);
-        // A pass in the probes, with both accuracies, takes about half of the time of a pass.
-        ((needed / 2.0) as u32).clamp(2 * PILOT, MOST_PASSES)
+        // A pass in the probes, with both accuracies, takes about half of the time of a pass, and more in small images.
+        ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
     }
 
     /// Chooses small parts of the image in which the bias is measured, more often where there is contrast.

@@ -23,7 +23,8 @@ pub(super) struct Passes {
     /// The first pass that is a part of the images. Those before were not accurate enough.
     first: u32,
     /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
-    /// frame, and show where more are needed. Before them there may be as many that showed that more accuracy is.
+    /// frame, and show where more are needed. Before them there may be as many that showed that more accuracy is. It is
+    /// `u32::MAX` when the time was too short to know that.
     pub(super) first_of_tiles: u32,
     /// The level of [`Accuracy`] of the passes that are rendered.
     pub(super) level: i32,
@@ -122,10 +123,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut reserved = Duration::ZERO;
         while completed < plan.most() {
             if let Some(error) = plan.error {
-                // The time of two passes is more than it takes, unless the image is small.
-                let time = last.map_or(Duration::ZERO, |(time, _)| 2 * time);
-                if completed == PILOT && plan.has_time_for(time) {
-                    self.measure_bias(scene, plan, error, canvases, threads);
+                if completed == PILOT {
+                    let time = last.map_or(Duration::ZERO, |(time, _)| time);
+                    self.measure_bias((scene, plan), error, time, canvases, threads);
                 }
                 if self.passes.as_ref().is_some_and(|passes| passes.first_of_tiles == completed) {
                     decisions = self.decisions(error);

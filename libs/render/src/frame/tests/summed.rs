@@ -199,6 +199,27 @@ fn time_decides_only_the_number_of_passes() {
 }
 
 #[test]
+fn time_decides_only_the_number_of_passes_of_a_requested_error() {
+    let build = busy();
+    let view = build.view(&[]);
+    let render = |plan| summed(&build, &view, 2, ("rgba", &[]), (&noisy(), plan));
+    // The number of passes that end in a time varies with the machine, but not what they make.
+    let run = |times: u32| {
+        let begin = Instant::now();
+        render(passes(1));
+        let deadline = Instant::now() + begin.elapsed() * times;
+        let (pixels, report) = render(PassPlan { deadline: Some(deadline), ..error(0.05) });
+        let is_measured = report.error.is_some_and(|error| error.bias.is_some());
+        let plan = if is_measured { error(0.05) } else { passes(1) };
+        let (again, same) = render(PassPlan { passes: Some(report.passes), ..plan });
+        assert!(pixels == again, "{times} times: {report:?} {same:?}");
+        (is_measured, report.passes)
+    };
+    assert!((1..60).any(|times| matches!(run(times), (false, 3..))), "bias was always measured");
+    assert!((20..60).any(|times| run(times).0), "bias was never measured");
+}
+
+#[test]
 fn a_stopped_frame_has_the_passes_that_were_completed() {
     /// Stops the frame in its fifth pass.
     struct Stops<'a>(Noisy, &'a AtomicBool);
