@@ -216,11 +216,12 @@ impl<S: FrameShader> Frame<'_, S> {
 #[cfg(test)]
 mod tests {
     use super::covariance;
+    use granita_base::hash;
 
     #[test]
     fn noise_has_no_part_in_covariance() {
-        let noise = |k: u32| (k.wrapping_mul(2_654_435_761) >> 8) as f32 / (1 << 24) as f32 - 0.5;
-        let pass = |number: u32| (0..10_000).map(|k| 0.1 + noise(10_000 * number + k)).collect::<Vec<f32>>();
+        let noise = |number: u32, k: u32| hash::unit(hash::words(&[number, k])) - 0.5;
+        let pass = |number: u32| (0..10_000).map(|k| 0.1 + noise(number, k)).collect::<Vec<f32>>();
         let passes: Vec<Vec<f32>> = (0..6).map(pass).collect();
         let all: Vec<&[f32]> = passes.iter().map(Vec::as_slice).collect();
         let (product, colors) = covariance(&all);
