@@ -40,7 +40,7 @@ impl Source for LiveSource {
         let rect = PixelRect::at((tx * TILE) as i32, (ty * TILE) as i32, width, height);
         let values = self.live.read(&self.info.name, rect, &channels)?;
         let pixels = Pixels::Float(values);
-        Ok(vec![((tx, ty), Tile { width, height, channels: channels.len(), pixels, whole: true })])
+        Ok(vec![((tx, ty), Tile { width, height, channels: channels.len(), pixels, missing: false })])
     }
 }
 

@@ -42,6 +42,6 @@ impl Source for Plane {
             &self.values[at * self.channels..(at + width as usize) * self.channels]
         };
         let pixels = Pixels::Float((0..height).flat_map(row).copied().collect());
-        Ok(vec![((tx, ty), Tile { width, height, channels: self.channels, pixels, whole: true })])
+        Ok(vec![((tx, ty), Tile { width, height, channels: self.channels, pixels, missing: false })])
     }
 }

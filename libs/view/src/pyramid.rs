@@ -166,12 +166,14 @@ impl Pyramid {
             let (n, pixel_type) = (self.source.channels(), self.source.pixel_type());
             let row: Vec<Arc<Tile>> = match self.source.read(base, 0, ty) {
                 Ok(tiles) => tiles.into_iter().map(|(_, tile)| Arc::new(tile)).collect(),
-                Err(_) => (0..across)
-                    .map(|tx| {
+                Err(_) => {
+                    // All but the last have the same size.
+                    let missing = [0, across - 1].map(|tx| {
                         let (w, h) = tile_size(size, tx, ty);
-                        Arc::new(Tile { whole: false, ..Tile::zeros(w, h, n, pixel_type) })
-                    })
-                    .collect(),
+                        Arc::new(Tile::missing(w, h, n, pixel_type))
+                    });
+                    (0..across).map(|tx| missing[usize::from(tx + 1 == across)].clone()).collect()
+                }
             };
             self.push_row(base, ty, row, &mut pending);
         }
@@ -243,7 +245,7 @@ impl Pyramid {
         // When one of the four cannot be read, the other three are still shown.
         let tiles = [finer(0, 0), finer(1, 0), finer(0, 1), finer(1, 1)];
         let mut error = None;
-        let (mut found, mut missing) = (false, false);
+        let mut found = false;
         let size = (self.levels[level - 1].width, self.levels[level - 1].height);
         let tiles: Vec<Option<Arc<Tile>>> = (tiles.into_iter().enumerate())
             .map(|(i, tile)| match tile {
@@ -253,10 +255,9 @@ impl Pyramid {
                 }
                 Err(e) => {
                     error = Some(e);
-                    missing = true;
                     let (w, h) = tile_size(size, 2 * tx + i as u32 % 2, 2 * ty + i as u32 / 2);
                     let (n, pixel_type) = (self.source.channels(), self.source.pixel_type());
-                    Some(Arc::new(Tile { whole: false, ..Tile::zeros(w, h, n, pixel_type) }))
+                    Some(Arc::new(Tile::missing(w, h, n, pixel_type)))
                 }
             })
             .collect();
@@ -265,9 +266,7 @@ impl Pyramid {
         }
         let (w, h) = tile_size((l.width, l.height), tx, ty);
         let four = [0, 1, 2, 3].map(|i| tiles[i].as_deref());
-        let mut tile = Tile::reduced(four, w, h, &self.reduce);
-        tile.whole &= !missing;
-        let tile = Arc::new(tile);
+        let tile = Arc::new(Tile::reduced(four, w, h, &self.reduce));
         self.store.insert([(self.key(level, tx, ty), tile.clone())]);
         Ok(tile)
     }

@@ -68,7 +68,7 @@ pub(crate) fn of_rows(
         values.extend(a.values.iter().zip(&b.values).map(|(a, b)| a + (b - a) * t));
     }
     let pixels = Pixels::from_floats(spec.pixel_type, &values);
-    Some(Sketch { halvings, tiles: cut((width, height), n, 0, &pixels, true) })
+    Some(Sketch { halvings, tiles: cut((width, height), n, 0, &pixels) })
 }
 
 /// Returns means over spans of `scale` columns and over a few of the rows.

@@ -130,10 +130,10 @@ impl FilePage {
         fault.get_or_insert_with(|| error.to_string());
     }
 
-    /// Returns rows `y0..y1`, and true when all could be read. Rows that cannot be read are 0.
-    fn read_rows(&self, level: usize, y0: u32, y1: u32) -> Result<(Pixels, bool)> {
+    /// Returns rows `y0..y1`. Rows that cannot be read are 0.
+    fn read_rows(&self, level: usize, y0: u32, y1: u32) -> Result<Pixels> {
         let first = match self.input.read_rows(self.image, level, y0, y1) {
-            Ok(pixels) => return Ok((pixels, true)),
+            Ok(pixels) => return Ok(pixels),
             Err(error) => error,
         };
         self.note(&first);
@@ -174,7 +174,7 @@ impl FilePage {
                 }
             }
         }
-        if found { Ok((out, false)) } else { Err(first.into()) }
+        if found { Ok(out) } else { Err(first.into()) }
     }
 
     /// Returns tile (tx, ty) and all others that the file's own tiles under it cover completely.
@@ -213,10 +213,7 @@ impl FilePage {
                 if left >= right || top >= bottom {
                     continue;
                 }
-                let Ok(stored) = &stored else {
-                    tile.whole = false;
-                    continue;
-                };
+                let Ok(stored) = &stored else { continue };
                 let copy = BlockCopy {
                     from_width: tw as usize,
                     from: ((left - cx * tw) as usize, (top - cy * th) as usize),
@@ -273,8 +270,8 @@ impl Source for FilePage {
         }
         let y0 = ty * TILE / self.rows.at_once * self.rows.at_once;
         let y1 = y0.saturating_add(self.rows.at_once).min(spec.height);
-        let (pixels, whole) = self.read_rows(level, y0, y1)?;
-        Ok(cut((spec.width, spec.height), spec.nchannels(), y0, &pixels, whole))
+        let pixels = self.read_rows(level, y0, y1)?;
+        Ok(cut((spec.width, spec.height), spec.nchannels(), y0, &pixels))
     }
 
     fn fault(&self) -> Option<String> {

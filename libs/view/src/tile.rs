@@ -16,8 +16,8 @@ pub struct Tile {
     pub channels: usize,
     /// `width * height * channels` values.
     pub pixels: Pixels,
-    /// True when all of it could be read. Pixels that could not be read are 0.
-    pub whole: bool,
+    /// True when nothing of it could be read. All values are 0 then, as those are that could not be read otherwise.
+    pub missing: bool,
 }
 
 /// The reduction of the texels of a finer level to one texel.
@@ -44,7 +44,12 @@ impl Tile {
     /// Returns a black tile.
     pub fn zeros(width: u32, height: u32, channels: usize, pixel_type: PixelType) -> Self {
         let n = width as usize * height as usize * channels;
-        Self { width, height, channels, pixels: Pixels::zeros(pixel_type, n), whole: true }
+        Self { width, height, channels, pixels: Pixels::zeros(pixel_type, n), missing: false }
+    }
+
+    /// Returns a tile of which nothing could be read.
+    pub(crate) fn missing(width: u32, height: u32, channels: usize, pixel_type: PixelType) -> Self {
+        Self { missing: true, ..Self::zeros(width, height, channels, pixel_type) }
     }
 
     /// Returns the bytes of its memory.
@@ -90,6 +95,9 @@ impl Tile {
     pub(crate) fn reduced(finer: [Option<&Self>; 4], width: u32, height: u32, reduce: &[Reduce]) -> Self {
         let first = finer[0].expect("invariant: a texel covers at least one finer one");
         let (n, pixel_type) = (first.channels, first.pixels.pixel_type());
+        if finer.into_iter().flatten().all(|tile| tile.missing) {
+            return Self::missing(width, height, n, pixel_type);
+        }
         let line = width as usize * n;
         let mut values = vec![0.0_f32; height as usize * line];
         let means = (0..n).all(|c| reduce.get(c).copied().unwrap_or(Reduce::Mean) == Reduce::Mean);
@@ -113,9 +121,8 @@ impl Tile {
                 some_of((upper, lower), (2 * whole as u32, tile.width), n, reduce, rest);
             }
         }
-        let whole = finer.into_iter().flatten().all(|t| t.whole);
         let pixels = Pixels::from_floats(pixel_type, &values);
-        Self { width, height, channels: n, pixels, whole }
+        Self { width, height, channels: n, pixels, missing: false }
     }
 
     /// Returns all values of a row as floats, as [`Pixels::to_floats`] does. `room` is the memory for converted values.
@@ -164,20 +171,13 @@ fn some_of(
 
 /// Cuts rows of a level of this size into tiles of `n` channels. The rows begin at `y0`, a multiple of the size of a
 /// tile.
-pub(crate) fn cut(
-    size: (u32, u32),
-    n: usize,
-    y0: u32,
-    pixels: &Pixels,
-    whole: bool,
-) -> Vec<((u32, u32), Tile)> {
+pub(crate) fn cut(size: (u32, u32), n: usize, y0: u32, pixels: &Pixels) -> Vec<((u32, u32), Tile)> {
     let rows = (pixels.len() / (size.0 as usize * n)) as u32;
     let mut tiles = Vec::new();
     for ty in y0 / TILE..(y0 + rows).div_ceil(TILE) {
         for tx in 0..size.0.div_ceil(TILE) {
             let (width, height) = tile_size(size, tx, ty);
             let mut tile = Tile::zeros(width, height, n, pixels.pixel_type());
-            tile.whole = whole;
             let copy = BlockCopy {
                 from_width: size.0 as usize,
                 from: ((tx * TILE) as usize, (ty * TILE - y0) as usize),
@@ -204,7 +204,7 @@ mod tests {
 
     fn tile(width: u32, height: u32, values: Vec<f32>) -> Tile {
         let channels = values.len() / (width * height) as usize;
-        Tile { width, height, channels, pixels: Pixels::Float(values), whole: true }
+        Tile { width, height, channels, pixels: Pixels::Float(values), missing: false }
     }
 
     #[test]
@@ -227,6 +227,19 @@ mod tests {
         let r = Tile::reduced([Some(&a), Some(&b), Some(&c), Some(&d)], TILE, TILE, &[Reduce::Mean]);
         assert_eq!([r.pixel(0, 0)[0], r.pixel(TILE - 1, 0)[0]], [1.0, 2.0]);
         assert_eq!([r.pixel(0, TILE - 1)[0], r.pixel(TILE / 2, TILE / 2)[0]], [3.0, 4.0]);
+    }
+
+    #[test]
+    fn tiles_that_could_not_be_read_stay_so_until_one_was_read() {
+        let read = tile(TILE, TILE, vec![1.0; (TILE * TILE) as usize]);
+        let missing = Tile::missing(TILE, TILE, 1, read.pixels.pixel_type());
+        let all =
+            Tile::reduced([Some(&missing), Some(&missing), None, None], TILE, TILE / 2, &[Reduce::Least]);
+        assert!(all.missing);
+        assert_eq!(all, Tile::missing(TILE, TILE / 2, 1, read.pixels.pixel_type()));
+        let some = Tile::reduced([Some(&missing), Some(&read), None, None], TILE, TILE / 2, &[Reduce::Mean]);
+        assert!(!some.missing);
+        assert_eq!([some.pixel(0, 0)[0], some.pixel(TILE - 1, 0)[0]], [0.0, 1.0]);
     }
 
     #[test]
