@@ -1,7 +1,7 @@
 //! Measures how well a requested error is reached: twelve scenes at four requested errors, beside converged images.
 //!
 //! `cargo run --release -p granita-benches --bin errors
-//! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM]`
+//! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM --resolution W,H --denoise LIBRARY]`
 //!
 //! The converged image of a scene has a quarter of the dicing step, because an image with a requested error may have
 //! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by
@@ -10,7 +10,8 @@
 //!
 //! A row has the error and the time of the frame without passes, and for each requested error the error that was
 //! reached and the time. `bias` is the error of the scene as it is that remains with very many passes: what dicing and
-//! interpolated records add.
+//! interpolated records add. With `--denoise` and the library of Open Image Denoise, all images have a box filter of
+//! one pixel, and a row has the frame without passes, the same with `-denoise`, and the passes that have its time.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -258,6 +259,10 @@ struct Options {
     converged: String,
     /// The program that renders; `None` for the one of this checkout.
     gelato: Option<PathBuf>,
+    /// The width and the height.
+    resolution: String,
+    /// The library of Open Image Denoise; `None` to compare requested errors.
+    denoise: Option<String>,
 }
 
 fn main() -> ExitCode {
@@ -266,8 +271,14 @@ fn main() -> ExitCode {
 
 fn options() -> Result<Options, String> {
     let mut words = std::env::args().skip(1);
-    let mut options =
-        Options { only: None, threads: "2".to_owned(), converged: "60".to_owned(), gelato: None };
+    let mut options = Options {
+        only: None,
+        threads: "2".to_owned(),
+        converged: "60".to_owned(),
+        gelato: None,
+        resolution: "96,72".to_owned(),
+        denoise: None,
+    };
     while let Some(word) = words.next() {
         let value = words.next().ok_or(format!("{word} needs a value"))?;
         match &*word {
@@ -275,11 +286,18 @@ fn options() -> Result<Options, String> {
             "--threads" => options.threads = value,
             "--converged" => options.converged = value,
             "--gelato" => options.gelato = Some(value.into()),
+            "--resolution" => options.resolution = value,
+            "--denoise" => options.denoise = Some(value),
             _ => return Err(format!("no option {word}")),
         }
     }
     Ok(options)
 }
+
+/// The heads of the tables.
+const ASKED_FOR: &str = "| scene | without passes | converged to, bias | asked: reached (says), time, passes |\n|---|---|---|---|";
+const DENOISED: &str =
+    "| scene | without passes | denoised | passes in that time | converged to |\n|---|---|---|---|---|";
 
 /// An image, the seconds that it took, and the error that it says that it has, in percent.
 struct Rendered {
@@ -290,15 +308,20 @@ struct Rendered {
     passes: String,
 }
 
-/// Renders a scene with these options.
-fn render(gelato: &Path, folder: &Path, text: &str, words: &[&str]) -> Result<Rendered, String> {
+/// Renders a scene with these options. `filter` holds the parameters of the pixel filter.
+fn render(
+    gelato: &Path,
+    folder: &Path,
+    (text, filter): (&str, &str),
+    words: &[&str],
+) -> Result<Rendered, String> {
     let (file, image) = (folder.join("scene.pyg"), folder.join("image.exr"));
-    std::fs::write(&file, text).map_err(|e| e.to_string())?;
+    let output = format!("Output (\"{}\", \"exr\", \"rgb\", \"camera\"{filter})\nWorld ()", image.display());
+    std::fs::write(&file, text.replacen("World ()", &output, 1)).map_err(|e| e.to_string())?;
     let begin = Instant::now();
     let output = Command::new(gelato)
         .current_dir(repository())
-        .args(["-silent", "-data", "rgb", "-o"])
-        .arg(&image)
+        .arg("-silent")
         .args(words)
         .arg(&file)
         .output()
@@ -337,15 +360,18 @@ fn run() -> Result<(), String> {
         command.current_dir(repository()).args(["-silent", "examples/first/first.pyg"]);
         command.status().map_err(|e| e.to_string())?;
     }
-    println!(
-        "| scene | without passes | converged to, bias | asked: reached (says), time, passes |\n|---|---|---|---|"
-    );
+    println!("{}", if options.denoise.is_some() { DENOISED } else { ASKED_FOR });
+    let filter = match options.denoise {
+        Some(_) => ", \"string filter\", \"box\", \"float[2] filterwidth\", (1, 1)",
+        None => "",
+    };
     let is_chosen = |name: &str| options.only.as_ref().is_none_or(|only| name.contains(&**only));
     let (mut cells, mut reached) = (0, 0);
     for (name, make) in SCENES.into_iter().filter(|(name, _)| is_chosen(name)) {
         let draw = |quality: Quality, words: &[&str]| {
-            let words = [&["-threads", &options.threads][..], words].concat();
-            render(&gelato, place.path(), &make(quality), &words)
+            let resolution = format!("resolution={}", options.resolution);
+            let words = [&["-threads", &options.threads, "-set", &resolution][..], words].concat();
+            render(&gelato, place.path(), (&make(quality), filter), &words)
         };
         let mut converged = draw(CONVERGED, &["-seconds", &options.converged])?;
         if converged.passes.parse::<u32>().is_ok_and(|passes| passes < 4) {
@@ -355,6 +381,14 @@ fn run() -> Result<(), String> {
         let of = |image: &Rendered| error(&image.pixels, &converged.pixels, own);
         let plain = draw(ORDINARY, &[])?;
         let mut row = format!("| {name} | {:.2} s {:.2} % |", plain.seconds, of(&plain));
+        if let Some(library) = &options.denoise {
+            let library = format!("render:denoiselibrary={library}"); // tidy: attribute: the word of a command line
+            let clean = draw(ORDINARY, &["-denoise", "-set", &library])?;
+            let passes = draw(ORDINARY, &["-seconds", &format!("{:.3}", clean.seconds)])?;
+            let _ = write!(row, " {:.2} s {:.2} % |", clean.seconds, of(&clean));
+            println!("{row} {:.2} s {:.2} % | {own:.2} % |", passes.seconds, of(&passes));
+            continue;
+        }
         let many = draw(ORDINARY, &["-seconds", &options.converged])?;
         let noise = many.says.unwrap_or_default();
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
@@ -374,6 +408,8 @@ fn run() -> Result<(), String> {
         }
         println!("{row} |");
     }
-    println!("\nat most 1.2 times the requested error: {reached} of {cells}");
+    if options.denoise.is_none() {
+        println!("\nat most 1.2 times the requested error: {reached} of {cells}");
+    }
     Ok(())
 }

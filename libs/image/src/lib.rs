@@ -19,6 +19,7 @@
 //! | [`FormatRegistry`], [`Format`], [`Limits`] | the formats of a program, and the bounds of their readers |
 //! | [`ImageInput`], [`ImageOutput`], [`CreateOptions`] | a file that is read, a file that is written |
 //! | [`Quantize`] | the conversion of computed values to stored ones |
+//! | [`Denoiser`] | the interface to a library that removes the noise of rendered images |
 //!
 //! ```
 //! use granita_image::{FormatRegistry, ImageSpec, Limits, PixelType, Pixels};
@@ -39,6 +40,7 @@ mod block;
 pub mod color;
 mod contain;
 mod deflate;
+mod denoise;
 mod error;
 mod format;
 mod live;
@@ -53,6 +55,7 @@ mod spec;
 pub use block::{BlockCopy, TileRows, rows_from_tiles};
 pub use contain::contained;
 pub use deflate::{Content, DeflateLevel, zlib_compress};
+pub use denoise::{Denoiser, NoisyImage};
 pub use error::{ImageError, Result};
 pub use format::{CreateOptions, DeepSamples, Format, ImageInput, ImageOutput, Limits};
 pub use granita_base::AtomicFile;

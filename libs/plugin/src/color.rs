@@ -1,6 +1,6 @@
 //! Conversions of colours by a plugin (`granita_color.h`).
 
-use crate::dso::Dso;
+use crate::dso::{Dso, function};
 use crate::plugins::Plugins;
 use granita_color::{Conversion, Converter, Engine};
 use std::ffi::{CStr, CString, c_char, c_int};
@@ -39,17 +39,6 @@ struct Calls {
     open: Open,
     apply: Apply,
     close: Close,
-}
-
-/// Returns a function of a plugin.
-///
-/// # Safety
-/// `F` is the type that the interface gives the function.
-unsafe fn function<F: Copy>(dso: &Dso, name: &str) -> Result<F, String> {
-    let address = dso.symbol(name).ok_or_else(|| format!("it has no function {name}"))?;
-    debug_assert_eq!(size_of::<F>(), size_of_val(&address));
-    // SAFETY: `F` is a pointer to a function, as the caller states, and pointers have one size here.
-    Ok(unsafe { std::mem::transmute_copy(&address) })
 }
 
 impl Calls {

@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 #[derive(Debug)]
 pub(crate) struct Dso {
     library: libloading::Library,
-    /// The absolute file name.
+    /// The absolute file name, or the name of a library that the system found.
     pub(crate) path: PathBuf,
     /// The file name up to the first dot, which is the name of its plugin.
     pub(crate) stem: String,
@@ -28,7 +28,18 @@ impl Dso {
     /// # Errors
     /// Returns the error of the system, such as a missing symbol.
     pub(crate) fn load(path: &Path) -> Result<&'static Self, String> {
-        let path = std::fs::canonicalize(path).map_err(|e| e.to_string())?;
+        Self::load_named(std::fs::canonicalize(path).map_err(|e| e.to_string())?)
+    }
+
+    /// Returns the library of this name that the system finds.
+    ///
+    /// # Errors
+    /// Returns the error of the system.
+    pub(crate) fn of_system(name: &str) -> Result<&'static Self, String> {
+        Self::load_named(PathBuf::from(name))
+    }
+
+    fn load_named(path: PathBuf) -> Result<&'static Self, String> {
         let mut loaded = LOADED.lock();
         if let Some(dso) = loaded.get(&path) {
             return Ok(dso);
@@ -71,6 +82,17 @@ impl Dso {
         // SAFETY: the requested symbols are such arrays by the interface.
         self.symbol(name).map(|address| unsafe { strings(address.cast()) })
     }
+}
+
+/// Returns a function of a library.
+///
+/// # Safety
+/// `F` is the type that the interface gives the function.
+pub(crate) unsafe fn function<F: Copy>(dso: &Dso, name: &str) -> Result<F, String> {
+    let address = dso.symbol(name).ok_or_else(|| format!("it has no function {name}"))?;
+    debug_assert_eq!(size_of::<F>(), size_of_val(&address));
+    // SAFETY: `F` is a pointer to a function, as the caller states, and pointers have one size here.
+    Ok(unsafe { std::mem::transmute_copy(&address) })
 }
 
 /// The largest number of strings that are read from an array whose end is missing.

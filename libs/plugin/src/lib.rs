@@ -20,6 +20,7 @@
 #![allow(unsafe_code, reason = "plugins are called through pointers; every block says why it is sound")]
 
 mod color;
+mod denoise;
 mod dso;
 mod errors;
 mod ffi;
@@ -31,6 +32,7 @@ mod plugins;
 mod rules;
 mod shadeop;
 
+pub use denoise::OpenImageDenoise;
 pub use errors::{ErrorManager, Messages};
 pub use ffi::Errors;
 pub use interface::{Archiving, GeneratorObject, Interface, InterfaceHost, InterfaceObject, Meanwhile};

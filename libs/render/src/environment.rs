@@ -4,7 +4,7 @@ use crate::passes::PassPlan;
 use crate::priority::Priority;
 use crate::spread::Spread;
 use granita_base::{Environment, Reporter, SearchPath};
-use granita_image::FormatRegistry;
+use granita_image::{Denoiser, FormatRegistry};
 use granita_scene::Call;
 use granita_sdb::Databases;
 use granita_shading::{ShaderLibrary, ShadingEnvironment};
@@ -74,6 +74,11 @@ pub struct RenderEnvironment {
     pub priority: Arc<Priority>,
     /// The passes whose sum the images are; `None` for frames of their own.
     pub passes: Option<PassPlan>,
+    /// Removes the noise of images with colours; `None` to leave it. It has no part in re-rendering.
+    pub denoiser: Option<Arc<dyn Denoiser>>,
+    /// The factor of "shadingquality" of what cameras see, more than 0; 1 for what the scene says. Processes that share
+    /// the buckets of a frame have the same one.
+    pub finer: f32,
 }
 
 impl RenderEnvironment {

@@ -80,6 +80,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) partials: Option<&'a Mutex<Vec<Partial>>>,
     /// The passes whose sum the images are; `None` for a frame of its own.
     pub(crate) passes: Option<PassPlan>,
+    /// The factor of "shadingquality".
+    pub(crate) finer: f32,
 }
 
 impl<'a> FrameOptions<'a> {
@@ -102,6 +104,7 @@ impl<'a> FrameOptions<'a> {
             memory_bytes: None,
             partials: None,
             passes: None,
+            finer: 1.0,
         }
     }
 }
@@ -284,7 +287,9 @@ pub(crate) fn render<S: FrameShader>(
         match canvas.into_inner().finish() {
             Finished::Kept(pixels) => image.pixels = pixels,
             Finished::Written(done) => image.written = Some(done),
-            Finished::Shown(viewer) => image.shown = Shown(Mutex::new(viewer)),
+            Finished::Shown(viewer, pixels) => {
+                (image.shown, image.pixels) = (Shown(Mutex::new(viewer)), pixels);
+            }
         }
     }
     Ok((statistics, failed == 0))
@@ -328,6 +333,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         };
         let eye = |camera| Eye { camera, projector: Projector::new(camera, pattern.defocus) };
         let buckets = Buckets::new(&camera.crop, size, order, pattern.per_pixel());
+        let mut dicing = SceneDicing::new(scene);
+        dicing.finer = options.finer;
         Self {
             shader,
             outputs: plan,
@@ -346,7 +353,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             region: camera.crop.grown(margin),
             margin,
             pattern,
-            dicing: SceneDicing::new(scene),
+            dicing,
             counters: Counters::default(),
             again: false,
             from_top: false,
@@ -360,6 +367,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Returns the state of a new thread.
     fn thread(&self) -> S::Thread<'a> {
         let shows_colors = self.outputs.needs_shading || self.options.dump.is_some();
+        if self.outputs.shows_albedo {
+            return self.shader.albedo_thread();
+        }
         let mut thread = if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() };
         // The first pass prints and saves.
         if self.passes.as_ref().is_some_and(passes::Passes::is_mute) {

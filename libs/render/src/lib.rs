@@ -55,4 +55,4 @@ pub use priority::Priority;
 pub use renderer::{FrameReport, Kept, Renderer};
 pub use schedule::{Answer, Schedule, Task};
 pub use spread::{BucketPixels, Buckets, Coordinator, Spread, Want, Workers};
-pub use statistics::{Reuse, Statistics};
+pub use statistics::{Denoised, Reuse, Statistics};

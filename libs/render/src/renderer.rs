@@ -1,5 +1,6 @@
 //! The entry point of this crate, which renders a scene to image files.
 
+mod denoise;
 mod shader;
 
 use crate::dynamic::DynamicMaps;
@@ -12,7 +13,8 @@ use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
 use crate::output::writer::ImageWriter;
 use crate::passes::{PassPlan, PassReport, percent};
 use crate::spread::Spread;
-use crate::{CameraView, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
+use crate::{CameraView, PixelRect, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
+use denoise::CameraDenoiser;
 use granita_base::{Location, Severity, Vec3};
 use granita_scene::{Output, Scene, attr};
 use granita_shading::{ObjectState, ShadingContext};
@@ -363,6 +365,17 @@ impl<'r> FrameInProgress<'r> {
         let dump = if is_first { self.renderer.dump(&self.scene, &self.views[0]) } else { None };
         self.begin_shading()?;
         let Some(shading) = &self.shading else { return Ok(()) };
+        let denoiser = match self.is_worker || self.kept.is_some() {
+            true => None,
+            false => {
+                let (scene, views) = ((&*self.scene, shading), (view, &self.shading_view));
+                CameraDenoiser::new(environment, scene, views, &eyes, &mut outputs, self.threads)?
+            }
+        };
+        let passes = passes.map(|plan| match &denoiser {
+            Some(denoiser) => denoiser.in_time(plan, &outputs),
+            None => plan,
+        });
         let partials = Mutex::new(Vec::new());
         let options = FrameOptions {
             camera: view,
@@ -383,11 +396,21 @@ impl<'r> FrameInProgress<'r> {
             },
             partials: (environment.keep_partial && !self.is_worker).then_some(&partials),
             passes,
+            finer: environment.finer,
         };
         let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
         let rendered = frame::render(&self.scene, shading, options, &mut outputs, frames)
             .inspect_err(|_| self.renderer.keep(&eyes, &outputs, &refused, partials.into_inner()));
-        let (statistics, complete) = rendered?;
+        let (mut statistics, complete) = rendered?;
+        if let Some(denoiser) = denoiser {
+            match denoiser.apply(&mut outputs) {
+                Ok(done) => statistics.denoised = Some(done),
+                Err(what) => {
+                    reporter.error(format!("camera \"{}\": its images keep their noise: {what}", view.name));
+                    self.report.complete = false;
+                }
+            }
+        }
         if let Some(passes) = &statistics.passes {
             self.tell(view, passes);
         }
@@ -470,7 +493,7 @@ impl<'r> FrameInProgress<'r> {
                 }
                 if image.is_shown {
                     let viewer = std::mem::take(&mut image.shown).0.into_inner();
-                    self.viewers.extend(viewer);
+                    self.viewers.extend(viewer.and_then(|viewer| self.show_denoised(viewer, image, eye)));
                     continue;
                 }
                 let written = match image.written.take() {
@@ -491,6 +514,32 @@ impl<'r> FrameInProgress<'r> {
                 }
             }
         }
+    }
+
+    /// Shows an image again that was denoised. Returns the viewer, unless it failed.
+    fn show_denoised(
+        &self,
+        mut viewer: ImageWriter,
+        image: &OutputImage,
+        eye: &CameraView,
+    ) -> Option<ImageWriter> {
+        if image.denoised_by.is_none() {
+            return Some(viewer);
+        }
+        const ROWS: i32 = 64;
+        let PixelRect { y0, y1, .. } = eye.crop;
+        let bands = (y0..y1).step_by(ROWS.unsigned_abs() as usize);
+        let values = eye.crop.width() * image.channels() * ROWS.unsigned_abs() as usize;
+        let shown = bands.zip(image.pixels.chunks(values.max(1))).try_for_each(|(y, pixels)| {
+            let rect = PixelRect { y0: y, y1: (y + ROWS).min(y1), ..eye.crop };
+            viewer.begin(&rect);
+            viewer.write_rectangle(&rect, pixels)
+        });
+        if let Err(error) = &shown {
+            let text = format!("the image is not shown any more: {error}");
+            self.renderer.environment.reporter.warning(text);
+        }
+        shown.is_ok().then_some(viewer)
     }
 
     /// Writes the texts of shaders and the spatial databases, and closes the viewers.

@@ -121,6 +121,27 @@ pub struct Statistics {
     pub reuse: Option<Reuse>,
     /// The passes of an image that is their sum; `None` for other frames. The counts are then those of all passes.
     pub passes: Option<PassReport>,
+    /// How the noise of the images was removed; `None` where it was left.
+    pub denoised: Option<Denoised>,
+}
+
+/// What was done to denoise the images of a camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Denoised {
+    /// The name and the version of the library.
+    pub library: String,
+    /// The time for the albedo and the normals.
+    pub features: Duration,
+    /// The time of the library.
+    pub filter: Duration,
+}
+
+impl Denoised {
+    /// Returns a text for people.
+    fn text(&self) -> String {
+        let [features, filter] = [self.features, self.filter].map(|time| time.as_secs_f64());
+        format!("by {}: {filter:.2} s, and {features:.2} s for albedo and normals", self.library)
+    }
 }
 
 /// What a frame in re-rendering mode took from those before it.
@@ -237,6 +258,7 @@ impl Counters {
             threads,
             reuse: None,
             passes: None,
+            denoised: None,
         }
     }
 }
@@ -310,7 +332,9 @@ impl Statistics {
         let mut text = format!("Statistics of camera \"{camera}\"");
         let reuse = self.reuse.as_ref().map(Reuse::rows);
         let passes = self.passes.iter().map(|passes| ("passes", passes.text()));
-        for (what, value) in rows.into_iter().chain(passes).chain(reuse.into_iter().flatten()) {
+        let denoised = self.denoised.iter().map(|done| ("denoised", done.text()));
+        for (what, value) in rows.into_iter().chain(passes).chain(denoised).chain(reuse.into_iter().flatten())
+        {
             // Writing to a string does not fail.
             let _ = write!(text, "\n  {what:<34} {value}");
         }

@@ -11,6 +11,7 @@ use granita_shading::ShadingContext;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+mod denoise;
 mod live;
 
 const CONSTANT: &str = "surface constant () { C *= opacity; }";
@@ -41,6 +42,8 @@ pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnviro
         spread: crate::Spread::Alone,
         priority: Default::default(),
         passes: None,
+        denoiser: None,
+        finer: 1.0,
         crop: None,
     };
     let (scene, camera) = fixture.view();

@@ -104,6 +104,8 @@ pub struct SessionOptions {
     pub accelerator: Option<Arc<dyn Accelerator>>,
     /// The passes of frames.
     pub passes: PassOptions,
+    /// True when the noise of images is removed ("render:denoise").
+    pub denoise: bool,
     /// True when each frame of a scene with "rerender" is rendered anew, so that its pixels can be compared with those
     /// of a re-render.
     pub rerenders_anew: bool,

@@ -3,16 +3,18 @@
 use crate::archive::call_text;
 use crate::assets::{self, Listed, Listing, Sources};
 use crate::commands::{self, CommandContext};
+use crate::denoisers::{Denoisers, Denoising};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::outputs::{DeskFrame, RequestedImages, Special};
 use crate::passes;
 use crate::patches::Deferral;
 use crate::records::{self, FrameRecord};
+use crate::running::{Busy, Tracked};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
-use granita_image::{FormatRegistry, Limits};
+use granita_image::{Denoiser, FormatRegistry, Limits};
 use granita_inputs::Inputs;
 use granita_plugin::{NativeShaders, Plugins};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
@@ -43,36 +45,6 @@ impl Record {
     }
 }
 
-/// Tracks the number of steps of the running frame and the number of those done, for "render:progress".
-struct Tracked {
-    inner: Arc<dyn Progress>,
-    total: AtomicU64,
-    done: AtomicU64,
-    /// True when the frame has ended, early or not.
-    over: AtomicBool,
-}
-
-impl Progress for Tracked {
-    fn begin(&self, image: &Path, total: u64) {
-        self.total.store(total, Ordering::Relaxed);
-        self.done.store(0, Ordering::Relaxed);
-        self.inner.begin(image, total);
-    }
-
-    fn done(&self, steps: u64) {
-        self.done.fetch_max(steps, Ordering::Relaxed);
-        self.inner.done(steps);
-    }
-
-    fn end(&self) {
-        self.inner.end();
-    }
-
-    fn wrote(&self, path: &Path) {
-        self.inner.wrote(path);
-    }
-}
-
 /// Renders frames, runs commands and finds inputs for one session.
 pub(crate) struct SessionRenderer {
     options: Arc<SessionOptions>,
@@ -85,6 +57,7 @@ pub(crate) struct SessionRenderer {
     plugins: Plugins,
     /// Compiles shaders to machine code, if that is requested.
     native: Option<Arc<NativeShaders>>,
+    denoisers: Denoisers,
     finished: Finished,
     success: bool,
     /// The file for messages, from "error:filename".
@@ -150,6 +123,7 @@ impl SessionRenderer {
             inputs: Inputs::with_plugins(Arc::new(options.run.clone()), reporter.clone(), plugins.clone()),
             plugins,
             native,
+            denoisers: Denoisers::default(),
             net: Arc::new(Net::new(options.clone(), reporter.clone())),
             looking: Arc::default(),
             desk: Arc::default(),
@@ -352,7 +326,11 @@ impl SessionRenderer {
             let viewer = if unnamed { self.viewer() } else { None };
             scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
-        let environment = self.environment(&scene);
+        let denoising = self.denoising(&scene);
+        if denoising != Denoising::Off {
+            scene = denoising.prepared(&scene);
+        }
+        let environment = self.environment(&scene, denoising);
         let keeps_images = self.options.keep_partial || environment.passes.is_some();
         let _busy = keeps_images.then(|| Busy::new(&self.busy));
         if keeps_images && supervisor.has_ended() {
@@ -397,7 +375,7 @@ impl SessionRenderer {
         Shaders::new(self.search_path(scene, attr::PATH_SHADER), self.plugins.clone(), self.reporter.clone())
     }
 
-    fn environment(&self, scene: &Scene) -> RenderEnvironment {
+    fn environment(&self, scene: &Scene, denoising: Denoising) -> RenderEnvironment {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
@@ -421,7 +399,25 @@ impl SessionRenderer {
             priority: self.commands.priority.clone(),
             passes: passes::plan(self.options.passes, scene, self.idle_since, &self.reporter)
                 .filter(|_| self.desk.lock().is_none()),
+            denoiser: self.denoiser(scene, denoising),
+            finer: denoising.finer(),
         }
+    }
+
+    /// Returns how the noise of a frame is removed. Frames of desks keep it.
+    fn denoising(&self, scene: &Scene) -> Denoising {
+        match self.desk.lock().is_some() {
+            true => Denoising::Off,
+            false => Denoising::of(scene, self.options.denoise, self.options.run.safe, &self.reporter),
+        }
+    }
+
+    /// Returns what removes the noise of a frame. A worker leaves that to its coordinator.
+    fn denoiser(&self, scene: &Scene, denoising: Denoising) -> Option<Arc<dyn Denoiser>> {
+        if denoising == Denoising::Off || self.master.is_some() {
+            return None;
+        }
+        self.denoisers.of(scene, self.options.run.environment.files(), &self.reporter)
     }
 
     /// Returns the number of threads to render a scene with.
@@ -470,22 +466,6 @@ impl SessionRenderer {
             return Spread::Over(self.net.clone());
         }
         Spread::Alone
-    }
-}
-
-/// Sets a flag until this is dropped.
-struct Busy(Arc<AtomicBool>);
-
-impl Busy {
-    fn new(flag: &Arc<AtomicBool>) -> Self {
-        flag.store(true, Ordering::SeqCst);
-        Self(flag.clone())
-    }
-}
-
-impl Drop for Busy {
-    fn drop(&mut self) {
-        self.0.store(false, Ordering::SeqCst);
     }
 }
 
@@ -564,7 +544,7 @@ impl FrameRenderer for SessionRenderer {
         let requested = self.requested.lock().clone();
         let special = Special { requested: &requested, looking: None, desk: None };
         let scene = outputs::amended(scene, &self.options, special, &self.registry, &self.reporter);
-        Renderer::new(self.environment(&scene)).needed(&scene, unread)
+        Renderer::new(self.environment(&scene, Denoising::Off)).needed(&scene, unread)
     }
 
     fn attribute(&mut self, param: &Param) {

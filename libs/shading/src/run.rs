@@ -130,7 +130,7 @@ impl ShaderThread<'_> {
                 }
             }
         }
-        if let Some(volume) = &object.volume {
+        if let Some(volume) = object.volume.as_ref().filter(|_| !self.shows_albedo) {
             let more = self.run_as(object, volume, grid, &names, how);
             for (have, new) in found.iter_mut().zip(more) {
                 // The volume shader runs last, so its values of C and opacity are the final ones.

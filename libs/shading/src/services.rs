@@ -3,10 +3,12 @@
 //!
 //! A [`Run`] serves one run of one shader group over one grid. The requests for rays are in `services/rays.rs`,
 //! shadows in `services/shadow.rs`, indirect light and occlusion in `services/light.rs`, and maps in
-//! `services/maps.rs`. This file has the others. Answers that are kept for re-renders are found in
-//! `services/recall.rs`.
+//! `services/maps.rs`. `services/albedo.rs` has those of shaders that show their albedo. This file has the others.
+//! Answers that are kept for re-renders are found in `services/recall.rs`.
 
+mod albedo;
 mod database;
+mod grids;
 mod light;
 pub(crate) mod maps;
 mod rays;
@@ -29,15 +31,15 @@ use granita_base::{
 };
 use granita_dicing::finite;
 use granita_gsl::Func;
-use granita_gsl::ir::ShaderKind;
 use granita_scene::{AttributeSet, LightId, ShaderUsage, attr};
 use granita_shade::{
-    Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Group, Host,
+    Batch, DatabaseQuery, DatabaseSave, Databases, EnvironmentQuery, GatherQuery, Grid, Host,
     IlluminateQuery, Lane, Lane3, Lanes3, LightInfo, LightResult, Lights, LookupResult, Messages,
-    NativeCompiler, RayKind, RayPath, Rays, Rect, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery,
-    Texture3dQuery, TextureQuery, Textures, Topology, TraceQuery, TraceResult,
+    NativeCompiler, RayKind, RayPath, Rays, Shadeop, ShadowQuery, Spaces, SubsurfaceQuery, Texture3dQuery,
+    TextureQuery, Textures, Topology, TraceQuery, TraceResult,
 };
 use granita_texture::Wrap;
+use grids::{coincident, rims, seen_by_lights};
 use recall::{Asked, Question};
 use seeds::{LaneSeeds, LightSeeds};
 use std::cell::OnceCell;
@@ -152,6 +154,8 @@ pub(crate) struct Run<'r, 'f> {
     hits: Option<[u64; 2]>,
     /// What the run depended on before the part of a shader that runs.
     part: Option<Dependencies>,
+    /// True when a shader shows its albedo ([`ShaderThread::shows_albedo`]).
+    shows_albedo: bool,
 }
 
 impl<'r, 'f> Run<'r, 'f> {
@@ -162,8 +166,9 @@ impl<'r, 'f> Run<'r, 'f> {
         shaders: &'r LinkedShaders,
         grid: &Grid,
     ) -> Self {
+        let shows_albedo = thread.shows_albedo && shaders.usage != ShaderUsage::Displacement;
         let gathers = shaders.usage != ShaderUsage::Displacement && !grid.ray.shadow && !thread.is_unlit;
-        let lights = if gathers { object.lights() } else { Arc::default() };
+        let lights = if gathers && !shows_albedo { object.lights() } else { Arc::default() };
         let frame = thread.frame();
         let thread_keeps = thread.memo.is_some();
         Self {
@@ -204,6 +209,7 @@ impl<'r, 'f> Run<'r, 'f> {
             databases: Vec::new(),
             appended: 0,
             part: None,
+            shows_albedo,
         }
     }
 
@@ -257,6 +263,7 @@ impl<'r, 'f> Run<'r, 'f> {
             databases: Vec::new(),
             appended: 0,
             part: None,
+            shows_albedo: false,
         }
     }
 
@@ -426,96 +433,6 @@ fn add_share(sum: &mut LightResult, one: LightResult, share: f32) {
     (sum.nondiffuse, sum.nonspecular, sum.messages) = (one.nondiffuse, one.nonspecular, one.messages);
 }
 
-/// Returns the lanes of a grid on sides that are single points (poles, tips of triangles), each with the first lane
-/// at that point. They are in increasing order.
-fn coincident(grid: &Grid) -> Arc<[(u32, u32)]> {
-    let place = |lane: usize| grid.p.get(lane).to_array().map(f32::to_bits);
-    let mut out = Vec::new();
-    for Rect { first, nu, nv } in grid.topology.rects() {
-        for (start, step, count) in [(0, 1, nu), ((nv - 1) * nu, 1, nu), (0, nu, nv), (nu - 1, nu, nv)] {
-            let lane = |k: usize| first + start + k * step;
-            if count > 1 && (1..count).all(|k| place(lane(k)) == place(lane(0))) {
-                out.extend((1..count).map(|k| (lane(k) as u32, lane(0) as u32)));
-            }
-        }
-    }
-    out.sort_unstable();
-    out.dedup_by_key(|twin| twin.0);
-    out.into()
-}
-
-/// Returns which sides of each rectangle of a grid are boundary edges of its surface: first and last along u, first
-/// and last along v.
-fn rims(grid: &Grid) -> Arc<[[bool; 4]]> {
-    let of = |(k, rect): (usize, Rect)| {
-        let Rect { first, nu, nv } = rect;
-        let ends = |parameter: &[f32], start: usize, step: usize, count: usize| {
-            let outside = |x: &f32| *x <= 0.0 || *x >= 1.0;
-            (0..count).all(|k| parameter.get(first + start + k * step).is_some_and(outside))
-        };
-        if nu < 2 || nv < 2 {
-            return [false; 4];
-        }
-        let [a, b, c, d] = grid.seams.get(k).copied().unwrap_or_default();
-        [
-            !a && ends(&grid.u, 0, nu, nv),
-            !b && ends(&grid.u, nu - 1, nu, nv),
-            !c && ends(&grid.v, 0, 1, nu),
-            !d && ends(&grid.v, (nv - 1) * nu, 1, nu),
-        ]
-    };
-    grid.topology.rects().enumerate().map(of).collect()
-}
-
-/// Returns the grid that light shaders read. It has the variables and messages of the surface only when one of the
-/// lights may query them.
-fn seen_by_lights(grid: &Grid, frame: &ShadingContext, lights: &[LightId]) -> Grid {
-    let mut seen = without_variables(grid);
-    let asked = |of: fn(&Group) -> bool| {
-        lights.iter().filter_map(|id| frame.light(*id)).any(|light| of(&light.shaders.group))
-    };
-    if asked(Group::asks_primitive) {
-        seen.primvars = grid.primvars.clone();
-    }
-    if asked(|group| group.listens_to(ShaderKind::Displacement) || group.listens_to(ShaderKind::Surface)) {
-        seen.messages = grid.messages.clone();
-    }
-    seen
-}
-
-/// Returns a copy of a grid without its variables and messages.
-fn without_variables(grid: &Grid) -> Grid {
-    Grid {
-        uneven: grid.uneven.clone(),
-        topology: grid.topology.clone(),
-        p: grid.p.clone(),
-        n: grid.n.clone(),
-        ng: grid.ng.clone(),
-        i: grid.i.clone(),
-        dpdu: grid.dpdu.clone(),
-        dpdv: grid.dpdv.clone(),
-        dpdtime: grid.dpdtime.clone(),
-        seams: grid.seams.clone(),
-        lift: None,
-        u: grid.u.clone(),
-        v: grid.v.clone(),
-        time: grid.time,
-        dtime: grid.dtime,
-        c: grid.c.clone(),
-        opacity: grid.opacity.clone(),
-        primvars: Vec::new(),
-        flip_normals: grid.flip_normals,
-        seed: grid.seed,
-        names: grid.names.clone(),
-        primitives: grid.primitives.clone(),
-        ray: grid.ray,
-        paths: grid.paths.clone(),
-        object: grid.object.clone(),
-        messages: Vec::new(),
-        parent: Vec::new(),
-    }
-}
-
 /// Returns a float option of a lane, or its default.
 fn option(value: Option<Lane<'_>>, lane: usize, default: f32) -> f32 {
     value.map_or(default, |v| v.get(lane))
@@ -600,6 +517,9 @@ impl Textures for Run<'_, '_> {
 
     fn environment(&mut self, query: &EnvironmentQuery<'_>, out: &mut LookupResult) {
         let is_set = self.frame.rays.is_set(query.name);
+        if self.shows_albedo {
+            return albedo::environment(query, is_set, out);
+        }
         let space = match is_set {
             true => None,
             false => query.options.space.and_then(|s| self.to_common(s, query.batch.layer)),
@@ -621,6 +541,9 @@ impl Textures for Run<'_, '_> {
 
     fn wants_footprint(&mut self, name: &str, func: Func) -> bool {
         let is_set = self.frame.rays.is_set(name);
+        if self.shows_albedo {
+            return false;
+        }
         match func {
             Func::Environment => is_set,
             // The width of the ray matters only to objects that are shaded or tessellated for it.
@@ -633,6 +556,9 @@ impl Textures for Run<'_, '_> {
     }
 
     fn shadow(&mut self, query: &ShadowQuery<'_>, out: &mut Lanes3) {
+        if self.shows_albedo {
+            return albedo::fill(query.batch, Vec3::ZERO, out);
+        }
         let asked = self.ask(Question::Shadow, |_, key| recall::shadow(key, query));
         if let Asked::Known(Answer::Lanes3(known)) = &asked {
             return recall::copy3(known, out, query.batch);
@@ -734,7 +660,7 @@ impl Run<'_, '_> {
 
 impl Lights for Run<'_, '_> {
     fn light_count(&mut self) -> usize {
-        self.lights.len()
+        if self.shows_albedo { 1 } else { self.lights.len() }
     }
 
     fn light_info(&mut self, index: usize) -> LightInfo {
@@ -744,6 +670,9 @@ impl Lights for Run<'_, '_> {
     }
 
     fn illuminate(&mut self, index: usize, query: &IlluminateQuery<'_>) -> Arc<LightResult> {
+        if self.shows_albedo {
+            return Arc::new(albedo::light(query));
+        }
         if let Some(known) = self.memory.find(index, query) {
             return known;
         }
@@ -789,6 +718,9 @@ impl Lights for Run<'_, '_> {
 
 impl Rays for Run<'_, '_> {
     fn trace(&mut self, query: &TraceQuery<'_>, out: &mut TraceResult) {
+        if self.shows_albedo {
+            return rays::no_hits(query, out);
+        }
         let asked = self.ask(Question::Trace, |_, key| recall::trace(key, query));
         if let Asked::Known(Answer::Trace(known)) = asked {
             return *out = *known;
@@ -798,6 +730,9 @@ impl Rays for Run<'_, '_> {
     }
 
     fn occlusion(&mut self, query: &GatherQuery<'_>, out: &mut [f32], unoccluded: &mut Lanes3) {
+        if self.shows_albedo {
+            return albedo::occlusion(query, out, unoccluded);
+        }
         let asked = self.ask(Question::Occlusion, |_, key| recall::gather(key, query));
         if let Asked::Known(Answer::Occlusion(blocked, open)) = &asked {
             query.batch.active.iter().for_each(|i| out[*i as usize] = blocked[*i as usize]);
@@ -808,6 +743,9 @@ impl Rays for Run<'_, '_> {
     }
 
     fn indirect(&mut self, query: &GatherQuery<'_>, out: &mut Lanes3) {
+        if self.shows_albedo {
+            return albedo::fill(query.batch, Vec3::ONE, out);
+        }
         let asked = self.ask(Question::Indirect, |_, key| recall::gather(key, query));
         if let Asked::Known(Answer::Lanes3(known)) = &asked {
             return recall::copy3(known, out, query.batch);
@@ -818,6 +756,7 @@ impl Rays for Run<'_, '_> {
 
     fn queries_parent(&mut self, set: &str) -> bool {
         !self.thread.builds_rays
+            && !self.shows_albedo
             && self.frame.rays.is_set(set)
             && self.frame.rays.scene(set, self.frame).is_some_and(|scene| scene.queries_parents)
     }
@@ -871,6 +810,9 @@ impl Databases for Run<'_, '_> {
     }
 
     fn subsurface(&mut self, query: &SubsurfaceQuery<'_>, out: &mut Lanes3) {
+        if self.shows_albedo {
+            return albedo::fill(query.batch, Vec3::ONE, out);
+        }
         self.note_file(query.name);
         database::subsurface(self, query, out);
     }
@@ -963,26 +905,5 @@ impl Host for Run<'_, '_> {
 
     fn is_stopped(&mut self) -> bool {
         self.frame.is_stopped()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn coincident_lanes_share_their_lane_seeds() {
-        // A triangle is a rectangle whose first column is one point, here beside a rectangle.
-        let tip = Vec3::new(1.0, 2.0, 3.0);
-        let p: Vec<Vec3> = (0..12)
-            .map(|i| if i < 6 && i % 2 == 0 { tip } else { Vec3::new(i as f32, (i * i) as f32, 0.0) })
-            .collect();
-        let rects = [Rect { first: 0, nu: 2, nv: 3 }, Rect { first: 6, nu: 3, nv: 2 }];
-        let grid = Grid { p: Lanes3::from_points(&p), ..Grid::new(Topology::Rects(Arc::from(&rects[..]))) };
-        assert_eq!(*coincident(&grid), [(2, 0), (4, 0)]);
-        // All points coincide, so each has an earlier one.
-        let grid = Grid { p: Lanes3::from_points(&[tip; 6]), ..Grid::new(Topology::Rect { nu: 3, nv: 2 }) };
-        let all = coincident(&grid);
-        assert!(all.iter().all(|(lane, of)| of < lane) && all.len() == 5, "{all:?}");
     }
 }

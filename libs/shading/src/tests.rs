@@ -23,6 +23,7 @@ const POINT: &str = "light pointlight (float intensity = 1, string shadowname = 
     }
 }";
 
+mod albedo;
 mod deep;
 mod furnace;
 mod numbers;

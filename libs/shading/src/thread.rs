@@ -31,6 +31,9 @@ pub struct ShaderThread<'f> {
     pub(crate) builds_rays: bool,
     /// True while this thread renders depths. Its shaders then see neither lights nor dynamic shadow maps.
     pub is_unlit: bool,
+    /// True when shaders show their albedo: the colour of surfaces under white light, without highlights. Volume
+    /// shaders then do not run.
+    pub shows_albedo: bool,
     /// True when shaders print and save nothing, because their grids are shaded again.
     pub is_mute: bool,
     /// What the running shader's results depend on so far; `None` when that is not asked for.
@@ -50,6 +53,7 @@ impl<'f> ShaderThread<'f> {
             nested: 0,
             builds_rays: false,
             is_unlit: false,
+            shows_albedo: false,
             is_mute: false,
             notes: None,
             memo: None,

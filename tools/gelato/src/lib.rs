@@ -176,6 +176,10 @@ struct Options {
     #[arg(long)]
     causes: bool,
 
+    /// Remove the noise that is left in images with colours, with Intel's library Open Image Denoise
+    #[arg(long, conflicts_with = "safe")]
+    denoise: bool,
+
     /// Measure which settings reach an error (that of -error, by default 2%) or use a time (-seconds) best, on crops of
     /// the image, and write them to SCENE.trade.pyg and SCENE.trade.svg
     #[arg(long, conflicts_with_all = ["stream", "worker", "relight", "frames", "submit", "assets", "pack", "up_to_date",
@@ -642,6 +646,7 @@ fn session_options(
         number: options.number,
         net_arguments: options.for_worker(given).filter(|_| !options.relight),
         native: options.native,
+        denoise: options.denoise,
         accelerator: None,
         rerenders_anew: false,
     }

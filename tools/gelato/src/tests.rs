@@ -69,6 +69,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
         "crop",
         "turntable",
         "up",
+        "denoise",
         "plugins",
         "native",
         "safe",

@@ -116,6 +116,10 @@ impl Bomb {
                 let seconds = outcome.wall.as_secs_f64();
                 return Ok(Some(format!("`{command}`: {wrong} ({seconds:.1} s, {peak} MiB)")));
             }
+            if outcome.wall.as_secs_f64() > 0.5 * bounds.processor_seconds() {
+                let share = 100.0 * outcome.wall.as_secs_f64() / bounds.processor_seconds();
+                println!("attack: bombs/{}: `{command}` took {share:.0} % of its time", self.name);
+            }
             let left = place.leftovers();
             if !left.is_empty() {
                 return Ok(Some(format!("`{command}` left {}", left.join(" "))));

@@ -19,6 +19,13 @@ pub(crate) struct Bounds {
     pub(crate) files: Option<u32>,
 }
 
+impl Bounds {
+    /// Returns the limit of the processor time of all threads together, in seconds.
+    pub(crate) fn processor_seconds(&self) -> f64 {
+        self.seconds * THREADS
+    }
+}
+
 /// The address space of most runs, in KiB (4 GB).
 pub(crate) const MEMORY_KIB: u64 = 4_000_000;
 
@@ -144,7 +151,7 @@ impl Place {
     ) -> io::Result<Started> {
         // The limits hold for the program and its child processes. `exec` keeps the process number.
         let files = bounds.files.map_or(String::new(), |n| format!("ulimit -n {n}; "));
-        let (memory, seconds) = (bounds.memory_kib, (bounds.seconds * THREADS).ceil());
+        let (memory, seconds) = (bounds.memory_kib, bounds.processor_seconds().ceil());
         // Only the soft limit is set, so that the signal gives the reason.
         let script = format!("ulimit -c 0; ulimit -v {memory}; ulimit -S -t {seconds}; {files}exec \"$@\"");
         let (out, err) = (self.root.join("out"), self.root.join("err"));

@@ -70,7 +70,7 @@ fn squared_bias(sum: &Accumulated, mean: f64, probes: &[Probe], passes: &[Vec<f3
 impl<S: FrameShader> Frame<'_, S> {
     /// Sets how accurately the following passes compute what they have in common.
     pub(super) fn set_accuracy(&mut self, accuracy: Accuracy) {
-        self.dicing.finer = accuracy.dicing;
+        self.dicing.finer = self.options.finer * accuracy.dicing;
         self.shader.set_tolerance(accuracy.tolerance);
     }
 

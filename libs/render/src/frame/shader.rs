@@ -52,6 +52,11 @@ pub(crate) trait FrameShader: Sync {
     fn unlit_thread(&self) -> Self::Thread<'_> {
         self.thread()
     }
+    /// Returns the state of a new thread of a frame whose surfaces show their albedo. Its shaders print and save
+    /// nothing.
+    fn albedo_thread(&self) -> Self::Thread<'_> {
+        self.thread()
+    }
     /// Makes the shaders of a thread print and save nothing, for grids that are shaded again, or turns that off.
     fn mute(&self, thread: &mut Self::Thread<'_>, mute: bool) {
         let _ = (thread, mute);

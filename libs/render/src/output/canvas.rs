@@ -3,7 +3,8 @@
 //! A small image is kept until the frame is done. For a large image only the rows that have started and are not
 //! finished are kept. They are written as soon as all rows above them are. That bounds memory when buckets are
 //! rendered in rows from the top, as they are for large images, whatever "bucketorder" is. An image that is shown
-//! while it is rendered is not kept. Its buckets go to the viewer as they arrive.
+//! while it is rendered is not kept. Its buckets go to the viewer as they arrive. Images that are denoised are kept
+//! whatever they are, because that needs all pixels.
 
 use crate::bucket::Buckets;
 use crate::output::partial::{Partial, PartialPixels, RowCopies};
@@ -40,6 +41,8 @@ struct Viewer {
     file: Option<ImageWriter>,
     /// The error, until it is reported.
     trouble: Option<String>,
+    /// The pixels of the crop window, of an image that is denoised at the end; else empty.
+    pixels: Vec<f32>,
 }
 
 /// Rows of buckets.
@@ -67,14 +70,14 @@ pub(crate) enum Finished {
     Kept(Vec<f32>),
     /// It was written, or the reason why it was not.
     Written(Result<(), String>),
-    /// It was shown completely, if there is a viewer left.
-    Shown(Option<ImageWriter>),
+    /// It was shown completely, if there is a viewer left. The pixels are there if the image is denoised.
+    Shown(Option<ImageWriter>, Vec<f32>),
 }
 
 impl Canvas {
     /// True when an image of `camera` is written while it is rendered and therefore needs its buckets from the top.
     pub(crate) fn is_large(image: &OutputImage, camera: &CameraView) -> bool {
-        !image.is_shown && Self::bytes(image, camera) > LARGE_BYTES
+        !image.is_shown && !image.is_denoised && Self::bytes(image, camera) > LARGE_BYTES
     }
 
     fn bytes(image: &OutputImage, camera: &CameraView) -> usize {
@@ -107,9 +110,12 @@ impl Canvas {
                 Ok(file) => (Some(file), None),
                 Err(error) => (None, Some(error.to_string())),
             };
-            return Self { crop, channels, rendered: 0, state: State::Shown(Viewer { file, trouble }) };
+            let pixels = if image.is_denoised { vec![0.0; values] } else { Vec::new() };
+            let viewer = Viewer { file, trouble, pixels };
+            return Self { crop, channels, rendered: 0, state: State::Shown(viewer) };
         }
-        let state = match registry.filter(|_| Self::bytes(image, camera) > large_bytes) {
+        let is_large = !image.is_denoised && Self::bytes(image, camera) > large_bytes;
+        let state = match registry.filter(|_| is_large) {
             None => State::Kept(vec![0.0; values]),
             Some(registry) => {
                 let (rows, columns) = buckets.rows();
@@ -160,9 +166,12 @@ impl Canvas {
                 if let Some(file) = &mut viewer.file
                     && let Err(error) = file.write_rectangle(bucket, values)
                 {
-                    *viewer = Viewer { file: None, trouble: Some(error.to_string()) };
+                    (viewer.file, viewer.trouble) = (None, Some(error.to_string()));
                 }
-                return;
+                if viewer.pixels.is_empty() {
+                    return;
+                }
+                (&mut viewer.pixels, self.crop.y0)
             }
             State::Kept(pixels) => (pixels, self.crop.y0),
             State::Written(bands) => {
@@ -246,7 +255,7 @@ impl Canvas {
     pub(crate) fn finish(self) -> Finished {
         match self.state {
             State::Kept(pixels) => Finished::Kept(pixels),
-            State::Shown(viewer) => Finished::Shown(viewer.file),
+            State::Shown(viewer) => Finished::Shown(viewer.file, viewer.pixels),
             State::Written(mut bands) => {
                 while bands.next < bands.bands.len() {
                     bands.write(self.crop.width() * self.channels);
@@ -341,7 +350,7 @@ mod tests {
                 written(order, limit, folder.path(), |canvas, image, camera, registry| {
                     match canvas.finish() {
                         Finished::Written(done) => done.unwrap(),
-                        Finished::Shown(_) => panic!("a TIFF file is no viewer"),
+                        Finished::Shown(..) => panic!("a TIFF file is no viewer"),
                         Finished::Kept(pixels) => {
                             image.pixels = pixels;
                             image.write(camera, registry).unwrap();

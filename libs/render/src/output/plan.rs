@@ -1,6 +1,7 @@
 // tidy: long: the parameters of an Output call and their consequences are decided in one place
 //! The images of a frame: their content, and how they are written (reference 4.2, 7.3).
 
+mod features;
 mod filters;
 mod settings;
 
@@ -9,6 +10,7 @@ use super::parts::Part;
 use super::writer::{ImageWriter, Shown};
 use crate::passes::ErrorEstimate;
 use crate::{CameraView, RenderError};
+pub(crate) use features::FEATURES;
 use filters::{filter_spec, wrong_layer_filter};
 use granita_base::{
     BaseType, Color, Files, Location, Param, ParamData, ParamType, Params, Reporter, Severity,
@@ -145,6 +147,8 @@ pub(crate) struct OutputSet {
     pub(crate) needs_shading: bool,
     /// True when surfaces behind the first one count.
     pub(crate) needs_second_surface: bool,
+    /// True when colours are the albedo of surfaces.
+    pub(crate) shows_albedo: bool,
 }
 
 /// Channels of an image that are filtered together.
@@ -183,6 +187,10 @@ pub(crate) struct OutputImage {
     pub(crate) opaque_width: Option<f32>,
     /// True for an image of the noise of the colours that its passes have.
     pub(crate) is_error: bool,
+    /// True when the noise of its colours is removed.
+    pub(crate) is_denoised: bool,
+    /// The name of the library that removed its noise.
+    pub(crate) denoised_by: Option<String>,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
     /// The attribute "render:samples" of the scene.
@@ -333,6 +341,8 @@ impl OutputSet {
             params,
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
             is_error: matches!(of_layers, [Data::Error]),
+            is_denoised: false,
+            denoised_by: None,
             part,
             samples: 1.0,
             passes: None,
@@ -778,6 +788,7 @@ impl OutputImage {
             shown: Shown::default(),
             written: None,
             part: None,
+            denoised_by: None,
             ..*self
         }
     }
@@ -951,7 +962,11 @@ impl OutputImage {
         let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
         let of_frame =
             [camera.metadata(), settings(camera, &self.layers, self.samples), of_passes(self.passes)];
-        for param in of_mattes.chain(of_frame).flat_map(|params| params.0) {
+        let of_denoiser = self.denoised_by.iter().map(|library| {
+            let ty = ParamType::of(BaseType::String);
+            Params(vec![Param { name: "granita/denoised".into(), ty, data: library.as_str().into() }])
+        });
+        for param in of_mattes.chain(of_frame).chain(of_denoiser).flat_map(|params| params.0) {
             spec.attributes.set(param);
         }
         let is_own = |name: &str| name.starts_with("filter:") || own_parameters().any(|own| own == name);

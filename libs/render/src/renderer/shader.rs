@@ -40,6 +40,13 @@ impl FrameShader for ShadingContext {
         thread
     }
 
+    fn albedo_thread(&self) -> ShaderThread<'_> {
+        let mut thread = ShaderThread::new(self);
+        thread.shows_albedo = true;
+        thread.is_mute = true;
+        thread
+    }
+
     fn mute(&self, thread: &mut ShaderThread<'_>, mute: bool) {
         thread.is_mute = mute;
     }

@@ -15,17 +15,17 @@ use std::sync::Arc;
 
 /// A viewer that keeps the pixels that it receives. It returns requests after given numbers of rectangles.
 #[derive(Default)]
-struct Viewer {
+pub(super) struct Viewer {
     asks: Vec<(usize, Request)>,
     fails_after: Option<usize>,
-    seen: Mutex<Seen>,
+    pub(super) seen: Mutex<Seen>,
 }
 
 #[derive(Default)]
-struct Seen {
+pub(super) struct Seen {
     begun: Vec<PixelRect>,
     written: Vec<PixelRect>,
-    pixels: Vec<f32>,
+    pub(super) pixels: Vec<f32>,
     asked: usize,
     closed: bool,
 }
@@ -80,7 +80,7 @@ impl ImageOutput for Shown {
     }
 }
 
-struct ViewerFormat(Arc<Viewer>);
+pub(super) struct ViewerFormat(pub(super) Arc<Viewer>);
 
 impl Format for ViewerFormat {
     fn name(&self) -> &'static str {

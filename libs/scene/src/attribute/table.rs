@@ -128,6 +128,8 @@ attributes! {
         "name of the part of the file that the image becomes, in formats of several (OpenEXR)";
     CRYPTOMATTE_RANKS: Output, i32 = "4.2", "cryptomatte:ranks", Ints(&[6]),
         "number of objects or materials per pixel of a Cryptomatte, 2 to 64";
+    DENOISE: Output, bool = "4.2", "denoise", Ints(&[1]),
+        "0: the image keeps its noise where \"render:denoise\" is 1";
     DYNAMIC: Output, bool = "4.2", "dynamic", Ints(&[0]), "the image is made on demand and not written";
     // 4.3 Scene-wide attributes
     PASS: Global, Arc<str> = "4.3.1", "pass", Text(""), "name of the rendering pass";
@@ -236,6 +238,10 @@ attributes! {
         "factor of the numbers of samples of lights, soft shadows, glossy reflections, occlusion and indirect light", Rerender;
     RENDER_CAUSES: Global, bool = "4.3.10", "render:causes", Ints(&[0]),
         "1: measure what the noise of an image of passes comes from", Rerender;
+    RENDER_DENOISE: Global, i32 = "4.3.10", "render:denoise", Ints(&[0]),
+        "1: remove the noise of images with colours, with Open Image Denoise; 2: the same with the samples and the surfaces as they are", Rerender;
+    RENDER_DENOISELIBRARY: Global, Arc<str> = "4.3.10", "render:denoiselibrary", Text(""),
+        "library of Open Image Denoise, or its folder; empty for the one that the system finds", Rerender;
     RENDER_PROGRESS: ReadOnly, f32 = "4.3.10", "render:progress", Floats(&[0.0]),
         "finished part of the frame, 0 to 1";
     RENDER_SUCCESS: ReadOnly, bool = "4.3.10", "render:success", Ints(&[0]),

@@ -19,7 +19,7 @@ use granita_trace::Ray;
 use std::f32::consts::FRAC_PI_4;
 
 /// "hitdist" of `environment ()` when nothing is hit (reference 5.8.10).
-const NO_HIT: f32 = 1.0e38;
+pub(super) const NO_HIT: f32 = 1.0e38;
 /// "hitdist" of `trace` when nothing is hit (reference 5.5.5).
 const NO_TRACE_HIT: f32 = 1.0e30;
 /// The smallest distance of a hit relative to the coordinates of the ray's origin, which is the precision of the
@@ -495,8 +495,8 @@ fn probe(
     (lanes, rays)
 }
 
-/// Answers `trace` with one ray per lane.
-pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut TraceResult) {
+/// Fills the result of a query of which no ray hits anything.
+pub(super) fn no_hits(query: &TraceQuery<'_>, out: &mut TraceResult) {
     let n = query.batch.lanes;
     out.hit.resize(n, false);
     out.hitdist.resize(n, NO_TRACE_HIT);
@@ -512,6 +512,12 @@ pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut Tra
         out.cl.set(i, Color::ZERO);
         out.ol.set(i, Color::ZERO);
     }
+}
+
+/// Answers `trace` with one ray per lane.
+pub(super) fn trace(run: &mut Run<'_, '_>, query: &TraceQuery<'_>, out: &mut TraceResult) {
+    let n = query.batch.lanes;
+    no_hits(query, out);
     let traces = run.may_trace();
     // All iterations of a loop count as the same call, so that their samples form one sequence.
     if query.sample == 0 {

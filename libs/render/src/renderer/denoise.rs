@@ -1,0 +1,150 @@
+//! Removes the noise of images with a library, which gets the albedo and the normal of surfaces beside the colours.
+//!
+//! Both come from a frame of their own, in which surfaces are lit by white light and no rays are traced. It has the
+//! samples of the first pass, so that what is blurred by motion or out of focus is blurred there as well.
+
+use crate::frame::{self, FrameOptions};
+use crate::output::plan::{FEATURES, OutputImage, OutputSet};
+use crate::passes::PassPlan;
+use crate::statistics::Denoised;
+use crate::{CameraView, PixelRect, RenderEnvironment, RenderError};
+use granita_base::{Reporter, Vec3};
+use granita_image::{Denoiser, NoisyImage};
+use granita_scene::Scene;
+use granita_shading::ShadingContext;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The albedo and the normals of the pixels that an eye sees, with three values for each pixel.
+struct Features {
+    albedo: Vec<f32>,
+    normal: Vec<f32>,
+}
+
+/// The denoiser of the images of a camera.
+pub(super) struct CameraDenoiser {
+    library: Arc<dyn Denoiser>,
+    /// The pixels of the images.
+    crop: PixelRect,
+    /// One for each eye.
+    features: Vec<Features>,
+    threads: usize,
+    done: Denoised,
+}
+
+impl CameraDenoiser {
+    /// Renders the features of the images of a camera. `outputs` are those of each eye. Returns `None` when none of
+    /// them is denoised.
+    ///
+    /// # Errors
+    /// Returns [`RenderError::Stopped`] when the frame was stopped.
+    pub(super) fn new(
+        environment: &RenderEnvironment,
+        (scene, shading): (&Scene, &ShadingContext),
+        (view, dicing_view): (&CameraView, &CameraView),
+        eyes: &[CameraView],
+        outputs: &mut [OutputSet],
+        threads: usize,
+    ) -> Result<Option<Self>, RenderError> {
+        let Some(library) = environment.denoiser.clone() else { return Ok(None) };
+        let selected: Vec<bool> = outputs.iter_mut().map(OutputSet::select_denoised).collect();
+        if !selected.contains(&true) {
+            return Ok(None);
+        }
+        let begin = Instant::now();
+        let mut sets: Vec<OutputSet> = outputs.iter().map(OutputSet::features).collect();
+        let silent = Reporter::silent();
+        let options = FrameOptions {
+            eyes,
+            dicing_camera: dicing_view,
+            threads,
+            finer: environment.finer,
+            ..FrameOptions::new(view, &silent, &environment.stop)
+        };
+        frame::render(scene, shading, options, &mut sets, None)?;
+        let features = sets.iter_mut().flat_map(|set| &mut set.images).map(|image| {
+            let pixels = std::mem::take(&mut image.pixels);
+            let of_pixels = pixels.as_chunks::<FEATURES>().0;
+            let albedo = of_pixels.iter().flat_map(|pixel| [0, 1, 2].map(|c| tame(pixel[c], 0.0, 1.0)));
+            // Shaders see normals of any length.
+            let normal = of_pixels
+                .iter()
+                .flat_map(|pixel| Vec3::new(pixel[3], pixel[4], pixel[5]).normalize_or_zero().to_array());
+            Features { albedo: albedo.collect(), normal: normal.collect() }
+        });
+        let features = features.collect();
+        let done =
+            Denoised { library: library.name().to_owned(), features: begin.elapsed(), ..Denoised::default() };
+        Ok(Some(Self { library, crop: view.crop, features, threads, done }))
+    }
+
+    /// Returns the plan of passes that end early enough to be denoised in time. The time is measured with the albedo.
+    pub(super) fn in_time(&self, plan: PassPlan, outputs: &[OutputSet]) -> PassPlan {
+        let Some(deadline) = plan.deadline else { return plan };
+        let begin = Instant::now();
+        let Some(features) = self.features.first() else { return plan };
+        // An error is reported when images are denoised.
+        drop(self.filter(features, &features.albedo));
+        let layers = outputs.iter().flat_map(|set| &set.images).filter(|image| image.is_denoised);
+        let count =
+            layers.map(|image| image.layers.iter().filter(|l| l.is_denoisable()).count()).sum::<usize>();
+        let time = begin.elapsed() * u32::try_from(count).unwrap_or(1);
+        PassPlan { deadline: deadline.checked_sub(time).or(Some(deadline)), ..plan }
+    }
+
+    /// Removes the noise of all images. Returns what was done.
+    ///
+    /// # Errors
+    /// Returns the message of the library. Images that were not denoised keep their noise.
+    pub(super) fn apply(mut self, outputs: &mut [OutputSet]) -> Result<Denoised, String> {
+        let begin = Instant::now();
+        for (set, features) in outputs.iter_mut().zip(&self.features) {
+            for image in set.images.iter_mut().filter(|image| image.is_denoised) {
+                self.denoise(image, features)?;
+            }
+        }
+        self.done.filter = begin.elapsed();
+        Ok(self.done)
+    }
+
+    fn denoise(&self, image: &mut OutputImage, features: &Features) -> Result<(), String> {
+        let channels = image.channels();
+        if image.pixels.is_empty() || channels == 0 {
+            return Ok(());
+        }
+        let mut first = 0;
+        for layer in &image.layers {
+            if layer.is_denoisable() {
+                let pixels = image.pixels.chunks_exact(channels);
+                let color: Vec<f32> = pixels
+                    .flat_map(|pixel| [0, 1, 2].map(|c| tame(pixel[first + c], f32::MIN, f32::MAX)))
+                    .collect();
+                let clean = self.filter(features, &color)?;
+                let pixels = image.pixels.chunks_exact_mut(channels);
+                pixels.zip(clean.as_chunks::<3>().0).for_each(|(to, from)| {
+                    to[first..first + 3].copy_from_slice(from);
+                });
+            }
+            first += layer.channels.len();
+        }
+        image.denoised_by = Some(self.done.library.clone());
+        Ok(())
+    }
+
+    fn filter(&self, features: &Features, color: &[f32]) -> Result<Vec<f32>, String> {
+        let [width, height] = [self.crop.width(), self.crop.height()];
+        self.library.denoise(&NoisyImage {
+            width,
+            height,
+            color,
+            albedo: &features.albedo,
+            normal: &features.normal,
+            threads: self.threads,
+        })
+    }
+}
+
+/// Returns a value within limits, and 0 for one that is not a number.
+fn tame(value: f32, least: f32, most: f32) -> f32 {
+    if value.is_nan() { 0.0 } else { value.clamp(least, most) }
+}

@@ -1,0 +1,181 @@
+//! Tests images whose noise a library removes: what it gets, and which images change.
+
+use super::live::{Viewer, ViewerFormat};
+use super::{CONSTANT, finish};
+use crate::{FrameReport, PassPlan, RenderEnvironment, Renderer};
+use granita_base::Params;
+use granita_fixture::{Fixture, param};
+use granita_image::{Denoiser, Limits, NoisyImage};
+use granita_scene::Output;
+use parking_lot::Mutex;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What the library got: the size, the albedo and the normals of each image.
+type Seen = ([usize; 2], Vec<f32>, Vec<f32>);
+
+/// A library that negates colours, or fails.
+#[derive(Default)]
+struct Negative {
+    seen: Mutex<Vec<Seen>>,
+    fails: bool,
+}
+
+impl Denoiser for Negative {
+    fn name(&self) -> &str {
+        "Negative 1.0"
+    }
+
+    fn denoise(&self, image: &NoisyImage<'_>) -> Result<Vec<f32>, String> {
+        assert_eq!(image.color.len(), 3 * image.width * image.height);
+        let seen = ([image.width, image.height], image.albedo.to_vec(), image.normal.to_vec());
+        self.seen.lock().push(seen);
+        match self.fails {
+            true => Err("it is broken".to_owned()),
+            false => Ok(image.color.iter().map(|v| -v).collect()),
+        }
+    }
+}
+
+/// Renders a square that covers the middle of the image, in a file of each data: `0.exr`, `1.exr` and so on.
+/// `change` completes the inputs.
+fn render(
+    folder: &Path,
+    data: &[(&str, i32)],
+    change: impl Fn(&mut RenderEnvironment),
+) -> (FrameReport, Vec<Vec<f32>>, Vec<String>) {
+    let mut f = Fixture::new(&[CONSTANT]);
+    f.scene.cameras[0].params = Params(vec![
+        param("int[2] resolution", &[24, 20][..]),
+        param("float[4] crop", &[0.0_f32, 0.5, 0.0, 1.0][..]),
+    ]);
+    let attributes = f.attributes("constant", &["camera"], &[param("color C", &[0.5, 0.25, 3.0][..])]);
+    f.rectangle([-1.0; 2], [1.0; 2], 0.0, attributes);
+    for (k, (data, denoise)) in data.iter().enumerate() {
+        let name = match *data {
+            "shown" => "shown".to_owned(),
+            _ => folder.join(format!("{k}.exr")).to_str().unwrap().to_owned(),
+        };
+        let is_shown = *data == "shown";
+        let mut params = vec![
+            param("string filter", "box"),
+            param("float[2] filterwidth", &[1.0_f32, 1.0][..]),
+            param("int denoise", *denoise),
+        ];
+        if !is_shown {
+            params.push(param("string pixeltype", "float"));
+        }
+        f.scene.outputs.push(Output {
+            name: (&*name).into(),
+            format: if is_shown { "iv" } else { "exr" }.into(),
+            data: if is_shown { "rgba" } else { data }.into(),
+            camera: "cam".into(),
+            params: Params(params),
+        });
+    }
+    let (scene, _, mut environment) = finish(&f);
+    environment.registry = granita_plugin::bundled_formats(Limits::default());
+    change(&mut environment);
+    let report = Renderer::new(environment.clone()).render(&scene, None).unwrap();
+    let image = |k: usize| {
+        let file = environment.registry.open(&folder.join(format!("{k}.exr")));
+        file.map(|file| file.read_level(0, 0).unwrap().to_floats()).unwrap_or_default()
+    };
+    (report, (0..data.len()).map(image).collect(), f.complaints())
+}
+
+#[test]
+fn colours_are_denoised_with_albedo_and_normals_and_data_are_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = [("rgba", 1), ("rgba", 0), ("z", 1), ("rgb, normal N, color C", 1), ("shown", 1)];
+    let viewer = Arc::new(Viewer::default());
+    let with = |library: Option<Arc<Negative>>| {
+        let viewer = viewer.clone();
+        render(folder.path(), &data, move |environment| {
+            environment.registry.register(Arc::new(ViewerFormat(viewer.clone())));
+            environment.denoiser = library.clone().map(|library| library as Arc<dyn Denoiser>);
+        })
+    };
+    let (_, plain, _) = with(None);
+    let library = Arc::<Negative>::default();
+    let (report, images, complaints) = with(Some(library.clone()));
+    assert!(report.complete && complaints.is_empty(), "{complaints:?}");
+    let denoised = report.statistics[0].1.denoised.as_ref().unwrap();
+    assert_eq!(denoised.library, "Negative 1.0");
+    // The image with alpha, two layers of the third image, and what is shown.
+    let seen = library.seen.lock();
+    assert_eq!(seen.len(), 4);
+    let (size, albedo, normal) = &seen[0];
+    assert_eq!(*size, [12, 20]);
+    let middle = 3 * (10 * 12 + 11);
+    assert_eq!(albedo[middle..][..3], [0.5, 0.25, 1.0], "an albedo is at most 1");
+    assert_eq!(normal[middle..][..3], [0.0, 0.0, 1.0]);
+    assert_eq!([&albedo[..3], &normal[..3]], [[0.0; 3]; 2], "nothing is there");
+    for (k, (own, plain)) in images[0].chunks(4).zip(plain[0].chunks(4)).enumerate() {
+        assert_eq!(own, [-plain[0], -plain[1], -plain[2], plain[3]], "{k}");
+    }
+    assert!(images[1] == plain[1] && images[2] == plain[2]);
+    for (own, plain) in images[3].chunks(9).zip(plain[3].chunks(9)) {
+        let expected: Vec<f32> =
+            plain.iter().enumerate().map(|(c, v)| if (3..6).contains(&c) { *v } else { -v }).collect();
+        assert_eq!(own, expected);
+    }
+    assert!(viewer.seen.lock().pixels == images[0], "the viewer shows the image without noise at the end");
+    let says = |k: usize| {
+        let registry = granita_plugin::bundled_formats(Limits::default());
+        let file = registry.open(&folder.path().join(format!("{k}.exr"))).unwrap();
+        file.spec(0, 0).unwrap().string("granita/denoised").map(str::to_owned)
+    };
+    assert_eq!([says(0), says(1)], [Some("Negative 1.0".to_owned()), None]);
+}
+
+#[test]
+fn a_library_that_fails_leaves_the_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |fails: Option<bool>| {
+        render(folder.path(), &[("rgb", 1)], |environment| {
+            environment.denoiser =
+                fails.map(|fails| Arc::new(Negative { fails, ..Negative::default() }) as Arc<dyn Denoiser>);
+        })
+    };
+    let (_, plain, _) = run(None);
+    let (report, images, complaints) = run(Some(true));
+    assert!(!report.complete && images == plain);
+    assert_eq!(complaints, ["error: camera \"cam\": its images keep their noise: it is broken"]);
+    // Nothing but data: nothing is rendered for the library.
+    let library = Arc::<Negative>::default();
+    let (report, ..) = render(folder.path(), &[("z", 1)], |environment| {
+        environment.denoiser = Some(library.clone() as Arc<dyn Denoiser>);
+    });
+    assert!(report.complete && report.statistics[0].1.denoised.is_none());
+    assert_eq!(library.seen.lock().len(), 0);
+}
+
+#[test]
+fn passes_are_denoised_once_and_in_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |deadline: Option<Instant>, has_library: bool| {
+        let library = Arc::<Negative>::default();
+        let (report, images, _) = render(folder.path(), &[("rgb", 1)], |environment| {
+            environment.denoiser = has_library.then(|| library.clone() as Arc<dyn Denoiser>);
+            environment.passes = Some(PassPlan {
+                passes: Some(3),
+                deadline,
+                grace: Duration::ZERO,
+                error: None,
+                causes: false,
+            });
+        });
+        let count = library.seen.lock().len();
+        (report.statistics[0].1.passes.as_ref().unwrap().passes, images, count)
+    };
+    let plain = run(None, false);
+    let denoised = run(None, true);
+    assert_eq!((plain.0, denoised.0, denoised.2), (3, 3, 1));
+    assert!(plain.1[0].iter().zip(&denoised.1[0]).all(|(a, b)| *a == -b));
+    // With a deadline, the time of the library is measured before.
+    let timed = run(Some(Instant::now() + Duration::from_secs(3600)), true);
+    assert_eq!((timed.0, timed.2), (3, 2));
+    assert!(timed.1 == denoised.1);
+}
