@@ -139,7 +139,7 @@ fn every_attribute_is_set_read_and_restored() {
         }
         assert!(run.said().is_empty(), "{}: {:?}", row.name, run.said());
     }
-    assert_eq!(settable, TABLE.len() - 14 - 6, "all but outputs and what can only be asked for");
+    assert_eq!(settable, TABLE.len() - 15 - 6, "all but outputs and what can only be asked for");
 }
 
 #[test]

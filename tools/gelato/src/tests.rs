@@ -59,6 +59,7 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
     let needed = [
         "threads",
         "number",
+        "denoise",
         "only",
         "set",
         "env",
@@ -69,7 +70,6 @@ fn each_option_is_passed_to_workers_or_the_table_says_why_not() {
         "crop",
         "turntable",
         "up",
-        "denoise",
         "plugins",
         "native",
         "safe",
