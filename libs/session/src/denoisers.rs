@@ -68,7 +68,8 @@ impl Denoising {
 
 /// Gives the colours of an image the filter that shares no samples between pixels.
 fn sharpen(output: &mut Output) {
-    let is_color = |data: &str| matches!(data, "rgb" | "rgba") || data.starts_with("color ");
+    let is_color =
+        |data: &str| matches!(data, "rgb" | "rgba") || data.starts_with("color ") && !data.ends_with(']');
     let names: Vec<String> = output.layers().filter(|data| is_color(data)).map(str::to_owned).collect();
     let is_one_of = output.layers().count() > 1;
     for data in names {

@@ -145,7 +145,7 @@ fn a_library_that_fails_leaves_the_noise() {
     assert_eq!(complaints, ["error: camera \"cam\": its images keep their noise: it is broken"]);
     // Nothing but data: nothing is rendered for the library.
     let library = Arc::<Negative>::default();
-    let (report, ..) = render(folder.path(), &[("z", 1)], |environment| {
+    let (report, ..) = render(folder.path(), &[("z", 1), ("color many[2]", 1)], |environment| {
         environment.denoiser = Some(library.clone() as Arc<dyn Denoiser>);
     });
     assert!(report.complete && report.statistics[0].1.denoised.is_none());

@@ -13,10 +13,11 @@ use std::path::PathBuf;
 pub(crate) const FEATURES: usize = 6;
 
 impl ImageLayer {
-    /// True when its noise can be removed: its first three channels are a colour, and means of samples.
+    /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of colours
+    /// keep their noise.
     pub(crate) fn is_denoisable(&self) -> bool {
         self.is_color
-            && self.channels.len() >= 3
+            && matches!(self.channels.len(), 3 | 4)
             && self.mattes.is_none()
             && matches!(self.filter.filter, PixelFilter::Weighted(_))
     }
