@@ -13,8 +13,8 @@ use std::path::PathBuf;
 pub(crate) const FEATURES: usize = 6;
 
 impl ImageLayer {
-    /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of colours
-    /// keep their noise.
+    /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of
+    /// colours keep their noise.
     pub(crate) fn is_denoisable(&self) -> bool {
         self.is_color
             && matches!(self.channels.len(), 3 | 4)
