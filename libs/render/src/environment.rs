@@ -76,9 +76,6 @@ pub struct RenderEnvironment {
     pub passes: Option<PassPlan>,
     /// Removes the noise of images with colours; `None` to leave it. It has no part in re-rendering.
     pub denoiser: Option<Arc<dyn Denoiser>>,
-    /// The factor of "shadingquality" of what cameras see, more than 0; 1 for what the scene says. Processes that share
-    /// the buckets of a frame have the same one.
-    pub finer: f32,
 }
 
 impl RenderEnvironment {

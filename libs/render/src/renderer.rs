@@ -396,7 +396,7 @@ impl<'r> FrameInProgress<'r> {
             },
             partials: (environment.keep_partial && !self.is_worker).then_some(&partials),
             passes,
-            finer: environment.finer,
+            finer: denoise::finer(&self.scene),
         };
         let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
         let rendered = frame::render(&self.scene, shading, options, &mut outputs, frames)

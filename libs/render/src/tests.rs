@@ -43,7 +43,6 @@ pub(crate) fn finish(fixture: &Fixture) -> (Arc<Scene>, CameraView, RenderEnviro
         priority: Default::default(),
         passes: None,
         denoiser: None,
-        finer: 1.0,
         crop: None,
     };
     let (scene, camera) = fixture.view();

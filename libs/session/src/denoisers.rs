@@ -1,86 +1,54 @@
-//! Images whose noise is removed: how their frames are rendered, and the library that does it.
-//!
-//! The library expects noise that is independent from pixel to pixel. A filter that is wider than a pixel shares
-//! samples between pixels, and the points of a surface share their colours with the pixels around them. So these
-//! images have a box filter of one pixel, and surfaces have points twice as close along each side, with a quarter of
-//! the samples of lights and rays at each.
+//! Images whose noise is removed: whether a frame is, and the library that does it.
 
-use granita_base::{Files, Location, Param, Reporter, Severity};
+use granita_base::{Files, Location, Reporter, Severity};
 use granita_image::Denoiser;
 use granita_plugin::OpenImageDenoise;
-use granita_scene::{Output, Scene, attr};
+use granita_scene::{Scene, attr};
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// How the noise of a frame is removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Denoising {
-    /// It is not.
-    Off,
-    /// Surfaces have more points with fewer samples each.
-    Finer,
-    /// Surfaces and samples are as the scene says.
-    AsItIs,
+/// The factor of the samples of lights and rays with "render:denoise" 1. Surfaces then have four times as many points,
+/// so that the number of rays stays the same.
+const SAMPLES: f32 = 0.25;
+
+/// Returns the "render:denoise" of a frame: what the scene says, or 1 with the option `-denoise`. It is 0, with a
+/// warning, where noise cannot be removed.
+pub(crate) fn requested(scene: &Scene, is_asked: bool, is_safe: bool, reporter: &Reporter) -> i32 {
+    let warn = |text: String| reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
+    let asked = match scene.get(attr::RENDER_DENOISE) {
+        0 => i32::from(is_asked),
+        asked @ 1..=2 => asked,
+        other => {
+            warn(format!("\"render:denoise\" {other} is not 0, 1 or 2; 1 is used"));
+            1
+        }
+    };
+    let refused = if is_safe {
+        "\"render:denoise\" loads a library, which -safe does not permit"
+    } else {
+        "\"render:denoise\" has no part in re-rendering"
+    };
+    if asked != 0 && (is_safe || scene.get(attr::RERENDER)) {
+        warn(format!("images keep their noise: {refused}"));
+        return 0;
+    }
+    asked
 }
 
-impl Denoising {
-    /// Returns what a scene or the option `-denoise` requests.
-    pub(crate) fn of(scene: &Scene, is_asked: bool, is_safe: bool, reporter: &Reporter) -> Self {
-        let asked = match scene.get(attr::RENDER_DENOISE) {
-            0 if is_asked => Self::Finer,
-            0 => return Self::Off,
-            2 => Self::AsItIs,
-            _ => Self::Finer,
-        };
-        let refuse = |why: &str| {
-            let text = format!("images keep their noise: {why}");
-            reporter.once(&text.clone(), Severity::Warning, &Location::default(), text);
-            Self::Off
-        };
-        if is_safe {
-            return refuse("\"render:denoise\" loads a library, which -safe does not permit");
-        }
-        if scene.get(attr::RERENDER) {
-            return refuse("\"render:denoise\" has no part in re-rendering");
-        }
-        asked
+/// Returns a scene with this "render:denoise", and with the samples that it needs.
+pub(crate) fn prepared(scene: &Arc<Scene>, denoise: i32) -> Arc<Scene> {
+    if denoise == 0 && scene.get(attr::RENDER_DENOISE) == 0 {
+        return scene.clone();
     }
-
-    /// Returns the factor of "shadingquality".
-    pub(crate) fn finer(self) -> f32 {
-        if self == Self::Finer { 2.0 } else { 1.0 }
+    let mut scene = (**scene).clone();
+    let mut set = vec![attr::RENDER_DENOISE.param(denoise)];
+    if denoise == 1 {
+        set.push(attr::RENDER_SAMPLES.param(SAMPLES * scene.get(attr::RENDER_SAMPLES)));
     }
-
-    /// Returns a scene whose frame is denoised.
-    pub(crate) fn prepared(self, scene: &Arc<Scene>) -> Arc<Scene> {
-        let mut scene = (**scene).clone();
-        scene.outputs.iter_mut().filter(|output| output.get(attr::DENOISE)).for_each(sharpen);
-        if self == Self::Finer {
-            let points = self.finer() * self.finer();
-            let samples = attr::RENDER_SAMPLES.param(scene.get(attr::RENDER_SAMPLES) / points);
-            scene.globals.insert(samples.name.clone(), samples);
-        }
-        Arc::new(scene)
-    }
-}
-
-/// Gives the colours of an image the filter that shares no samples between pixels.
-fn sharpen(output: &mut Output) {
-    let is_color =
-        |data: &str| matches!(data, "rgb" | "rgba") || data.starts_with("color ") && !data.ends_with(']');
-    let names: Vec<String> = output.layers().filter(|data| is_color(data)).map(str::to_owned).collect();
-    let is_one_of = output.layers().count() > 1;
-    for data in names {
-        let mut filter: Param = attr::FILTER.param("box".into());
-        if is_one_of {
-            let name = data.split_whitespace().last().unwrap_or(&data);
-            filter.name = format!("filter:{name}").into();
-        }
-        output.params.set(filter);
-        output.params.set(attr::FILTERWIDTH.param([1.0; 2]));
-    }
+    scene.globals.extend(set.into_iter().map(|param| (param.name.clone(), param)));
+    Arc::new(scene)
 }
 
 /// The libraries that scenes named, by their names; `None` for one that cannot be used.

@@ -3,7 +3,7 @@
 use crate::archive::call_text;
 use crate::assets::{self, Listed, Listing, Sources};
 use crate::commands::{self, CommandContext};
-use crate::denoisers::{Denoisers, Denoising};
+use crate::denoisers::{self, Denoisers};
 use crate::looking::Looking;
 use crate::net::{self, Net, WorkerCoordinator};
 use crate::outputs::{DeskFrame, RequestedImages, Special};
@@ -14,7 +14,7 @@ use crate::running::{Busy, Tracked};
 use crate::shaders::Shaders;
 use crate::{SessionOptions, outputs};
 use granita_base::{Location, Param, Params, Reporter, SearchPath, Severity};
-use granita_image::{Denoiser, FormatRegistry, Limits};
+use granita_image::{FormatRegistry, Limits};
 use granita_inputs::Inputs;
 use granita_plugin::{NativeShaders, Plugins};
 use granita_render::{Kept, Priority, Progress, RenderEnvironment, RenderError, Renderer, Spread};
@@ -326,11 +326,13 @@ impl SessionRenderer {
             let viewer = if unnamed { self.viewer() } else { None };
             scene = outputs::displayed(&scene, viewer, safe, &self.reporter);
         }
-        let denoising = self.denoising(&scene);
-        if denoising != Denoising::Off {
-            scene = denoising.prepared(&scene);
-        }
-        let environment = self.environment(&scene, denoising);
+        // Frames of desks keep their noise.
+        let denoise = match desk {
+            Some(_) => 0,
+            None => denoisers::requested(&scene, self.options.denoise, self.options.run.safe, &self.reporter),
+        };
+        scene = denoisers::prepared(&scene, denoise);
+        let environment = self.environment(&scene);
         let keeps_images = self.options.keep_partial || environment.passes.is_some();
         let _busy = keeps_images.then(|| Busy::new(&self.busy));
         if keeps_images && supervisor.has_ended() {
@@ -375,7 +377,7 @@ impl SessionRenderer {
         Shaders::new(self.search_path(scene, attr::PATH_SHADER), self.plugins.clone(), self.reporter.clone())
     }
 
-    fn environment(&self, scene: &Scene, denoising: Denoising) -> RenderEnvironment {
+    fn environment(&self, scene: &Scene) -> RenderEnvironment {
         RenderEnvironment {
             registry: self.registry.clone(),
             databases: self.databases.clone(),
@@ -399,25 +401,12 @@ impl SessionRenderer {
             priority: self.commands.priority.clone(),
             passes: passes::plan(self.options.passes, scene, self.idle_since, &self.reporter)
                 .filter(|_| self.desk.lock().is_none()),
-            denoiser: self.denoiser(scene, denoising),
-            finer: denoising.finer(),
+            // A worker leaves it to its coordinator.
+            denoiser: match scene.get(attr::RENDER_DENOISE) != 0 && self.master.is_none() {
+                true => self.denoisers.of(scene, self.options.run.environment.files(), &self.reporter),
+                false => None,
+            },
         }
-    }
-
-    /// Returns how the noise of a frame is removed. Frames of desks keep it.
-    fn denoising(&self, scene: &Scene) -> Denoising {
-        match self.desk.lock().is_some() {
-            true => Denoising::Off,
-            false => Denoising::of(scene, self.options.denoise, self.options.run.safe, &self.reporter),
-        }
-    }
-
-    /// Returns what removes the noise of a frame. A worker leaves that to its coordinator.
-    fn denoiser(&self, scene: &Scene, denoising: Denoising) -> Option<Arc<dyn Denoiser>> {
-        if denoising == Denoising::Off || self.master.is_some() {
-            return None;
-        }
-        self.denoisers.of(scene, self.options.run.environment.files(), &self.reporter)
     }
 
     /// Returns the number of threads to render a scene with.
@@ -544,7 +533,7 @@ impl FrameRenderer for SessionRenderer {
         let requested = self.requested.lock().clone();
         let special = Special { requested: &requested, looking: None, desk: None };
         let scene = outputs::amended(scene, &self.options, special, &self.registry, &self.reporter);
-        Renderer::new(self.environment(&scene, Denoising::Off)).needed(&scene, unread)
+        Renderer::new(self.environment(&denoisers::prepared(&scene, 0))).needed(&scene, unread)
     }
 
     fn attribute(&mut self, param: &Param) {

@@ -354,8 +354,12 @@ impl OutputSet {
         self.images.extract_if(.., |image| image.is_error).map(|image| image.path).collect()
     }
 
-    /// Sets what images have of a scene: its settings, and its mattes if any are requested.
+    /// Sets what images have of a scene: its settings, the filter of those that are denoised, and its mattes if any are
+    /// requested.
     pub(crate) fn set_scene(&mut self, scene: &Scene) {
+        if scene.get(attr::RENDER_DENOISE) != 0 {
+            self.share_no_samples();
+        }
         let samples = scene.get(attr::RENDER_SAMPLES);
         self.images.iter_mut().for_each(|image| image.samples = samples);
         let layers = self.images.iter_mut().flat_map(|image| &mut image.layers);

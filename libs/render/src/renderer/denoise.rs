@@ -10,10 +10,16 @@ use crate::statistics::Denoised;
 use crate::{CameraView, PixelRect, RenderEnvironment, RenderError};
 use granita_base::{Reporter, Vec3};
 use granita_image::{Denoiser, NoisyImage};
-use granita_scene::Scene;
+use granita_scene::{Scene, attr};
 use granita_shading::ShadingContext;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Returns the factor of "shadingquality" of what cameras see. The points of a surface share their colours with the
+/// pixels around them. At twice as many along each side, the noise of pixels is independent.
+pub(super) fn finer(scene: &Scene) -> f32 {
+    if scene.get(attr::RENDER_DENOISE) == 1 { 2.0 } else { 1.0 }
+}
 
 /// The albedo and the normals of the pixels that an eye sees, with three values for each pixel.
 struct Features {
@@ -52,13 +58,13 @@ impl CameraDenoiser {
             return Ok(None);
         }
         let begin = Instant::now();
-        let mut sets: Vec<OutputSet> = outputs.iter().map(OutputSet::features).collect();
+        let mut sets: Vec<OutputSet> = outputs.iter().map(|_| OutputSet::features()).collect();
         let silent = Reporter::silent();
         let options = FrameOptions {
             eyes,
             dicing_camera: dicing_view,
             threads,
-            finer: environment.finer,
+            finer: finer(scene),
             ..FrameOptions::new(view, &silent, &environment.stop)
         };
         frame::render(scene, shading, options, &mut sets, None)?;

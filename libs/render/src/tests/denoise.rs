@@ -20,6 +20,7 @@ type Seen = ([usize; 2], Vec<f32>, Vec<f32>);
 struct Negative {
     seen: Mutex<Vec<Seen>>,
     fails: bool,
+    takes: Duration,
 }
 
 impl Denoiser for Negative {
@@ -31,6 +32,7 @@ impl Denoiser for Negative {
         assert_eq!(image.color.len(), 3 * image.width * image.height);
         let seen = ([image.width, image.height], image.albedo.to_vec(), image.normal.to_vec());
         self.seen.lock().push(seen);
+        std::thread::sleep(self.takes);
         match self.fails {
             true => Err("it is broken".to_owned()),
             false => Ok(image.color.iter().map(|v| -v).collect()),
@@ -155,27 +157,24 @@ fn a_library_that_fails_leaves_the_noise() {
 #[test]
 fn passes_are_denoised_once_and_in_time() {
     let folder = tempfile::tempdir().unwrap();
-    let run = |deadline: Option<Instant>, has_library: bool| {
-        let library = Arc::<Negative>::default();
+    let run = |passes: Option<u32>, seconds: Option<f32>, library: Option<Duration>| {
+        let library = library.map(|takes| Arc::new(Negative { takes, ..Negative::default() }));
         let (report, images, _) = render(folder.path(), &[("rgb", 1)], |environment| {
-            environment.denoiser = has_library.then(|| library.clone() as Arc<dyn Denoiser>);
-            environment.passes = Some(PassPlan {
-                passes: Some(3),
-                deadline,
-                grace: Duration::ZERO,
-                error: None,
-                causes: false,
-            });
+            environment.denoiser = library.clone().map(|library| library as Arc<dyn Denoiser>);
+            let deadline = seconds.map(|seconds| Instant::now() + Duration::from_secs_f32(seconds));
+            environment.passes =
+                Some(PassPlan { passes, deadline, grace: Duration::ZERO, error: None, causes: false });
         });
-        let count = library.seen.lock().len();
+        let count = library.map_or(0, |library| library.seen.lock().len());
         (report.statistics[0].1.passes.as_ref().unwrap().passes, images, count)
     };
-    let plain = run(None, false);
-    let denoised = run(None, true);
+    let plain = run(Some(3), None, None);
+    let denoised = run(Some(3), None, Some(Duration::ZERO));
     assert_eq!((plain.0, denoised.0, denoised.2), (3, 3, 1));
     assert!(plain.1[0].iter().zip(&denoised.1[0]).all(|(a, b)| *a == -b));
-    // With a deadline, the time of the library is measured before.
-    let timed = run(Some(Instant::now() + Duration::from_secs(3600)), true);
-    assert_eq!((timed.0, timed.2), (3, 2));
-    assert!(timed.1 == denoised.1);
+    // With a deadline, the time of the library is measured before, and is left at the end: 0.6 s of 1 s are over after
+    // the measurement, and the other 0.4 s do not suffice for the library.
+    let slow = run(None, Some(1.0), Some(Duration::from_millis(600)));
+    assert_eq!((slow.0, slow.2), (1, 2));
+    assert!(run(None, Some(1.0), Some(Duration::ZERO)).0 > 1);
 }

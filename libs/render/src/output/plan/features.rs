@@ -3,14 +3,18 @@
 use super::{OutputImage, OutputSet};
 use crate::output::plan::ImageLayer;
 use crate::output::writer::Shown;
-use granita_base::Params;
+use granita_base::{Filter, Params};
 use granita_gsl::ir::ValueType;
 use granita_hider::film::{FilterSpec, PixelFilter};
 use granita_hider::{Wanted, WantedVariable};
+use granita_scene::attr;
 use std::path::PathBuf;
 
 /// The number of channels of the image of features: the albedo, then the normal.
 pub(crate) const FEATURES: usize = 6;
+
+/// The filter whose pixels share no samples.
+const BOX: FilterSpec = FilterSpec { filter: PixelFilter::Weighted(Filter::Box), width: [1.0; 2] };
 
 impl ImageLayer {
     /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of
@@ -23,32 +27,37 @@ impl ImageLayer {
     }
 }
 
+impl OutputImage {
+    /// True when the noise of some of its layers can be removed, and the output does not forbid it.
+    fn is_denoisable(&self) -> bool {
+        let is_wanted = self.params.int(attr::DENOISE.name()).is_none_or(|n| n != 0);
+        is_wanted && !self.is_error && self.layers.iter().any(ImageLayer::is_denoisable)
+    }
+}
+
 impl OutputSet {
-    /// Selects the images that are denoised: those with colours, unless their parameter "denoise" is 0. Returns false
-    /// when there is none.
+    /// Gives what can be denoised the filter whose pixels share no samples, because the library expects noise that is
+    /// independent from pixel to pixel.
+    pub(super) fn share_no_samples(&mut self) {
+        let images = self.images.iter_mut().filter(|image| image.is_denoisable());
+        let layers = images.flat_map(|image| &mut image.layers).filter(|layer| layer.is_denoisable());
+        layers.for_each(|layer| layer.filter = BOX);
+    }
+
+    /// Selects the images that are denoised. Returns false when there is none.
     pub(crate) fn select_denoised(&mut self) -> bool {
-        for image in &mut self.images {
-            let is_wanted = image.params.int(granita_scene::attr::DENOISE.name()).is_none_or(|n| n != 0);
-            image.is_denoised =
-                is_wanted && !image.is_error && image.layers.iter().any(ImageLayer::is_denoisable);
-        }
+        self.images.iter_mut().for_each(|image| image.is_denoised = image.is_denoisable());
         self.images.iter().any(|image| image.is_denoised)
     }
 
-    /// Returns the image of the albedo and the normal of surfaces, with the filter of the first image that is denoised.
-    pub(crate) fn features(&self) -> Self {
-        let denoised = self.images.iter().filter(|image| image.is_denoised);
-        let mut layers = denoised.flat_map(|image| &image.layers).filter(|layer| layer.is_denoisable());
-        let filter = layers.next().map_or(
-            FilterSpec { filter: PixelFilter::Weighted(granita_base::Filter::Box), width: [1.0; 2] },
-            |layer| layer.filter,
-        );
+    /// Returns the image of the albedo and the normal of surfaces.
+    pub(crate) fn features() -> Self {
         let normal = WantedVariable { offset: 0, width: 3, is_color: false };
         let wanted = Wanted { variables: vec![normal], ..Wanted::default() };
         let first = wanted.variable_channel(0);
         let layer = |name: &str, first: usize, is_color| ImageLayer {
             name: name.into(),
-            filter,
+            filter: BOX,
             channels: (first..first + 3).collect(),
             is_color,
             mattes: None,
