@@ -14,6 +14,8 @@ pub struct NoisyImage<'a> {
     pub albedo: &'a [f32],
     /// The normals of surfaces, from -1 to 1, in any space that is the same for all pixels; 0 where nothing is.
     pub normal: &'a [f32],
+    /// True when albedo and normals have noise as well, of motion blur or of depth of field.
+    pub has_noisy_features: bool,
     /// The number of threads to compute with, at least 1.
     pub threads: usize,
 }

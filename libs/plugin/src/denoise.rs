@@ -205,17 +205,41 @@ impl Drop for Device<'_> {
     }
 }
 
-/// A filter, which is released when it is dropped.
-struct Filter<'c> {
-    calls: &'c Calls,
-    at: NonNull<c_void>,
-}
-
-impl Drop for Filter<'_> {
-    fn drop(&mut self) {
-        // SAFETY: the filter exists, and nothing uses it any more.
-        unsafe { (self.calls.release_filter)(self.at.as_ptr()) }
+/// Runs a filter for rendered images. `inputs` are its named images of `3 * width * height` values, and `options` the
+/// names of what is true of them.
+fn run(
+    calls: &Calls,
+    device: &Device<'_>,
+    [width, height]: [usize; 2],
+    inputs: &[(&CStr, &[f32])],
+    options: &[&CStr],
+) -> Result<Vec<f32>, String> {
+    let mut out = vec![0.0_f32; 3 * width * height];
+    // SAFETY: the device exists, and the name is that of a filter for rendered images.
+    let filter = unsafe { (calls.new_filter)(device.at.as_ptr(), c"RT".as_ptr()) };
+    let Some(filter) = NonNull::new(filter) else {
+        return device.check().and(Err("it has no filter for rendered images".to_owned()));
+    };
+    let at = filter.as_ptr();
+    let set = |name: &CStr, plane: *mut f32| {
+        // SAFETY: the filter exists. The plane has `3 * width * height` floats without gaps, and outlives the filter,
+        // which only reads the planes of inputs.
+        unsafe { (calls.image)(at, name.as_ptr(), plane.cast(), FLOAT3, width, height, 0, 0, 0) }
+    };
+    inputs.iter().for_each(|(name, plane)| set(name, plane.as_ptr().cast_mut()));
+    set(c"output", out.as_mut_ptr());
+    for name in options {
+        // SAFETY: the filter exists.
+        unsafe { (calls.filter_bool)(at, name.as_ptr(), true) }
     }
+    // SAFETY: the filter exists, has its images, and is released once.
+    unsafe {
+        (calls.commit_filter)(at);
+        (calls.execute_filter)(at);
+        (calls.release_filter)(at);
+    }
+    device.check()?;
+    Ok(out)
 }
 
 impl Denoiser for OpenImageDenoise {
@@ -224,37 +248,20 @@ impl Denoiser for OpenImageDenoise {
     }
 
     fn denoise(&self, image: &NoisyImage<'_>) -> Result<Vec<f32>, String> {
-        let NoisyImage { width, height, .. } = *image;
+        let NoisyImage { width, height, color, albedo, normal, .. } = *image;
         let values = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(3));
-        let inputs = [(c"color", image.color), (c"albedo", image.albedo), (c"normal", image.normal)];
-        if inputs.iter().any(|(_, plane)| Some(plane.len()) != values) {
+        if [color, albedo, normal].iter().any(|plane| Some(plane.len()) != values) {
             return Err("its planes do not have the pixels of the image".to_owned());
         }
         let _turn = self.turn.lock();
-        let mut out = vec![0.0_f32; image.color.len()];
-        let calls = &self.calls;
-        let device = Device::new(calls, image.threads)?;
-        // SAFETY: the device exists, and the name is that of a filter for rendered images.
-        let filter = unsafe { (calls.new_filter)(device.at.as_ptr(), c"RT".as_ptr()) };
-        let Some(at) = NonNull::new(filter) else {
-            return device.check().and(Err("it has no filter for rendered images".to_owned()));
+        let device = Device::new(&self.calls, image.threads)?;
+        let run = |inputs: &[(&CStr, &[f32])], options: &[&CStr]| {
+            run(&self.calls, &device, [width, height], inputs, options)
         };
-        let filter = Filter { calls, at };
-        let set = |name: &CStr, plane: *mut f32| {
-            // SAFETY: the plane has `3 * width * height` floats without gaps, as was checked, and outlives the filter.
-            // The library only reads the planes of the inputs.
-            unsafe { (calls.image)(at.as_ptr(), name.as_ptr(), plane.cast(), FLOAT3, width, height, 0, 0, 0) }
-        };
-        inputs.iter().for_each(|(name, plane)| set(name, plane.as_ptr().cast_mut()));
-        set(c"output", out.as_mut_ptr());
-        // SAFETY: the filter exists, and has its images.
-        unsafe {
-            (calls.filter_bool)(at.as_ptr(), c"hdr".as_ptr(), true);
-            (calls.commit_filter)(at.as_ptr());
-            (calls.execute_filter)(at.as_ptr());
+        if !image.has_noisy_features {
+            return run(&[(c"color", color), (c"albedo", albedo), (c"normal", normal)], &[c"hdr"]);
         }
-        device.check()?;
-        drop(filter);
-        Ok(out)
+        let [albedo, normal] = [run(&[(c"albedo", albedo)], &[])?, run(&[(c"normal", normal)], &[])?];
+        run(&[(c"color", color), (c"albedo", &albedo), (c"normal", &normal)], &[c"hdr", c"cleanAux"])
     }
 }

@@ -21,7 +21,8 @@ fn library(folder: &Path, name: &str, words: &[&str]) -> PathBuf {
 }
 
 fn image<'a>(color: &'a [f32], albedo: &'a [f32], normal: &'a [f32], width: usize) -> NoisyImage<'a> {
-    NoisyImage { width, height: color.len() / 3 / width, color, albedo, normal, threads: 2 }
+    let height = color.len() / 3 / width;
+    NoisyImage { width, height, color, albedo, normal, has_noisy_features: false, threads: 2 }
 }
 
 #[test]
@@ -38,6 +39,10 @@ fn both_versions_are_called_with_all_planes() {
             let planes = [1.0, 2.0, 3.0].map(|v| vec![v; 3 * 3 * 2]);
             let clean = found.denoise(&image(&planes[0], &planes[1], &planes[2], 3)).unwrap();
             assert_eq!(clean, vec![0.5 + 0.5 + 0.75; 3 * 3 * 2]);
+            // Noisy features are filtered before, and are clean then.
+            let noisy =
+                NoisyImage { has_noisy_features: true, ..image(&planes[0], &planes[1], &planes[2], 3) };
+            assert_eq!(found.denoise(&noisy), Ok(vec![0.5 + 1.5 + 2.0; 3 * 3 * 2]));
             // An error of the library is its text, and the next image is denoised.
             let wrong = vec![-1.0; 3 * 3 * 2];
             assert_eq!(

@@ -1,6 +1,6 @@
 /* A library with the functions of Open Image Denoise that are used, for tests. With NEW defined it has the names of
-   version 2. Its output is a half of the colour and a quarter each of albedo and normal. A pixel of the colour -1 is an
-   error. */
+   version 2. Its output is a half of the colour and a quarter each of albedo and normal, or a half each where these are
+   said to be clean. Albedo or normal alone become greater by 1. A pixel of the colour -1 is an error. */
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -26,7 +26,7 @@
 #endif
 
 typedef struct { const char *error; int threads; bool committed; } Device;
-typedef struct { Device *device; float *planes[4]; size_t pixels; bool hdr, committed; } Filter;
+typedef struct { Device *device; float *planes[4]; size_t pixels; bool hdr, clean, committed; } Filter;
 
 static const char *const NAMES[4] = {"color", "albedo", "normal", "output"};
 
@@ -89,23 +89,27 @@ void oidnSetSharedFilterImage (Filter *filter, const char *name, void *data, int
 void SET_FILTER_BOOL (Filter *filter, const char *name, bool value)
 {
     if (strcmp (name, "hdr") == 0) filter->hdr = value;
+    if (strcmp (name, "cleanAux") == 0) filter->clean = value;
 }
 
 void oidnCommitFilter (Filter *filter)
 {
-    filter->committed = filter->hdr;
+    filter->committed = !filter->planes[0] || filter->hdr;
 }
 
 void oidnExecuteFilter (Filter *filter)
 {
     float *const *planes = filter->planes;
-    if (!filter->committed || !planes[0] || !planes[1] || !planes[2] || !planes[3]) {
+    const float *alone = planes[0] || (planes[1] && planes[2]) ? NULL : planes[1] ? planes[1] : planes[2];
+    if (!filter->committed || !planes[3] || !(alone || (planes[0] && planes[1] && planes[2]))) {
         filter->device->error = "the filter is not complete";
         return;
     }
+    for (size_t i = 0; alone && i < 3 * filter->pixels; i++) planes[3][i] = alone[i] + 1;
+    if (alone) return;
     for (size_t i = 0; i < 3 * filter->pixels; i++) {
         if (planes[0][i] == -1) filter->device->error = "a colour is -1";
-        planes[3][i] = 0.5f * planes[0][i] + 0.25f * planes[1][i] + 0.25f * planes[2][i];
+        planes[3][i] = 0.5f * planes[0][i] + (filter->clean ? 0.5f : 0.25f) * (planes[1][i] + planes[2][i]);
     }
 }
 

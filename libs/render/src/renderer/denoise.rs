@@ -9,6 +9,7 @@ use crate::passes::PassPlan;
 use crate::statistics::Denoised;
 use crate::{CameraView, PixelRect, RenderEnvironment, RenderError};
 use granita_base::{Reporter, Vec3};
+use granita_dicing::camera::is_moving;
 use granita_image::{Denoiser, NoisyImage};
 use granita_scene::{Scene, attr};
 use granita_shading::ShadingContext;
@@ -34,6 +35,8 @@ pub(super) struct CameraDenoiser {
     crop: PixelRect,
     /// One for each eye.
     features: Vec<Features>,
+    /// True when the features have noise.
+    is_blurred: bool,
     threads: usize,
     done: Denoised,
 }
@@ -81,7 +84,8 @@ impl CameraDenoiser {
         let features = features.collect();
         let done =
             Denoised { library: library.name().to_owned(), features: begin.elapsed(), ..Denoised::default() };
-        Ok(Some(Self { library, crop: view.crop, features, threads, done }))
+        let is_blurred = is_moving(scene, view) || view.has_depth_of_field();
+        Ok(Some(Self { library, crop: view.crop, features, is_blurred, threads, done }))
     }
 
     /// Returns the plan of passes that end early enough to be denoised in time. The time is measured with the albedo.
@@ -145,6 +149,7 @@ impl CameraDenoiser {
             color,
             albedo: &features.albedo,
             normal: &features.normal,
+            has_noisy_features: self.is_blurred,
             threads: self.threads,
         })
     }
