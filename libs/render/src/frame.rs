@@ -24,7 +24,7 @@ use crate::output::griddump::GridDump;
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet};
 use crate::output::writer::Shown;
-use crate::passes::{ErrorEstimate, PassPlan};
+use crate::passes::PassPlan;
 use crate::priority::Priority;
 use crate::spread::Spread;
 use crate::statistics::{Counters, Statistics, add};
@@ -278,12 +278,12 @@ pub(crate) fn render<S: FrameShader>(
             return Err(RenderError::Stopped);
         }
     }
-    let of_image = |index: usize| -> Option<(u32, Option<ErrorEstimate>)> {
-        passed.as_ref().map(|all| (all.report.passes, all.errors.get(index).copied().flatten()))
-    };
     let images = outputs.iter_mut().flat_map(|set| &mut set.images);
     for (index, (image, canvas)) in images.zip(canvases).enumerate() {
-        image.passes = of_image(index);
+        if let Some(passed) = &mut passed {
+            image.passes = Some((passed.report.passes, passed.errors.get(index).copied().flatten()));
+            image.halves = passed.halves.get_mut(index).and_then(Option::take);
+        }
         match canvas.into_inner().finish() {
             Finished::Kept(pixels) => image.pixels = pixels,
             Finished::Written(done) => image.written = Some(done),

@@ -49,6 +49,7 @@ pub use environment::{CallText, Progress, RenderEnvironment, Silent};
 pub use error::RenderError;
 pub use granita_dicing::{CameraView, EyeProjection, PixelRect};
 pub use granita_shading::{NoShader, ShaderLibrary, ShadingStatistics, check_light};
+pub use output::halves::DenoisedError;
 pub use output::partial::partial_path;
 pub use passes::{ErrorEstimate, ImageError, PassPlan, PassReport};
 pub use priority::Priority;

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 pub(crate) const PILOT: u32 = 2;
 
 /// The width of the one-sided confidence interval of the reached error in standard deviations, for 95 %.
-const CONFIDENCE: f64 = 1.645;
+pub(crate) const CONFIDENCE: f64 = 1.645;
 
 /// How accurately a frame computes what all its passes have in common, beside what the scene says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,7 +92,7 @@ impl SquaredBias {
 
 /// The approximate number of pixels that share one random number: neighbours share samples through the filter, and
 /// points of grids.
-const PIXELS_PER_NUMBER: f64 = 9.0;
+pub(crate) const PIXELS_PER_NUMBER: f64 = 9.0;
 
 /// The end of the passes of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,6 +8,7 @@ use crate::environment::RenderEnvironment;
 use crate::frame::{self, FrameOptions, KeptFrames};
 use crate::output::gather::gather_parts;
 use crate::output::griddump::GridDump;
+use crate::output::halves::DenoisedError;
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
 use crate::output::writer::ImageWriter;
@@ -412,7 +413,7 @@ impl<'r> FrameInProgress<'r> {
             }
         }
         if let Some(passes) = &statistics.passes {
-            self.tell(view, passes);
+            self.tell(view, passes, statistics.denoised.as_ref().and_then(|done| done.error));
         }
         self.report.statistics.push((view.name.clone(), statistics));
         if self.is_worker {
@@ -426,11 +427,12 @@ impl<'r> FrameInProgress<'r> {
         Ok(())
     }
 
-    /// Prints the passes of the images of a camera.
-    fn tell(&self, view: &CameraView, passes: &PassReport) {
+    /// Prints the passes of the images of a camera, and their error without noise.
+    fn tell(&self, view: &CameraView, passes: &PassReport, denoised: Option<DenoisedError>) {
         let reporter = &self.renderer.environment.reporter;
         if reporter.verbosity() > 0 {
-            let text = format!("camera \"{}\": {}\n", view.name, passes.text());
+            let denoised = denoised.map(|error| format!("; denoised {}", error.text())).unwrap_or_default();
+            let text = format!("camera \"{}\": {}{denoised}\n", view.name, passes.text());
             reporter.say(Severity::Message, &Location::default(), text);
         }
         if let Some(requested) = passes.requested.filter(|_| passes.is_short) {
@@ -523,7 +525,7 @@ impl<'r> FrameInProgress<'r> {
         image: &OutputImage,
         eye: &CameraView,
     ) -> Option<ImageWriter> {
-        if image.denoised_by.is_none() {
+        if image.denoised.is_none() {
             return Some(viewer);
         }
         const ROWS: i32 = 64;

@@ -1,5 +1,6 @@
 //! Counts and times of the work that a frame did and avoided.
 
+use crate::output::halves::DenoisedError;
 use crate::passes::PassReport;
 use parking_lot::Mutex;
 use std::cmp::Reverse;
@@ -134,13 +135,16 @@ pub struct Denoised {
     pub features: Duration,
     /// The time of the library.
     pub filter: Duration,
+    /// The largest error of an image without its noise; `None` where none was measured.
+    pub error: Option<DenoisedError>,
 }
 
 impl Denoised {
     /// Returns a text for people.
     fn text(&self) -> String {
         let [features, filter] = [self.features, self.filter].map(|time| time.as_secs_f64());
-        format!("by {}: {filter:.2} s, and {features:.2} s for albedo and normals", self.library)
+        let error = self.error.map(|error| format!("; error {}", error.text())).unwrap_or_default();
+        format!("by {}: {filter:.2} s, and {features:.2} s for albedo and normals{error}", self.library)
     }
 }
 

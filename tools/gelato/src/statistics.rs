@@ -70,6 +70,18 @@ fn frame(record: &FrameRecord) -> Value {
                 }),
             );
         }
+        if let Some(done) = &statistics.denoised {
+            fields.insert(
+                "denoised".to_owned(),
+                json!({
+                    "library": done.library,
+                    "features_seconds": done.features.as_secs_f64(),
+                    "library_seconds": done.filter.as_secs_f64(),
+                    "error": done.error.map(|error| error.error),
+                    "error95": done.error.map(|error| error.bound),
+                }),
+            );
+        }
         let seconds: Map<String, Value> =
             statistics.seconds().map(|(name, s)| (name.to_owned(), json!(s))).into_iter().collect();
         fields.insert("seconds".into(), Value::Object(seconds));

@@ -8,6 +8,7 @@
 //! the position or number of the first pass. Coverages of mattes are summed by their ids.
 
 use crate::PixelRect;
+use crate::output::halves::{HalfMeans, SecondPasses};
 use crate::output::plan::OutputImage;
 use crate::passes::{ErrorEstimate, Spot, confident_error};
 use granita_hider::film::{NO_DEPTH, PixelFilter};
@@ -72,6 +73,8 @@ pub(crate) struct Accumulated {
     waiting: Vec<(PixelRect, Vec<f32>)>,
     /// For each of the first passes: the colours of all pixels, which others are compared with. Empty unless they are.
     early: Vec<Vec<f32>>,
+    /// The colours of every second pass of each pixel, where those of two halves are needed.
+    second: Option<SecondPasses>,
 }
 
 impl Accumulated {
@@ -116,6 +119,7 @@ impl Accumulated {
             fresh: Vec::new(),
             waiting: Vec::new(),
             early: Vec::new(),
+            second: None,
             layers,
             colors,
             layer_of,
@@ -127,6 +131,12 @@ impl Accumulated {
     pub(crate) fn keeping(mut self, passes: u32) -> Self {
         let colors = self.counts.len() * self.colors.len();
         self.early = (0..passes).map(|_| vec![0.0; colors]).collect();
+        self
+    }
+
+    /// Returns the sum of no passes, whose halves are kept apart for [`Accumulated::halves`] as well.
+    pub(crate) fn halving(mut self) -> Self {
+        self.second = Some(SecondPasses::new(self.counts.len() * self.colors.len()));
         self
     }
 
@@ -142,6 +152,7 @@ impl Accumulated {
         self.squares.fill(0.0);
         self.counts.fill(0);
         self.mattes.iter_mut().for_each(Vec::clear);
+        self.second.iter_mut().for_each(SecondPasses::clear);
         let fresh = std::mem::replace(&mut self.fresh, std::mem::take(&mut self.waiting));
         self.end_pass();
         self.fresh = fresh;
@@ -241,6 +252,12 @@ impl Accumulated {
         if let Some(early) = self.early.get_mut(self.counts[pixel] as usize) {
             let early = &mut early[pixel * self.colors.len()..][..self.colors.len()];
             self.colors.iter().zip(early).for_each(|(c, early)| *early = values[*c]);
+        }
+        if let Some(second) = self.second.as_mut().filter(|_| self.counts[pixel] % 2 == 1) {
+            let first = pixel * self.colors.len();
+            for (k, (c, layer)) in self.colors.iter().zip(&self.layer_of).enumerate() {
+                second.add(first + k, weight(*layer), f64::from(values[*c]));
+            }
         }
         self.counts[pixel] += 1;
     }
@@ -370,6 +387,7 @@ impl Accumulated {
             fresh: vec![(*rect, values.to_vec())],
             waiting: Vec::new(),
             early: Vec::new(),
+            second: None,
         };
         let rows = || (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
         for row in rows() {
@@ -383,6 +401,27 @@ impl Accumulated {
         }
         part.end_pass();
         part.pixels(rect)
+    }
+
+    /// Returns the means of two halves of the passes of the pixels of a rectangle; `None` where they were not kept, and
+    /// before the second pass.
+    pub(crate) fn halves(&self, rect: &PixelRect) -> Option<HalfMeans> {
+        let second =
+            self.second.as_ref().filter(|_| places(rect).any(|[x, y]| self.counts[self.pixel(x, y)] > 1))?;
+        let colors = self.colors.len();
+        let mut halves = HalfMeans { channels: self.colors.clone(), ..HalfMeans::default() };
+        for [x, y] in places(rect) {
+            let pixel = self.pixel(x, y);
+            for (k, (c, layer)) in self.colors.iter().zip(&self.layer_of).enumerate() {
+                let sum = self.sums[pixel * self.channels + c];
+                let weight = self.weights[pixel * self.layers.len() + layer];
+                let means = second.means(pixel * colors + k, sum, weight);
+                halves.means.iter_mut().zip(means).for_each(|(all, mean)| all.push(mean));
+            }
+            let passes = self.counts[pixel];
+            halves.shares.push(passes.div_ceil(2) as f32 / passes.max(1) as f32);
+        }
+        Some(halves)
     }
 
     /// Returns the number of values of a pixel whose error is estimated.

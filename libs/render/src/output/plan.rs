@@ -6,11 +6,12 @@ mod filters;
 mod settings;
 
 use super::cryptomatte::{MatteKind, MatteLayer, Mattes, RANKS};
+use super::halves::HalfMeans;
 use super::parts::Part;
 use super::writer::{ImageWriter, Shown};
 use crate::passes::ErrorEstimate;
 use crate::{CameraView, RenderError};
-pub(crate) use features::FEATURES;
+pub(crate) use features::{DenoisedImage, FEATURES};
 use filters::{filter_spec, wrong_layer_filter};
 use granita_base::{
     BaseType, Color, Files, Location, Param, ParamData, ParamType, Params, Reporter, Severity,
@@ -189,8 +190,10 @@ pub(crate) struct OutputImage {
     pub(crate) is_error: bool,
     /// True when the noise of its colours is removed.
     pub(crate) is_denoised: bool,
-    /// The name of the library that removed its noise.
-    pub(crate) denoised_by: Option<String>,
+    /// The halves of its passes, from which the error without noise follows.
+    pub(crate) halves: Option<HalfMeans>,
+    /// How its noise was removed.
+    pub(crate) denoised: Option<DenoisedImage>,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
     /// The attribute "render:samples" of the scene.
@@ -342,7 +345,8 @@ impl OutputSet {
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
             is_error: matches!(of_layers, [Data::Error]),
             is_denoised: false,
-            denoised_by: None,
+            halves: None,
+            denoised: None,
             part,
             samples: 1.0,
             passes: None,
@@ -792,7 +796,8 @@ impl OutputImage {
             shown: Shown::default(),
             written: None,
             part: None,
-            denoised_by: None,
+            halves: None,
+            denoised: None,
             ..*self
         }
     }
@@ -966,10 +971,7 @@ impl OutputImage {
         let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
         let of_frame =
             [camera.metadata(), settings(camera, &self.layers, self.samples), of_passes(self.passes)];
-        let of_denoiser = self.denoised_by.iter().map(|library| {
-            let ty = ParamType::of(BaseType::String);
-            Params(vec![Param { name: "granita/denoised".into(), ty, data: library.as_str().into() }])
-        });
+        let of_denoiser = self.denoised.iter().map(DenoisedImage::metadata);
         for param in of_mattes.chain(of_frame).chain(of_denoiser).flat_map(|params| params.0) {
             spec.attributes.set(param);
         }

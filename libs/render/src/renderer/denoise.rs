@@ -4,7 +4,8 @@
 //! samples of the first pass, so that what is blurred by motion or out of focus is blurred there as well.
 
 use crate::frame::{self, FrameOptions};
-use crate::output::plan::{FEATURES, OutputImage, OutputSet};
+use crate::output::halves::{DenoisedError, DenoisedSum};
+use crate::output::plan::{DenoisedImage, FEATURES, OutputImage, OutputSet};
 use crate::passes::PassPlan;
 use crate::statistics::Denoised;
 use crate::{CameraView, PixelRect, RenderEnvironment, RenderError};
@@ -110,18 +111,23 @@ impl CameraDenoiser {
         let begin = Instant::now();
         for (set, features) in outputs.iter_mut().zip(&self.features) {
             for image in set.images.iter_mut().filter(|image| image.is_denoised) {
-                self.denoise(image, features)?;
+                let error = self.denoise(image, features)?;
+                let errors = self.done.error.into_iter().chain(error);
+                self.done.error = errors.max_by(|a, b| a.error.total_cmp(&b.error));
             }
         }
         self.done.filter = begin.elapsed();
         Ok(self.done)
     }
 
-    fn denoise(&self, image: &mut OutputImage, features: &Features) -> Result<(), String> {
+    /// Returns the error of the image, where halves of its passes tell it.
+    fn denoise(&self, image: &mut OutputImage, features: &Features) -> Result<Option<DenoisedError>, String> {
         let channels = image.channels();
         if image.pixels.is_empty() || channels == 0 {
-            return Ok(());
+            return Ok(None);
         }
+        let halves = image.halves.take();
+        let mut sum = DenoisedSum::default();
         let mut first = 0;
         for layer in &image.layers {
             if layer.is_denoisable() {
@@ -130,6 +136,12 @@ impl CameraDenoiser {
                     .flat_map(|pixel| [0, 1, 2].map(|c| tame(pixel[first + c], f32::MIN, f32::MAX)))
                     .collect();
                 let clean = self.filter(features, &color)?;
+                if let Some((halves, [a, b])) =
+                    halves.as_ref().and_then(|all| Some((all, all.colors(first)?)))
+                {
+                    let of_halves = [self.filter(features, &a)?, self.filter(features, &b)?];
+                    sum.add(halves, &[a, b], &of_halves);
+                }
                 let pixels = image.pixels.chunks_exact_mut(channels);
                 pixels.zip(clean.as_chunks::<3>().0).for_each(|(to, from)| {
                     to[first..first + 3].copy_from_slice(from);
@@ -137,8 +149,9 @@ impl CameraDenoiser {
             }
             first += layer.channels.len();
         }
-        image.denoised_by = Some(self.done.library.clone());
-        Ok(())
+        let error = sum.error();
+        image.denoised = Some(DenoisedImage { library: self.done.library.clone(), error });
+        Ok(error)
     }
 
     fn filter(&self, features: &Features, color: &[f32]) -> Result<Vec<f32>, String> {

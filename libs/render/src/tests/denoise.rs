@@ -155,7 +155,7 @@ fn a_library_that_fails_leaves_the_noise() {
 }
 
 #[test]
-fn passes_are_denoised_once_and_in_time() {
+fn passes_are_denoised_in_time_and_their_error_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let run = |passes: Option<u32>, seconds: Option<f32>, library: Option<Duration>| {
         let library = library.map(|takes| Arc::new(Negative { takes, ..Negative::default() }));
@@ -166,12 +166,28 @@ fn passes_are_denoised_once_and_in_time() {
                 Some(PassPlan { passes, deadline, grace: Duration::ZERO, error: None, causes: false });
         });
         let count = library.map_or(0, |library| library.seen.lock().len());
-        (report.statistics[0].1.passes.as_ref().unwrap().passes, images, count)
+        let statistics = &report.statistics[0].1;
+        let error = statistics.denoised.as_ref().and_then(|done| done.error);
+        (statistics.passes.as_ref().unwrap().passes, images, count, error)
     };
     let plain = run(Some(3), None, None);
     let denoised = run(Some(3), None, Some(Duration::ZERO));
-    assert_eq!((plain.0, denoised.0, denoised.2), (3, 3, 1));
+    // The image, and both halves of its passes.
+    assert_eq!((plain.0, denoised.0, denoised.2), (3, 3, 3));
     assert!(plain.1[0].iter().zip(&denoised.1[0]).all(|(a, b)| *a == -b));
+    let mean = |f: fn(&f32) -> f32| plain.1[0].iter().map(f).sum::<f32>() / plain.1[0].len() as f32;
+    let expected = f64::from(2.0 * mean(|v| v * v).sqrt() / mean(|v| *v));
+    let found = denoised.3.unwrap();
+    assert!((found.error - expected).abs() < 0.02 * expected, "{found:?} {expected}");
+    assert!(found.bound > found.error, "{found:?}");
+    let registry = granita_plugin::bundled_formats(Limits::default());
+    let spec = registry.open(&folder.path().join("0.exr")).unwrap().spec(0, 0).unwrap().clone();
+    let stored =
+        ["granita/denoisederror", "granita/denoisederror95"].map(|name| spec.string(name).unwrap().parse());
+    assert_eq!(stored, [Ok(found.error), Ok(found.bound)]);
+    // One pass has no halves.
+    let one = run(Some(1), None, Some(Duration::ZERO));
+    assert_eq!((one.2, one.3), (1, None));
     // With a deadline, the time of the library is measured before, and is left at the end: 0.6 s of 1 s are over after
     // the measurement, and the other 0.4 s do not suffice for the library.
     let slow = run(None, Some(1.0), Some(Duration::from_millis(600)));

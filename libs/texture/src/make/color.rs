@@ -100,7 +100,7 @@ impl Conversion {
     pub(crate) fn bytes_to_linear(&self, bytes: &[u8], n: usize, out: &mut [f32]) {
         let plain: [f32; 256] = std::array::from_fn(|i| i as f32 / 255.0);
         let separable = self.colors.as_ref().is_none_or(|colors| colors.inputs.is_separable());
-        if !separable || !self.converts_stored() {
+        if !separable || !self.converts_stored() || n == 2 {
             out.iter_mut().zip(bytes).for_each(|(v, byte)| *v = plain[usize::from(*byte)]);
             return self.to_linear(out, n);
         }
@@ -251,13 +251,16 @@ mod tests {
             [("ACEScg", false, false), ("lin_rec709", false, false), ("lin_rec709", true, true)]
         {
             let colors = ColorConvert { unassociate, multiply_first, ..convert("srgb_texture", to) };
-            let c = options(colors).conversion(Some(3), true);
-            let bytes: Vec<u8> = (0..=255).collect();
-            let mut a = vec![0.0; 256];
-            c.bytes_to_linear(&bytes, 4, &mut a);
-            let mut b: Vec<f32> = bytes.iter().map(|v| f32::from(*v) / 255.0).collect();
-            c.to_linear(&mut b, 4);
-            assert_eq!(a, b, "{to}");
+            let options = options(colors);
+            for (n, alpha) in [(4, Some(3)), (2, None), (2, Some(1)), (1, None)] {
+                let c = options.conversion(alpha, alpha.is_some());
+                let bytes: Vec<u8> = (0..=255).collect();
+                let mut a = vec![0.0; 256];
+                c.bytes_to_linear(&bytes, n, &mut a);
+                let mut b: Vec<f32> = bytes.iter().map(|v| f32::from(*v) / 255.0).collect();
+                c.to_linear(&mut b, n);
+                assert_eq!(a, b, "{to} {n} {alpha:?}");
+            }
         }
     }
 

@@ -1,9 +1,10 @@
 //! The images that help to denoise those of a camera: albedo and normal.
 
 use super::{OutputImage, OutputSet};
+use crate::output::halves::DenoisedError;
 use crate::output::plan::ImageLayer;
 use crate::output::writer::Shown;
-use granita_base::{Filter, Params};
+use granita_base::{BaseType, Filter, Param, ParamType, Params};
 use granita_gsl::ir::ValueType;
 use granita_hider::film::{FilterSpec, PixelFilter};
 use granita_hider::{Wanted, WantedVariable};
@@ -15,6 +16,28 @@ pub(crate) const FEATURES: usize = 6;
 
 /// The filter whose pixels share no samples.
 const BOX: FilterSpec = FilterSpec { filter: PixelFilter::Weighted(Filter::Box), width: [1.0; 2] };
+
+/// How the noise of an image was removed.
+#[derive(Clone, Debug)]
+pub(crate) struct DenoisedImage {
+    /// The name of the library.
+    pub(crate) library: String,
+    /// The error without the noise; `None` where it was not measured.
+    pub(crate) error: Option<DenoisedError>,
+}
+
+impl DenoisedImage {
+    pub(super) fn metadata(&self) -> Params {
+        let ty = ParamType::of(BaseType::String);
+        let text = |name: &str, value: &str| Param { name: name.into(), ty, data: value.into() };
+        let mut all = vec![text("granita/denoised", &self.library)];
+        if let Some(error) = &self.error {
+            all.push(text("granita/denoisederror", &error.error.to_string()));
+            all.push(text("granita/denoisederror95", &error.bound.to_string()));
+        }
+        Params(all)
+    }
+}
 
 impl ImageLayer {
     /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of
@@ -75,7 +98,8 @@ impl OutputSet {
             opaque_width: None,
             is_error: false,
             is_denoised: false,
-            denoised_by: None,
+            halves: None,
+            denoised: None,
             part: None,
             samples: 1.0,
             passes: None,
