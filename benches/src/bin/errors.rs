@@ -1,18 +1,20 @@
 //! Measures how well a requested error is reached: twelve scenes at four requested errors, beside converged images.
 //!
 //! `cargo run --release -p granita-benches --bin errors
-//! [-- --only WORD --threads N --converged SECONDS --gelato PROGRAM --resolution W,H --denoise LIBRARY]`
+//! [-- --only WORD --converged SECONDS --limit SECONDS --gelato PROGRAM --resolution W,H --denoise LIBRARY]`
 //!
 //! The converged image of a scene has a quarter of the dicing step, because an image with a requested error may have
 //! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by
 //! default 60), at least 4 passes, and its own error is subtracted. The error of an image is
 //! the root of the mean of its squared differences from the converged image, over the mean of that image.
 //!
-//! A row has the error and the time of the frame without passes, and for each requested error the error that was
-//! reached and the time. `bias` is the error of the scene as it is that remains with very many passes: what dicing and
-//! interpolated records add. With `--denoise` and the library of Open Image Denoise, all images have a box filter of
-//! one pixel, and a row has the frame without passes, the same with `-denoise`, the passes that have its time, and four
-//! passes with `-denoise`, with the error that the image itself says.
+//! `--threads N` is 2 by default. A row has the error and the time of the frame without passes, and for each requested
+//! error the error that was reached and the time, which is at most `--limit`. `bias` is the error of the scene as it is
+//! that remains with very many passes: what dicing and interpolated records add.
+//!
+//! With `--denoise` and the library of Open Image Denoise, all images have a box filter of one pixel, and a row has the
+//! frame without passes, the same with `-denoise`, the passes that have its time, and four passes with `-denoise`, with
+//! the error that the image itself says.
 
 #![forbid(unsafe_code)]
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a table for a terminal")]
@@ -264,6 +266,8 @@ struct Options {
     resolution: String,
     /// The library of Open Image Denoise; `None` to compare requested errors.
     denoise: Option<String>,
+    /// The most seconds for a requested error.
+    limit: Option<String>,
 }
 
 fn main() -> ExitCode {
@@ -279,6 +283,7 @@ fn options() -> Result<Options, String> {
         gelato: None,
         resolution: "96,72".to_owned(),
         denoise: None,
+        limit: None,
     };
     while let Some(word) = words.next() {
         let value = words.next().ok_or(format!("{word} needs a value"))?;
@@ -289,6 +294,7 @@ fn options() -> Result<Options, String> {
             "--gelato" => options.gelato = Some(value.into()),
             "--resolution" => options.resolution = value,
             "--denoise" => options.denoise = Some(value),
+            "--limit" => options.limit = Some(value),
             _ => return Err(format!("no option {word}")),
         }
     }
@@ -401,7 +407,10 @@ fn run() -> Result<(), String> {
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
         let _ = write!(row, " {own:.2} %, {bias:.2} % |");
         for asked in ASKED {
-            let image = draw(ORDINARY, &["-error", &format!("{asked}%")])?;
+            let asked_for = ["-error".to_owned(), format!("{asked}%")];
+            let limit = options.limit.iter().flat_map(|limit| ["-seconds".to_owned(), limit.clone()]);
+            let words: Vec<String> = asked_for.into_iter().chain(limit).collect();
+            let image = draw(ORDINARY, &words.iter().map(|word| &**word).collect::<Vec<_>>())?;
             let found = of(&image);
             cells += 1;
             reached += usize::from(found <= 1.2 * asked);

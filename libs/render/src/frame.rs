@@ -4,6 +4,7 @@ mod again;
 mod bias;
 mod bucket;
 mod cells;
+mod coarse;
 mod demand;
 mod job;
 mod kept;
@@ -21,8 +22,9 @@ use crate::bucket::{BucketOrder, Buckets};
 use crate::environment::Progress;
 use crate::output::canvas::{Canvas, Finished};
 use crate::output::griddump::GridDump;
+use crate::output::halves::{DenoisedError, HalfMeans};
 use crate::output::partial::Partial;
-use crate::output::plan::{OutputImage, OutputSet};
+use crate::output::plan::{ImagePasses, OutputImage, OutputSet};
 use crate::output::writer::Shown;
 use crate::passes::PassPlan;
 use crate::priority::Priority;
@@ -80,6 +82,8 @@ pub(crate) struct FrameOptions<'a> {
     pub(crate) partials: Option<&'a Mutex<Vec<Partial>>>,
     /// The passes whose sum the images are; `None` for a frame of its own.
     pub(crate) passes: Option<PassPlan>,
+    /// What measures the errors of images whose noise is removed, when there are any.
+    pub(crate) denoising: Option<Denoising<'a>>,
     /// The factor of "shadingquality".
     pub(crate) finer: f32,
 }
@@ -104,9 +108,19 @@ impl<'a> FrameOptions<'a> {
             memory_bytes: None,
             partials: None,
             passes: None,
+            denoising: None,
             finer: 1.0,
         }
     }
+}
+
+/// Measures the errors of images of passes whose noise is removed at the end.
+#[derive(Clone, Copy)]
+pub(crate) struct Denoising<'a> {
+    /// Returns the error of an image of an eye without its noise; `None` where it is not known.
+    pub(crate) measure: &'a (dyn Fn(usize, &OutputImage, &HalfMeans) -> Option<DenoisedError> + Sync),
+    /// The error that ends the passes, over the mean of the image.
+    pub(crate) error: Option<f32>,
 }
 
 /// One of the views that share the grids of a frame.
@@ -281,8 +295,12 @@ pub(crate) fn render<S: FrameShader>(
     let images = outputs.iter_mut().flat_map(|set| &mut set.images);
     for (index, (image, canvas)) in images.zip(canvases).enumerate() {
         if let Some(passed) = &mut passed {
-            image.passes = Some((passed.report.passes, passed.errors.get(index).copied().flatten()));
-            image.halves = passed.halves.get_mut(index).and_then(Option::take);
+            image.passes = Some(ImagePasses {
+                count: passed.report.passes,
+                coarse: passed.report.coarse,
+                error: passed.errors.get(index).copied().flatten(),
+                denoised: passed.denoised.get(index).copied().flatten(),
+            });
         }
         match canvas.into_inner().finish() {
             Finished::Kept(pixels) => image.pixels = pixels,

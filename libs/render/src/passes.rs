@@ -28,14 +28,16 @@ pub(crate) struct Accuracy {
     pub(crate) dicing: f32,
     /// The factor of "maxerror" of records of indirect light and occlusion.
     pub(crate) tolerance: f32,
+    /// The factor of the numbers of samples of lights and rays.
+    pub(crate) samples: f32,
 }
 
 impl Accuracy {
     /// With it the bias of [`Accuracy::SCENE`] is measured. The deviation of interpolated light is at most the square
     /// of "maxerror", so that a quarter of it remains.
-    pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.5 };
+    pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.5, samples: 1.0 };
     /// What the scene says.
-    pub(crate) const SCENE: Self = Self { dicing: 1.0, tolerance: 1.0 };
+    pub(crate) const SCENE: Self = Self { dicing: 1.0, tolerance: 1.0, samples: 1.0 };
     /// The part of the bias that remains on the next level, with half of the dicing step. Hard edges have a half, and
     /// what is smooth has a quarter (measured on a box with the shadow of a point light: 0.38).
     const FALL: f64 = 0.45;
@@ -52,7 +54,8 @@ impl Accuracy {
     }
 
     pub(crate) fn of_level(level: i32) -> Self {
-        Self { dicing: 2.0_f32.powi(level), tolerance: (Self::FALL as f32).sqrt().powi(level) }
+        let tolerance = (Self::FALL as f32).sqrt().powi(level);
+        Self { dicing: 2.0_f32.powi(level), tolerance, ..Self::SCENE }
     }
 }
 
@@ -92,7 +95,7 @@ impl SquaredBias {
 
 /// The approximate number of pixels that share one random number: neighbours share samples through the filter, and
 /// points of grids.
-pub(crate) const PIXELS_PER_NUMBER: f64 = 9.0;
+const PIXELS_PER_NUMBER: f64 = 9.0;
 
 /// The end of the passes of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -216,6 +219,9 @@ pub struct PassReport {
     pub mean_passes: f64,
     /// The largest error of an image; `None` after one pass, and for images without colours.
     pub error: Option<ErrorEstimate>,
+    /// How many times as far apart the points of surfaces are as the scene says, in a coarse image instead of a first
+    /// pass that would not have ended in time.
+    pub coarse: Option<u32>,
     /// The error that was requested.
     pub requested: Option<f32>,
     /// True when the requested error was not reached.
@@ -231,6 +237,9 @@ impl PassReport {
             1 => "1 pass".to_owned(),
             n => format!("{n} passes"),
         };
+        if let Some(factor) = self.coarse {
+            text += &format!(" that is coarse, to end in time: points are {factor} times as far apart");
+        }
         if self.mean_passes + 0.05 < f64::from(self.passes) {
             text += &format!(" ({:.1} of a pixel)", self.mean_passes);
         }
@@ -394,6 +403,8 @@ mod tests {
     fn texts_of_passes_show_percent() {
         let report = PassReport { passes: 1, mean_passes: 1.0, ..PassReport::default() };
         assert_eq!(report.text(), "1 pass");
+        let coarse = PassReport { coarse: Some(4), ..report };
+        assert_eq!(coarse.text(), "1 pass that is coarse, to end in time: points are 4 times as far apart");
         let mut causes = [None; NoiseSource::ALL.len()];
         causes[NoiseSource::Edges as usize] = Some(0.004);
         causes[NoiseSource::Lights as usize] = Some(0.0115);

@@ -5,10 +5,10 @@ mod shader;
 
 use crate::dynamic::DynamicMaps;
 use crate::environment::RenderEnvironment;
-use crate::frame::{self, FrameOptions, KeptFrames};
+use crate::frame::{self, Denoising, FrameOptions, KeptFrames};
 use crate::output::gather::gather_parts;
 use crate::output::griddump::GridDump;
-use crate::output::halves::DenoisedError;
+use crate::output::halves::{DenoisedError, HalfMeans};
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
 use crate::output::writer::ImageWriter;
@@ -373,10 +373,15 @@ impl<'r> FrameInProgress<'r> {
                 CameraDenoiser::new(environment, scene, views, &eyes, &mut outputs, self.threads)?
             }
         };
+        // Without noise, the requested error is that of the images without it.
+        let requested = passes.and_then(|plan| plan.error);
         let passes = passes.map(|plan| match &denoiser {
-            Some(denoiser) => denoiser.in_time(plan, &outputs),
+            Some(denoiser) => PassPlan { error: None, ..denoiser.in_time(plan, &outputs) },
             None => plan,
         });
+        let measure =
+            |eye, image: &OutputImage, halves: &HalfMeans| denoiser.as_ref()?.measure(eye, image, halves);
+        let denoising = denoiser.as_ref().map(|_| Denoising { measure: &measure, error: requested });
         let partials = Mutex::new(Vec::new());
         let options = FrameOptions {
             camera: view,
@@ -397,6 +402,7 @@ impl<'r> FrameInProgress<'r> {
             },
             partials: (environment.keep_partial && !self.is_worker).then_some(&partials),
             passes,
+            denoising,
             finer: denoise::finer(&self.scene),
         };
         let frames = self.kept.as_mut().map(|kept| kept.cameras.entry(view.name.clone()).or_default());
@@ -525,7 +531,7 @@ impl<'r> FrameInProgress<'r> {
         image: &OutputImage,
         eye: &CameraView,
     ) -> Option<ImageWriter> {
-        if image.denoised.is_none() {
+        if image.denoised_by.is_none() {
             return Some(viewer);
         }
         const ROWS: i32 = 64;

@@ -95,6 +95,8 @@ pub struct ShadingContext {
     drawn: AtomicU32,
     /// The factor of "maxerror" of records, as the bits of a float.
     tolerance: AtomicU32,
+    /// The bits of the factor of all numbers of samples.
+    samples: AtomicU32,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
@@ -218,6 +220,7 @@ impl ShadingContext {
             varied: AtomicU32::new(0),
             drawn: AtomicU32::new(0),
             tolerance: AtomicU32::new(1.0_f32.to_bits()),
+            samples: AtomicU32::new(1.0_f32.to_bits()),
             reporter,
         }
     }
@@ -243,6 +246,19 @@ impl ShadingContext {
     /// Returns the factor of "maxerror".
     pub(crate) fn tolerance(&self) -> f32 {
         f32::from_bits(self.tolerance.load(Ordering::Relaxed))
+    }
+
+    /// Sets a factor of all numbers of samples beside "render:samples", above 0. It must not be called while a thread
+    /// shades.
+    pub fn set_samples(&self, factor: f32) {
+        if self.samples.swap(factor.to_bits(), Ordering::Relaxed) != factor.to_bits() {
+            self.light_cache.clear();
+        }
+    }
+
+    /// Returns the factor of all numbers of samples.
+    pub(crate) fn samples(&self) -> f32 {
+        self.rays.limits.samples * f32::from_bits(self.samples.load(Ordering::Relaxed))
     }
 
     /// Returns the noise sources of shading that drew random numbers so far.

@@ -314,7 +314,7 @@ impl<'r, 'f> Run<'r, 'f> {
         };
         let (call, names) = (self.calls, self.seeds_for(light.seed, query));
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
-        let count = samples(area.samples, self.frame.rays.limits.samples);
+        let count = samples(area.samples, self.frame.samples());
         let share = 1.0 / count as f32;
         for index in 0..count {
             let (own, frame) = (self.seed, self.frame);
@@ -340,7 +340,7 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Any other light runs once.
     fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
         let (call, names, own) = (self.calls, self.seeds_for(light.seed, query), self.seed);
-        let count = samples(light.samples, self.frame.rays.limits.samples);
+        let count = samples(light.samples, self.frame.samples());
         let share = 1.0 / count as f32;
         let mut sum = LightResult::default();
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
@@ -654,7 +654,7 @@ impl Run<'_, '_> {
         let mut reader =
             maker.as_ref().map_or_else(|| textures.reader(), |maker| textures.reader_with(maker));
         let bias = |lane| self.bias(query.options.bias, lane);
-        maps::shadow(&mut reader, query, self.frame.rays.limits.samples, &seeds, &bias, out);
+        maps::shadow(&mut reader, query, self.frame.samples(), &seeds, &bias, out);
     }
 }
 

@@ -54,6 +54,7 @@ fn frame(record: &FrameRecord) -> Value {
                 "passes".to_owned(),
                 json!({
                     "passes": passes.passes,
+                    "coarse": passes.coarse,
                     "of_a_pixel": passes.mean_passes,
                     "error": known(error.error),
                     "error95": known(error.bound),

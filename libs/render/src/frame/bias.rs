@@ -1,5 +1,6 @@
 //! Measures what all passes of an image have in common (see [`crate::passes`]).
 
+use super::coarse::Limit;
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
@@ -72,6 +73,7 @@ impl<S: FrameShader> Frame<'_, S> {
     pub(super) fn set_accuracy(&mut self, accuracy: Accuracy) {
         self.dicing.finer = self.options.finer * accuracy.dicing;
         self.shader.set_tolerance(accuracy.tolerance);
+        self.shader.set_samples(accuracy.samples);
     }
 
     /// Measures the bias of the images after the first passes, and sets the accuracy that the requested error needs.
@@ -131,7 +133,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let list: Vec<usize> =
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
-        let limit = plan.deadline.map(|deadline| deadline + plan.grace);
+        let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();

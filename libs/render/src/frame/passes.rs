@@ -1,11 +1,12 @@
 //! Renders a frame whose images are the sum of passes (see [`crate::passes`]).
 
-use super::{Frame, FrameShader, Jobs};
+use super::coarse::Limit;
+use super::{Denoising, Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
-use crate::output::halves::HalfMeans;
+use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
 use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
 use granita_base::{NoiseSource, PassNumbers};
@@ -30,6 +31,10 @@ pub(super) struct Passes {
     pub(super) first_of_tiles: u32,
     /// The level of [`Accuracy`] of the passes that are rendered.
     pub(super) level: i32,
+    /// The part of the pixels that the last pass had when it was given up.
+    pub(super) given_up: f64,
+    /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
+    pub(super) coarse: Option<u32>,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
@@ -41,7 +46,7 @@ pub(super) struct Passes {
 impl Passes {
     /// True when the shaders of the present pass print and save nothing.
     pub(super) fn is_mute(&self) -> bool {
-        self.number > 0 || self.is_apart
+        self.number > 0 || self.is_apart || self.coarse.is_some()
     }
 
     /// True when the error of an image is estimated.
@@ -58,12 +63,36 @@ pub(super) struct Passed {
     pub(super) report: PassReport,
     /// The error of each image, those of an eye one after the other.
     pub(super) errors: Vec<Option<ErrorEstimate>>,
-    /// The halves of the passes of each image whose noise is removed.
-    pub(super) halves: Vec<Option<HalfMeans>>,
+    /// The error that each of them has without its noise, where it was measured.
+    pub(super) denoised: Vec<Option<DenoisedError>>,
 }
 
 /// The factor by which the reached error may exceed the requested one. The first passes show it to a few percent.
 const TOLERANCE: f64 = 1.05;
+
+/// The errors that images have without their noise.
+#[derive(Debug, Default)]
+pub(super) struct DenoisedErrors {
+    /// The number of passes that they were measured with.
+    passes: u32,
+    /// The number of passes to measure them with again.
+    next: u32,
+    errors: Vec<Option<DenoisedError>>,
+    /// The time of measuring.
+    time: Duration,
+}
+
+impl DenoisedErrors {
+    /// Returns the largest bound; `None` when no error is known.
+    fn bound(&self) -> Option<f64> {
+        self.errors.iter().flatten().map(|error| error.bound).reduce(f64::max)
+    }
+
+    /// True when all are at most a requested error.
+    fn are_below(&self, most: f32) -> bool {
+        self.bound().is_some_and(|bound| bound <= f64::from(most) * TOLERANCE)
+    }
+}
 
 /// What decides where an image needs more passes, and the mean of its colours.
 type Decision = Option<(Rule, f64)>;
@@ -76,9 +105,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let sum = |image: &OutputImage| {
             let kept = if plan.error.is_some() { PILOT } else { u32::from(plan.causes) };
             let sum = Accumulated::new(image, rect).keeping(kept);
-            // The error of an image without its noise takes the library three times as long as the image. Where a time
-            // is requested, it goes into passes.
-            let is_halved = image.is_denoised && plan.deadline.is_none() && plan.most() > 1;
+            let is_halved = image.is_denoised && self.measures_denoised(plan);
             Mutex::new(if is_halved { sum.halving() } else { sum })
         };
         let sums = images.map(sum).collect();
@@ -88,6 +115,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first: 0,
             first_of_tiles: PILOT,
             level: 0,
+            given_up: 0.0,
+            coarse: None,
             bias: Vec::new(),
             crop,
             sums,
@@ -129,6 +158,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut last: Option<(Duration, usize)> = None;
         // The time that is left for the passes that measure noise sources.
         let mut reserved = Duration::ZERO;
+        let mut denoised = DenoisedErrors::default();
         while completed < plan.most() {
             if let Some(error) = plan.error {
                 if completed == PILOT {
@@ -149,12 +179,27 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
                 break;
             }
-            let limit = plan.deadline.filter(|_| completed > 0).map(|deadline| deadline + plan.grace);
-            let Some(without) = self.render_pass(scene, limit, canvases, threads, &list) else { break };
+            let limit = match completed {
+                0 => self.first_limit(plan, begin),
+                _ => plan.deadline.map(|deadline| Limit::At(deadline + plan.grace)),
+            };
+            let Some(without) = self.render_pass(scene, limit, canvases, threads, &list) else {
+                let is_first = completed == 0 && !self.is_stopped();
+                let coarse =
+                    is_first.then(|| self.render_coarse((scene, plan), begin, canvases, threads, &list));
+                if let Some(without) = coarse.flatten() {
+                    self.add_pass(0);
+                    (failed, completed) = (without, 1);
+                }
+                break;
+            };
             self.add_pass(completed);
             failed += without;
             completed += 1;
             last = Some((begin.elapsed(), pixels));
+            if self.is_clean_enough(plan, completed, &mut denoised) {
+                break;
+            }
             if plan.causes && completed == 1 {
                 reserved = begin.elapsed() * u32::try_from(self.noise_sources().len()).unwrap_or(0);
             }
@@ -163,8 +208,55 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if plan.causes && completed > 1 && !self.is_stopped() {
             self.measure_sources(scene, plan, &mut errors, canvases, threads);
         }
-        let halves = self.halves();
-        Passed { failed, report: self.report(plan, completed, &errors), errors, halves }
+        if plan.deadline.is_none() && self.measures_denoised(plan) {
+            self.measure_denoised(completed, &mut denoised);
+        }
+        // The next camera has the shaders as they are.
+        self.set_accuracy(Accuracy::SCENE);
+        let denoised = if denoised.passes == completed { denoised } else { DenoisedErrors::default() };
+        let report = self.report(plan, completed, &errors, &denoised);
+        Passed { failed, report, errors, denoised: denoised.errors }
+    }
+
+    /// True when the errors of images without their noise are measured. The library then takes three times as long as
+    /// for the images alone. Where a time is requested, that goes into passes, unless an error is requested as well.
+    fn measures_denoised(&self, plan: &PassPlan) -> bool {
+        let has_time = |denoising: Denoising<'_>| plan.deadline.is_none() || denoising.error.is_some();
+        plan.most() > 1 && self.options.denoising.is_some_and(has_time)
+    }
+
+    /// Measures the error of each image without its noise, unless that was done with the same passes.
+    fn measure_denoised(&self, completed: u32, denoised: &mut DenoisedErrors) {
+        let Some((passes, denoising)) = self.passes.as_ref().zip(self.options.denoising) else { return };
+        if denoised.passes == completed || self.is_stopped() {
+            return;
+        }
+        let begin = Instant::now();
+        let images = self
+            .eyes
+            .iter()
+            .enumerate()
+            .flat_map(|(eye, _)| self.outputs.images.iter().map(move |image| (eye, image)));
+        let error = |((eye, image), sum): ((usize, &OutputImage), &Mutex<Accumulated>)| {
+            let halves = sum.lock().halves(&passes.crop)?;
+            (denoising.measure)(eye, image, &halves)
+        };
+        denoised.errors = images.zip(&passes.sums).map(error).collect();
+        (denoised.passes, denoised.time) = (completed, begin.elapsed());
+    }
+
+    /// True when images without their noise have the requested error, or when their error cannot be known. It is
+    /// measured after the second pass, and then each time that it may be reached if all of it were noise.
+    fn is_clean_enough(&self, plan: &PassPlan, completed: u32, denoised: &mut DenoisedErrors) -> bool {
+        let Some(most) = self.options.denoising.and_then(|denoising| denoising.error) else { return false };
+        if completed < denoised.next.max(PILOT) || !plan.has_time_for(denoised.time) {
+            return false;
+        }
+        self.measure_denoised(completed, denoised);
+        let Some(bound) = denoised.bound() else { return true };
+        let needed = f64::from(completed) * (bound / (f64::from(most) * TOLERANCE)).powi(2);
+        denoised.next = (needed.ceil() as u32).clamp(completed + 1, 2 * completed);
+        denoised.are_below(most)
     }
 
     /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at
@@ -172,13 +264,16 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     pub(super) fn render_pass(
         &mut self,
         scene: &Scene,
-        limit: Option<Instant>,
+        limit: Option<Limit>,
         canvases: &[Mutex<Canvas>],
         threads: usize,
         list: &[usize],
     ) -> Option<usize> {
         self.release_others(list);
         let jobs = self.jobs(scene, threads);
+        // What was saved cannot be taken back.
+        let saves = || jobs.list.iter().any(|job| job.traits.saves);
+        let limit = limit.filter(|limit| matches!(limit, Limit::At(_)) || !saves());
         let steps = list.iter().map(|index| jobs.cost(*index)).sum();
         self.options.progress.begin(self.first_image(), steps);
         let (failed, is_late) = self.run_until(limit, &jobs, canvases, threads, list);
@@ -189,6 +284,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if is_late {
             self.options.stop.store(false, Ordering::Relaxed);
         }
+        let part = self.rendered_part(&jobs, list);
+        self.passes.iter_mut().for_each(|passes| passes.given_up = part);
         self.each_sum(|sum| drop(sum.drop_pass()));
         None
     }
@@ -226,7 +323,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             self.begin_pass(scene, numbers, plan.error.is_some(), true);
             let seen = self.buckets.order.iter().enumerate().filter(|(_, rect)| is_seen(rect));
             let list: Vec<usize> = seen.map(|(index, _)| index).collect();
-            let limit = plan.deadline.map(|deadline| deadline + plan.grace);
+            let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
             if self.render_pass(scene, limit, canvases, threads, &list).is_none() {
                 break;
             }
@@ -286,16 +383,21 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if numbers == PassNumbers::default() && !is_apart {
             return;
         }
-        self.pattern = SamplePattern::of_pass(camera, is_moving(scene, camera), numbers);
-        for (filters, image) in self.filters.iter_mut().zip(&self.outputs.images) {
-            for (filter, layer) in filters.iter_mut().zip(&image.layers) {
-                *filter = film::Support::new(&layer.filter, &self.pattern.tables);
-            }
-        }
+        self.set_pattern(SamplePattern::of_pass(camera, is_moving(scene, camera), numbers));
         if has_tiles && pass >= first_of_tiles {
             let side = TILE.unsigned_abs();
             let order = BucketOrder::plain(&camera.bucketorder);
             self.buckets = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
+        }
+    }
+
+    /// Sets the samples of pixels, and prepares the filters for them.
+    pub(super) fn set_pattern(&mut self, pattern: SamplePattern) {
+        self.pattern = pattern;
+        for (filters, image) in self.filters.iter_mut().zip(&self.outputs.images) {
+            for (filter, layer) in filters.iter_mut().zip(&image.layers) {
+                *filter = film::Support::new(&layer.filter, &self.pattern.tables);
+            }
         }
     }
 
@@ -348,7 +450,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// when it gave up.
     fn run_until(
         &self,
-        limit: Option<Instant>,
+        limit: Option<Limit>,
         jobs: &Jobs<S::Object>,
         canvases: &[Mutex<Canvas>],
         threads: usize,
@@ -357,15 +459,25 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let Some(limit) = limit else { return (self.run(jobs, canvases, threads, list), false) };
         let (is_over, changed) = (Mutex::new(false), Condvar::new());
         let is_late = AtomicBool::new(false);
+        let saves = self.shader.saves();
         let stop = self.options.stop;
         let failed = std::thread::scope(|scope| {
             scope.spawn(|| {
                 let mut over = is_over.lock();
-                while !*over {
-                    if changed.wait_until(&mut over, limit).timed_out() && !*over {
-                        is_late.store(true, Ordering::Relaxed);
-                        stop.store(true, Ordering::Relaxed);
-                        break;
+                let mut at = limit.first();
+                while !*over && !limit.is_over(at) {
+                    if !changed.wait_until(&mut over, at).timed_out() || *over {
+                        continue;
+                    }
+                    let has_saved = matches!(limit, Limit::Expected { .. }) && self.shader.saves() != saves;
+                    match limit.next(self.rendered_part(jobs, list)) {
+                        _ if has_saved => break,
+                        Some(next) => at = next,
+                        None => {
+                            is_late.store(true, Ordering::Relaxed);
+                            stop.store(true, Ordering::Relaxed);
+                            break;
+                        }
                     }
                 }
             });
@@ -375,6 +487,22 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             failed
         });
         (failed, is_late.into_inner())
+    }
+
+    /// Returns the part of the buckets of a list that the present pass has, by their expected cost.
+    fn rendered_part(&self, jobs: &Jobs<S::Object>, list: &[usize]) -> f64 {
+        let Some(first) = self.passes.as_ref().and_then(|passes| passes.sums.first()) else { return 0.0 };
+        let held = first.lock().held();
+        let (mut part, mut all) = (0.0, 0.0);
+        for index in list {
+            let PixelRect { x0, y0, .. } = self.buckets.order[*index];
+            let cost = jobs.cost(*index) as f64;
+            all += cost;
+            if held.contains(&[x0, y0]) {
+                part += cost;
+            }
+        }
+        if all > 0.0 { part / all } else { 0.0 }
     }
 
     /// Stores the means on the canvases. Returns the error of each image.
@@ -410,12 +538,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         errors
     }
 
-    /// Returns the halves of the passes of each image whose noise is removed.
-    fn halves(&self) -> Vec<Option<HalfMeans>> {
-        let Some(passes) = &self.passes else { return Vec::new() };
-        passes.sums.iter().map(|sum| sum.lock().halves(&passes.crop)).collect()
-    }
-
     /// Returns the names of the images with their errors.
     fn image_errors(&self, errors: &[Option<ErrorEstimate>]) -> Vec<ImageError> {
         let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
@@ -424,7 +546,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     }
 
     /// Returns the report of the passes.
-    fn report(&self, plan: &PassPlan, passes: u32, errors: &[Option<ErrorEstimate>]) -> PassReport {
+    fn report(
+        &self,
+        plan: &PassPlan,
+        passes: u32,
+        errors: &[Option<ErrorEstimate>],
+        denoised: &DenoisedErrors,
+    ) -> PassReport {
         let error = errors.iter().flatten().copied().max_by(|a, b| a.error.total_cmp(&b.error));
         let of_pixels = self.passes.as_ref().and_then(|all| {
             let pixels = all.crop.width() * all.crop.height();
@@ -433,12 +561,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let is_above =
             |most: f32| error.map_or_else(|| has_colors, |error| error.bound > f64::from(most) * TOLERANCE);
+        let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
         PassReport {
             passes,
             mean_passes: of_pixels.unwrap_or_default(),
             error,
-            requested: plan.error,
-            is_short: plan.error.is_some_and(is_above),
+            coarse: self.passes.as_ref().and_then(|passes| passes.coarse),
+            requested: plan.error.or(of_denoised),
+            is_short: plan.error.is_some_and(is_above)
+                || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),
             images: self.image_errors(errors),
         }
     }

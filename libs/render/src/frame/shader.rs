@@ -69,6 +69,10 @@ pub(crate) trait FrameShader: Sync {
     fn set_tolerance(&self, factor: f32) {
         let _ = factor;
     }
+    /// Sets a factor of all numbers of samples that shading draws, above 0; 1 is what the scene says.
+    fn set_samples(&self, factor: f32) {
+        let _ = factor;
+    }
     /// Returns the noise sources that drew random numbers so far.
     fn noise_sources(&self) -> Vec<NoiseSource> {
         Vec::new()

@@ -12,6 +12,7 @@ use crate::output::halves::{HalfMeans, SecondPasses};
 use crate::output::plan::OutputImage;
 use crate::passes::{ErrorEstimate, Spot, confident_error};
 use granita_hider::film::{NO_DEPTH, PixelFilter};
+use std::collections::HashSet;
 
 /// The side of the parts of an image that get passes together, in pixels.
 pub(crate) const TILE: i32 = 32;
@@ -167,6 +168,11 @@ impl Accumulated {
     /// followed by the weights of each layer, layer by layer.
     pub(crate) fn hold(&mut self, rect: PixelRect, values: Vec<f32>) {
         self.fresh.push((rect, values));
+    }
+
+    /// Returns the first pixel of each bucket that is held.
+    pub(crate) fn held(&self) -> HashSet<[i32; 2]> {
+        self.fresh.iter().map(|(rect, _)| [rect.x0, rect.y0]).collect()
     }
 
     /// Drops the values of a pass that was not completed. Returns their pixels.
@@ -409,7 +415,8 @@ impl Accumulated {
         let second =
             self.second.as_ref().filter(|_| places(rect).any(|[x, y]| self.counts[self.pixel(x, y)] > 1))?;
         let colors = self.colors.len();
-        let mut halves = HalfMeans { channels: self.colors.clone(), ..HalfMeans::default() };
+        let mut halves =
+            HalfMeans { channels: self.colors.clone(), width: rect.width(), ..HalfMeans::default() };
         for [x, y] in places(rect) {
             let pixel = self.pixel(x, y);
             for (k, (c, layer)) in self.colors.iter().zip(&self.layer_of).enumerate() {

@@ -8,7 +8,11 @@
 //! The mean of all passes has less noise than f (a): how much follows from the mean of `(f (a) - f (b))^2`. Its bias is
 //! taken for that of a half, although there is less noise to remove.
 
-use crate::passes::{CONFIDENCE, PIXELS_PER_NUMBER, percent};
+use crate::passes::{CONFIDENCE, percent};
+
+/// The side of the blocks of pixels that the confidence interval is computed from. Neighbours share noise, and blocks
+/// hardly any.
+const BLOCK: usize = 8;
 
 /// The weighted sum of the second, the fourth and so on of the passes of each pixel.
 #[derive(Clone, Debug)]
@@ -49,6 +53,8 @@ pub(crate) struct HalfMeans {
     pub(crate) channels: Vec<usize>,
     /// For each half: these channels of all pixels.
     pub(crate) means: [Vec<f32>; 2],
+    /// The number of pixels of a row.
+    pub(crate) width: usize,
     /// For each pixel: the part of the mean squared difference of both halves that is the variance of the second.
     pub(crate) shares: Vec<f32>,
 }
@@ -82,18 +88,21 @@ impl DenoisedError {
 }
 
 /// What the error of a denoised image follows from.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct DenoisedSum {
     pixels: f64,
     mean: f64,
-    /// The sum of the squared errors of pixels, and of the squares of these.
-    squared: [f64; 2],
+    /// For each block, row by row: the number of its pixels, and the sum of their squared errors.
+    blocks: Vec<[f64; 2]>,
 }
 
 impl DenoisedSum {
     /// Adds a colour of all pixels. `noisy` are its values in both halves, `clean` the same without noise.
     pub(crate) fn add(&mut self, halves: &HalfMeans, noisy: &[Vec<f32>; 2], clean: &[Vec<f32>; 2]) {
         let each = |values: &[f32], k: usize| -> [f64; 3] { [0, 1, 2].map(|c| f64::from(values[3 * k + c])) };
+        let width = halves.width.max(1);
+        let across = width.div_ceil(BLOCK);
+        self.blocks.resize(across * (halves.shares.len() / width).div_ceil(BLOCK), [0.0; 2]);
         for (k, share) in halves.shares.iter().enumerate() {
             let [a, b] = noisy.each_ref().map(|values| each(values, k));
             let [of_a, of_b] = clean.each_ref().map(|values| each(values, k));
@@ -105,24 +114,32 @@ impl DenoisedSum {
                 mean += 0.5 * (a[c] + b[c]);
             }
             if squared.is_finite() && mean.is_finite() {
-                let squared = squared / 3.0;
                 self.pixels += 1.0;
                 self.mean += mean / 3.0;
-                self.squared[0] += squared;
-                self.squared[1] += squared * squared;
+                let [pixels, sum] = &mut self.blocks[k / width / BLOCK * across + k % width / BLOCK];
+                (*pixels, *sum) = (*pixels + 1.0, *sum + squared / 3.0);
             }
         }
     }
 
     /// Returns the error; `None` where nothing is known.
     pub(crate) fn error(&self) -> Option<DenoisedError> {
-        let Self { pixels, mean, squared } = *self;
-        if pixels == 0.0 || mean == 0.0 {
+        let Self { pixels, mean, blocks } = self;
+        if *pixels == 0.0 || *mean == 0.0 {
             return None;
         }
-        let value = squared[0] / pixels;
-        let spread = (squared[1] / pixels - value * value).max(0.0);
-        let deviation = (spread * PIXELS_PER_NUMBER / pixels).sqrt();
+        let value = blocks.iter().map(|[_, sum]| sum).sum::<f64>() / pixels;
+        let of_blocks: Vec<f64> =
+            blocks.iter().filter(|[n, _]| *n > 0.0).map(|[n, sum]| sum - value * n).collect();
+        let count = of_blocks.len() as f64;
+        // One block does not show its noise.
+        let deviation = match count > 1.0 {
+            true => {
+                let squares: f64 = of_blocks.iter().map(|of_block| of_block * of_block).sum();
+                (squares * count / (count - 1.0)).sqrt() / pixels
+            }
+            false => value.abs(),
+        };
         let relative = |squared: f64| squared.max(0.0).sqrt() / (mean / pixels).abs();
         Some(DenoisedError { error: relative(value), bound: relative(value + CONFIDENCE * deviation) })
     }
@@ -156,6 +173,7 @@ mod tests {
             let halves = HalfMeans {
                 channels: vec![0, 1, 2],
                 means: noisy.clone(),
+                width: 200,
                 shares: vec![n0 / (n0 + n1); PIXELS],
             };
             let mut sum = DenoisedSum::default();
@@ -164,7 +182,9 @@ mod tests {
             let noise_left = 0.03 * f64::from(left * left / (n0 + n1));
             let expected = (f64::from(bias).powi(2) + noise_left).sqrt();
             assert!((found.error - expected).abs() < 0.1 * expected, "{found:?} {expected}");
-            assert!(found.bound > expected && found.bound < 1.5 * expected, "{found:?} {expected}");
+            let width = found.bound - found.error;
+            assert!(width > 0.0 && width < 0.1 * expected, "{found:?} {expected}");
+            assert!(expected < found.error + 2.0 * width, "{found:?} {expected}");
         }
     }
 
@@ -173,6 +193,7 @@ mod tests {
         let halves = HalfMeans {
             channels: vec![4, 5, 6],
             means: [vec![f32::NAN, 1.0, 1.0, 2.0, 2.0, 2.0], vec![2.0; 6]],
+            width: 2,
             shares: vec![0.5; 2],
         };
         assert!(halves.colors(0).is_none());

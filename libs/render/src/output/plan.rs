@@ -6,12 +6,11 @@ mod filters;
 mod settings;
 
 use super::cryptomatte::{MatteKind, MatteLayer, Mattes, RANKS};
-use super::halves::HalfMeans;
 use super::parts::Part;
 use super::writer::{ImageWriter, Shown};
-use crate::passes::ErrorEstimate;
 use crate::{CameraView, RenderError};
-pub(crate) use features::{DenoisedImage, FEATURES};
+pub(crate) use features::FEATURES;
+use features::of_denoiser;
 use filters::{filter_spec, wrong_layer_filter};
 use granita_base::{
     BaseType, Color, Files, Location, Param, ParamData, ParamType, Params, Reporter, Severity,
@@ -22,6 +21,7 @@ use granita_hider::{Wanted, WantedVariable};
 use granita_image::{CreateOptions, Format, FormatRegistry, ImageSpec, PixelType, Placement, Quantize};
 use granita_scene::attribute::{Scope, TABLE};
 use granita_scene::{Output, Scene, attr};
+pub(crate) use settings::ImagePasses;
 use settings::{of_passes, settings};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -190,16 +190,14 @@ pub(crate) struct OutputImage {
     pub(crate) is_error: bool,
     /// True when the noise of its colours is removed.
     pub(crate) is_denoised: bool,
-    /// The halves of its passes, from which the error without noise follows.
-    pub(crate) halves: Option<HalfMeans>,
-    /// How its noise was removed.
-    pub(crate) denoised: Option<DenoisedImage>,
+    /// The name of the library that removed its noise.
+    pub(crate) denoised_by: Option<String>,
     /// The part of a file that it becomes; `None` for a file of its own.
     pub(crate) part: Option<Part>,
     /// The attribute "render:samples" of the scene.
     samples: f32,
-    /// The number of passes whose sum it is and its error; `None` for a frame of its own.
-    pub(crate) passes: Option<(u32, Option<ErrorEstimate>)>,
+    /// The passes whose sum it is; `None` for a frame of its own.
+    pub(crate) passes: Option<ImagePasses>,
 }
 
 impl OutputSet {
@@ -345,8 +343,7 @@ impl OutputSet {
             opaque_width: is_volume.then(|| opaque_width(output, reporter)),
             is_error: matches!(of_layers, [Data::Error]),
             is_denoised: false,
-            halves: None,
-            denoised: None,
+            denoised_by: None,
             part,
             samples: 1.0,
             passes: None,
@@ -796,8 +793,7 @@ impl OutputImage {
             shown: Shown::default(),
             written: None,
             part: None,
-            halves: None,
-            denoised: None,
+            denoised_by: None,
             ..*self
         }
     }
@@ -971,7 +967,8 @@ impl OutputImage {
         let of_mattes = self.layers.iter().filter_map(|layer| Some(layer.mattes.as_ref()?.metadata()));
         let of_frame =
             [camera.metadata(), settings(camera, &self.layers, self.samples), of_passes(self.passes)];
-        let of_denoiser = self.denoised.iter().map(DenoisedImage::metadata);
+        let error = self.passes.and_then(|passes| passes.denoised);
+        let of_denoiser = self.denoised_by.iter().map(|library| of_denoiser(library, error));
         for param in of_mattes.chain(of_frame).chain(of_denoiser).flat_map(|params| params.0) {
             spec.attributes.set(param);
         }

@@ -4,8 +4,8 @@
 //! samples of the first pass, so that what is blurred by motion or out of focus is blurred there as well.
 
 use crate::frame::{self, FrameOptions};
-use crate::output::halves::{DenoisedError, DenoisedSum};
-use crate::output::plan::{DenoisedImage, FEATURES, OutputImage, OutputSet};
+use crate::output::halves::{DenoisedError, DenoisedSum, HalfMeans};
+use crate::output::plan::{FEATURES, OutputImage, OutputSet};
 use crate::passes::PassPlan;
 use crate::statistics::Denoised;
 use crate::{CameraView, PixelRect, RenderEnvironment, RenderError};
@@ -14,8 +14,9 @@ use granita_dicing::camera::is_moving;
 use granita_image::{Denoiser, NoisyImage};
 use granita_scene::{Scene, attr};
 use granita_shading::ShadingContext;
+use parking_lot::Mutex;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Returns the factor of "shadingquality" of what cameras see. The points of a surface share their colours with the
 /// pixels around them. At twice as many along each side, the noise of pixels is independent.
@@ -39,6 +40,8 @@ pub(super) struct CameraDenoiser {
     /// True when the features have noise.
     is_blurred: bool,
     threads: usize,
+    /// The time of the library so far.
+    spent: Mutex<Duration>,
     done: Denoised,
 }
 
@@ -86,7 +89,15 @@ impl CameraDenoiser {
         let done =
             Denoised { library: library.name().to_owned(), features: begin.elapsed(), ..Denoised::default() };
         let is_blurred = is_moving(scene, view) || view.has_depth_of_field();
-        Ok(Some(Self { library, crop: view.crop, features, is_blurred, threads, done }))
+        Ok(Some(Self {
+            library,
+            crop: view.crop,
+            features,
+            is_blurred,
+            threads,
+            spent: Mutex::default(),
+            done,
+        }))
     }
 
     /// Returns the plan of passes that end early enough to be denoised in time. The time is measured with the albedo.
@@ -96,11 +107,29 @@ impl CameraDenoiser {
         let Some(features) = self.features.first() else { return plan };
         // An error is reported when images are denoised.
         drop(self.filter(features, &features.albedo));
-        let layers = outputs.iter().flat_map(|set| &set.images).filter(|image| image.is_denoised);
-        let count =
-            layers.map(|image| image.layers.iter().filter(|l| l.is_denoisable()).count()).sum::<usize>();
+        let images = outputs.iter().flat_map(|set| &set.images).filter(|image| image.is_denoised);
+        let count: usize = images.map(|image| image.denoisable().len()).sum();
         let time = begin.elapsed() * u32::try_from(count).unwrap_or(1);
         PassPlan { deadline: deadline.checked_sub(time).or(Some(deadline)), ..plan }
+    }
+
+    /// Returns the error that an image of an eye has without its noise, from halves of its passes; `None` where it is
+    /// not known. An error of the library is reported when images are denoised.
+    pub(super) fn measure(
+        &self,
+        eye: usize,
+        image: &OutputImage,
+        halves: &HalfMeans,
+    ) -> Option<DenoisedError> {
+        let features = self.features.get(eye)?;
+        let mut sum = DenoisedSum::default();
+        for first in image.denoisable() {
+            let noisy =
+                halves.colors(first)?.map(|color| color.into_iter().map(finite).collect::<Vec<f32>>());
+            let [a, b] = &noisy;
+            sum.add(halves, &noisy, &[self.filter(features, a).ok()?, self.filter(features, b).ok()?]);
+        }
+        sum.error()
     }
 
     /// Removes the noise of all images. Returns what was done.
@@ -108,55 +137,41 @@ impl CameraDenoiser {
     /// # Errors
     /// Returns the message of the library. Images that were not denoised keep their noise.
     pub(super) fn apply(mut self, outputs: &mut [OutputSet]) -> Result<Denoised, String> {
-        let begin = Instant::now();
         for (set, features) in outputs.iter_mut().zip(&self.features) {
             for image in set.images.iter_mut().filter(|image| image.is_denoised) {
-                let error = self.denoise(image, features)?;
-                let errors = self.done.error.into_iter().chain(error);
+                self.denoise(image, features)?;
+                let errors =
+                    self.done.error.into_iter().chain(image.passes.and_then(|passes| passes.denoised));
                 self.done.error = errors.max_by(|a, b| a.error.total_cmp(&b.error));
             }
         }
-        self.done.filter = begin.elapsed();
+        self.done.filter = self.spent.into_inner();
         Ok(self.done)
     }
 
-    /// Returns the error of the image, where halves of its passes tell it.
-    fn denoise(&self, image: &mut OutputImage, features: &Features) -> Result<Option<DenoisedError>, String> {
+    fn denoise(&self, image: &mut OutputImage, features: &Features) -> Result<(), String> {
         let channels = image.channels();
         if image.pixels.is_empty() || channels == 0 {
-            return Ok(None);
+            return Ok(());
         }
-        let halves = image.halves.take();
-        let mut sum = DenoisedSum::default();
-        let mut first = 0;
-        for layer in &image.layers {
-            if layer.is_denoisable() {
-                let pixels = image.pixels.chunks_exact(channels);
-                let color: Vec<f32> = pixels
-                    .flat_map(|pixel| [0, 1, 2].map(|c| tame(pixel[first + c], f32::MIN, f32::MAX)))
-                    .collect();
-                let clean = self.filter(features, &color)?;
-                if let Some((halves, [a, b])) =
-                    halves.as_ref().and_then(|all| Some((all, all.colors(first)?)))
-                {
-                    let of_halves = [self.filter(features, &a)?, self.filter(features, &b)?];
-                    sum.add(halves, &[a, b], &of_halves);
-                }
-                let pixels = image.pixels.chunks_exact_mut(channels);
-                pixels.zip(clean.as_chunks::<3>().0).for_each(|(to, from)| {
-                    to[first..first + 3].copy_from_slice(from);
-                });
-            }
-            first += layer.channels.len();
+        for first in image.denoisable() {
+            let pixels = image.pixels.chunks_exact(channels);
+            let color: Vec<f32> =
+                pixels.flat_map(|pixel| [0, 1, 2].map(|c| finite(pixel[first + c]))).collect();
+            let clean = self.filter(features, &color)?;
+            let pixels = image.pixels.chunks_exact_mut(channels);
+            pixels.zip(clean.as_chunks::<3>().0).for_each(|(to, from)| {
+                to[first..first + 3].copy_from_slice(from);
+            });
         }
-        let error = sum.error();
-        image.denoised = Some(DenoisedImage { library: self.done.library.clone(), error });
-        Ok(error)
+        image.denoised_by = Some(self.done.library.clone());
+        Ok(())
     }
 
     fn filter(&self, features: &Features, color: &[f32]) -> Result<Vec<f32>, String> {
+        let begin = Instant::now();
         let [width, height] = [self.crop.width(), self.crop.height()];
-        self.library.denoise(&NoisyImage {
+        let clean = self.library.denoise(&NoisyImage {
             width,
             height,
             color,
@@ -164,8 +179,15 @@ impl CameraDenoiser {
             normal: &features.normal,
             has_noisy_features: self.is_blurred,
             threads: self.threads,
-        })
+        });
+        *self.spent.lock() += begin.elapsed();
+        clean
     }
+}
+
+/// Returns a finite value, which is 0 for one that is not a number.
+fn finite(value: f32) -> f32 {
+    tame(value, f32::MIN, f32::MAX)
 }
 
 /// Returns a value within limits, and 0 for one that is not a number.

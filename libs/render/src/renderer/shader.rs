@@ -55,6 +55,9 @@ impl FrameShader for ShadingContext {
         ShadingContext::begin_pass(self, numbers);
     }
 
+    fn set_samples(&self, factor: f32) {
+        ShadingContext::set_samples(self, factor);
+    }
     fn set_tolerance(&self, factor: f32) {
         ShadingContext::set_tolerance(self, factor);
     }

@@ -15,11 +15,12 @@ use std::time::{Duration, Instant};
 /// What the library got: the size, the albedo and the normals of each image.
 type Seen = ([usize; 2], Vec<f32>, Vec<f32>);
 
-/// A library that negates colours, or fails.
+/// A library that negates colours, fails, or keeps the noise.
 #[derive(Default)]
 struct Negative {
     seen: Mutex<Vec<Seen>>,
     fails: bool,
+    keeps: bool,
     takes: Duration,
 }
 
@@ -35,13 +36,14 @@ impl Denoiser for Negative {
         std::thread::sleep(self.takes);
         match self.fails {
             true => Err("it is broken".to_owned()),
+            false if self.keeps => Ok(image.color.to_vec()),
             false => Ok(image.color.iter().map(|v| -v).collect()),
         }
     }
 }
 
-/// Renders a square that covers the middle of the image, in a file of each data: `0.exr`, `1.exr` and so on.
-/// `change` completes the inputs.
+/// Renders a square in the middle of the image, whose edges are noisy, in a file of each data: `0.exr`, `1.exr` and so
+/// on. `change` completes the inputs.
 fn render(
     folder: &Path,
     data: &[(&str, i32)],
@@ -53,7 +55,7 @@ fn render(
         param("float[4] crop", &[0.0_f32, 0.5, 0.0, 1.0][..]),
     ]);
     let attributes = f.attributes("constant", &["camera"], &[param("color C", &[0.5, 0.25, 3.0][..])]);
-    f.rectangle([-1.0; 2], [1.0; 2], 0.0, attributes);
+    f.rectangle([-6.3; 2], [6.4; 2], 0.0, attributes);
     for (k, (data, denoise)) in data.iter().enumerate() {
         let name = match *data {
             "shown" => "shown".to_owned(),
@@ -193,4 +195,46 @@ fn passes_are_denoised_in_time_and_their_error_is_measured() {
     let slow = run(None, Some(1.0), Some(Duration::from_millis(600)));
     assert_eq!((slow.0, slow.2), (1, 2));
     assert!(run(None, Some(1.0), Some(Duration::ZERO)).0 > 1);
+}
+
+#[test]
+fn passes_end_when_the_error_without_noise_is_reached() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |error: f32, passes: Option<u32>, seconds: Option<u64>, library: Negative| {
+        let library = Arc::new(library);
+        let (report, _, mut complaints) = render(folder.path(), &[("rgb", 1), ("z", 1)], |environment| {
+            environment.denoiser = Some(library.clone() as Arc<dyn Denoiser>);
+            let deadline = seconds.map(|seconds| Instant::now() + Duration::from_secs(seconds));
+            let grace = Duration::ZERO;
+            environment.passes =
+                Some(PassPlan { passes, deadline, grace, error: Some(error), causes: false });
+        });
+        let statistics = &report.statistics[0].1;
+        let denoised = statistics.denoised.as_ref().and_then(|done| done.error);
+        complaints.retain(|text| !text.starts_with("camera"));
+        (statistics.passes.clone().unwrap(), denoised, complaints)
+    };
+    // A library that keeps the noise has the error of the passes.
+    let keeps = || Negative { keeps: true, ..Negative::default() };
+    let (report, denoised, complaints) = run(0.01, None, None, keeps());
+    let (found, noise) = (denoised.unwrap(), report.error.unwrap());
+    assert!(report.passes > 2 && report.requested == Some(0.01) && !report.is_short, "{report:?}");
+    assert!(found.bound <= 0.01 * 1.05 && complaints.is_empty(), "{found:?} {complaints:?}");
+    assert!((found.error / noise.error - 1.0).abs() < 0.5, "{found:?} {noise:?}");
+    // An error that is larger than that of the first passes needs no more.
+    assert_eq!(run(10.0, None, None, keeps()).0.passes, 2);
+    // With a time as well, whichever is first ends the passes.
+    assert_eq!(run(10.0, None, Some(60), keeps()).0.passes, 2);
+    // What the library cannot do is said.
+    let (report, _, complaints) = run(0.05, Some(5), None, Negative::default());
+    assert!(report.is_short && report.passes == 5);
+    assert_eq!(
+        complaints,
+        ["warning: camera \"cam\": the error of 5.00 % was not reached before the passes ended"]
+    );
+    // Nobody waits for an error that is never known.
+    let (report, denoised, complaints) =
+        run(0.05, None, None, Negative { fails: true, ..Negative::default() });
+    assert_eq!((report.passes, denoised), (2, None));
+    assert!(complaints[0].contains("keep their noise: it is broken"), "{complaints:?}");
 }

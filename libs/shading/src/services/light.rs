@@ -463,7 +463,7 @@ impl Gatherer<'_, '_, '_, '_> {
                 seed: self.question.seed(self.run, self.call, lane),
                 samples: samples(
                     count(Some(self.question.query.samples), lane as usize),
-                    self.run.frame.rays.limits.samples,
+                    self.run.frame.samples(),
                 ),
             })
             .collect();

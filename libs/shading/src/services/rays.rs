@@ -343,7 +343,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let (dpdx, dpdy) = (query.dpdx.get(i) * width, query.dpdy.get(i) * width);
         let (drdx, drdy) = (query.drdx.get(i) * (width / length), query.drdy.get(i) * (width / length));
-        let asked = samples(count(o.samples, i), run.frame.rays.limits.samples);
+        let asked = samples(count(o.samples, i), run.frame.samples());
         let per_ray = 1.0 / (asked as f32).sqrt();
         let branch = run.branch(i, seed, asked);
         let departure = run.departure(i, query.p.get(i), r);

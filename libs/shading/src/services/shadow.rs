@@ -87,7 +87,7 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     let mut hard = false;
     for &lane in query.batch.active {
         let i = lane as usize;
-        let asked = Asked::new(query, i, run.frame.rays.limits.samples);
+        let asked = Asked::new(query, i, run.frame.samples());
         hard = hard || asked.is_hard();
         let width = 0.5 * (option(o.swidth, i, 1.0) + option(o.twidth, i, 1.0));
         let per_ray = 1.0 / (asked.samples as f32).sqrt();
@@ -213,7 +213,7 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
         }
         for &lane in own {
             let i = lane as usize;
-            if !Asked::new(query, i, run.frame.rays.limits.samples).is_hard() {
+            if !Asked::new(query, i, run.frame.samples()).is_hard() {
                 continue;
             }
             let around = Neighbours::new(&rect, i, &active);

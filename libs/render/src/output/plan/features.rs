@@ -17,32 +17,22 @@ pub(crate) const FEATURES: usize = 6;
 /// The filter whose pixels share no samples.
 const BOX: FilterSpec = FilterSpec { filter: PixelFilter::Weighted(Filter::Box), width: [1.0; 2] };
 
-/// How the noise of an image was removed.
-#[derive(Clone, Debug)]
-pub(crate) struct DenoisedImage {
-    /// The name of the library.
-    pub(crate) library: String,
-    /// The error without the noise; `None` where it was not measured.
-    pub(crate) error: Option<DenoisedError>,
-}
-
-impl DenoisedImage {
-    pub(super) fn metadata(&self) -> Params {
-        let ty = ParamType::of(BaseType::String);
-        let text = |name: &str, value: &str| Param { name: name.into(), ty, data: value.into() };
-        let mut all = vec![text("granita/denoised", &self.library)];
-        if let Some(error) = &self.error {
-            all.push(text("granita/denoisederror", &error.error.to_string()));
-            all.push(text("granita/denoisederror95", &error.bound.to_string()));
-        }
-        Params(all)
+/// Returns the metadata of an image whose noise a library removed.
+pub(super) fn of_denoiser(library: &str, error: Option<DenoisedError>) -> Params {
+    let ty = ParamType::of(BaseType::String);
+    let text = |name: &str, value: &str| Param { name: name.into(), ty, data: value.into() };
+    let mut all = vec![text("granita/denoised", library)];
+    if let Some(error) = error {
+        all.push(text("granita/denoisederror", &error.error.to_string()));
+        all.push(text("granita/denoisederror95", &error.bound.to_string()));
     }
+    Params(all)
 }
 
 impl ImageLayer {
     /// True when its noise can be removed: it is one colour, perhaps with alpha, and a mean of samples. Arrays of
     /// colours keep their noise.
-    pub(crate) fn is_denoisable(&self) -> bool {
+    fn is_denoisable(&self) -> bool {
         self.is_color
             && matches!(self.channels.len(), 3 | 4)
             && self.mattes.is_none()
@@ -55,6 +45,19 @@ impl OutputImage {
     fn is_denoisable(&self) -> bool {
         let is_wanted = self.params.int(attr::DENOISE.name()).is_none_or(|n| n != 0);
         is_wanted && !self.is_error && self.layers.iter().any(ImageLayer::is_denoisable)
+    }
+
+    /// Returns the first channel of each layer whose noise can be removed.
+    pub(crate) fn denoisable(&self) -> Vec<usize> {
+        let mut next = 0;
+        let mut found = Vec::new();
+        for layer in &self.layers {
+            if layer.is_denoisable() {
+                found.push(next);
+            }
+            next += layer.channels.len();
+        }
+        found
     }
 }
 
@@ -98,8 +101,7 @@ impl OutputSet {
             opaque_width: None,
             is_error: false,
             is_denoised: false,
-            halves: None,
-            denoised: None,
+            denoised_by: None,
             part: None,
             samples: 1.0,
             passes: None,

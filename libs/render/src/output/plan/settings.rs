@@ -5,6 +5,7 @@
 
 use super::ImageLayer;
 use crate::CameraView;
+use crate::output::halves::DenoisedError;
 use crate::passes::ErrorEstimate;
 use granita_base::{BaseType, Param, ParamType, Params};
 use granita_hider::film::{FilterSpec, PixelFilter};
@@ -37,17 +38,33 @@ pub(crate) fn settings(camera: &CameraView, layers: &[ImageLayer], samples: f32)
     params
 }
 
+/// The passes whose sum an image is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ImagePasses {
+    /// Their number.
+    pub(crate) count: u32,
+    /// How many times as far apart the points of surfaces are, in a coarse image.
+    pub(crate) coarse: Option<u32>,
+    /// The error of the image; `None` where it is not known.
+    pub(crate) error: Option<ErrorEstimate>,
+    /// The error without its noise; `None` where that was not measured.
+    pub(crate) denoised: Option<DenoisedError>,
+}
+
 /// Returns what an image of passes says about itself: `granita/passes`, and once there are two, `granita/error`,
 /// `granita/error95`, `granita/bias`, `granita/blocks99`, `granita/worstblock` and `granita/error/SOURCE` as fractions
 /// of the mean of the image.
-pub(crate) fn of_passes(passes: Option<(u32, Option<ErrorEstimate>)>) -> Params {
+pub(crate) fn of_passes(passes: Option<ImagePasses>) -> Params {
     let mut params = Params::new();
-    let Some((count, error)) = passes else { return params };
+    let Some(ImagePasses { count, coarse, error, .. }) = passes else { return params };
     let mut set = |name: &str, text: String| {
         let ty = ParamType::of(BaseType::String);
         params.set(Param { name: format!("granita/{name}").into(), ty, data: text.as_str().into() });
     };
     set("passes", count.to_string());
+    if let Some(factor) = coarse {
+        set("coarse", factor.to_string());
+    }
     if let Some(estimate) = error {
         let ErrorEstimate { error, bound, blocks_99, worst_block, worst_at: [x, y], .. } = estimate;
         set("error", format!("{error:.6}"));

@@ -1,0 +1,129 @@
+//! The coarse image of a frame whose first pass would not end in the requested time.
+
+use super::{Frame, FrameShader};
+use crate::CameraView;
+use crate::output::canvas::Canvas;
+use crate::passes::{Accuracy, PassPlan};
+use granita_base::PassNumbers;
+use granita_dicing::camera::is_moving;
+use granita_hider::SamplePattern;
+use granita_scene::Scene;
+use parking_lot::Mutex;
+use std::time::{Duration, Instant};
+
+/// The parts of the time between which the first pass is given up when it is not expected to end in time. The rest is
+/// for the coarse image.
+const TRIED: [f64; 2] = [0.3, 0.6];
+
+/// The part of the time left that a coarse image may take by the times of the first pass, which vary over the image.
+const USED: f64 = 0.8;
+
+/// The part of the time of a pass that depends on no number of points and samples.
+const FIXED: f64 = 0.1;
+
+/// How many times as far apart the points of surfaces may be.
+const FACTORS: [u32; 4] = [2, 4, 8, 16];
+
+/// A time that is too short to see how fast a pass is. The first pass is finished then.
+const SHORT: Duration = Duration::from_millis(200);
+
+/// When a pass is given up.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Limit {
+    /// At a time.
+    At(Instant),
+    /// Within a span of time, when it is not expected to end by then.
+    Expected { begin: Instant, checked: [Instant; 2], end: Instant },
+}
+
+impl Limit {
+    /// The number of times that an expected limit is checked.
+    const CHECKS: u32 = 8;
+
+    /// Returns the first time at which the pass may be given up.
+    pub(super) fn first(&self) -> Instant {
+        match *self {
+            Self::At(at) => at,
+            Self::Expected { checked: [from, _], .. } => from,
+        }
+    }
+
+    /// Returns the next time to look at a pass of which a part is there; `None` when it must be given up now.
+    pub(super) fn next(&self, part: f64) -> Option<Instant> {
+        let Self::Expected { begin, checked: [from, to], end } = *self else { return None };
+        let whole = begin.elapsed().as_secs_f64() / part.max(1e-6);
+        (whole <= end.saturating_duration_since(begin).as_secs_f64())
+            .then(|| Instant::now() + to.saturating_duration_since(from) / Self::CHECKS)
+    }
+
+    /// True when the pass is finished if it was not given up before this time.
+    pub(super) fn is_over(&self, at: Instant) -> bool {
+        matches!(*self, Self::Expected { checked: [_, to], .. } if at > to)
+    }
+}
+
+/// Returns the factor of the distance between points with which a pass that takes `whole` is expected to end within
+/// `left`. The number of points falls with its square.
+fn factor(whole: Duration, left: Duration) -> u32 {
+    let part = |factor: u32| FIXED + (1.0 - FIXED) / f64::from(factor.pow(2));
+    let fits = |factor: &&u32| whole.mul_f64(part(**factor)) <= left.mul_f64(USED);
+    FACTORS.iter().find(fits).copied().unwrap_or(FACTORS[FACTORS.len() - 1])
+}
+
+/// Returns a number of times or lens points of a pixel, fewer by the square of `n`. One would be none of the blur.
+fn at_least_two(samples: u32, n: u32) -> u32 {
+    (samples / (n * n)).max(samples.min(2))
+}
+
+impl<S: FrameShader> Frame<'_, S> {
+    /// Returns the limit of the first pass, which began at `begin`. There is none without a requested time.
+    pub(super) fn first_limit(&self, plan: &PassPlan, begin: Instant) -> Option<Limit> {
+        let deadline = plan.deadline?;
+        let left = deadline.saturating_duration_since(begin);
+        let checked = TRIED.map(|part| begin + left.mul_f64(part));
+        (left >= SHORT).then(|| Limit::Expected { begin, checked, end: deadline + plan.grace })
+    }
+
+    /// Renders the first pass with points that are far enough apart to end in time, after one that was given up. Lights
+    /// and rays have fewer samples in proportion, and so have pixels with four times the distance or more. Returns the
+    /// number of buckets that failed; `None` when the frame was stopped.
+    pub(super) fn render_coarse(
+        &mut self,
+        (scene, plan): (&Scene, &PassPlan),
+        begin: Instant,
+        canvases: &[Mutex<Canvas>],
+        threads: usize,
+        list: &[usize],
+    ) -> Option<usize> {
+        let passes = self.passes.as_mut()?;
+        let whole = begin.elapsed().div_f64(passes.given_up.max(1e-6));
+        let left = plan
+            .deadline
+            .map_or(Duration::ZERO, |deadline| deadline.saturating_duration_since(Instant::now()));
+        let factor = factor(whole, left);
+        passes.coarse = Some(factor);
+        let (apart, n) = (factor as f32, factor / 2);
+        self.set_accuracy(Accuracy { dicing: 1.0 / apart, tolerance: apart, samples: 1.0 / apart });
+        self.begin_pass(scene, PassNumbers::of(0), plan.error.is_some(), false);
+        let fewer = CameraView {
+            spatialquality: self.options.camera.spatialquality.map(|samples| (samples / n).max(1)),
+            temporalquality: at_least_two(self.options.camera.temporalquality, n),
+            dofquality: at_least_two(self.options.camera.dofquality, n),
+            ..self.options.camera.clone()
+        };
+        self.set_pattern(SamplePattern::new(&fewer, is_moving(scene, &fewer)));
+        self.render_pass(scene, None, canvases, threads, list)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_as_far_apart_as_the_time_requires() {
+        let seconds = Duration::from_secs;
+        assert_eq!([4, 16, 25, 60, 5000].map(|whole| factor(seconds(whole), seconds(4))), [2, 4, 8, 16, 16]);
+        assert_eq!(factor(seconds(1), Duration::ZERO), 16);
+    }
+}
