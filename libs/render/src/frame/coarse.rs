@@ -48,11 +48,14 @@ impl Limit {
         }
     }
 
-    /// Returns the next time to look at a pass of which a part is there; `None` when it must be given up now.
+    /// Returns the next time to look at a pass of which at most a part is there; `None` when it must be given up now.
+    /// What a part says of the whole is not certain. So a pass is given up early when it would take twice the time.
     pub(super) fn next(&self, part: f64) -> Option<Instant> {
         let Self::Expected { begin, checked: [from, to], end } = *self else { return None };
         let whole = begin.elapsed().as_secs_f64() / part.max(1e-6);
-        (whole <= end.saturating_duration_since(begin).as_secs_f64())
+        let seconds = |from: Instant, to: Instant| to.saturating_duration_since(from).as_secs_f64();
+        let looked = (seconds(from, Instant::now()) / seconds(from, to)).min(1.0);
+        (whole <= (2.0 - looked) * seconds(begin, end))
             .then(|| Instant::now() + to.saturating_duration_since(from) / Self::CHECKS)
     }
 

@@ -470,7 +470,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         continue;
                     }
                     let has_saved = matches!(limit, Limit::Expected { .. }) && self.shader.saves() != saves;
-                    match limit.next(self.rendered_part(jobs, list)) {
+                    // The buckets that are being rendered may be nearly complete.
+                    let begun = threads as f64 / list.len().max(1) as f64;
+                    match limit.next(self.rendered_part(jobs, list) + begun) {
                         _ if has_saved => break,
                         Some(next) => at = next,
                         None => {
