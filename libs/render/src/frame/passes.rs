@@ -284,7 +284,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         if is_late {
             self.options.stop.store(false, Ordering::Relaxed);
         }
-        let part = self.rendered_part(&jobs, list);
+        let part = self.rendered_part(&jobs, list, threads);
         self.passes.iter_mut().for_each(|passes| passes.given_up = part);
         self.each_sum(|sum| drop(sum.drop_pass()));
         None
@@ -470,9 +470,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         continue;
                     }
                     let has_saved = matches!(limit, Limit::Expected { .. }) && self.shader.saves() != saves;
-                    // The buckets that are being rendered may be nearly complete.
-                    let begun = threads as f64 / list.len().max(1) as f64;
-                    match limit.next(self.rendered_part(jobs, list) + begun) {
+                    match limit.next(self.rendered_part(jobs, list, threads)) {
                         _ if has_saved => break,
                         Some(next) => at = next,
                         None => {
@@ -491,8 +489,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         (failed, is_late.into_inner())
     }
 
-    /// Returns the part of the buckets of a list that the present pass has, by their expected cost.
-    fn rendered_part(&self, jobs: &Jobs<S::Object>, list: &[usize]) -> f64 {
+    /// Returns the part of the buckets of a list that the present pass has at most, by their expected cost. Those that
+    /// are being rendered may be nearly complete.
+    fn rendered_part(&self, jobs: &Jobs<S::Object>, list: &[usize], threads: usize) -> f64 {
         let Some(first) = self.passes.as_ref().and_then(|passes| passes.sums.first()) else { return 0.0 };
         let held = first.lock().held();
         let (mut part, mut all) = (0.0, 0.0);
@@ -504,7 +503,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 part += cost;
             }
         }
-        if all > 0.0 { part / all } else { 0.0 }
+        let begun = threads as f64 / list.len().max(1) as f64;
+        if all > 0.0 { (part / all + begun).min(1.0) } else { 0.0 }
     }
 
     /// Stores the means on the canvases. Returns the error of each image.
