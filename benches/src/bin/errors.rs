@@ -407,10 +407,9 @@ fn run() -> Result<(), String> {
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
         let _ = write!(row, " {own:.2} %, {bias:.2} % |");
         for asked in ASKED {
-            let asked_for = ["-error".to_owned(), format!("{asked}%")];
-            let limit = options.limit.iter().flat_map(|limit| ["-seconds".to_owned(), limit.clone()]);
-            let words: Vec<String> = asked_for.into_iter().chain(limit).collect();
-            let image = draw(ORDINARY, &words.iter().map(|word| &**word).collect::<Vec<_>>())?;
+            let asked_for = format!("{asked}%");
+            let limit = options.limit.as_deref().map_or_else(Vec::new, |limit| vec!["-seconds", limit]);
+            let image = draw(ORDINARY, &[&["-error", &asked_for][..], &limit].concat())?;
             let found = of(&image);
             cells += 1;
             reached += usize::from(found <= 1.2 * asked);

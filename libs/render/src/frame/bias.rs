@@ -141,7 +141,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let render = |frame: &mut Self, accuracy| {
                 frame.set_accuracy(accuracy);
                 frame.begin_pass(scene, PassNumbers::of(pass), false, true);
-                frame.render_pass(scene, limit, canvases, threads, &list)?;
+                frame.render_pass(scene, limit, canvases, threads, &list).ok()?;
                 let mut colors = Vec::new();
                 frame.each_sum(|sum| {
                     let of_pass = sum.drop_colors();

@@ -48,21 +48,32 @@ impl Limit {
         }
     }
 
-    /// Returns the next time to look at a pass of which at most a part is there; `None` when it must be given up now.
-    /// What a part says of the whole is not certain. So a pass is given up early when it would take twice the time.
-    pub(super) fn next(&self, part: f64) -> Option<Instant> {
-        let Self::Expected { begin, checked: [from, to], end } = *self else { return None };
-        let whole = begin.elapsed().as_secs_f64() / part.max(1e-6);
+    /// Looks at a pass of which at most a part is there. What a part says of the whole is not certain, so that a pass is
+    /// given up early when it would take twice the time.
+    pub(super) fn look(&self, part: f64) -> Outlook {
+        let Self::Expected { begin, checked: [from, to], end } = *self else { return Outlook::Late };
+        let now = Instant::now();
         let seconds = |from: Instant, to: Instant| to.saturating_duration_since(from).as_secs_f64();
-        let looked = (seconds(from, Instant::now()) / seconds(from, to)).min(1.0);
-        (whole <= (2.0 - looked) * seconds(begin, end))
-            .then(|| Instant::now() + to.saturating_duration_since(from) / Self::CHECKS)
+        let looked = (seconds(from, now) / seconds(from, to)).min(1.0);
+        if seconds(begin, now) / part.max(1e-6) > (2.0 - looked) * seconds(begin, end) {
+            Outlook::Late
+        } else if now < to {
+            Outlook::Unknown((now + to.saturating_duration_since(from) / Self::CHECKS).min(to))
+        } else {
+            Outlook::InTime
+        }
     }
+}
 
-    /// True when the pass is finished if it was not given up before this time.
-    pub(super) fn is_over(&self, at: Instant) -> bool {
-        matches!(*self, Self::Expected { checked: [_, to], .. } if at > to)
-    }
+/// What is expected of a pass.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Outlook {
+    /// It is given up.
+    Late,
+    /// It must be looked at again at a time.
+    Unknown(Instant),
+    /// It is finished.
+    InTime,
 }
 
 /// Returns the factor of the distance between points with which a pass that takes `whole` is expected to end within
@@ -87,24 +98,22 @@ impl<S: FrameShader> Frame<'_, S> {
         (left >= SHORT).then(|| Limit::Expected { begin, checked, end: deadline + plan.grace })
     }
 
-    /// Renders the first pass with points that are far enough apart to end in time, after one that was given up. Lights
-    /// and rays have fewer samples in proportion, and so have pixels with four times the distance or more. Returns the
-    /// number of buckets that failed; `None` when the frame was stopped.
+    /// Renders the first pass with points that are far enough apart to end in time, after one that would have taken the
+    /// time `whole`. Lights and rays have fewer samples in proportion, and so have pixels with four times the distance or
+    /// more. Returns the number of buckets that failed; `None` when the frame was stopped.
     pub(super) fn render_coarse(
         &mut self,
         (scene, plan): (&Scene, &PassPlan),
-        begin: Instant,
+        whole: Duration,
         canvases: &[Mutex<Canvas>],
         threads: usize,
         list: &[usize],
     ) -> Option<usize> {
-        let passes = self.passes.as_mut()?;
-        let whole = begin.elapsed().div_f64(passes.given_up.max(1e-6));
         let left = plan
             .deadline
             .map_or(Duration::ZERO, |deadline| deadline.saturating_duration_since(Instant::now()));
         let factor = factor(whole, left);
-        passes.coarse = Some(factor);
+        self.passes.as_mut()?.coarse = Some(factor);
         let (apart, n) = (factor as f32, factor / 2);
         self.set_accuracy(Accuracy { dicing: 1.0 / apart, tolerance: apart, samples: 1.0 / apart });
         self.begin_pass(scene, PassNumbers::of(0), plan.error.is_some(), false);
@@ -115,7 +124,7 @@ impl<S: FrameShader> Frame<'_, S> {
             ..self.options.camera.clone()
         };
         self.set_pattern(SamplePattern::new(&fewer, is_moving(scene, &fewer)));
-        self.render_pass(scene, None, canvases, threads, list)
+        self.render_pass(scene, None, canvases, threads, list).ok()
     }
 }
 
@@ -128,5 +137,25 @@ mod tests {
         let seconds = Duration::from_secs;
         assert_eq!([4, 16, 25, 60, 5000].map(|whole| factor(seconds(whole), seconds(4))), [2, 4, 8, 16, 16]);
         assert_eq!(factor(seconds(1), Duration::ZERO), 16);
+    }
+
+    #[test]
+    fn a_pass_is_given_up_early_only_when_it_is_clearly_late() {
+        let now = Instant::now();
+        let ago = |seconds: u64| now.checked_sub(Duration::from_secs(seconds)).unwrap();
+        // A time of 100 s, which is looked at between 30 and 60 s.
+        let after = |seconds: u64| {
+            let (begin, after) = (ago(seconds), |s| ago(seconds) + Duration::from_secs(s));
+            Limit::Expected { begin, checked: [after(30), after(60)], end: after(100) }
+        };
+        // A pass of 150 s is late, but that is known at the end.
+        assert!(
+            matches!(after(30).look(0.2), Outlook::Unknown(at) if at > now && at < now + Duration::from_secs(5))
+        );
+        assert!(matches!(after(59).look(0.4), Outlook::Late));
+        assert_eq!([after(30).look(0.1), after(30).look(0.0)], [Outlook::Late; 2]);
+        assert_eq!([after(60).look(0.7), after(90).look(0.95)], [Outlook::InTime; 2]);
+        assert!(matches!(after(59).look(0.7), Outlook::Unknown(at) if at <= now + Duration::from_secs(1)));
+        assert_eq!(Limit::At(now).look(0.99), Outlook::Late);
     }
 }

@@ -1,6 +1,6 @@
 //! Renders a frame whose images are the sum of passes (see [`crate::passes`]).
 
-use super::coarse::Limit;
+use super::coarse::{Limit, Outlook};
 use super::{Denoising, Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
@@ -31,8 +31,6 @@ pub(super) struct Passes {
     pub(super) first_of_tiles: u32,
     /// The level of [`Accuracy`] of the passes that are rendered.
     pub(super) level: i32,
-    /// The part of the pixels that the last pass had when it was given up.
-    pub(super) given_up: f64,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
     pub(super) coarse: Option<u32>,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
@@ -115,7 +113,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first: 0,
             first_of_tiles: PILOT,
             level: 0,
-            given_up: 0.0,
             coarse: None,
             bias: Vec::new(),
             crop,
@@ -183,15 +180,18 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 0 => self.first_limit(plan, begin),
                 _ => plan.deadline.map(|deadline| Limit::At(deadline + plan.grace)),
             };
-            let Some(without) = self.render_pass(scene, limit, canvases, threads, &list) else {
-                let is_first = completed == 0 && !self.is_stopped();
-                let coarse =
-                    is_first.then(|| self.render_coarse((scene, plan), begin, canvases, threads, &list));
-                if let Some(without) = coarse.flatten() {
-                    self.add_pass(0);
-                    (failed, completed) = (without, 1);
+            let without = match self.render_pass(scene, limit, canvases, threads, &list) {
+                Ok(without) => without,
+                Err(part) if completed == 0 && !self.is_stopped() => {
+                    let whole = begin.elapsed().div_f64(part.max(1e-6));
+                    if let Some(without) = self.render_coarse((scene, plan), whole, canvases, threads, &list)
+                    {
+                        self.add_pass(0);
+                        (failed, completed) = (without, 1);
+                    }
+                    break;
                 }
-                break;
+                Err(_) => break,
             };
             self.add_pass(completed);
             failed += without;
@@ -259,8 +259,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         denoised.are_below(most)
     }
 
-    /// Renders the buckets of a pass. Returns the number of those that failed; `None` when the pass was given up, at
-    /// the time `limit` or because the frame was stopped.
+    /// Renders the buckets of a pass. Returns the number of those that failed.
+    ///
+    /// # Errors
+    /// A pass that was given up, by its limit or because the frame was stopped, returns the part of it that there was at
+    /// most.
     pub(super) fn render_pass(
         &mut self,
         scene: &Scene,
@@ -268,10 +271,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         canvases: &[Mutex<Canvas>],
         threads: usize,
         list: &[usize],
-    ) -> Option<usize> {
+    ) -> Result<usize, f64> {
         self.release_others(list);
         let jobs = self.jobs(scene, threads);
-        // What was saved cannot be taken back.
+        // A pass that saves is finished.
         let saves = || jobs.list.iter().any(|job| job.traits.saves);
         let limit = limit.filter(|limit| matches!(limit, Limit::At(_)) || !saves());
         let steps = list.iter().map(|index| jobs.cost(*index)).sum();
@@ -279,15 +282,14 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let (failed, is_late) = self.run_until(limit, &jobs, canvases, threads, list);
         self.options.progress.end();
         if !is_late && !self.is_stopped() {
-            return Some(failed);
+            return Ok(failed);
         }
         if is_late {
             self.options.stop.store(false, Ordering::Relaxed);
         }
         let part = self.rendered_part(&jobs, list, threads);
-        self.passes.iter_mut().for_each(|passes| passes.given_up = part);
         self.each_sum(|sum| drop(sum.drop_pass()));
-        None
+        Err(part)
     }
 
     /// Returns the noise sources that the frame has, as far as its passes have shown.
@@ -324,7 +326,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let seen = self.buckets.order.iter().enumerate().filter(|(_, rect)| is_seen(rect));
             let list: Vec<usize> = seen.map(|(index, _)| index).collect();
             let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
-            if self.render_pass(scene, limit, canvases, threads, &list).is_none() {
+            if self.render_pass(scene, limit, canvases, threads, &list).is_err() {
                 break;
             }
             let Some(passes) = &self.passes else { return };
@@ -459,21 +461,23 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let Some(limit) = limit else { return (self.run(jobs, canvases, threads, list), false) };
         let (is_over, changed) = (Mutex::new(false), Condvar::new());
         let is_late = AtomicBool::new(false);
+        let is_expected = matches!(limit, Limit::Expected { .. });
         let saves = self.shader.saves();
         let stop = self.options.stop;
         let failed = std::thread::scope(|scope| {
             scope.spawn(|| {
                 let mut over = is_over.lock();
                 let mut at = limit.first();
-                while !*over && !limit.is_over(at) {
+                while !*over {
                     if !changed.wait_until(&mut over, at).timed_out() || *over {
                         continue;
                     }
-                    let has_saved = matches!(limit, Limit::Expected { .. }) && self.shader.saves() != saves;
-                    match limit.next(self.rendered_part(jobs, list, threads)) {
-                        _ if has_saved => break,
-                        Some(next) => at = next,
-                        None => {
+                    match limit.look(self.rendered_part(jobs, list, threads)) {
+                        Outlook::Unknown(next) => at = next,
+                        Outlook::InTime => break,
+                        // What was saved cannot be taken back.
+                        Outlook::Late if is_expected && self.shader.saves() != saves => break,
+                        Outlook::Late => {
                             is_late.store(true, Ordering::Relaxed);
                             stop.store(true, Ordering::Relaxed);
                             break;

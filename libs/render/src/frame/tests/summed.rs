@@ -19,6 +19,10 @@ fn error(error: f32) -> PassPlan {
 /// Shades with noise that differs from pass to pass, and is more on one side of each surface.
 struct Noisy {
     pass: AtomicU32,
+    /// The time that each point takes.
+    of_point: Duration,
+    /// The factors of tolerances and samples that were set last.
+    factors: Mutex<[f32; 2]>,
 }
 
 impl FrameShader for Noisy {
@@ -38,6 +42,12 @@ impl FrameShader for Noisy {
     fn noise_sources(&self) -> Vec<NoiseSource> {
         vec![NoiseSource::Lights]
     }
+    fn set_tolerance(&self, factor: f32) {
+        self.factors.lock()[0] = factor;
+    }
+    fn set_samples(&self, factor: f32) {
+        self.factors.lock()[1] = factor;
+    }
     fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
     fn shade(
         &self,
@@ -46,6 +56,7 @@ impl FrameShader for Noisy {
         grid: &mut Grid,
         wanted: &[(Arc<str>, ValueType)],
     ) -> Vec<Option<Vec<f32>>> {
+        std::thread::sleep(self.of_point * grid.len() as u32);
         flat(grid);
         let pass = self.pass.load(Ordering::Relaxed);
         for i in 0..grid.len() {
@@ -57,7 +68,7 @@ impl FrameShader for Noisy {
 }
 
 fn noisy() -> Noisy {
-    Noisy { pass: AtomicU32::new(0) }
+    Noisy { pass: AtomicU32::new(0), of_point: Duration::ZERO, factors: Mutex::new([0.0; 2]) }
 }
 
 /// Renders passes of one output. Returns the pixels of the crop window and the report.
@@ -303,56 +314,14 @@ fn the_parts_of_noise_sources_are_measured() {
     assert!(estimate.worst_block >= estimate.blocks_99 && report.images.len() == 1);
 }
 
-/// Shades with the time that each point takes.
-struct Slow {
-    noisy: Noisy,
-    of_point: Duration,
-    /// The factors of tolerances and samples that were set last.
-    factors: Mutex<[f32; 2]>,
-}
-
-impl FrameShader for Slow {
-    type Object = ObjectTraits;
-    type Thread<'a> = ();
-
-    fn object(&self, primitive: &Primitive) -> Arc<ObjectTraits> {
-        self.noisy.object(primitive)
-    }
-    fn traits(&self, object: &ObjectTraits) -> ObjectTraits {
-        *object
-    }
-    fn thread(&self) {}
-    fn begin_pass(&self, numbers: PassNumbers) {
-        self.noisy.begin_pass(numbers);
-    }
-    fn set_tolerance(&self, factor: f32) {
-        self.factors.lock()[0] = factor;
-    }
-    fn set_samples(&self, factor: f32) {
-        self.factors.lock()[1] = factor;
-    }
-    fn displace(&self, (): &mut (), _: &ObjectTraits, _: &mut Grid) {}
-    fn shade(
-        &self,
-        (): &mut (),
-        object: &ObjectTraits,
-        grid: &mut Grid,
-        wanted: &[(Arc<str>, ValueType)],
-    ) -> Vec<Option<Vec<f32>>> {
-        std::thread::sleep(self.of_point * grid.len() as u32);
-        self.noisy.shade(&mut (), object, grid, wanted)
-    }
-}
-
 #[test]
 fn a_pass_that_would_not_end_in_time_is_coarse() {
     let build = busy();
-    let view = build.view(&[]);
+    let view = build.view(&[("int[2] limits:bucketsize", vec![8.0; 2])]);
     let begin = Instant::now();
     let plan = PassPlan { passes: None, deadline: Some(begin + Duration::from_secs(1)), ..passes(1) };
     // A whole pass takes many times as long.
-    let factors = Mutex::new([0.0; 2]);
-    let slow = Slow { noisy: noisy(), of_point: Duration::from_millis(5), factors };
+    let slow = Noisy { of_point: Duration::from_millis(5), ..noisy() };
     let (pixels, report) = summed(&build, &view, 2, ("rgba", &[]), (&slow, plan));
     let factor = report.coarse.unwrap();
     assert_eq!(*slow.factors.lock(), [1.0; 2], "the next camera is not coarse");

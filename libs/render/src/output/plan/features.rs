@@ -44,7 +44,7 @@ impl OutputImage {
     /// True when the noise of some of its layers can be removed, and the output does not forbid it.
     fn is_denoisable(&self) -> bool {
         let is_wanted = self.params.int(attr::DENOISE.name()).is_none_or(|n| n != 0);
-        is_wanted && !self.is_error && self.layers.iter().any(ImageLayer::is_denoisable)
+        is_wanted && !self.is_error && !self.denoisable().is_empty()
     }
 
     /// Returns the first channel of each layer whose noise can be removed.
