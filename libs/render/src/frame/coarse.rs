@@ -48,8 +48,8 @@ impl Limit {
         }
     }
 
-    /// Looks at a pass of which at most a part is there. What a part says of the whole is not certain, so that a pass is
-    /// given up early when it would take twice the time.
+    /// Looks at a pass of which at most a part is there. What a part says of the whole is not certain, so that a pass
+    /// is given up early when it would take twice the time.
     pub(super) fn look(&self, part: f64) -> Outlook {
         let Self::Expected { begin, checked: [from, to], end } = *self else { return Outlook::Late };
         let now = Instant::now();
@@ -98,9 +98,9 @@ impl<S: FrameShader> Frame<'_, S> {
         (left >= SHORT).then(|| Limit::Expected { begin, checked, end: deadline + plan.grace })
     }
 
-    /// Renders the first pass with points that are far enough apart to end in time, after one that would have taken the
-    /// time `whole`. Lights and rays have fewer samples in proportion, and so have pixels with four times the distance or
-    /// more. Returns the number of buckets that failed; `None` when the frame was stopped.
+    /// Renders the first pass with points that are far enough apart to end in time, after one that would have taken
+    /// the time `whole`. Lights and rays have fewer samples in proportion, and so have pixels with four times the
+    /// distance or more. Returns the number of buckets that failed; `None` when the frame was stopped.
     pub(super) fn render_coarse(
         &mut self,
         (scene, plan): (&Scene, &PassPlan),

@@ -262,8 +262,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Renders the buckets of a pass. Returns the number of those that failed.
     ///
     /// # Errors
-    /// A pass that was given up, by its limit or because the frame was stopped, returns the part of it that there was at
-    /// most.
+    /// A pass that was given up, by its limit or because the frame was stopped, returns the part of it that there was
+    /// at most.
     pub(super) fn render_pass(
         &mut self,
         scene: &Scene,

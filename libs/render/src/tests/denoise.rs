@@ -3,13 +3,14 @@
 use super::live::{Viewer, ViewerFormat};
 use super::{CONSTANT, finish};
 use crate::{FrameReport, PassPlan, RenderEnvironment, Renderer};
-use granita_base::Params;
+use granita_base::{Param, Params};
 use granita_fixture::{Fixture, param};
 use granita_image::{Denoiser, Limits, NoisyImage};
 use granita_scene::Output;
 use parking_lot::Mutex;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// What the library got: the size, the albedo and the normals of each image.
@@ -19,6 +20,8 @@ type Seen = ([usize; 2], Vec<f32>, Vec<f32>);
 #[derive(Default)]
 struct Negative {
     seen: Mutex<Vec<Seen>>,
+    /// True when the last albedo and normals were said to have noise.
+    has_noisy_features: AtomicBool,
     fails: bool,
     keeps: bool,
     takes: Duration,
@@ -33,6 +36,7 @@ impl Denoiser for Negative {
         assert_eq!(image.color.len(), 3 * image.width * image.height);
         let seen = ([image.width, image.height], image.albedo.to_vec(), image.normal.to_vec());
         self.seen.lock().push(seen);
+        self.has_noisy_features.store(image.has_noisy_features, Ordering::Relaxed);
         std::thread::sleep(self.takes);
         match self.fails {
             true => Err("it is broken".to_owned()),
@@ -49,11 +53,22 @@ fn render(
     data: &[(&str, i32)],
     change: impl Fn(&mut RenderEnvironment),
 ) -> (FrameReport, Vec<Vec<f32>>, Vec<String>) {
+    render_as(folder, data, Vec::new(), change)
+}
+
+/// Does the same with these parameters of the camera as well.
+fn render_as(
+    folder: &Path,
+    data: &[(&str, i32)],
+    camera: Vec<Param>,
+    change: impl Fn(&mut RenderEnvironment),
+) -> (FrameReport, Vec<Vec<f32>>, Vec<String>) {
     let mut f = Fixture::new(&[CONSTANT]);
     f.scene.cameras[0].params = Params(vec![
         param("int[2] resolution", &[24, 20][..]),
         param("float[4] crop", &[0.0_f32, 0.5, 0.0, 1.0][..]),
     ]);
+    f.scene.cameras[0].params.0.extend(camera);
     let attributes = f.attributes("constant", &["camera"], &[param("color C", &[0.5, 0.25, 3.0][..])]);
     f.rectangle([-6.3; 2], [6.4; 2], 0.0, attributes);
     for (k, (data, denoise)) in data.iter().enumerate() {
@@ -237,4 +252,18 @@ fn passes_end_when_the_error_without_noise_is_reached() {
         run(0.05, None, None, Negative { fails: true, ..Negative::default() });
     assert_eq!((report.passes, denoised), (2, None));
     assert!(complaints[0].contains("keep their noise: it is broken"), "{complaints:?}");
+}
+
+#[test]
+fn features_have_noise_where_the_camera_is_out_of_focus() {
+    let folder = tempfile::tempdir().unwrap();
+    let lens = ["float fstop", "float focallength", "float focaldistance"].map(|name| param(name, 2.0));
+    for (camera, is_noisy) in [(Vec::new(), false), (lens.to_vec(), true)] {
+        let library = Arc::<Negative>::default();
+        let (report, ..) = render_as(folder.path(), &[("rgb", 1)], camera, |environment| {
+            environment.denoiser = Some(library.clone() as Arc<dyn Denoiser>);
+        });
+        assert!(report.complete && library.seen.lock().len() == 1);
+        assert_eq!(library.has_noisy_features.load(Ordering::Relaxed), is_noisy);
+    }
 }

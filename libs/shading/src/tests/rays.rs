@@ -342,6 +342,38 @@ fn options_of_environment_set_their_results() {
 }
 
 #[test]
+fn all_numbers_of_samples_have_a_factor() {
+    for call in [
+        "diffuse (normalize (N))",
+        "occlusion (\"all\", P, N, PI / 2, \"samples\", 64, \"maxerror\", 0, \"adaptive\", 0)",
+        "indirect (\"all\", P, N, \"samples\", 64, \"maxerror\", 0, \"adaptive\", 0)",
+        "environment (\"all\", N, \"blur\", 0.5, \"samples\", 64)",
+    ] {
+        let rays = |factor: f32| {
+            let lamp = "light lamp () { emit (vector (0, 0, -1), 0) {
+                Cl = 1 - (color) shadow (\"all\", Ps, \"blur\", 0.1, \"samples\", 64);
+            } }";
+            let mut f = Fixture::new(&[CONSTANT, lamp, &format!("surface asks () {{ C = {call}; }}")]);
+            f.light("lamp", &[], Transform::IDENTITY);
+            let floor = f.attributes("asks", &[], &[]);
+            let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, floor);
+            let lid = f.attributes("constant", &["all"], &[]);
+            f.rectangle([-2.0; 2], [2.0; 2], 1.0, lid);
+            let (scene, camera, environment) = f.finish();
+            let frame = ShadingContext::new(&scene, &camera, &environment);
+            frame.set_samples(factor);
+            let object = frame.object(&floor);
+            ShaderThread::new(&frame).shade(&object, &mut flat_grid(&[[0.1, 0.2]]), &[]);
+            assert_eq!(f.complaints(), Vec::<String>::new(), "{call}");
+            let counts = frame.statistics();
+            counts.rays + counts.light_rays
+        };
+        let (all, quarter) = (rays(1.0), rays(0.25));
+        assert!(quarter >= 16 && (3 * quarter..6 * quarter).contains(&all), "{call}: {all} {quarter}");
+    }
+}
+
+#[test]
 fn opaque_objects_cast_shadows_without_being_shaded() {
     let sheer = "surface sheer () { opacity = 0.25; C *= opacity; }";
     let solid = "surface solid () { opacity = 1; C *= opacity; }";
