@@ -2,9 +2,9 @@
 
     python3 benches/peers/read_matrix.py [--pixels PROGRAM] [--only WORD] [--keep FOLDER] [--table FILE]
 
-Files are written by OpenImageIO, ImageMagick (`convert`), Pillow, libtiff's `tiffcp`, OpenJPEG's `opj_compress` and
-libjxl's `cjxl`, in every type and compression that these write, and read by the same program (those of `tiffcp`,
-`opj_compress` and `cjxl` by the packages or by their counterparts). The suite reads them by the example `pixels` of
+Files are written by OpenImageIO, ImageMagick (`convert`), Pillow, libtiff's `tiffcp`, OpenEXR's `exrmaketiled`,
+`exrmultiview` and `exrmakepreview`, OpenJPEG's `opj_compress` and libjxl's `cjxl`, in every type and compression that
+these write, and read by the same program (those of the programs of formats by the packages or by their counterparts). The suite reads them by the example `pixels` of
 `granita-plugin` (`cargo build -p granita-plugin --example pixels`). Programs and packages that are missing are named, and
 left out.
 
@@ -358,6 +358,28 @@ def of_tiffcp(folder, program):
             yield File("libtiff (tiffcp)", "tif", f"{name} {words}", path, by_oiio(path if has_loss else source))
 
 
+def of_openexr(folder, tiled, multiview, preview):
+    """Files of OpenEXR's programs: tiles, levels of both kinds, views, previews, in all compressions."""
+    if oiio is None:
+        return
+    for kind in "half float uint".split():
+        for n in (1, 3, 4):
+            source = folder / f"openexr-source-{kind}-{n}.exr"
+            out = oiio.ImageOutput.create(str(source))
+            out.open(str(source), oiio.ImageSpec(WIDTH, HEIGHT, n, kind))
+            out.write_image(values(n, 6))
+            out.close()
+            runs = [(f"-z {c} {levels} -t {size}", [tiled, "-z", c, *levels.split(), "-t", *size.split(), source])
+                    for c in "none rle zip piz pxr24 b44 b44a dwaa dwab".split()
+                    for levels in ("-o", "-m -d", "-m -u", "-r -d", "-r -u") for size in ("16 16", "13 7", "64 64")]
+            runs += [("of two views", [multiview, "left", source, "right", source]), ("with a preview", [preview, source])]
+            for i, (words, command) in enumerate(runs):
+                path = folder / f"{source.stem}-{i}.exr"
+                done = subprocess.run([*command, path], capture_output=True)
+                if done.returncode == 0 and path.exists():
+                    yield File("OpenEXR", "exr", f"{kind} {n} channels {words}", path, by_oiio(path))
+
+
 def of_openjpeg(folder, program, decoder):
     for n, bits in ((1, 8), (3, 8), (1, 12), (3, 10), (3, 16), (1, 16)):
         source = folder / f"opj-{n}-{bits}.{'pgm' if n == 1 else 'ppm'}"
@@ -375,6 +397,17 @@ def of_openjpeg(folder, program, decoder):
                 back = folder / f"opj-{n}-{bits}-{i}-{extension}.{'pgm' if n == 1 else 'ppm'}"
                 subprocess.run([decoder, "-i", path, "-o", back], capture_output=True)
                 yield File("OpenJPEG", extension, f"{n} channels {bits} bits {words}", path, by_pnm(back))
+    # Signed values are stored without loss, and read as numbers.
+    for n, bits in ((1, 8), (3, 8), (1, 12), (3, 16)):
+        source = folder / f"opj-signed-{n}-{bits}.raw"
+        data = np.round(values(n, 4) * ((1 << bits) - 1)).astype(np.int64) - (1 << (bits - 1))
+        source.write_bytes(data.transpose(2, 0, 1).astype(">i2" if bits > 8 else np.int8).tobytes())
+        for extension in ("jp2", "j2k"):
+            path = folder / f"opj-signed-{n}-{bits}.{extension}"
+            words = f"-F {WIDTH},{HEIGHT},{n},{bits},s -n 3"
+            done = subprocess.run([program, "-i", source, "-o", path, *words.split()], capture_output=True)
+            if done.returncode == 0:
+                yield File("OpenJPEG", extension, f"{n} channels {bits} bits {words}", path, data.astype(np.float32))
 
 
 def by_pnm(path):
@@ -505,6 +538,7 @@ def main():
         if Image is not None:
             writers.append(of_pillow(folder))
         for make, *programs in ((of_magick, "convert"), (of_tiffcp, "tiffcp"),
+                                (of_openexr, "exrmaketiled", "exrmultiview", "exrmakepreview"),
                                 (of_openjpeg, "opj_compress", "opj_decompress"), (of_cjxl, "cjxl", "djxl")):
             found = [shutil.which(program) for program in programs]
             if all(found):

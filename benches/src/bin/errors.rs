@@ -124,10 +124,14 @@ fn rabbit(q: Quality) -> String {
     scene(q, before, &(panorama(q) + after))
 }
 
+/// The world of the first example, in focus and at rest.
 fn still_life(q: Quality) -> String {
     let before = "Attribute (\"string units:length\", \"mm\")\nAttribute (\"int ray:maxdepth\", 2)\n\
-                  Attribute (\"float fov\", 23.5)\nTranslate (0, -30, 260)\nRotate (-12, 1, 0, 0)\n";
-    scene(q, before, "Input (\"lights.pyg\")\nInput (\"objects.pyg\")\n")
+                  Attribute (\"float fov\", 23.5)\nTranslate (0, 0, 16)\nRotate (-9, 1, 0, 0)\n\
+                  Translate (0, -1.75, 0)\n";
+    let first = include_str!("../../../examples/first/first.pyg");
+    let world = first.split_once("\nWorld ()\n").map_or("", |(_, world)| world);
+    scene(q, before, &world.replace("\nRender ()\n", "\n"))
 }
 
 fn fur(q: Quality) -> String {

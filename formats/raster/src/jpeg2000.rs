@@ -16,8 +16,9 @@ use std::sync::Arc;
 /// The format "jpeg2000", which is only read: files with boxes, and codestreams without.
 ///
 /// Integers of up to 8 bits are returned with 8, and of up to 16 bits with 16. Their high bits are repeated as the low
-/// ones, as in DPX. Values of more bits become floats of the same fraction. Grey, RGB, palettes, YCC and, as RGB, CMYK
-/// and L*a*b* are read, with alpha. Channels of fewer samples are enlarged.
+/// ones, as in DPX. Values of more bits become floats of the same fraction. Signed values are not fractions: they
+/// become halves (up to 8 bits) or floats of the same number. Grey, RGB, palettes, YCC and, as RGB, CMYK and L*a*b* are
+/// read, with alpha. Channels of fewer samples are enlarged.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Jpeg2000Format;
 
@@ -79,6 +80,9 @@ fn open(place: Place) -> Result<Box<dyn ImageInput>> {
     siz.check(&place)?;
     let file = read_file(&place)?;
     let (mut spec, channels) = with_image(&place, &file, |image| spec_of(image, &siz))?;
+    if siz.signed && (channels.colors != Colors::Plain || has_palette(&place)?) {
+        return Err(place.unsupported("JPEG 2000 of signed inks, L*a*b* or palettes is not supported"));
+    }
     metadata(&place, &mut spec, channels.colors == Colors::Plain)?;
     // An image of one colour has almost no bytes of pixels.
     Ok(Box::new(WholeInput::new("jpeg2000", place, spec, decode, u64::from(u32::MAX))?))
@@ -91,8 +95,10 @@ struct Sizes {
     tiles: u64,
     /// The numbers of bits of each component.
     bits: Vec<u8>,
-    /// True when a component has signed values.
+    /// True when the components have signed values.
     signed: bool,
+    /// True when other components have unsigned ones.
+    mixed: bool,
 }
 
 impl Sizes {
@@ -118,20 +124,22 @@ impl Sizes {
         let tiles = |end: u32, start: u32, size: u32| u64::from((end - start).div_ceil(size));
         // Where all components have fewer samples than the grid, the image is that much smaller.
         let shrink = |i: usize| components.iter().map(|c| c[i]).min().unwrap_or(1).max(1);
+        let is_signed = |c: &[u8; 3]| c[0] & 0x80 != 0;
         let side = |start: u32, end: u32, by: u8| end.div_ceil(by.into()) - start.div_ceil(by.into());
         Ok(Self {
             width: side(x0, x1, shrink(1)),
             height: side(y0, y1, shrink(2)),
             tiles: tiles(x1, tile_x, tile_w).saturating_mul(tiles(y1, tile_y, tile_h)),
             bits: components.iter().map(|c| (c[0] & 0x7f) + 1).collect(),
-            signed: components.iter().any(|c| c[0] & 0x80 != 0),
+            signed: components.iter().any(is_signed),
+            mixed: components.iter().any(is_signed) && !components.iter().all(is_signed),
         })
     }
 
     /// Checks the numbers against the limits, before the decoder allocates memory for them.
     fn check(&self, place: &Place) -> Result<()> {
-        if self.signed {
-            return Err(place.unsupported("JPEG 2000 of signed values is not supported"));
+        if self.mixed {
+            return Err(place.unsupported("JPEG 2000 of signed and unsigned values is not supported"));
         }
         let n = self.bits.len();
         // The decoder holds floats.
@@ -204,8 +212,9 @@ impl Channels {
 
 fn spec_of(image: &Image<'_>, siz: &Sizes) -> (ImageSpec, Channels) {
     let pixel_type = match siz.bits.iter().copied().max().unwrap_or(8) {
+        0..=8 if siz.signed => PixelType::Half,
         0..=8 => PixelType::U8,
-        9..=16 => PixelType::U16,
+        9..=16 if !siz.signed => PixelType::U16,
         _ => PixelType::Float,
     };
     let channels = Channels::of(image);
@@ -215,6 +224,13 @@ fn spec_of(image: &Image<'_>, siz: &Sizes) -> (ImageSpec, Channels) {
         spec.attributes.set(param("unassociatedalpha", 1.into()));
     }
     (spec, channels)
+}
+
+/// Returns true for a file whose components are indices of colours.
+fn has_palette(place: &Place) -> Result<bool> {
+    let (mut file, found) = boxes::of_file(place)?;
+    let mut headers = found.iter().filter(|f| f.kind == *b"jp2h");
+    Ok(headers.any(|h| boxes::list(&mut file, h.at, h.at + h.len).iter().any(|f| f.kind == *b"pclr")))
 }
 
 /// Adds what the boxes of a file have besides its pixels. `plain` is false for converted colours, whose profile is not
@@ -267,7 +283,11 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
         }
         let mut stored = Pixels::zeros(spec.pixel_type, size * wanted);
         for (i, component) in components[..wanted].iter().enumerate() {
-            let plane = plane(component.samples(), component.bit_depth(), spec.pixel_type);
+            let (samples, bits) = (component.samples(), component.bit_depth());
+            let plane = match siz.signed {
+                true => signed_plane(samples, bits, spec.pixel_type),
+                false => plane(samples, bits, spec.pixel_type),
+            };
             stored.set_plane(i, wanted, &plane);
         }
         Ok(Decoded::whole(converted(stored, &channels)))
@@ -283,6 +303,14 @@ fn plane(samples: &[f32], bits: u8, pixel_type: PixelType) -> Pixels {
         PixelType::U16 => Pixels::U16(samples.iter().map(|v| widened(whole(v), bits, 16) as u16).collect()),
         _ => Pixels::Float(samples.iter().map(|v| v / largest as f32).collect()),
     }
+}
+
+/// Returns the values of a component of signed numbers. The decoder adds half of their range, as it does to unsigned
+/// ones (ISO/IEC 15444-1, G.1, is for the latter alone).
+fn signed_plane(samples: &[f32], bits: u8, pixel_type: PixelType) -> Pixels {
+    let half = (1_u64 << (bits.clamp(1, 63) - 1)) as f32;
+    let numbers: Vec<f32> = samples.iter().map(|v| (v - half).round().clamp(-half, half - 1.0)).collect();
+    Pixels::from_floats(pixel_type, &numbers)
 }
 
 /// Returns a number of `bits` bits as one of `to` bits. Its high bits are repeated as the low ones, or its low bits are

@@ -80,6 +80,32 @@ fn metadata_of_boxes_is_read() {
     assert_eq!((spec.string("XMP"), spec.string("Make")), (Some("<x:xmpmeta/>"), Some("Acm")));
 }
 
+#[test]
+fn signed_values_are_numbers() {
+    for (name, channels, bits) in [("signed8.jp2", 1, 8), ("signed12.jp2", 3, 12), ("signed16.j2k", 1, 16)] {
+        let input = open(&corpus(name)).unwrap();
+        let spec = input.spec(0, 0).unwrap();
+        assert_eq!(spec.pixel_type, if bits == 8 { PixelType::Half } else { PixelType::Float }, "{name}");
+        let half = 1 << (bits - 1);
+        let expected: Vec<f32> = values(channels, bits).iter().map(|v| (*v as i32 - half) as f32).collect();
+        assert_eq!(input.read_level(0, 0).unwrap().floats().to_vec(), expected, "{name}");
+    }
+}
+
+#[test]
+fn signed_numbers_of_a_palette_are_refused() {
+    let mut bytes = corpus("signed8.jp2");
+    // The boxes "pclr" and "cmap" of two colours follow the header of the image.
+    let palette = [&[0, 0, 0, 20][..], b"pclr", &[0, 2, 3, 7, 7, 7, 0, 0, 0, 255, 255, 255]].concat();
+    let map = [&[0, 0, 0, 20][..], b"cmap", &[0, 0, 1, 0, 0, 0, 1, 1, 0, 0, 1, 2]].concat();
+    let header = bytes.windows(4).position(|w| w == b"jp2h").unwrap() - 4;
+    let length = u32::from_be_bytes(bytes[header..header + 4].try_into().unwrap()) as usize;
+    let added = [&palette[..], &map].concat();
+    bytes[header..header + 4].copy_from_slice(&((length + added.len()) as u32).to_be_bytes());
+    bytes.splice(header + length..header + length, added);
+    assert!(error(&bytes).contains("palettes"), "{}", error(&bytes));
+}
+
 /// Returns the offset of the sizes of the codestream.
 fn sizes(bytes: &[u8]) -> usize {
     bytes.windows(4).position(|w| w == b"\xff\x4f\xff\x51").unwrap() + 8
@@ -103,7 +129,7 @@ fn sizes_that_need_too_much_are_refused_before_they_are_decoded() {
     assert!(error(&with(&[(8, 23)])).contains("contradict"));
     assert!(error(&with(&[(16, 0)])).contains("contradict"));
     assert!(error(&with(&[(24, 5)])).contains("contradict"));
-    // The first component has signed values.
+    // Only the first component has signed values.
     let mut signed = good.clone();
     signed[at + 34] |= 0x80;
     assert!(error(&signed).contains("signed"), "{}", error(&signed));
@@ -114,7 +140,7 @@ fn sizes_that_need_too_much_are_refused_before_they_are_decoded() {
 
 #[test]
 fn damaged_files_do_not_panic() {
-    for name in ["rgb8.jp2", "grey12.j2k", "rgba16.jp2", "tiled.jp2", "lossy.j2k"] {
+    for name in ["rgb8.jp2", "grey12.j2k", "rgba16.jp2", "tiled.jp2", "lossy.j2k", "signed12.jp2"] {
         let good = corpus(name);
         let limits = Limits { dimension: 4096, pixels: 1 << 20, bytes: 16 << 20, ..Limits::default() };
         let read = |bytes: Vec<u8>| {
