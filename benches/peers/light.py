@@ -17,6 +17,9 @@ first compares means by shape. Errors are root mean squares, divided by the mean
 the reference. The times of gelato are those of the whole program. Those of the others are the times of an image of a
 scene that is loaded (Mitsuba) or was rendered before (Cycles). The last line of a table gives the additional time of a
 program that starts, loads the scene and renders one image.
+
+Two curves are those of gelato: one of many settings, and one of requested errors (`gelato -error`) with the scene's own
+settings. The error that is requested is that of the whole image, with direct light and edges.
 """
 
 import argparse
@@ -44,6 +47,8 @@ import light_gelato
 import light_scenes
 
 BARS = (0.05, 0.03, 0.02, 0.01)
+# The errors that are requested of gelato, in percent.
+REQUESTED = (8, 5, 3, 2, 1.5, 1, 0.7, 0.5)
 # The samples per pixel of the other programs.
 SAMPLES = (4, 16, 64, 256, 1024)
 
@@ -89,21 +94,21 @@ def show(what, tables):
     for name, rows in tables:
         for setting, seconds, e in rows:
             print(f"| {name} | {setting} | {seconds:.2f} | {100 * e:.2f} |")
-    print("\n| error | " + " | ".join(name for name, _ in tables) + " | ours to the faster of them |")
-    print("|---" * (len(tables) + 2) + "|")
+    print("\n| error | " + " | ".join(name for name, _ in tables) + " | ours to the faster of them | by -error |")
+    print("|---" * (len(tables) + 3) + "|")
     for bar in BARS:
         cells, times = [], []
         for name, rows in tables:
             curve = [r[1:] for r in rows]
             seconds = at(curve, bar)
             cells.append(f"{seconds:.2f} s" if seconds else "not reached")
-            if not seconds and name != "gelato":
+            if not seconds and not name.startswith("gelato"):
                 seconds = beyond(curve, bar)
                 cells[-1] = f"{seconds:.1f} s, extrapolated"
             times.append(seconds)
-        others = [t for t in times[1:] if t]
-        ratio = f"{times[0] / min(others):.2f}" if times[0] and others else ""
-        print(f"| {100 * bar:.0f} % | " + " | ".join(cells) + f" | {ratio} |", flush=True)
+        others = [t for t in times[2:] if t]
+        ratios = [f"{t / min(others):.2f}" if t and others else "" for t in times[:2]]
+        print(f"| {100 * bar:.0f} % | " + " | ".join(cells + ratios) + " |", flush=True)
 
 
 def walls(scene, image, reference, where):
@@ -158,6 +163,13 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
             if seconds > words.limit:
                 break
     tables = [("gelato", rows)]
+    rows, how = [], "drawn" if kind == "panorama" else kind
+    for requested in REQUESTED:
+        image, seconds = ours.render(scene, files, side, how, "", ("-error", f"{requested}%"))
+        rows.append((f"-error {requested}%", seconds, error(image - own, reference, mask)))
+        if seconds > words.limit:
+            break
+    tables.append(("gelato -error", rows))
     if words.walls and kind == "bounce":
         image, _ = ours.render(scene, files, side, kind, '"float samples", 2048, "float maxerror", 0.1')
         walls(scene, image - own, reference, where)

@@ -1,7 +1,8 @@
 //! Measures how well a requested error is reached: twelve scenes at four requested errors, beside converged images.
 //!
 //! `cargo run --release -p granita-benches --bin errors
-//! [-- --only WORD --converged SECONDS --limit SECONDS --gelato PROGRAM --resolution W,H --denoise LIBRARY]`
+//! [-- --only WORD --converged SECONDS --limit SECONDS --gelato PROGRAM --resolution W,H --asked E,E
+//! --denoise LIBRARY]`
 //!
 //! The converged image of a scene has a quarter of the dicing step, because an image with a requested error may have
 //! half, and computes indirect light and occlusion at every point. It takes passes for `--converged` seconds (by
@@ -10,7 +11,8 @@
 //!
 //! `--threads N` is 2 by default. A row has the error and the time of the frame without passes, and for each requested
 //! error the error that was reached and the time, which is at most `--limit`. `bias` is the error of the scene as it is
-//! that remains with very many passes: what dicing and interpolated records add.
+//! that remains with very many passes: what dicing and interpolated records add. In parentheses are the error that an
+//! image says that it has, and the part of it that is bias.
 //!
 //! With `--denoise` and the library of Open Image Denoise, all images have a box filter of one pixel, and a row has the
 //! frame without passes, the same with `-denoise`, the passes that have its time, and four passes with `-denoise`, with
@@ -26,8 +28,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-/// The requested errors, in percent.
-const ASKED: [f64; 4] = [8.0, 4.0, 2.0, 1.0];
+/// The requested errors in percent.
+const ASKED: &str = "8,4,2,1";
 
 /// The number of the quality of a scene: as it is, and as the converged image has it.
 #[derive(Clone, Copy)]
@@ -270,12 +272,19 @@ struct Options {
     resolution: String,
     /// The library of Open Image Denoise; `None` to compare requested errors.
     denoise: Option<String>,
+    /// The requested errors in percent.
+    asked: Vec<f64>,
     /// The most seconds for a requested error.
     limit: Option<String>,
 }
 
 fn main() -> ExitCode {
     granita_benches::exit("errors", run())
+}
+
+/// Returns the numbers of a list such as "8,4,2,1".
+fn numbers(list: &str) -> Result<Vec<f64>, String> {
+    list.split(',').map(|word| word.trim().parse().map_err(|e| format!("{word}: {e}"))).collect()
 }
 
 fn options() -> Result<Options, String> {
@@ -287,6 +296,7 @@ fn options() -> Result<Options, String> {
         gelato: None,
         resolution: "96,72".to_owned(),
         denoise: None,
+        asked: numbers(ASKED)?,
         limit: None,
     };
     while let Some(word) = words.next() {
@@ -297,6 +307,7 @@ fn options() -> Result<Options, String> {
             "--converged" => options.converged = value,
             "--gelato" => options.gelato = Some(value.into()),
             "--resolution" => options.resolution = value,
+            "--asked" => options.asked = numbers(&value)?,
             "--denoise" => options.denoise = Some(value),
             "--limit" => options.limit = Some(value),
             _ => return Err(format!("no option {word}")),
@@ -306,7 +317,7 @@ fn options() -> Result<Options, String> {
 }
 
 /// The heads of the tables.
-const ASKED_FOR: &str = "| scene | without passes | converged to, bias | asked: reached (says), time, passes |\n|---|---|---|---|";
+const ASKED_FOR: &str = "| scene | without passes | converged to, bias | asked: reached (says, bias), time, passes |\n|---|---|---|---|";
 const DENOISED: &str = "| scene | without passes | denoised | passes in that time | 4 passes denoised | estimated | converged to |\n|---|---|---|---|---|---|---|";
 
 /// An image, the seconds that it took, and the error that it says that it has, in percent.
@@ -314,7 +325,9 @@ struct Rendered {
     pixels: Vec<f32>,
     seconds: f64,
     says: Option<f64>,
-    /// The same of an image that was denoised.
+    /// The part of it that is bias.
+    says_bias: Option<f64>,
+    /// The error that it says that it has where it was denoised.
     says_denoised: Option<f64>,
     /// The passes.
     passes: String,
@@ -351,6 +364,7 @@ fn render(
         pixels: input.read_level(0, 0).map_err(|e| e.to_string())?.to_floats(),
         seconds,
         says: percent("error"),
+        says_bias: percent("bias"),
         says_denoised: percent("denoisederror"),
         passes: said("passes").unwrap_or_else(|| "1".to_owned()),
     })
@@ -410,17 +424,18 @@ fn run() -> Result<(), String> {
         let noise = many.says.unwrap_or_default();
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
         let _ = write!(row, " {own:.2} %, {bias:.2} % |");
-        for asked in ASKED {
+        for asked in &options.asked {
             let asked_for = format!("{asked}%");
             let limit = options.limit.as_deref().map_or_else(Vec::new, |limit| vec!["-seconds", limit]);
             let image = draw(ORDINARY, &[&["-error", &asked_for][..], &limit].concat())?;
             let found = of(&image);
             cells += 1;
-            reached += usize::from(found <= 1.2 * asked);
+            reached += usize::from(found <= 1.2 * *asked);
             let _ = write!(
                 row,
-                " {asked}: {found:.2} ({:.2}) {:.2} s {};",
+                " {asked}: {found:.2} ({:.2}, {:.2}) {:.2} s {};",
                 image.says.unwrap_or_default(),
+                image.says_bias.unwrap_or_default(),
                 image.seconds,
                 image.passes
             );

@@ -285,6 +285,11 @@ fn bias_is_a_part_of_the_error() {
     // No number of passes of the scene as it is has this error.
     let (_, coarse) = place.image(&["-passes", "12"]);
     assert!(distance(&coarse, &converged) > 0.05, "{}", distance(&coarse, &converged));
+    // Where the requested error permits the bias of the scene as it is, that is what is measured.
+    let (said, _) = place.image(&["-error", "40%"]);
+    let bias = said.split("; bias ").nth(1).and_then(|rest| rest.split(" %").next()?.parse::<f64>().ok());
+    let of_true = bias.unwrap_or_default() / 100.0 / distance(&coarse, &converged);
+    assert!((0.75..1.3).contains(&of_true), "{of_true} {said}");
     let (said, shown) = place.image(&["-error", "5%", "-threads", "1"]);
     let reached = distance(&shown, &converged);
     assert!(said.contains("; bias ") && (0.4 * 0.05..1.2 * 0.05).contains(&reached), "{reached} {said}");

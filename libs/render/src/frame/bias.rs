@@ -6,7 +6,7 @@ use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
-use crate::passes::{Accuracy, PILOT, PassPlan, SquaredBias};
+use crate::passes::{Accuracy, PILOT, PIXELS_PER_NUMBER, PassPlan, SquaredBias};
 use granita_base::{PassNumbers, sample};
 use granita_scene::Scene;
 use parking_lot::Mutex;
@@ -16,8 +16,20 @@ use std::time::Duration;
 const PROBE: i32 = 16;
 const PROBES: usize = 12;
 
+/// The weight of the contrast of a part of the image when probes are chosen, beside what changes with coarser surfaces.
+/// Noise makes the latter uncertain.
+const CONTRAST: f64 = 0.3;
+
 /// The largest number of passes that bias is measured with.
 const MOST_PASSES: u32 = 16;
+
+/// What every pass is rendered with.
+struct Run<'p> {
+    scene: &'p Scene,
+    plan: &'p PassPlan,
+    canvases: &'p [Mutex<Canvas>],
+    threads: usize,
+}
 
 /// A part of an image in which bias is measured.
 struct Probe {
@@ -28,42 +40,82 @@ struct Probe {
     factor: f64,
 }
 
-/// Returns the mean of the products of differences of two passes, over all pairs of passes and all colours, and the
-/// number of colours. `differences` has the same colours of each pass. Their noise has no part in the product, because
-/// passes are independent.
-fn covariance(differences: &[&[f32]]) -> (f64, usize) {
-    let pairs = (differences.len() * (differences.len() - 1)) as f64;
-    let (mut sum, mut colors) = (0.0, 0_usize);
+/// The products of the differences of passes from more accurate ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Covariance {
+    /// Their mean, over all pairs of passes and all colours. Noise has no part in it, because passes are independent.
+    product: f64,
+    /// The mean variance of a difference between passes.
+    variance: f64,
+    /// The number of colours.
+    colors: usize,
+    /// The number of passes.
+    passes: usize,
+}
+
+impl Covariance {
+    /// Returns the standard deviation that `product` has from noise, for a number of pixels.
+    fn noise(&self, pixels: f64) -> f64 {
+        let pairs = (self.passes * (self.passes - 1)) as f64 / 2.0;
+        self.variance / (pairs * (pixels / PIXELS_PER_NUMBER).max(1.0)).sqrt()
+    }
+}
+
+/// Returns the products of two or more passes. `differences` has the same colours of each.
+fn covariance(differences: &[&[f32]]) -> Covariance {
+    let passes = differences.len();
+    let mut found = Covariance { passes, ..Covariance::default() };
     for k in 0..differences.first().map_or(0, |colors| colors.len()) {
         let own = || differences.iter().map(|pass| f64::from(pass[k]));
-        let product = (own().sum::<f64>().powi(2) - own().map(|v| v * v).sum::<f64>()) / pairs;
+        let (sum, squares) = (own().sum::<f64>(), own().map(|v| v * v).sum::<f64>());
+        let product = (sum * sum - squares) / (passes * (passes - 1)) as f64;
         if product.is_finite() {
-            (sum, colors) = (sum + product, colors + 1);
+            found.product += product;
+            found.variance += squares / passes as f64 - product;
+            found.colors += 1;
         }
     }
-    (sum / colors.max(1) as f64, colors)
+    let n = found.colors.max(1) as f64;
+    Covariance { product: found.product / n, variance: found.variance / n, ..found }
+}
+
+/// Returns the number of pixels of a rectangle whose coarser surfaces differ. Four pixels see the same points.
+fn coarse_pixels(rect: &PixelRect) -> f64 {
+    (rect.width() * rect.height()) as f64 / 4.0
 }
 
 /// Returns the squared bias of an image with a mean. `passes` has, for each pass, the differences of the colours of all
-/// probes from those of a pass with the same numbers and more accuracy.
-fn squared_bias(sum: &Accumulated, mean: f64, probes: &[Probe], passes: &[Vec<f32>]) -> SquaredBias {
+/// probes from those of a pass with the same numbers and more accuracy. `whole` is the rectangle of all parts.
+fn squared_bias(
+    (sum, mean): (&Accumulated, f64),
+    whole: &PixelRect,
+    probes: &[Probe],
+    passes: &[Vec<f32>],
+) -> SquaredBias {
     // The sum over the image of each choice alone, as if all choices were like it.
     let choices: f64 = probes.iter().map(|probe| probe.times).sum();
-    let (mut sums, mut all, mut begin) = (Vec::with_capacity(probes.len()), 0.0, 0);
+    let (mut sums, mut noise, mut begin) = (Vec::with_capacity(probes.len()), 0.0, 0);
     for Probe { rect, times, factor } in probes {
         let end = begin + sum.values_in(rect);
         let own: Vec<&[f32]> = passes.iter().map(|pass| &pass[begin..end]).collect();
-        let (product, colors) = covariance(&own);
-        let weight = factor * colors as f64;
-        sums.push((*times, product * weight * choices / times));
-        (all, begin) = (all + weight, end);
+        let found = covariance(&own);
+        let weight = factor * found.colors as f64;
+        sums.push((*times, found.product * weight * choices / times));
+        let pixels = (rect.width() * rect.height()) as f64;
+        noise += (weight * found.noise(pixels)).powi(2);
+        begin = end;
     }
     let total = sums.iter().map(|(times, sum)| times * sum).sum::<f64>() / choices;
     let spread = sums.iter().map(|(times, sum)| times * (sum - total).powi(2)).sum::<f64>();
     let deviation = (spread / (choices * (choices - 1.0))).sqrt();
-    let relative = |v: f64| v / (all * mean * mean);
+    let all = sum.values_in(whole) as f64;
+    let relative = |v: f64| v / (all * (mean * Accuracy::SHOWN).powi(2));
     match total.is_finite() && all > 0.0 {
-        true => SquaredBias { value: relative(total), deviation: relative(deviation) },
+        true => SquaredBias {
+            value: relative(total),
+            deviation: relative(deviation),
+            noise: relative(noise.sqrt()),
+        },
         false => SquaredBias::default(),
     }
 }
@@ -92,20 +144,12 @@ impl<S: FrameShader> Frame<'_, S> {
             return;
         }
         let most = self.most_passes_of_bias(error.into());
-        let bias = plan.has_time_for(time * most).then(|| {
-            let camera = self.options.camera;
-            let probes = self.probes();
-            let order = BucketOrder::plain(&camera.bucketorder);
-            let side = PROBE.unsigned_abs();
-            let of_probes = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());
-            let buckets = std::mem::replace(&mut self.buckets, of_probes);
-            let bias = self.bias_of_probes((scene, plan), (error.into(), most), &probes, canvases, threads);
-            self.buckets = buckets;
-            self.set_accuracy(Accuracy::SCENE);
-            bias
-        });
+        let has_time = plan.has_time_for(time * (most + PILOT));
+        let run = Run { scene, plan, canvases, threads };
+        let bias = if has_time { self.bias_of_frame(&run, (error.into(), most)) } else { None };
+        self.set_accuracy(Accuracy::SCENE);
         let Some(passes) = &mut self.passes else { return };
-        let Some(bias) = bias.flatten() else {
+        let Some(bias) = bias else {
             passes.first_of_tiles = u32::MAX;
             return;
         };
@@ -119,13 +163,50 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Returns the squared bias of each image, from as many passes as the requested error needs, at most `most`; `None`
     /// when the measurement was given up.
+    fn bias_of_frame(&mut self, run: &Run<'_>, (error, most): (f64, u32)) -> Option<Vec<SquaredBias>> {
+        let camera = self.options.camera;
+        let all: Vec<usize> = (0..self.buckets.order.len()).collect();
+        let mut coarser = Vec::new();
+        for pass in 0..PILOT {
+            coarser.push(self.colors_apart(run, (pass, Accuracy::COARSER), &all)?);
+        }
+        let changes = self.changes(&coarser);
+        if let Some(small) = self.small_bias(&changes, error) {
+            return Some(small);
+        }
+        let probes = self.probes(&changes);
+        let order = BucketOrder::plain(&camera.bucketorder);
+        let of_probes =
+            Buckets::new(&camera.crop, [PROBE.unsigned_abs(); 2], order, self.pattern.per_pixel());
+        let buckets = std::mem::replace(&mut self.buckets, of_probes);
+        let bias = self.bias_of_probes(run, (error, most), &probes);
+        self.buckets = buckets;
+        bias
+    }
+
+    /// Renders the buckets of `list` in a pass that is no part of the images. Returns the colours of all pixels of each
+    /// image, NaN for other pixels; `None` when the pass was given up.
+    fn colors_apart(
+        &mut self,
+        &Run { scene, plan, canvases, threads }: &Run<'_>,
+        (pass, accuracy): (u32, Accuracy),
+        list: &[usize],
+    ) -> Option<Vec<Vec<f32>>> {
+        let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
+        self.set_accuracy(accuracy);
+        self.begin_pass(scene, PassNumbers::of(pass), false, true);
+        self.render_pass(scene, limit, canvases, threads, list).ok()?;
+        let mut colors = Vec::new();
+        self.each_sum(|sum| colors.push(sum.drop_colors()));
+        Some(colors)
+    }
+
+    /// Returns the squared bias of each image from that of probes.
     fn bias_of_probes(
         &mut self,
-        (scene, plan): (&Scene, &PassPlan),
+        run: &Run<'_>,
         (error, most): (f64, u32),
         probes: &[Probe],
-        canvases: &[Mutex<Canvas>],
-        threads: usize,
     ) -> Option<Vec<SquaredBias>> {
         let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
         let cells: Vec<[i32; 2]> = probes.iter().map(|probe| cell(&probe.rect)).collect();
@@ -133,32 +214,23 @@ impl<S: FrameShader> Frame<'_, S> {
         let list: Vec<usize> =
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
-        let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
+        let whole = self.options.camera.crop;
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
         for pass in 0..most {
-            let render = |frame: &mut Self, accuracy| {
-                frame.set_accuracy(accuracy);
-                frame.begin_pass(scene, PassNumbers::of(pass), false, true);
-                frame.render_pass(scene, limit, canvases, threads, &list).ok()?;
-                let mut colors = Vec::new();
-                frame.each_sum(|sum| {
-                    let of_pass = sum.drop_colors();
-                    colors.push(sum.colors_in(&rects, &of_pass));
-                });
-                Some(colors)
-            };
             let plain = if pass < PILOT {
                 let mut colors = Vec::new();
-                self.each_sum(|sum| colors.push(sum.colors_in(&rects, sum.early(pass as usize))));
+                self.each_sum(|sum| colors.push(sum.early(pass as usize).to_vec()));
                 colors
             } else {
-                render(self, Accuracy::SCENE)?
+                self.colors_apart(run, (pass, Accuracy::SCENE), &list)?
             };
-            let finer = render(self, Accuracy::FINER)?;
+            let finer = self.colors_apart(run, (pass, Accuracy::FINER), &list)?;
             differences.resize(finer.len(), Vec::new());
-            for ((plain, finer), out) in plain.iter().zip(&finer).zip(&mut differences) {
+            let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+            for (((plain, finer), sum), out) in plain.iter().zip(&finer).zip(sums).zip(&mut differences) {
+                let [plain, finer] = [plain, finer].map(|all| sum.lock().colors_in(&rects, all));
                 out.push(finer.iter().zip(plain).map(|(finer, plain)| finer - plain).collect());
             }
             if pass + 1 < PILOT {
@@ -168,7 +240,9 @@ impl<S: FrameShader> Frame<'_, S> {
             let of_sum = |(sum, passes): (&Mutex<Accumulated>, &Vec<Vec<f32>>)| {
                 let sum = sum.lock();
                 let mean = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0);
-                mean.map_or_else(SquaredBias::default, |mean| squared_bias(&sum, mean, probes, passes))
+                mean.map_or_else(SquaredBias::default, |mean| {
+                    squared_bias((&sum, mean), &whole, probes, passes)
+                })
             };
             bias = sums.zip(&differences).map(of_sum).collect();
             if bias.iter().all(|bias| bias.is_known_for(error)) {
@@ -192,21 +266,64 @@ impl<S: FrameShader> Frame<'_, S> {
         ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
     }
 
-    /// Chooses small parts of the image in which the bias is measured, more often where there is contrast.
-    fn probes(&self) -> Vec<Probe> {
+    /// Returns how the colours of each image differ from those of coarser surfaces, in each of the first passes.
+    fn changes(&self, coarser: &[Vec<Vec<f32>>]) -> Vec<Vec<Vec<f32>>> {
+        let sums = self.passes.iter().flat_map(|passes| &passes.sums).enumerate();
+        let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
+            let sum = sum.lock();
+            let difference = |(pass, colors): (usize, &Vec<Vec<f32>>)| {
+                colors[index].iter().zip(sum.early(pass)).map(|(coarser, plain)| coarser - plain).collect()
+            };
+            coarser.iter().enumerate().map(difference).collect()
+        };
+        sums.map(of_sum).collect()
+    }
+
+    /// Returns the squared bias of each image where it cannot matter, because even coarser surfaces change little.
+    fn small_bias(&self, changes: &[Vec<Vec<f32>>], error: f64) -> Option<Vec<SquaredBias>> {
+        let whole = self.options.camera.crop;
+        let of_sum = |(sum, passes): (&Mutex<Accumulated>, &Vec<Vec<f32>>)| {
+            let sum = sum.lock();
+            let Some(mean) = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0) else {
+                return Some(SquaredBias::default());
+            };
+            let all: Vec<&[f32]> = passes.iter().map(Vec::as_slice).collect();
+            let found = covariance(&all);
+            let noise = found.noise(coarse_pixels(&whole)) / (mean * mean);
+            let bias = SquaredBias { value: found.product / (mean * mean), deviation: noise, noise };
+            bias.is_small_for(error).then_some(bias)
+        };
+        self.passes.iter().flat_map(|passes| &passes.sums).zip(changes).map(of_sum).collect()
+    }
+
+    /// Chooses small parts of the image in which the bias is measured, more often where colours differ from those of
+    /// coarser surfaces by their `changes`, and where there is contrast.
+    fn probes(&self, changes: &[Vec<Vec<f32>>]) -> Vec<Probe> {
         let Some(passes) = &self.passes else { return Vec::new() };
         let parts = Accumulated::cut(&self.options.camera.crop, PROBE);
-        let contrast = |part: &PixelRect| -> f64 {
-            let of = |sum: &Mutex<Accumulated>| {
-                let sum = sum.lock();
-                let squared = sum.mean().map_or(0.0, |mean| mean * mean);
-                if squared > 0.0 { sum.contrast(part) / squared } else { 0.0 }
-            };
-            passes.sums.iter().map(of).sum()
-        };
-        let contrasts: Vec<f64> = parts.iter().map(contrast).collect();
-        let count = (parts.len() / 12).clamp(4, PROBES);
-        let chosen = sample::in_proportion(&contrasts, count, 0.2);
+        let (mut changed, mut contrasts) = (vec![0.0; parts.len()], vec![0.0; parts.len()]);
+        for (sum, passes) in passes.sums.iter().zip(changes) {
+            let sum = sum.lock();
+            let squared = sum.mean().map_or(0.0, |mean| mean * mean);
+            if squared == 0.0 {
+                continue;
+            }
+            for ((part, changed), contrast) in parts.iter().zip(&mut changed).zip(&mut contrasts) {
+                let of_part: Vec<Vec<f32>> = passes.iter().map(|all| sum.colors_in(&[*part], all)).collect();
+                let all: Vec<&[f32]> = of_part.iter().map(Vec::as_slice).collect();
+                let found = covariance(&all);
+                let noise = found.noise(coarse_pixels(part));
+                let is_sure = found.product > 2.0 * noise;
+                *changed += if is_sure { found.product * found.colors as f64 / squared } else { 0.0 };
+                *contrast += sum.contrast(part) / squared;
+            }
+        }
+        let share = |values: &[f64]| 1.0 / values.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let (of_changes, of_contrasts) = (share(&changed), CONTRAST * share(&contrasts));
+        let sizes: Vec<f64> =
+            changed.iter().zip(&contrasts).map(|(a, b)| a * of_changes + b * of_contrasts).collect();
+        let count = (parts.len() / 12).clamp(6, PROBES);
+        let chosen = sample::in_proportion(&sizes, count, 0.2);
         let probe = |(part, times, factor): (usize, usize, f64)| {
             let rect: PixelRect = parts[part];
             Probe { rect, times: times as f64, factor }
@@ -226,10 +343,15 @@ mod tests {
         let pass = |number: u32| (0..10_000).map(|k| 0.1 + noise(number, k)).collect::<Vec<f32>>();
         let passes: Vec<Vec<f32>> = (0..6).map(pass).collect();
         let all: Vec<&[f32]> = passes.iter().map(Vec::as_slice).collect();
-        let (product, colors) = covariance(&all);
-        assert_eq!(colors, 10_000);
-        assert!((product - 0.01).abs() < 0.001, "{product}");
-        let (lost, colors) = covariance(&[&[f32::NAN, 2.0], &[1.0, 3.0]]);
-        assert_eq!((lost, colors), (6.0, 1));
+        let found = covariance(&all);
+        assert_eq!((found.colors, found.passes), (10_000, 6));
+        assert!(
+            (found.product - 0.01).abs() < 0.001 && (found.variance - 1.0 / 12.0).abs() < 0.001,
+            "{found:?}"
+        );
+        // 15 pairs of passes, and a thousand independent pixels.
+        assert!((found.noise(9000.0) - found.variance / 15_000_f64.sqrt()).abs() < 1e-12);
+        let lost = covariance(&[&[f32::NAN, 2.0], &[1.0, 3.0]]);
+        assert_eq!((lost.product, lost.variance, lost.colors), (6.0, 0.5, 1));
     }
 }
