@@ -166,11 +166,11 @@ impl<S: FrameShader> Frame<'_, S> {
     fn bias_of_frame(&mut self, run: &Run<'_>, (error, most): (f64, u32)) -> Option<Vec<SquaredBias>> {
         let camera = self.options.camera;
         let all: Vec<usize> = (0..self.buckets.order.len()).collect();
-        let mut coarser = Vec::new();
+        let mut changes = Vec::new();
         for pass in 0..PILOT {
-            coarser.push(self.colors_apart(run, (pass, Accuracy::COARSER), &all)?);
+            let coarser = self.colors_apart(run, (pass, Accuracy::COARSER), &all)?;
+            changes.push(self.changes(pass as usize, coarser));
         }
-        let changes = self.changes(&coarser);
         if let Some(small) = self.small_bias(&changes, error) {
             return Some(small);
         }
@@ -266,34 +266,30 @@ impl<S: FrameShader> Frame<'_, S> {
         ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
     }
 
-    /// Returns how the colours of each image differ from those of coarser surfaces, in each of the first passes.
-    fn changes(&self, coarser: &[Vec<Vec<f32>>]) -> Vec<Vec<Vec<f32>>> {
-        let sums = self.passes.iter().flat_map(|passes| &passes.sums).enumerate();
-        let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
-            let sum = sum.lock();
-            let difference = |(pass, colors): (usize, &Vec<Vec<f32>>)| {
-                colors[index].iter().zip(sum.early(pass)).map(|(coarser, plain)| coarser - plain).collect()
-            };
-            coarser.iter().enumerate().map(difference).collect()
-        };
-        sums.map(of_sum).collect()
+    /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.
+    fn changes(&self, pass: usize, mut coarser: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        let sums = self.passes.iter().flat_map(|passes| &passes.sums);
+        for (colors, sum) in coarser.iter_mut().zip(sums) {
+            colors.iter_mut().zip(sum.lock().early(pass)).for_each(|(color, plain)| *color -= plain);
+        }
+        coarser
     }
 
     /// Returns the squared bias of each image where it cannot matter, because even coarser surfaces change little.
     fn small_bias(&self, changes: &[Vec<Vec<f32>>], error: f64) -> Option<Vec<SquaredBias>> {
         let whole = self.options.camera.crop;
-        let of_sum = |(sum, passes): (&Mutex<Accumulated>, &Vec<Vec<f32>>)| {
+        let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
             let sum = sum.lock();
             let Some(mean) = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0) else {
                 return Some(SquaredBias::default());
             };
-            let all: Vec<&[f32]> = passes.iter().map(Vec::as_slice).collect();
+            let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
             let found = covariance(&all);
             let noise = found.noise(coarse_pixels(&whole)) / (mean * mean);
             let bias = SquaredBias { value: found.product / (mean * mean), deviation: noise, noise };
             bias.is_small_for(error).then_some(bias)
         };
-        self.passes.iter().flat_map(|passes| &passes.sums).zip(changes).map(of_sum).collect()
+        self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(of_sum).collect()
     }
 
     /// Chooses small parts of the image in which the bias is measured, more often where colours differ from those of
@@ -302,14 +298,15 @@ impl<S: FrameShader> Frame<'_, S> {
         let Some(passes) = &self.passes else { return Vec::new() };
         let parts = Accumulated::cut(&self.options.camera.crop, PROBE);
         let (mut changed, mut contrasts) = (vec![0.0; parts.len()], vec![0.0; parts.len()]);
-        for (sum, passes) in passes.sums.iter().zip(changes) {
+        for (index, sum) in passes.sums.iter().enumerate() {
             let sum = sum.lock();
             let squared = sum.mean().map_or(0.0, |mean| mean * mean);
             if squared == 0.0 {
                 continue;
             }
             for ((part, changed), contrast) in parts.iter().zip(&mut changed).zip(&mut contrasts) {
-                let of_part: Vec<Vec<f32>> = passes.iter().map(|all| sum.colors_in(&[*part], all)).collect();
+                let of_part: Vec<Vec<f32>> =
+                    changes.iter().map(|pass| sum.colors_in(&[*part], &pass[index])).collect();
                 let all: Vec<&[f32]> = of_part.iter().map(Vec::as_slice).collect();
                 let found = covariance(&all);
                 let noise = found.noise(coarse_pixels(part));
