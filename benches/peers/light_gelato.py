@@ -31,9 +31,9 @@ class Gelato:
         subprocess.run([self.program, "-silent", "-"], input=command.encode(), check=True)
 
     def render(self, scene, files, side, measure, options, more=()):
-        """Returns the image and the seconds of the whole program, with `more` words on its command line. `measure` is "direct", "bounce", "sky" (the
-        unoccluded part of the sky), "panorama", or "drawn" (the light of the panorama, in directions distributed by
-        it)."""
+        """Returns the image and the seconds of the whole program, with `more` words on its command line. `measure` is
+        "direct", "bounce", "sky" (the unoccluded part of the sky), "panorama", or "drawn" (the light of the panorama, in
+        directions distributed by it)."""
         text = self.text(scene, files, side, measure, options)
         words = [self.program, "-silent", "-threads", str(self.threads), *more, "-"]
         begin = self.clock()

@@ -4,9 +4,9 @@
 
 Files are written by OpenImageIO, ImageMagick (`convert`), Pillow, libtiff's `tiffcp`, OpenEXR's `exrmaketiled`,
 `exrmultiview` and `exrmakepreview`, OpenJPEG's `opj_compress` and libjxl's `cjxl`, in every type and compression that
-these write, and read by the same program (those of the programs of formats by the packages or by their counterparts). The suite reads them by the example `pixels` of
-`granita-plugin` (`cargo build -p granita-plugin --example pixels`). Programs and packages that are missing are named, and
-left out.
+these write, and read by the same program (those of the programs of formats by the packages or by their counterparts).
+The suite reads them by the example `pixels` of `granita-plugin` (`cargo build -p granita-plugin --example pixels`).
+Programs and packages that are missing are named, and left out.
 
 A file is *equal* when all values are the same as fractions of the largest value, *near* when they differ by at most one
 code value of 8 bits (decoders of data with loss may round differently), and otherwise it has a reason. Reasons that are

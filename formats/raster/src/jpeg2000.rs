@@ -97,8 +97,6 @@ struct Sizes {
     bits: Vec<u8>,
     /// True when the components have signed values.
     signed: bool,
-    /// True when other components have unsigned ones.
-    mixed: bool,
 }
 
 impl Sizes {
@@ -125,22 +123,22 @@ impl Sizes {
         // Where all components have fewer samples than the grid, the image is that much smaller.
         let shrink = |i: usize| components.iter().map(|c| c[i]).min().unwrap_or(1).max(1);
         let is_signed = |c: &[u8; 3]| c[0] & 0x80 != 0;
+        let signed = components.iter().any(is_signed);
+        if signed && !components.iter().all(is_signed) {
+            return Err(place.unsupported("JPEG 2000 of signed and unsigned values is not supported"));
+        }
         let side = |start: u32, end: u32, by: u8| end.div_ceil(by.into()) - start.div_ceil(by.into());
         Ok(Self {
             width: side(x0, x1, shrink(1)),
             height: side(y0, y1, shrink(2)),
             tiles: tiles(x1, tile_x, tile_w).saturating_mul(tiles(y1, tile_y, tile_h)),
             bits: components.iter().map(|c| (c[0] & 0x7f) + 1).collect(),
-            signed: components.iter().any(is_signed),
-            mixed: components.iter().any(is_signed) && !components.iter().all(is_signed),
+            signed,
         })
     }
 
     /// Checks the numbers against the limits, before the decoder allocates memory for them.
     fn check(&self, place: &Place) -> Result<()> {
-        if self.mixed {
-            return Err(place.unsupported("JPEG 2000 of signed and unsigned values is not supported"));
-        }
         let n = self.bits.len();
         // The decoder holds floats.
         let spec = ImageSpec::new(self.width, self.height, n, PixelType::Float);
@@ -211,10 +209,10 @@ impl Channels {
 }
 
 fn spec_of(image: &Image<'_>, siz: &Sizes) -> (ImageSpec, Channels) {
-    let pixel_type = match siz.bits.iter().copied().max().unwrap_or(8) {
-        0..=8 if siz.signed => PixelType::Half,
-        0..=8 => PixelType::U8,
-        9..=16 if !siz.signed => PixelType::U16,
+    let pixel_type = match (siz.bits.iter().copied().max().unwrap_or(8), siz.signed) {
+        (0..=8, false) => PixelType::U8,
+        (0..=8, true) => PixelType::Half,
+        (9..=16, false) => PixelType::U16,
         _ => PixelType::Float,
     };
     let channels = Channels::of(image);

@@ -7,10 +7,10 @@
 //! The error of an image is `sqrt (mean ((a - b)^2)) / mean (b)` over the values of its colour channels, where `b` is
 //! the mean of infinitely many passes. It is estimated from the differences between passes.
 //!
-//! What all passes have in common is bias. With a requested error, some small parts of the image are rendered once more
-//! with half of the dicing step and with more records of indirect light and occlusion. Where the bias is too
-//! large, the passes begin again with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not part
-//! of it.
+//! What all passes have in common is bias. With a requested error, the first passes are rendered once more with twice
+//! the dicing step and fewer records of indirect light and occlusion, which shows where there is bias. Some small parts
+//! of the image are then rendered with half of the dicing step and more records. Where the bias is too large, the
+//! passes begin again with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not part of it.
 
 use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
@@ -49,8 +49,8 @@ impl Accuracy {
     /// The part of the requested error that bias may have. With half of the dicing step a pass takes four times as
     /// long. That pays where the noise that is left beside the bias needs more than about four times the passes.
     const SHARE: f64 = 0.75;
-    /// The part of the permitted bias by which [`Accuracy::COARSER`] may change an image whose bias is not measured. It
-    /// changes an image by 0.7 to 2 times the bias (measured on five scenes).
+    /// Where [`Accuracy::COARSER`] changes an image by less than this part of the permitted bias, it is not measured
+    /// with [`Accuracy::FINER`]. The change was 0.7 to 2 times the bias of five scenes.
     const SMALL: f64 = 0.35;
     /// The finest level.
     const MOST: i32 = 3;

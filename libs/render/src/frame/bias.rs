@@ -79,9 +79,14 @@ fn covariance(differences: &[&[f32]]) -> Covariance {
     Covariance { product: found.product / n, variance: found.variance / n, ..found }
 }
 
-/// Returns the number of pixels of a rectangle whose coarser surfaces differ. Four pixels see the same points.
+/// Returns the number of pixels of a rectangle that see different points of coarser surfaces: a quarter of all.
 fn coarse_pixels(rect: &PixelRect) -> f64 {
     (rect.width() * rect.height()) as f64 / 4.0
+}
+
+/// Returns the mean of an image whose bias can be measured.
+fn mean_of(sum: &Accumulated) -> Option<f64> {
+    sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0)
 }
 
 /// Returns the squared bias of an image with a mean. `passes` has, for each pass, the differences of the colours of all
@@ -219,18 +224,18 @@ impl<S: FrameShader> Frame<'_, S> {
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
         for pass in 0..most {
-            let plain = if pass < PILOT {
-                let mut colors = Vec::new();
-                self.each_sum(|sum| colors.push(sum.early(pass as usize).to_vec()));
-                colors
-            } else {
-                self.colors_apart(run, (pass, Accuracy::SCENE), &list)?
+            // The first passes are those of the image itself.
+            let plain = match pass < PILOT {
+                true => None,
+                false => Some(self.colors_apart(run, (pass, Accuracy::SCENE), &list)?),
             };
             let finer = self.colors_apart(run, (pass, Accuracy::FINER), &list)?;
             differences.resize(finer.len(), Vec::new());
             let sums = self.passes.iter().flat_map(|passes| &passes.sums);
-            for (((plain, finer), sum), out) in plain.iter().zip(&finer).zip(sums).zip(&mut differences) {
-                let [plain, finer] = [plain, finer].map(|all| sum.lock().colors_in(&rects, all));
+            for (index, (sum, out)) in sums.zip(&mut differences).enumerate() {
+                let sum = sum.lock();
+                let plain = plain.as_ref().map_or_else(|| sum.early(pass as usize), |colors| &*colors[index]);
+                let [plain, finer] = [plain, &*finer[index]].map(|all| sum.colors_in(&rects, all));
                 out.push(finer.iter().zip(plain).map(|(finer, plain)| finer - plain).collect());
             }
             if pass + 1 < PILOT {
@@ -239,8 +244,7 @@ impl<S: FrameShader> Frame<'_, S> {
             let sums = self.passes.iter().flat_map(|passes| &passes.sums);
             let of_sum = |(sum, passes): (&Mutex<Accumulated>, &Vec<Vec<f32>>)| {
                 let sum = sum.lock();
-                let mean = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0);
-                mean.map_or_else(SquaredBias::default, |mean| {
+                mean_of(&sum).map_or_else(SquaredBias::default, |mean| {
                     squared_bias((&sum, mean), &whole, probes, passes)
                 })
             };
@@ -280,9 +284,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let whole = self.options.camera.crop;
         let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
             let sum = sum.lock();
-            let Some(mean) = sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0) else {
-                return Some(SquaredBias::default());
-            };
+            let Some(mean) = mean_of(&sum) else { return Some(SquaredBias::default()) };
             let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
             let found = covariance(&all);
             let noise = found.noise(coarse_pixels(&whole)) / (mean * mean);
@@ -300,10 +302,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let (mut changed, mut contrasts) = (vec![0.0; parts.len()], vec![0.0; parts.len()]);
         for (index, sum) in passes.sums.iter().enumerate() {
             let sum = sum.lock();
-            let squared = sum.mean().map_or(0.0, |mean| mean * mean);
-            if squared == 0.0 {
-                continue;
-            }
+            let Some(squared) = mean_of(&sum).map(|mean| mean * mean) else { continue };
             for ((part, changed), contrast) in parts.iter().zip(&mut changed).zip(&mut contrasts) {
                 let of_part: Vec<Vec<f32>> =
                     changes.iter().map(|pass| sum.colors_in(&[*part], &pass[index])).collect();

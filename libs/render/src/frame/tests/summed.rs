@@ -339,3 +339,39 @@ fn a_pass_that_would_not_end_in_time_is_coarse() {
     render(&build.scene, &noisy(), options, std::slice::from_mut(&mut outputs), None).unwrap();
     assert!(outputs.images[0].pixels == pixels);
 }
+
+#[test]
+fn bias_is_found_where_few_pixels_have_it() {
+    /// Paints stripes on grey surfaces, whose edges are as soft as points are apart.
+    fn striped(grid: &mut Grid) {
+        flat(grid);
+        for i in 0..grid.len() {
+            let is_dark = (7.0 * grid.u[i] + 3.0 * grid.v[i]).fract() < 0.5;
+            if grid.c.get(i).x == 0.5 && is_dark {
+                grid.c.set(i, grid.c.get(i) * 0.1);
+            }
+        }
+    }
+    // Each part of 16 x 16 pixels has edges of a surface, and one has stripes.
+    let build = |quality: f32| {
+        let mut build = flat_camera();
+        build.camera.push(("int[2] resolution", vec![128.0, 96.0]));
+        for k in 0..48_u8 {
+            let (x, y) = (f32::from(k % 8) - 3.5, f32::from(k / 8) - 2.5);
+            let (half, grey) = if k == 21 { (0.45, 0.5) } else { (0.3, 0.9) };
+            let list: [(&str, &[f32]); 2] = [("color C", &[grey; 3]), ("float shadingquality", &[quality])];
+            build.square(half, &list, at(x, y, 5.0));
+        }
+        build
+    };
+    let shader = Painted { paint: striped, displace: None };
+    let of = |quality: f32, plan| {
+        let build = build(quality);
+        summed(&build, &build.view(&[]), 2, ("rgb", &[]), (&shader, plan))
+    };
+    let bias = distance(&of(1.0, passes(20)).0, &of(8.0, passes(20)).0);
+    assert!(bias > 0.01, "{bias}");
+    let (_, report) = of(1.0, error(1.6 * bias as f32));
+    let measured = report.error.unwrap().bias.unwrap();
+    assert!((0.7..1.4).contains(&(measured / bias)), "{measured} of {bias}: {report:?}");
+}
