@@ -11,6 +11,7 @@ mod database;
 mod grids;
 mod light;
 pub(crate) mod maps;
+mod origins;
 mod rays;
 pub(crate) mod recall;
 mod seeds;

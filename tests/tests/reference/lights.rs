@@ -1,6 +1,6 @@
 //! Tests each bundled light against a closed form, on a matte square in the plane z = 0.
 
-use crate::support::{Place, SHADERS, SQUARE, assert_near, at, middle, scene};
+use crate::support::{Place, SHADERS, SQUARE, asks, assert_near, at, middle, scene};
 use granita_tests::Image;
 
 /// Renders a matte square under one light.
@@ -179,6 +179,33 @@ fn indirect_and_environment_lights_gather_a_hemisphere() {
         "Light (\"e\", \"envlight\", \"string occlusionname\", \"walls\", \"float samples\", 1024, \"float Kocclusion\", 0.5)",
     );
     assert_near(at(&weak, 0.5, 0.3), &[0.75 * cos; 3], 0.02, "half of the occlusion");
+}
+
+#[test]
+fn no_light_passes_where_a_wall_stands_on_the_edge() {
+    // The wall ends exactly at the left edge of the square. All of the square is in its shadow, and sees it.
+    let wall = "PushAttributes ()\nAttribute (\"string geometryset\", \"walls\")\nShader (\"surface\", \"constant\")\n\
+                Patch (\"linear\", 2, 2, \"vertex point P\", (-1, -9, -9, -1, 9, -9, -1, -9, 0, -1, 9, 0))\nPopAttributes ()\n";
+    for more in
+        ["", ", \"float shadowsamples\", 9", ", \"float shadowsamples\", 16, \"float shadowblur\", 0.05"]
+    {
+        let light = format!(
+            "{wall}Light (\"d\", \"distantlight\", \"point from\", (-1, 0.3, -1), \"point to\", (0, 0, 0), \"string shadowname\", \
+             \"walls\"{more})"
+        );
+        let image = lit(&light);
+        assert!(image.values.chunks(4).all(|p| p[..3] == [0.0; 3]), "{more}: {:?}", &image.values[..16]);
+    }
+    let bodies = [
+        "float there = 0; environment (\"walls\", vector (-1, 0, -1), \"samples\", 4, \"alpha\", there); C = there;",
+        "C = 0; trace (\"walls\", P, vector (-1, 0, -1), 0, 1) { float hit = 0; getmessage (\"trace\", \"hit\", hit); C = hit; }",
+    ];
+    for body in bodies {
+        let place = Place::new();
+        let square = asks(&place, "", body);
+        let image = place.seen(SHADERS, &format!("{wall}{square}"));
+        assert!(image.values.chunks(4).all(|p| p[..3] == [1.0; 3]), "{body}: {:?}", &image.values[..16]);
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod bounce;
 
 use super::maps::fit;
+use super::origins::Origins;
 use super::rays::{Aim, HIT, TracingLanes, unknown_set};
 use super::{Run, count, option, samples};
 use crate::lighting::cache::hemisphere::{Seen, Strata};
@@ -44,8 +45,7 @@ struct Question<'q> {
     translational: bool,
     /// A hash of everything that decides the record at a place.
     hash: u32,
-    /// The origins of the rays.
-    places: Vec<Vec3>,
+    origins: Origins<'q>,
 }
 
 /// A point that must be sampled.
@@ -122,13 +122,13 @@ impl<'q> Question<'q> {
             // It is always true at ray hits, so that they look the same whether a file is written or not.
             translational: !full || mode.write || run.ray.level > 0,
             hash: hash::words(&words),
-            places: places(run, query),
+            origins: Origins::new(run, query.batch, query.p, query.options.bias),
         }
     }
 
     fn spot(&self, lane: u32) -> Spot {
         let i = lane as usize;
-        let (p, n) = (self.places[i], self.axis(i));
+        let (p, n) = (self.origins.at(i), self.axis(i));
         let [px, py, pz] = p.to_array().map(f32::to_bits);
         let [nx, ny, nz] = n.to_array().map(f32::to_bits);
         [px, py, pz, nx, ny, nz, self.hash, self.kind as u32]
@@ -145,7 +145,7 @@ impl<'q> Question<'q> {
         if !self.translational {
             return run.lane_seed(self.kind.noise(), call, lane);
         }
-        let [x, y, z] = self.places[lane as usize].to_array().map(f32::to_bits);
+        let [x, y, z] = self.origins.at(lane as usize).to_array().map(f32::to_bits);
         let seed = run.frame.seed_in_pass(hash::words(&[x, y, z, self.kind as u32]));
         run.frame.seed_of(self.kind.noise(), seed)
     }
@@ -160,7 +160,7 @@ impl<'q> Question<'q> {
     fn in_file(&self, run: &Run<'_, '_>, lane: u32) -> Option<Record> {
         let records = self.known.as_ref()?;
         let i = lane as usize;
-        let p = self.places[i];
+        let p = self.origins.at(i);
         let filed = run.frame.camera.place_in_world(p);
         let probe = Probe { p: filed.to_array(), n: Some(self.axis(i).to_array()) };
         if let Some(numbers) = records.exactly(&probe) {
@@ -175,39 +175,6 @@ impl<'q> Question<'q> {
         let numbers = records.all_between(&probe, &how)?;
         Some(Record::from_numbers(self.kind, &numbers))
     }
-}
-
-/// Returns the origin of the rays of each lane. On the boundary edges of a surface it lies slightly inside of them.
-/// Other surfaces often end exactly at the edge (floor and wall), and rays that start there would pass through.
-fn places(run: &Run<'_, '_>, query: &GatherQuery<'_>) -> Vec<Vec3> {
-    let mut out: Vec<Vec3> = (0..query.batch.lanes).map(|i| query.p.get(i)).collect();
-    if run.topology.points() != out.len() || !run.rims.iter().flatten().any(|rim| *rim) {
-        return out;
-    }
-    let mut active = query.batch.active.iter().map(|lane| *lane as usize).peekable();
-    for (rect, rims) in run.topology.rects().zip(run.rims.iter()) {
-        while let Some(i) = active.next_if(|i| *i < rect.lanes().end) {
-            let (column, row) = ((i - rect.first) % rect.nu, (i - rect.first) / rect.nu);
-            let inner = [
-                (rims[0] && column == 0).then(|| i + 1),
-                (rims[1] && column == rect.nu - 1).then(|| i - 1),
-                (rims[2] && row == 0).then(|| i + rect.nu),
-                (rims[3] && row == rect.nv - 1).then(|| i - rect.nu),
-            ];
-            let p = query.p.get(i);
-            let reach = 1.5 * run.bias(query.options.bias, i).max(run.frame.ray_margin(p));
-            for inner in inner.into_iter().flatten() {
-                if query.batch.active.binary_search(&(inner as u32)).is_ok() {
-                    let way = query.p.get(inner) - p;
-                    out[i] += way * (reach / way.length()).min(0.5);
-                }
-            }
-            if !out[i].is_finite() {
-                out[i] = p;
-            }
-        }
-    }
-    out
 }
 
 impl Run<'_, '_> {
@@ -373,11 +340,11 @@ impl Gatherer<'_, '_, '_, '_> {
         let mut active = vec![false; n];
         for &lane in query.batch.active {
             let i = lane as usize;
-            active[i] = self.question.places[i].is_finite() && self.question.axis(i) != Vec3::ZERO;
+            active[i] = self.question.origins.at(i).is_finite() && self.question.axis(i) != Vec3::ZERO;
         }
         let points = Points {
             rects: self.run.topology.rects().collect(),
-            p: self.question.places.clone(),
+            p: (0..query.batch.lanes).map(|i| self.question.origins.at(i)).collect(),
             n: (0..n).map(|i| self.question.axis(i)).collect(),
             scale: (0..n).map(|i| self.run.pixels_per_unit(query.p.get(i))).collect(),
             active,
@@ -435,7 +402,7 @@ impl Gatherer<'_, '_, '_, '_> {
             // What several grids have in common is saved once.
             if self.question.mode.write && (!shared || cache.is_first_to_save(spot)) {
                 // Files are read by frames whose "common" space may begin elsewhere.
-                let p = self.question.places[lane as usize];
+                let p = self.question.origins.at(lane as usize);
                 saved.extend(self.run.frame.camera.place_in_world(p).to_array());
                 saved.extend(self.question.axis(lane as usize).to_array());
                 saved.extend(record.to_numbers(self.question.kind));
@@ -570,7 +537,7 @@ impl Gatherer<'_, '_, '_, '_> {
             let angle = query.angle.get(i);
             let cells = Strata::new(ask.samples, angle, query.options.spread() != "uniform");
             let axis = question.axis(i);
-            let p = question.places[i];
+            let p = question.origins.at(i);
             let (bias, leaving) = (self.run.bias(o.bias, i), self.run.leaving(Some(scene), p));
             let tmax = Run::reach(o.maxhitdist, i);
             if axis != Vec3::ZERO {

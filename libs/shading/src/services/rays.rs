@@ -2,6 +2,7 @@
 //! indirect light.
 
 use super::maps::{fit, prepare};
+use super::origins::Origins;
 use super::{Run, count, option, samples};
 use crate::object::RayScene;
 use crate::thread::{MAX_RAY_LEVELS, MORE_NESTED};
@@ -293,12 +294,12 @@ fn roulette(weight: f32, least: f32, seed: u32) -> Option<Kept> {
 }
 
 /// Returns a place in the footprint, from -0.5 to 0.5 in both directions. A single sample takes its centre.
-pub(super) fn in_footprint(index: u32, samples: u32, seed: u32) -> (f32, f32) {
+pub(super) fn in_footprint(index: u32, samples: u32, seed: u32) -> [f32; 2] {
     if samples <= 1 {
-        return (0.0, 0.0);
+        return [0.0; 2];
     }
     let (x, y) = sample::square(index, hash::words(&[seed, FOOTPRINT]));
-    (x - 0.5, y - 0.5)
+    [x - 0.5, y - 0.5]
 }
 
 /// Answers `environment ()` with the name of a geometry set (reference 10.2.2).
@@ -319,6 +320,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
     let purpose = RayPurpose { shade, ..run.purpose() };
     let shared = Shared { scene, purpose, messages: query.messages };
     let most = if run.ray.level < DEEP { RAYS } else { RAYS_WHERE_DEEP };
+    let origins = Origins::new(run, query.batch, query.p, o.bias);
     let mut rays: Vec<RayRequest> = Vec::new();
     let mut sums: Vec<Sum> = Vec::new();
     for &lane in query.batch.active {
@@ -350,7 +352,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         sums.push(Sum::new(lane, branch.samples, kept.scale));
         for k in 0..branch.samples {
             let index = branch.first + k;
-            let (x, y) = in_footprint(index, asked, branch.seed);
+            let [x, y] = in_footprint(index, asked, branch.seed);
             let axis = (r + drdx * x + drdy * y).normalize_or(r);
             let dir = in_cone(
                 axis,
@@ -360,7 +362,7 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
                 hash::words(&[branch.seed, DIRECTION]),
             );
             let aim = Aim {
-                p: query.p.get(i) + dpdx * x + dpdy * y,
+                p: origins.at(i) + origins.inside(i, [dpdx * x, dpdy * y]),
                 dir,
                 bias: run.bias(o.bias, i),
                 tmax: Run::reach(o.maxhitdist, i),
@@ -468,6 +470,7 @@ fn probe(
     index: u32,
 ) -> (Vec<u32>, Vec<RayRequest>) {
     let distribution = Distribution::from_word(query.options.spread());
+    let origins = Origins::new(run, query.batch, query.p, query.options.bias);
     let mut lanes = Vec::new();
     let mut rays = Vec::new();
     for &lane in query.batch.active {
@@ -477,7 +480,7 @@ fn probe(
         let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let angle = query.angle.get(i);
         let aim = Aim {
-            p: query.p.get(i),
+            p: origins.at(i),
             dir: in_cone(axis, angle, distribution, index, hash::words(&[seed, DIRECTION])),
             bias: run.bias(query.options.bias, i),
             tmax: Run::reach(query.options.maxhitdist, i),

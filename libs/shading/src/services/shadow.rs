@@ -7,8 +7,11 @@
 //! them. There further rays are spread over the part of the surface that the point represents, so that the edge is
 //! as smooth as one of geometry. Only neighbours in the point's own rectangle of the grid count, and the rays
 //! follow from their places alone. The result does not depend on which points are shaded together.
+//!
+//! No ray begins on or beyond a boundary edge of the surface ([`Origins`]).
 
 use super::maps::fit;
+use super::origins::Origins;
 use super::rays::{Aim, DIRECTION, HIT, in_footprint};
 use super::{Run, count, option, samples};
 use crate::object::RayScene;
@@ -64,6 +67,7 @@ impl Asked {
 /// Rays to the light, grouped by lane.
 struct Bundle<'b> {
     query: &'b ShadowQuery<'b>,
+    origins: &'b Origins<'b>,
     scene: &'b RayScene,
     lanes: Vec<Spread>,
     rays: Vec<Ray>,
@@ -83,7 +87,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     }
     let Some(scene) = run.frame.rays.scene(query.name, run.frame) else { return };
     let o = &query.options;
-    let mut bundle = Bundle::new(query, scene);
+    let origins = Origins::new(run, query.batch, query.p, o.bias);
+    let mut bundle = Bundle::new(query, &origins, scene);
     let mut hard = false;
     for &lane in query.batch.active {
         let i = lane as usize;
@@ -98,8 +103,8 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
         let first = bundle.rays.len();
         for index in 0..asked.samples {
-            let (x, y) = in_footprint(index, asked.samples, seed);
-            let off = (query.dpdx.get(i) * x + query.dpdy.get(i) * y) * width;
+            let [x, y] = in_footprint(index, asked.samples, seed).map(|x| x * width);
+            let off = origins.inside(i, [query.dpdx.get(i) * x, query.dpdy.get(i) * y]);
             let toward = |axis: Vec3| match asked.is_hard() {
                 true => axis,
                 false => {
@@ -116,13 +121,13 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
     }
     bundle.trace(run, out);
     if hard && !run.sees_motion() {
-        edges(run, query, scene, call, out);
+        edges(run, (query, &origins), scene, call, out);
     }
 }
 
 impl<'b> Bundle<'b> {
-    fn new(query: &'b ShadowQuery<'b>, scene: &'b RayScene) -> Self {
-        Self { query, scene, lanes: Vec::new(), rays: Vec::new(), leaving: Vec::new() }
+    fn new(query: &'b ShadowQuery<'b>, origins: &'b Origins<'b>, scene: &'b RayScene) -> Self {
+        Self { query, origins, scene, lanes: Vec::new(), rays: Vec::new(), leaving: Vec::new() }
     }
 
     /// Adds a ray of a lane from the offset `off` of its point, turned by `toward` from the direction of the light.
@@ -132,7 +137,7 @@ impl<'b> Bundle<'b> {
         let (at, to_light) = (query.p.get(lane), query.to_light.get(lane));
         let Some(axis) = to_light.try_normalize() else { return };
         let lifted = run.lift.as_ref().map_or(at, |lift| lift.above(lane, at, to_light));
-        let p = lifted + off;
+        let p = lifted + self.origins.inset(lane) + off;
         // The ray goes towards the light as seen from the moved point, and ends before the light's own surface.
         let (axis, tmax) = if query.light_infinite {
             (axis, f32::INFINITY)
@@ -147,7 +152,7 @@ impl<'b> Bundle<'b> {
 
     /// Traces all rays and adds the mean blocked share to their lanes.
     fn trace(self, run: &mut Run<'_, '_>, out: &mut Lanes3) {
-        let Self { query, scene, lanes, rays, leaving } = self;
+        let Self { query, scene, lanes, rays, leaving, .. } = self;
         if rays.is_empty() {
             return;
         }
@@ -197,8 +202,14 @@ impl<'b> Bundle<'b> {
 
 /// Samples each point of a rectangle whose neighbours disagree again, with [`EDGE_RAYS`] rays over its part of the
 /// surface.
-fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call: u32, out: &mut Lanes3) {
-    let mut bundle = Bundle::new(query, scene);
+fn edges(
+    run: &mut Run<'_, '_>,
+    (query, origins): (&ShadowQuery<'_>, &Origins<'_>),
+    scene: &RayScene,
+    call: u32,
+    out: &mut Lanes3,
+) {
+    let mut bundle = Bundle::new(query, origins, scene);
     let mut active = vec![false; query.batch.lanes];
     query.batch.active.iter().for_each(|lane| active[*lane as usize] = true);
     let rects: Vec<Rect> = run.topology.rects().collect();
@@ -223,7 +234,7 @@ fn edges(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, scene: &RayScene, call:
             for index in 0..if at_edge { EDGE_RAYS } else { 0 } {
                 // All points use one pattern, so that neighbours differ by the position of the edge and not by noise.
                 let (x, y) = sample::square(index, 0);
-                let off = around.off(query, i, [x - 0.5, y - 0.5]);
+                let off = origins.inside(i, around.ways(query, i, [x - 0.5, y - 0.5]));
                 bundle.add(run, i, off, &|axis| axis, run.ray_time(0, seed));
             }
             if bundle.rays.len() > first {
@@ -293,21 +304,20 @@ impl Neighbours {
         self.beside.iter().chain(&self.across).flatten().copied()
     }
 
-    /// Returns the offset from the point to a place at the fractions `x` and `y` (-0.5 to 0.5) of the way to the
-    /// next points along u and v. Where there is no next point, the one on the other side is mirrored.
-    fn off(&self, query: &ShadowQuery<'_>, lane: usize, place: [f32; 2]) -> Vec3 {
+    /// Returns the way from the point to a place at the fractions `x` and `y` (-0.5 to 0.5) of the way to the next
+    /// points, along u and along v. Where there is no next point, the one on the other side is mirrored.
+    fn ways(&self, query: &ShadowQuery<'_>, lane: usize, place: [f32; 2]) -> [Vec3; 2] {
         let p = query.p.get(lane);
-        let mut off = Vec3::ZERO;
-        for (axis, x) in place.into_iter().enumerate() {
+        [0, 1].map(|axis| {
+            let x = place[axis];
             let [before, after] = [self.beside[2 * axis], self.beside[2 * axis + 1]];
             let (next, other) = if x < 0.0 { (before, after) } else { (after, before) };
-            off += match (next, other) {
+            match (next, other) {
                 (Some(next), _) => (query.p.get(next) - p) * x.abs(),
                 (None, Some(other)) => (p - query.p.get(other)) * x.abs(),
                 (None, None) => Vec3::ZERO,
-            };
-        }
-        off
+            }
+        })
     }
 }
 

@@ -14,6 +14,7 @@ use crate::lighting::cache::lattice::Tolerance;
 use crate::lighting::cache::{Kind, Record, Spot};
 use crate::object::RayScene;
 use crate::services::Run;
+use crate::services::origins::Origins;
 use crate::services::rays::{TracingLanes, unknown_set};
 use granita_base::{Color, NoiseSource, Vec3, hash};
 use granita_rays::{RayRequest, SetHit, mesh_hit};
@@ -260,8 +261,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
                 samples: 1,
             })
             .collect();
-        let places = (0..self.query.batch.lanes).map(|i| self.query.p.get(i)).collect();
-        let question = question(self.query, places, true);
+        let question = question(self.query, true);
         let (scene, call) = (self.scene, self.call);
         let mut gatherer = Gatherer { run: self.run, scene: Some(scene), question, call };
         let found = gatherer.trace(scene, &asks);
@@ -274,8 +274,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
     fn records(&mut self, cells: &[Missing]) -> Vec<Record> {
         let Some(lane) = cells.first().map(|missing| missing.lane as usize) else { return Vec::new() };
         let points = |k: usize| cells.iter().map(|missing| missing.place[k]).collect::<Vec<Vec3>>();
-        let (places, axes) = (points(0), Lanes3::from_points(&points(1)));
-        let positions = Lanes3::from_points(&places);
+        let [positions, axes] = [0, 1].map(|k| Lanes3::from_points(&points(k)));
         let active: Vec<u32> = (0..cells.len() as u32).collect();
         let asked = count(Some(self.query.samples), lane);
         let samples = [(asked / SAMPLES_PART).max(LEAST_SAMPLES.min(asked)) as f32];
@@ -291,7 +290,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
             options: self.query.options.map(uniform, Some),
             messages: &[],
         };
-        let question = question(&query, places, false);
+        let question = question(&query, false);
         let mut gatherer = Gatherer { run: self.run, scene: Some(self.scene), question, call: self.call };
         gatherer.sample(&active)
     }
@@ -356,7 +355,7 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
 }
 
 /// Returns a question that no file answers.
-fn question<'q>(query: &'q GatherQuery<'q>, places: Vec<Vec3>, full: bool) -> Question<'q> {
+fn question<'q>(query: &'q GatherQuery<'q>, full: bool) -> Question<'q> {
     Question {
         kind: Kind::Irradiance,
         query,
@@ -367,7 +366,7 @@ fn question<'q>(query: &'q GatherQuery<'q>, places: Vec<Vec3>, full: bool) -> Qu
         known: None,
         translational: !full,
         hash: 0,
-        places,
+        origins: Origins::at_points(query.p),
     }
 }
 
