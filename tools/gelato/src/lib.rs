@@ -35,6 +35,7 @@ use joining::Streams;
 use progress::{Lines, ShownProgress};
 use relight::Relight;
 use std::ffi::OsString;
+use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -662,6 +663,12 @@ fn enforce(session: &Session, reporter: &Reporter) -> Result<(), String> {
     Ok(())
 }
 
+/// True for a scene that can be read only once: standard input, or a pipe with a name.
+fn is_stream(file: &str) -> bool {
+    let is_pipe = |metadata: std::fs::Metadata| !metadata.is_file() && !metadata.is_dir();
+    matches!(file, "-" | "pyg -") || std::fs::metadata(file).is_ok_and(is_pipe)
+}
+
 /// Reads the scene files and the stream, and renders the frames that they request. Then it runs the desk, if there is
 /// one.
 fn render(
@@ -686,6 +693,9 @@ fn render(
         let words: Vec<&str> = file.split_whitespace().collect();
         let result = match words.as_slice() {
             ["-"] | ["pyg", "-"] => session.read_stream("<stdin>", Box::new(std::io::stdin())),
+            _ if is_stream(file) => File::open(file)
+                .map_err(|error| SessionError::Failed(format!("cannot open {file}: {error}")))
+                .and_then(|pipe| session.read_stream(file, Box::new(pipe))),
             _ => session.read_file(file),
         };
         match result {
@@ -796,7 +806,7 @@ impl Options {
     /// Returns the arguments with which another process renders the same image; `None` when the scene does not come
     /// from files. All options that were `given` are passed on except those of [`NOT_FOR_WORKERS`].
     fn for_worker(&self, given: &[Given]) -> Option<Vec<String>> {
-        if self.stream || self.files.is_empty() || self.files.iter().any(|f| matches!(&**f, "-" | "pyg -")) {
+        if self.stream || self.files.is_empty() || self.files.iter().any(|file| is_stream(file)) {
             return None;
         }
         let mut words = vec!["-silent".to_owned()];

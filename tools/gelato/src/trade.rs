@@ -465,7 +465,7 @@ fn trade(
     reporter: &Reporter,
 ) -> Result<(), String> {
     let file = options.files.last().ok_or("no scene file was given (try -help)")?;
-    if options.files.iter().any(|file| matches!(&**file, "-" | "pyg -")) {
+    if options.files.iter().any(|file| crate::is_stream(file)) {
         return Err("the scene is rendered several times, so it must be in a file".to_owned());
     }
     let asked = options.passes();

@@ -262,6 +262,15 @@ fn scenes_are_read_from_files_generators_and_standard_input() {
         assert_eq!((ran.status, ran.said.as_str()), (0, ""), "{name}");
         assert_eq!(place.bytes("out.tif"), whole);
     }
+    if cfg!(unix) {
+        std::fs::remove_file(place.path().join("out.tif")).unwrap();
+        let pipe = place.path().join("pipe");
+        assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let writer = std::thread::spawn(move || std::fs::write(pipe, SCENE));
+        let ran = place.run(&["pipe"]);
+        writer.join().unwrap().unwrap();
+        assert_eq!((ran.status, ran.said.as_str(), place.bytes("out.tif")), (0, "", whole));
+    }
     assert_eq!(place.run(&[]).status, 2);
     assert_eq!(place.run(&["."]).status, 2);
     let ran = place.run(&["a.pyg", "pyg << World (); Sphere (1, -1, 1, 360)"]);
