@@ -21,6 +21,9 @@ pub(crate) const PILOT: u32 = 2;
 /// The width of the one-sided confidence interval of the reached error in standard deviations, for 95 %.
 pub(crate) const CONFIDENCE: f64 = 1.645;
 
+/// The factor by which the reached error may exceed the requested one. The first passes show it to a few percent.
+pub(crate) const TOLERANCE: f64 = 1.05;
+
 /// How accurately a frame computes what all its passes have in common, beside what the scene says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Accuracy {
@@ -49,8 +52,11 @@ impl Accuracy {
     /// The part of the requested error that bias may have. With half of the dicing step a pass takes four times as
     /// long. That pays where the noise that is left beside the bias needs more than about four times the passes.
     const SHARE: f64 = 0.75;
+    /// The least change of an image by [`Accuracy::COARSER`], over its bias. In five scenes it was 0.7 to 2 times the
+    /// bias.
+    pub(crate) const LEAST_CHANGE: f64 = 0.7;
     /// Where [`Accuracy::COARSER`] changes an image by less than this part of the permitted bias, it is not measured
-    /// with [`Accuracy::FINER`]. The change was 0.7 to 2 times the bias of five scenes.
+    /// with [`Accuracy::FINER`].
     const SMALL: f64 = 0.35;
     /// The finest level.
     const MOST: i32 = 3;
@@ -96,8 +102,12 @@ impl SquaredBias {
 
     /// Returns what remains of it on a level.
     pub(crate) fn remains(self, level: i32) -> Self {
-        let part = Accuracy::FALL.powi(2 * level);
-        Self { value: part * self.value, deviation: part * self.deviation, noise: part * self.noise }
+        self.scaled(Accuracy::FALL.powi(2 * level))
+    }
+
+    /// Returns it times a factor.
+    pub(crate) fn scaled(self, by: f64) -> Self {
+        Self { value: by * self.value, deviation: by * self.deviation, noise: by * self.noise }
     }
 
     /// Returns the squared noise that an image may have for an error. What is not known of the bias counts as bias, up
@@ -183,6 +193,11 @@ impl ErrorEstimate {
         let bias = bias.root();
         let [error, bound] = [self.error, self.bound].map(|noise| noise.hypot(bias));
         Self { error, bound, bias: Some(bias), ..self }
+    }
+
+    /// True when the image has a requested error.
+    pub(crate) fn is_within(&self, requested: f32) -> bool {
+        self.bound <= f64::from(requested) * TOLERANCE
     }
 
     /// Returns the noise sources that were measured, with their parts of the error, the largest first.

@@ -84,6 +84,12 @@ fn coarse_pixels(rect: &PixelRect) -> f64 {
     (rect.width() * rect.height()) as f64 / 4.0
 }
 
+/// Returns the largest number of passes that the bias is measured with: a quarter of those that the error needs. A pass
+/// in the probes, with both accuracies, takes about half of the time of a pass, and more in small images.
+fn most_passes_of_bias(needed: f64) -> u32 {
+    ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
+}
+
 /// Returns the mean of an image whose bias can be measured.
 fn mean_of(sum: &Accumulated) -> Option<f64> {
     sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0)
@@ -133,10 +139,11 @@ impl<S: FrameShader> Frame<'_, S> {
         self.shader.set_samples(accuracy.samples);
     }
 
-    /// Measures the bias of the images after the first passes, and sets the accuracy that the requested error needs.
+    /// Measures the bias of the images after the first passes, and decides the accuracy that the requested error needs.
     /// Where that is finer than what the scene says, the images begin again with the next pass. `time` is that of one
     /// pass. Without the time for the measurement, the following passes render the whole frame: then the images are
-    /// those of as many passes without a requested error, and time has decided only their number.
+    /// those of as many passes without a requested error, and time has decided only their number. The bias is then the
+    /// most that the change by coarser surfaces permits, if there is time for these.
     pub(super) fn measure_bias(
         &mut self,
         (scene, plan): (&Scene, &PassPlan),
@@ -148,43 +155,74 @@ impl<S: FrameShader> Frame<'_, S> {
         if !self.passes.as_ref().is_some_and(super::passes::Passes::has_colors) {
             return;
         }
-        let most = self.most_passes_of_bias(error.into());
-        let has_time = plan.has_time_for(time * (most + PILOT));
+        let error = f64::from(error);
         let run = Run { scene, plan, canvases, threads };
-        let bias = if has_time { self.bias_of_frame(&run, (error.into(), most)) } else { None };
+        let needed = self.needed_passes(error);
+        // Some parts of the image need fewer passes than the whole.
+        let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
+        let has_time = may_end && plan.has_time_for(time * PILOT);
+        let changes = if has_time { self.changes_of_frame(&run) } else { None };
+        let most = most_passes_of_bias(needed);
+        let found = changes.as_ref().and_then(|changes| match self.small_bias(changes, error) {
+            None if plan.has_time_for(time * most) => self.bias_of_parts(&run, (error, most), changes),
+            small => small,
+        });
         self.set_accuracy(Accuracy::SCENE);
+        let largest = if found.is_none() { changes.map(|changes| self.largest_bias(&changes)) } else { None };
         let Some(passes) = &mut self.passes else { return };
-        let Some(bias) = bias else {
+        let Some(bias) = found else {
             passes.first_of_tiles = u32::MAX;
+            passes.bias = largest.unwrap_or_default();
             return;
         };
-        let level = bias.iter().map(|bias| Accuracy::level(bias.root(), error.into())).max().unwrap_or(0);
+        let level = bias.iter().map(|bias| Accuracy::level(bias.root(), error)).max().unwrap_or(0);
         passes.bias = bias;
         if level > 0 {
-            (passes.level, passes.first_of_tiles) = (level, 2 * PILOT);
-            self.set_accuracy(Accuracy::of_level(level));
+            (passes.level, passes.first_of_tiles) = (level, (1 + level.unsigned_abs()) * PILOT);
         }
     }
 
-    /// Returns the squared bias of each image, from as many passes as the requested error needs, at most `most`; `None`
-    /// when the measurement was given up.
-    fn bias_of_frame(&mut self, run: &Run<'_>, (error, most): (f64, u32)) -> Option<Vec<SquaredBias>> {
-        let camera = self.options.camera;
+    /// True when whole passes have the requested error, where there was no time to measure the bias in parts of the
+    /// image.
+    pub(super) fn is_reached_by_whole_passes(&self, error: f32) -> bool {
+        let whole = self.options.camera.crop;
+        let Some(passes) = self.passes.as_ref().filter(|passes| passes.first_of_tiles == u32::MAX) else {
+            return false;
+        };
+        let is_reached = |(sum, bias): (&Mutex<Accumulated>, &SquaredBias)| {
+            let sum = sum.lock();
+            let found = mean_of(&sum).and_then(|mean| sum.error(&whole, mean));
+            found.is_none_or(|found| found.with_bias(bias).is_within(error))
+        };
+        !passes.bias.is_empty() && passes.sums.iter().zip(&passes.bias).all(is_reached)
+    }
+
+    /// Returns for each of the first passes how the colours of each image differ from those of coarser surfaces; `None`
+    /// when a pass was given up.
+    fn changes_of_frame(&mut self, run: &Run<'_>) -> Option<Vec<Vec<Vec<f32>>>> {
         let all: Vec<usize> = (0..self.buckets.order.len()).collect();
-        let mut changes = Vec::new();
-        for pass in 0..PILOT {
+        let change = |pass| {
             let coarser = self.colors_apart(run, (pass, Accuracy::COARSER), &all)?;
-            changes.push(self.changes(pass as usize, coarser));
-        }
-        if let Some(small) = self.small_bias(&changes, error) {
-            return Some(small);
-        }
-        let probes = self.probes(&changes);
+            Some(self.changes(pass as usize, coarser))
+        };
+        (0..PILOT).map(change).collect()
+    }
+
+    /// Returns the squared bias of each image, from parts of it in as many passes as the requested error needs, at most
+    /// `most`; `None` when the measurement was given up.
+    fn bias_of_parts(
+        &mut self,
+        run: &Run<'_>,
+        asked: (f64, u32),
+        changes: &[Vec<Vec<f32>>],
+    ) -> Option<Vec<SquaredBias>> {
+        let camera = self.options.camera;
+        let probes = self.probes(changes);
         let order = BucketOrder::plain(&camera.bucketorder);
         let of_probes =
             Buckets::new(&camera.crop, [PROBE.unsigned_abs(); 2], order, self.pattern.per_pixel());
         let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes(run, (error, most), &probes);
+        let bias = self.bias_of_probes(run, asked, &probes);
         self.buckets = buckets;
         bias
     }
@@ -256,18 +294,15 @@ impl<S: FrameShader> Frame<'_, S> {
         Some(bias)
     }
 
-    /// Returns the largest number of passes that the bias is measured with: a quarter of those that the requested
-    /// error needs, as far as the first passes show it.
-    fn most_passes_of_bias(&self, error: f64) -> u32 {
+    /// Returns the number of passes that the requested error needs, as far as the first passes show it.
+    fn needed_passes(&self, error: f64) -> f64 {
         let whole = self.options.camera.crop;
         let needed = |sum: &Mutex<Accumulated>| {
             let sum = sum.lock();
             let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
             f64::from(PILOT) * (noise / error).powi(2)
         };
-        let needed = self.passes.iter().flat_map(|passes| &passes.sums).map(needed).fold(0.0, f64::max);
-        // A pass in the probes, with both accuracies, takes about half of the time of a pass, and more in small images.
-        ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
+        self.passes.iter().flat_map(|passes| &passes.sums).map(needed).fold(0.0, f64::max)
     }
 
     /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.
@@ -281,15 +316,27 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Returns the squared bias of each image where it cannot matter, because even coarser surfaces change little.
     fn small_bias(&self, changes: &[Vec<Vec<f32>>], error: f64) -> Option<Vec<SquaredBias>> {
+        let all = self.squared_changes(changes).into_iter();
+        all.map(|bias| bias.is_small_for(error).then_some(bias)).collect()
+    }
+
+    /// Returns the largest squared bias of each image by what coarser surfaces change.
+    fn largest_bias(&self, changes: &[Vec<Vec<f32>>]) -> Vec<SquaredBias> {
+        let all = self.squared_changes(changes).into_iter();
+        all.map(|change| change.scaled(Accuracy::LEAST_CHANGE.powi(-2))).collect()
+    }
+
+    /// Returns the mean square of what coarser surfaces change in each image, over the square of its mean.
+    fn squared_changes(&self, changes: &[Vec<Vec<f32>>]) -> Vec<SquaredBias> {
         let whole = self.options.camera.crop;
         let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
             let sum = sum.lock();
-            let Some(mean) = mean_of(&sum) else { return Some(SquaredBias::default()) };
-            let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
-            let found = covariance(&all);
-            let noise = found.noise(coarse_pixels(&whole)) / (mean * mean);
-            let bias = SquaredBias { value: found.product / (mean * mean), deviation: noise, noise };
-            bias.is_small_for(error).then_some(bias)
+            mean_of(&sum).map_or_else(SquaredBias::default, |mean| {
+                let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
+                let found = covariance(&all);
+                let noise = found.noise(coarse_pixels(&whole));
+                SquaredBias { value: found.product, deviation: noise, noise }.scaled(1.0 / (mean * mean))
+            })
         };
         self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(of_sum).collect()
     }

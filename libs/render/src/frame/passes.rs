@@ -8,7 +8,9 @@ use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
-use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
+use crate::passes::{
+    Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias, TOLERANCE,
+};
 use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
@@ -26,10 +28,11 @@ pub(super) struct Passes {
     /// The first pass that is a part of the images. Those before were not accurate enough.
     first: u32,
     /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
-    /// frame, and show where more are needed. Before them there may be as many that showed that more accuracy is. It is
-    /// `u32::MAX` when the time was too short to know that.
+    /// frame, and show where more are needed. Before them there are as many of each lower level. It is `u32::MAX` when
+    /// the time was too short to know the level.
     pub(super) first_of_tiles: u32,
-    /// The level of [`Accuracy`] of the passes that are rendered.
+    /// The level of [`Accuracy`] that the requested error needs. Passes go up to it level by level, so that an image
+    /// whose time ends has the highest level that its time permits.
     pub(super) level: i32,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
     pub(super) coarse: Option<u32>,
@@ -45,6 +48,11 @@ impl Passes {
     /// True when the shaders of the present pass print and save nothing.
     pub(super) fn is_mute(&self) -> bool {
         self.number > 0 || self.is_apart || self.coarse.is_some()
+    }
+
+    /// Returns the level of a pass.
+    fn level_of(&self, number: u32) -> i32 {
+        self.level.min((number / PILOT).try_into().unwrap_or(i32::MAX))
     }
 
     /// True when the error of an image is estimated.
@@ -64,9 +72,6 @@ pub(super) struct Passed {
     /// The error that each of them has without its noise, where it was measured.
     pub(super) denoised: Vec<Option<DenoisedError>>,
 }
-
-/// The factor by which the reached error may exceed the requested one. The first passes show it to a few percent.
-const TOLERANCE: f64 = 1.05;
 
 /// The errors that images have without their noise.
 #[derive(Debug, Default)]
@@ -165,8 +170,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 if self.passes.as_ref().is_some_and(|passes| passes.first_of_tiles == completed) {
                     decisions = self.decisions(error);
                 }
+                if completed >= PILOT && self.is_reached_by_whole_passes(error) {
+                    break;
+                }
             }
             let begin = Instant::now();
+            self.set_accuracy_of_pass(completed);
             self.begin_pass(scene, PassNumbers::of(completed), plan.error.is_some(), false);
             let list = self.buckets_of_pass(completed, &decisions, plan.error.is_some());
             let area =
@@ -317,9 +326,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let Some(crop) = self.passes.as_ref().map(|passes| passes.crop) else { return };
         let is_seen = |rect: &PixelRect| !rect.intersection(&crop).is_empty();
         let first = self.passes.as_ref().map_or(0, |passes| passes.first);
-        if first == 0 {
-            self.set_accuracy(Accuracy::SCENE);
-        }
+        self.set_accuracy_of_pass(first);
         for source in self.noise_sources() {
             let numbers = PassNumbers { pass: first, varied: Some(source) };
             self.begin_pass(scene, numbers, plan.error.is_some(), true);
@@ -340,18 +347,23 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
     }
 
-    /// Adds a complete pass to the images. The first ones with more accuracy replace those before when there are enough
-    /// of them to know their error.
+    /// Sets the accuracy of a pass.
+    fn set_accuracy_of_pass(&mut self, number: u32) {
+        let level = self.passes.as_ref().map_or(0, |passes| passes.level_of(number));
+        self.set_accuracy(Accuracy::of_level(level));
+    }
+
+    /// Adds a complete pass to the images. The first ones of a level replace those before when there are enough of them
+    /// to know their error.
     fn add_pass(&mut self, number: u32) {
         let Some(passes) = &mut self.passes else { return };
-        let begun = passes.first_of_tiles - PILOT;
-        if passes.first < begun && number >= begun {
-            if number + 1 < passes.first_of_tiles {
+        let first = u32::try_from(passes.level_of(number)).unwrap_or(0) * PILOT;
+        if first > passes.first {
+            if number + 1 < first + PILOT {
                 return self.each_sum(Accumulated::wait);
             }
-            passes.first = begun;
-            let level = passes.level;
-            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains(level));
+            passes.first = first;
+            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains(1));
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
@@ -565,8 +577,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             Some(all.sums.first()?.lock().passes(&all.crop) as f64 / pixels.max(1) as f64)
         });
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
-        let is_above =
-            |most: f32| error.map_or_else(|| has_colors, |error| error.bound > f64::from(most) * TOLERANCE);
+        let is_above = |most: f32| error.map_or_else(|| has_colors, |error| !error.is_within(most));
         let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
         PassReport {
             passes,
