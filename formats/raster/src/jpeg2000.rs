@@ -90,6 +90,8 @@ fn open(place: Place) -> Result<Box<dyn ImageInput>> {
 
 /// The sizes of a codestream (ISO/IEC 15444-1, A.5.1). They are checked before the decoder sees them.
 struct Sizes {
+    /// The offset of the codestream in the file.
+    at: u64,
     width: u32,
     height: u32,
     tiles: u64,
@@ -129,6 +131,7 @@ impl Sizes {
         }
         let side = |start: u32, end: u32, by: u8| end.div_ceil(by.into()) - start.div_ceil(by.into());
         Ok(Self {
+            at,
             width: side(x0, x1, shrink(1)),
             height: side(y0, y1, shrink(2)),
             tiles: tiles(x1, tile_x, tile_w).saturating_mul(tiles(y1, tile_y, tile_h)),
@@ -148,6 +151,32 @@ impl Sizes {
         let bytes = place.limits.check_read(&place.path, &spec, self.width, self.height)?;
         Limits::check_memory(&place.path, 3 * bytes as u64)
     }
+}
+
+/// True when no tile part of a codestream is cut (ISO/IEC 15444-1, A.4). The decoder takes what is missing for zeros.
+fn is_whole(codestream: &[u8]) -> bool {
+    const TILE_PART: u16 = 0xff90;
+    const END: u16 = 0xffd9;
+    let short = |at: usize| {
+        let bytes = codestream.get(at..at.checked_add(2)?)?;
+        Some(u16::from_be_bytes(bytes.try_into().ok()?))
+    };
+    let mut at = 2;
+    while at < codestream.len() {
+        let part = codestream.get(at..).unwrap_or_default();
+        let (Some(mark), Some(len)) = (short(at), short(at + 2)) else { return short(at) == Some(END) };
+        let len = match (mark, part.get(6..10)) {
+            (END, _) => return true,
+            // The last tile part may extend to the end.
+            (TILE_PART, Some([0, 0, 0, 0])) => return codestream.ends_with(&END.to_be_bytes()),
+            (TILE_PART, Some(&[a, b, c, d])) => u32::from_be_bytes([a, b, c, d]) as usize,
+            (TILE_PART, None) => return false,
+            _ => 2 + usize::from(len),
+        };
+        at = at.saturating_add(len.max(2));
+    }
+    // Some programs write no mark of the end.
+    at == codestream.len()
 }
 
 /// Reads the file, which may not be larger than one read.
@@ -265,6 +294,10 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     let siz = Sizes::read(place)?;
     siz.check(place)?;
     let file = read_file(place)?;
+    let codestream = usize::try_from(siz.at).ok().and_then(|at| file.get(at..)).unwrap_or_default();
+    if !is_whole(codestream) {
+        return Err(place.malformed("the file ends before its last tile"));
+    }
     with_image(place, &file, |image| {
         let (now, channels) = spec_of(image, &siz);
         if (now.width, now.height, &now.channels) != (spec.width, spec.height, &spec.channels) {

@@ -139,6 +139,23 @@ fn sizes_that_need_too_much_are_refused_before_they_are_decoded() {
 }
 
 #[test]
+fn files_that_were_cut_are_refused() {
+    for name in ["rgb8.jp2", "grey12.j2k", "rgba16.jp2", "tiled.jp2", "lossy.j2k", "signed16.j2k"] {
+        let whole = corpus(name);
+        assert!(open(&whole).unwrap().read_level(0, 0).is_ok(), "{name}");
+        for n in (60..whole.len() - 2).step_by(5) {
+            let cut = open(&whole[..n]).and_then(|input| input.read_level(0, 0));
+            assert!(matches!(cut, Err(ImageError::Malformed { .. } | ImageError::Io { .. })), "{name}: {n}");
+        }
+        // The mark of the end may be missing.
+        if name.ends_with(".j2k") {
+            let unmarked = &whole[..whole.len() - 2];
+            assert!(open(unmarked).unwrap().read_level(0, 0).is_ok(), "{name}");
+        }
+    }
+}
+
+#[test]
 fn damaged_files_do_not_panic() {
     for name in ["rgb8.jp2", "grey12.j2k", "rgba16.jp2", "tiled.jp2", "lossy.j2k", "signed12.jp2"] {
         let good = corpus(name);
