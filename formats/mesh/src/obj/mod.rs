@@ -64,6 +64,7 @@ impl Generator for Obj {
             materials: BTreeMap::new(),
             libraries: BTreeSet::new(),
             material: None,
+            is_empty: true,
         };
         reader.run(&file, Lines::new(opened.stream, true))
     }
@@ -86,6 +87,8 @@ struct Reader<'a> {
     materials: BTreeMap<Vec<u8>, Material>,
     libraries: BTreeSet<String>,
     material: Option<Material>,
+    /// True before the first face, line or point.
+    is_empty: bool,
 }
 
 impl Reader<'_> {
@@ -102,7 +105,13 @@ impl Reader<'_> {
                         None => {}
                     }
                 }
-                Ok(None) => return self.flush(),
+                Ok(None) => {
+                    if self.is_empty {
+                        let what = || "no faces, lines or points: nothing to draw".into();
+                        self.faults.warning("empty", 0, what);
+                    }
+                    return self.flush();
+                }
                 Err(error) => {
                     self.flush()?;
                     return Err(io_error(file, error));
@@ -151,7 +160,10 @@ impl Reader<'_> {
             b"v" => self.table.vertex(words),
             b"vn" => self.table.normal(words),
             b"vt" => self.table.texcoord(words),
-            _ => return self.indexed(keyword, words, line),
+            _ => {
+                self.is_empty = false;
+                return self.indexed(keyword, words, line);
+            }
         };
         if !good {
             let (what, kind) = match keyword {

@@ -17,8 +17,6 @@ fn one_face_in_the_current_state() {
     for face in ["f 1 2 3 4", "f -4 -3 -2 -1", "f 1 2 \\\n3 4", "\tf  1 2\t3 4 \r", "f 1/ 2/ 3/ 4/"] {
         assert_eq!(flat(&pyg(&format!("# a square\n{SQUARE}{face}\n"))), want, "{face}");
     }
-    assert_eq!(pyg(""), "");
-    assert_eq!(pyg(SQUARE), "");
 }
 
 #[test]
@@ -122,10 +120,20 @@ fn mistakes_are_told_once_and_cost_only_themselves() {
 }
 
 #[test]
+fn a_file_that_was_cut_before_its_faces_has_a_message() {
+    for text in ["", SQUARE, "v 0 0 0\nv 1 0 0\nv 1 1"] {
+        let trial = run(&Obj, text);
+        let last = trial.messages.last().map(String::as_str);
+        assert_eq!(last, Some("t: warning: no faces, lines or points: nothing to draw"), "{text}");
+        assert_eq!((trial.pyg.as_str(), trial.error.is_none()), ("", true));
+    }
+}
+
+#[test]
 fn bytes_that_are_no_obj() {
     let trial = run(&Obj, [0u8, 255, 10, 1, 2, 3, 10, 92, 10]);
     assert!(trial.pyg.is_empty() && trial.error.is_none());
-    assert_eq!(trial.messages.len(), 1);
+    assert_eq!(trial.messages.len(), 2);
 }
 
 #[test]
