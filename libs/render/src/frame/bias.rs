@@ -10,7 +10,7 @@ use crate::passes::{Accuracy, PILOT, PIXELS_PER_NUMBER, PassPlan, SquaredBias};
 use granita_base::{PassNumbers, sample};
 use granita_scene::Scene;
 use parking_lot::Mutex;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The side of the parts of an image in which bias is measured, in pixels, and their largest number.
 const PROBE: i32 = 16;
@@ -90,6 +90,11 @@ fn most_passes_of_bias(needed: f64) -> u32 {
     ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
 }
 
+/// True when so many passes that take `time` leave as much time for the image.
+fn has_time_for(plan: &PassPlan, time: Duration, passes: u32) -> bool {
+    plan.has_time_for(2 * time * passes)
+}
+
 /// Returns the mean of an image whose bias can be measured.
 fn mean_of(sum: &Accumulated) -> Option<f64> {
     sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0)
@@ -164,7 +169,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let changes = if has_time { self.changes_of_frame(&run) } else { None };
         let most = most_passes_of_bias(needed);
         let found = changes.as_ref().and_then(|changes| match self.small_bias(changes, error) {
-            None if plan.has_time_for(time * most) => self.bias_of_parts(&run, (error, most), changes),
+            None if has_time_for(plan, time, most) => self.bias_of_parts(&run, (error, most), changes),
             small => small,
         });
         self.set_accuracy(Accuracy::SCENE);
@@ -262,6 +267,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
         for pass in 0..most {
+            let begin = Instant::now();
             // The first passes are those of the image itself.
             let plain = match pass < PILOT {
                 true => None,
@@ -275,6 +281,11 @@ impl<S: FrameShader> Frame<'_, S> {
                 let plain = plain.as_ref().map_or_else(|| sum.early(pass as usize), |colors| &*colors[index]);
                 let [plain, finer] = [plain, &*finer[index]].map(|all| sum.colors_in(&rects, all));
                 out.push(finer.iter().zip(plain).map(|(finer, plain)| finer - plain).collect());
+            }
+            // Parts of the image may take longer than their share of a pass. Time may not decide how well the bias is
+            // known.
+            if !has_time_for(run.plan, begin.elapsed(), most - pass - 1) {
+                return None;
             }
             if pass + 1 < PILOT {
                 continue;
