@@ -165,8 +165,8 @@ impl<S: FrameShader> Frame<'_, S> {
         let needed = self.needed_passes(error);
         // Some parts of the image need fewer passes than the whole.
         let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
-        let has_time = may_end && plan.has_time_for(time * PILOT);
-        let changes = if has_time { self.changes_of_frame(&run) } else { None };
+        let changes =
+            if may_end && has_time_for(plan, time, PILOT) { self.changes_of_frame(&run) } else { None };
         let most = most_passes_of_bias(needed);
         let found = changes.as_ref().and_then(|changes| match self.small_bias(changes, error) {
             None if has_time_for(plan, time, most) => self.bias_of_parts(&run, (error, most), changes),
