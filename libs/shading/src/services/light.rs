@@ -122,7 +122,7 @@ impl<'q> Question<'q> {
             // It is always true at ray hits, so that they look the same whether a file is written or not.
             translational: !full || mode.write || run.ray.level > 0,
             hash: hash::words(&words),
-            origins: Origins::new(run, query.batch, query.p, query.options.bias),
+            origins: Origins::clear(run, query.batch, query.p, query.options.bias),
         }
     }
 

@@ -17,8 +17,17 @@ pub(super) struct Origins<'q> {
 }
 
 impl<'q> Origins<'q> {
-    /// Returns the origins of a call from the points `p`.
+    /// Returns the origins of a call from the points `p`. They lie 1.5 times the bias inside.
     pub(super) fn new(run: &Run<'_, '_>, batch: Batch<'_>, p: Lane3<'q>, bias: Option<Lane<'_>>) -> Self {
+        Self::inside_by(run, batch, p, &|lane| run.bias(bias, lane))
+    }
+
+    /// Does the same, at least 1.5 times the distance inside below which hits of the own object do not count.
+    pub(super) fn clear(run: &Run<'_, '_>, batch: Batch<'_>, p: Lane3<'q>, bias: Option<Lane<'_>>) -> Self {
+        Self::inside_by(run, batch, p, &|lane| run.bias(bias, lane).max(run.frame.ray_margin(p.get(lane))))
+    }
+
+    fn inside_by(run: &Run<'_, '_>, batch: Batch<'_>, p: Lane3<'q>, least: &dyn Fn(usize) -> f32) -> Self {
         if run.topology.points() != batch.lanes || !run.rims.iter().flatten().any(|rim| *rim) {
             return Self::at_points(p);
         }
@@ -29,7 +38,7 @@ impl<'q> Origins<'q> {
                 let is_active = |lane: &u32| batch.active.binary_search(lane).is_ok();
                 let inner = inner_neighbours(&rect, rims, i).map(|lane| lane.filter(is_active));
                 let at = p.get(i);
-                let reach = 1.5 * run.bias(bias, i).max(run.frame.ray_margin(at));
+                let reach = 1.5 * least(i);
                 let mut origin = at;
                 for inner in inner.into_iter().flatten() {
                     let way = p.get(inner as usize) - at;
