@@ -90,8 +90,9 @@ fn open(place: Place) -> Result<Box<dyn ImageInput>> {
 
 /// The sizes of a codestream (ISO/IEC 15444-1, A.5.1). They are checked before the decoder sees them.
 struct Sizes {
-    /// The offset of the codestream in the file.
+    /// The offset of the codestream in the file, and its length when a box has it.
     at: u64,
+    len: Option<u64>,
     width: u32,
     height: u32,
     tiles: u64,
@@ -104,10 +105,8 @@ struct Sizes {
 impl Sizes {
     fn read(place: &Place) -> Result<Self> {
         let (mut file, found) = boxes::of_file(place)?;
-        let at = match found.iter().find(|f| f.kind == *b"jp2c") {
-            Some(found) => found.at,
-            None => 0,
-        };
+        let codestream = found.iter().find(|f| f.kind == *b"jp2c");
+        let (at, len) = (codestream.map_or(0, |found| found.at), codestream.map(|found| found.len));
         let mut head = [0; 42];
         file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut head)).map_err(|e| place.io(e))?;
         if !head.starts_with(CODESTREAM) {
@@ -132,12 +131,21 @@ impl Sizes {
         let side = |start: u32, end: u32, by: u8| end.div_ceil(by.into()) - start.div_ceil(by.into());
         Ok(Self {
             at,
+            len,
             width: side(x0, x1, shrink(1)),
             height: side(y0, y1, shrink(2)),
             tiles: tiles(x1, tile_x, tile_w).saturating_mul(tiles(y1, tile_y, tile_h)),
             bits: components.iter().map(|c| (c[0] & 0x7f) + 1).collect(),
             signed,
         })
+    }
+
+    /// Returns the codestream of a file.
+    fn codestream<'f>(&self, file: &'f [u8]) -> &'f [u8] {
+        let at = usize::try_from(self.at).unwrap_or(usize::MAX);
+        let rest = file.get(at..).unwrap_or_default();
+        let len = self.len.and_then(|len| usize::try_from(len).ok());
+        len.and_then(|len| rest.get(..len)).unwrap_or(rest)
     }
 
     /// Checks the numbers against the limits, before the decoder allocates memory for them.
@@ -294,8 +302,7 @@ fn decode(place: &Place, spec: &ImageSpec) -> Result<Decoded> {
     let siz = Sizes::read(place)?;
     siz.check(place)?;
     let file = read_file(place)?;
-    let codestream = usize::try_from(siz.at).ok().and_then(|at| file.get(at..)).unwrap_or_default();
-    if !is_whole(codestream) {
+    if !is_whole(siz.codestream(&file)) {
         return Err(place.malformed("the file ends before its last tile"));
     }
     with_image(place, &file, |image| {

@@ -156,6 +156,15 @@ fn files_that_were_cut_are_refused() {
 }
 
 #[test]
+fn boxes_may_follow_a_tile_of_unknown_length() {
+    let mut bytes = corpus("rgb8.jp2");
+    let part = bytes.windows(4).position(|mark| mark == [0xff, 0x90, 0, 10]).unwrap();
+    bytes[part + 6..part + 10].fill(0);
+    bytes.extend(b"\0\0\0\x0cfree\0\0\0\0");
+    assert!(open(&bytes).unwrap().read_level(0, 0).is_ok());
+}
+
+#[test]
 fn damaged_files_do_not_panic() {
     for name in ["rgb8.jp2", "grey12.j2k", "rgba16.jp2", "tiled.jp2", "lossy.j2k", "signed12.jp2"] {
         let good = corpus(name);
