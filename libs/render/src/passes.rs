@@ -100,9 +100,9 @@ impl SquaredBias {
         self.value + 2.0 * self.noise <= (Accuracy::SMALL * Accuracy::SHARE * error).powi(2)
     }
 
-    /// Returns what remains of it on a level.
-    pub(crate) fn remains(self, level: i32) -> Self {
-        self.scaled(Accuracy::FALL.powi(2 * level))
+    /// Returns what remains of it on the next level.
+    pub(crate) fn remains(self) -> Self {
+        self.scaled(Accuracy::FALL.powi(2))
     }
 
     /// Returns it times a factor.
@@ -398,7 +398,7 @@ mod tests {
         assert_eq!([0.006, 0.012, 0.025, 1.0].map(|bias| Accuracy::level(bias, 0.01)), [0, 1, 2, 3]);
         assert_eq!(Accuracy::level(f64::NAN, 0.01), 0);
         let bias = |root: f64| SquaredBias { value: root * root, ..SquaredBias::default() };
-        let remains = bias(0.025).remains(2);
+        let remains = bias(0.025).remains().remains();
         assert!(remains.root() < 0.6 * 0.01 && Accuracy::of_level(2).dicing == 4.0);
         let noise = remains.leaves(0.01);
         assert!((noise.sqrt().hypot(remains.root()) - 0.01).abs() < 1e-9);

@@ -168,16 +168,20 @@ impl<S: FrameShader> Frame<'_, S> {
         let changes =
             if may_end && has_time_for(plan, time, PILOT) { self.changes_of_frame(&run) } else { None };
         let most = most_passes_of_bias(needed);
-        let found = changes.as_ref().and_then(|changes| match self.small_bias(changes, error) {
-            None if has_time_for(plan, time, most) => self.bias_of_parts(&run, (error, most), changes),
-            small => small,
-        });
-        self.set_accuracy(Accuracy::SCENE);
-        let largest = if found.is_none() { changes.map(|changes| self.largest_bias(&changes)) } else { None };
+        let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes));
+        let found = match &changes {
+            // Where even coarser surfaces change little, bias cannot matter.
+            Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
+            Some(changes) if has_time_for(plan, time, most) => {
+                self.bias_of_parts(&run, (error, most), changes)
+            }
+            _ => None,
+        };
         let Some(passes) = &mut self.passes else { return };
         let Some(bias) = found else {
             passes.first_of_tiles = u32::MAX;
-            passes.bias = largest.unwrap_or_default();
+            passes.bias =
+                squared.iter().map(|change| change.scaled(Accuracy::LEAST_CHANGE.powi(-2))).collect();
             return;
         };
         let level = bias.iter().map(|bias| Accuracy::level(bias.root(), error)).max().unwrap_or(0);
@@ -323,18 +327,6 @@ impl<S: FrameShader> Frame<'_, S> {
             colors.iter_mut().zip(sum.lock().early(pass)).for_each(|(color, plain)| *color -= plain);
         }
         coarser
-    }
-
-    /// Returns the squared bias of each image where it cannot matter, because even coarser surfaces change little.
-    fn small_bias(&self, changes: &[Vec<Vec<f32>>], error: f64) -> Option<Vec<SquaredBias>> {
-        let all = self.squared_changes(changes).into_iter();
-        all.map(|bias| bias.is_small_for(error).then_some(bias)).collect()
-    }
-
-    /// Returns the largest squared bias of each image by what coarser surfaces change.
-    fn largest_bias(&self, changes: &[Vec<Vec<f32>>]) -> Vec<SquaredBias> {
-        let all = self.squared_changes(changes).into_iter();
-        all.map(|change| change.scaled(Accuracy::LEAST_CHANGE.powi(-2))).collect()
     }
 
     /// Returns the mean square of what coarser surfaces change in each image, over the square of its mean.

@@ -363,7 +363,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 return self.each_sum(Accumulated::wait);
             }
             passes.first = first;
-            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains(1));
+            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);

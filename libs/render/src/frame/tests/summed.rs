@@ -387,7 +387,7 @@ fn bias_is_found_where_few_pixels_have_it() {
     };
     let begin = Instant::now();
     let _ = drawn(1.0, slowly, passes(1));
-    let deadline = Some(Instant::now() + begin.elapsed().mul_f64(7.0));
+    let deadline = Some(Instant::now() + begin.elapsed().mul_f64(8.5));
     let plan = PassPlan { deadline, ..error(4.0 * bias as f32) };
     let (pixels, report) = drawn(1.0, slowly, plan);
     let most = report.error.unwrap().bias.unwrap();
