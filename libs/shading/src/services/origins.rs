@@ -39,10 +39,11 @@ impl<'q> Origins<'q> {
                 let inner = inner_neighbours(&rect, rims, i).map(|lane| lane.filter(is_active));
                 let at = p.get(i);
                 let reach = 1.5 * least(i);
+                let normal = run.surface.as_ref().map_or(Vec3::ZERO, |surface| surface.ng.get(i));
                 let mut origin = at;
                 for inner in inner.into_iter().flatten() {
                     let way = p.get(inner as usize) - at;
-                    origin += way * (reach / way.length()).min(0.5);
+                    origin += along_surface(way, normal) * (reach / way.length()).min(0.5);
                 }
                 moved[i] = (if origin.is_finite() { origin } else { at }, inner);
             }
@@ -78,6 +79,13 @@ impl<'q> Origins<'q> {
     }
 }
 
+/// Returns a way to a neighbour without its part along the normal. On a coarse grid, the way itself leads below a
+/// curved surface.
+fn along_surface(way: Vec3, normal: Vec3) -> Vec3 {
+    let flat = way - normal * (way.dot(normal) / normal.length_squared());
+    if flat.is_finite() { flat } else { way }
+}
+
 /// Returns the next lanes along u and v of a lane on boundary edges, where `rims` has the sides of the rectangle that
 /// are such edges (first and last along u, first and last along v).
 fn inner_neighbours(rect: &Rect, rims: &[bool; 4], lane: usize) -> [Option<u32>; 2] {
@@ -93,6 +101,13 @@ fn inner_neighbours(rect: &Rect, rims: &[bool; 4], lane: usize) -> [Option<u32>;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ways_along_a_surface_have_no_part_along_its_normal() {
+        let way = Vec3::new(3.0, 0.0, -4.0);
+        assert_eq!(along_surface(way, Vec3::Z * 7.0), Vec3::X * 3.0);
+        assert_eq!(along_surface(way, Vec3::ZERO), way);
+    }
 
     #[test]
     fn lanes_on_boundary_edges_have_inner_neighbours() {
