@@ -62,7 +62,7 @@ impl SceneDicing {
     /// Returns the largest number of points into which a primitive may be diced. The attribute is for surfaces that are
     /// as fine as the scene says.
     pub fn most_points(&self) -> u64 {
-        let most = f64::from(self.most_points) * f64::from(self.finer).powi(2);
+        let most = f64::from(self.most_points) * f64::from(self.finer.max(1.0)).powi(2);
         if self.most_points > 0 { most as u64 } else { u64::MAX }
     }
 }

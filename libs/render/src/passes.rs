@@ -7,10 +7,12 @@
 //! The error of an image is `sqrt (mean ((a - b)^2)) / mean (b)` over the values of its colour channels, where `b` is
 //! the mean of infinitely many passes. It is estimated from the differences between passes.
 //!
-//! What all passes have in common is bias. With a requested error, the first passes are rendered once more with twice
-//! the dicing step and fewer records of indirect light and occlusion, which shows where there is bias. Some small parts
-//! of the image are then rendered with half of the dicing step and more records. Where the bias is too large, the
-//! passes begin again with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not part of it.
+//! What all passes have in common is bias. With a requested error, the first passes are coarse: they have twice the
+//! dicing step, and fewer records of indirect light and occlusion. They are rendered once more with four times the
+//! step, which shows where there is bias. Some parts of the image are then rendered with half of the step and more
+//! records. Where the bias is too large, the passes begin again with the accuracy of the scene, for which the bias is
+//! measured in the same way, and then with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not
+//! part of it.
 
 use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
@@ -36,12 +38,7 @@ pub(crate) struct Accuracy {
 }
 
 impl Accuracy {
-    /// With it the bias of [`Accuracy::SCENE`] is measured. The deviation of interpolated light is at most the square
-    /// of "maxerror", so that a quarter of it remains.
-    pub(crate) const FINER: Self = Self { dicing: 2.0, tolerance: 0.5, samples: 1.0 };
-    /// It shows where bias may be, for less time than a pass.
-    pub(crate) const COARSER: Self = Self { dicing: 0.5, tolerance: 2.0, samples: 1.0 };
-    /// The part of the bias of [`Accuracy::SCENE`] by which [`Accuracy::FINER`] differs from it (measured on five
+    /// The part of the bias of [`Accuracy::SCENE`] by which [`Accuracy::finer`] differs from it (measured on five
     /// scenes, with a converged image and two passes of the whole image: 0.73 to 0.98).
     pub(crate) const SHOWN: f64 = 0.8;
     /// What the scene says.
@@ -52,12 +49,16 @@ impl Accuracy {
     /// The part of the requested error that bias may have. With half of the dicing step a pass takes four times as
     /// long. That pays where the noise that is left beside the bias needs more than about four times the passes.
     const SHARE: f64 = 0.75;
-    /// The least change of an image by [`Accuracy::COARSER`], over its bias. In five scenes it was 0.7 to 2 times the
-    /// bias.
+    /// The level with which an image with a requested error begins. A pass takes about a quarter of the time.
+    pub(crate) const COARSE: i32 = -1;
+    /// The least change of an image by the level below, over its bias. In five scenes it was 0.7 to 2 times the bias.
+    /// The edge of a straight shadow has 0.71.
     pub(crate) const LEAST_CHANGE: f64 = 0.7;
-    /// Where [`Accuracy::COARSER`] changes an image by less than this part of the permitted bias, it is not measured
-    /// with [`Accuracy::FINER`].
+    /// Where the level below changes an image by less than this part of the permitted bias, it is not measured with
+    /// [`Accuracy::finer`].
     const SMALL: f64 = 0.35;
+    /// The level below changes an image by less than this times its bias. In six scenes it was 2.4 times at most.
+    const MOST_CHANGE: f64 = 4.0;
     /// The finest level.
     const MOST: i32 = 3;
 
@@ -68,8 +69,16 @@ impl Accuracy {
         if steps.is_nan() { 0 } else { ((steps - 0.1).ceil() as i32).clamp(0, Self::MOST) }
     }
 
+    /// Returns the accuracy with which the bias of this one is measured. The deviation of interpolated light is at most
+    /// the square of "maxerror", so that a quarter of it remains.
+    pub(crate) fn finer(self) -> Self {
+        Self { dicing: 2.0 * self.dicing, tolerance: 0.5 * self.tolerance, ..self }
+    }
+
+    /// Returns the accuracy of a level: 0 is what the scene says, and each level has half of the dicing step of the one
+    /// below.
     pub(crate) fn of_level(level: i32) -> Self {
-        let tolerance = (Self::FALL as f32).sqrt().powi(level);
+        let tolerance = if level < 0 { 0.5 } else { (Self::FALL as f32).sqrt() }.powi(level);
         Self { dicing: 2.0_f32.powi(level), tolerance, ..Self::SCENE }
     }
 }
@@ -98,6 +107,16 @@ impl SquaredBias {
     /// True for what coarser surfaces change when it is too small for a requested error to depend on bias.
     pub(crate) fn is_small_for(&self, error: f64) -> bool {
         self.value + 2.0 * self.noise <= (Accuracy::SMALL * Accuracy::SHARE * error).powi(2)
+    }
+
+    /// True for what the level below changes when the bias is certainly more than a requested error permits.
+    pub(crate) fn is_too_large_for(&self, error: f64) -> bool {
+        self.value - 2.0 * self.noise > (Accuracy::MOST_CHANGE * Accuracy::SHARE * error).powi(2)
+    }
+
+    /// Returns the largest bias that an image may have, for what the level below changes.
+    pub(crate) fn largest(self) -> Self {
+        self.scaled(Accuracy::LEAST_CHANGE.powi(-2))
     }
 
     /// Returns what remains of it on the next level.
@@ -250,8 +269,8 @@ pub struct PassReport {
     pub mean_passes: f64,
     /// The largest error of an image; `None` after one pass, and for images without colours.
     pub error: Option<ErrorEstimate>,
-    /// How many times as far apart the points of surfaces are as the scene says, in a coarse image instead of a first
-    /// pass that would not have ended in time.
+    /// How many times as far apart the points of surfaces are as the scene says, in a coarse image. The first pass
+    /// would not have ended in time, or the image has the requested error without finer points.
     pub coarse: Option<u32>,
     /// The error that was requested.
     pub requested: Option<f32>,
@@ -269,7 +288,7 @@ impl PassReport {
             n => format!("{n} passes"),
         };
         if let Some(factor) = self.coarse {
-            text += &format!(" that is coarse, to end in time: points are {factor} times as far apart");
+            text += &format!(", coarse: points are {factor} times as far apart");
         }
         if self.mean_passes + 0.05 < f64::from(self.passes) {
             text += &format!(" ({:.1} of a pixel)", self.mean_passes);
@@ -437,7 +456,7 @@ mod tests {
         let report = PassReport { passes: 1, mean_passes: 1.0, ..PassReport::default() };
         assert_eq!(report.text(), "1 pass");
         let coarse = PassReport { coarse: Some(4), ..report };
-        assert_eq!(coarse.text(), "1 pass that is coarse, to end in time: points are 4 times as far apart");
+        assert_eq!(coarse.text(), "1 pass, coarse: points are 4 times as far apart");
         let mut causes = [None; NoiseSource::ALL.len()];
         causes[NoiseSource::Edges as usize] = Some(0.004);
         causes[NoiseSource::Lights as usize] = Some(0.0115);

@@ -1,13 +1,14 @@
 //! Measures what all passes of an image have in common (see [`crate::passes`]).
 
 use super::coarse::Limit;
+use super::levels::Next;
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::Accumulated;
 use crate::output::canvas::Canvas;
 use crate::passes::{Accuracy, PILOT, PIXELS_PER_NUMBER, PassPlan, SquaredBias};
-use granita_base::{PassNumbers, sample};
+use granita_base::sample;
 use granita_scene::Scene;
 use parking_lot::Mutex;
 use std::time::{Duration, Instant};
@@ -24,11 +25,11 @@ const CONTRAST: f64 = 0.3;
 const MOST_PASSES: u32 = 16;
 
 /// What every pass is rendered with.
-struct Run<'p> {
-    scene: &'p Scene,
-    plan: &'p PassPlan,
-    canvases: &'p [Mutex<Canvas>],
-    threads: usize,
+pub(super) struct Run<'p> {
+    pub(super) scene: &'p Scene,
+    pub(super) plan: &'p PassPlan,
+    pub(super) canvases: &'p [Mutex<Canvas>],
+    pub(super) threads: usize,
 }
 
 /// A part of an image in which bias is measured.
@@ -79,9 +80,10 @@ fn covariance(differences: &[&[f32]]) -> Covariance {
     Covariance { product: found.product / n, variance: found.variance / n, ..found }
 }
 
-/// Returns the number of pixels of a rectangle that see different points of coarser surfaces: a quarter of all.
-fn coarse_pixels(rect: &PixelRect) -> f64 {
-    (rect.width() * rect.height()) as f64 / 4.0
+/// Returns the number of pixels of a rectangle that see different points of the surfaces below a level: a quarter of
+/// all for level 0.
+fn coarse_pixels(rect: &PixelRect, level: i32) -> f64 {
+    (rect.width() * rect.height()) as f64 * 4.0_f64.powi(level - 1)
 }
 
 /// Returns the largest number of passes that the bias is measured with: a quarter of those that the error needs. A pass
@@ -91,7 +93,7 @@ fn most_passes_of_bias(needed: f64) -> u32 {
 }
 
 /// True when so many passes that take `time` leave as much time for the image.
-fn has_time_for(plan: &PassPlan, time: Duration, passes: u32) -> bool {
+pub(super) fn has_time_for(plan: &PassPlan, time: Duration, passes: u32) -> bool {
     plan.has_time_for(2 * time * passes)
 }
 
@@ -144,51 +146,58 @@ impl<S: FrameShader> Frame<'_, S> {
         self.shader.set_samples(accuracy.samples);
     }
 
-    /// Measures the bias of the images after the first passes, and decides the accuracy that the requested error needs.
-    /// Where that is finer than what the scene says, the images begin again with the next pass. `time` is that of one
-    /// pass. Without the time for the measurement, the following passes render the whole frame: then the images are
-    /// those of as many passes without a requested error, and time has decided only their number. The bias is then the
-    /// most that the change by coarser surfaces permits, if there is time for these.
-    pub(super) fn measure_bias(
-        &mut self,
-        (scene, plan): (&Scene, &PassPlan),
-        error: f32,
-        time: Duration,
-        canvases: &[Mutex<Canvas>],
-        threads: usize,
-    ) {
-        if !self.passes.as_ref().is_some_and(super::passes::Passes::has_colors) {
-            return;
+    /// Measures the bias of the images after the first passes of the coarse level or of the scene's own accuracy, and
+    /// decides the level that the requested error needs. `time` is that of one pass.
+    ///
+    /// Without the time for parts of the image, the following passes render the whole frame: then the images are those
+    /// of as many passes without a requested error, and time has decided only their number. The bias is then the most
+    /// that the change by the level below permits.
+    pub(super) fn measure_bias(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
+        let Some(passes) = self.passes.as_ref().filter(|passes| passes.has_colors()) else {
+            return Next::Pass;
+        };
+        let (level, is_short) = (passes.lowest, passes.first_of_tiles == u32::MAX);
+        let plan = run.plan;
+        let has_time = has_time_for(plan, time, PILOT);
+        if level < 0 && !plan.has_time_for(time) {
+            return Next::End;
         }
-        let error = f64::from(error);
-        let run = Run { scene, plan, canvases, threads };
         let needed = self.needed_passes(error);
         // Some parts of the image need fewer passes than the whole.
         let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
-        let changes =
-            if may_end && has_time_for(plan, time, PILOT) { self.changes_of_frame(&run) } else { None };
+        let mut has_coarser = true;
+        self.each_sum(|sum| has_coarser &= sum.has_coarser());
+        let may_change = has_coarser || may_end && has_time;
+        let changes = if may_change { self.changes_of_frame(run, level) } else { None };
         let most = most_passes_of_bias(needed);
-        let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes));
+        let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
+        let may_measure = may_end && has_time_for(plan, time, most);
+        let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
         let found = match &changes {
-            // Where even coarser surfaces change little, bias cannot matter.
+            _ if is_short || is_too_large => None,
+            // Where even the level below changes little, bias cannot matter.
             Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
-            Some(changes) if has_time_for(plan, time, most) => {
-                self.bias_of_parts(&run, (error, most), changes)
-            }
+            Some(changes) if may_measure => self.bias_of_parts(run, (error, most), (level, changes)),
             _ => None,
         };
-        let Some(passes) = &mut self.passes else { return };
-        let Some(bias) = found else {
-            passes.first_of_tiles = u32::MAX;
-            passes.bias =
-                squared.iter().map(|change| change.scaled(Accuracy::LEAST_CHANGE.powi(-2))).collect();
-            return;
+        let levels = |bias: &Vec<SquaredBias>| {
+            bias.iter().map(|bias| Accuracy::level(bias.root(), error)).max().unwrap_or(0)
         };
-        let level = bias.iter().map(|bias| Accuracy::level(bias.root(), error)).max().unwrap_or(0);
-        passes.bias = bias;
-        if level > 0 {
-            (passes.level, passes.first_of_tiles) = (level, (1 + level.unsigned_abs()) * PILOT);
+        let more = found.as_ref().map(levels);
+        if level < 0 && more != Some(0) {
+            return self.end_coarse(more.is_none() && !is_too_large);
         }
+        let Some(passes) = &mut self.passes else { return Next::Pass };
+        let Some((bias, more)) = found.zip(more) else {
+            passes.first_of_tiles = u32::MAX;
+            passes.bias = squared.into_iter().map(SquaredBias::largest).collect();
+            return Next::Pass;
+        };
+        passes.bias = bias;
+        if more > 0 {
+            (passes.level, passes.first_of_tiles) = (more, passes.first_of(more) + PILOT);
+        }
+        Next::Pass
     }
 
     /// True when whole passes have the requested error, where there was no time to measure the bias in parts of the
@@ -206,12 +215,16 @@ impl<S: FrameShader> Frame<'_, S> {
         !passes.bias.is_empty() && passes.sums.iter().zip(&passes.bias).all(is_reached)
     }
 
-    /// Returns for each of the first passes how the colours of each image differ from those of coarser surfaces; `None`
-    /// when a pass was given up.
-    fn changes_of_frame(&mut self, run: &Run<'_>) -> Option<Vec<Vec<Vec<f32>>>> {
+    /// Returns for each of the first passes of a level how the colours of each image differ from those of the level
+    /// below, which are rendered unless they are there; `None` when a pass was given up.
+    pub(super) fn changes_of_frame(&mut self, run: &Run<'_>, level: i32) -> Option<Vec<Vec<Vec<f32>>>> {
         let all: Vec<usize> = (0..self.buckets.order.len()).collect();
         let change = |pass| {
-            let coarser = self.colors_apart(run, (pass, Accuracy::COARSER), &all)?;
+            let mut coarser = Vec::new();
+            self.each_sum(|sum| coarser.extend(sum.take_coarser(pass as usize)));
+            if coarser.is_empty() {
+                coarser = self.colors_apart(run, (pass, Accuracy::of_level(level - 1)), &all)?;
+            }
             Some(self.changes(pass as usize, coarser))
         };
         (0..PILOT).map(change).collect()
@@ -223,15 +236,15 @@ impl<S: FrameShader> Frame<'_, S> {
         &mut self,
         run: &Run<'_>,
         asked: (f64, u32),
-        changes: &[Vec<Vec<f32>>],
+        (level, changes): (i32, &[Vec<Vec<f32>>]),
     ) -> Option<Vec<SquaredBias>> {
         let camera = self.options.camera;
-        let probes = self.probes(changes);
+        let probes = self.probes(changes, level);
         let order = BucketOrder::plain(&camera.bucketorder);
         let of_probes =
             Buckets::new(&camera.crop, [PROBE.unsigned_abs(); 2], order, self.pattern.per_pixel());
         let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes(run, asked, &probes);
+        let bias = self.bias_of_probes(run, asked, (level, &probes));
         self.buckets = buckets;
         bias
     }
@@ -246,7 +259,7 @@ impl<S: FrameShader> Frame<'_, S> {
     ) -> Option<Vec<Vec<f32>>> {
         let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
         self.set_accuracy(accuracy);
-        self.begin_pass(scene, PassNumbers::of(pass), false, true);
+        self.begin_pass(scene, (pass, None), false, true);
         self.render_pass(scene, limit, canvases, threads, list).ok()?;
         let mut colors = Vec::new();
         self.each_sum(|sum| colors.push(sum.drop_colors()));
@@ -258,7 +271,7 @@ impl<S: FrameShader> Frame<'_, S> {
         &mut self,
         run: &Run<'_>,
         (error, most): (f64, u32),
-        probes: &[Probe],
+        (level, probes): (i32, &[Probe]),
     ) -> Option<Vec<SquaredBias>> {
         let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
         let cells: Vec<[i32; 2]> = probes.iter().map(|probe| cell(&probe.rect)).collect();
@@ -267,6 +280,7 @@ impl<S: FrameShader> Frame<'_, S> {
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
         let whole = self.options.camera.crop;
+        let accuracy = Accuracy::of_level(level);
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
@@ -275,9 +289,9 @@ impl<S: FrameShader> Frame<'_, S> {
             // The first passes are those of the image itself.
             let plain = match pass < PILOT {
                 true => None,
-                false => Some(self.colors_apart(run, (pass, Accuracy::SCENE), &list)?),
+                false => Some(self.colors_apart(run, (pass, accuracy), &list)?),
             };
-            let finer = self.colors_apart(run, (pass, Accuracy::FINER), &list)?;
+            let finer = self.colors_apart(run, (pass, accuracy.finer()), &list)?;
             differences.resize(finer.len(), Vec::new());
             let sums = self.passes.iter().flat_map(|passes| &passes.sums);
             for (index, (sum, out)) in sums.zip(&mut differences).enumerate() {
@@ -329,15 +343,15 @@ impl<S: FrameShader> Frame<'_, S> {
         coarser
     }
 
-    /// Returns the mean square of what coarser surfaces change in each image, over the square of its mean.
-    fn squared_changes(&self, changes: &[Vec<Vec<f32>>]) -> Vec<SquaredBias> {
+    /// Returns the mean square of what the level below changes in each image, over the square of its mean.
+    pub(super) fn squared_changes(&self, changes: &[Vec<Vec<f32>>], level: i32) -> Vec<SquaredBias> {
         let whole = self.options.camera.crop;
         let of_sum = |(index, sum): (usize, &Mutex<Accumulated>)| {
             let sum = sum.lock();
             mean_of(&sum).map_or_else(SquaredBias::default, |mean| {
                 let all: Vec<&[f32]> = changes.iter().map(|pass| &*pass[index]).collect();
                 let found = covariance(&all);
-                let noise = found.noise(coarse_pixels(&whole));
+                let noise = found.noise(coarse_pixels(&whole, level));
                 SquaredBias { value: found.product, deviation: noise, noise }.scaled(1.0 / (mean * mean))
             })
         };
@@ -346,7 +360,7 @@ impl<S: FrameShader> Frame<'_, S> {
 
     /// Chooses small parts of the image in which the bias is measured, more often where colours differ from those of
     /// coarser surfaces by their `changes`, and where there is contrast.
-    fn probes(&self, changes: &[Vec<Vec<f32>>]) -> Vec<Probe> {
+    fn probes(&self, changes: &[Vec<Vec<f32>>], level: i32) -> Vec<Probe> {
         let Some(passes) = &self.passes else { return Vec::new() };
         let parts = Accumulated::cut(&self.options.camera.crop, PROBE);
         let (mut changed, mut contrasts) = (vec![0.0; parts.len()], vec![0.0; parts.len()]);
@@ -358,7 +372,7 @@ impl<S: FrameShader> Frame<'_, S> {
                     changes.iter().map(|pass| sum.colors_in(&[*part], &pass[index])).collect();
                 let all: Vec<&[f32]> = of_part.iter().map(Vec::as_slice).collect();
                 let found = covariance(&all);
-                let noise = found.noise(coarse_pixels(part));
+                let noise = found.noise(coarse_pixels(part, level));
                 let is_sure = found.product > 2.0 * noise;
                 *changed += if is_sure { found.product * found.colors as f64 / squared } else { 0.0 };
                 *contrast += sum.contrast(part) / squared;

@@ -4,7 +4,6 @@ use super::{Frame, FrameShader};
 use crate::CameraView;
 use crate::output::canvas::Canvas;
 use crate::passes::{Accuracy, PassPlan};
-use granita_base::PassNumbers;
 use granita_dicing::camera::is_moving;
 use granita_hider::SamplePattern;
 use granita_scene::Scene;
@@ -113,10 +112,12 @@ impl<S: FrameShader> Frame<'_, S> {
             .deadline
             .map_or(Duration::ZERO, |deadline| deadline.saturating_duration_since(Instant::now()));
         let factor = factor(whole, left);
-        self.passes.as_mut()?.coarse = Some(factor);
-        let (apart, n) = (factor as f32, factor / 2);
+        let passes = self.passes.as_mut()?;
+        let apart = factor << passes.lowest.unsigned_abs();
+        passes.coarse = Some(apart);
+        let (apart, n) = (apart as f32, factor / 2);
         self.set_accuracy(Accuracy { dicing: 1.0 / apart, tolerance: apart, samples: 1.0 / apart });
-        self.begin_pass(scene, PassNumbers::of(0), plan.error.is_some(), false);
+        self.begin_pass(scene, (0, None), plan.error.is_some(), false);
         let fewer = CameraView {
             spatialquality: self.options.camera.spatialquality.map(|samples| (samples / n).max(1)),
             temporalquality: at_least_two(self.options.camera.temporalquality, n),

@@ -354,7 +354,7 @@ impl<S: FrameShader> Frame<'_, S> {
     }
 
     /// Returns the traits of a primitive's object. They may depend on the primitive and on the frame too.
-    fn traits_of(&self, primitive: &Primitive, object: &S::Object) -> ObjectTraits {
+    pub(super) fn traits_of(&self, primitive: &Primitive, object: &S::Object) -> ObjectTraits {
         let mut traits = self.shader.traits(object);
         // A string that is a primitive variable may name a file that is saved to.
         let has_texts = |keys: &Params| keys.iter().any(|p| matches!(p.data, ParamData::String(_)));

@@ -1,16 +1,17 @@
 //! Renders a frame whose images are the sum of passes (see [`crate::passes`]).
 
+use super::bias::Run;
+use super::clean::DenoisedErrors;
 use super::coarse::{Limit, Outlook};
-use super::{Denoising, Frame, FrameShader, Jobs};
+use super::levels::Next;
+use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
-use crate::passes::{
-    Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias, TOLERANCE,
-};
+use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
 use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
@@ -34,12 +35,16 @@ pub(super) struct Passes {
     /// The level of [`Accuracy`] that the requested error needs. Passes go up to it level by level, so that an image
     /// whose time ends has the highest level that its time permits.
     pub(super) level: i32,
+    /// The level of the first passes.
+    pub(super) lowest: i32,
+    /// True while the images are coarse, because there are not enough passes of the scene's own accuracy yet.
+    pub(super) is_held: bool,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
     pub(super) coarse: Option<u32>,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
-    crop: PixelRect,
+    pub(super) crop: PixelRect,
     /// The sums of the images of each eye, one eye after the other.
     pub(super) sums: Vec<Mutex<Accumulated>>,
 }
@@ -47,12 +52,24 @@ pub(super) struct Passes {
 impl Passes {
     /// True when the shaders of the present pass print and save nothing.
     pub(super) fn is_mute(&self) -> bool {
-        self.number > 0 || self.is_apart || self.coarse.is_some()
+        self.number > 0 || self.is_apart || self.is_held || self.coarse.is_some()
     }
 
     /// Returns the level of a pass.
     fn level_of(&self, number: u32) -> i32 {
-        self.level.min((number / PILOT).try_into().unwrap_or(i32::MAX))
+        let steps = (number / PILOT).try_into().unwrap_or(i32::MAX);
+        self.level.min(self.lowest.saturating_add(steps))
+    }
+
+    /// Returns the number of the first pass of a level.
+    pub(super) fn first_of(&self, level: i32) -> u32 {
+        u32::try_from(level - self.lowest).unwrap_or(0) * PILOT
+    }
+
+    /// Returns how many times as far apart the points of surfaces of a coarse image are.
+    fn coarseness(&self) -> Option<u32> {
+        let is_coarse = self.is_held || self.lowest < 0;
+        self.coarse.or_else(|| is_coarse.then(|| 1 << Accuracy::COARSE.unsigned_abs()))
     }
 
     /// True when the error of an image is estimated.
@@ -71,30 +88,6 @@ pub(super) struct Passed {
     pub(super) errors: Vec<Option<ErrorEstimate>>,
     /// The error that each of them has without its noise, where it was measured.
     pub(super) denoised: Vec<Option<DenoisedError>>,
-}
-
-/// The errors that images have without their noise.
-#[derive(Debug, Default)]
-pub(super) struct DenoisedErrors {
-    /// The number of passes that they were measured with.
-    passes: u32,
-    /// The number of passes to measure them with again.
-    next: u32,
-    errors: Vec<Option<DenoisedError>>,
-    /// The time of measuring.
-    time: Duration,
-}
-
-impl DenoisedErrors {
-    /// Returns the largest bound; `None` when no error is known.
-    fn bound(&self) -> Option<f64> {
-        self.errors.iter().flatten().map(|error| error.bound).reduce(f64::max)
-    }
-
-    /// True when all are at most a requested error.
-    fn are_below(&self, most: f32) -> bool {
-        self.bound().is_some_and(|bound| bound <= f64::from(most) * TOLERANCE)
-    }
 }
 
 /// What decides where an image needs more passes, and the mean of its colours.
@@ -118,6 +111,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first: 0,
             first_of_tiles: PILOT,
             level: 0,
+            lowest: 0,
+            is_held: false,
             coarse: None,
             bias: Vec::new(),
             crop,
@@ -161,11 +156,22 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         // The time that is left for the passes that measure noise sources.
         let mut reserved = Duration::ZERO;
         let mut denoised = DenoisedErrors::default();
-        while completed < plan.most() {
+        self.begin_coarse(scene, plan);
+        loop {
             if let Some(error) = plan.error {
                 if completed == PILOT {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
-                    self.measure_bias((scene, plan), error, time, canvases, threads);
+                    let run = Run { scene, plan, canvases, threads };
+                    let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.lowest < 0);
+                    let may_go_on = is_coarse || completed < plan.most();
+                    match may_go_on.then(|| self.measure_bias(&run, f64::from(error), time)) {
+                        Some(Next::End) => break,
+                        Some(Next::Restart) => {
+                            completed = 0;
+                            continue;
+                        }
+                        Some(Next::Pass) | None => (),
+                    }
                 }
                 if self.passes.as_ref().is_some_and(|passes| passes.first_of_tiles == completed) {
                     decisions = self.decisions(error);
@@ -174,9 +180,12 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     break;
                 }
             }
+            if completed >= plan.most() {
+                break;
+            }
             let begin = Instant::now();
             self.set_accuracy_of_pass(completed);
-            self.begin_pass(scene, PassNumbers::of(completed), plan.error.is_some(), false);
+            self.begin_pass(scene, (completed, None), plan.error.is_some(), false);
             let list = self.buckets_of_pass(completed, &decisions, plan.error.is_some());
             let area =
                 |index: &usize| self.buckets.order[*index].width() * self.buckets.order[*index].height();
@@ -185,13 +194,15 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
                 break;
             }
-            let limit = match completed {
-                0 => self.first_limit(plan, begin),
-                _ => plan.deadline.map(|deadline| Limit::At(deadline + plan.grace)),
+            let is_held = self.passes.as_ref().is_some_and(|passes| passes.is_held);
+            let is_first = completed == 0 && !is_held;
+            let limit = match is_first {
+                true => self.first_limit(plan, begin),
+                false => plan.deadline.map(|deadline| Limit::At(deadline + plan.grace)),
             };
             let without = match self.render_pass(scene, limit, canvases, threads, &list) {
                 Ok(without) => without,
-                Err(part) if completed == 0 && !self.is_stopped() => {
+                Err(part) if is_first && !self.is_stopped() => {
                     let whole = begin.elapsed().div_f64(part.max(1e-6));
                     if let Some(without) = self.render_coarse((scene, plan), whole, canvases, threads, &list)
                     {
@@ -213,6 +224,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 reserved = begin.elapsed() * u32::try_from(self.noise_sources().len()).unwrap_or(0);
             }
         }
+        if self.passes.as_ref().is_some_and(|passes| passes.is_held) {
+            completed = PILOT;
+        }
         let mut errors = if completed > 0 { self.finish_passes(canvases, &decisions) } else { Vec::new() };
         if plan.causes && completed > 1 && !self.is_stopped() {
             self.measure_sources(scene, plan, &mut errors, canvases, threads);
@@ -225,47 +239,6 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let denoised = if denoised.passes == completed { denoised } else { DenoisedErrors::default() };
         let report = self.report(plan, completed, &errors, &denoised);
         Passed { failed, report, errors, denoised: denoised.errors }
-    }
-
-    /// True when the errors of images without their noise are measured. The library then takes three times as long as
-    /// for the images alone. Where a time is requested, that goes into passes, unless an error is requested as well.
-    fn measures_denoised(&self, plan: &PassPlan) -> bool {
-        let has_time = |denoising: Denoising<'_>| plan.deadline.is_none() || denoising.error.is_some();
-        plan.most() > 1 && self.options.denoising.is_some_and(has_time)
-    }
-
-    /// Measures the error of each image without its noise, unless that was done with the same passes.
-    fn measure_denoised(&self, completed: u32, denoised: &mut DenoisedErrors) {
-        let Some((passes, denoising)) = self.passes.as_ref().zip(self.options.denoising) else { return };
-        if denoised.passes == completed || self.is_stopped() {
-            return;
-        }
-        let begin = Instant::now();
-        let images = self
-            .eyes
-            .iter()
-            .enumerate()
-            .flat_map(|(eye, _)| self.outputs.images.iter().map(move |image| (eye, image)));
-        let error = |((eye, image), sum): ((usize, &OutputImage), &Mutex<Accumulated>)| {
-            let halves = sum.lock().halves(&passes.crop)?;
-            (denoising.measure)(eye, image, &halves)
-        };
-        denoised.errors = images.zip(&passes.sums).map(error).collect();
-        (denoised.passes, denoised.time) = (completed, begin.elapsed());
-    }
-
-    /// True when images without their noise have the requested error, or when their error cannot be known. It is
-    /// measured after the second pass, and then each time that it may be reached if all of it were noise.
-    fn is_clean_enough(&self, plan: &PassPlan, completed: u32, denoised: &mut DenoisedErrors) -> bool {
-        let Some(most) = self.options.denoising.and_then(|denoising| denoising.error) else { return false };
-        if completed < denoised.next.max(PILOT) || !plan.has_time_for(denoised.time) {
-            return false;
-        }
-        self.measure_denoised(completed, denoised);
-        let Some(bound) = denoised.bound() else { return true };
-        let needed = f64::from(completed) * (bound / (f64::from(most) * TOLERANCE)).powi(2);
-        denoised.next = (needed.ceil() as u32).clamp(completed + 1, 2 * completed);
-        denoised.are_below(most)
     }
 
     /// Renders the buckets of a pass. Returns the number of those that failed.
@@ -328,8 +301,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let first = self.passes.as_ref().map_or(0, |passes| passes.first);
         self.set_accuracy_of_pass(first);
         for source in self.noise_sources() {
-            let numbers = PassNumbers { pass: first, varied: Some(source) };
-            self.begin_pass(scene, numbers, plan.error.is_some(), true);
+            self.begin_pass(scene, (first, Some(source)), plan.error.is_some(), true);
             let seen = self.buckets.order.iter().enumerate().filter(|(_, rect)| is_seen(rect));
             let list: Vec<usize> = seen.map(|(index, _)| index).collect();
             let limit = plan.deadline.map(|deadline| Limit::At(deadline + plan.grace));
@@ -357,10 +329,13 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// to know their error.
     fn add_pass(&mut self, number: u32) {
         let Some(passes) = &mut self.passes else { return };
-        let first = u32::try_from(passes.level_of(number)).unwrap_or(0) * PILOT;
-        if first > passes.first {
+        let first = passes.first_of(passes.level_of(number));
+        if first > passes.first || passes.is_held {
             if number + 1 < first + PILOT {
                 return self.each_sum(Accumulated::wait);
+            }
+            if std::mem::take(&mut passes.is_held) {
+                passes.bias.clear();
             }
             passes.first = first;
             passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
@@ -377,26 +352,25 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
     /// tiles instead of buckets. Tiles do not depend on the size of buckets.
-    /// `is_apart` is true for a pass that is no part of the images.
+    /// `is_apart` is true for a pass that is no part of the images. `varied` is a noise source with other numbers. The
+    /// first pass of each level has the numbers of the frame without passes, so that levels can be compared.
     pub(super) fn begin_pass(
         &mut self,
         scene: &Scene,
-        numbers: PassNumbers,
+        (pass, varied): (u32, Option<NoiseSource>),
         has_tiles: bool,
         is_apart: bool,
     ) {
         let camera = self.options.camera;
-        let pass = numbers.pass;
-        let mut first_of_tiles = PILOT;
+        let (mut first_of_tiles, mut first) = (PILOT, 0);
         if let Some(passes) = &mut self.passes {
             passes.number = pass;
             passes.is_apart = is_apart;
             first_of_tiles = passes.first_of_tiles;
+            first = passes.first_of(passes.level_of(pass));
         }
+        let numbers = PassNumbers { pass: pass - first, varied };
         self.shader.begin_pass(numbers);
-        if numbers == PassNumbers::default() && !is_apart {
-            return;
-        }
         self.set_pattern(SamplePattern::of_pass(camera, is_moving(scene, camera), numbers));
         if has_tiles && pass >= first_of_tiles {
             let side = TILE.unsigned_abs();
@@ -583,7 +557,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             passes,
             mean_passes: of_pixels.unwrap_or_default(),
             error,
-            coarse: self.passes.as_ref().and_then(|passes| passes.coarse),
+            coarse: self.passes.as_ref().and_then(Passes::coarseness),
             requested: plan.error.or(of_denoised),
             is_short: plan.error.is_some_and(is_above)
                 || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),

@@ -74,6 +74,10 @@ pub(crate) struct Accumulated {
     waiting: Vec<(PixelRect, Vec<f32>)>,
     /// For each of the first passes: the colours of all pixels, which others are compared with. Empty unless they are.
     early: Vec<Vec<f32>>,
+    /// The same of the passes that the last [`Accumulated::restart`] dropped.
+    coarser: Vec<Vec<f32>>,
+    /// True when it keeps them.
+    keeps_coarser: bool,
     /// The colours of every second pass of each pixel, where those of two halves are needed.
     second: Option<SecondPasses>,
 }
@@ -120,6 +124,8 @@ impl Accumulated {
             fresh: Vec::new(),
             waiting: Vec::new(),
             early: Vec::new(),
+            coarser: Vec::new(),
+            keeps_coarser: false,
             second: None,
             layers,
             colors,
@@ -141,6 +147,22 @@ impl Accumulated {
         self
     }
 
+    /// Lets the next [`Accumulated::restart`] keep the first passes that it drops.
+    pub(crate) fn keep_coarser(&mut self) {
+        self.keeps_coarser = true;
+    }
+
+    /// True when it has the passes that the last [`Accumulated::restart`] dropped.
+    pub(crate) fn has_coarser(&self) -> bool {
+        !self.coarser.is_empty()
+    }
+
+    /// Takes the colours of all pixels in one of the passes that the last [`Accumulated::restart`] dropped; `None` when
+    /// they were not kept.
+    pub(crate) fn take_coarser(&mut self, pass: usize) -> Option<Vec<f32>> {
+        self.coarser.get_mut(pass).map(std::mem::take)
+    }
+
     /// Keeps a complete pass for [`Accumulated::restart`].
     pub(crate) fn wait(&mut self) {
         self.waiting.append(&mut self.fresh);
@@ -154,6 +176,9 @@ impl Accumulated {
         self.counts.fill(0);
         self.mattes.iter_mut().for_each(Vec::clear);
         self.second.iter_mut().for_each(SecondPasses::clear);
+        if std::mem::take(&mut self.keeps_coarser) {
+            self.coarser = self.early.clone();
+        }
         let fresh = std::mem::replace(&mut self.fresh, std::mem::take(&mut self.waiting));
         self.end_pass();
         self.fresh = fresh;
@@ -393,6 +418,8 @@ impl Accumulated {
             fresh: vec![(*rect, values.to_vec())],
             waiting: Vec::new(),
             early: Vec::new(),
+            coarser: Vec::new(),
+            keeps_coarser: false,
             second: None,
         };
         let rows = || (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
