@@ -27,6 +27,10 @@ const DETAIL_PER_MOTION: f32 = 0.25;
 /// grids cover it.
 const SAG_PX: f32 = 0.02;
 
+/// With a limit on the deviation from the surface, segments that are shorter than this many times the limit are not
+/// divided for their turning angle alone.
+const SHORT_FOR_RAYS: f32 = 10.0;
+
 /// A line is straight when the cosine of its turning angle is at least this.
 const STRAIGHT: f32 = 1.0 - 4.0 * f32::EPSILON;
 
@@ -639,14 +643,15 @@ impl<'a> Measure<'a> {
         }
         // The lattice sees the turning at its inner points only. The arc of a circle turns slightly more.
         turn *= LATTICE as f32 / (LATTICE - 1) as f32;
+        let by_curvature = turn / settings.curvature;
         if let Some(flatness_px) = self.flatness_px {
             // An arc of length l that turns by t deviates by l t / (8 n^2) from n equal chords.
             let by_sag = (length_px * turn / (8.0 * flatness_px)).sqrt();
-            return by_sag.max(turn / settings.curvature);
+            return by_sag.max(by_curvature.min(length_px / (SHORT_FOR_RAYS * flatness_px)));
         }
         let by_length = nearest(seen_px * settings.quality, turn);
         // On micropolygons smaller than a third of a pixel, curvature is not visible.
-        let by_curvature = (turn / settings.curvature).min(length_px * 3.0);
+        let by_curvature = by_curvature.min(length_px * 3.0);
         // A line that is coarse because it moves must still keep its outline. An arc of length l that turns by t
         // deviates by l t / (8 n^2) from n equal chords.
         let by_sag = if seen_px < length_px {

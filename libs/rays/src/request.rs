@@ -36,7 +36,17 @@ impl Leaving {
 
     /// True when a hit of `object` at distance `t` (world units) is ignored.
     pub fn hides<O: RayObject>(self, object: &O, t: f32) -> bool {
-        t < self.margin() && std::ptr::from_ref(object).addr() == self.object
+        t < self.margin() && self.is_of(object)
+    }
+
+    /// True when all hits of `object` up to distance `t` (world units) are ignored. One at the margin itself is found
+    /// by the ray that begins there.
+    pub fn hides_up_to<O: RayObject>(self, object: &O, t: f32) -> bool {
+        t <= self.margin() && self.is_of(object)
+    }
+
+    fn is_of<O: RayObject>(self, object: &O) -> bool {
+        std::ptr::from_ref(object).addr() == self.object
     }
 }
 

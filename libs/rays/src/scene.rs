@@ -362,20 +362,25 @@ impl<O: RayObject> RayScene<O> {
         })
     }
 
-    /// Calls `passed` with each part on a ray, roughly the nearest first. `passed` returns how far the ray still
-    /// goes. A negative distance ends the search.
+    /// Calls `passed` with each part on a ray, roughly the nearest first. `passed` returns how far the ray still goes.
+    /// A negative distance ends the search. Parts of the object that is left are not called where all hits on them are
+    /// hidden.
     fn along(
         &self,
         thread: &mut dyn GridShader<'_, O>,
         (hand, room): (&mut ThreadTessellations, &mut BoxScratch),
-        (ray, [width, spread]): (&Ray, [f32; 2]),
+        (ray, leaving, [width, spread]): (&Ray, Leaving, [f32; 2]),
         reach: f32,
         passed: &mut dyn FnMut(&Tracer, u32, Level) -> f32,
     ) {
         let ray = Ray { tmax: reach.min(ray.tmax), ..*ray };
         let mut known: Option<(u32, Level)> = None;
+        let mut reach = ray.tmax;
         self.boxes.visit(&ray, room, &mut |passage| {
             let (on_demand, _) = self.parts[passage.index as usize];
+            if leaving.hides_up_to(&*self.on_demand_meshes[on_demand as usize].object, reach) {
+                return reach;
+            }
             let level = match known {
                 Some((of, level)) if of == on_demand => level,
                 _ => {
@@ -386,7 +391,8 @@ impl<O: RayObject> RayScene<O> {
             known = Some((on_demand, level));
             let part = self.settled() as u32 + passage.index;
             let made = self.part_at_hand(thread, hand, part, level);
-            passed(&made.tracer, part, level)
+            reach = passed(&made.tracer, part, level);
+            reach
         });
     }
 
@@ -463,7 +469,7 @@ impl<O: RayObject> RayScene<O> {
         let (mut hand, mut boxes, mut room) =
             (ThreadTessellations::default(), BoxScratch::default(), RayScratch::default());
         for (k, (whole, best)) in rays.iter().zip(hits).enumerate() {
-            let along = (whole, widths(k));
+            let along = (whole, Leaving::default(), widths(k));
             self.along(thread, (&mut hand, &mut boxes), along, best.t, &mut |tracer, part, level| {
                 let ray = Ray { tmax: best.t.min(whole.tmax), ..*whole };
                 let hit = tracer.closest_of_one(&ray, &mut room);
@@ -511,7 +517,7 @@ impl<O: RayObject> RayScene<O> {
             let (mut hand, mut boxes, mut room) =
                 (ThreadTessellations::default(), BoxScratch::default(), RayScratch::default());
             for (k, (ray, blocked)) in far.iter().zip(&mut blocked).enumerate().filter(|(_, (_, b))| !**b) {
-                let along = (ray, widths(k));
+                let along = (ray, Leaving::default(), widths(k));
                 self.along(thread, (&mut hand, &mut boxes), along, f32::INFINITY, &mut |tracer, _, _| {
                     *blocked = tracer.any_of_one(ray, &mut room);
                     if *blocked { -1.0 } else { f32::INFINITY }
@@ -525,7 +531,8 @@ impl<O: RayObject> RayScene<O> {
     }
 
     /// Returns the closest hit that `accept` accepts. `accept` is called for some of the hits, in no particular
-    /// order, and at most once for each. Its result must depend on the hit alone.
+    /// order, and at most once for each. Its result must depend on the hit alone, and it accepts no hit that the
+    /// surface that the ray leaves [hides](Leaving::hides).
     pub fn closest_where(
         &self,
         thread: &mut dyn GridShader<'_, O>,
@@ -538,7 +545,7 @@ impl<O: RayObject> RayScene<O> {
             return best;
         }
         let (mut hand, mut boxes) = (ThreadTessellations::default(), BoxScratch::default());
-        let along = (&request.ray, request.widths());
+        let along = (&request.ray, request.leaving, request.widths());
         self.along(thread, (&mut hand, &mut boxes), along, best.t, &mut |tracer, part, level| {
             let ray = Ray { tmax: best.t.min(request.ray.tmax), ..request.ray };
             let of_part = |h: &Hit| SetHit { part, level, ..SetHit::static_mesh(h) };

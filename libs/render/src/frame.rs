@@ -162,7 +162,7 @@ struct Frame<'a, S: FrameShader> {
     /// What the samples of this frame see, as far as it is kept.
     view: Option<Arc<KeptView>>,
     /// The passes whose sum the images are.
-    passes: Option<passes::Passes>,
+    passes: Option<levels::Passes>,
 }
 
 /// Renders one camera into the pixels of `outputs`, one set for each of its eyes, which request the same images.
@@ -392,7 +392,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
         let mut thread = if shows_colors { self.shader.thread() } else { self.shader.unlit_thread() };
         // The first pass prints and saves.
-        if self.passes.as_ref().is_some_and(passes::Passes::is_mute) {
+        if self.passes.as_ref().is_some_and(levels::Passes::is_mute) {
             self.shader.mute(&mut thread, true);
         }
         thread

@@ -11,8 +11,8 @@
 //! dicing step, and fewer records of indirect light and occlusion. They are rendered once more with four times the
 //! step, which shows where there is bias. Some parts of the image are then rendered with half of the step and more
 //! records. Where the bias is too large, the passes begin again with the accuracy of the scene, for which the bias is
-//! measured in the same way, and then with finer surfaces ([`Accuracy`]). Filters of textures and shadow maps are not
-//! part of it.
+//! measured in the same way, and then with finer surfaces ([`Accuracy`]). Where many passes are needed, they have more
+//! samples each. Filters of textures and shadow maps are not part of it.
 
 use granita_base::NoiseSource;
 use std::time::{Duration, Instant};
@@ -272,6 +272,8 @@ pub struct PassReport {
     /// How many times as far apart the points of surfaces are as the scene says, in a coarse image. The first pass
     /// would not have ended in time, or the image has the requested error without finer points.
     pub coarse: Option<u32>,
+    /// How many times the samples of a frame without passes the passes of the image have.
+    pub samples: u32,
     /// The error that was requested.
     pub requested: Option<f32>,
     /// True when the requested error was not reached.
@@ -289,6 +291,9 @@ impl PassReport {
         };
         if let Some(factor) = self.coarse {
             text += &format!(", coarse: points are {factor} times as far apart");
+        }
+        if self.samples > 1 {
+            text += &format!(", with {} times the samples", self.samples);
         }
         if self.mean_passes + 0.05 < f64::from(self.passes) {
             text += &format!(" ({:.1} of a pixel)", self.mean_passes);

@@ -2,7 +2,7 @@
 //! Tests frames whose shaders trace rays, and images that are shown while they are rendered.
 
 use crate::{CameraView, RenderEnvironment, ShadingStatistics, Silent};
-use granita_base::{Environment, Params, SearchPath, Transform, Vec3};
+use granita_base::{Environment, Params, SearchPath, ShapeDesc, Transform, Vec3};
 use granita_fixture::{Fixture, param};
 use granita_image::FormatRegistry;
 use granita_scene::Scene;
@@ -110,6 +110,29 @@ fn ray_traced_images_do_not_depend_on_threads_or_buckets() {
         assert!(image(&f, threads, bucket) == reference, "{threads} threads, buckets of {bucket}");
     }
     // The pixels also do not depend on whether the balls share a tree.
-    let (pixels, counts) = image_within(&f, 2, 16, 1_000_000);
+    let (pixels, counts) = image_within(&f, 2, 16, 100_000);
     assert!(pixels == reference && counts.ray_tessellations > 0, "{counts:?}");
+}
+
+#[test]
+fn faces_of_a_subdivision_surface_share_the_records_of_their_corners() {
+    let occluded = "surface occluded () {
+        C = 1 - occlusion (\"all\", P, normalize (N), PI / 2, \"samples\", 4, \"maxerror\", 100,
+                           \"maxpixeldist\", 1e6);
+    }";
+    let mut f = Fixture::new(&[occluded]);
+    const SIDE: i32 = 13;
+    let at = |k: i32| [(k % SIDE) as f32 * 0.5 - 3.0, (k / SIDE) as f32 * 0.5 - 3.0];
+    let height = |[x, y]: [f32; 2]| 0.3 * (3.0 * x).sin() * (2.0 * y + x).cos();
+    let p: Vec<f32> = (0..SIDE * SIDE).map(at).flat_map(|xy| [xy[0], xy[1], height(xy)]).collect();
+    let corners = (0..SIDE - 1).flat_map(|j| (0..SIDE - 1).map(move |i| j * SIDE + i));
+    let verts: Vec<i32> = corners.flat_map(|k| [k, k + 1, k + SIDE + 1, k + SIDE]).collect();
+    let nverts = vec![4; verts.len() / 4];
+    let shape = ShapeDesc::Mesh { subdivide: true, nverts: nverts.into(), verts: verts.into() };
+    let own = f.attributes("occluded", &["camera", "all"], &[]);
+    f.add(shape, Params(vec![param("vertex point P", &p[..])]), own);
+    let (_, counts) = image_within(&f, 2, 16, u64::MAX);
+    // Normals of two faces at a corner mostly differ in their last bits only.
+    let corners = (SIDE * SIDE) as u64;
+    assert!((corners / 2..corners * 5 / 4).contains(&counts.light_records), "{counts:?}");
 }

@@ -97,6 +97,8 @@ pub struct ShadingContext {
     tolerance: AtomicU32,
     /// The bits of the factor of all numbers of samples.
     samples: AtomicU32,
+    /// True when every record traces all its rays, whatever "adaptive" is.
+    all_rays: AtomicBool,
 }
 
 /// The name of an environment map, and the upper direction that a shader gives it.
@@ -221,6 +223,7 @@ impl ShadingContext {
             drawn: AtomicU32::new(0),
             tolerance: AtomicU32::new(1.0_f32.to_bits()),
             samples: AtomicU32::new(1.0_f32.to_bits()),
+            all_rays: AtomicBool::new(false),
             reporter,
         }
     }
@@ -254,6 +257,19 @@ impl ShadingContext {
         if self.samples.swap(factor.to_bits(), Ordering::Relaxed) != factor.to_bits() {
             self.light_cache.clear();
         }
+    }
+
+    /// Sets whether "adaptive" of `occlusion` and `indirect` has no effect. Points whose first rays agree then trace
+    /// all the others as well: to stop there is biased, because it favours those that agree by chance. It must not be
+    /// called while a thread shades.
+    pub fn set_all_rays(&self, all: bool) {
+        if self.all_rays.swap(all, Ordering::Relaxed) != all {
+            self.light_cache.clear();
+        }
+    }
+
+    pub(crate) fn traces_all_rays(&self) -> bool {
+        self.all_rays.load(Ordering::Relaxed)
     }
 
     /// Returns the factor of all numbers of samples.

@@ -48,6 +48,10 @@ use std::sync::Arc;
 
 /// Hashed with lane seeds for places on area lights.
 const AREA: u32 = 0xa9ea;
+/// The first call of the n-th run of a light that runs several times is n shifted by this.
+const REPEATED: u32 = 16;
+/// The largest number of runs of a light with more directions than its shader draws.
+const MOST_REPEATED: u32 = 1024;
 /// Hashed with lane seeds for directions sampled from maps.
 const SKY: u32 = 0x5c1e;
 
@@ -145,6 +149,8 @@ pub(crate) struct Run<'r, 'f> {
     gathers_in_front: bool,
     /// Batches of directions sampled from maps. The last one is the one used last.
     sky: Vec<sky::SampleBatch>,
+    /// For a light that draws directions from a map and runs several times: the number of this run, and of all.
+    repeated: [u32; 2],
     /// Its operations on spatial databases.
     databases: Vec<database::OwnDatabase>,
     /// The number of texts that `fprintf` wrote so far.
@@ -207,6 +213,7 @@ impl<'r, 'f> Run<'r, 'f> {
             lane_calls: vec![0; grid.names.len()],
             gathers_in_front: false,
             sky: Vec::new(),
+            repeated: [0, 1],
             databases: Vec::new(),
             appended: 0,
             part: None,
@@ -214,12 +221,13 @@ impl<'r, 'f> Run<'r, 'f> {
         }
     }
 
-    /// Serves a light that shines on the grid of `surface` for the sample `index` of a query.
+    /// Serves a light that shines on the grid of `surface` for the sample `index` of a query. `repeated` is the number
+    /// of the run of this sample, and the number of all of them.
     fn for_light(
         surface: &'r mut Run<'_, 'f>,
         light: &'r LightState,
         query: &IlluminateQuery<'r>,
-        index: u32,
+        (index, repeated): (u32, [u32; 2]),
     ) -> Self {
         Self {
             frame: surface.frame,
@@ -249,7 +257,7 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: surface.dtime,
             ray: surface.ray,
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
-            lane_calls: vec![0; surface.lane_calls.len()],
+            lane_calls: vec![repeated[0] << REPEATED; surface.lane_calls.len()],
             seeds: LaneSeeds {
                 own: OnceCell::new(),
                 of_light: surface.seeds.list().map(|base| LightSeeds::new(base, light.seed, query, index)),
@@ -257,10 +265,11 @@ impl<'r, 'f> Run<'r, 'f> {
             paths: surface.paths.clone(),
             surface: surface.surface.clone(),
             centres: surface.centres,
-            calls: 0,
+            calls: repeated[0] << REPEATED,
             light_calls: Vec::new(),
             gathers_in_front: query.in_front,
             sky: Vec::new(),
+            repeated,
             databases: Vec::new(),
             appended: 0,
             part: None,
@@ -276,10 +285,39 @@ impl<'r, 'f> Run<'r, 'f> {
         query: &IlluminateQuery<'_>,
         index: u32,
     ) -> LightResult {
+        self.repeat_light(light, grid, query, (index, [0, 1])).0
+    }
+
+    /// Returns the mean of several runs of a light, with as many more directions as "render:samples" requests, when it
+    /// draws any from a map. Any other light runs once.
+    fn drawing_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
+        let runs = (self.frame.samples().round() as u32).clamp(1, MOST_REPEATED);
+        let (first, draws) = self.repeat_light(light, grid, query, (0, [0, runs]));
+        if runs == 1 || !draws {
+            return first;
+        }
+        let mut sum = LightResult::default();
+        let share = 1.0 / runs as f32;
+        add_share(&mut sum, first, share);
+        for run in 1..runs {
+            add_share(&mut sum, self.repeat_light(light, grid, query, (0, [run, runs])).0, share);
+        }
+        sum
+    }
+
+    /// Runs a light (see [`Run::for_light`]). Returns true when it drew directions from a map.
+    fn repeat_light(
+        &mut self,
+        light: &LightState,
+        grid: &Grid,
+        query: &IlluminateQuery<'_>,
+        which: (u32, [u32; 2]),
+    ) -> (LightResult, bool) {
         let mut executor = self.thread.take_executor();
-        let mut result = {
-            let mut services = Run::for_light(self, light, query, index);
-            executor.run_light(&light.shaders.group, grid, query, &mut services)
+        let (mut result, draws) = {
+            let mut services = Run::for_light(self, light, query, which);
+            let result = executor.run_light(&light.shaders.group, grid, query, &mut services);
+            (result, !services.sky.is_empty())
         };
         self.thread.put_executor(executor);
         if mend(&mut result, query.batch.active) {
@@ -294,7 +332,7 @@ impl<'r, 'f> Run<'r, 'f> {
                 ),
             );
         }
-        result
+        (result, draws)
     }
 
     /// Returns the mean of several runs of a light, each with a point on the light's surface for every lane.
@@ -597,7 +635,7 @@ impl Run<'_, '_> {
         let result = match &light.area {
             Some(area) => self.area_light(light, area, &grid, query),
             None if light.samples > 1 => self.broad_light(light, &grid, query),
-            None => self.run_light(light, &grid, query, 0),
+            None => self.drawing_light(light, &grid, query),
         };
         grid.messages.truncate(earlier);
         self.lit = Some(grid);

@@ -162,7 +162,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if level < 0 && !plan.has_time_for(time) {
             return Next::End;
         }
-        let needed = self.needed_passes(error);
+        let needed = self.needed_passes(|_| error * error);
         // Some parts of the image need fewer passes than the whole.
         let may_end = plan.has_time_for(time.mul_f64(0.5 * (needed - f64::from(PILOT)).max(0.0)));
         let mut has_coarser = true;
@@ -187,6 +187,7 @@ impl<S: FrameShader> Frame<'_, S> {
         if level < 0 && more != Some(0) {
             return self.end_coarse(more.is_none() && !is_too_large);
         }
+        let large = found.as_ref().map_or(0, |bias| self.larger_passes(plan, bias, error));
         let Some(passes) = &mut self.passes else { return Next::Pass };
         let Some((bias, more)) = found.zip(more) else {
             passes.first_of_tiles = u32::MAX;
@@ -194,8 +195,8 @@ impl<S: FrameShader> Frame<'_, S> {
             return Next::Pass;
         };
         passes.bias = bias;
-        if more > 0 {
-            (passes.level, passes.first_of_tiles) = (more, passes.first_of(more) + PILOT);
+        if more > 0 || large > 0 {
+            passes.go_on_with(level + more, large);
         }
         Next::Pass
     }
@@ -323,15 +324,15 @@ impl<S: FrameShader> Frame<'_, S> {
         Some(bias)
     }
 
-    /// Returns the number of passes that the requested error needs, as far as the first passes show it.
-    fn needed_passes(&self, error: f64) -> f64 {
+    /// Returns the number of passes that a squared noise of each image needs, as far as the first passes show it.
+    pub(super) fn needed_passes(&self, squared: impl Fn(usize) -> f64) -> f64 {
         let whole = self.options.camera.crop;
-        let needed = |sum: &Mutex<Accumulated>| {
+        let needed = |(index, sum): (usize, &Mutex<Accumulated>)| {
             let sum = sum.lock();
             let noise = sum.mean().and_then(|mean| sum.error(&whole, mean)).map_or(0.0, |found| found.error);
-            f64::from(PILOT) * (noise / error).powi(2)
+            f64::from(PILOT) * noise.powi(2) / squared(index)
         };
-        self.passes.iter().flat_map(|passes| &passes.sums).map(needed).fold(0.0, f64::max)
+        self.passes.iter().flat_map(|passes| &passes.sums).enumerate().map(needed).fold(0.0, f64::max)
     }
 
     /// Returns by how much the colours of each image in one of the first passes differ from those of coarser surfaces.

@@ -3,7 +3,7 @@
 use super::bias::Run;
 use super::clean::DenoisedErrors;
 use super::coarse::{Limit, Outlook};
-use super::levels::Next;
+use super::levels::{Next, Passes};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
@@ -13,70 +13,13 @@ use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
 use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
 use granita_base::{NoiseSource, PassNumbers};
+use granita_dicing::CameraView;
 use granita_dicing::camera::is_moving;
 use granita_hider::{SamplePattern, film};
 use granita_scene::Scene;
 use parking_lot::{Condvar, Mutex};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-/// The passes that a frame has and their results so far.
-pub(super) struct Passes {
-    /// The pass that is rendered, from 0.
-    pub(super) number: u32,
-    /// True while a pass is rendered that is no part of the images.
-    is_apart: bool,
-    /// The first pass that is a part of the images. Those before were not accurate enough.
-    first: u32,
-    /// The first pass that renders tiles where an error is requested. The [`PILOT`] passes before it render the whole
-    /// frame, and show where more are needed. Before them there are as many of each lower level. It is `u32::MAX` when
-    /// the time was too short to know the level.
-    pub(super) first_of_tiles: u32,
-    /// The level of [`Accuracy`] that the requested error needs. Passes go up to it level by level, so that an image
-    /// whose time ends has the highest level that its time permits.
-    pub(super) level: i32,
-    /// The level of the first passes.
-    pub(super) lowest: i32,
-    /// True while the images are coarse, because there are not enough passes of the scene's own accuracy yet.
-    pub(super) is_held: bool,
-    /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
-    pub(super) coarse: Option<u32>,
-    /// What the passes of an image have in common, for each sum. Empty when it was not measured.
-    pub(super) bias: Vec<SquaredBias>,
-    /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
-    pub(super) crop: PixelRect,
-    /// The sums of the images of each eye, one eye after the other.
-    pub(super) sums: Vec<Mutex<Accumulated>>,
-}
-
-impl Passes {
-    /// True when the shaders of the present pass print and save nothing.
-    pub(super) fn is_mute(&self) -> bool {
-        self.number > 0 || self.is_apart || self.is_held || self.coarse.is_some()
-    }
-
-    /// Returns the level of a pass.
-    fn level_of(&self, number: u32) -> i32 {
-        let steps = (number / PILOT).try_into().unwrap_or(i32::MAX);
-        self.level.min(self.lowest.saturating_add(steps))
-    }
-
-    /// Returns the number of the first pass of a level.
-    pub(super) fn first_of(&self, level: i32) -> u32 {
-        u32::try_from(level - self.lowest).unwrap_or(0) * PILOT
-    }
-
-    /// Returns how many times as far apart the points of surfaces of a coarse image are.
-    fn coarseness(&self) -> Option<u32> {
-        let is_coarse = self.is_held || self.lowest < 0;
-        self.coarse.or_else(|| is_coarse.then(|| 1 << Accuracy::COARSE.unsigned_abs()))
-    }
-
-    /// True when the error of an image is estimated.
-    pub(super) fn has_colors(&self) -> bool {
-        self.sums.iter().any(|sum| sum.lock().colors() > 0)
-    }
-}
 
 /// The result of the passes of a frame.
 pub(super) struct Passed {
@@ -112,6 +55,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first_of_tiles: PILOT,
             level: 0,
             lowest: 0,
+            large: 0,
             is_held: false,
             coarse: None,
             bias: Vec::new(),
@@ -156,6 +100,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         // The time that is left for the passes that measure noise sources.
         let mut reserved = Duration::ZERO;
         let mut denoised = DenoisedErrors::default();
+        self.shader.set_all_rays(true);
         self.begin_coarse(scene, plan);
         loop {
             if let Some(error) = plan.error {
@@ -236,6 +181,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         }
         // The next camera has the shaders as they are.
         self.set_accuracy(Accuracy::SCENE);
+        self.shader.set_all_rays(false);
         let denoised = if denoised.passes == completed { denoised } else { DenoisedErrors::default() };
         let report = self.report(plan, completed, &errors, &denoised);
         Passed { failed, report, errors, denoised: denoised.errors }
@@ -321,15 +267,19 @@ impl<'a, S: FrameShader> Frame<'a, S> {
 
     /// Sets the accuracy of a pass.
     fn set_accuracy_of_pass(&mut self, number: u32) {
-        let level = self.passes.as_ref().map_or(0, |passes| passes.level_of(number));
-        self.set_accuracy(Accuracy::of_level(level));
+        let (level, large) =
+            self.passes.as_ref().map_or((0, 0), |passes| (passes.level_of(number), passes.large_of(number)));
+        self.set_accuracy(Accuracy {
+            samples: 4.0_f32.powi(large.cast_signed()),
+            ..Accuracy::of_level(level)
+        });
     }
 
-    /// Adds a complete pass to the images. The first ones of a level replace those before when there are enough of them
+    /// Adds a complete pass to the images. The first ones of a step replace those before when there are enough of them
     /// to know their error.
     fn add_pass(&mut self, number: u32) {
         let Some(passes) = &mut self.passes else { return };
-        let first = passes.first_of(passes.level_of(number));
+        let first = passes.first_of(number);
         if first > passes.first || passes.is_held {
             if number + 1 < first + PILOT {
                 return self.each_sum(Accumulated::wait);
@@ -337,8 +287,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             if std::mem::take(&mut passes.is_held) {
                 passes.bias.clear();
             }
+            if passes.level_of(number) > passes.level_of(passes.first) {
+                passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
+            }
             passes.first = first;
-            passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
@@ -353,7 +305,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
     /// tiles instead of buckets. Tiles do not depend on the size of buckets.
     /// `is_apart` is true for a pass that is no part of the images. `varied` is a noise source with other numbers. The
-    /// first pass of each level has the numbers of the frame without passes, so that levels can be compared.
+    /// first pass of each step has the numbers of the frame without passes, so that levels can be compared.
     pub(super) fn begin_pass(
         &mut self,
         scene: &Scene,
@@ -362,16 +314,18 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         is_apart: bool,
     ) {
         let camera = self.options.camera;
-        let (mut first_of_tiles, mut first) = (PILOT, 0);
+        let (mut first_of_tiles, mut first, mut large) = (PILOT, 0, 0);
         if let Some(passes) = &mut self.passes {
             passes.number = pass;
             passes.is_apart = is_apart;
             first_of_tiles = passes.first_of_tiles;
-            first = passes.first_of(passes.level_of(pass));
+            first = passes.first_of(pass);
+            large = passes.large_of(pass);
         }
         let numbers = PassNumbers { pass: pass - first, varied };
         self.shader.begin_pass(numbers);
-        self.set_pattern(SamplePattern::of_pass(camera, is_moving(scene, camera), numbers));
+        let of_samples = with_more_samples(camera, 1 << large);
+        self.set_pattern(SamplePattern::of_pass(&of_samples, is_moving(scene, camera), numbers));
         if has_tiles && pass >= first_of_tiles {
             let side = TILE.unsigned_abs();
             let order = BucketOrder::plain(&camera.bucketorder);
@@ -558,10 +512,24 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             mean_passes: of_pixels.unwrap_or_default(),
             error,
             coarse: self.passes.as_ref().and_then(Passes::coarseness),
+            samples: self.passes.as_ref().map_or(1, |passes| 1 << (2 * passes.large_of(passes.first))),
             requested: plan.error.or(of_denoised),
             is_short: plan.error.is_some_and(is_above)
                 || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),
             images: self.image_errors(errors),
         }
+    }
+}
+
+/// Returns a camera with `n` times the samples along each side of a pixel, and `n * n` times the different times and
+/// points of the lens.
+fn with_more_samples(camera: &CameraView, n: u32) -> CameraView {
+    // A quality of 1 turns the blur off.
+    let of_blur = |quality: u32| if quality > 1 { quality.saturating_mul(n * n) } else { quality };
+    CameraView {
+        spatialquality: camera.spatialquality.map(|samples| samples.saturating_mul(n)),
+        temporalquality: of_blur(camera.temporalquality),
+        dofquality: of_blur(camera.dofquality),
+        ..camera.clone()
     }
 }

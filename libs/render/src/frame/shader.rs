@@ -73,6 +73,10 @@ pub(crate) trait FrameShader: Sync {
     fn set_samples(&self, factor: f32) {
         let _ = factor;
     }
+    /// Sets whether points trace all of their rays, also where the first of them agree.
+    fn set_all_rays(&self, all: bool) {
+        let _ = all;
+    }
     /// Returns the noise sources that drew random numbers so far.
     fn noise_sources(&self) -> Vec<NoiseSource> {
         Vec::new()

@@ -55,6 +55,9 @@ impl FrameShader for ShadingContext {
         ShadingContext::begin_pass(self, numbers);
     }
 
+    fn set_all_rays(&self, all: bool) {
+        ShadingContext::set_all_rays(self, all);
+    }
     fn set_samples(&self, factor: f32) {
         ShadingContext::set_samples(self, factor);
     }

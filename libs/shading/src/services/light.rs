@@ -134,13 +134,15 @@ impl<'q> Question<'q> {
         [px, py, pz, nx, ny, nz, self.hash, self.kind as u32]
     }
 
-    /// Returns the unit axis of a lane; zero when it has none.
+    /// Returns the unit axis of a lane; zero when it has none. Where other grids or files may have the same record, it
+    /// is rounded, because the normals of two grids at a point that they share differ in their last bits.
     fn axis(&self, lane: usize) -> Vec3 {
-        self.query.axis.get(lane).normalize_or_zero()
+        let axis = self.query.axis.get(lane).normalize_or_zero();
+        if self.translational || self.mode.read { rounded(axis) } else { axis }
     }
 
-    /// Returns the seed of a record. It depends on the place alone, so that a normal that differs in its last bits
-    /// on another grid changes the result only slightly.
+    /// Returns the seed of a record. It depends on the place alone, so that a normal that differs slightly on another
+    /// grid changes the result only slightly.
     fn seed(&self, run: &Run<'_, '_>, call: u32, lane: u32) -> u32 {
         if !self.translational {
             return run.lane_seed(self.kind.noise(), call, lane);
@@ -175,6 +177,13 @@ impl<'q> Question<'q> {
         let numbers = records.all_between(&probe, &how)?;
         Some(Record::from_numbers(self.kind, &numbers))
     }
+}
+
+/// Returns a unit vector whose direction is at most 5e-4 radians from that of a unit vector. Vectors that differ in
+/// their last bits mostly have the same.
+fn rounded(axis: Vec3) -> Vec3 {
+    const STEPS: f32 = 2048.0;
+    ((axis * STEPS).round() / STEPS).normalize_or_zero()
 }
 
 impl Run<'_, '_> {
@@ -434,9 +443,12 @@ impl Gatherer<'_, '_, '_, '_> {
                 ),
             })
             .collect();
+        let all_rays = self.run.frame.traces_all_rays();
         // The first pass traces a quarter of the rays. Where they agree, no more are traced.
         let looks = |ask: &Ask| {
-            ask.samples >= LEAST_ADAPTIVE && option(options.adaptive, ask.lane as usize, 1.0) > 0.0
+            ask.samples >= LEAST_ADAPTIVE
+                && !all_rays
+                && option(options.adaptive, ask.lane as usize, 1.0) > 0.0
         };
         let (first, rest): (Vec<usize>, Vec<usize>) = (0..asks.len()).partition(|&k| looks(&asks[k]));
         let mut out = vec![Record::default(); asks.len()];

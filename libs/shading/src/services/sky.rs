@@ -1,7 +1,7 @@
 //! Samples the light of maps: `environment ()` with "sample".
 
 use super::maps::{CHANNELS, first_channel, prepare, store};
-use super::{Run, SKY, count, option};
+use super::{Run, SKY, count, option, samples};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
 use granita_base::{NoiseSource, Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
@@ -122,7 +122,14 @@ impl Run<'_, '_> {
             let i = lane as usize;
             let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
             let first = number - number % TOGETHER as u32;
-            let all = of_all.unwrap_or_else(|| count(o.samples, i));
+            let asked = of_all.unwrap_or_else(|| count(o.samples, i));
+            let all = samples(asked, self.frame.samples().min(1.0));
+            if number >= all && all < asked {
+                // The samples that are drawn stand for the others.
+                store(out, i, &[0.0; CHANNELS][..drawing.wanted]);
+                out.direction.set(i, query.r.get(i).normalize_or_zero());
+                continue;
+            }
             let (first_channel, fill) = (first_channel(o.firstchannel, i), option(o.fill, i, 0.0));
             let axis = query.r.get(i).to_array().map(f32::to_bits);
             let key = Key { first, all, axis, first_channel, fill: fill.to_bits() };
@@ -169,10 +176,11 @@ impl Run<'_, '_> {
         let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
         let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
         let (seed, before) = ahead.sequences[lane];
-        let before = before.wrapping_mul(key.all.next_power_of_two());
+        let [run, runs] = self.repeated;
+        let before = before.wrapping_mul(key.all.saturating_mul(runs).next_power_of_two());
         let drawn = ahead.map.directions.draw(
             normal,
-            before.wrapping_add(key.first),
+            before.wrapping_add(run.wrapping_mul(key.all)).wrapping_add(key.first),
             seed,
             drawing.room.get_or_insert_with(DirectionWeights::new),
         );

@@ -173,6 +173,14 @@ fn a_requested_error_is_reached_and_costs_passes_where_the_noise_is() {
         let is_whole = report.passes == 2;
         assert!(is_whole || report.mean_passes < f64::from(report.passes), "{report:?}");
     }
+    // Where many passes are needed, they are larger, with any number of threads. Those of a given number are not.
+    let render = |threads, plan| summed(&build, &view, threads, ("rgb", &[]), (&noisy(), plan));
+    let (pixels, report) = render(2, error(0.01));
+    let reached = distance(&pixels, &converged);
+    assert!(report.samples > 1 && reached < 0.015 && !report.is_short, "{reached} {report:?}");
+    assert!(render(1, error(0.01)).0 == pixels);
+    let (_, report) = render(2, PassPlan { error: Some(0.01), ..passes(40) });
+    assert!(report.samples == 1 && report.passes > 16, "{report:?}");
     // An error that the number of passes does not allow is reported.
     let plan = PassPlan { error: Some(0.001), ..passes(3) };
     let (_, report) = summed(&build, &view, 2, ("rgb", &[]), (&noisy(), plan));
