@@ -391,7 +391,7 @@ impl<O: RayObject> RayScene<O> {
             known = Some((on_demand, level));
             let part = self.settled() as u32 + passage.index;
             let made = self.part_at_hand(thread, hand, part, level);
-            reach = passed(&made.tracer, part, level);
+            reach = reach.min(passed(&made.tracer, part, level));
             reach
         });
     }

@@ -291,7 +291,7 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Returns the mean of several runs of a light, with as many more directions as "render:samples" requests, when it
     /// draws any from a map. Any other light runs once.
     fn drawing_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
-        let runs = (self.frame.samples().round() as u32).clamp(1, MOST_REPEATED);
+        let runs = (self.frame.samples().ceil() as u32).clamp(1, MOST_REPEATED);
         let (first, draws) = self.repeat_light(light, grid, query, (0, [0, runs]));
         if runs == 1 || !draws {
             return first;

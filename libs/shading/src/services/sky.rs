@@ -123,7 +123,8 @@ impl Run<'_, '_> {
             let number = option(o.sample, i, 0.0).clamp(0.0, MOST) as u32;
             let first = number - number % TOGETHER as u32;
             let asked = of_all.unwrap_or_else(|| count(o.samples, i));
-            let all = samples(asked, self.frame.samples().min(1.0));
+            // The runs of a light share its samples.
+            let all = samples(asked, (self.frame.samples() / self.repeated[1] as f32).min(1.0));
             if number >= all && all < asked {
                 // The samples that are drawn stand for the others.
                 store(out, i, &[0.0; CHANNELS][..drawing.wanted]);
