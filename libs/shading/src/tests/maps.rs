@@ -163,20 +163,25 @@ fn lights_sample_directions_where_light_is_gathered() {
     f.light("sky", &[file], Transform::IDENTITY);
     // "front" and "behind" return the irradiance over pi, "around" the light of the whole sphere over pi, and "both"
     // the sum of "front" and "around".
-    for (name, expected, off) in
-        [("front", 1.0, 0.06), ("behind", 3.0, 0.18), ("around", 8.0, 0.3), ("both", 9.0, 0.3)]
+    // A light draws as many more or fewer directions as all numbers of samples are multiplied by.
+    let cases = [("front", 1.0, 0.06), ("behind", 3.0, 0.18), ("around", 8.0, 0.3), ("both", 9.0, 0.3)];
+    let factors = [(1.0, 1.0), (0.5, 2.0), (2.5, 1.0), (64.0, 0.03)];
+    for ((name, expected, off), (factor, of_off)) in
+        cases.into_iter().flat_map(|case| factors.map(|f| (case, f)))
     {
+        let off = off * of_off;
         let attributes = f.attributes(name, &[], &[]);
         let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, attributes);
         let (scene, camera, mut environment) = f.finish();
         environment.registry = formats();
         let frame = ShadingContext::new(&scene, &camera, &environment);
+        frame.set_samples(factor);
         let object = frame.object(&floor);
         let mut grid = flat_grid(&[[0.3; 2], [0.4; 2], [-3.0, 2.0]]);
         ShaderThread::new(&frame).shade(&object, &mut grid, &[]);
         for lane in 0..3 {
             let got = grid.c.get(lane);
-            assert!((got - expected).abs().max_element() < off, "{name}: {got} for {expected}");
+            assert!((got - expected).abs().max_element() < off, "{name}, {factor}: {got} for {expected}");
         }
     }
     assert_eq!(f.complaints(), Vec::<String>::new());
