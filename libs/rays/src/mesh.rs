@@ -410,6 +410,27 @@ mod tests {
     }
 
     #[test]
+    fn a_sphere_of_a_pixel_has_few_triangles() {
+        let mut f = Fixture::new(&[]);
+        let dot = f.attributes("", &["set"], &[]);
+        // A pixel is about 0.04 units wide there.
+        let center = Vec3::new(0.5, 0.0, 1.0);
+        let dot = f.sphere(center, 0.02, dot);
+        let parts = parts_of(&f, &dot, Level::FINEST);
+        let triangles: usize = parts.iter().map(|(_, mesh)| mesh.triangles.len()).sum();
+        assert!((8..=128).contains(&triangles), "{triangles}");
+        // It is still round to the permitted deviation.
+        for (_, mesh) in &parts {
+            let p = &mesh.positions[0];
+            for t in mesh.triangles.iter().filter(|t| t[0] != u32::MAX) {
+                let middle = t.iter().map(|i| p[*i as usize]).sum::<Vec3>() / 3.0;
+                let off = 0.02 - middle.distance(center);
+                assert!(off < 2.0 * 0.046 * FLATNESS_PX, "{off}");
+            }
+        }
+    }
+
+    #[test]
     fn a_flat_polygon_is_stored_as_a_static_mesh() {
         let mut f = Fixture::new(&[]);
         let floor = f.attributes("", &["set"], &[]);

@@ -48,12 +48,29 @@ use std::sync::Arc;
 
 /// Hashed with lane seeds for places on area lights.
 const AREA: u32 = 0xa9ea;
-/// The first call of the n-th run of a light that runs several times is n shifted by this.
-const REPEATED: u32 = 16;
-/// The largest number of runs of a light with more directions than its shader draws.
-const MOST_REPEATED: u32 = 1024;
 /// Hashed with lane seeds for directions sampled from maps.
 const SKY: u32 = 0x5c1e;
+
+/// A run of a light that runs several times, to draw more directions from a map than its shader requests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Repeat {
+    /// The number of this run.
+    run: u32,
+    /// The number of runs.
+    of: u32,
+}
+
+impl Repeat {
+    /// A light that runs once.
+    const ONCE: Self = Self { run: 0, of: 1 };
+    /// The largest number of runs.
+    const MOST: u32 = 1024;
+
+    /// Returns the number of its first call, so that runs draw different random numbers.
+    fn first_call(self) -> u32 {
+        self.run << 16
+    }
+}
 
 /// The offset from flat faces to the smooth surface that their normals describe.
 struct Lift {
@@ -149,8 +166,8 @@ pub(crate) struct Run<'r, 'f> {
     gathers_in_front: bool,
     /// Batches of directions sampled from maps. The last one is the one used last.
     sky: Vec<sky::SampleBatch>,
-    /// For a light that draws directions from a map and runs several times: the number of this run, and of all.
-    repeated: [u32; 2],
+    /// Which of several runs of a light it serves.
+    repeat: Repeat,
     /// Its operations on spatial databases.
     databases: Vec<database::OwnDatabase>,
     /// The number of texts that `fprintf` wrote so far.
@@ -213,7 +230,7 @@ impl<'r, 'f> Run<'r, 'f> {
             lane_calls: vec![0; grid.names.len()],
             gathers_in_front: false,
             sky: Vec::new(),
-            repeated: [0, 1],
+            repeat: Repeat::ONCE,
             databases: Vec::new(),
             appended: 0,
             part: None,
@@ -221,13 +238,12 @@ impl<'r, 'f> Run<'r, 'f> {
         }
     }
 
-    /// Serves a light that shines on the grid of `surface` for the sample `index` of a query. `repeated` is the number
-    /// of the run of this sample, and the number of all of them.
+    /// Serves a light that shines on the grid of `surface` for the sample `index` of a query.
     fn for_light(
         surface: &'r mut Run<'_, 'f>,
         light: &'r LightState,
         query: &IlluminateQuery<'r>,
-        (index, repeated): (u32, [u32; 2]),
+        (index, repeat): (u32, Repeat),
     ) -> Self {
         Self {
             frame: surface.frame,
@@ -257,7 +273,7 @@ impl<'r, 'f> Run<'r, 'f> {
             dtime: surface.dtime,
             ray: surface.ray,
             seed: hash::words(&[surface.seed, light.seed, surface.calls]),
-            lane_calls: vec![repeated[0] << REPEATED; surface.lane_calls.len()],
+            lane_calls: vec![repeat.first_call(); surface.lane_calls.len()],
             seeds: LaneSeeds {
                 own: OnceCell::new(),
                 of_light: surface.seeds.list().map(|base| LightSeeds::new(base, light.seed, query, index)),
@@ -265,11 +281,11 @@ impl<'r, 'f> Run<'r, 'f> {
             paths: surface.paths.clone(),
             surface: surface.surface.clone(),
             centres: surface.centres,
-            calls: repeated[0] << REPEATED,
+            calls: repeat.first_call(),
             light_calls: Vec::new(),
             gathers_in_front: query.in_front,
             sky: Vec::new(),
-            repeated,
+            repeat,
             databases: Vec::new(),
             appended: 0,
             part: None,
@@ -285,22 +301,23 @@ impl<'r, 'f> Run<'r, 'f> {
         query: &IlluminateQuery<'_>,
         index: u32,
     ) -> LightResult {
-        self.repeat_light(light, grid, query, (index, [0, 1])).0
+        self.repeat_light(light, grid, query, (index, Repeat::ONCE)).0
     }
 
     /// Returns the mean of several runs of a light, with as many more directions as "render:samples" requests, when it
     /// draws any from a map. Any other light runs once.
     fn drawing_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
-        let runs = (self.frame.samples().ceil() as u32).clamp(1, MOST_REPEATED);
-        let (first, draws) = self.repeat_light(light, grid, query, (0, [0, runs]));
-        if runs == 1 || !draws {
+        let of = (self.frame.samples().ceil() as u32).clamp(1, Repeat::MOST);
+        let (first, draws) = self.repeat_light(light, grid, query, (0, Repeat { run: 0, of }));
+        if of == 1 || !draws {
             return first;
         }
         let mut sum = LightResult::default();
-        let share = 1.0 / runs as f32;
+        let share = 1.0 / of as f32;
         add_share(&mut sum, first, share);
-        for run in 1..runs {
-            add_share(&mut sum, self.repeat_light(light, grid, query, (0, [run, runs])).0, share);
+        for run in 1..of {
+            let (one, _) = self.repeat_light(light, grid, query, (0, Repeat { run, of }));
+            add_share(&mut sum, one, share);
         }
         sum
     }
@@ -311,7 +328,7 @@ impl<'r, 'f> Run<'r, 'f> {
         light: &LightState,
         grid: &Grid,
         query: &IlluminateQuery<'_>,
-        which: (u32, [u32; 2]),
+        which: (u32, Repeat),
     ) -> (LightResult, bool) {
         let mut executor = self.thread.take_executor();
         let (mut result, draws) = {

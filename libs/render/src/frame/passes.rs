@@ -303,7 +303,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
     }
 
     /// Prepares the samples, filters and shading of a pass. With a requested error, passes after the first ones render
-    /// tiles instead of buckets. Tiles do not depend on the size of buckets.
+    /// tiles instead of buckets, and so do large ones. Tiles do not depend on the size of buckets, and samples of large
+    /// passes fit into them.
     /// `is_apart` is true for a pass that is no part of the images. `varied` is a noise source with other numbers. The
     /// first pass of each step has the numbers of the frame without passes, so that levels can be compared.
     pub(super) fn begin_pass(
@@ -326,7 +327,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.shader.begin_pass(numbers);
         let of_samples = with_more_samples(camera, 1 << large);
         self.set_pattern(SamplePattern::of_pass(&of_samples, is_moving(scene, camera), numbers));
-        if has_tiles && pass >= first_of_tiles {
+        if has_tiles && (pass >= first_of_tiles || large > 0) {
             let side = TILE.unsigned_abs();
             let order = BucketOrder::plain(&camera.bucketorder);
             self.buckets = Buckets::new(&camera.crop, [side; 2], order, self.pattern.per_pixel());

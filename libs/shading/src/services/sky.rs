@@ -1,7 +1,7 @@
 //! Samples the light of maps: `environment ()` with "sample".
 
 use super::maps::{CHANNELS, first_channel, prepare, store};
-use super::{Run, SKY, count, option, samples};
+use super::{Repeat, Run, SKY, count, option, samples};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
 use granita_base::{NoiseSource, Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
@@ -124,7 +124,7 @@ impl Run<'_, '_> {
             let first = number - number % TOGETHER as u32;
             let asked = of_all.unwrap_or_else(|| count(o.samples, i));
             // The runs of a light share its samples.
-            let all = samples(asked, (self.frame.samples() / self.repeated[1] as f32).min(1.0));
+            let all = samples(asked, (self.frame.samples() / self.repeat.of as f32).min(1.0));
             if number >= all && all < asked {
                 // The samples that are drawn stand for the others.
                 store(out, i, &[0.0; CHANNELS][..drawing.wanted]);
@@ -177,8 +177,8 @@ impl Run<'_, '_> {
         let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
         let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
         let (seed, before) = ahead.sequences[lane];
-        let [run, runs] = self.repeated;
-        let before = before.wrapping_mul(key.all.saturating_mul(runs).next_power_of_two());
+        let Repeat { run, of } = self.repeat;
+        let before = before.wrapping_mul(key.all.saturating_mul(of).next_power_of_two());
         let drawn = ahead.map.directions.draw(
             normal,
             before.wrapping_add(run.wrapping_mul(key.all)).wrapping_add(key.first),
