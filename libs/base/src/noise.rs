@@ -50,25 +50,37 @@ impl NoiseSource {
 }
 
 /// The random numbers of a pass of an image that is the sum of passes.
+///
+/// There are two sets of sequences, which are independent of each other. Even passes draw from one, odd passes from the
+/// other, and each pass continues where the one before stopped ([`Sequence`](crate::sample::Sequence)). So many passes
+/// are spread as evenly as one with many samples, and the difference between both halves shows the noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PassNumbers {
-    /// The number of the pass. Those of pass 0 are those of a frame of its own.
-    pub pass: u32,
+    /// The set of sequences. The set 0 is that of a frame of its own.
+    pub set: u32,
+    /// The round that draws from the set.
+    pub round: u32,
     /// The source that has other random numbers than the pass, while all other sources have those of the pass.
     pub varied: Option<NoiseSource>,
 }
 
 impl PassNumbers {
-    /// The number that replaces that of the pass for the source that is varied.
+    /// The number that replaces the set for the source that is varied.
     const VARIED: u32 = u32::MAX;
 
-    /// Returns the numbers of a pass.
+    /// Returns the numbers of a pass of an image. Those of pass 0 are those of a frame of its own.
     pub fn of(pass: u32) -> Self {
-        Self { pass, varied: None }
+        Self { set: pass % 2, round: pass / 2, varied: None }
+    }
+
+    /// Returns the numbers of a pass that is independent of all others with such numbers. The first two are those of
+    /// an image.
+    pub fn alone(pass: u32) -> Self {
+        Self { set: pass, round: 0, varied: None }
     }
 
     /// Returns the number that the seeds of a source are combined with; 0 for those of a frame of its own.
     pub fn number(self, source: NoiseSource) -> u32 {
-        if self.varied == Some(source) { Self::VARIED } else { self.pass }
+        if self.varied == Some(source) { Self::VARIED } else { self.set }
     }
 }

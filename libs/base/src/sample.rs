@@ -33,12 +33,20 @@ const fn owen(x: u32, seed: u32) -> u32 {
     x.reverse_bits()
 }
 
+/// Combined with the seed of a sequence for that of its order.
+const SHUFFLED: u32 = 0x68bc_21eb;
+
 /// Returns point `i` of a scrambled (0,2)-sequence in the unit square. Every run of 2^k points is stratified in all
 /// elementary intervals. `seed` identifies the pixel and the dimension.
 #[inline]
 pub const fn square(i: u32, seed: u32) -> (f32, f32) {
     // The order is shuffled too, so that different seeds are paired independently.
-    let i = owen(i, mix32(seed ^ 0x68bc_21eb));
+    point(owen(i, mix32(seed ^ SHUFFLED)), seed)
+}
+
+/// Returns point `i` of a scrambled (0,2)-sequence in its own order.
+#[inline]
+const fn point(i: u32, seed: u32) -> (f32, f32) {
     (
         crate::hash::unit(owen(van_der_corput(i), mix32(seed))),
         crate::hash::unit(owen(sobol_2(i), mix32(seed ^ 0x02e5_be93))),
@@ -49,6 +57,104 @@ pub const fn square(i: u32, seed: u32) -> (f32, f32) {
 #[inline]
 pub const fn line(i: u32, seed: u32) -> f32 {
     crate::hash::unit(owen(van_der_corput(i), mix32(seed)))
+}
+
+/// A sequence of random numbers that the passes of an image continue. Each round draws `n` more of its points, so that
+/// those of all rounds together are spread as evenly as those of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sequence {
+    /// Identifies the sequence.
+    pub seed: u32,
+    /// The round that draws, from 0. The points of round 0 are those of [`square`] and [`line`].
+    pub round: u32,
+}
+
+impl Sequence {
+    /// Returns the sequence of a seed in round 0.
+    pub const fn new(seed: u32) -> Self {
+        Self { seed, round: 0 }
+    }
+
+    /// Returns the sequence of another dimension in the same round.
+    #[inline]
+    pub const fn dimension(self, number: u32) -> Self {
+        Self { seed: crate::hash::words(&[self.seed, number]), ..self }
+    }
+
+    /// Returns the place of the round in an order of its own for each seed, so that the rounds of different sequences
+    /// are paired independently. Every run of 2^k rounds that begins with a multiple of 2^k has such places.
+    #[inline]
+    const fn place(self) -> u32 {
+        if self.round == 0 {
+            return 0;
+        }
+        let seed = mix32(self.seed ^ 0x3c6e_f372);
+        owen(self.round, seed) ^ owen(0, seed)
+    }
+
+    /// Returns a number below `n` that differs from round to round, 0 in round 0. Those of 2^k rounds are spread
+    /// evenly.
+    #[inline]
+    pub const fn offset(self, n: u32) -> u32 {
+        ((van_der_corput(self.place()) as u64 * n as u64) >> 32) as u32
+    }
+
+    /// Returns point `i` of the `n` points that each round has in the unit square. Points of the same index in
+    /// different sequences are paired independently in each round.
+    #[inline]
+    pub const fn square(self, i: u32, n: u32) -> (f32, f32) {
+        let i = i.wrapping_add(self.round.wrapping_mul(block(n)));
+        point(owen(i, mix32(self.seed ^ SHUFFLED)), self.seed)
+    }
+
+    /// Returns point `i` of the `n` points that each round has between 0 and 1.
+    #[inline]
+    pub const fn line(self, i: u32, n: u32) -> f32 {
+        if self.round == 0 {
+            return line(i, self.seed);
+        }
+        let n = block(n);
+        let shuffled = owen(i.wrapping_add(self.round.wrapping_mul(n)), mix32(self.seed ^ SHUFFLED));
+        line(shuffled & (n - 1) | self.place().wrapping_mul(n), self.seed)
+    }
+
+    /// Returns where a random place between 0 and 1 (1 excluded) is in this round. It is the place itself in round 0.
+    #[inline]
+    pub fn moved_on_line(self, x: f32) -> f32 {
+        if self.round == 0 { x } else { shifted(x, van_der_corput(self.place())) }
+    }
+
+    /// Returns where a random place in the unit square (1 excluded) is in this round. It is the place itself in round
+    /// 0. The places of 2^k rounds are stratified as those of [`square`] (a digital shift).
+    #[inline]
+    pub fn moved(self, [x, y]: [f32; 2]) -> [f32; 2] {
+        if self.round == 0 {
+            return [x, y];
+        }
+        let place = self.place();
+        [shifted(x, van_der_corput(place)), shifted(y, sobol_2(place))]
+    }
+}
+
+/// Returns the index of one of `of` points that each part of a whole draws, among all points that the parts draw from
+/// one sequence, and the number of these. `part` is the number of the part, and the number of parts. The points of each
+/// part are stratified, and so are those of 2^k parts that begin with a multiple of 2^k.
+#[inline]
+pub const fn part_of([index, of]: [u32; 2], part: [u32; 2]) -> [u32; 2] {
+    let n = block(of);
+    [part[0].wrapping_mul(n).wrapping_add(index), part[1].saturating_mul(n)]
+}
+
+/// Returns the length of a part of a sequence that has at least `n` points.
+const fn block(n: u32) -> u32 {
+    if n > 1 << 31 { 1 << 31 } else { n.next_power_of_two() }
+}
+
+/// Returns a fraction whose bits differ from those of `x` where `bits` are set.
+fn shifted(x: f32, bits: u32) -> f32 {
+    const ONE: f32 = (1_u32 << 24) as f32;
+    // Both conversions are exact, except that the bits below 2^-24 of small numbers are lost.
+    (((x * ONE) as u32 ^ bits >> 8) as f32 / ONE).min(1.0 - f32::EPSILON / 2.0)
 }
 
 /// Returns the image of `i` under a hashed permutation of `0..n` (Kensler, Correlated Multi-Jittered Sampling, 2013).
@@ -159,6 +265,99 @@ mod tests {
         for i in 0..64 {
             let cell = (line(i, 9) * 64.0) as usize;
             assert!(!std::mem::replace(&mut seen[cell], true));
+        }
+    }
+
+    /// True when each of `nx * ny` cells has one of the points.
+    fn are_in_all_cells(points: &[[f32; 2]], [nx, ny]: [usize; 2]) -> bool {
+        let mut seen = vec![false; nx * ny];
+        for [x, y] in points {
+            let cell = (x * nx as f32) as usize + nx * (y * ny as f32) as usize;
+            if std::mem::replace(&mut seen[cell], true) {
+                return false;
+            }
+        }
+        points.len() == seen.len()
+    }
+
+    /// True when there is one point in each cell of each division of the square into as many cells as points.
+    fn are_stratified(points: &[[f32; 2]]) -> bool {
+        let divisions = (0..=points.len().ilog2()).map(|k| [points.len() >> k, 1 << k]);
+        divisions.into_iter().all(|cells| are_in_all_cells(points, cells))
+    }
+
+    #[test]
+    fn rounds_continue_a_sequence() {
+        for seed in [0, 1, 77, u32::MAX] {
+            let of = |round| Sequence { seed, round };
+            for n in [1, 4, 16] {
+                assert!((0..n).all(|i| of(0).square(i, n) == square(i, seed)));
+                assert!((0..n).all(|i| of(0).line(i, n) == line(i, seed)));
+                // All rounds together, and those of each half of them.
+                for rounds in [0..16, 0..8, 8..16, 0..2, 2..4, 5..6] {
+                    let all = || rounds.clone().flat_map(|round| (0..n).map(move |i| (of(round), i)));
+                    let points: Vec<[f32; 2]> = all().map(|(s, i)| s.square(i, n).into()).collect();
+                    assert!(are_stratified(&points), "{seed} {n} {rounds:?}");
+                    let places: Vec<[f32; 2]> = all().map(|(s, i)| [s.line(i, n), 0.0]).collect();
+                    assert!(are_in_all_cells(&places, [places.len(), 1]), "{seed} {n} {rounds:?}");
+                }
+            }
+            let mut offsets: Vec<u32> = (0..16).map(|round| of(round).offset(16)).collect();
+            assert_eq!((offsets[0], of(3).offset(1)), (0, 0));
+            offsets.sort_unstable();
+            assert!(offsets.into_iter().eq(0..16));
+            for start in [[0.0, 0.0], [0.3, 0.99999994], [0.123, 0.5]] {
+                assert_eq!(of(0).moved(start), start);
+                let places: Vec<[f32; 2]> = (0..16).map(|round| of(round).moved(start)).collect();
+                assert!(are_stratified(&places), "{seed} {places:?}");
+                let on_line = |round| [of(round).moved_on_line(start[0]), 0.0];
+                assert!(are_in_all_cells(&(0..16).map(on_line).collect::<Vec<_>>(), [16, 1]));
+            }
+        }
+    }
+
+    #[test]
+    fn parts_share_a_sequence() {
+        for seed in [0, 77, u32::MAX] {
+            for round in [0, 3] {
+                let of = Sequence { seed, round };
+                let points = |parts: std::ops::Range<u32>| -> Vec<[f32; 2]> {
+                    let each = parts.flat_map(|part| (0..3).map(move |i| part_of([i, 3], [part, 8])));
+                    each.map(|[i, n]| of.square(i, n).into()).collect()
+                };
+                let all = points(0..8);
+                assert_eq!(points(5..6), all[15..18]);
+                // With the fourth point that no part draws, they are stratified.
+                let cell = |p: &[f32; 2]| (p[0] * 32.0) as usize;
+                let cells: std::collections::HashSet<usize> = all.iter().map(cell).collect();
+                assert_eq!(cells.len(), 24);
+            }
+        }
+        assert_eq!(part_of([2, 5], [0, 1]), [2, 8]);
+    }
+
+    /// Points of one index must not stay paired, because passes would never show what other pairs give.
+    #[test]
+    fn sequences_are_paired_independently_in_each_round() {
+        type Draw = fn(Sequence, u32) -> f32;
+        let draws: [Draw; 4] = [
+            |s, i| s.line(i, 4),
+            |s, i| s.square(i, 4).0,
+            |s, i| s.square(i, 4).1,
+            |s, _| s.moved([0.3, 0.7])[0],
+        ];
+        for (a, first) in draws.iter().enumerate() {
+            for (b, second) in draws.iter().enumerate() {
+                for seed in 0..20 {
+                    let mut counts = [0; 16];
+                    for round in 0..256 {
+                        let of = Sequence { seed, round };
+                        let [x, y] = [first(of.dimension(1), 2), second(of.dimension(2), 2)];
+                        counts[(x * 4.0) as usize + 4 * (y * 4.0) as usize] += 1;
+                    }
+                    assert!(counts.iter().all(|n| (2..=36).contains(n)), "{a} {b} {seed}: {counts:?}");
+                }
+            }
         }
     }
 

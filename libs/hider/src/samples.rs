@@ -1,6 +1,7 @@
 //! Positions, times and lens points of the samples of a rectangle of pixels.
 
-use granita_base::{NoiseSource, PassNumbers, hash, sample};
+use granita_base::sample::{self, Sequence};
+use granita_base::{NoiseSource, PassNumbers, hash};
 use granita_dicing::{CameraView, PixelRect};
 use std::sync::Arc;
 
@@ -56,12 +57,19 @@ fn variants(n: u32) -> u32 {
     ((1 << 13) / n).clamp(16, 256).next_power_of_two()
 }
 
-/// Returns the seed of a pattern in a table.
-fn seed_of(variant: u32, dimension: Dimension, pass: u32) -> u32 {
-    match pass {
+/// Returns the sequence of a pattern in a table, for a number of a pass and its round.
+fn sequence_of(variant: u32, dimension: Dimension, [number, round]: [u32; 2]) -> Sequence {
+    let seed = match number {
         0 => hash::words(&[variant, dimension as u32]),
-        _ => hash::words(&[variant, dimension as u32, pass]),
-    }
+        _ => hash::words(&[variant, dimension as u32, number]),
+    };
+    Sequence { seed, round }
+}
+
+/// Returns the stratum that sample `k` has in another dimension of its pixel. It is another one in each round, so that
+/// all pairs of strata occur.
+fn shuffled(k: u32, n: u32, sequence: Sequence) -> u32 {
+    sample::permute((k + sequence.offset(n)) % n, n, !sequence.seed)
 }
 
 impl SamplePattern {
@@ -74,11 +82,12 @@ impl SamplePattern {
         Self::of_pass(camera, moving, PassNumbers::default())
     }
 
-    /// Returns the pattern of a camera for one pass of an image that is the sum of several. The positions, times and
-    /// lens points of different passes are independent of each other. Pass 0 has those of [`SamplePattern::new`].
+    /// Returns the pattern of a camera for one pass of an image that is the sum of several. The rounds of a set of
+    /// numbers fill the strata of a pixel evenly. Different sets are independent of each other. The first pass has the
+    /// pattern of [`SamplePattern::new`].
     pub fn of_pass(camera: &CameraView, moving: bool, numbers: PassNumbers) -> Self {
-        let [place, time, at_lens] =
-            [NoiseSource::Edges, NoiseSource::Motion, NoiseSource::Lens].map(|source| numbers.number(source));
+        let [place, time, at_lens] = [NoiseSource::Edges, NoiseSource::Motion, NoiseSource::Lens]
+            .map(|source| [numbers.number(source), numbers.round]);
         let blur = Self::blurs(camera, moving);
         let defocus = camera.has_depth_of_field();
         let least = u64::from(1.max(if blur { camera.temporalquality } else { 1 }).max(if defocus {
@@ -135,38 +144,39 @@ impl SamplePattern {
 }
 
 impl Tables {
-    fn add_places(&mut self, strata: [u32; 2], pass: u32) {
+    fn add_places(&mut self, strata: [u32; 2], numbers: [u32; 2]) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
-            let seed = seed_of(variant, Dimension::Place, pass);
+            let sequence = sequence_of(variant, Dimension::Place, numbers);
             for k in 0..n {
                 // The samples are permuted, so that position and time are not correlated.
-                let (fx, fy) = jittered(sample::permute(k, n, !seed), strata, seed);
+                let (fx, fy) = jittered(shuffled(k, n, sequence), strata, sequence);
                 self.fx.push(fx);
                 self.fy.push(fy);
             }
         }
     }
 
-    fn add_times(&mut self, n: u32, [open, close]: [f32; 2], pass: u32) {
+    fn add_times(&mut self, n: u32, [open, close]: [f32; 2], numbers: [u32; 2]) {
         for variant in 0..variants(n) {
-            let seed = seed_of(variant, Dimension::Time, pass);
+            let sequence = sequence_of(variant, Dimension::Time, numbers);
             self.time.extend((0..n).map(|k| {
-                let t = (k as f32 + hash::unit(hash::words(&[seed, k]))) / n as f32;
+                let within = hash::unit(sequence.dimension(k).seed);
+                let t = (k as f32 + sequence.moved_on_line(within)) / n as f32;
                 open + (close - open) * t
             }));
         }
     }
 
-    /// Adds the lens points of a pattern. `shuffled` is true when the order of samples is determined by another
+    /// Adds the lens points of a pattern. `is_shuffled` is true when the order of samples is determined by another
     /// dimension.
-    fn add_lens(&mut self, strata: [u32; 2], radius: f32, shuffled: bool, pass: u32) {
+    fn add_lens(&mut self, strata: [u32; 2], radius: f32, is_shuffled: bool, numbers: [u32; 2]) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
-            let seed = seed_of(variant, Dimension::Lens, pass);
+            let sequence = sequence_of(variant, Dimension::Lens, numbers);
             for k in 0..n {
-                let k = if shuffled { sample::permute(k, n, !seed) } else { k };
-                let (a, b) = jittered(k, strata, seed);
+                let k = if is_shuffled { shuffled(k, n, sequence) } else { k };
+                let (a, b) = jittered(k, strata, sequence);
                 let [x, y] = disk(a, b);
                 self.lens_x.push(x * radius);
                 self.lens_y.push(y * radius);
@@ -388,14 +398,15 @@ fn reciprocal(pixels: usize, per_pixel: usize) -> u64 {
 /// Returns point `s` of a correlated multi-jittered pattern of `nx x ny` strata (Kensler, Correlated Multi-Jittered
 /// Sampling, Pixar technical memo 13-01, 2013). The pattern is stratified in both dimensions together and in each
 /// alone.
-fn jittered(s: u32, [nx, ny]: [u32; 2], seed: u32) -> (f32, f32) {
+fn jittered(s: u32, [nx, ny]: [u32; 2], sequence: Sequence) -> (f32, f32) {
+    let Sequence { seed, .. } = sequence;
     let (i, j) = (s % nx, s / nx);
     let sx = sample::permute(i, nx, hash::mix32(seed ^ 0xa511_e9b3));
     let sy = sample::permute(j, ny, hash::mix32(seed ^ 0x63d8_3595));
     let jx = hash::unit(hash::words(&[seed, s, 0]));
     let jy = hash::unit(hash::words(&[seed, s, 1]));
-    let x = (i as f32 + (sy as f32 + jx) / ny as f32) / nx as f32;
-    let y = (j as f32 + (sx as f32 + jy) / nx as f32) / ny as f32;
+    let [x, y] = sequence.moved([(sy as f32 + jx) / ny as f32, (sx as f32 + jy) / nx as f32]);
+    let (x, y) = ((i as f32 + x) / nx as f32, (j as f32 + y) / ny as f32);
     const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
     (x.min(BELOW_ONE), y.min(BELOW_ONE))
 }
@@ -420,7 +431,7 @@ mod tests {
     fn samples_are_stratified_in_two_and_in_one_dimension() {
         let strata = [4, 3];
         for seed in [0, 1, 99] {
-            let points: Vec<_> = (0..12).map(|s| jittered(s, strata, seed)).collect();
+            let points: Vec<_> = (0..12).map(|s| jittered(s, strata, Sequence::new(seed))).collect();
             let count = |nx: usize, ny: usize| {
                 let mut cells = vec![0; nx * ny];
                 for (x, y) in &points {
@@ -429,6 +440,36 @@ mod tests {
                 cells.iter().all(|c| *c == 1)
             };
             assert!(count(4, 3) && count(12, 1) && count(1, 12), "seed {seed}");
+        }
+    }
+
+    #[test]
+    fn rounds_fill_the_strata_of_a_pixel() {
+        let of = |round| {
+            let mut tables = Tables::default();
+            tables.add_places([4, 4], [0, round]);
+            tables.add_times(16, [0.0, 1.0], [0, round]);
+            tables.add_lens([4, 4], 1.0, true, [0, round]);
+            tables
+        };
+        let rounds: Vec<Tables> = (0..4).map(of).collect();
+        let is_full = |cells: Vec<usize>, n: usize| {
+            let mut seen = vec![false; n];
+            cells.iter().for_each(|cell| seen[*cell] = true);
+            cells.len() == n && !seen.contains(&false)
+        };
+        // Of each pattern, the samples of four rounds are in all cells of 8 x 8, and in all 64 parts of the shutter.
+        for first in (0..rounds[0].fx.len()).step_by(16) {
+            let all = || rounds.iter().flat_map(|t| (first..first + 16).map(move |k| (t, k)));
+            let cell = |(t, k): (&Tables, usize)| (t.fx[k] * 8.0) as usize + 8 * (t.fy[k] * 8.0) as usize;
+            assert!(is_full(all().map(cell).collect(), 64), "{first}");
+            assert!(is_full(all().map(|(t, k)| (t.time[k] * 64.0) as usize).collect(), 64), "{first}");
+            // Sample k has the k-th part of the shutter in each round, and other places.
+            let part = |t: &Tables| (first..first + 16).all(|k| (t.time[k] * 16.0) as usize == k - first);
+            assert!(rounds.iter().all(part));
+            let stratum = |t: &Tables, k: usize| (t.fx[k] * 4.0) as usize + 4 * (t.fy[k] * 4.0) as usize;
+            let same = (first..first + 16).filter(|k| stratum(&rounds[0], *k) == stratum(&rounds[1], *k));
+            assert_eq!(same.count(), 0, "{first}");
         }
     }
 

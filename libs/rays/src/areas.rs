@@ -20,12 +20,16 @@ impl AreaTable {
         }
     }
 
-    /// Returns the triangle at a fraction (0 to 1) of the whole area; `None` when there is no area.
-    pub(crate) fn at(&self, fraction: f32) -> Option<(u32, u32)> {
+    /// Returns the part and the triangle at a fraction (0 to 1) of the whole area, and the fraction of the triangle's
+    /// own area there; `None` when there is no area.
+    pub(crate) fn at(&self, fraction: f32) -> Option<(u32, u32, f32)> {
         let whole = *self.sums.last()?;
         let wanted = f64::from(fraction) * whole;
         let k = self.sums.partition_point(|s| *s <= wanted).min(self.places.len() - 1);
-        Some(self.places[k])
+        let before = if k > 0 { self.sums[k - 1] } else { 0.0 };
+        let within = ((wanted - before) / (self.sums[k] - before)).clamp(0.0, 1.0);
+        let (part, triangle) = self.places[k];
+        Some((part, triangle, within as f32))
     }
 }
 
@@ -44,10 +48,11 @@ mod tests {
         for (part, triangle, area) in [(0, 0, 1.0), (0, 1, 0.0), (1, 0, 3.0), (2, 5, f32::NAN)] {
             table.push(part, triangle, area);
         }
-        assert_eq!(table.at(0.0), Some((0, 0)));
-        assert_eq!(table.at(0.24), Some((0, 0)));
-        assert_eq!(table.at(0.26), Some((1, 0)));
-        assert_eq!(table.at(1.0), Some((1, 0)));
+        assert_eq!(table.at(0.0), Some((0, 0, 0.0)));
+        assert_eq!(table.at(0.125), Some((0, 0, 0.5)));
+        assert_eq!(table.at(0.25), Some((1, 0, 0.0)));
+        assert_eq!(table.at(0.625), Some((1, 0, 0.5)));
+        assert_eq!(table.at(1.0), Some((1, 0, 1.0)));
         assert_eq!(AreaTable::default().at(0.5), None);
         assert_eq!(area(Vec3::ZERO, Vec3::X * 2.0, Vec3::Y), 1.0);
     }

@@ -1,6 +1,7 @@
 //! Sampling of directions within cones.
 
-use granita_base::{Vec3, hash, sample};
+use granita_base::sample::{self, Sequence};
+use granita_base::{Vec3, hash};
 use granita_shade::approx;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -29,15 +30,21 @@ pub fn basis(n: Vec3) -> (Vec3, Vec3) {
     (Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
-/// Returns a unit direction within `half_angle` (radians) of the unit vector `axis`. `index` is that of a sample in
-/// the sequence of `seed`. The result is the axis itself when the angle is 0.
+/// Returns a unit direction within `half_angle` (radians) of the unit vector `axis`. `index` is that of one of `of`
+/// samples of a sequence. The result is the axis itself when the angle is 0.
 ///
 /// A cosine distribution covers at most the hemisphere.
-pub fn in_cone(axis: Vec3, half_angle: f32, distribution: Distribution, index: u32, seed: u32) -> Vec3 {
+pub fn in_cone(
+    axis: Vec3,
+    half_angle: f32,
+    distribution: Distribution,
+    [index, of]: [u32; 2],
+    sequence: Sequence,
+) -> Vec3 {
     if half_angle.is_nan() || half_angle <= 0.0 {
         return axis;
     }
-    let (x, y) = sample::square(index, seed);
+    let (x, y) = sequence.square(index, of);
     let cos = match distribution {
         Distribution::Cosine => {
             let sin = half_angle.min(std::f32::consts::FRAC_PI_2).sin();
@@ -94,14 +101,16 @@ impl ConeCells {
     }
 
     /// Passes a direction in each cell (ring by ring) around a unit axis to `tell`. Directions are jittered so that
-    /// rings and sectors are also filled evenly (Kensler, Correlated Multi-Jittered Sampling, 2013).
-    pub fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
+    /// rings and sectors are also filled evenly (Kensler, Correlated Multi-Jittered Sampling, 2013). Directions of
+    /// further rounds fill each cell evenly.
+    pub fn directions(&self, axis: Vec3, sequence: Sequence, tell: &mut dyn FnMut(u32, Vec3)) {
         if self.is_narrow() {
             return (0..self.count()).for_each(|index| tell(index, axis));
         }
         let (u, v) = basis(axis);
         let narrowest = self.narrowest();
         let (rings, sectors) = (self.rings as f32, self.sectors as f32);
+        let Sequence { seed, .. } = sequence;
         let permuted = |n: u32, dimension: u32| -> Vec<u32> {
             let seed = hash::words(&[seed, dimension]);
             (0..n).map(|k| sample::permute(k, n, seed)).collect()
@@ -116,6 +125,7 @@ impl ConeCells {
                 let index = ring * self.sectors + sector;
                 let x = part(across[sector as usize], sectors, index, 3);
                 let y = part(around[ring as usize], rings, index, 4);
+                let [x, y] = sequence.moved([x, y]);
                 let (x, y) = ((ring as f32 + x) / rings, (sector as f32 + y) / sectors);
                 let (sin, cos) = if self.uniform.is_some() {
                     let cos = 1.0 - x * (1.0 - narrowest);
@@ -150,7 +160,7 @@ mod tests {
     fn sampled_directions_have_the_mean_of_their_distribution() {
         let n = 4096;
         let mean = |d: Distribution, angle: f32| {
-            (0..n).map(|i| in_cone(Vec3::Y, angle, d, i, 7).y).sum::<f32>() / n as f32
+            (0..n).map(|i| in_cone(Vec3::Y, angle, d, [i, n], Sequence::new(7)).y).sum::<f32>() / n as f32
         };
         // E[cos] is 2/3 for a hemisphere with a cosine distribution, 1/2 for a uniform hemisphere, and 0 for the full
         // sphere.
@@ -163,11 +173,11 @@ mod tests {
     fn sampled_directions_stay_in_their_cone() {
         for i in 0..256 {
             for d in [Distribution::Cosine, Distribution::Uniform] {
-                let v = in_cone(-Vec3::Z, 0.3, d, i, 1);
+                let v = in_cone(-Vec3::Z, 0.3, d, [i, 1], Sequence::new(1));
                 assert!(v.dot(-Vec3::Z).clamp(-1.0, 1.0).acos() < 0.3 + 1e-3);
             }
         }
-        assert_eq!(in_cone(Vec3::X, 0.0, Distribution::Cosine, 3, 1), Vec3::X);
-        assert_eq!(in_cone(Vec3::X, f32::NAN, Distribution::Cosine, 3, 1), Vec3::X);
+        assert_eq!(in_cone(Vec3::X, 0.0, Distribution::Cosine, [3, 4], Sequence::new(1)), Vec3::X);
+        assert_eq!(in_cone(Vec3::X, f32::NAN, Distribution::Cosine, [3, 4], Sequence::new(1)), Vec3::X);
     }
 }

@@ -133,6 +133,17 @@ struct Areas {
     static_meshes: Vec<RayMesh>,
 }
 
+impl Areas {
+    /// Returns the part and the triangle that a place in the unit square is mapped to, and the weights of its second
+    /// and third corner there.
+    fn place(&self, &[x, y]: &[f32; 2]) -> Option<(u32, u32, [f32; 2])> {
+        let (part, triangle, x) = self.table.at(x)?;
+        // The square is folded into the triangle, uniform in area.
+        let root = x.sqrt();
+        Some((part, triangle, [root * (1.0 - y), root * y]))
+    }
+}
+
 /// The largest number of facets of static meshes that counts as few.
 const FEW_FACETS: usize = 1 << 12;
 
@@ -605,12 +616,12 @@ impl<O: RayObject> RayScene<O> {
         located
     }
 
-    /// Returns points at fractions of the area of all surfaces, at barycentric coordinates of their triangles, and
-    /// the normals there. Returns `None` when the set has no area.
+    /// Returns the points of all surfaces that places in the unit square are mapped to, uniform in area, and the
+    /// normals there. Triangles follow each other along x. Returns `None` when the set has no area.
     pub fn area_points(
         &self,
         thread: &mut dyn GridShader<'_, O>,
-        places: &[(f32, f32, f32)],
+        places: &[[f32; 2]],
     ) -> Option<Vec<(Vec3, Vec3)>> {
         let areas = match self.areas.get() {
             Some(areas) => areas,
@@ -627,15 +638,15 @@ impl<O: RayObject> RayScene<O> {
         };
         let mut out = Vec::with_capacity(places.len());
         if self.settled() == areas.static_meshes.len() && self.parts.is_empty() {
-            for &(fraction, b1, b2) in places {
-                let (part, triangle) = areas.table.at(fraction)?;
+            for place in places {
+                let (part, triangle, [b1, b2]) = areas.place(place)?;
                 out.push(of_mesh(&areas.static_meshes[part as usize], triangle, (b1, b2)));
             }
             return Some(out);
         }
         let mut hits = Vec::with_capacity(places.len());
-        for &(fraction, b1, b2) in places {
-            let (part, triangle) = areas.table.at(fraction)?;
+        for place in places {
+            let (part, triangle, [b1, b2]) = areas.place(place)?;
             hits.push(SetHit { t: 0.0, b1, b2, part, triangle, level: Level::FINEST });
         }
         let located = self.locate(thread, &hits);

@@ -1,11 +1,12 @@
 //! Images that are the sum of passes: what is requested, and what was reached.
 //!
-//! A pass is a frame whose random numbers (sample positions, times, lens points, and all directions that shading
-//! draws) are independent of those of the other passes. The image is the mean of its passes, weighted with the weights
-//! of the pixel filter, before gain, gamma and quantizing. It follows from the number of passes alone.
+//! A pass is a frame with random numbers of its own (sample positions, times, lens points, and all directions that
+//! shading draws). Even and odd passes are independent of each other, and each continues the sequences of those before
+//! it ([`granita_base::PassNumbers`]). The image is the mean of its passes, weighted with the weights of the pixel
+//! filter, before gain, gamma and quantizing. It follows from the number of passes alone.
 //!
 //! The error of an image is `sqrt (mean ((a - b)^2)) / mean (b)` over the values of its colour channels, where `b` is
-//! the mean of infinitely many passes. It is estimated from the differences between passes.
+//! the mean of infinitely many passes. It is estimated from the difference between even and odd passes.
 //!
 //! What all passes have in common is bias. With a requested error, the first passes are coarse: they have twice the
 //! dicing step, and fewer records of indirect light and occlusion. They are rendered once more with four times the
@@ -318,26 +319,28 @@ pub(crate) fn percent(fraction: f64) -> String {
     format!("{percent:.digits$} %")
 }
 
-/// The differences between the passes of a part of the image.
+/// The noise of a part of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Spot {
     /// The number of pixels.
     pub(crate) pixels: usize,
-    /// The mean variance of a value in one pass.
-    pub(crate) variance: f64,
+    /// The mean squared noise of its values, from the difference of two halves of the passes.
+    pub(crate) squared: f64,
+    /// The same, if all passes were independent of each other.
+    pub(crate) independent: f64,
     /// The number of passes.
     pub(crate) passes: u32,
 }
 
-/// Returns the mean squared error of an image of parts, when each has the passes that `passes` returns, and its
+/// Returns the mean squared error of an image of parts, when each has the squared noise that `noise` returns, and its
 /// standard deviation.
-fn squared_error(spots: &[Spot], passes: impl Fn(&Spot) -> f64) -> [f64; 2] {
+fn squared_error(spots: &[Spot], noise: impl Fn(&Spot) -> f64) -> [f64; 2] {
     let (mut pixels, mut sum, mut spread) = (0.0, 0.0, 0.0);
     for spot in spots {
-        let (n, all) = (passes(spot).max(1.0), spot.pixels as f64);
-        let own = all * spot.variance / n;
-        // The variance is known from the passes that there are.
-        let freedom = f64::from(spot.passes.max(2) - 1) * (all / PIXELS_PER_NUMBER).max(1.0);
+        let all = spot.pixels as f64;
+        let own = all * noise(spot);
+        // Each random number shows one difference of two halves.
+        let freedom = (all / PIXELS_PER_NUMBER).max(1.0);
         (pixels, sum, spread) = (pixels + all, sum + own, spread + own * own * 2.0 / freedom);
     }
     if pixels == 0.0 { [0.0; 2] } else { [sum / pixels, spread.sqrt() / pixels] }
@@ -345,47 +348,71 @@ fn squared_error(spots: &[Spot], passes: impl Fn(&Spot) -> f64) -> [f64; 2] {
 
 /// Returns the mean squared error of an image of parts, and the upper end of its confidence interval.
 pub(crate) fn confident_error(spots: &[Spot]) -> [f64; 2] {
-    let [mean, deviation] = squared_error(spots, |spot| f64::from(spot.passes));
+    let [mean, deviation] = squared_error(spots, |spot| spot.squared);
     [mean, mean + CONFIDENCE * deviation]
 }
 
 /// The rule by which parts of an image get more passes.
 ///
 /// The time of an image is least when every part has the same ratio between what a further pass gains and what it
-/// costs (the method of Lagrange). A part whose values have the standard deviation s in one pass then gets `s / step`
-/// passes. The step follows from the first passes of the whole frame. After that, each part decides by itself, so that
-/// a crop of an image has its pixels.
+/// costs (the method of Lagrange). A part gets passes until its squared noise over their number is at most `least`:
+/// where passes are independent, as many as are in proportion to its standard deviation. `least` follows from the first
+/// passes of the whole frame. After that, each part decides by itself, so that a crop of an image has its pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Rule {
-    step: f64,
+    least: f64,
+}
+
+/// The largest exponent of [`fall`] that is expected of more passes.
+const STEEPEST: f64 = 1.75;
+
+/// Returns the power of the number of passes by which the squared noise falls: 1 where passes are independent, and more
+/// where they continue each other. It follows from parts that have twice as many passes after as before, less its
+/// standard deviation.
+pub(crate) fn fall(before: &[Spot], after: &[Spot]) -> f64 {
+    let twice: Vec<(Spot, Spot)> = before
+        .iter()
+        .copied()
+        .zip(after.iter().copied())
+        .filter(|(before, after)| after.passes == 2 * before.passes)
+        .collect();
+    let (before, after): (Vec<Spot>, Vec<Spot>) = twice.into_iter().unzip();
+    let [[from, of_from], [to, of_to]] =
+        [&before, &after].map(|spots| squared_error(spots, |spot| spot.squared));
+    let power = (from / to).log2() - (of_from / from).hypot(of_to / to) / std::f64::consts::LN_2;
+    if power.is_nan() { 1.0 } else { power.clamp(1.0, STEEPEST) }
 }
 
 impl Rule {
-    /// Returns the rule with which the mean squared error of an image is `most` at 95 % confidence, as far as the first
-    /// passes show it. `spots` are all parts
-    /// of the whole image after the first passes.
-    pub(crate) fn new(spots: &[Spot], most: f64) -> Self {
-        let fits = |step: f64| {
-            let passes = |spot: &Spot| f64::from(spot.passes).max(spot.variance.sqrt() / step);
-            let [mean, deviation] = squared_error(spots, passes);
+    /// Returns the rule with which the mean squared error of an image is `most` at 95 % confidence, as far as the
+    /// passes show it that there are. `spots` are all parts of the whole image. Squared noise falls with a power of the
+    /// number of passes ([`fall`]).
+    pub(crate) fn new(spots: &[Spot], most: f64, power: f64) -> Self {
+        let each = |spot: &Spot| spot.squared / f64::from(spot.passes.max(1));
+        let fits = |least: f64| {
+            let noise = |spot: &Spot| {
+                let times = (each(spot) / least).max(1.0).powf(1.0 / (power + 1.0));
+                spot.squared * times.powf(-power)
+            };
+            let [mean, deviation] = squared_error(spots, noise);
             mean + CONFIDENCE * deviation <= most
         };
-        let largest = spots.iter().map(|spot| spot.variance.sqrt()).fold(0.0, f64::max);
-        // With the largest step no part gets more passes than it has.
-        let (mut low, mut high) = (0.0, largest.max(f64::MIN_POSITIVE));
-        if fits(high) {
-            return Self { step: high };
+        // With the largest one no part gets more passes than it has.
+        let largest = spots.iter().map(each).fold(f64::MIN_POSITIVE, f64::max);
+        if fits(largest) {
+            return Self { least: largest };
         }
-        for _ in 0..100 {
+        let (mut low, mut high) = (0.0, largest);
+        for _ in 0..200 {
             let middle = 0.5 * (low + high);
             if fits(middle) { low = middle } else { high = middle }
         }
-        Self { step: low }
+        Self { least: low }
     }
 
     /// True when a part needs another pass.
     pub(crate) fn wants(&self, spot: &Spot) -> bool {
-        spot.variance > 0.0 && f64::from(spot.passes) * self.step < spot.variance.sqrt()
+        spot.squared > f64::from(spot.passes) * self.least
     }
 }
 
@@ -393,27 +420,51 @@ impl Rule {
 mod tests {
     use super::*;
 
+    /// Returns a part of an image whose values have a standard deviation in each of two passes.
     fn spot(deviation: f64) -> Spot {
-        Spot { pixels: 1024, variance: deviation * deviation, passes: 2 }
+        after(2, deviation, 1.0)
+    }
+
+    /// Returns the same after some passes, when its noise falls with a power.
+    fn after(passes: u32, deviation: f64, power: f64) -> Spot {
+        let squared = deviation * deviation / 2.0 * (2.0 / f64::from(passes)).powf(power);
+        Spot { pixels: 1024, squared, independent: squared, passes }
     }
 
     #[test]
     fn parts_get_passes_in_proportion_to_their_deviation() {
-        let spots: Vec<Spot> = (0..100).map(|k| spot(if k < 10 { 1.0 } else { 0.1 })).collect();
-        let rule = Rule::new(&spots, 0.001);
-        let needed = |deviation: f64| {
-            let mut spot = spot(deviation);
-            while rule.wants(&spot) {
-                spot.passes += 1;
-            }
-            spot.passes
-        };
-        let (many, few) = (needed(1.0), needed(0.1));
-        assert!((f64::from(many) / f64::from(few) - 10.0).abs() < 1.0, "{many} {few}");
-        let after: Vec<Spot> =
-            spots.iter().map(|s| Spot { passes: needed(s.variance.sqrt()), ..*s }).collect();
-        let [mean, bound] = confident_error(&after);
-        assert!(mean < bound && bound <= 0.001 && mean > 0.0008, "{mean} {bound}");
+        let deviations: Vec<f64> = (0..100).map(|k| if k < 10 { 1.0 } else { 0.1 }).collect();
+        let spots: Vec<Spot> = deviations.iter().map(|d| spot(*d)).collect();
+        for power in [1.0, 1.5] {
+            let rule = Rule::new(&spots, 0.001, power);
+            let needed = |deviation: f64| {
+                let mut spot = spot(deviation);
+                while rule.wants(&spot) {
+                    spot = after(spot.passes + 1, deviation, power);
+                }
+                spot.passes
+            };
+            let (many, few) = (needed(1.0), needed(0.1));
+            let ratio = 100.0_f64.powf(1.0 / (power + 1.0));
+            assert!((f64::from(many) / f64::from(few) - ratio).abs() < 0.15 * ratio, "{many} {few}");
+            let spots: Vec<Spot> = deviations.iter().map(|d| after(needed(*d), *d, power)).collect();
+            let [mean, bound] = confident_error(&spots);
+            assert!(mean < bound && bound <= 0.001 && mean > 0.0007, "{power}: {mean} {bound}");
+        }
+    }
+
+    #[test]
+    fn the_fall_of_noise_is_measured_where_there_are_twice_the_passes() {
+        let of = |passes: u32, power: f64| vec![after(passes, 1.0, power); 1000];
+        let before = of(2, 1.0);
+        for (power, least) in [(1.0, 1.0), (1.4, 1.38), (3.0, STEEPEST), (0.5, 1.0)] {
+            let found = fall(&before, &of(4, power));
+            assert!((least..=power.clamp(1.0, STEEPEST)).contains(&found), "{power}: {found}");
+        }
+        // What few parts show is uncertain.
+        assert!(fall(&before[..1], &of(4, 1.4)[..1]) < 1.3);
+        assert_eq!(fall(&before, &of(3, 1.4)), 1.0);
+        assert_eq!(fall(&[], &[]), 1.0);
     }
 
     #[test]
@@ -447,12 +498,12 @@ mod tests {
 
     #[test]
     fn an_image_without_noise_needs_no_more_passes() {
-        let rule = Rule::new(&[spot(0.0), spot(0.0)], 1e-6);
+        let rule = Rule::new(&[spot(0.0), spot(0.0)], 1e-6, 1.0);
         assert!(!rule.wants(&spot(0.0)));
         assert_eq!(confident_error(&[spot(0.0)]), [0.0, 0.0]);
         assert_eq!(confident_error(&[]), [0.0, 0.0]);
         // The requested error is reached already.
-        let rule = Rule::new(&[spot(0.1)], 1.0);
+        let rule = Rule::new(&[spot(0.1)], 1.0, 1.0);
         assert!(!rule.wants(&spot(0.1)));
     }
 

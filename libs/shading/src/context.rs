@@ -10,6 +10,7 @@ use crate::services::maps;
 use crate::spaces::{Spaces, Units};
 use crate::texts::Texts;
 use crate::{ShaderLibrary, ShadingEnvironment, ShadingStatistics, preshaded};
+use granita_base::sample::Sequence;
 use granita_base::{
     Files, Location, NoiseSource, OnceMap, PassNumbers, Reporter, SearchPath, Severity, Vec3, hash,
 };
@@ -87,8 +88,9 @@ pub struct ShadingContext {
     pub keeps: bool,
     /// What changed before each frame, from the second one on.
     pub(crate) history: Vec<Changes>,
-    /// The pass that is rendered, of an image that is the sum of passes.
-    pass: AtomicU32,
+    /// The set of random numbers of the pass that is rendered, and its round.
+    set: AtomicU32,
+    round: AtomicU32,
     /// The number of the noise source that has other random numbers than the pass, from 1; 0 for none.
     varied: AtomicU32,
     /// A bit for each noise source that drew random numbers.
@@ -218,7 +220,8 @@ impl ShadingContext {
             saves_before: environment.databases.saves(),
             keeps: false,
             history: Vec::new(),
-            pass: AtomicU32::new(0),
+            set: AtomicU32::new(0),
+            round: AtomicU32::new(0),
             varied: AtomicU32::new(0),
             drawn: AtomicU32::new(0),
             tolerance: AtomicU32::new(1.0_f32.to_bits()),
@@ -228,13 +231,33 @@ impl ShadingContext {
         }
     }
 
-    /// Begins a pass of an image that is the sum of passes. Random numbers of different passes are independent of each
-    /// other. Those of pass 0 are those of a frame. It must not be called while a thread shades.
+    /// Begins a pass of an image that is the sum of passes. It must not be called while a thread shades.
     pub fn begin_pass(&self, numbers: PassNumbers) {
         let varied = numbers.varied.map_or(0, |source| source as u32 + 1);
-        let pass = self.pass.swap(numbers.pass, Ordering::Relaxed);
-        if self.varied.swap(varied, Ordering::Relaxed) != varied || pass != numbers.pass {
+        let replaced = |place: &AtomicU32, new: u32| place.swap(new, Ordering::Relaxed) != new;
+        let changed = [
+            replaced(&self.set, numbers.set),
+            replaced(&self.round, numbers.round),
+            replaced(&self.varied, varied),
+        ];
+        if changed.contains(&true) {
             self.light_cache.clear();
+        }
+    }
+
+    /// Returns the sequence of a seed in the round of the present pass. All numbers that seeds are used for come from
+    /// sequences: the same seed occurs in each round.
+    pub(crate) fn sequence(&self, seed: u32) -> Sequence {
+        Sequence { seed, round: self.round.load(Ordering::Relaxed) }
+    }
+
+    /// Returns the seed of `random ()`, which is combined with those of grids; 0 has no effect. Where it `varies`,
+    /// `random ()` draws other numbers in each round.
+    pub(crate) fn random_seed(&self, varies: bool) -> u32 {
+        let seed = self.scene.get(attr::RANDOM_SEED) as u32;
+        match self.round.load(Ordering::Relaxed) {
+            round if varies && round > 0 => hash::words(&[seed, round]),
+            _ => seed,
         }
     }
 
@@ -305,17 +328,17 @@ impl ShadingContext {
         }
     }
 
-    /// Returns a seed of the frame for the present pass.
+    /// Returns a seed of the frame for the set of random numbers of the present pass.
     pub(crate) fn seed_in_pass(&self, seed: u32) -> u32 {
-        match self.pass.load(Ordering::Relaxed) {
+        match self.set.load(Ordering::Relaxed) {
             0 => seed,
-            pass => hash::words(&[seed, pass, PASS]),
+            set => hash::words(&[seed, set, PASS]),
         }
     }
 
     /// Gives the seeds of a grid that the camera sees to the present pass.
     pub fn seed_grid(&self, grid: &mut Grid) {
-        if self.pass.load(Ordering::Relaxed) != 0 {
+        if self.set.load(Ordering::Relaxed) != 0 {
             grid.seed = self.seed_in_pass(grid.seed);
             grid.names.iter_mut().for_each(|name| *name = self.seed_in_pass(*name));
         }

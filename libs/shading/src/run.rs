@@ -163,7 +163,7 @@ impl ShaderThread<'_> {
         wanted: &[(&str, ValueType)],
         how: RunOf,
     ) -> Vec<Option<Vec<f32>>> {
-        let mut executor = self.take_executor();
+        let mut executor = self.take_executor(shaders.usage);
         self.nested += 1;
         let thread = &mut *self;
         let found = stacker::maybe_grow(STACK_FOR_ONE, MORE_STACK, || {

@@ -42,7 +42,7 @@ use granita_shade::{
 use granita_texture::Wrap;
 use grids::{coincident, rims, seen_by_lights};
 use recall::{Asked, Question};
-use seeds::{LaneSeeds, LightSeeds};
+use seeds::{Draw, LaneSeeds, LightSeeds};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -330,7 +330,7 @@ impl<'r, 'f> Run<'r, 'f> {
         query: &IlluminateQuery<'_>,
         which: (u32, Repeat),
     ) -> (LightResult, bool) {
-        let mut executor = self.thread.take_executor();
+        let mut executor = self.thread.take_executor(light.shaders.usage);
         let (mut result, draws) = {
             let mut services = Run::for_light(self, light, query, which);
             let result = executor.run_light(&light.shaders.group, grid, query, &mut services);
@@ -372,15 +372,17 @@ impl<'r, 'f> Run<'r, 'f> {
         let (mut pl, mut nl) = (Lanes3::zeros(grid.len()), Lanes3::zeros(grid.len()));
         let count = samples(area.samples, self.frame.samples());
         let share = 1.0 / count as f32;
+        let active = query.batch.active;
+        let draws: Vec<Draw> =
+            (0..query.batch.lanes).map(|lane| self.draw_of_light(light, &names, call, lane)).collect();
+        self.frame.draws(NoiseSource::Lights);
         for index in 0..count {
-            let (own, frame) = (self.seed, self.frame);
-            let seed = |lane: u32| match names.get(lane as usize) {
-                Some(name) => hash::words(&[*name, light.seed, AREA]),
-                None => hash::words(&[own, call, light.seed, lane]),
+            let frame = self.frame;
+            let draw = |lane: u32| {
+                let Draw { seed, part } = draws[lane as usize];
+                (frame.sequence(seed), part)
             };
-            let seed = |lane: u32| frame.seed_of(NoiseSource::Lights, seed(lane));
-            let active = query.batch.active;
-            if !area::points(scene, self.thread, index, active, &seed, [&mut pl, &mut nl]) {
+            if !area::points(scene, self.thread, [index, count], active, &draw, [&mut pl, &mut nl]) {
                 return sum;
             }
             let query = IlluminateQuery { pl: Some(Lane3::over(&pl)), nl: Some(Lane3::over(&nl)), ..*query };
@@ -395,18 +397,16 @@ impl<'r, 'f> Run<'r, 'f> {
     /// Returns the mean of several runs of a broad light, each with a direction within its spread for every lane.
     /// Any other light runs once.
     fn broad_light(&mut self, light: &LightState, grid: &Grid, query: &IlluminateQuery<'_>) -> LightResult {
-        let (call, names, own) = (self.calls, self.seeds_for(light.seed, query), self.seed);
+        let (call, names) = (self.calls, self.seeds_for(light.seed, query));
         let count = samples(light.samples, self.frame.samples());
         let share = 1.0 / count as f32;
         let mut sum = LightResult::default();
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
         for index in 0..count {
             for &lane in query.batch.active {
-                let seed = match names.get(lane as usize) {
-                    Some(name) => hash::words(&[*name, light.seed, AREA]),
-                    None => hash::words(&[own, call, light.seed, lane]),
-                };
-                let (x, y) = sample::square(index, self.frame.varied_seed(NoiseSource::Lights, seed));
+                let Draw { seed, part } = self.draw_of_light(light, &names, call, lane as usize);
+                let [i, n] = sample::part_of([index, count], part);
+                let (x, y) = self.frame.sequence(seed).square(i, n);
                 (places[0][lane as usize], places[1][lane as usize]) = (x, y);
             }
             let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
@@ -420,6 +420,16 @@ impl<'r, 'f> Run<'r, 'f> {
             self.calls += 1;
         }
         sum
+    }
+
+    /// Returns what a lane draws for the samples of a light. `names` are the seeds of the lanes for the light.
+    fn draw_of_light(&self, light: &LightState, names: &[u32], call: u32, lane: usize) -> Draw {
+        let (first, part) = self.part_of(lane);
+        let seed = match names.get(first) {
+            Some(name) => hash::words(&[*name, light.seed, AREA]),
+            None => hash::words(&[self.seed, call, light.seed, first as u32]),
+        };
+        Draw { seed: self.frame.varied_seed(NoiseSource::Lights, seed), part }
     }
 
     /// Returns the seed of a lane for the next random call, which draws for `source`.
@@ -701,7 +711,10 @@ impl Run<'_, '_> {
         }
         self.note_file(query.name);
         let call = self.next_call(query.batch.active);
-        let seeds = |lane: u32| self.lane_seed(NoiseSource::Lights, call, lane);
+        let draw = |lane: u32| {
+            let Draw { seed, part } = self.draw(NoiseSource::Lights, call, lane);
+            (self.frame.sequence(seed), part)
+        };
         // A thread that builds structures for others or renders a map must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit;
         let maps = self.frame.dynamic.as_deref().filter(|_| may_wait);
@@ -710,7 +723,7 @@ impl Run<'_, '_> {
         let mut reader =
             maker.as_ref().map_or_else(|| textures.reader(), |maker| textures.reader_with(maker));
         let bias = |lane| self.bias(query.options.bias, lane);
-        maps::shadow(&mut reader, query, self.frame.samples(), &seeds, &bias, out);
+        maps::shadow(&mut reader, query, self.frame.samples(), &draw, &bias, out);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::context::ShadingContext;
 use crate::memo::{Dependencies, Dependency, Memo};
-use granita_scene::attr;
+use granita_scene::{ShaderUsage, attr};
 use granita_shade::Executor;
 use granita_texture::TextureReader;
 
@@ -100,14 +100,18 @@ impl<'f> ShaderThread<'f> {
         &mut self.textures
     }
 
-    /// Takes an idle executor, or makes one. The caller returns it with [`ShaderThread::put_executor`].
-    pub(crate) fn take_executor(&mut self) -> Executor {
-        self.idle.pop().unwrap_or_else(|| {
+    /// Takes an idle executor for shaders of a usage, or makes one. The caller returns it with
+    /// [`ShaderThread::put_executor`].
+    pub(crate) fn take_executor(&mut self, usage: ShaderUsage) -> Executor {
+        let mut executor = self.idle.pop().unwrap_or_else(|| {
             let mut executor = Executor::new();
             executor.look_for_nan(self.frame.scene.get(attr::DEBUG_SHADERNAN));
-            executor.seed_random(self.frame.scene.get(attr::RANDOM_SEED) as u32);
             executor
-        })
+        });
+        // Surfaces and maps without light are the same in all passes.
+        let varies = usage != ShaderUsage::Displacement && !self.is_unlit && !self.builds_rays;
+        executor.seed_random(self.frame.random_seed(varies));
+        executor
     }
 
     /// Returns an executor to the idle ones.

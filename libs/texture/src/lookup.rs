@@ -2,6 +2,7 @@
 
 use crate::Wrap;
 use granita_base::Vec3;
+use granita_base::sample::Sequence;
 use granita_image::ImageSpec;
 
 /// The parameters of `texture ()` at one point (reference 5.8.10).
@@ -249,8 +250,11 @@ pub struct ShadowLookup {
     /// The bias in "common" units that is added to the depths of the map. It is not negative. The caller replaces a
     /// negative one by the attribute "shadow:bias".
     pub bias: f32,
-    /// The seed of the sample pattern, which is a hash of the pixel or point.
-    pub seed: u32,
+    /// The sequence of the sample pattern. Its seed is a hash of the pixel or point.
+    pub sequence: Sequence,
+    /// The part of the sequence that it has, and the number of parts, where neighbours share one (see
+    /// [`part_of`](granita_base::sample::part_of)); 0 of 1 alone.
+    pub part: [u32; 2],
 }
 
 impl Default for ShadowLookup {
@@ -266,7 +270,8 @@ impl Default for ShadowLookup {
             twidth: 1.0,
             samples: 16,
             bias: 0.01,
-            seed: 0,
+            sequence: Sequence::new(0),
+            part: [0, 1],
         }
     }
 }

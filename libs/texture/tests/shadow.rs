@@ -3,6 +3,7 @@
 
 mod support;
 
+use granita_base::sample::Sequence;
 use granita_base::{Transform, Vec3};
 use granita_image::{ImageSpec, PixelType};
 use granita_texture::make::{MakeOptions, Mode};
@@ -96,8 +97,13 @@ fn a_blurred_shadow_has_a_linear_penumbra_of_the_blur_width() {
         for i in 0..40 {
             // The offsets are from -0.15 to 0.15 of the map's width, which is 20 at this depth.
             let offset = (i as f32 / 39.0 - 0.5) * 0.3;
-            let q =
-                ShadowLookup { sblur: 0.2, tblur: 0.2, samples, seed: i, ..point(offset * 20.0, 0.0, 5.0) };
+            let q = ShadowLookup {
+                sblur: 0.2,
+                tblur: 0.2,
+                samples,
+                sequence: Sequence::new(i),
+                ..point(offset * 20.0, 0.0, 5.0)
+            };
             let expected = (0.5 - offset / 0.2).clamp(0.0, 1.0);
             let got = cache.shadow(id, &q);
             // The samples are stratified in rows of the edge's direction, so that the error is about one stratum.
@@ -115,8 +121,13 @@ fn shadow_lookups_average_their_footprint() {
     let (cache, id) = folder.open("z.sm");
     let mut sum = 0.0;
     for seed in 0..50 {
-        let q =
-            ShadowLookup { dpdx: Vec3::X * 4.0, dpdy: Vec3::Y, seed, samples: 64, ..point(1.0, 0.0, 5.0) };
+        let q = ShadowLookup {
+            dpdx: Vec3::X * 4.0,
+            dpdy: Vec3::Y,
+            sequence: Sequence::new(seed),
+            samples: 64,
+            ..point(1.0, 0.0, 5.0)
+        };
         let v = cache.shadow(id, &q);
         assert!((v - 0.25).abs() < 0.06, "{v}");
         sum += v / 50.0;
@@ -174,7 +185,7 @@ fn cube_shadow_maps_cast_shadows_in_all_directions() {
             p: light + d / depth * depth_wanted,
             sblur: if i % 2 == 0 { 0.05 } else { 0.0 },
             tblur: if i % 2 == 0 { 0.05 } else { 0.0 },
-            seed: i,
+            sequence: Sequence::new(i),
             ..ShadowLookup::default()
         };
         // Blur across an edge may compare with a depth slightly larger than the point's.
@@ -225,7 +236,7 @@ fn cube_shadows_are_continuous_over_edges() {
                 sblur: blur,
                 tblur: blur,
                 samples: 64,
-                seed: i,
+                sequence: Sequence::new(i),
                 ..ShadowLookup::default()
             };
             cache.shadow(id, &q)
@@ -262,7 +273,14 @@ fn cube_volume_maps_are_continuous_over_edges() {
     let light = Vec3::new(0.0, 0.0, -5.0);
     let look = |d: Vec3, radius: f32, blur: f32, seed: u32| {
         let p = light + d.normalize() * radius;
-        let q = ShadowLookup { p, sblur: blur, tblur: blur, bias: 0.0, seed, ..ShadowLookup::default() };
+        let q = ShadowLookup {
+            p,
+            sblur: blur,
+            tblur: blur,
+            bias: 0.0,
+            sequence: Sequence::new(seed),
+            ..ShadowLookup::default()
+        };
         cache.shadow(id, &q)
     };
     for i in 0..3000 {

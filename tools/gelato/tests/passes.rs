@@ -277,6 +277,103 @@ fn the_noise_of_each_pixel_is_an_image() {
     assert!(place.has("a.exr") && !place.has("noise.exr"));
 }
 
+/// Passes continue the sequences of those before. Numbers that stayed the same would leave noise that no number of
+/// passes removes.
+#[test]
+fn the_noise_of_every_source_falls_with_the_number_of_passes() {
+    let place = Place::new();
+    let still = SCENE
+        .lines()
+        .filter(|line| !["shutter", "fstop", "Motion", "Light"].iter().any(|w| line.contains(w)));
+    let still = still
+        .collect::<Vec<_>>()
+        .join("\n")
+        .replace("(72, 56)", "(36, 28)")
+        .replace("+indirect,+occlude", "+all");
+    let lit = "C = color (0.6, 0.5, 0.3) * diffuse (normalize (N));";
+    let glossy =
+        "C = u + (color) environment (\"all\", reflect (I, normalize (N)), \"samples\", 2, \"blur\", 0.5);";
+    let blocked =
+        "C = 1 - occlusion (\"all\", P, normalize (N), PI / 2, \"samples\", 16, \"maxerror\", MAXERROR);";
+    let bounced = "C = u + indirect (\"all\", P, normalize (N), \"samples\", 8, \"maxerror\", MAXERROR);";
+    let gathered = "float hit = 0; C = 0; trace (\"all\", P, normalize (N), PI / 3, 4) { \
+                    getmessage (\"trace\", \"hit\", hit); C += 0.25 * (1 - hit); }";
+    let lamp = "PushAttributes ()\nAttribute (\"string geometryset\", \"lamp\")\nShader (\"surface\", \"constant\")\n\
+                Patch (\"linear\", 2, 2, \"vertex point P\", (-1, 3, 4, 1, 3, 4, -1, 3, 6, 1, 3, 6))\nPopAttributes ()\n\
+                Light (\"area\", \"arealight\", \"string geometry\", \"lamp\", \"float twosided\", 1, \"string shadowname\", \"all\")";
+    let several = format!("Attribute (\"int light:nsamples\", 2)\n{lamp}");
+    let sun = "Attribute (\"int light:nsamples\", 2)\nLight (\"sun\", \"broad\")";
+    let soft = "Light (\"soft\", \"softlight\", \"point from\", (2, 4, 3), \"float shadowsamples\", 2, \
+                \"string shadowname\", \"all\", \"float falloff\", 0)";
+    place.write(
+        "broad.gsl",
+        "light broad () { emit (vector (0.4, -1, 0.3), 0.8) { Cl = 1 - (color) shadow (\"all\", Ps); } }",
+    );
+    let moves = ("Sphere (1,", "Motion (0, 1)\nTranslate (0, 0, 0)\nTranslate (0.6, 0.2, 0)\nSphere (1,");
+    let of_camera = |line: &str| ("Camera (", format!("{line}\nCamera ("));
+    let open = of_camera("Attribute (\"float[2] shutter\", (0, 1))");
+    let own = |from: &'static str, to: &str| (from, to.to_owned());
+    let cases = [
+        ("edges", "C = mod (7 * u, 1) < 0.5;", "", vec![]),
+        ("random", "C = random ();", "", vec![]),
+        (
+            "random of hits",
+            "C = raylevel () > 0 ? random () : (color) environment (\"all\", vector (0, 1, 0.1));",
+            "",
+            vec![],
+        ),
+        ("motion", "C = u;", "", vec![open.clone(), own(moves.0, moves.1)]),
+        (
+            "lens",
+            "C = mod (7 * u, 1) < 0.5;",
+            "",
+            vec![of_camera(
+                "Attribute (\"float fstop\", 1)\nAttribute (\"float focallength\", 0.5)\nAttribute (\"float focaldistance\", 9)",
+            )],
+        ),
+        ("area", lit, lamp, vec![]),
+        ("areas", lit, &several, vec![]),
+        ("broad", lit, sun, vec![]),
+        ("soft", lit, soft, vec![]),
+        ("glossy", glossy, "", vec![]),
+        ("deep", glossy, "", vec![of_camera("Attribute (\"int ray:maxdepth\", 3)")]),
+        ("gather", gathered, "", vec![]),
+        ("occlusion", blocked, "", vec![own("MAXERROR", "0.25")]),
+        ("occlusion of points", blocked, "", vec![own("MAXERROR", "0")]),
+        (
+            "occlusion of what moves",
+            blocked,
+            "Attribute (\"int ray:motion\", 1)",
+            vec![own("MAXERROR", "0"), open, own(moves.0, moves.1)],
+        ),
+        ("indirect", bounced, "", vec![own("MAXERROR", "0.25")]),
+        ("indirect of points", bounced, "", vec![own("MAXERROR", "0")]),
+        (
+            "bounces",
+            bounced,
+            "",
+            vec![own("MAXERROR", "0"), of_camera("Attribute (\"int indirect:maxdepth\", 3)")],
+        ),
+    ];
+    let mut slow = Vec::new();
+    for (name, body, lights, changes) in cases {
+        let mut scene = still.replace("Shader (\"surface\"", &format!("{lights}\nShader (\"surface\""));
+        let mut body = body.to_owned();
+        for (from, to) in changes {
+            scene = scene.replace(from, &to);
+            body = body.replace(from, &to);
+        }
+        place.write("scene.pyg", &scene);
+        place.write("noisy.gsl", &format!("surface noisy () {{ {body} }}"));
+        let [few, many] = ["2", "32"].map(|passes| place.image(&["-passes", passes]).1.errors[0].unwrap());
+        if few < 1e-3 || many > 0.32 * few {
+            slow.push((name, few, many));
+        }
+    }
+    // Independent passes would have a quarter, which is measured to a tenth.
+    assert!(slow.is_empty(), "{slow:?}");
+}
+
 #[test]
 fn bias_is_a_part_of_the_error() {
     let place = Place::new();

@@ -4,6 +4,7 @@ use super::{GpuTracer, Traced, entry};
 use crate::functions::{DOUBLE, SINGLE};
 use crate::{Access, Buffer, Device, GpuError, Kernel};
 use granita_base::Vec3;
+use granita_base::sample::Sequence;
 use granita_rays::sampling::ConeCells;
 use granita_trace::{Ray, Tracer};
 
@@ -79,7 +80,7 @@ impl OcclusionPoint {
 /// Returns the occlusion of a point, computed by the CPU.
 pub fn occlusion_on_cpu(tracer: &Tracer, point: &OcclusionPoint) -> Occluded {
     let mut rays = Vec::with_capacity(point.cells.count() as usize);
-    point.cells.directions(point.axis, point.seed, &mut |_, dir| rays.push(point.ray(dir)));
+    point.cells.directions(point.axis, Sequence::new(point.seed), &mut |_, dir| rays.push(point.ray(dir)));
     let mut blocked = vec![false; rays.len()];
     tracer.any(&rays, &mut blocked);
     let mut out = Occluded { rays: rays.len() as u32, ..Occluded::default() };

@@ -3,6 +3,7 @@
 use super::*;
 use crate::fixture::{Frame, Object, Thread};
 use crate::sampling::{Distribution, in_cone};
+use granita_base::sample::Sequence;
 use granita_base::{CurveBasis, MotionTransform, Params, ShapeDesc, Transform, hash};
 use granita_fixture::{Fixture, param, shader};
 use granita_scene::{AttributeSet, Primitive};
@@ -234,7 +235,13 @@ fn wide_rays_tessellate_coarsely_and_only_where_they_pass() {
         let width = width * set.on_demand_meshes[0].pixel();
         let rays: Vec<RayRequest> = (0..4000)
             .map(|i| {
-                let axis = in_cone(Vec3::X, if one_side { 0.1 } else { 4.0 }, Distribution::Uniform, i, 5);
+                let axis = in_cone(
+                    Vec3::X,
+                    if one_side { 0.1 } else { 4.0 },
+                    Distribution::Uniform,
+                    [i, 4000],
+                    Sequence::new(5),
+                );
                 request(axis * 30.0, Vec3::ZERO, width, 0.0)
             })
             .collect();

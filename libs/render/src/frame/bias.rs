@@ -24,6 +24,31 @@ const CONTRAST: f64 = 0.3;
 /// The largest number of passes that bias is measured with.
 const MOST_PASSES: u32 = 16;
 
+/// The passes in which the parts of an image are rendered whose bias is measured.
+#[derive(Clone, Copy)]
+struct Passing {
+    /// The requested error.
+    error: f64,
+    /// The largest number of passes.
+    most: u32,
+    /// The factor of their samples.
+    samples: f32,
+}
+
+impl Passing {
+    /// Returns those for an error that needs a number of passes, which are larger by [`Passes::large`]: a quarter of
+    /// the samples that the error needs. A pass in the probes, with both accuracies, takes about half of the time of a
+    /// pass, and more in small images. Of larger passes, few show the bias.
+    ///
+    /// [`Passes::large`]: super::levels::Passes::large
+    fn new(error: f64, needed: f64, large: u32) -> Self {
+        let samples = 4_u32.pow(large);
+        let least = if large > 0 { PILOT + 1 } else { 2 * PILOT };
+        let most = ((needed / 4.0) as u32 / samples).clamp(least, MOST_PASSES);
+        Self { error, most, samples: samples as f32 }
+    }
+}
+
 /// What every pass is rendered with.
 pub(super) struct Run<'p> {
     pub(super) scene: &'p Scene,
@@ -84,12 +109,6 @@ fn covariance(differences: &[&[f32]]) -> Covariance {
 /// all for level 0.
 fn coarse_pixels(rect: &PixelRect, level: i32) -> f64 {
     (rect.width() * rect.height()) as f64 * 4.0_f64.powi(level - 1)
-}
-
-/// Returns the largest number of passes that the bias is measured with: a quarter of those that the error needs. A pass
-/// in the probes, with both accuracies, takes about half of the time of a pass, and more in small images.
-fn most_passes_of_bias(needed: f64) -> u32 {
-    ((needed / 4.0) as u32).clamp(2 * PILOT, MOST_PASSES)
 }
 
 /// True when so many passes that take `time` leave as much time for the image.
@@ -169,15 +188,15 @@ impl<S: FrameShader> Frame<'_, S> {
         self.each_sum(|sum| has_coarser &= sum.has_coarser());
         let may_change = has_coarser || may_end && has_time;
         let changes = if may_change { self.changes_of_frame(run, level) } else { None };
-        let most = most_passes_of_bias(needed);
+        let passing = Passing::new(error, needed, self.larger_passes(plan, &[], error));
         let squared = changes.as_ref().map_or_else(Vec::new, |changes| self.squared_changes(changes, level));
-        let may_measure = may_end && has_time_for(plan, time, most);
+        let may_measure = may_end && has_time_for(plan, time, passing.most);
         let is_too_large = level < 0 && squared.iter().any(|change| change.is_too_large_for(error));
         let found = match &changes {
             _ if is_short || is_too_large => None,
             // Where even the level below changes little, bias cannot matter.
             Some(_) if squared.iter().all(|change| change.is_small_for(error)) => Some(squared.clone()),
-            Some(changes) if may_measure => self.bias_of_parts(run, (error, most), (level, changes)),
+            Some(changes) if may_measure => self.bias_of_parts(run, passing, (level, changes)),
             _ => None,
         };
         let levels = |bias: &Vec<SquaredBias>| {
@@ -231,12 +250,12 @@ impl<S: FrameShader> Frame<'_, S> {
         (0..PILOT).map(change).collect()
     }
 
-    /// Returns the squared bias of each image, from parts of it in as many passes as the requested error needs, at most
-    /// `most`; `None` when the measurement was given up.
+    /// Returns the squared bias of each image, from parts of it in as many passes as the requested error needs; `None`
+    /// when the measurement was given up.
     fn bias_of_parts(
         &mut self,
         run: &Run<'_>,
-        asked: (f64, u32),
+        passing: Passing,
         (level, changes): (i32, &[Vec<Vec<f32>>]),
     ) -> Option<Vec<SquaredBias>> {
         let camera = self.options.camera;
@@ -245,7 +264,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let of_probes =
             Buckets::new(&camera.crop, [PROBE.unsigned_abs(); 2], order, self.pattern.per_pixel());
         let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes(run, asked, (level, &probes));
+        let bias = self.bias_of_probes(run, passing, (level, &probes));
         self.buckets = buckets;
         bias
     }
@@ -271,7 +290,7 @@ impl<S: FrameShader> Frame<'_, S> {
     fn bias_of_probes(
         &mut self,
         run: &Run<'_>,
-        (error, most): (f64, u32),
+        Passing { error, most, samples }: Passing,
         (level, probes): (i32, &[Probe]),
     ) -> Option<Vec<SquaredBias>> {
         let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
@@ -281,14 +300,14 @@ impl<S: FrameShader> Frame<'_, S> {
             all.filter(|(_, rect)| cells.contains(&cell(rect))).map(|(index, _)| index).collect();
         let rects: Vec<PixelRect> = probes.iter().map(|probe| probe.rect).collect();
         let whole = self.options.camera.crop;
-        let accuracy = Accuracy::of_level(level);
+        let accuracy = Accuracy { samples, ..Accuracy::of_level(level) };
         // For each image, the differences in each pass.
         let mut differences: Vec<Vec<Vec<f32>>> = Vec::new();
         let mut bias = Vec::new();
         for pass in 0..most {
             let begin = Instant::now();
             // The first passes are those of the image itself.
-            let plain = match pass < PILOT {
+            let plain = match pass < PILOT && samples == 1.0 {
                 true => None,
                 false => Some(self.colors_apart(run, (pass, accuracy), &list)?),
             };

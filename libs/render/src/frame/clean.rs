@@ -53,7 +53,7 @@ impl<S: FrameShader> Frame<'_, S> {
             .enumerate()
             .flat_map(|(eye, _)| self.outputs.images.iter().map(move |image| (eye, image)));
         let error = |((eye, image), sum): ((usize, &OutputImage), &Mutex<Accumulated>)| {
-            let halves = sum.lock().halves(&passes.crop)?;
+            let halves = if image.is_denoised { sum.lock().halves(&passes.crop) } else { None }?;
             (denoising.measure)(eye, image, &halves)
         };
         denoised.errors = images.zip(&passes.sums).map(error).collect();

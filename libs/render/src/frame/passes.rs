@@ -11,7 +11,9 @@ use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
-use crate::passes::{Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, SquaredBias};
+use crate::passes::{
+    Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, Spot, SquaredBias, fall,
+};
 use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::CameraView;
 use granita_dicing::camera::is_moving;
@@ -33,8 +35,19 @@ pub(super) struct Passed {
     pub(super) denoised: Vec<Option<DenoisedError>>,
 }
 
-/// What decides where an image needs more passes, and the mean of its colours.
-type Decision = Option<(Rule, f64)>;
+/// The number of passes of tiles that any crop renders for the whole image. They show how fast its noise falls.
+const WHOLE: u32 = PILOT;
+
+/// What decides where an image needs more passes.
+struct Plan {
+    rule: Rule,
+    /// The mean of its colours.
+    mean: f64,
+    /// The parts of the image after its first passes.
+    first: Vec<Spot>,
+}
+
+type Decision = Option<Plan>;
 
 impl<'a, S: FrameShader> Frame<'a, S> {
     /// Prepares the frame for passes of images that show the pixels of `crop`.
@@ -43,9 +56,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let images = self.eyes.iter().flat_map(|_| &self.outputs.images);
         let sum = |image: &OutputImage| {
             let kept = if plan.error.is_some() { PILOT } else { u32::from(plan.causes) };
-            let sum = Accumulated::new(image, rect).keeping(kept);
-            let is_halved = image.is_denoised && self.measures_denoised(plan);
-            Mutex::new(if is_halved { sum.halving() } else { sum })
+            Mutex::new(Accumulated::new(image, rect).keeping(kept))
         };
         let sums = images.map(sum).collect();
         self.passes = Some(Passes {
@@ -118,8 +129,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                         Some(Next::Pass) | None => (),
                     }
                 }
-                if self.passes.as_ref().is_some_and(|passes| passes.first_of_tiles == completed) {
-                    decisions = self.decisions(error);
+                match self.passes.as_ref().and_then(|passes| completed.checked_sub(passes.first_of_tiles)) {
+                    Some(0) => decisions = self.decisions(error, &[]),
+                    Some(WHOLE) => decisions = self.decisions(error, &decisions),
+                    _ => (),
                 }
                 if completed >= PILOT && self.is_reached_by_whole_passes(error) {
                     break;
@@ -323,7 +336,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             first = passes.first_of(pass);
             large = passes.large_of(pass);
         }
-        let numbers = PassNumbers { pass: pass - first, varied };
+        let number = pass - first;
+        let numbers = if is_apart { PassNumbers::alone(number) } else { PassNumbers::of(number) };
+        let numbers = PassNumbers { varied, ..numbers };
         self.shader.begin_pass(numbers);
         let of_samples = with_more_samples(camera, 1 << large);
         self.set_pattern(SamplePattern::of_pass(&of_samples, is_moving(scene, camera), numbers));
@@ -358,9 +373,11 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let [x0, y0] = corner;
             let tile = PixelRect { x0, x1: x0 + TILE, y0, y1: y0 + TILE }.intersection(&whole);
             let wants = |(sum, decision): (&Mutex<Accumulated>, &Decision)| {
-                decision.as_ref().is_some_and(|(rule, _)| rule.wants(&sum.lock().spot(&tile)))
+                decision.as_ref().is_some_and(|plan| plan.rule.wants(&sum.lock().spot(&tile)))
             };
-            !tile.intersection(&passes.crop).is_empty() && passes.sums.iter().zip(decisions).any(wants)
+            // The decisions follow from the whole image.
+            let is_seen = pass < passes.first_of_tiles + WHOLE || !tile.intersection(&passes.crop).is_empty();
+            is_seen && passes.sums.iter().zip(decisions).any(wants)
         };
         all.filter(is_wanted).collect()
     }
@@ -374,19 +391,23 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.passed = eyes.flat_map(|_| is_listed.iter().map(|listed| AtomicBool::new(!listed))).collect();
     }
 
-    /// Decides from the first passes of the whole image how many passes each part needs.
-    fn decisions(&self, error: f32) -> Vec<Decision> {
+    /// Decides from the first passes of the whole image how many passes each part needs. `before` are the decisions
+    /// from half as many, which show how fast the noise falls. Until then, passes are taken for independent.
+    fn decisions(&self, error: f32, before: &[Decision]) -> Vec<Decision> {
         let whole = self.options.camera.crop;
         let error = f64::from(error);
-        let decision = |(sum, bias): (&Mutex<Accumulated>, SquaredBias)| {
+        let decision = |(index, (sum, bias)): (usize, (&Mutex<Accumulated>, SquaredBias))| {
             let sum = sum.lock();
             let mean = sum.mean().filter(|_| sum.colors() > 0)?;
-            let tiles: Vec<_> = Accumulated::cut(&whole, TILE).iter().map(|tile| sum.spot(tile)).collect();
-            Some((Rule::new(&tiles, bias.leaves(error) * mean * mean), mean))
+            let tiles: Vec<Spot> = Accumulated::cut(&whole, TILE).iter().map(|tile| sum.spot(tile)).collect();
+            let before = before.get(index).and_then(Option::as_ref);
+            let power = before.map_or(1.0, |before| fall(&before.first, &tiles));
+            let rule = Rule::new(&tiles, bias.leaves(error) * mean * mean, power);
+            Some(Plan { rule, mean, first: tiles })
         };
         let Some(passes) = &self.passes else { return Vec::new() };
         let bias = passes.bias.iter().copied().chain(std::iter::repeat(SquaredBias::default()));
-        passes.sums.iter().zip(bias).map(decision).collect()
+        passes.sums.iter().zip(bias).enumerate().map(decision).collect()
     }
 
     /// Renders the buckets of `list`. Gives up at the time `limit`. Returns the number of buckets that failed, and true
@@ -462,7 +483,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut errors = Vec::with_capacity(passes.sums.len());
         for (index, (sum, canvas)) in passes.sums.iter().zip(canvases).enumerate() {
             let sum = sum.lock();
-            let of_frame = decisions.get(index).and_then(|decision| decision.map(|(_, mean)| mean));
+            let of_frame = decisions.get(index).and_then(|decision| decision.as_ref().map(|plan| plan.mean));
             let mean = of_frame.or_else(|| sum.mean());
             let is_error = self.outputs.images[index % self.outputs.images.len()].is_error;
             canvas.lock().restart();

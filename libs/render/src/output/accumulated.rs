@@ -7,18 +7,16 @@
 //! Values that have no mean are combined as their filter combines samples: the least or greatest depth of all passes,
 //! the position or number of the first pass. Coverages of mattes are summed by their ids.
 
+mod noise;
+
 use crate::PixelRect;
-use crate::output::halves::{HalfMeans, SecondPasses};
+use crate::output::halves::{HalfMeans, Halves, SecondPasses};
 use crate::output::plan::OutputImage;
-use crate::passes::{ErrorEstimate, Spot, confident_error};
 use granita_hider::film::{NO_DEPTH, PixelFilter};
 use std::collections::HashSet;
 
 /// The side of the parts of an image that get passes together, in pixels.
 pub(crate) const TILE: i32 = 32;
-
-/// The side of the blocks whose errors are reported, in pixels.
-const BLOCK: i32 = 8;
 
 /// The weight of a value without samples in the support of its filter. It counts when no pass has any.
 const UNSEEN: f64 = 1e-30;
@@ -78,7 +76,7 @@ pub(crate) struct Accumulated {
     coarser: Vec<Vec<f32>>,
     /// True when it keeps them.
     keeps_coarser: bool,
-    /// The colours of every second pass of each pixel, where those of two halves are needed.
+    /// The colours of every second pass of each pixel; `None` where there are none.
     second: Option<SecondPasses>,
 }
 
@@ -112,6 +110,7 @@ impl Accumulated {
             .filter(|(_, layer)| layers[*layer].combine == Combine::Mean)
             .unzip();
         let pixels = rect.width() * rect.height();
+        let second = (!colors.is_empty()).then(|| SecondPasses::new(pixels, colors.len(), layers.len()));
         let of_mattes = layers.iter().filter(|layer| layer.combine == Combine::Mattes).count();
         Self {
             rect,
@@ -126,7 +125,7 @@ impl Accumulated {
             early: Vec::new(),
             coarser: Vec::new(),
             keeps_coarser: false,
-            second: None,
+            second,
             layers,
             colors,
             layer_of,
@@ -138,12 +137,6 @@ impl Accumulated {
     pub(crate) fn keeping(mut self, passes: u32) -> Self {
         let colors = self.counts.len() * self.colors.len();
         self.early = (0..passes).map(|_| vec![0.0; colors]).collect();
-        self
-    }
-
-    /// Returns the sum of no passes, whose halves are kept apart for [`Accumulated::halves`] as well.
-    pub(crate) fn halving(mut self) -> Self {
-        self.second = Some(SecondPasses::new(self.counts.len() * self.colors.len()));
         self
     }
 
@@ -285,22 +278,26 @@ impl Accumulated {
             self.colors.iter().zip(early).for_each(|(c, early)| *early = values[*c]);
         }
         if let Some(second) = self.second.as_mut().filter(|_| self.counts[pixel] % 2 == 1) {
-            let first = pixel * self.colors.len();
-            for (k, (c, layer)) in self.colors.iter().zip(&self.layer_of).enumerate() {
-                second.add(first + k, weight(*layer), f64::from(values[*c]));
-            }
+            let colors = self.colors.iter().zip(&self.layer_of);
+            second.add(pixel, colors.map(|(c, layer)| (*layer, f64::from(values[*c]))), weight);
         }
         self.counts[pixel] += 1;
     }
 
     /// Drops the values of a pass that differs from the first one in the random numbers of one source. Returns the
-    /// part of the mean squared error of the pixels of a rectangle that comes from the source.
+    /// part of the mean squared error of the pixels of a rectangle that comes from the source. The noise of all sources
+    /// is taken to fall alike with the number of passes.
     pub(crate) fn compare(&mut self, rect: &PixelRect) -> f64 {
         let colors = self.colors.len().max(1);
         let (all, early) = (self.drop_colors(), self.early(0));
         let (mut sum, mut pixels) = (0.0, 0_usize);
+        let (mut independent, mut all_noise) = (0.0, 0.0);
         for [x, y] in places(rect) {
             let pixel = self.pixel(x, y);
+            if let Some(noise) = self.noise(pixel) {
+                independent += noise.independent;
+                all_noise += noise.squared;
+            }
             let part = pixel * colors..(pixel + 1) * colors;
             let Some((own, early)) = all.get(part.clone()).zip(early.get(part)) else { continue };
             // Half of the squared difference of two values is their variance.
@@ -311,7 +308,8 @@ impl Accumulated {
                 pixels += 1;
             }
         }
-        sum / pixels.max(1) as f64
+        let part = if independent > 0.0 { all_noise / independent } else { 1.0 };
+        part * sum / pixels.max(1) as f64
     }
 
     /// Returns the colours of all pixels in one of the passes that are kept.
@@ -441,7 +439,6 @@ impl Accumulated {
     pub(crate) fn halves(&self, rect: &PixelRect) -> Option<HalfMeans> {
         let second =
             self.second.as_ref().filter(|_| places(rect).any(|[x, y]| self.counts[self.pixel(x, y)] > 1))?;
-        let colors = self.colors.len();
         let mut halves =
             HalfMeans { channels: self.colors.clone(), width: rect.width(), ..HalfMeans::default() };
         for [x, y] in places(rect) {
@@ -449,8 +446,8 @@ impl Accumulated {
             for (k, (c, layer)) in self.colors.iter().zip(&self.layer_of).enumerate() {
                 let sum = self.sums[pixel * self.channels + c];
                 let weight = self.weights[pixel * self.layers.len() + layer];
-                let means = second.means(pixel * colors + k, sum, weight);
-                halves.means.iter_mut().zip(means).for_each(|(all, mean)| all.push(mean));
+                let Halves { means, .. } = second.halves(pixel, [k, *layer], [sum, weight]);
+                halves.means.iter_mut().zip(means).for_each(|(all, mean)| all.push(mean as f32));
             }
             let passes = self.counts[pixel];
             halves.shares.push(passes.div_ceil(2) as f32 / passes.max(1) as f32);
@@ -463,61 +460,6 @@ impl Accumulated {
         self.colors.len()
     }
 
-    /// Returns the mean value, and the mean variance of a value in one pass, of the colours of a pixel; `None` when
-    /// they are not finite or there are fewer than two passes.
-    fn spread(&self, pixel: usize) -> Option<[f64; 2]> {
-        let (n, channels) = (self.counts[pixel], self.colors.len() as f64);
-        if n < 2 || self.colors.is_empty() {
-            return None;
-        }
-        let (mut mean, mut known) = (0.0, 0.0);
-        let mut total = 0.0;
-        for (c, layer) in self.colors.iter().zip(&self.layer_of) {
-            let sum = self.sums[pixel * self.channels + c];
-            total = self.weights[pixel * self.layers.len() + layer];
-            mean += sum / total;
-            known += sum * sum / total;
-        }
-        let differences = (self.squares[pixel] - known).max(0.0);
-        // What rounding leaves of values that are all the same is no variance.
-        let differences = if differences < 1e-12 * known { 0.0 } else { differences };
-        let variance = differences / total * f64::from(n) / f64::from(n - 1) / channels;
-        Some([mean / channels, variance]).filter(|both| both.iter().all(|v| v.is_finite()))
-    }
-
-    /// Returns the standard deviations of the pixels of a rectangle over the mean value `mean`: the noise of the image.
-    /// Each channel of a pixel has that of all its colours. It is 0 where it is not known.
-    pub(crate) fn deviations(&self, rect: &PixelRect, mean: f64) -> Vec<f32> {
-        let deviation = |[x, y]: [i32; 2]| {
-            let pixel = self.pixel(x, y);
-            let [_, variance] = self.spread(pixel).unwrap_or_default();
-            let noise = (variance / f64::from(self.counts[pixel].max(1))).sqrt();
-            (noise / mean.abs()) as f32
-        };
-        places(rect).flat_map(|at| std::iter::repeat_n(deviation(at), self.channels)).collect()
-    }
-
-    /// Returns the mean of the colours of all pixels; `None` when no pixel has two passes.
-    pub(crate) fn mean(&self) -> Option<f64> {
-        let known = || (0..self.counts.len()).filter_map(|pixel| self.spread(pixel));
-        let count = known().count();
-        (count > 0).then(|| known().map(|[mean, _]| mean).sum::<f64>() / count as f64)
-    }
-
-    /// Returns what is known of the pixels of a rectangle.
-    pub(crate) fn spot(&self, rect: &PixelRect) -> Spot {
-        let rect = rect.intersection(&self.rect);
-        let (mut pixels, mut sum, mut passes) = (0_usize, 0.0, 0);
-        for [x, y] in places(&rect) {
-            let pixel = self.pixel(x, y);
-            if let Some([_, variance]) = self.spread(pixel) {
-                (pixels, sum) = (pixels + 1, sum + variance);
-                passes = passes.max(self.counts[pixel]);
-            }
-        }
-        Spot { pixels, variance: sum / pixels.max(1) as f64, passes }
-    }
-
     /// Returns the squares of `side` pixels that cover a rectangle, row by row, cut along multiples of `side`.
     pub(crate) fn cut(rect: &PixelRect, side: i32) -> Vec<PixelRect> {
         let cuts = |from: i32, to: i32| {
@@ -527,34 +469,6 @@ impl Accumulated {
         cuts(rect.y0, rect.y1)
             .flat_map(|[y0, y1]| cuts(rect.x0, rect.x1).map(move |[x0, x1]| PixelRect { x0, x1, y0, y1 }))
             .collect()
-    }
-
-    /// Returns the error over the pixels of a rectangle, relative to the mean value `mean`; `None` when it is not
-    /// known.
-    pub(crate) fn error(&self, rect: &PixelRect, mean: f64) -> Option<ErrorEstimate> {
-        let spots = |side| -> Vec<Spot> {
-            Self::cut(rect, side).iter().map(|part| self.spot(part)).filter(|spot| spot.pixels > 0).collect()
-        };
-        let tiles = spots(TILE);
-        if self.colors.is_empty() || tiles.is_empty() {
-            return None;
-        }
-        let relative = |squared: f64| match squared {
-            0.0 => 0.0,
-            _ => squared.sqrt() / mean.abs(),
-        };
-        let [error, bound] = confident_error(&tiles).map(relative);
-        let of_block = |part: PixelRect| {
-            let spot = self.spot(&part);
-            (spot.pixels > 0).then(|| (relative(spot.variance / f64::from(spot.passes.max(1))), part))
-        };
-        let mut blocks: Vec<(f64, PixelRect)> =
-            Self::cut(rect, BLOCK).into_iter().filter_map(of_block).collect();
-        blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (worst_block, worst) = *blocks.last()?;
-        let blocks_99 = blocks[(blocks.len() * 99 / 100).min(blocks.len() - 1)].0;
-        let worst_at = [worst.x0, worst.y0];
-        Some(ErrorEstimate { error, bound, blocks_99, worst_block, worst_at, ..ErrorEstimate::default() })
     }
 
     /// Returns the sum of the numbers of passes of the pixels of a rectangle.

@@ -14,18 +14,30 @@ use crate::passes::{CONFIDENCE, percent};
 /// hardly any.
 const BLOCK: usize = 8;
 
-/// The weighted sum of the second, the fourth and so on of the passes of each pixel.
+/// The weighted sum of the second, the fourth and so on of the passes of each pixel, whose random numbers are
+/// independent of those of the others.
 #[derive(Clone, Debug)]
 pub(crate) struct SecondPasses {
+    colors: usize,
+    layers: usize,
     /// For each pixel: the sums of its colours.
     sums: Vec<f64>,
-    /// The sums of their weights.
+    /// For each pixel: the sums of the weights of its layers.
     weights: Vec<f64>,
 }
 
+/// A colour of a pixel in two halves of its passes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Halves {
+    /// The mean of each half. A half without weight has NaN.
+    pub(crate) means: [f64; 2],
+    /// The part of the squared difference of the means that is the variance of the mean of all passes.
+    pub(crate) share: f64,
+}
+
 impl SecondPasses {
-    pub(crate) fn new(values: usize) -> Self {
-        Self { sums: vec![0.0; values], weights: vec![0.0; values] }
+    pub(crate) fn new(pixels: usize, colors: usize, layers: usize) -> Self {
+        Self { colors, layers, sums: vec![0.0; pixels * colors], weights: vec![0.0; pixels * layers] }
     }
 
     pub(crate) fn clear(&mut self) {
@@ -33,16 +45,25 @@ impl SecondPasses {
         self.weights.fill(0.0);
     }
 
-    /// Adds to the value with this index.
-    pub(crate) fn add(&mut self, index: usize, weight: f64, value: f64) {
-        self.sums[index] += weight * value;
-        self.weights[index] += weight;
+    /// Adds the colours of a pixel, each with its layer, and the weight of each layer.
+    pub(crate) fn add(
+        &mut self,
+        pixel: usize,
+        colors: impl Iterator<Item = (usize, f64)>,
+        weight: impl Fn(usize) -> f64,
+    ) {
+        let sums = &mut self.sums[pixel * self.colors..][..self.colors];
+        sums.iter_mut().zip(colors).for_each(|(sum, (layer, value))| *sum += weight(layer) * value);
+        let weights = &mut self.weights[pixel * self.layers..][..self.layers];
+        weights.iter_mut().enumerate().for_each(|(layer, sum)| *sum += weight(layer));
     }
 
-    /// Returns the means of the other passes and of these of a value whose sum and weight over all passes are given.
-    pub(crate) fn means(&self, index: usize, sum: f64, weight: f64) -> [f32; 2] {
-        let (own, of_own) = (self.sums[index], self.weights[index]);
-        [((sum - own) / (weight - of_own)) as f32, (own / of_own) as f32]
+    /// Returns the halves of a colour of a pixel, whose sum and weight over all passes are given.
+    pub(crate) fn halves(&self, pixel: usize, [color, layer]: [usize; 2], [sum, weight]: [f64; 2]) -> Halves {
+        let (own, of_own) =
+            (self.sums[pixel * self.colors + color], self.weights[pixel * self.layers + layer]);
+        let others = weight - of_own;
+        Halves { means: [(sum - own) / others, own / of_own], share: of_own * others / (weight * weight) }
     }
 }
 

@@ -5,7 +5,7 @@
 //! the samples. Points are uniform in area over the tessellation for rays.
 
 use crate::object::{ObjectState, RayScene};
-use granita_base::{hash, sample};
+use granita_base::sample::{self, Sequence};
 use granita_rays::GridShader;
 use granita_shade::Lanes3;
 
@@ -33,23 +33,20 @@ pub(crate) fn samples(nsamples: i32) -> u32 {
     nsamples.clamp(1, MOST_SAMPLES) as u32
 }
 
-/// Returns sample `index` of a light: a point and its normal for each active lane. `seed` returns the lane seeds.
-/// Returns `false` when the set has no surface.
+/// Returns sample `index` of the `of` samples of a light: a point and its normal for each active lane. `draw` returns
+/// the sequences of lanes, and their parts of them. Returns `false` when the set has no surface.
 pub(crate) fn points(
     scene: &RayScene,
     thread: &mut dyn GridShader<'_, ObjectState>,
-    index: u32,
+    [index, of]: [u32; 2],
     active: &[u32],
-    seed: &dyn Fn(u32) -> u32,
+    draw: &dyn Fn(u32) -> (Sequence, [u32; 2]),
     [pl, nl]: [&mut Lanes3; 2],
 ) -> bool {
     let place = |lane: &u32| {
-        let seed = seed(*lane);
-        let fraction = sample::line(index, hash::words(&[seed, 0]));
-        let (x, y) = sample::square(index, hash::words(&[seed, 1]));
-        // The square is folded into the triangle, uniform in area.
-        let root = x.sqrt();
-        (fraction, root * (1.0 - y), root * y)
+        let (sequence, part) = draw(*lane);
+        let [i, n] = sample::part_of([index, of], part);
+        sequence.square(i, n).into()
     };
     let places: Vec<_> = active.iter().map(place).collect();
     let Some(found) = scene.area_points(thread, &places) else { return false };

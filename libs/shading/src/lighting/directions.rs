@@ -11,7 +11,7 @@
 //! Sampling, SIGGRAPH 2005, of two levels). Rows are drawn first, then columns (Pharr, Jakob and Humphreys,
 //! Physically Based Rendering, 4th edition 2023, A.5.3, piecewise constant distributions).
 
-use granita_base::{Vec3, parallel_map, sample};
+use granita_base::{Vec3, parallel_map};
 use granita_machine::widest;
 use std::f64::consts::{PI, TAU};
 
@@ -184,13 +184,12 @@ impl EnvironmentSampler {
         Self { pdfs, middles, whole, rows, columns, heights, turns, seen }
     }
 
-    /// Returns directions from index `first` on of the sequence of a seed: in front of a surface with a unit
-    /// normal, or over the whole sphere.
+    /// Returns the directions for points of the unit square: in front of a surface with a unit normal, or over the
+    /// whole sphere.
     pub(crate) fn draw(
         &self,
         normal: Option<Vec3>,
-        first: u32,
-        seed: u32,
+        points: &[(f32, f32); TOGETHER],
         room: &mut DirectionWeights,
     ) -> [DirectionSample; TOGETHER] {
         // Vector code gives the same results.
@@ -202,12 +201,8 @@ impl EnvironmentSampler {
                 }
                 None => &self.whole,
             };
-            let mut points = [(0.0, 0.0); TOGETHER];
-            for (k, point) in points.iter_mut().enumerate() {
-                *point = sample::square(first.wrapping_add(k as u32), seed);
-            }
             let mut out = [DirectionSample::default(); TOGETHER];
-            self.at(among, &points, &mut out);
+            self.at(among, points, &mut out);
             out
         })
     }
@@ -321,6 +316,7 @@ fn part(n: usize, below: usize, at: f32, sum: impl Fn(usize) -> f32) -> (usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_base::sample;
 
     /// Returns `count` directions, a multiple of those drawn together.
     fn drawn(
@@ -330,7 +326,10 @@ mod tests {
         seed: u32,
     ) -> Vec<DirectionSample> {
         let mut room = DirectionWeights::new();
-        let part = |k| directions.draw(normal, k * TOGETHER as u32, seed, &mut room);
+        let part = |part: u32| {
+            let at = |k: usize| sample::square(part * TOGETHER as u32 + k as u32, seed);
+            directions.draw(normal, &std::array::from_fn(at), &mut room)
+        };
         (0..count / TOGETHER as u32).flat_map(part).collect()
     }
 

@@ -553,8 +553,9 @@ impl Gatherer<'_, '_, '_, '_> {
             let (bias, leaving) = (self.run.bias(o.bias, i), self.run.leaving(Some(scene), p));
             let tmax = Run::reach(o.maxhitdist, i);
             if axis != Vec3::ZERO {
-                cells.directions(axis, ask.seed, &mut |index, dir| {
-                    let time = self.run.ray_time(index, ask.seed);
+                let (sequence, of) = (self.run.frame.sequence(ask.seed), cells.len());
+                cells.directions(axis, sequence, &mut |index, dir| {
+                    let time = self.run.ray_time([index, of], ask.seed);
                     rays.push(Aim { p, dir, bias, tmax, time }.ray());
                 });
             }

@@ -3,10 +3,12 @@
 
 use super::maps::{fit, prepare};
 use super::origins::Origins;
+use super::seeds::Draw;
 use super::{Run, count, option, samples};
 use crate::object::RayScene;
 use crate::thread::{MAX_RAY_LEVELS, MORE_NESTED};
 use crate::trace::RayPurpose;
+use granita_base::sample::Sequence;
 use granita_base::{Color, NoiseSource, Vec3, hash, sample};
 use granita_dicing::Projection;
 use granita_rays::sampling::{Distribution, in_cone};
@@ -55,13 +57,13 @@ impl Aim {
 }
 
 impl Run<'_, '_> {
-    /// Returns the time of sample `index` of a lane. Times are spread over the shutter when the object's rays see
-    /// motion. Otherwise it is the time of the grid, clamped to the time when the shutter is open.
-    pub(super) fn ray_time(&self, index: u32, seed: u32) -> f32 {
+    /// Returns the time of sample `index` of the `of` samples of a lane. Times are spread over the shutter when the
+    /// object's rays see motion. Otherwise it is the time of the grid, clamped to the time when the shutter is open.
+    pub(super) fn ray_time(&self, [index, of]: [u32; 2], seed: u32) -> f32 {
         let [open, close] = self.frame.camera.shutter;
         if self.sees_motion() {
             let seed = self.frame.seed_of(NoiseSource::Motion, hash::words(&[seed, TIME]));
-            (open + (close - open) * sample::line(index, seed)).min(close)
+            (open + (close - open) * self.frame.sequence(seed).line(index, of)).min(close)
         } else {
             // Motion and geometry are defined only while the shutter is open.
             self.time.clamp(open, close)
@@ -216,6 +218,11 @@ struct Branch {
 }
 
 impl Branch {
+    /// Returns the number of rays that share the sequence.
+    fn of(&self) -> u32 {
+        self.rays.ceil() as u32
+    }
+
     /// Returns the path of a ray with an index in the sequence, whose results have this weight.
     fn path(&self, index: u32, weight: f32) -> RayPath {
         RayPath { rays: self.rays, index, seed: self.seed, weight }
@@ -284,21 +291,23 @@ struct Kept {
 /// Decides whether the rays of a call whose result has the weight `weight` in its image are traced. Below `least`, they
 /// are traced with a probability of `weight / least`, so that the mean stays the same (Arvo and Kirk, Particle
 /// Transport and Image Synthesis, SIGGRAPH 1990).
-fn roulette(weight: f32, least: f32, seed: u32) -> Option<Kept> {
+fn roulette(weight: f32, least: f32, sequence: Sequence) -> Option<Kept> {
     if weight >= least || weight.is_nan() || least.is_nan() {
         return Some(Kept { scale: 1.0, weight });
     }
     let probability = weight / least;
-    let survives = hash::unit(hash::words(&[seed, ROULETTE])) < probability;
+    let chance = sequence.dimension(ROULETTE);
+    let survives = chance.moved_on_line(hash::unit(chance.seed)) < probability;
     survives.then_some(Kept { scale: 1.0 / probability, weight: least })
 }
 
-/// Returns a place in the footprint, from -0.5 to 0.5 in both directions. A single sample takes its centre.
-pub(super) fn in_footprint(index: u32, samples: u32, seed: u32) -> [f32; 2] {
+/// Returns a place in the footprint, from -0.5 to 0.5 in both directions. A single sample of a point takes its centre.
+/// `index` is that of one of `of` samples of the sequence.
+pub(super) fn in_footprint(samples: u32, [index, of]: [u32; 2], sequence: Sequence) -> [f32; 2] {
     if samples <= 1 {
         return [0.0; 2];
     }
-    let (x, y) = sample::square(index, hash::words(&[seed, FOOTPRINT]));
+    let (x, y) = sequence.dimension(FOOTPRINT).square(index, of);
     [x - 0.5, y - 0.5]
 }
 
@@ -336,7 +345,9 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         };
         let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let path = run.path(i);
-        let Some(kept) = roulette(path.weight * kr.abs(), run.frame.rays.limits.min_weight, seed) else {
+        let Some(kept) =
+            roulette(path.weight * kr.abs(), run.frame.rays.limits.min_weight, run.frame.sequence(seed))
+        else {
             continue;
         };
         let length = query.r.get(i).length();
@@ -348,25 +359,26 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let asked = samples(count(o.samples, i), run.frame.samples());
         let per_ray = 1.0 / (asked as f32).sqrt();
         let branch = run.branch(i, seed, asked);
+        // Points that the camera sees share sequences, and so do the hits of one of them.
+        let Draw { seed: drawn, part } = match path.rays <= 1.0 {
+            true => run.draw(NoiseSource::Rays, call, lane),
+            false => Draw { seed: branch.seed, part: [0, 1] },
+        };
+        let sequence = run.frame.sequence(drawn);
         let departure = run.departure(i, query.p.get(i), r);
         sums.push(Sum::new(lane, branch.samples, kept.scale));
         for k in 0..branch.samples {
             let index = branch.first + k;
-            let [x, y] = in_footprint(index, asked, branch.seed);
+            let place = sample::part_of([index, branch.of()], part);
+            let [x, y] = in_footprint(asked, place, sequence);
             let axis = (r + drdx * x + drdy * y).normalize_or(r);
-            let dir = in_cone(
-                axis,
-                half_angle,
-                Distribution::Uniform,
-                index,
-                hash::words(&[branch.seed, DIRECTION]),
-            );
+            let dir = in_cone(axis, half_angle, Distribution::Uniform, place, sequence.dimension(DIRECTION));
             let aim = Aim {
                 p: origins.at(i) + origins.inside(i, [dpdx * x, dpdy * y]),
                 dir,
                 bias: run.bias(o.bias, i),
                 tmax: Run::reach(o.maxhitdist, i),
-                time: run.ray_time(index, branch.seed),
+                time: run.ray_time(place, drawn),
             };
             rays.push(RayRequest {
                 lane,
@@ -479,12 +491,15 @@ fn probe(
         let Some(axis) = query.axis.get(i).try_normalize().filter(|_| index < samples) else { continue };
         let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let angle = query.angle.get(i);
+        let shared = run.draw(NoiseSource::Rays, call, lane);
+        let directions = run.frame.sequence(shared.seed).dimension(DIRECTION);
+        let place = sample::part_of([index, samples], shared.part);
         let aim = Aim {
             p: origins.at(i),
-            dir: in_cone(axis, angle, distribution, index, hash::words(&[seed, DIRECTION])),
+            dir: in_cone(axis, angle, distribution, place, directions),
             bias: run.bias(query.options.bias, i),
             tmax: Run::reach(query.options.maxhitdist, i),
-            time: run.ray_time(index, seed),
+            time: run.ray_time(place, shared.seed),
         };
         lanes.push(lane);
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();

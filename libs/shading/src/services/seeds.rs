@@ -1,7 +1,8 @@
 //! The seeds of random numbers of the lanes of a run.
 
-use granita_base::hash;
-use granita_shade::{Grid, IlluminateQuery, Lane3};
+use super::Run;
+use granita_base::{NoiseSource, hash};
+use granita_shade::{Grid, IlluminateQuery, Lane3, Rect};
 use std::cell::OnceCell;
 
 /// The seed of each lane, for grids whose lanes have their own ([`Grid::names`]). On other grids, the seed of the grid
@@ -49,6 +50,60 @@ pub(super) struct LightSeeds<'q> {
     active: &'q [u32],
 }
 
+/// The random numbers that a lane draws from a sequence that neighbours share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Draw {
+    /// The seed of the sequence.
+    pub(super) seed: u32,
+    /// The number of the lane among those that share it, and the number of these.
+    pub(super) part: [u32; 2],
+}
+
+impl Run<'_, '_> {
+    /// Returns the lane whose seed a lane has for the sequences that neighbours share, its number among them, and their
+    /// number.
+    ///
+    /// The points of a rectangle share one sequence, in the order of a curve that keeps neighbours together. The
+    /// samples of a point are then well distributed among those of the points around it (after Ahmed, Wonka:
+    /// Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels,
+    /// SIGGRAPH Asia 2020).
+    pub(super) fn part_of(&self, lane: usize) -> (usize, [u32; 2]) {
+        match self.topology.rect_of(lane).filter(|rect| rect.lanes().contains(&lane)) {
+            Some(Rect { first, nu, nv }) => {
+                let curve = |column: usize, row: usize| spread(column as u32) | spread(row as u32) << 1;
+                let k = lane - first;
+                (first, [curve(k % nu, k / nu), curve(nu - 1, nv - 1) + 1])
+            }
+            None => (lane, [0, 1]),
+        }
+    }
+
+    /// Returns what a lane draws in a call for `source` from a sequence that neighbours share.
+    pub(super) fn draw(&self, source: NoiseSource, call: u32, lane: u32) -> Draw {
+        let Draw { seed, part } = self.share(call, lane);
+        Draw { seed: self.frame.seed_of(source, seed), part }
+    }
+
+    /// Returns the same when the call itself draws nothing and only passes it on. Lanes with seeds of their own may
+    /// have made another number of calls than their neighbours.
+    pub(super) fn share(&self, call: u32, lane: u32) -> Draw {
+        let (first, part) = self.part_of(lane as usize);
+        let seed = match self.seeds.of(first) {
+            Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
+            None => hash::words(&[self.seed, call, first as u32]),
+        };
+        Draw { seed, part }
+    }
+}
+
+/// Returns the lower 16 bits of a number, spread to every second place.
+fn spread(x: u32) -> u32 {
+    let x = (x | x << 8) & 0x00ff_00ff;
+    let x = (x | x << 4) & 0x0f0f_0f0f;
+    let x = (x | x << 2) & 0x3333_3333;
+    (x | x << 1) & 0x5555_5555
+}
+
 impl<'q> LightSeeds<'q> {
     /// Returns those of the sample `index` of a query to the light with the seed `light`.
     pub(super) fn new(base: &'q [u32], light: u32, query: &IlluminateQuery<'q>, index: u32) -> Self {
@@ -57,11 +112,14 @@ impl<'q> LightSeeds<'q> {
 
     /// Computes the seeds of all lanes.
     pub(super) fn list(&self) -> Vec<u32> {
-        let mut seeds = self.base.to_vec();
+        // Those of points that do not ask are shared with their neighbours.
+        let mut seeds: Vec<u32> =
+            self.base.iter().map(|seed| hash::words(&[*seed, self.light, self.index])).collect();
         for &lane in self.active {
-            if let Some(seed) = seeds.get_mut(lane as usize) {
-                let [x, y, z] = self.ps.get(lane as usize).to_array().map(f32::to_bits);
-                *seed = hash::words(&[*seed, self.light, self.index, x, y, z]);
+            let i = lane as usize;
+            if let (Some(base), Some(seed)) = (self.base.get(i), seeds.get_mut(i)) {
+                let [x, y, z] = self.ps.get(i).to_array().map(f32::to_bits);
+                *seed = hash::words(&[*base, self.light, self.index, x, y, z]);
             }
         }
         seeds

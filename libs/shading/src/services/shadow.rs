@@ -100,19 +100,25 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             true => run.call_seed(call, lane),
             false => run.lane_seed(NoiseSource::Lights, call, lane),
         };
+        let shared = match asked.is_hard() {
+            true => run.share(call, lane),
+            false => run.draw(NoiseSource::Lights, call, lane),
+        };
+        let sequence = run.frame.sequence(shared.seed);
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
         let first = bundle.rays.len();
         for index in 0..asked.samples {
-            let [x, y] = in_footprint(index, asked.samples, seed).map(|x| x * width);
+            let place = sample::part_of([index, asked.samples], shared.part);
+            let [x, y] = in_footprint(asked.samples, place, sequence).map(|x| x * width);
             let off = origins.inside(i, [query.dpdx.get(i) * x, query.dpdy.get(i) * y]);
             let toward = |axis: Vec3| match asked.is_hard() {
                 true => axis,
                 false => {
-                    let seed = hash::words(&[seed, DIRECTION]);
-                    in_cone(axis, asked.half_angle, Distribution::Uniform, index, seed)
+                    let directions = sequence.dimension(DIRECTION);
+                    in_cone(axis, asked.half_angle, Distribution::Uniform, place, directions)
                 }
             };
-            bundle.add(run, i, off, &toward, run.ray_time(index, seed));
+            bundle.add(run, i, off, &toward, run.ray_time(place, shared.seed));
         }
         if bundle.rays.len() > first {
             let widths = [footprint * per_ray, 2.0 * asked.half_angle.max(0.0) * per_ray];
@@ -235,7 +241,7 @@ fn edges(
                 // All points use one pattern, so that neighbours differ by the position of the edge and not by noise.
                 let (x, y) = sample::square(index, 0);
                 let off = origins.inside(i, around.ways(query, i, [x - 0.5, y - 0.5]));
-                bundle.add(run, i, off, &|axis| axis, run.ray_time(0, seed));
+                bundle.add(run, i, off, &|axis| axis, run.ray_time([0, 1], seed));
             }
             if bundle.rays.len() > first {
                 let side = query.dpdx.get(i).length().max(query.dpdy.get(i).length());

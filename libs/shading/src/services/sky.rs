@@ -3,8 +3,8 @@
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Repeat, Run, SKY, count, option, samples};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
-use granita_base::{NoiseSource, Transform, Vec3, hash};
-use granita_shade::{EnvironmentQuery, Lanes3, LookupResult, Rect};
+use granita_base::{NoiseSource, Transform, Vec3, hash, sample};
+use granita_shade::{EnvironmentQuery, Lanes3, LookupResult};
 use granita_texture::{EnvLookup, TextureId, Up, Use};
 use std::sync::Arc;
 
@@ -23,7 +23,7 @@ pub(super) struct SampleBatch {
     /// The radiance and direction of each sample of all lanes, sample by sample.
     sent: Vec<Sent>,
     /// For each lane, the seed of its sequence and the index of its first sample there.
-    sequences: Vec<(u32, u32)>,
+    sequences: Vec<(u32, [u32; 2])>,
 }
 
 /// The map that all directions are drawn from.
@@ -176,13 +176,17 @@ impl Run<'_, '_> {
         // A unit normal is transformed into the map's space, where cosines stay the same.
         let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
         let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
-        let (seed, before) = ahead.sequences[lane];
+        let (seed, part) = ahead.sequences[lane];
+        let sequence = self.frame.sequence(seed);
         let Repeat { run, of } = self.repeat;
-        let before = before.wrapping_mul(key.all.saturating_mul(of).next_power_of_two());
+        let (first, all) = (run.wrapping_mul(key.all).wrapping_add(key.first), key.all.saturating_mul(of));
+        let point = |k: usize| {
+            let [i, n] = sample::part_of([first.wrapping_add(k as u32), all], part);
+            sequence.square(i, n)
+        };
         let drawn = ahead.map.directions.draw(
             normal,
-            before.wrapping_add(run.wrapping_mul(key.all)).wrapping_add(key.first),
-            seed,
+            &std::array::from_fn(point),
             drawing.room.get_or_insert_with(DirectionWeights::new),
         );
         for (k, &DirectionSample { dir, pdf, mut seen }) in drawn.iter().enumerate() {
@@ -215,14 +219,8 @@ impl Run<'_, '_> {
         }
     }
 
-    /// Returns for each lane the seed of its sequence of directions, and its index among the lanes that share the
-    /// sequence.
-    ///
-    /// The points of a rectangle share one sequence, in the order of a curve that keeps neighbours together. The
-    /// samples of a point are then well distributed among those of the points around it (after Ahmed, Wonka:
-    /// Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels,
-    /// SIGGRAPH Asia 2020).
-    fn sequences(&self, lanes: usize) -> Vec<(u32, u32)> {
+    /// Returns for each lane the seed of its sequence of directions, and its part of it ([`Run::part_of`]).
+    fn sequences(&self, lanes: usize) -> Vec<(u32, [u32; 2])> {
         let seed = |lane: usize| {
             let seed = match self.seeds.of(lane) {
                 Some(own) => hash::words(&[own, SKY]),
@@ -230,22 +228,14 @@ impl Run<'_, '_> {
             };
             self.frame.seed_of(NoiseSource::Environment, seed)
         };
-        let mut out: Vec<(u32, u32)> = Vec::with_capacity(lanes);
-        for Rect { first, nu, nv } in self.topology.rects() {
-            out.extend((out.len()..first).map(|lane| (seed(lane), 0)));
-            let own = seed(first);
-            let at = |k: usize| (own, spread((k % nu) as u32) | spread((k / nu) as u32) << 1);
-            out.extend((0..nu * nv).map(at));
-        }
-        out.extend((out.len()..lanes).map(|lane| (seed(lane), 0)));
+        let own = |lane: usize| {
+            let (first, part) = self.part_of(lane);
+            (seed(first), part)
+        };
+        let mut out: Vec<(u32, [u32; 2])> = (0..lanes).map(own).collect();
         for &(lane, of) in self.coincident.iter() {
             out[lane as usize] = out[of as usize];
         }
         out
     }
-}
-
-/// Returns the bits of a number, spread to every second place.
-fn spread(x: u32) -> u32 {
-    (0..16).fold(0, |out, bit| out | (x >> bit & 1) << (2 * bit))
 }

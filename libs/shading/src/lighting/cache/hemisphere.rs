@@ -9,6 +9,7 @@
 //! Hessian-Based Error Control for Irradiance Caching (SIGGRAPH Asia 2012).
 
 use super::{Kind, Record};
+use granita_base::sample::Sequence;
 use granita_base::{Color, Vec3};
 use granita_rays::sampling::{ConeCells, basis};
 use std::f32::consts::{PI, TAU};
@@ -48,8 +49,8 @@ impl Strata {
     }
 
     /// Passes a direction in each cell to `tell`, as [`ConeCells::directions`].
-    pub(crate) fn directions(&self, axis: Vec3, seed: u32, tell: &mut dyn FnMut(u32, Vec3)) {
-        self.cells.directions(axis, seed, tell);
+    pub(crate) fn directions(&self, axis: Vec3, sequence: Sequence, tell: &mut dyn FnMut(u32, Vec3)) {
+        self.cells.directions(axis, sequence, tell);
     }
 
     /// Returns the record of all cells. `seen` holds one result per cell. Derivatives are computed only on request.
@@ -231,7 +232,7 @@ mod tests {
 
     fn directions(strata: &Strata, axis: Vec3, seed: u32) -> Vec<Vec3> {
         let mut out = Vec::new();
-        strata.directions(axis, seed, &mut |index, dir| {
+        strata.directions(axis, Sequence::new(seed), &mut |index, dir| {
             assert_eq!(index as usize, out.len());
             out.push(dir);
         });

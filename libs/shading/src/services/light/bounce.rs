@@ -318,10 +318,11 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
         let (p, n) = (self.query.p.get(i), self.axis(lane));
         let front = self.run.surface.as_ref().is_none_or(|surface| surface.ng.get(i).dot(n) >= 0.0);
         let seed = self.run.lane_seed(NoiseSource::Indirect, self.call, lane);
-        let within =
-            |dimension| if jittered { hash::unit(hash::words(&[seed, dimension])) - 0.5 } else { 0.0 };
+        let sequence = self.run.frame.sequence(seed);
+        let place = [ACROSS, ALONG].map(|dimension| hash::unit(sequence.dimension(dimension).seed));
+        let offset = if jittered { sequence.moved(place).map(|x| x - 0.5) } else { [0.0; 2] };
         let width = CELL_WIDTH * distance / self.run.pixels_per_unit(p);
-        Cell::of(p, n, front, width, [ACROSS, ALONG].map(within)).filter(|_| n != Vec3::ZERO)
+        Cell::of(p, n, front, width, offset).filter(|_| n != Vec3::ZERO)
     }
 
     /// Returns the hash of the parameters, when no option differs between lanes.
