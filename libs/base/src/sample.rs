@@ -99,6 +99,25 @@ impl Sequence {
         ((van_der_corput(self.place()) as u64 * n as u64) >> 32) as u32
     }
 
+    /// Returns the image of `k` under a permutation of `0..n`. In many rounds it is each of them.
+    pub const fn shuffled(self, k: u32, n: u32) -> u32 {
+        permute((k + self.offset(n)) % n, n, !self.seed)
+    }
+
+    /// Returns the cell, of `nx * ny`, that sample `k` of as many in a round has. Where both numbers are powers of two,
+    /// the sample's place in the order, the column and the row form a (0, m, 3)-net: not only does each sample have a
+    /// cell of its own, but also those of any half, quarter or eighth of the samples are spread evenly (Hammersley
+    /// points; Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, 1992). For other numbers it is a
+    /// random permutation. Each round has another order, so that in many rounds each sample has all cells.
+    pub const fn cell(self, k: u32, [nx, ny]: [u32; 2]) -> u32 {
+        let n = nx * ny;
+        if !nx.is_power_of_two() || !ny.is_power_of_two() {
+            return self.shuffled(k, n);
+        }
+        let (x, y) = point(k ^ self.offset(n), self.seed);
+        (x * nx as f32) as u32 + nx * (y * ny as f32) as u32
+    }
+
     /// Returns point `i` of the `n` points that each round has in the unit square. Points of the same index in
     /// different sequences are paired independently in each round.
     #[inline]
@@ -185,7 +204,9 @@ pub const fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
         i &= w;
         i ^= i >> 5;
         if i < n {
-            return i.wrapping_add(seed) % n;
+            // The sum may be more than a number holds.
+            let rest = n - seed % n;
+            return if i < rest { i + (n - rest) } else { i - rest };
         }
     }
 }
@@ -317,6 +338,39 @@ mod tests {
     }
 
     #[test]
+    fn cells_of_a_pixel_are_spread_over_its_samples() {
+        for seed in [0, 1, 77] {
+            for cells in [[4, 4], [8, 2], [3, 5], [1, 1]] {
+                let [nx, ny] = cells;
+                let n = nx * ny;
+                let rounds: Vec<Vec<u32>> = (0..16)
+                    .map(|round| (0..n).map(|k| Sequence { seed, round }.cell(k, cells)).collect())
+                    .collect();
+                for round in &rounds {
+                    let mut all = round.clone();
+                    all.sort_unstable();
+                    assert!(all.into_iter().eq(0..n), "{seed} {cells:?}");
+                }
+                if cells == [4, 4] {
+                    // Four samples in a row have all columns, all rows and all quarters of the pixel.
+                    for four in rounds.iter().flat_map(|round| round.chunks(4)) {
+                        let parts: [fn(u32) -> u32; 3] =
+                            [|cell| cell % 4, |cell| cell / 4, |cell| cell % 4 / 2 + 2 * (cell / 8)];
+                        for part in parts {
+                            let mut seen: Vec<u32> = four.iter().map(|cell| part(*cell)).collect();
+                            seen.sort_unstable();
+                            assert_eq!(seen, [0, 1, 2, 3], "{seed} {four:?}");
+                        }
+                    }
+                    let mut of_one: Vec<u32> = rounds.iter().map(|round| round[5]).collect();
+                    of_one.sort_unstable();
+                    assert!(of_one.into_iter().eq(0..16));
+                }
+            }
+        }
+    }
+
+    #[test]
     fn parts_share_a_sequence() {
         for seed in [0, 77, u32::MAX] {
             for round in [0, 3] {
@@ -364,7 +418,7 @@ mod tests {
     #[test]
     fn permutations_contain_each_index_once() {
         for n in [1, 2, 3, 16, 17, 100] {
-            for seed in [0, 5, 0xdead_beef] {
+            for seed in [0, 5, 0xdead_beef, u32::MAX, u32::MAX - 7] {
                 let mut all: Vec<u32> = (0..n).map(|i| permute(i, n, seed)).collect();
                 all.sort_unstable();
                 assert!(all.iter().copied().eq(0..n), "n {n} seed {seed}");

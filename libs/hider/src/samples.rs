@@ -66,12 +66,6 @@ fn sequence_of(variant: u32, dimension: Dimension, [number, round]: [u32; 2]) ->
     Sequence { seed, round }
 }
 
-/// Returns the stratum that sample `k` has in another dimension of its pixel. It is another one in each round, so that
-/// all pairs of strata occur.
-fn shuffled(k: u32, n: u32, sequence: Sequence) -> u32 {
-    sample::permute((k + sequence.offset(n)) % n, n, !sequence.seed)
-}
-
 impl SamplePattern {
     /// Returns the pattern of a camera. `moving` is true when anything in the whole scene moves. The crop must not
     /// affect it.
@@ -105,9 +99,9 @@ impl SamplePattern {
         let still_strata = if camera.autopassreduction { asked } else { strata };
         let n = x * y;
         let mut tables = Tables::default();
-        tables.add_places(strata, place);
+        tables.add_places(strata, blur, place);
         if still_strata != strata {
-            tables.add_places(still_strata, place);
+            tables.add_places(still_strata, false, place);
         }
         if blur {
             tables.add_times(n, camera.shutter, time);
@@ -144,13 +138,15 @@ impl SamplePattern {
 }
 
 impl Tables {
-    fn add_places(&mut self, strata: [u32; 2], numbers: [u32; 2]) {
+    /// Adds the positions of samples. `is_sorted` is true when their order is that of their times. They are then spread
+    /// evenly over each part of the shutter.
+    fn add_places(&mut self, strata: [u32; 2], is_sorted: bool, numbers: [u32; 2]) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
             let sequence = sequence_of(variant, Dimension::Place, numbers);
             for k in 0..n {
-                // The samples are permuted, so that position and time are not correlated.
-                let (fx, fy) = jittered(shuffled(k, n, sequence), strata, sequence);
+                let stratum = if is_sorted { sequence.cell(k, strata) } else { sequence.shuffled(k, n) };
+                let (fx, fy) = jittered(stratum, strata, sequence);
                 self.fx.push(fx);
                 self.fy.push(fy);
             }
@@ -168,14 +164,13 @@ impl Tables {
         }
     }
 
-    /// Adds the lens points of a pattern. `is_shuffled` is true when the order of samples is determined by another
-    /// dimension.
+    /// Adds the lens points of a pattern. `is_shuffled` is true when the order of samples is that of their times.
     fn add_lens(&mut self, strata: [u32; 2], radius: f32, is_shuffled: bool, numbers: [u32; 2]) {
         let n = strata[0] * strata[1];
         for variant in 0..variants(n) {
             let sequence = sequence_of(variant, Dimension::Lens, numbers);
             for k in 0..n {
-                let k = if is_shuffled { shuffled(k, n, sequence) } else { k };
+                let k = if is_shuffled { sequence.shuffled(k, n) } else { k };
                 let (a, b) = jittered(k, strata, sequence);
                 let [x, y] = disk(a, b);
                 self.lens_x.push(x * radius);
@@ -447,7 +442,7 @@ mod tests {
     fn rounds_fill_the_strata_of_a_pixel() {
         let of = |round| {
             let mut tables = Tables::default();
-            tables.add_places([4, 4], [0, round]);
+            tables.add_places([4, 4], true, [0, round]);
             tables.add_times(16, [0.0, 1.0], [0, round]);
             tables.add_lens([4, 4], 1.0, true, [0, round]);
             tables

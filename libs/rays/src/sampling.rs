@@ -47,15 +47,15 @@ pub fn in_cone(
     let (x, y) = sequence.square(index, of);
     let cos = match distribution {
         Distribution::Cosine => {
-            let sin = half_angle.min(std::f32::consts::FRAC_PI_2).sin();
+            let sin = approx::sin(half_angle.min(FRAC_PI_2));
             (1.0 - x * sin * sin).max(0.0).sqrt()
         }
-        Distribution::Uniform => 1.0 - x * (1.0 - half_angle.min(std::f32::consts::PI).cos()),
+        Distribution::Uniform => 1.0 - x * (1.0 - approx::cos(half_angle.min(PI))),
     };
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    let turn = y * std::f32::consts::TAU;
+    let turn = y * TAU;
     let (u, v) = basis(axis);
-    (u * (sin * turn.cos()) + v * (sin * turn.sin()) + axis * cos).normalize_or(axis)
+    (u * (sin * approx::cos(turn)) + v * (sin * approx::sin(turn)) + axis * cos).normalize_or(axis)
 }
 
 /// The division of a cone around an axis into cells of equal weight: rings from the axis to the boundary, which have

@@ -168,6 +168,36 @@ pub fn exp_near(x: f32) -> f32 {
     y * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
 }
 
+/// Returns `e^x` of any argument.
+#[inline]
+pub fn exp(x: f32) -> f32 {
+    if exp_is_near(x) { exp_near(x) } else { libm::expf(x) }
+}
+
+/// Returns the sine of any angle in radians.
+#[inline]
+pub fn sin(x: f32) -> f32 {
+    if turns_are_few(x) { sin_near(x) } else { libm::sinf(x) }
+}
+
+/// Returns the cosine of any angle in radians.
+#[inline]
+pub fn cos(x: f32) -> f32 {
+    if turns_are_few(x) { cos_near(x) } else { libm::cosf(x) }
+}
+
+/// Returns the natural logarithm of any number.
+#[inline]
+pub fn ln(x: f32) -> f32 {
+    if is_ordinary(x) { ln_ordinary(x) } else { libm::logf(x) }
+}
+
+/// Returns `x^y` of any arguments.
+#[inline]
+pub fn pow(x: f32, y: f32) -> f32 {
+    if pow_is_ordinary(x, y) { pow_ordinary(x, y) } else { libm::powf(x, y) }
+}
+
 /// Returns the hyperbolic tangent of any argument: a polynomial near 0, `1 - 2 / (e^2x + 1)` beyond.
 #[inline(always)]
 pub fn tanh(x: f32) -> f32 {
@@ -368,6 +398,20 @@ pub fn pow_ordinary(x: f32, y: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn functions_of_any_argument_continue_those_of_ordinary_ones() {
+        for x in [-1e30_f32, -9000.0, -100.0, -1.0, 0.0, 1e-40, 0.5, 1.0, 86.0, 88.0, 100.0, 8193.0, 1e30] {
+            let wide = f64::from(x);
+            let pairs = [(exp(x), wide.exp()), (sin(x), wide.sin()), (cos(x), wide.cos())];
+            for (got, due) in pairs.into_iter().chain((x > 0.0).then(|| (ln(x), wide.ln()))) {
+                let due = due as f32;
+                assert!(got == due || (got - due).abs() <= 4e-7 * due.abs().max(1e-3), "{x}: {got} {due}");
+            }
+        }
+        assert_eq!([pow(0.0, 2.0), pow(2.0, 10.0), pow(1e30, 3.0)], [0.0, 1024.0, f32::INFINITY]);
+        assert!(ln(-1.0).is_nan() && pow(-1.0, 0.5).is_nan() && exp(f32::NAN).is_nan());
+    }
 
     /// Distance in units in the last place of the true value.
     fn ulps(got: f32, wanted: f64) -> f64 {

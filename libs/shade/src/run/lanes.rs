@@ -221,10 +221,7 @@ pub(crate) fn ternary(f: Ternary, out: &mut [f32], a: Lane<'_>, b: Lane<'_>, c: 
     }
 }
 
-/// Returns `x^y` as the loops compute it.
-pub(crate) fn pow(x: f32, y: f32) -> f32 {
-    if approx::pow_is_ordinary(x, y) { approx::pow_ordinary(x, y) } else { libm::powf(x, y) }
-}
+pub(crate) use approx::pow;
 
 /// Returns 0 up to `e0`, 1 from `e1`, and a cubic between.
 #[inline(always)]

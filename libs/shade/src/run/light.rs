@@ -3,6 +3,7 @@
 use crate::call::{Call, Options};
 use crate::ops::lookup::Parts;
 use crate::program::{At, Stmt};
+use crate::run::approx;
 use crate::run::machine::{Emission, Machine, RaySample};
 use crate::run::store::{Mask, Out};
 use crate::{Batch, IlluminateQuery, Lane, LightInfo, LightResult, LightSample, TraceQuery, TraceResult};
@@ -404,9 +405,10 @@ fn in_spread(axis: Vec3, half_angle: f32, [x, y]: [f32; 2]) -> Vec3 {
     let length = axis.length();
     let Some(unit) = axis.try_normalize().filter(|_| half_angle > 0.0) else { return axis };
     // The area of a spherical cap is proportional to its height.
-    let cos = 1.0 - y * (1.0 - half_angle.min(std::f32::consts::PI).cos());
+    let cos = 1.0 - y * (1.0 - approx::cos(half_angle.min(std::f32::consts::PI)));
     let around = (1.0 - cos * cos).max(0.0).sqrt();
-    let (sin_phi, cos_phi) = (x * std::f32::consts::TAU).sin_cos();
+    let phi = x * std::f32::consts::TAU;
+    let (sin_phi, cos_phi) = (approx::sin(phi), approx::cos(phi));
     let (right, up) = unit.any_orthonormal_pair();
     (unit * cos + (right * cos_phi + up * sin_phi) * around) * length
 }

@@ -90,7 +90,7 @@ struct Cell {
 
 /// Returns the direction at fractions of the way around and from pole to pole.
 fn towards(around: f64, down: f64) -> Vec3 {
-    let ((s, c), (sin, cos)) = ((TAU * around).sin_cos(), (PI * down).sin_cos());
+    let ((s, c), (sin, cos)) = (libm::sincos(TAU * around), libm::sincos(PI * down));
     Vec3::new((c * sin) as f32, (s * sin) as f32, cos as f32)
 }
 
@@ -128,7 +128,8 @@ impl EnvironmentSampler {
     /// Builds the sampler. Each of up to `threads` threads makes a function with `looker`, which returns the
     /// radiance in a direction over an angle in radians.
     pub(crate) fn new<L: FnMut(Vec3, f32) -> Seen>(threads: usize, looker: &(impl Fn() -> L + Sync)) -> Self {
-        let heights: Vec<f64> = (0..=ALL_ROWS).map(|row| (PI * row as f64 / ALL_ROWS as f64).cos()).collect();
+        let heights: Vec<f64> =
+            (0..=ALL_ROWS).map(|row| libm::cos(PI * row as f64 / ALL_ROWS as f64)).collect();
         let mean = |look: &mut L, cell: usize| {
             let around = ((cell % ALL_COLUMNS) as f64 + 0.5) / ALL_COLUMNS as f64;
             let down = ((cell / ALL_COLUMNS) as f64 + 0.5) / ALL_ROWS as f64;
@@ -178,7 +179,7 @@ impl EnvironmentSampler {
         }
         let mut whole = DirectionWeights::new();
         whole.fill(|column, row| pdfs[column][row]);
-        let turn = |column: usize| (TAU * (column as f64 + 0.5) / ALL_COLUMNS as f64).sin_cos();
+        let turn = |column: usize| libm::sincos(TAU * (column as f64 + 0.5) / ALL_COLUMNS as f64);
         let turns = (0..ALL_COLUMNS).map(turn).map(|(s, c)| [s as f32, c as f32]).collect();
         let heights = heights.into_iter().map(|z| z as f32).collect();
         Self { pdfs, middles, whole, rows, columns, heights, turns, seen }

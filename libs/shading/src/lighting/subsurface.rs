@@ -6,8 +6,13 @@ mod beam;
 
 use beam::Beam;
 use granita_base::{Color, Vec3};
+use granita_machine::widest;
 use granita_sdb::{Cluster, Clusters, Packed};
+use granita_shade::approx;
 use std::f32::consts::PI;
+
+/// The number of places whose light is computed together.
+const TOGETHER: usize = 32;
 
 /// The diffusion profile of a material: how light that enters at one place leaves at others.
 #[derive(Clone, Debug)]
@@ -19,12 +24,22 @@ pub(crate) enum Profile {
 }
 
 impl Profile {
-    /// Returns the light that leaves per area, relative to the light that enters at a distance whose square is
-    /// given.
-    pub(crate) fn reflectance(&self, squared: f32) -> Color {
+    /// Stores the light that leaves per area, relative to the light that enters at distances whose squares are given:
+    /// for each channel that of all distances.
+    fn reflectances(&self, squared: &[f32; TOGETHER], out: &mut [[f32; TOGETHER]; 3]) {
         match self {
-            Self::Dipole(dipole) => dipole.reflectance(squared),
-            Self::Beam(beam) => beam.reflectance(squared),
+            // Vector code gives the same results.
+            Self::Dipole(dipole) => widest!({
+                for (c, out) in out.iter_mut().enumerate() {
+                    dipole.channel(c, squared, out);
+                }
+            }),
+            Self::Beam(beam) => {
+                for (k, squared) in squared.iter().enumerate() {
+                    let light = beam.reflectance(*squared).to_array();
+                    out.iter_mut().zip(light).for_each(|(out, light)| out[k] = light);
+                }
+            }
         }
     }
 
@@ -42,10 +57,26 @@ impl Profile {
         // side, so that boxes beside the point are opened where the profile is steep.
         let opens =
             |c: &Cluster| c.diagonal_squared > max_solid_angle.max(0.0) * c.distance_squared(p.to_array());
+        let mut squared = [0.0; TOGETHER];
+        let mut lights = [Vec3::ZERO; TOGETHER];
+        let mut leaving = [[0.0; TOGETHER]; 3];
+        let mut add = |squared: &[f32; TOGETHER], lights: &[Vec3]| {
+            self.reflectances(squared, &mut leaving);
+            for (k, light) in lights.iter().enumerate() {
+                sum += Vec3::from_array(leaving.map(|channel| channel[k])) * *light;
+            }
+        };
+        let mut count = 0;
         clusters.gather(records, &opens, &mut |at, light| {
-            let squared = p.distance_squared(Vec3::from_array(at));
-            sum += self.reflectance(squared) * Vec3::from_array(light);
+            squared[count] = p.distance_squared(Vec3::from_array(at));
+            lights[count] = Vec3::from_array(light);
+            count += 1;
+            if count == TOGETHER {
+                add(&squared, &lights);
+                count = 0;
+            }
         });
+        add(&squared, &lights[..count]);
         sum
     }
 }
@@ -107,22 +138,44 @@ impl Dipole {
         }
     }
 
-    /// Returns the share of the light that leaves again per area, at a distance from its entry whose square is
-    /// given.
-    pub(crate) fn reflectance(&self, squared: f32) -> Color {
-        let pole = |depth: Vec3| {
+    /// Stores the share of the light of a channel that leaves again per area, at distances from its entry whose squares
+    /// are given.
+    #[inline(always)]
+    fn channel(&self, c: usize, squared: &[f32], out: &mut [f32]) {
+        let transport = self.transport[c];
+        let pole = |depth: f32, squared: f32| {
             // The lower bound keeps the square from underflowing.
-            let way = (depth * depth + squared).map(f32::sqrt).max(Vec3::splat(1e-15));
-            let fall = (-self.transport * way).exp();
-            depth / way * (Vec3::ONE + self.transport * way) * fall / (way * way)
+            let way = (depth * depth + squared).sqrt().max(1e-15);
+            let optical = transport * way;
+            // Beyond, nothing is left.
+            let fall = if optical < 87.0 { approx::exp_near(-optical) } else { 0.0 };
+            depth / way * (1.0 + optical) * fall / (way * way)
         };
-        self.albedo * (pole(self.real) + pole(self.mirrored)) / (4.0 * PI)
+        let (real, mirrored, scale) = (self.real[c], self.mirrored[c], self.albedo[c] / (4.0 * PI));
+        for (out, squared) in out.iter_mut().zip(squared) {
+            *out = (pole(real, *squared) + pole(mirrored, *squared)) * scale;
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Profile {
+        /// Returns the light that leaves at a distance whose square is given.
+        fn reflectance(&self, squared: f32) -> Color {
+            let mut out = [[0.0; TOGETHER]; 3];
+            self.reflectances(&[squared; TOGETHER], &mut out);
+            Vec3::from_array(out.map(|channel| channel[TOGETHER - 1]))
+        }
+    }
+
+    impl Dipole {
+        fn reflectance(self, squared: f32) -> Color {
+            Profile::Dipole(self).reflectance(squared)
+        }
+    }
     use granita_sdb::{Key, Schema, Value};
 
     /// Returns the total light that leaves in closed form (the paper's section 4.1 gives it for the diffuse

@@ -17,7 +17,7 @@ use granita_base::{Color, Vec3, hash};
 use granita_rays::{Leaving, RayRequest};
 use granita_scene::attr;
 use granita_sdb::{Between, Mode, Packed, Probe};
-use granita_shade::{Batch, GatherQuery, Lane, Lanes3, RayKind, RayPath, Rect};
+use granita_shade::{Batch, GatherQuery, Lane, Lanes3, RayKind, RayPath, Rect, approx};
 use granita_trace::Ray;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -656,8 +656,8 @@ impl Falloff {
             return 1.0;
         }
         match self.power {
-            true => (1.0 - distance / self.reach).clamp(0.0, 1.0).powf(self.falloff),
-            false => (-self.falloff * distance).exp(),
+            true => approx::pow((1.0 - distance / self.reach).clamp(0.0, 1.0), self.falloff),
+            false => approx::exp(-self.falloff * distance),
         }
     }
 }

@@ -12,6 +12,7 @@ use super::{Kind, Record};
 use granita_base::sample::Sequence;
 use granita_base::{Color, Vec3};
 use granita_rays::sampling::{ConeCells, basis};
+use granita_shade::approx;
 use std::f32::consts::{PI, TAU};
 
 /// The smallest number of samples with meaningful derivatives.
@@ -118,15 +119,15 @@ impl Strata {
             for sector in 0..self.cells.sectors {
                 let here = self.cell(seen, ring, sector);
                 // The border to the next sector.
-                let (s, c) = (step * (sector + 1) as f32).sin_cos();
+                let (s, c) = sin_cos(step * (sector + 1) as f32);
                 let long = outer - inner;
                 let middle = 0.5 * (outer + inner);
                 let next = self.cell(seen, ring, sector + 1);
                 sums.add(here, next, [s * long, -c * long], [c, s], middle);
                 // The border to the next ring.
                 if ring + 1 < self.cells.rings {
-                    let (s, c) = (step * (sector as f32 + 0.5)).sin_cos();
-                    let arc = -(1.0 - outer * outer) * outer * 2.0 * (0.5 * step).sin();
+                    let (s, c) = sin_cos(step * (sector as f32 + 0.5));
+                    let arc = -(1.0 - outer * outer) * outer * 2.0 * approx::sin_near(0.5 * step);
                     let next = self.cell(seen, ring + 1, sector);
                     sums.add(here, next, [c * arc, s * arc], [c, s], outer);
                 }
@@ -140,7 +141,7 @@ impl Strata {
     fn derive_rotational(&self, kind: Kind, axis: Vec3, seen: &[Seen], record: &mut Record) {
         for ring in 0..self.cells.rings {
             // The mean of the tangent over the ring, by the square of the sine.
-            let area = |x: f32| x.sqrt().asin() - (x * (1.0 - x)).max(0.0).sqrt();
+            let area = |x: f32| approx::asin_inside(x.sqrt()) - (x * (1.0 - x)).max(0.0).sqrt();
             let (inner, outer) =
                 (ring as f32 / self.cells.rings as f32, (ring + 1) as f32 / self.cells.rings as f32);
             let tan = (area(outer) - area(inner)) * self.cells.rings as f32;
@@ -223,6 +224,12 @@ impl BorderSums {
 /// Returns the squared size of a symmetric matrix from its xx, yy and xy.
 fn size([xx, yy, xy]: [f32; 3]) -> f32 {
     xx * xx + yy * yy + 2.0 * xy * xy
+}
+
+/// Returns the sine and the cosine of an angle of at most a turn.
+#[inline(always)]
+fn sin_cos(angle: f32) -> (f32, f32) {
+    (approx::sin_near(angle), approx::cos_near(angle))
 }
 
 #[cfg(test)]

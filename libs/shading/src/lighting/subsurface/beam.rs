@@ -7,11 +7,14 @@
 //! that absorb.
 
 use granita_base::{Color, Vec3};
+use granita_shade::approx;
 use std::f64::consts::PI;
 
 /// The radii of the table in mean free paths: [`RADII`] of them from the first, each larger by the factor.
 const FIRST: f64 = 1e-3;
 const FACTOR: f64 = 1.08;
+/// The natural logarithm of [`FACTOR`].
+const LN_FACTOR: f32 = 0.076_961_04;
 const RADII: usize = 200;
 /// The number of parts of the beam.
 const PARTS: u32 = 64;
@@ -39,7 +42,7 @@ impl Beam {
             let albedo = s / extinction;
             let table = (0..RADII)
                 .map(|k| albedo * reflected(FIRST * FACTOR.powi(k as i32), albedo, moments))
-                .map(|r| r.max(1e-37).ln() as f32)
+                .map(|r| libm::log(r.max(1e-37)) as f32)
                 .collect();
             (extinction as f32, table)
         };
@@ -54,14 +57,14 @@ impl Beam {
                 return 0.0;
             }
             let radius = (squared.max(0.0).sqrt() * scale).max(FIRST as f32);
-            let at = (radius / FIRST as f32).ln() / FACTOR.ln() as f32;
+            let at = approx::ln(radius / FIRST as f32) / LN_FACTOR;
             let k = at as usize;
             if k + 1 >= table.len() {
                 return 0.0;
             }
             let log = table[k] + (table[k + 1] - table[k]) * (at - k as f32);
             // The factors are multiplied one by one, because the square may overflow.
-            (log.exp() * scale * scale).min(f32::MAX)
+            (approx::exp(log) * scale * scale).min(f32::MAX)
         };
         Vec3::new(one(&self.channels[0]), one(&self.channels[1]), one(&self.channels[2]))
     }
@@ -99,16 +102,16 @@ fn reflected(radius: f64, albedo: f64, [first, second]: [f64; 2]) -> f64 {
     let (fluence, flux) = (0.25 * (1.0 - 2.0 * first), 0.5 * (1.0 - 3.0 * second));
     let part = |i: u32| {
         // The parts have equal weight under exp (-depth).
-        let real = -(1.0 - (f64::from(i) + 0.5) / f64::from(PARTS)).ln();
+        let real = -libm::log(1.0 - (f64::from(i) + 0.5) / f64::from(PARTS));
         let mirrored = real + 2.0 * boundary;
-        let (a, b) = (radius.hypot(real), radius.hypot(mirrored));
-        let (ea, eb) = ((-transport * a).exp(), (-transport * b).exp());
+        let (a, b) = (libm::hypot(radius, real), libm::hypot(radius, mirrored));
+        let (ea, eb) = (libm::exp(-transport * a), libm::exp(-transport * b));
         let phi = (ea / a - eb / b) / (4.0 * PI * diffusion);
         let down = real * (1.0 + transport * a) * ea / (a * a * a);
         let up = mirrored * (1.0 + transport * b) * eb / (b * b * b);
         let leaving = fluence * phi + flux * (down + up) / (4.0 * PI);
         // This factor reduces the contribution close to the beam, where diffusion overestimates it.
-        leaving * (1.0 - (-2.0 * (a + real)).exp())
+        leaving * (1.0 - libm::exp(-2.0 * (a + real)))
     };
     albedo * (0..PARTS).map(part).sum::<f64>() / f64::from(PARTS)
 }
@@ -116,6 +119,11 @@ fn reflected(radius: f64, albedo: f64, [first, second]: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn radii_are_a_geometric_series() {
+        assert_eq!(LN_FACTOR, FACTOR.ln() as f32);
+    }
 
     fn total(profile: &Beam) -> f64 {
         let (mut sum, mut inner, mut radius) = (0.0_f64, 0.0_f64, 1e-4_f64);
