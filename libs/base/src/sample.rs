@@ -65,7 +65,7 @@ pub const fn line(i: u32, seed: u32) -> f32 {
 pub struct Sequence {
     /// Identifies the sequence.
     pub seed: u32,
-    /// The round that draws, from 0. The points of round 0 are those of [`square`] and [`line`].
+    /// The round that draws, from 0. The points of round 0 are those of [`square`] and [`line()`].
     pub round: u32,
 }
 
