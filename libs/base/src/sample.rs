@@ -36,6 +36,9 @@ const fn owen(x: u32, seed: u32) -> u32 {
 /// Combined with the seed of a sequence for that of its order.
 const SHUFFLED: u32 = 0x68bc_21eb;
 
+/// The dimension of a sequence that orders its samples.
+const ORDER: u32 = 0x6f72_6472;
+
 /// Returns point `i` of a scrambled (0,2)-sequence in the unit square. Every run of 2^k points is stratified in all
 /// elementary intervals. `seed` identifies the pixel and the dimension.
 #[inline]
@@ -96,7 +99,9 @@ impl Sequence {
     /// evenly.
     #[inline]
     pub const fn offset(self, n: u32) -> u32 {
-        ((van_der_corput(self.place()) as u64 * n as u64) >> 32) as u32
+        // Places that samples are moved by have another order. Otherwise each offset would have one of them.
+        let order = self.dimension(ORDER);
+        ((van_der_corput(order.place()) as u64 * n as u64) >> 32) as u32
     }
 
     /// Returns the image of `k` under a permutation of `0..n`. In many rounds it is each of them.
@@ -412,6 +417,19 @@ mod tests {
                     assert!(counts.iter().all(|n| (2..=36).contains(n)), "{a} {b} {seed}: {counts:?}");
                 }
             }
+        }
+    }
+
+    /// The order of samples and the places within their cells come from one sequence.
+    #[test]
+    fn samples_of_a_cell_have_all_places_in_it() {
+        for seed in 0..20 {
+            let mut counts = [0; 16];
+            for round in 0..256 {
+                let of = Sequence { seed, round };
+                counts[of.offset(4) as usize + 4 * (of.moved([0.3, 0.7])[0] * 4.0) as usize] += 1;
+            }
+            assert!(counts.iter().all(|n| (2..=36).contains(n)), "{seed}: {counts:?}");
         }
     }
 
