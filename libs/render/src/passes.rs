@@ -332,6 +332,13 @@ pub(crate) struct Spot {
     pub(crate) passes: u32,
 }
 
+impl Spot {
+    /// Returns how much of the squared noise of independent passes is left.
+    pub(crate) fn part_of_independent(&self) -> f64 {
+        if self.independent > 0.0 { self.squared / self.independent } else { 1.0 }
+    }
+}
+
 /// Returns the mean squared error of an image of parts, when each has the squared noise that `noise` returns, and its
 /// standard deviation.
 fn squared_error(spots: &[Spot], noise: impl Fn(&Spot) -> f64) -> [f64; 2] {

@@ -291,13 +291,8 @@ impl Accumulated {
         let colors = self.colors.len().max(1);
         let (all, early) = (self.drop_colors(), self.early(0));
         let (mut sum, mut pixels) = (0.0, 0_usize);
-        let (mut independent, mut all_noise) = (0.0, 0.0);
         for [x, y] in places(rect) {
             let pixel = self.pixel(x, y);
-            if let Some(noise) = self.noise(pixel) {
-                independent += noise.independent;
-                all_noise += noise.squared;
-            }
             let part = pixel * colors..(pixel + 1) * colors;
             let Some((own, early)) = all.get(part.clone()).zip(early.get(part)) else { continue };
             // Half of the squared difference of two values is their variance.
@@ -308,8 +303,7 @@ impl Accumulated {
                 pixels += 1;
             }
         }
-        let part = if independent > 0.0 { all_noise / independent } else { 1.0 };
-        part * sum / pixels.max(1) as f64
+        self.spot(rect).part_of_independent() * sum / pixels.max(1) as f64
     }
 
     /// Returns the colours of all pixels in one of the passes that are kept.

@@ -13,18 +13,18 @@ const LEAST_SHARE: f64 = 1e-6;
 
 /// What the passes of a pixel show of its noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct PixelNoise {
+struct PixelNoise {
     /// The mean of its colours.
-    pub(super) mean: f64,
+    mean: f64,
     /// The mean variance that a colour would have if all passes were independent of each other.
-    pub(super) independent: f64,
+    independent: f64,
     /// The mean variance of a colour, from the difference of two halves, which are independent.
-    pub(super) squared: f64,
+    squared: f64,
 }
 
 impl Accumulated {
     /// Returns the noise of a pixel; `None` when it is not finite or there are fewer than two passes.
-    pub(super) fn noise(&self, pixel: usize) -> Option<PixelNoise> {
+    fn noise(&self, pixel: usize) -> Option<PixelNoise> {
         let (n, channels) = (self.counts[pixel], self.colors.len() as f64);
         let second = self.second.as_ref().filter(|_| n >= 2)?;
         let (mut noise, mut known, mut total) = (PixelNoise::default(), 0.0, 0.0);
@@ -105,8 +105,7 @@ impl Accumulated {
         let [error, bound] = confident_error(&tiles).map(relative);
         // The differences of all passes show where the noise of a tile is, and the halves how much it is.
         let of_tile = |tile: PixelRect| {
-            let Spot { squared, independent, .. } = self.spot(&tile);
-            let part = if independent > 0.0 { squared / independent } else { 1.0 };
+            let part = self.spot(&tile).part_of_independent();
             let blocks = Self::cut(&tile, BLOCK).into_iter().map(move |block| (self.spot(&block), block));
             blocks
                 .filter(|(spot, _)| spot.pixels > 0)

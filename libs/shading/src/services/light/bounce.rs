@@ -320,7 +320,9 @@ impl<'q> Deeper<'_, '_, '_, 'q> {
         let seed = self.run.lane_seed(NoiseSource::Indirect, self.call, lane);
         let sequence = self.run.frame.sequence(seed);
         let place = [ACROSS, ALONG].map(|dimension| hash::unit(sequence.dimension(dimension).seed));
-        let offset = if jittered { sequence.moved(place).map(|x| x - 0.5) } else { [0.0; 2] };
+        // Points without a cell draw their directions from the sequence itself.
+        let within = sequence.dimension(ACROSS).moved(place);
+        let offset = if jittered { within.map(|x| x - 0.5) } else { [0.0; 2] };
         let width = CELL_WIDTH * distance / self.run.pixels_per_unit(p);
         Cell::of(p, n, front, width, offset).filter(|_| n != Vec3::ZERO)
     }
