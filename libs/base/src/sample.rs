@@ -160,13 +160,35 @@ impl Sequence {
     }
 }
 
-/// Returns the index of one of `of` points that each part of a whole draws, among all points that the parts draw from
-/// one sequence, and the number of these. `part` is the number of the part, and the number of parts. The points of each
-/// part are stratified, and so are those of 2^k parts that begin with a multiple of 2^k.
-#[inline]
-pub const fn part_of([index, of]: [u32; 2], part: [u32; 2]) -> [u32; 2] {
-    let n = block(of);
-    [part[0].wrapping_mul(n).wrapping_add(index), part[1].saturating_mul(n)]
+/// A part of a sequence, which neighbours share.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Draw {
+    /// The sequence.
+    pub sequence: Sequence,
+    /// The number of the part, and the number of parts.
+    pub part: [u32; 2],
+}
+
+impl Draw {
+    /// Returns a sequence that is not shared.
+    pub const fn alone(sequence: Sequence) -> Self {
+        Self { sequence, part: [0, 1] }
+    }
+
+    /// Returns the index of one of `of` points that each part draws among all points of the sequence, and the number of
+    /// these. The points of each part are stratified, and so are those of 2^k parts that begin with a multiple of 2^k.
+    #[inline]
+    pub const fn place(self, index: u32, of: u32) -> [u32; 2] {
+        let (n, [part, parts]) = (block(of), self.part);
+        [part.wrapping_mul(n).wrapping_add(index), parts.saturating_mul(n)]
+    }
+
+    /// Returns point `index` of the `of` points that each part draws in the unit square.
+    #[inline]
+    pub const fn square(self, index: u32, of: u32) -> (f32, f32) {
+        let [index, of] = self.place(index, of);
+        self.sequence.square(index, of)
+    }
 }
 
 /// Returns the length of a part of a sequence that has at least `n` points.
@@ -381,8 +403,8 @@ mod tests {
             for round in [0, 3] {
                 let of = Sequence { seed, round };
                 let points = |parts: std::ops::Range<u32>| -> Vec<[f32; 2]> {
-                    let each = parts.flat_map(|part| (0..3).map(move |i| part_of([i, 3], [part, 8])));
-                    each.map(|[i, n]| of.square(i, n).into()).collect()
+                    let draw = |part| Draw { sequence: of, part: [part, 8] };
+                    parts.flat_map(|part| (0..3).map(move |i| draw(part).square(i, 3).into())).collect()
                 };
                 let all = points(0..8);
                 assert_eq!(points(5..6), all[15..18]);
@@ -392,7 +414,7 @@ mod tests {
                 assert_eq!(cells.len(), 24);
             }
         }
-        assert_eq!(part_of([2, 5], [0, 1]), [2, 8]);
+        assert_eq!(Draw::alone(Sequence::new(7)).place(2, 5), [2, 8]);
     }
 
     /// Points of one index must not stay paired, because passes would never show what other pairs give.

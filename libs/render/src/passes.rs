@@ -65,7 +65,7 @@ impl Accuracy {
 
     /// Returns the number of times that the dicing step must be halved for a bias to be small enough for an error.
     pub(crate) fn level(bias: f64, error: f64) -> i32 {
-        let steps = (bias / (Self::SHARE * error)).ln() / -Self::FALL.ln();
+        let steps = libm::log(bias / (Self::SHARE * error)) / -libm::log(Self::FALL);
         // The bias is known to a tenth.
         if steps.is_nan() { 0 } else { ((steps - 0.1).ceil() as i32).clamp(0, Self::MOST) }
     }
@@ -386,7 +386,7 @@ pub(crate) fn fall(before: &[Spot], after: &[Spot]) -> f64 {
     let (before, after): (Vec<Spot>, Vec<Spot>) = twice.into_iter().unzip();
     let [[from, of_from], [to, of_to]] =
         [&before, &after].map(|spots| squared_error(spots, |spot| spot.squared));
-    let power = (from / to).log2() - (of_from / from).hypot(of_to / to) / std::f64::consts::LN_2;
+    let power = libm::log2(from / to) - libm::hypot(of_from / from, of_to / to) / std::f64::consts::LN_2;
     if power.is_nan() { 1.0 } else { power.clamp(1.0, STEEPEST) }
 }
 
@@ -398,8 +398,8 @@ impl Rule {
         let each = |spot: &Spot| spot.squared / f64::from(spot.passes.max(1));
         let fits = |least: f64| {
             let noise = |spot: &Spot| {
-                let times = (each(spot) / least).max(1.0).powf(1.0 / (power + 1.0));
-                spot.squared * times.powf(-power)
+                let times = libm::pow((each(spot) / least).max(1.0), 1.0 / (power + 1.0));
+                spot.squared * libm::pow(times, -power)
             };
             let [mean, deviation] = squared_error(spots, noise);
             mean + CONFIDENCE * deviation <= most

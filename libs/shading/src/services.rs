@@ -26,9 +26,9 @@ use crate::object::RayScene;
 use crate::object::{LinkedShaders, ObjectState, usage_word};
 use crate::texts;
 use crate::{ShaderThread, ShadingContext};
+use granita_base::sample::Draw;
 use granita_base::{
-    BaseType, Location, NoiseSource, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, sample,
-    suggestion,
+    BaseType, Location, NoiseSource, Param, ParamData, ParamType, Severity, Transform, Vec3, hash, suggestion,
 };
 use granita_dicing::finite;
 use granita_gsl::Func;
@@ -42,7 +42,7 @@ use granita_shade::{
 use granita_texture::Wrap;
 use grids::{coincident, rims, seen_by_lights};
 use recall::{Asked, Question};
-use seeds::{Draw, LaneSeeds, LightSeeds};
+use seeds::{LaneSeeds, LightSeeds};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -377,11 +377,7 @@ impl<'r, 'f> Run<'r, 'f> {
             (0..query.batch.lanes).map(|lane| self.draw_of_light(light, &names, call, lane)).collect();
         self.frame.draws(NoiseSource::Lights);
         for index in 0..count {
-            let frame = self.frame;
-            let draw = |lane: u32| {
-                let Draw { seed, part } = draws[lane as usize];
-                (frame.sequence(seed), part)
-            };
+            let draw = |lane: u32| draws[lane as usize];
             if !area::points(scene, self.thread, [index, count], active, &draw, [&mut pl, &mut nl]) {
                 return sum;
             }
@@ -404,9 +400,7 @@ impl<'r, 'f> Run<'r, 'f> {
         let mut places = [vec![0.0; query.batch.lanes], vec![0.0; query.batch.lanes]];
         for index in 0..count {
             for &lane in query.batch.active {
-                let Draw { seed, part } = self.draw_of_light(light, &names, call, lane as usize);
-                let [i, n] = sample::part_of([index, count], part);
-                let (x, y) = self.frame.sequence(seed).square(i, n);
+                let (x, y) = self.draw_of_light(light, &names, call, lane as usize).square(index, count);
                 (places[0][lane as usize], places[1][lane as usize]) = (x, y);
             }
             let cone = places.each_ref().map(|values| Lane { values, stride: 1 });
@@ -429,7 +423,7 @@ impl<'r, 'f> Run<'r, 'f> {
             Some(name) => hash::words(&[*name, light.seed, AREA]),
             None => hash::words(&[self.seed, call, light.seed, first as u32]),
         };
-        Draw { seed: self.frame.varied_seed(NoiseSource::Lights, seed), part }
+        Draw { sequence: self.frame.sequence(self.frame.varied_seed(NoiseSource::Lights, seed)), part }
     }
 
     /// Returns the seed of a lane for the next random call, which draws for `source`.
@@ -711,10 +705,7 @@ impl Run<'_, '_> {
         }
         self.note_file(query.name);
         let call = self.next_call(query.batch.active);
-        let draw = |lane: u32| {
-            let Draw { seed, part } = self.draw(NoiseSource::Lights, call, lane);
-            (self.frame.sequence(seed), part)
-        };
+        let draw = |lane: u32| self.draw(NoiseSource::Lights, call, lane);
         // A thread that builds structures for others or renders a map must not wait for maps.
         let may_wait = !self.thread.builds_rays && !self.thread.is_unlit;
         let maps = self.frame.dynamic.as_deref().filter(|_| may_wait);

@@ -2,7 +2,7 @@
 
 use crate::Wrap;
 use granita_base::Vec3;
-use granita_base::sample::Sequence;
+use granita_base::sample::{Draw, Sequence};
 use granita_image::ImageSpec;
 
 /// The parameters of `texture ()` at one point (reference 5.8.10).
@@ -250,11 +250,9 @@ pub struct ShadowLookup {
     /// The bias in "common" units that is added to the depths of the map. It is not negative. The caller replaces a
     /// negative one by the attribute "shadow:bias".
     pub bias: f32,
-    /// The sequence of the sample pattern. Its seed is a hash of the pixel or point.
-    pub sequence: Sequence,
-    /// The part of the sequence that it has, and the number of parts, where neighbours share one (see
-    /// [`part_of`](granita_base::sample::part_of)); 0 of 1 alone.
-    pub part: [u32; 2],
+    /// The random numbers of the sample pattern. Their seed is a hash of the pixel or point, or of neighbours that
+    /// share a sequence.
+    pub draw: Draw,
 }
 
 impl Default for ShadowLookup {
@@ -270,8 +268,7 @@ impl Default for ShadowLookup {
             twidth: 1.0,
             samples: 16,
             bias: 0.01,
-            sequence: Sequence::new(0),
-            part: [0, 1],
+            draw: Draw::alone(Sequence::new(0)),
         }
     }
 }

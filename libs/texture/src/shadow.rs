@@ -8,7 +8,8 @@ use crate::opacity::{opacity_around, opacity_at};
 use crate::reader::TextureReader;
 use crate::sampler::Sampler;
 use crate::wrap::cell;
-use granita_base::{Transform, Vec3, sample};
+use granita_base::sample::Draw;
+use granita_base::{Transform, Vec3};
 
 /// The smallest and largest number of samples of one lookup.
 const SAMPLES: (u32, u32) = (16, 4096);
@@ -21,12 +22,10 @@ fn pattern(q: &ShadowLookup) -> impl Iterator<Item = ([f32; 2], [f32; 2])> + use
     // Without any extent all samples would be equal.
     let count = if sharp { 1 } else { q.samples.clamp(SAMPLES.0, SAMPLES.1) };
     let blurred = q.sblur != 0.0 || q.tblur != 0.0;
-    let part = q.part;
-    let sequences = [0, 1].map(|which| q.sequence.dimension(which));
+    let draws = [0, 1].map(|which| Draw { sequence: q.draw.sequence.dimension(which), ..q.draw });
     (0..count).map(move |i| {
-        let place = sample::part_of([i, count], part);
         let centred = |which: usize| {
-            let (u, v) = sequences[which].square(place[0], place[1]);
+            let (u, v) = draws[which].square(i, count);
             [u - 0.5, v - 0.5]
         };
         (if sharp { [0.0; 2] } else { centred(0) }, if blurred { centred(1) } else { [0.0; 2] })

@@ -3,7 +3,7 @@
 
 mod support;
 
-use granita_base::sample::Sequence;
+use granita_base::sample::{Draw, Sequence};
 use granita_base::{Transform, Vec3};
 use granita_image::{ImageSpec, PixelType};
 use granita_texture::make::{MakeOptions, Mode};
@@ -101,7 +101,7 @@ fn a_blurred_shadow_has_a_linear_penumbra_of_the_blur_width() {
                 sblur: 0.2,
                 tblur: 0.2,
                 samples,
-                sequence: Sequence::new(i),
+                draw: Draw::alone(Sequence::new(i)),
                 ..point(offset * 20.0, 0.0, 5.0)
             };
             let expected = (0.5 - offset / 0.2).clamp(0.0, 1.0);
@@ -124,7 +124,7 @@ fn shadow_lookups_average_their_footprint() {
         let q = ShadowLookup {
             dpdx: Vec3::X * 4.0,
             dpdy: Vec3::Y,
-            sequence: Sequence::new(seed),
+            draw: Draw::alone(Sequence::new(seed)),
             samples: 64,
             ..point(1.0, 0.0, 5.0)
         };
@@ -185,7 +185,7 @@ fn cube_shadow_maps_cast_shadows_in_all_directions() {
             p: light + d / depth * depth_wanted,
             sblur: if i % 2 == 0 { 0.05 } else { 0.0 },
             tblur: if i % 2 == 0 { 0.05 } else { 0.0 },
-            sequence: Sequence::new(i),
+            draw: Draw::alone(Sequence::new(i)),
             ..ShadowLookup::default()
         };
         // Blur across an edge may compare with a depth slightly larger than the point's.
@@ -236,7 +236,7 @@ fn cube_shadows_are_continuous_over_edges() {
                 sblur: blur,
                 tblur: blur,
                 samples: 64,
-                sequence: Sequence::new(i),
+                draw: Draw::alone(Sequence::new(i)),
                 ..ShadowLookup::default()
             };
             cache.shadow(id, &q)
@@ -278,7 +278,7 @@ fn cube_volume_maps_are_continuous_over_edges() {
             sblur: blur,
             tblur: blur,
             bias: 0.0,
-            sequence: Sequence::new(seed),
+            draw: Draw::alone(Sequence::new(seed)),
             ..ShadowLookup::default()
         };
         cache.shadow(id, &q)

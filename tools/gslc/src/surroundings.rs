@@ -1,7 +1,7 @@
 //! The surroundings of a shader that runs without a renderer. There is one space, units scale by their definition,
 //! lights are given by name, textures are files, and there are no rays.
 
-use granita_base::sample::Sequence;
+use granita_base::sample::{Draw, Sequence};
 use granita_base::{Param, Reporter, SearchPath, Severity, Transform, hash};
 use granita_gsl::ir::ShaderKind;
 use granita_plugin::Plugins;
@@ -88,7 +88,7 @@ impl Textures for Surroundings<'_> {
             &mut self.textures.reader(),
             query,
             1.0,
-            &|lane| (Sequence::new(hash::words(&[seed, lane])), [0, 1]),
+            &|lane| Draw::alone(Sequence::new(hash::words(&[seed, lane]))),
             &bias,
             out,
         );

@@ -4,7 +4,7 @@ use crate::failure::{Failure, guarded, text};
 use crate::points::Batch;
 use crate::system::System;
 use crate::types::{At, Environment, Lookup2d, Lookup3d, Points, Shadow};
-use granita_base::sample::Sequence;
+use granita_base::sample::{Draw, Sequence};
 use granita_base::{Vec3, hash};
 use granita_texture::{EnvLookup, Lookup, ShadowLookup, TextureId, TextureReader, Up, Wrap};
 use std::ffi::{c_char, c_int};
@@ -287,8 +287,7 @@ pub(crate) unsafe extern "C" fn granita_texture_lookup_shadow(
                 twidth: q.twidth.at(at, 1.0),
                 samples,
                 bias: q.bias.at(at, BIAS).max(0.0),
-                sequence: Sequence::new(hash::words(&[q.seed, i as u32])),
-                part: [0, 1],
+                draw: Draw::alone(Sequence::new(hash::words(&[q.seed, i as u32]))),
             };
             values[0] = reader.shadow(id, &lookup);
         };

@@ -5,7 +5,7 @@
 //! the samples. Points are uniform in area over the tessellation for rays.
 
 use crate::object::{ObjectState, RayScene};
-use granita_base::sample::{self, Sequence};
+use granita_base::sample::Draw;
 use granita_rays::GridShader;
 use granita_shade::Lanes3;
 
@@ -34,20 +34,16 @@ pub(crate) fn samples(nsamples: i32) -> u32 {
 }
 
 /// Returns sample `index` of the `of` samples of a light: a point and its normal for each active lane. `draw` returns
-/// the sequences of lanes, and their parts of them. Returns `false` when the set has no surface.
+/// the random numbers of lanes. Returns `false` when the set has no surface.
 pub(crate) fn points(
     scene: &RayScene,
     thread: &mut dyn GridShader<'_, ObjectState>,
     [index, of]: [u32; 2],
     active: &[u32],
-    draw: &dyn Fn(u32) -> (Sequence, [u32; 2]),
+    draw: &dyn Fn(u32) -> Draw,
     [pl, nl]: [&mut Lanes3; 2],
 ) -> bool {
-    let place = |lane: &u32| {
-        let (sequence, part) = draw(*lane);
-        let [i, n] = sample::part_of([index, of], part);
-        sequence.square(i, n).into()
-    };
+    let place = |lane: &u32| draw(*lane).square(index, of).into();
     let places: Vec<_> = active.iter().map(place).collect();
     let Some(found) = scene.area_points(thread, &places) else { return false };
     for (lane, (p, n)) in active.iter().zip(found) {

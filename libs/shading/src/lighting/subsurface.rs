@@ -161,6 +161,7 @@ impl Dipole {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_sdb::{Key, Schema, Value};
 
     impl Profile {
         /// Returns the light that leaves at a distance whose square is given.
@@ -176,7 +177,6 @@ mod tests {
             Profile::Dipole(self).reflectance(squared)
         }
     }
-    use granita_sdb::{Key, Schema, Value};
 
     /// Returns the total light that leaves in closed form (the paper's section 4.1 gives it for the diffuse
     /// albedo).

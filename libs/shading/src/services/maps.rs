@@ -2,7 +2,7 @@
 
 use super::{count, option, samples};
 use crate::lighting::directions::EnvironmentSampler;
-use granita_base::sample::Sequence;
+use granita_base::sample::Draw;
 use granita_base::{Transform, Vec3};
 use granita_shade::{
     Batch, EnvironmentQuery, Lane, Lanes3, LookupResult, MapHandle, ShadowQuery, Texture3dQuery,
@@ -224,14 +224,14 @@ fn on_sphere(p: Vec3, r: Vec3, radius: f32) -> Vec3 {
     if far > 0.0 { p + d * far } else { r }
 }
 
-/// Answers `shadow ()` from a map, with the same value in all three channels. `draw` gives each lane the sequence of
-/// its samples and its part of it. `bias` is added to its distance, in "common" units. `factor` is the attribute
+/// Answers `shadow ()` from a map, with the same value in all three channels. `draw` gives each lane the random
+/// numbers of its samples. `bias` is added to its distance, in "common" units. `factor` is the attribute
 /// "render:samples". A file that cannot be used gives no shadow.
 pub fn shadow(
     reader: &mut TextureReader<'_>,
     query: &ShadowQuery<'_>,
     factor: f32,
-    draw: &dyn Fn(u32) -> (Sequence, [u32; 2]),
+    draw: &dyn Fn(u32) -> Draw,
     bias: &dyn Fn(usize) -> f32,
     out: &mut Lanes3,
 ) {
@@ -241,7 +241,6 @@ pub fn shadow(
     for &lane in query.batch.active {
         let i = lane as usize;
         let blocked = id.map_or(0.0, |id| {
-            let (sequence, part) = draw(lane);
             let lookup = ShadowLookup {
                 p: query.p.get(i),
                 dpdx: query.dpdx.get(i),
@@ -252,8 +251,7 @@ pub fn shadow(
                 twidth: option(o.twidth, i, 1.0),
                 samples: samples(count(o.samples, i), factor),
                 bias: bias(i),
-                sequence,
-                part,
+                draw: draw(lane),
             };
             reader.shadow(id, &lookup)
         });

@@ -3,13 +3,12 @@
 
 use super::maps::{fit, prepare};
 use super::origins::Origins;
-use super::seeds::Draw;
 use super::{Run, count, option, samples};
 use crate::object::RayScene;
 use crate::thread::{MAX_RAY_LEVELS, MORE_NESTED};
 use crate::trace::RayPurpose;
-use granita_base::sample::Sequence;
-use granita_base::{Color, NoiseSource, Vec3, hash, sample};
+use granita_base::sample::{Draw, Sequence};
+use granita_base::{Color, NoiseSource, Vec3, hash};
 use granita_dicing::Projection;
 use granita_rays::sampling::{Distribution, in_cone};
 use granita_rays::{Departure, Leaving, RayRequest};
@@ -360,25 +359,25 @@ pub(super) fn environment(run: &mut Run<'_, '_>, query: &EnvironmentQuery<'_>, o
         let per_ray = 1.0 / (asked as f32).sqrt();
         let branch = run.branch(i, seed, asked);
         // Points that the camera sees share sequences, and so do the hits of one of them.
-        let Draw { seed: drawn, part } = match path.rays <= 1.0 {
+        let draw = match path.rays <= 1.0 {
             true => run.draw(NoiseSource::Rays, call, lane),
-            false => Draw { seed: branch.seed, part: [0, 1] },
+            false => Draw::alone(run.frame.sequence(branch.seed)),
         };
-        let sequence = run.frame.sequence(drawn);
+        let directions = draw.sequence.dimension(DIRECTION);
         let departure = run.departure(i, query.p.get(i), r);
         sums.push(Sum::new(lane, branch.samples, kept.scale));
         for k in 0..branch.samples {
             let index = branch.first + k;
-            let place = sample::part_of([index, branch.of()], part);
-            let [x, y] = in_footprint(asked, place, sequence);
+            let place = draw.place(index, branch.of());
+            let [x, y] = in_footprint(asked, place, draw.sequence);
             let axis = (r + drdx * x + drdy * y).normalize_or(r);
-            let dir = in_cone(axis, half_angle, Distribution::Uniform, place, sequence.dimension(DIRECTION));
+            let dir = in_cone(axis, half_angle, Distribution::Uniform, place, directions);
             let aim = Aim {
                 p: origins.at(i) + origins.inside(i, [dpdx * x, dpdy * y]),
                 dir,
                 bias: run.bias(o.bias, i),
                 tmax: Run::reach(o.maxhitdist, i),
-                time: run.ray_time(place, drawn),
+                time: run.ray_time(place, draw.sequence.seed),
             };
             rays.push(RayRequest {
                 lane,
@@ -492,14 +491,14 @@ fn probe(
         let seed = run.lane_seed(NoiseSource::Rays, call, lane);
         let angle = query.angle.get(i);
         let shared = run.draw(NoiseSource::Rays, call, lane);
-        let directions = run.frame.sequence(shared.seed).dimension(DIRECTION);
-        let place = sample::part_of([index, samples], shared.part);
+        let directions = shared.sequence.dimension(DIRECTION);
+        let place = shared.place(index, samples);
         let aim = Aim {
             p: origins.at(i),
             dir: in_cone(axis, angle, distribution, place, directions),
             bias: run.bias(query.options.bias, i),
             tmax: Run::reach(query.options.maxhitdist, i),
-            time: run.ray_time(place, shared.seed),
+            time: run.ray_time(place, shared.sequence.seed),
         };
         lanes.push(lane);
         let spread = 2.0 * angle.max(0.0) / (samples as f32).sqrt();

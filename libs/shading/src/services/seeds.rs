@@ -1,6 +1,7 @@
 //! The seeds of random numbers of the lanes of a run.
 
 use super::Run;
+use granita_base::sample::Draw;
 use granita_base::{NoiseSource, hash};
 use granita_shade::{Grid, IlluminateQuery, Lane3, Rect};
 use std::cell::OnceCell;
@@ -50,15 +51,6 @@ pub(super) struct LightSeeds<'q> {
     active: &'q [u32],
 }
 
-/// The random numbers that a lane draws from a sequence that neighbours share.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Draw {
-    /// The seed of the sequence.
-    pub(super) seed: u32,
-    /// The number of the lane among those that share it, and the number of these.
-    pub(super) part: [u32; 2],
-}
-
 impl Run<'_, '_> {
     /// Returns the lane whose seed a lane has for the sequences that neighbours share, its number among them, and their
     /// number.
@@ -80,19 +72,24 @@ impl Run<'_, '_> {
 
     /// Returns what a lane draws in a call for `source` from a sequence that neighbours share.
     pub(super) fn draw(&self, source: NoiseSource, call: u32, lane: u32) -> Draw {
-        let Draw { seed, part } = self.share(call, lane);
-        Draw { seed: self.frame.seed_of(source, seed), part }
+        let (seed, part) = self.shared_seed(call, lane);
+        Draw { sequence: self.frame.sequence(self.frame.seed_of(source, seed)), part }
     }
 
-    /// Returns the same when the call itself draws nothing and only passes it on. Lanes with seeds of their own may
-    /// have made another number of calls than their neighbours.
+    /// Returns the same when the call itself draws nothing and only passes it on.
     pub(super) fn share(&self, call: u32, lane: u32) -> Draw {
+        let (seed, part) = self.shared_seed(call, lane);
+        Draw { sequence: self.frame.sequence(seed), part }
+    }
+
+    /// Lanes with seeds of their own may have made another number of calls than their neighbours.
+    fn shared_seed(&self, call: u32, lane: u32) -> (u32, [u32; 2]) {
         let (first, part) = self.part_of(lane as usize);
         let seed = match self.seeds.of(first) {
             Some(seed) => hash::words(&[seed, self.lane_calls[lane as usize]]),
             None => hash::words(&[self.seed, call, first as u32]),
         };
-        Draw { seed, part }
+        (seed, part)
     }
 }
 

@@ -104,21 +104,20 @@ pub(super) fn shadow(run: &mut Run<'_, '_>, query: &ShadowQuery<'_>, out: &mut L
             true => run.share(call, lane),
             false => run.draw(NoiseSource::Lights, call, lane),
         };
-        let sequence = run.frame.sequence(shared.seed);
         let footprint = query.dpdx.get(i).length().max(query.dpdy.get(i).length());
         let first = bundle.rays.len();
         for index in 0..asked.samples {
-            let place = sample::part_of([index, asked.samples], shared.part);
-            let [x, y] = in_footprint(asked.samples, place, sequence).map(|x| x * width);
+            let place = shared.place(index, asked.samples);
+            let [x, y] = in_footprint(asked.samples, place, shared.sequence).map(|x| x * width);
             let off = origins.inside(i, [query.dpdx.get(i) * x, query.dpdy.get(i) * y]);
             let toward = |axis: Vec3| match asked.is_hard() {
                 true => axis,
                 false => {
-                    let directions = sequence.dimension(DIRECTION);
+                    let directions = shared.sequence.dimension(DIRECTION);
                     in_cone(axis, asked.half_angle, Distribution::Uniform, place, directions)
                 }
             };
-            bundle.add(run, i, off, &toward, run.ray_time(place, shared.seed));
+            bundle.add(run, i, off, &toward, run.ray_time(place, shared.sequence.seed));
         }
         if bundle.rays.len() > first {
             let widths = [footprint * per_ray, 2.0 * asked.half_angle.max(0.0) * per_ray];

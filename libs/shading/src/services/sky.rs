@@ -3,7 +3,8 @@
 use super::maps::{CHANNELS, first_channel, prepare, store};
 use super::{Repeat, Run, SKY, count, option, samples};
 use crate::lighting::directions::{DirectionSample, DirectionWeights, EnvironmentSampler, TOGETHER};
-use granita_base::{NoiseSource, Transform, Vec3, hash, sample};
+use granita_base::sample::Draw;
+use granita_base::{NoiseSource, Transform, Vec3, hash};
 use granita_shade::{EnvironmentQuery, Lanes3, LookupResult};
 use granita_texture::{EnvLookup, TextureId, Up, Use};
 use std::sync::Arc;
@@ -22,8 +23,8 @@ pub(super) struct SampleBatch {
     keys: Vec<Option<Key>>,
     /// The radiance and direction of each sample of all lanes, sample by sample.
     sent: Vec<Sent>,
-    /// For each lane, the seed of its sequence and the index of its first sample there.
-    sequences: Vec<(u32, [u32; 2])>,
+    /// The sequence of each lane, and its part of it.
+    sequences: Vec<Draw>,
 }
 
 /// The map that all directions are drawn from.
@@ -176,14 +177,10 @@ impl Run<'_, '_> {
         // A unit normal is transformed into the map's space, where cosines stay the same.
         let normal = Vec3::new(r.dot(x), r.dot(y), r.dot(z)).normalize_or_zero();
         let normal = Some(normal).filter(|n| self.gathers_in_front && *n != Vec3::ZERO);
-        let (seed, part) = ahead.sequences[lane];
-        let sequence = self.frame.sequence(seed);
+        let draw = ahead.sequences[lane];
         let Repeat { run, of } = self.repeat;
         let (first, all) = (run.wrapping_mul(key.all).wrapping_add(key.first), key.all.saturating_mul(of));
-        let point = |k: usize| {
-            let [i, n] = sample::part_of([first.wrapping_add(k as u32), all], part);
-            sequence.square(i, n)
-        };
+        let point = |k: usize| draw.square(first.wrapping_add(k as u32), all);
         let drawn = ahead.map.directions.draw(
             normal,
             &std::array::from_fn(point),
@@ -219,8 +216,8 @@ impl Run<'_, '_> {
         }
     }
 
-    /// Returns for each lane the seed of its sequence of directions, and its part of it ([`Run::part_of`]).
-    fn sequences(&self, lanes: usize) -> Vec<(u32, [u32; 2])> {
+    /// Returns for each lane its sequence of directions, and its part of it ([`Run::part_of`]).
+    fn sequences(&self, lanes: usize) -> Vec<Draw> {
         let seed = |lane: usize| {
             let seed = match self.seeds.of(lane) {
                 Some(own) => hash::words(&[own, SKY]),
@@ -230,9 +227,9 @@ impl Run<'_, '_> {
         };
         let own = |lane: usize| {
             let (first, part) = self.part_of(lane);
-            (seed(first), part)
+            Draw { sequence: self.frame.sequence(seed(first)), part }
         };
-        let mut out: Vec<(u32, [u32; 2])> = (0..lanes).map(own).collect();
+        let mut out: Vec<Draw> = (0..lanes).map(own).collect();
         for &(lane, of) in self.coincident.iter() {
             out[lane as usize] = out[of as usize];
         }
