@@ -45,8 +45,8 @@ except ImportError:
     print("light.py: there is no package bpy: no rows of Cycles")
 import light_gelato
 import light_scenes
+import light_table
 
-BARS = (0.05, 0.03, 0.02, 0.01)
 # The errors that are requested of gelato, in percent.
 REQUESTED = (8, 5, 3, 2, 1.5, 1, 0.7, 0.5)
 # The samples per pixel of the other programs.
@@ -67,48 +67,6 @@ def error(image, reference, mask):
     whole = 0.5 * (a + b)
     square = ((image - whole) ** 2).mean() - 0.25 * ((a - b) ** 2).mean()
     return np.sqrt(max(square, 0)) / whole.mean()
-
-
-def at(curve, bar):
-    """Returns the time in seconds at which a curve of (seconds, error) first falls to a limit, interpolated by powers
-    between its points. Returns None when the curve stays above the limit."""
-    best = []
-    for seconds, e in sorted(curve):
-        if not best or e < best[-1][1]:
-            best.append((seconds, e))
-    for (t0, e0), (t1, e1) in zip(best, best[1:]):
-        if e0 > bar >= e1:
-            return t0 * (t1 / t0) ** (np.log(e0 / bar) / np.log(e0 / e1))
-    return min((t for t, e in best if e <= bar), default=None)
-
-
-def beyond(curve, bar):
-    """Returns the extrapolated time in seconds at which a curve that ends above a limit would reach it. The error is
-    taken as noise, which falls with the square root of the time."""
-    seconds, e = sorted(curve)[-1]
-    return seconds * (e / bar) ** 2
-
-
-def show(what, tables):
-    print(f"\n{what}\n\n| program | setting | seconds | error, % |\n|---|---|---|---|")
-    for name, rows in tables:
-        for setting, seconds, e in rows:
-            print(f"| {name} | {setting} | {seconds:.2f} | {100 * e:.2f} |")
-    print("\n| error | " + " | ".join(name for name, _ in tables) + " | ours to the faster of them | by -error |")
-    print("|---" * (len(tables) + 3) + "|")
-    for bar in BARS:
-        cells, times = [], []
-        for name, rows in tables:
-            curve = [r[1:] for r in rows]
-            seconds = at(curve, bar)
-            cells.append(f"{seconds:.2f} s" if seconds else "not reached")
-            if not seconds and not name.startswith("gelato"):
-                seconds = beyond(curve, bar)
-                cells[-1] = f"{seconds:.1f} s, extrapolated"
-            times.append(seconds)
-        others = [t for t in times[2:] if t]
-        ratios = [f"{t / min(others):.2f}" if t and others else "" for t in times[:2]]
-        print(f"| {100 * bar:.0f} % | " + " | ".join(cells + ratios) + " |", flush=True)
 
 
 def walls(scene, image, reference, where):
@@ -195,7 +153,7 @@ def measure(words, place, ours, mitsuba, cycles, scene, kind, title):
             if words.keep:
                 np.save(f"{words.keep}/{title.replace(' ', '_').replace(',', '')}_cycles.npy", image)
         tables.append(("Cycles", rows))
-    show(title, tables)
+    light_table.show(title, tables)
     more = start(light_mitsuba, (words.variant, scene, files, side, kind), place) - mitsuba.render(kind, 4)[1]
     print(f"\nFrom the start of the program Mitsuba takes {more:.2f} s more", end="")
     if cycles:

@@ -1,4 +1,4 @@
-"""Renders the scenes of benches/peers/light.py with Cycles (package `bpy`)."""
+"""Renders the scenes of benches/peers/light.py and effects.py with Cycles (package `bpy`)."""
 
 import contextlib
 import os
@@ -8,6 +8,7 @@ import time
 
 import bpy
 import numpy as np
+import bmesh  # only after bpy
 from mathutils import Matrix, Vector
 
 from light_scenes import normals, read_mesh
@@ -43,12 +44,17 @@ class Cycles:
         c.device, c.use_adaptive_sampling, c.use_denoising = "CPU", False, False
         c.pixel_filter_type = "BOX"
         c.max_bounces = c.diffuse_bounces = 1 if measure == "bounce" else 0
+        if measure == "whole":
+            c.max_bounces = c.glossy_bounces = 1
+            c.blur_glossy = 0
         c.sample_clamp_indirect = c.sample_clamp_direct = 0
         c.caustics_reflective = c.caustics_refractive = False
         layer = out.view_layers[0]
-        layer.use_pass_combined = False
+        layer.use_pass_combined = measure == "whole"
         for word in ("diffuse_direct", "diffuse_indirect", "diffuse_color"):
             setattr(layer, f"use_pass_{word}", True)
+        if measure == "whole":
+            c.denoiser, c.denoising_input_passes = "OPENIMAGEDENOISE", "RGB_ALBEDO_NORMAL"
         self.camera(scene)
         self.lights(scene, measure)
         for shape in scene.shapes:
@@ -59,6 +65,12 @@ class Cycles:
         camera.angle = np.radians(scene.fov)
         size = (Vector(scene.target) - Vector(scene.origin)).length
         camera.clip_start, camera.clip_end = 0.001 * size, 1000 * size
+        if scene.lens:
+            radius, distance = scene.lens
+            camera.dof.use_dof = True
+            camera.dof.focus_distance = distance
+            # The focal length is in millimetres and the scene in metres.
+            camera.dof.aperture_fstop = 1e-3 * camera.lens / (2 * radius)
         thing = bpy.data.objects.new("camera", camera)
         back = (Vector(scene.origin) - Vector(scene.target)).normalized()
         right = Vector((0, 1, 0)).cross(back).normalized()
@@ -86,7 +98,7 @@ class Cycles:
             links.new(places.outputs["Generated"], to.inputs["Vector"])
             links.new(to.outputs["Vector"], image.inputs["Vector"])
             links.new(image.outputs["Color"], background.inputs["Color"])
-        if measure != "bounce":
+        if measure not in ("bounce", "whole"):
             return
         if scene.lamp:
             light = bpy.data.lights.new("lamp", "POINT")
@@ -107,7 +119,15 @@ class Cycles:
 
     def shape(self, shape, color):
         mesh = bpy.data.meshes.new(shape.name)
-        if shape.file:
+        if shape.spheres:
+            # Cycles has no spheres of its own.
+            whole = bmesh.new()
+            for x, y, z, r in shape.spheres:
+                bmesh.ops.create_uvsphere(whole, u_segments=96, v_segments=48, radius=r, matrix=Matrix.Translation((x, y, z)))
+            whole.to_mesh(mesh)
+            whole.free()
+            mesh.shade_smooth()
+        elif shape.file:
             vertices, triangles = read_mesh(shape.file)
             mesh.from_pydata(vertices.tolist(), [], triangles.tolist())
             mesh.normals_split_custom_set_from_vertices(normals(vertices, triangles).tolist())
@@ -118,15 +138,36 @@ class Cycles:
         material.use_nodes = True
         nodes = material.node_tree.nodes
         nodes.clear()
-        matte = nodes.new("ShaderNodeBsdfDiffuse")
-        matte.inputs["Color"].default_value = (*color, 1)
         out = nodes.new("ShaderNodeOutputMaterial")
-        material.node_tree.links.new(matte.outputs[0], out.inputs["Surface"])
+        links = material.node_tree.links
+
+        def lobe(kind, color, alpha):
+            node = nodes.new(kind)
+            node.inputs["Color"].default_value = (*color, 1)
+            if kind == "ShaderNodeBsdfAnisotropic":
+                # The roughness of Cycles is the root of the width of its lobe.
+                node.distribution = "GGX"
+                node.inputs["Roughness"].default_value = alpha ** 0.5
+            return node.outputs[0]
+
+        if shape.mirror:
+            surface = lobe("ShaderNodeBsdfAnisotropic", color, shape.mirror / 2.8)
+        else:
+            surface = lobe("ShaderNodeBsdfDiffuse", color, 0)
+        if shape.highlight:
+            both = nodes.new("ShaderNodeAddShader")
+            bright = 4 * 0.24 * 0.24 * shape.highlight
+            links.new(surface, both.inputs[0])
+            links.new(lobe("ShaderNodeBsdfAnisotropic", (bright,) * 3, 0.24), both.inputs[1])
+            surface = both.outputs[0]
+        links.new(surface, out.inputs["Surface"])
         mesh.materials.append(material)
         self.out.collection.objects.link(bpy.data.objects.new(shape.name, mesh))
 
-    def render(self, spp, seed=0):
-        """Returns the image of the measured light, without direct light of lamps, and the seconds."""
+    def render(self, spp, seed=0, denoise=False):
+        """Returns the image of the measured light, without direct light of lamps (with all light where the whole image
+        is measured), and the seconds. `denoise` removes its noise with Open Image Denoise."""
+        self.out.cycles.use_denoising = denoise
         self.out.cycles.samples, self.out.cycles.seed = spp, seed
         self.out.render.filepath = f"{self.place}/cycles.exr"
         with silence():
@@ -134,6 +175,8 @@ class Cycles:
             bpy.ops.render.render(write_still=True)
             seconds = self.clock() - begin
         # The names differ before version 5.
+        if self.measure == "whole":
+            return self.read(self.out.render.filepath, ("Combined",)), seconds
         part = ("Diffuse Indirect", "DiffInd") if self.measure == "bounce" else ("Diffuse Direct", "DiffDir")
         light, color = (self.read(self.out.render.filepath, names) for names in (part, ("Diffuse Color", "DiffCol")))
         return light * color, seconds

@@ -1,4 +1,4 @@
-"""Renders the scenes of benches/peers/light.py with gelato."""
+"""Renders the scenes of benches/peers/light.py and effects.py with gelato."""
 
 import math
 import os
@@ -32,8 +32,9 @@ class Gelato:
 
     def render(self, scene, files, side, measure, options, more=()):
         """Returns the image and the seconds of the whole program, with `more` words on its command line. `measure` is
-        "direct", "bounce", "sky" (the unoccluded part of the sky), "panorama", or "drawn" (the light of the panorama, in
-        directions distributed by it)."""
+        "direct", "bounce", "sky" (the unoccluded part of the sky), "panorama", "drawn" (the light of the panorama, in
+        directions distributed by it), or "whole" (direct light, highlights and reflections). `options` are parameters of the
+        light or the shader that is measured; for "whole" those of the mirror."""
         text = self.text(scene, files, side, measure, options)
         words = [self.program, "-silent", "-threads", str(self.threads), *more, "-"]
         begin = self.clock()
@@ -56,6 +57,7 @@ class Gelato:
             # The other programs use the same filter.
             f'Output ("{self.image}", "OpenEXR", "rgb", "camera", "string filter", "box", "float[2] filterwidth", (1, 1))',
             f'Attribute ("float fov", {scene.fov})',
+            *self.lens(scene),
             "Scale (-1, 1, 1)",
             f"Rotate ({tilt}, 1, 0, 0)", f"Rotate ({-turn}, 0, 1, 0)", f"Translate ({-o[0]}, {-o[1]}, {-o[2]})",
             "World ()",
@@ -66,10 +68,10 @@ class Gelato:
                 f'Shader ("surface", "envsurf", "string envname", "{self.place}/panorama.exr")',
                 "Scale (1e5, 1e5, 1e5)", "Sphere (1, -1, 1, 360)", "PopAttributes ()",
             ]
-        elif measure in ("direct", "bounce") and scene.lamp:
+        elif measure in ("direct", "bounce", "whole") and scene.lamp:
             lines.append(f'Light ("lamp", "pointlight", "float intensity", {scene.strength}, "float falloff", 2, '
                          f'"point from", {scene.lamp}, "string shadowname", "light")')
-        elif measure in ("direct", "bounce"):
+        elif measure in ("direct", "bounce", "whole"):
             lines.append(f'Light ("sun", "distantlight", "float intensity", {scene.strength}, "point from", (0, 0, 0), '
                          f'"point to", {scene.sun}, "string shadowname", "light")')
         if measure in ("bounce", "panorama"):
@@ -83,8 +85,29 @@ class Gelato:
         lines.append('Attribute ("string geometryset", "+light")')
         for shape in scene.shapes:
             lines.append(f'Attribute ("color C", {tuple(shape.color)})')
+            if measure == "whole":
+                lines.append(self.shader(shape, options))
+            for x, y, z, r in shape.spheres:
+                lines += ["PushTransform ()", f"Translate ({x}, {y}, {z})", f"Sphere ({r}, {-r}, {r}, 360)", "PopTransform ()"]
             for quad in shape.quads:
                 lines.append(f'Mesh ("linear", (4,), (0, 1, 2, 3), "vertex point P", {tuple(v for p in quad for v in p)})')
             if shape.file:
                 lines.append(f'Input ("{files[shape.name]}")')
         return "\n".join(lines + ["Render ()", ""])
+
+    @staticmethod
+    def lens(scene):
+        if not scene.lens:
+            return []
+        radius, distance = scene.lens
+        return ['Attribute ("float fstop", 1)', f'Attribute ("float focallength", {2 * radius})',
+                f'Attribute ("float focaldistance", {distance})']
+
+    @staticmethod
+    def shader(shape, options):
+        if shape.mirror:
+            more = f", {options}" if options else ""
+            return f'Shader ("surface", "shinymetal", "float Ka", 0, "float Ks", 0, "string envname", "light", "float blur", {shape.mirror}{more})'
+        if shape.highlight:
+            return f'Shader ("surface", "plastic", "float Ka", 0, "float roughness", 0.03, "float Ks", {shape.highlight})'
+        return 'Shader ("surface", "matte", "float Ka", 0)'

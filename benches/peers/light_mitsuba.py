@@ -1,4 +1,4 @@
-"""Renders the scenes of benches/peers/light.py with Mitsuba 3 (package `mitsuba`), which also makes the references."""
+"""Renders the scenes of benches/peers/light.py and effects.py with Mitsuba 3 (package `mitsuba`), which also makes the references."""
 
 import pickle
 import sys
@@ -48,6 +48,9 @@ class Mitsuba:
             "film": {"type": "hdrfilm", "width": side, "height": side, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
             "sampler": {"type": "multijitter"},
         }
+        if scene.lens:
+            radius, distance = scene.lens
+            self.camera.update(type="thinlens", aperture_radius=radius, focus_distance=distance)
         words = {"type": "scene", "sensor": self.camera}
         self.sensors = {}
         strength = {"type": "rgb", "value": [np.pi * scene.strength] * 3}
@@ -61,12 +64,28 @@ class Mitsuba:
             words["light"] = {"type": "directional", "direction": list(scene.sun), "irradiance": strength}
         for shape in scene.shapes:
             color = (1, 1, 1) if white else shape.color
-            words[shape.name] = {
-                "type": "obj", "filename": files[shape.name], "face_normals": not shape.file,
-                "bsdf": {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(color)}}},
-            }
+            bsdf = {"type": "twosided", "bsdf": self.reflection(shape, color)}
+            for k, (x, y, z, r) in enumerate(shape.spheres):
+                words[f"{shape.name}_{k}"] = {"type": "sphere", "center": [x, y, z], "radius": r, "bsdf": bsdf}
+            if not shape.spheres:
+                words[shape.name] = {"type": "obj", "filename": files[shape.name], "face_normals": not shape.file, "bsdf": bsdf}
         self.scene = mi.load_dict(words, optimize=False)
         self.side = side
+
+    @staticmethod
+    def reflection(shape, color):
+        color = {"type": "rgb", "value": list(color)}
+        if shape.mirror:
+            # The root mean square of the angles of reflected rays is about that of the cone.
+            return {"type": "roughconductor", "distribution": "ggx", "alpha": shape.mirror / 2.8, "material": "none",
+                    "specular_reflectance": color}
+        if shape.highlight:
+            # A highlight of about the same size. In its middle, 4 % are reflected, times 1 / (4 pi alpha^2), of the
+            # irradiance pi.
+            alpha = 0.24
+            return {"type": "roughplastic", "distribution": "ggx", "alpha": alpha, "diffuse_reflectance": color,
+                    "specular_reflectance": shape.highlight * 4 * alpha * alpha / 0.04}
+        return {"type": "diffuse", "reflectance": color}
 
     def integrator(self, measure):
         if measure == "sky":
@@ -75,7 +94,7 @@ class Mitsuba:
             return mi.load_dict({"type": "direct", "emitter_samples": 0, "bsdf_samples": 1})
         if measure == "panorama":
             return mi.load_dict({"type": "direct", "hide_emitters": True})
-        return mi.load_dict({"type": "path", "max_depth": {"direct": 2, "bounce": 3}[measure]})
+        return mi.load_dict({"type": "path", "max_depth": {"direct": 2, "bounce": 3, "whole": 3}[measure]})
 
     def render(self, measure, spp, seed=0):
         integrator = self.integrator(measure)
@@ -84,6 +103,16 @@ class Mitsuba:
         parts = [np.array(mi.render(self.scene, sensor=band, integrator=integrator, spp=spp, seed=seed + 7919 * k))
                  for k, band in enumerate(bands)]
         return np.concatenate(parts), self.clock() - begin
+
+    def clean(self, denoise, spp, seed=0):
+        """Returns the whole image without its noise, with albedo and normals, and the seconds."""
+        integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal", "inner": self.integrator("whole")})
+        begin = self.clock()
+        parts = [np.array(mi.render(self.scene, sensor=band, integrator=integrator, spp=spp, seed=seed + 7919 * k))
+                 for k, band in enumerate(self.bands(max(1, spp * self.side * self.side // AT_ONCE)))]
+        image = np.concatenate(parts)
+        image = denoise(image[..., :3], image[..., 3:6], image[..., 6:9])
+        return image, self.clock() - begin
 
     def bands(self, count):
         """Returns cameras that show some rows each. All samples of a pixel are then traced together and stay well

@@ -1,4 +1,4 @@
-"""The scenes of benches/peers/light.py: shapes, cameras and lights as numbers, the same for every program.
+"""The scenes of benches/peers/light.py and effects.py: shapes, cameras and lights as numbers, the same for every program.
 
 World space is right handed, with y up. Angles are in degrees. The field of view is that of a side of the image, which
 is square.
@@ -13,11 +13,17 @@ WHITE = (0.73,) * 3
 
 @dataclass
 class Shape:
-    """Quads of one matte colour, or a file of triangles with normals at the vertices."""
+    """Quads or spheres of one matte colour, or a file of triangles with normals at the vertices."""
     name: str
     color: tuple
     quads: list = field(default_factory=list)
     file: str = ""
+    # The centres and radii (x, y, z, r).
+    spheres: list = field(default_factory=list)
+    # How much brighter than white the middle of a highlight is, of a surface that has one. Its size is fixed.
+    highlight: float = 0.0
+    # The angle in radians of the cone of rays that a blurred mirror reflects; 0 for matte surfaces.
+    mirror: float = 0.0
 
 
 @dataclass
@@ -34,6 +40,8 @@ class Scene:
     strength: float = 1.0
     # The file of the panorama whose light is compared.
     panorama: str = ""
+    # The radius of the lens and the distance that is in focus; `None` for a pinhole.
+    lens: tuple = None
 
 
 def block(top):
@@ -107,6 +115,26 @@ def on_a_floor(mesh, vertices, panorama):
     return Scene("Mesh on a floor", shapes, eye, tuple(middle), 34, panorama=panorama)
 
 
+def out_of_focus():
+    """Returns thirty balls with small highlights, most of them out of focus."""
+    at = [(k % 5, k // 5) for k in range(30)]
+    balls = [Shape(f"ball{k}", (0.1 * (2 + k % 7), 0.3, 0.1 * (1 + k % 8)), spheres=[(1.2 * i - 2.4, -0.6 + 0.2 * j, 3 + 1.8 * j, 0.4)],
+                   highlight=8.0) for k, (i, j) in enumerate(at)]
+    floor = Shape("floor", (0.5, 0.5, 0.5), [[(-8, -1, -2), (-8, -1, 16), (8, -1, 16), (8, -1, -2)]])
+    sun = tuple(float(v) for v in np.array((1, -2, 1.5)) / np.linalg.norm((1, -2, 1.5)))
+    return Scene("Balls out of focus", balls + [floor], (0, 0, 0), (0, 0, 1), 40, sun=sun, lens=(0.143, 6.0))
+
+
+def glossy_floor():
+    """Returns five balls on a blurred mirror."""
+    balls = [Shape(f"ball{k}", (0.1 * (9 - k), 0.4, 0.1 * (1 + k)), spheres=[(1.3 * k - 2.6, -0.5, 6 + 0.5 * (k % 2), 0.5)])
+             for k in range(5)]
+    floor = Shape("floor", (0.7, 0.7, 0.75), [[(-8, -1, -2), (-8, -1, 12), (8, -1, 12), (8, -1, -2)]], mirror=0.15)
+    wall = Shape("wall", (0.5, 0.5, 0.5), [[(-12, -1, 12), (-12, 8, 12), (12, 8, 12), (12, -1, 12)]])
+    sun = tuple(float(v) for v in np.array((1, -2, 1.5)) / np.linalg.norm((1, -2, 1.5)))
+    return Scene("Glossy floor", balls + [floor, wall], (0, 0.7, 0), (0, -0.14, 6), 45, sun=sun)
+
+
 def read_mesh(path):
     """Returns the vertices and triangles of an OBJ or a PLY file (text, or little or big endian)."""
     if path.endswith(".obj"):
@@ -152,10 +180,12 @@ def normals(vertices, triangles):
 
 
 def prepare(scene, place):
-    """Writes each shape as an OBJ file. Returns the names of the files by shape. Meshes have normals at their
+    """Writes each shape but spheres as an OBJ file. Returns the names of the files by shape. Meshes have normals at their
     vertices."""
     out = {}
     for shape in scene.shapes:
+        if shape.spheres:
+            continue
         path = out[shape.name] = f"{place}/{shape.name}.obj"
         with open(path, "w") as f:
             if shape.file:

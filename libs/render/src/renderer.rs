@@ -441,9 +441,14 @@ impl<'r> FrameInProgress<'r> {
             let text = format!("camera \"{}\": {}{denoised}\n", view.name, passes.text());
             reporter.say(Severity::Message, &Location::default(), text);
         }
-        if let Some(requested) = passes.requested.filter(|_| passes.is_short) {
+        if let Some(requested) = passes.requested.filter(|_| passes.is_short || passes.is_unsure) {
+            let end = if passes.is_short {
+                "was not reached before the passes ended"
+            } else {
+                "is not known to be reached: the passes ended before the bias was measured"
+            };
             reporter.warning(format!(
-                "camera \"{}\": the error of {} was not reached before the passes ended",
+                "camera \"{}\": the error of {} {end}",
                 view.name,
                 percent(requested.into())
             ));

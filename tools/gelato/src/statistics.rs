@@ -68,7 +68,7 @@ fn frame(record: &FrameRecord) -> Value {
                     "causes": causes(&error),
                     "images": passes.images.iter().map(image).collect::<Vec<_>>(),
                     "requested": passes.requested,
-                    "is_reached": passes.requested.map(|_| !passes.is_short),
+                    "is_reached": passes.requested.map(|_| !passes.is_short && !passes.is_unsure),
                 }),
             );
         }

@@ -1,7 +1,7 @@
 //! Measures what all passes of an image have in common (see [`crate::passes`]).
 
 use super::coarse::Limit;
-use super::levels::Next;
+use super::levels::{Next, Passes};
 use super::{Frame, FrameShader};
 use crate::PixelRect;
 use crate::bucket::{BucketOrder, Buckets};
@@ -116,37 +116,54 @@ pub(super) fn has_time_for(plan: &PassPlan, time: Duration, passes: u32) -> bool
     plan.has_time_for(2 * time * passes)
 }
 
+/// Returns the number of levels above one that images with a bias need for an error.
+fn steps(level: i32, bias: &[SquaredBias], error: f64) -> i32 {
+    bias.iter().map(|bias| Accuracy::steps(level, bias.root(), error)).max().unwrap_or(0)
+}
+
 /// Returns the mean of an image whose bias can be measured.
 fn mean_of(sum: &Accumulated) -> Option<f64> {
     sum.mean().filter(|mean| *mean != 0.0 && sum.colors() > 0)
 }
 
 /// Returns the squared bias of an image with a mean. `passes` has, for each pass, the differences of the colours of all
-/// probes from those of a pass with the same numbers and more accuracy. `whole` is the rectangle of all parts.
+/// probes from those of a pass with the same numbers and more accuracy, and `coarser` those from passes with less.
+/// `whole` is the rectangle of all parts, and `level` the level of the image.
 fn squared_bias(
     (sum, mean): (&Accumulated, f64),
-    whole: &PixelRect,
+    (whole, level): (&PixelRect, i32),
     probes: &[Probe],
-    passes: &[Vec<f32>],
+    (passes, coarser): (&[Vec<f32>], &[Vec<f32>]),
 ) -> SquaredBias {
     // The sum over the image of each choice alone, as if all choices were like it.
     let choices: f64 = probes.iter().map(|probe| probe.times).sum();
     let (mut sums, mut noise, mut begin) = (Vec::with_capacity(probes.len()), 0.0, 0);
+    let mut of_coarser = [0.0; 2];
     for Probe { rect, times, factor } in probes {
         let end = begin + sum.values_in(rect);
-        let own: Vec<&[f32]> = passes.iter().map(|pass| &pass[begin..end]).collect();
-        let found = covariance(&own);
+        let in_probe = |passes: &[Vec<f32>]| {
+            let own: Vec<&[f32]> = passes.iter().map(|pass| &pass[begin..end]).collect();
+            covariance(&own)
+        };
+        let [found, below] = [passes, coarser].map(in_probe);
         let weight = factor * found.colors as f64;
         sums.push((*times, found.product * weight * choices / times));
         let pixels = (rect.width() * rect.height()) as f64;
         noise += (weight * found.noise(pixels)).powi(2);
+        let weight = factor * below.colors as f64;
+        of_coarser[0] += below.product * weight;
+        of_coarser[1] += (weight * below.noise(coarse_pixels(rect, level))).powi(2);
         begin = end;
     }
     let total = sums.iter().map(|(times, sum)| times * sum).sum::<f64>() / choices;
+    let shown = match level < 0 {
+        true => Accuracy::shown_of_coarse(total, (of_coarser[0], of_coarser[1].sqrt())),
+        false => Accuracy::SHOWN.powi(2),
+    };
     let spread = sums.iter().map(|(times, sum)| times * (sum - total).powi(2)).sum::<f64>();
     let deviation = (spread / (choices * (choices - 1.0))).sqrt();
     let all = sum.values_in(whole) as f64;
-    let relative = |v: f64| v / (all * (mean * Accuracy::SHOWN).powi(2));
+    let relative = |v: f64| v / (all * mean * mean * shown);
     match total.is_finite() && all > 0.0 {
         true => SquaredBias {
             value: relative(total),
@@ -175,6 +192,9 @@ impl<S: FrameShader> Frame<'_, S> {
         let Some(passes) = self.passes.as_ref().filter(|passes| passes.has_colors()) else {
             return Next::Pass;
         };
+        if passes.level > 0 {
+            return self.measure_bias_again(run, error, time);
+        }
         let (level, is_short) = (passes.lowest, passes.first_of_tiles == u32::MAX);
         let plan = run.plan;
         let has_time = has_time_for(plan, time, PILOT);
@@ -199,10 +219,7 @@ impl<S: FrameShader> Frame<'_, S> {
             Some(changes) if may_measure => self.bias_of_parts(run, passing, (level, changes)),
             _ => None,
         };
-        let levels = |bias: &Vec<SquaredBias>| {
-            bias.iter().map(|bias| Accuracy::level(bias.root(), error)).max().unwrap_or(0)
-        };
-        let more = found.as_ref().map(levels);
+        let more = found.as_ref().map(|bias| steps(level, bias, error));
         if level < 0 && more != Some(0) {
             return self.end_coarse(more.is_none() && !is_too_large);
         }
@@ -215,7 +232,27 @@ impl<S: FrameShader> Frame<'_, S> {
         };
         passes.bias = bias;
         if more > 0 || large > 0 {
-            passes.go_on_with(level + more, large);
+            passes.go_on_with(more, large);
+        }
+        Next::Pass
+    }
+
+    /// Measures the bias of a level that follows from the bias of two levels below or more, and decides whether the
+    /// requested error needs a higher one. Without the time for it, the images have enough passes already.
+    fn measure_bias_again(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
+        let Some(&Passes { level, large, .. }) = self.passes.as_ref() else { return Next::Pass };
+        let passing = Passing::new(error, self.needed_passes(|_| error * error), large);
+        if !has_time_for(run.plan, time, passing.most) {
+            return Next::End;
+        }
+        let Some(changes) = self.changes_of_frame(run, level) else { return Next::End };
+        let Some(bias) = self.bias_of_parts(run, passing, (level, &changes)) else { return Next::End };
+        let more = steps(level, &bias, error);
+        if let Some(passes) = &mut self.passes {
+            passes.bias = bias;
+            if more > 0 {
+                passes.go_on_with(more, large);
+            }
         }
         Next::Pass
     }
@@ -264,7 +301,7 @@ impl<S: FrameShader> Frame<'_, S> {
         let of_probes =
             Buckets::new(&camera.crop, [PROBE.unsigned_abs(); 2], order, self.pattern.per_pixel());
         let buckets = std::mem::replace(&mut self.buckets, of_probes);
-        let bias = self.bias_of_probes(run, passing, (level, &probes));
+        let bias = self.bias_of_probes(run, passing, (level, &probes), changes);
         self.buckets = buckets;
         bias
     }
@@ -286,12 +323,14 @@ impl<S: FrameShader> Frame<'_, S> {
         Some(colors)
     }
 
-    /// Returns the squared bias of each image from that of probes.
+    /// Returns the squared bias of each image from that of probes. `changes` has what coarser surfaces change, for each
+    /// of the first passes and each image.
     fn bias_of_probes(
         &mut self,
         run: &Run<'_>,
         Passing { error, most, samples }: Passing,
         (level, probes): (i32, &[Probe]),
+        changes: &[Vec<Vec<f32>>],
     ) -> Option<Vec<SquaredBias>> {
         let cell = |rect: &PixelRect| [rect.x0, rect.y0].map(|at| at.div_euclid(PROBE));
         let cells: Vec<[i32; 2]> = probes.iter().map(|probe| cell(&probe.rect)).collect();
@@ -329,13 +368,15 @@ impl<S: FrameShader> Frame<'_, S> {
                 continue;
             }
             let sums = self.passes.iter().flat_map(|passes| &passes.sums);
-            let of_sum = |(sum, passes): (&Mutex<Accumulated>, &Vec<Vec<f32>>)| {
+            let of_sum = |(index, (sum, passes)): (usize, (&Mutex<Accumulated>, &Vec<Vec<f32>>))| {
                 let sum = sum.lock();
+                let coarser: Vec<Vec<f32>> =
+                    changes.iter().map(|pass| sum.colors_in(&rects, &pass[index])).collect();
                 mean_of(&sum).map_or_else(SquaredBias::default, |mean| {
-                    squared_bias((&sum, mean), &whole, probes, passes)
+                    squared_bias((&sum, mean), (&whole, level), probes, (passes, &coarser))
                 })
             };
-            bias = sums.zip(&differences).map(of_sum).collect();
+            bias = sums.zip(&differences).enumerate().map(of_sum).collect();
             if bias.iter().all(|bias| bias.is_known_for(error)) {
                 break;
             }

@@ -40,6 +40,9 @@ pub(super) struct Passes {
     pub(super) is_held: bool,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
     pub(super) coarse: Option<u32>,
+    /// The number of passes after which the bias is measured next. Where the level follows from a bias of two levels
+    /// below or more, it is measured once more.
+    pub(super) measured_after: u32,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
     /// The pixels that the images show. The frame renders those of the whole image where an error is requested.
@@ -79,10 +82,13 @@ impl Passes {
         self.step_of(number) * PILOT
     }
 
-    /// Sets the last step, whose passes have a level, and `4^large` times the samples.
-    pub(super) fn go_on_with(&mut self, level: i32, large: u32) {
-        (self.level, self.large) = (level, large);
+    /// Sets the last step, whose passes are `more` levels above the present one, and have `4^large` times the samples.
+    pub(super) fn go_on_with(&mut self, more: i32, large: u32) {
+        (self.level, self.large) = (self.level + more, large);
         self.first_of_tiles = (self.last_step() + 1) * PILOT;
+        if more > 1 {
+            self.measured_after = self.first_of_tiles;
+        }
     }
 
     /// Returns how many times as far apart the points of surfaces of a coarse image are.
@@ -134,6 +140,7 @@ impl<S: FrameShader> Frame<'_, S> {
     pub(super) fn end_coarse(&mut self, is_short: bool) -> Next {
         if let Some(passes) = &mut self.passes {
             (passes.lowest, passes.level, passes.is_held) = (0, 0, true);
+            passes.measured_after = PILOT;
             if is_short {
                 passes.first_of_tiles = u32::MAX;
             }
@@ -151,7 +158,7 @@ impl<S: FrameShader> Frame<'_, S> {
         }
         let needed = self.needed_passes(|index| {
             let bias = bias.get(index).copied().unwrap_or_default();
-            let steps = Accuracy::level(bias.root(), error);
+            let steps = Accuracy::steps(0, bias.root(), error);
             (0..steps).fold(bias, |bias, _| bias.remains()).leaves(error)
         });
         let most = self.options.camera.spatialquality.into_iter().max().unwrap_or(1);

@@ -69,6 +69,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             large: 0,
             is_held: false,
             coarse: None,
+            measured_after: PILOT,
             bias: Vec::new(),
             crop,
             sums,
@@ -115,7 +116,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.begin_coarse(scene, plan);
         loop {
             if let Some(error) = plan.error {
-                if completed == PILOT {
+                if self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
                     let run = Run { scene, plan, canvases, threads };
                     let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.lowest < 0);
@@ -304,6 +305,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                 passes.bias.iter_mut().for_each(|bias| *bias = bias.remains());
             }
             passes.first = first;
+            if passes.measured_after == first + PILOT {
+                self.each_sum(Accumulated::keep_coarser);
+            }
             self.each_sum(Accumulated::restart);
         }
         self.each_sum(Accumulated::end_pass);
@@ -372,8 +376,10 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let corner = [rect.x0, rect.y0].map(|at| at.div_euclid(TILE) * TILE);
             let [x0, y0] = corner;
             let tile = PixelRect { x0, x1: x0 + TILE, y0, y1: y0 + TILE }.intersection(&whole);
+            let first = Accumulated::place_in_cut(&whole, TILE, [x0, y0]);
             let wants = |(sum, decision): (&Mutex<Accumulated>, &Decision)| {
-                decision.as_ref().is_some_and(|plan| plan.rule.wants(&sum.lock().spot(&tile)))
+                let plan = decision.as_ref().and_then(|plan| Some((plan.rule, plan.first.get(first)?)));
+                plan.is_some_and(|(rule, first)| rule.wants(&sum.lock().spot(&tile), first))
             };
             // The decisions follow from the whole image.
             let is_seen = pass < passes.first_of_tiles + WHOLE || !tile.intersection(&passes.crop).is_empty();
@@ -528,6 +534,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         });
         let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
         let is_above = |most: f32| error.map_or_else(|| has_colors, |error| !error.is_within(most));
+        let is_short = plan.error.is_some_and(is_above);
+        let is_unsure = plan.error.is_some() && error.is_some_and(|error| error.bias.is_none());
         let of_denoised = self.options.denoising.and_then(|denoising| denoising.error);
         PassReport {
             passes,
@@ -536,8 +544,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             coarse: self.passes.as_ref().and_then(Passes::coarseness),
             samples: self.passes.as_ref().map_or(1, |passes| 1 << (2 * passes.large_of(passes.first))),
             requested: plan.error.or(of_denoised),
-            is_short: plan.error.is_some_and(is_above)
-                || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),
+            is_unsure: is_unsure && !is_short,
+            is_short: is_short || of_denoised.is_some_and(|most| has_colors && !denoised.are_below(most)),
             images: self.image_errors(errors),
         }
     }

@@ -465,6 +465,13 @@ impl Accumulated {
             .collect()
     }
 
+    /// Returns the index of the square of [`Accumulated::cut`] that has a pixel.
+    pub(crate) fn place_in_cut(rect: &PixelRect, side: i32, [x, y]: [i32; 2]) -> usize {
+        let number = |at: i32, from: i32| at.div_euclid(side) - from.div_euclid(side);
+        let columns = number(rect.x1 - 1, rect.x0) + 1;
+        usize::try_from(number(y, rect.y0) * columns + number(x, rect.x0)).unwrap_or(usize::MAX)
+    }
+
     /// Returns the sum of the numbers of passes of the pixels of a rectangle.
     pub(crate) fn passes(&self, rect: &PixelRect) -> u64 {
         let row = |y| {

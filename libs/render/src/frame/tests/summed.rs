@@ -405,6 +405,29 @@ fn bias_is_found_where_few_pixels_have_it() {
     assert!(pixels == drawn(1.0, striped, passes(report.passes)).0);
 }
 
+/// Paints a highlight on each surface that is smaller than a pixel.
+fn with_highlight(grid: &mut Grid) {
+    flat(grid);
+    for i in 0..grid.len() {
+        let far = (grid.u[i] - 0.34).powi(2) + (grid.v[i] - 0.51).powi(2);
+        grid.c.set(i, grid.c.get(i) * (1.0 + 40.0 * (-far / 0.0016).exp()));
+    }
+}
+
+#[test]
+fn highlights_between_the_points_of_coarse_surfaces_are_not_missed() {
+    let converged = drawn(16.0, with_highlight, passes(20)).0;
+    let as_it_is = distance(&drawn(1.0, with_highlight, passes(20)).0, &converged);
+    assert!(as_it_is > 0.3, "{as_it_is}");
+    for asked in [0.16, 0.08] {
+        let (pixels, report) = drawn(1.0, with_highlight, error(asked));
+        let found = distance(&pixels, &converged);
+        assert!(found < 1.2 * f64::from(asked) && !report.is_short, "{found} of {asked}: {report:?}");
+        let says = report.error.unwrap();
+        assert!((0.7..3.0).contains(&(says.error / found)), "{found} of {asked}: {report:?}");
+    }
+}
+
 #[test]
 fn an_image_stays_coarse_where_the_error_permits_it() {
     let converged = drawn(8.0, striped, passes(20)).0;
@@ -418,12 +441,14 @@ fn an_image_stays_coarse_where_the_error_permits_it() {
     assert!(pixels == drawn(0.5, striped, passes(2)).0, "it has points twice as far apart");
     // A number of passes makes it again, and more have less noise.
     let plan = |n| PassPlan { passes: Some(n), ..error(asked) };
-    assert!(drawn(1.0, striped, plan(2)).0 == pixels);
+    let (two, report) = drawn(1.0, striped, plan(2));
+    assert!(two == pixels && !report.is_unsure, "{report:?}");
     // Less than two passes say nothing of the error.
     assert_eq!(drawn(1.0, striped, plan(1)).1.coarse, None);
     // With a smaller error, none of the coarse passes is left.
     let (pixels, report) = drawn(1.0, striped, PassPlan { passes: Some(2), ..error(0.5 * of_coarse) });
     assert_eq!((report.coarse, report.passes), (None, 2), "{report:?}");
+    assert!(report.is_short || report.is_unsure, "{report:?}");
     assert!(pixels == drawn(1.0, striped, passes(2)).0);
 }
 

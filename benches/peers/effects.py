@@ -1,0 +1,147 @@
+"""Compares the error over time of depth of field and of a glossy floor with Mitsuba 3 and Cycles.
+
+    python3 benches/peers/effects.py --gelato target/release/gelato [--threads N] [--side PIXELS] [--quick]
+        [--only WORD] [--limit SECONDS] [--denoise LIBRARY]
+
+Run it from the root of the checkout. The packages are those of light.py. The scenes are thirty balls with small
+highlights, most of them out of focus, and five balls on a blurred mirror. Both have hard shadows of the sun.
+
+The models of highlights and of blurred reflections differ between the programs, so each image is compared with a
+converged image of its own program. The error is the root of the mean of the squared differences over the mean, over all
+pixels and channels. All programs filter with a box of one pixel. Times are those of light.py: of the whole program for
+gelato, and of an image of a loaded scene for the others.
+
+`--denoise` names the library of Open Image Denoise. It adds curves of all programs with it (Cycles has its own copy). The
+time of the library is part of the time, and the error is that beside the converged image, which is not denoised.
+"""
+
+import argparse
+import os
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+try:
+    import light_mitsuba
+except ImportError:
+    print("effects.py: there is no package mitsuba: nothing to compare with")
+    sys.exit(0)
+try:
+    import light_cycles
+except ImportError:
+    light_cycles = None
+    print("effects.py: there is no package bpy: no rows of Cycles")
+import numpy as np
+
+import light_denoise
+import light_gelato
+import light_scenes
+import light_table
+
+# The errors that are requested of gelato, in percent.
+REQUESTED = (8, 5, 3, 2, 1.5, 1)
+# The samples per pixel of the other programs.
+SAMPLES = (4, 16, 64, 256, 1024, 4096)
+
+
+def error(image, reference):
+    """Returns the root mean square error, divided by the mean. The noise of the reference is subtracted. It follows
+    from the difference of its two halves."""
+    a, b = reference
+    whole = 0.5 * (a + b)
+    square = ((image - whole) ** 2).mean() - 0.25 * ((a - b) ** 2).mean()
+    return np.sqrt(max(square, 0)) / whole.mean()
+
+
+def settings(scene):
+    """Returns settings of gelato: a name, attributes, and parameters of the mirror."""
+    mirrors = (4, 16, 64, 256) if any(shape.mirror for shape in scene.shapes) else (1,)
+    for finer in (1, 2, 4):
+        for pixel in (4, 8, 16):
+            for mirror in mirrors:
+                words = ("-set", f"shadingquality={finer}", "-set", f"spatialquality={pixel},{pixel}")
+                name = f"shadingquality {finer}, {pixel} x {pixel} samples"
+                if len(mirrors) > 1:
+                    yield f"{name}, {mirror} rays", words, f'"float samples", {mirror}'
+                else:
+                    yield name, words, ""
+
+
+def measure(words, ours, mitsuba, cycles, scene, place):
+    side = words.side
+    files = light_scenes.prepare(scene, place)
+    denoise = ("-denoise", "-set", f"render:denoiselibrary={words.denoise}")
+    has_mirror = any(shape.mirror for shape in scene.shapes)
+    best = '"float samples", 64' if has_mirror else ""
+    passes = 8 if words.quick else 32
+    converged = ours.render(scene, files, side, "whole", best,
+                            ("-set", "shadingquality=8", "-set", "spatialquality=16,16", "-passes", str(passes)))[0]
+    reference = (converged, converged)
+    rows, clean = [], []
+    for name, more, options in settings(scene):
+        image, seconds = ours.render(scene, files, side, "whole", options, more)
+        rows.append((name, seconds, error(image, reference)))
+        if words.denoise and seconds < words.limit:
+            image, seconds = ours.render(scene, files, side, "whole", options, (*more, *denoise))
+            clean.append((name, seconds, error(image, reference)))
+    tables = [("gelato", rows)]
+    kinds = [("gelato -error", (), [])]
+    if words.denoise:
+        tables.append(("gelato, denoised", clean))
+        # What the library leaves may be more than the requested error, whatever the number of passes.
+        kinds.append(("gelato -error, denoised", (*denoise, "-seconds", str(words.limit)), []))
+    for name, more, rows in kinds:
+        for requested in REQUESTED:
+            options = '"float samples", 4' if has_mirror else ""
+            image, seconds = ours.render(scene, files, side, "whole", options, (*more, "-error", f"{requested}%"))
+            rows.append((f"-error {requested}%", seconds, error(image, reference)))
+            if seconds > words.limit:
+                break
+        tables.append((name, rows))
+    many = 1024 if words.quick else 4096
+    mitsuba.load(scene, files, side, "whole")
+    cleaner = light_denoise.Denoiser(words.denoise, words.threads) if words.denoise else None
+    others = [(f"Mitsuba, {mitsuba.variant}", lambda spp, seed: mitsuba.render("whole", spp, seed),
+               lambda spp, seed: mitsuba.clean(cleaner, spp, seed))]
+    if cycles:
+        cycles.load(scene, side, "whole")
+        others.append(("Cycles", cycles.render, lambda spp, seed: cycles.render(spp, seed, True)))
+    for program, render, clean in others:
+        render(4, 1)
+        reference = [render(many, 100 + k)[0] for k in range(2)]
+        for name, render in [(program, render)] + [(f"{program}, denoised", clean)] * bool(words.denoise):
+            rows = []
+            for spp in SAMPLES:
+                image, seconds = render(spp, 7)
+                rows.append((f"{spp} a pixel", seconds, error(image, reference)))
+                if seconds > words.limit:
+                    break
+            tables.append((name, rows))
+        if words.keep:
+            np.save(f"{words.keep}/{scene.name} {program}.npy".replace(" ", "_").replace(",", ""), 0.5 * (reference[0] + reference[1]))
+    if words.keep:
+        np.save(f"{words.keep}/{scene.name} gelato.npy".replace(" ", "_"), converged)
+    light_table.show(scene.name, tables)
+
+
+def main():
+    words = argparse.ArgumentParser()
+    words.add_argument("--gelato", default="target/release/gelato")
+    words.add_argument("--threads", type=int, default=os.cpu_count())
+    words.add_argument("--side", type=int, default=256)
+    words.add_argument("--quick", action="store_true", help="coarser references")
+    words.add_argument("--only", default="", help="only scenes whose name has this word")
+    words.add_argument("--limit", type=float, default=20, help="seconds; a picture that takes longer is the last of its table")
+    words.add_argument("--denoise", default="", help="the file of the library Open Image Denoise")
+    words.add_argument("--keep", default="", help="a folder for the converged images, as NumPy arrays")
+    words = words.parse_args()
+    mitsuba = light_mitsuba.Mitsuba("", False)
+    with tempfile.TemporaryDirectory() as place:
+        ours = light_gelato.Gelato(words.gelato, words.threads, place, mitsuba.read, False)
+        cycles = light_cycles and light_cycles.Cycles(words.threads, place, mitsuba.layer, False)
+        for scene in (light_scenes.out_of_focus(), light_scenes.glossy_floor()):
+            if words.only in scene.name:
+                measure(words, ours, mitsuba, cycles, scene, place)
+
+
+main()
