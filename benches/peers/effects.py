@@ -8,8 +8,9 @@ highlights, most of them out of focus, and five balls on a blurred mirror. Both 
 
 The models of highlights and of blurred reflections differ between the programs, so each image is compared with a
 converged image of its own program. The error is the root of the mean of the squared differences over the mean, over all
-pixels and channels. All programs filter with a box of one pixel. Times are those of light.py: of the whole program for
-gelato, and of an image of a loaded scene for the others.
+channels. Of the blurred mirror, only its own pixels count, without edges: on other surfaces Mitsuba also has light that
+the mirror casts on them. All programs filter with a box of one pixel. Times are those of light.py: of the whole program
+for gelato, and of an image of a loaded scene for the others.
 
 `--denoise` names the library of Open Image Denoise. It adds curves of all programs with it (Cycles has its own copy). The
 time of the library is part of the time, and the error is that beside the converged image, which is not denoised.
@@ -44,19 +45,19 @@ REQUESTED = (8, 5, 3, 2, 1.5, 1)
 SAMPLES = (4, 16, 64, 256, 1024, 4096)
 
 
-def error(image, reference):
-    """Returns the root mean square error, divided by the mean. The noise of the reference is subtracted. It follows
-    from the difference of its two halves."""
-    a, b = reference
+def error(image, reference, mask):
+    """Returns the root mean square error of the pixels of a mask, divided by the mean. The noise of the reference is
+    subtracted. It follows from the difference of its two halves."""
+    (a, b), image = (half[mask] for half in reference), image[mask]
     whole = 0.5 * (a + b)
     square = ((image - whole) ** 2).mean() - 0.25 * ((a - b) ** 2).mean()
-    return np.sqrt(max(square, 0)) / whole.mean()
+    return np.sqrt(max(square, 1e-10)) / whole.mean()
 
 
 def settings(scene):
     """Returns settings of gelato: a name, attributes, and parameters of the mirror."""
     mirrors = (4, 16, 64, 256) if any(shape.mirror for shape in scene.shapes) else (1,)
-    for finer in (1, 2, 4):
+    for finer in (1, 2, 4) if len(mirrors) > 1 else (1, 2, 4, 8):
         for pixel in (4, 8, 16):
             for mirror in mirrors:
                 words = ("-set", f"shadingquality={finer}", "-set", f"spatialquality={pixel},{pixel}")
@@ -71,7 +72,10 @@ def measure(words, ours, mitsuba, cycles, scene, place):
     side = words.side
     files = light_scenes.prepare(scene, place)
     denoise = ("-denoise", "-set", f"render:denoiselibrary={words.denoise}")
-    has_mirror = any(shape.mirror for shape in scene.shapes)
+    mirrors = [number for number, shape in enumerate(scene.shapes, 1) if shape.mirror]
+    has_mirror = bool(mirrors)
+    mitsuba.load(scene, files, side, "whole")
+    mask = np.isin(mitsuba.shapes(), mirrors) if has_mirror else np.ones((side, side), bool)
     best = '"float samples", 64' if has_mirror else ""
     passes = 8 if words.quick else 32
     converged = ours.render(scene, files, side, "whole", best,
@@ -80,10 +84,10 @@ def measure(words, ours, mitsuba, cycles, scene, place):
     rows, clean = [], []
     for name, more, options in settings(scene):
         image, seconds = ours.render(scene, files, side, "whole", options, more)
-        rows.append((name, seconds, error(image, reference)))
+        rows.append((name, seconds, error(image, reference, mask)))
         if words.denoise and seconds < words.limit:
             image, seconds = ours.render(scene, files, side, "whole", options, (*more, *denoise))
-            clean.append((name, seconds, error(image, reference)))
+            clean.append((name, seconds, error(image, reference, mask)))
     tables = [("gelato", rows)]
     kinds = [("gelato -error", (), [])]
     if words.denoise:
@@ -94,12 +98,11 @@ def measure(words, ours, mitsuba, cycles, scene, place):
         for requested in REQUESTED:
             options = '"float samples", 4' if has_mirror else ""
             image, seconds = ours.render(scene, files, side, "whole", options, (*more, "-error", f"{requested}%"))
-            rows.append((f"-error {requested}%", seconds, error(image, reference)))
+            rows.append((f"-error {requested}%", seconds, error(image, reference, mask)))
             if seconds > words.limit:
                 break
         tables.append((name, rows))
     many = 1024 if words.quick else 4096
-    mitsuba.load(scene, files, side, "whole")
     cleaner = light_denoise.Denoiser(words.denoise, words.threads) if words.denoise else None
     others = [(f"Mitsuba, {mitsuba.variant}", lambda spp, seed: mitsuba.render("whole", spp, seed),
                lambda spp, seed: mitsuba.clean(cleaner, spp, seed))]
@@ -113,7 +116,7 @@ def measure(words, ours, mitsuba, cycles, scene, place):
             rows = []
             for spp in SAMPLES:
                 image, seconds = render(spp, 7)
-                rows.append((f"{spp} a pixel", seconds, error(image, reference)))
+                rows.append((f"{spp} a pixel", seconds, error(image, reference, mask)))
                 if seconds > words.limit:
                     break
             tables.append((name, rows))

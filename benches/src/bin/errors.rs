@@ -24,7 +24,8 @@
 
 use granita_benches::{Fur, release_tool, repository};
 use granita_image::Limits;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Instant;
@@ -378,6 +379,12 @@ fn error(pixels: &[f32], converged: &[f32], own: f64) -> f64 {
     ((100.0 * square.sqrt() / mean).powi(2) - own * own).max(0.0).sqrt()
 }
 
+/// Prints a part of a line at once.
+fn show(text: &str) -> Result<(), String> {
+    print!("{text}");
+    std::io::stdout().flush().map_err(|e| e.to_string())
+}
+
 fn run() -> Result<(), String> {
     let options = options()?;
     let gelato = options.gelato.clone().map_or_else(|| release_tool("gelato"), Ok)?;
@@ -416,22 +423,23 @@ fn run() -> Result<(), String> {
         let own = converged.says.unwrap_or_default();
         let of = |image: &Rendered| error(&image.pixels, &converged.pixels, own);
         let plain = draw(ORDINARY, &[])?;
-        let mut row = format!("| {name} | {:.2} s {:.2} % |", plain.seconds, of(&plain));
+        // Cells are shown as they become known.
+        show(&format!("| {name} | {:.2} s {:.2} % |", plain.seconds, of(&plain)))?;
         if let Some(library) = &options.denoise {
             let library = format!("render:denoiselibrary={library}"); // tidy: attribute: the word of a command line
             let clean = draw(ORDINARY, &["-denoise", "-set", &library])?;
             let passes = draw(ORDINARY, &["-seconds", &format!("{:.3}", clean.seconds)])?;
-            let _ = write!(row, " {:.2} s {:.2} % |", clean.seconds, of(&clean));
+            show(&format!(" {:.2} s {:.2} % |", clean.seconds, of(&clean)))?;
             let four = draw(ORDINARY, &["-passes", "4", "-denoise", "-set", &library])?;
-            let _ = write!(row, " {:.2} s {:.2} % |", passes.seconds, of(&passes));
-            let _ = write!(row, " {:.2} s {:.2} % |", four.seconds, of(&four));
-            println!("{row} {:.2} % | {own:.2} % |", four.says_denoised.unwrap_or_default());
+            show(&format!(" {:.2} s {:.2} % |", passes.seconds, of(&passes)))?;
+            show(&format!(" {:.2} s {:.2} % |", four.seconds, of(&four)))?;
+            println!(" {:.2} % | {own:.2} % |", four.says_denoised.unwrap_or_default());
             continue;
         }
         let many = draw(ORDINARY, &["-seconds", &options.converged])?;
         let noise = many.says.unwrap_or_default();
         let bias = (of(&many).powi(2) - noise * noise).max(0.0).sqrt();
-        let _ = write!(row, " {own:.2} % | {bias:.2} % |");
+        show(&format!(" {own:.2} % | {bias:.2} % |"))?;
         for asked in &options.asked {
             let asked_for = format!("{asked}%");
             let limit = options.limit.as_deref().map_or_else(Vec::new, |limit| vec!["-seconds", limit]);
@@ -443,16 +451,14 @@ fn run() -> Result<(), String> {
             cells += 1;
             reached += usize::from(most <= 1.2 * *asked);
             hidden += usize::from(is_hidden && most > 1.2 * *asked);
-            let _ = write!(
-                row,
-                "{before} {most:.2} ({:.2}, {:.2}) {:.2} s, {} passes |",
-                image.says.unwrap_or_default(),
-                image.says_bias.unwrap_or_default(),
-                image.seconds,
-                image.passes
-            );
+            let bias = image.says_bias.map_or_else(|| "not measured".to_owned(), |bias| format!("{bias:.2}"));
+            let says = image.says.unwrap_or_default();
+            show(&format!(
+                "{before} {most:.2} ({says:.2}, {bias}) {:.2} s, {} passes |",
+                image.seconds, image.passes
+            ))?;
         }
-        println!("{row}");
+        println!();
     }
     if options.denoise.is_none() {
         println!("\nat most 1.2 times the requested error: {reached} of {cells}; not known of {hidden}");

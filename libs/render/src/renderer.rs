@@ -8,12 +8,13 @@ use crate::environment::RenderEnvironment;
 use crate::frame::{self, Denoising, FrameOptions, KeptFrames};
 use crate::output::gather::gather_parts;
 use crate::output::griddump::GridDump;
-use crate::output::halves::{DenoisedError, HalfMeans};
+use crate::output::halves::HalfMeans;
 use crate::output::partial::Partial;
 use crate::output::plan::{OutputImage, OutputSet, WrittenFiles, is_dynamic};
 use crate::output::writer::ImageWriter;
 use crate::passes::{PassPlan, PassReport, percent};
 use crate::spread::Spread;
+use crate::statistics::Denoised;
 use crate::{CameraView, PixelRect, RenderError, ShadingStatistics, Statistics, nearby, preview, unknown};
 use denoise::CameraDenoiser;
 use granita_base::{Location, Severity, Vec3};
@@ -410,7 +411,7 @@ impl<'r> FrameInProgress<'r> {
             .inspect_err(|_| self.renderer.keep(&eyes, &outputs, &refused, partials.into_inner()));
         let (mut statistics, complete) = rendered?;
         if let Some(denoiser) = denoiser {
-            match denoiser.apply(&mut outputs) {
+            match denoiser.apply(&mut outputs, requested) {
                 Ok(done) => statistics.denoised = Some(done),
                 Err(what) => {
                     reporter.error(format!("camera \"{}\": its images keep their noise: {what}", view.name));
@@ -419,7 +420,7 @@ impl<'r> FrameInProgress<'r> {
             }
         }
         if let Some(passes) = &statistics.passes {
-            self.tell(view, passes, statistics.denoised.as_ref().and_then(|done| done.error));
+            self.tell(view, passes, statistics.denoised.as_ref());
         }
         self.report.statistics.push((view.name.clone(), statistics));
         if self.is_worker {
@@ -434,10 +435,10 @@ impl<'r> FrameInProgress<'r> {
     }
 
     /// Prints the passes of the images of a camera, and their error without noise.
-    fn tell(&self, view: &CameraView, passes: &PassReport, denoised: Option<DenoisedError>) {
+    fn tell(&self, view: &CameraView, passes: &PassReport, denoised: Option<&Denoised>) {
         let reporter = &self.renderer.environment.reporter;
         if reporter.verbosity() > 0 {
-            let denoised = denoised.map(|error| format!("; denoised {}", error.text())).unwrap_or_default();
+            let denoised = denoised.map(Denoised::errors).unwrap_or_default();
             let text = format!("camera \"{}\": {}{denoised}\n", view.name, passes.text());
             reporter.say(Severity::Message, &Location::default(), text);
         }

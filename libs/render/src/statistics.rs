@@ -137,9 +137,19 @@ pub struct Denoised {
     pub filter: Duration,
     /// The largest error of an image without its noise; `None` where none was measured.
     pub error: Option<DenoisedError>,
+    /// The largest error that an image would have without its noise, which it keeps because it has the requested error
+    /// only with it.
+    pub rejected: Option<DenoisedError>,
 }
 
 impl Denoised {
+    /// Returns the errors for people.
+    pub(crate) fn errors(&self) -> String {
+        let error = self.error.map(|error| format!("; denoised {}", error.text())).unwrap_or_default();
+        let rejected = |error: DenoisedError| format!("; keeps its noise, denoised {}", error.text());
+        error + &self.rejected.map(rejected).unwrap_or_default()
+    }
+
     /// Returns a text for people.
     fn text(&self) -> String {
         let [features, filter] = [self.features, self.filter].map(|time| time.as_secs_f64());

@@ -81,6 +81,7 @@ fn frame(record: &FrameRecord) -> Value {
                     "library_seconds": done.filter.as_secs_f64(),
                     "error": done.error.map(|error| error.error),
                     "error95": done.error.map(|error| error.bound),
+                    "rejected": done.rejected.map(|error| error.error),
                 }),
             );
         }

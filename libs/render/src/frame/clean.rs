@@ -16,17 +16,21 @@ pub(super) struct DenoisedErrors {
     /// The number of passes to measure them with again.
     next: u32,
     pub(super) errors: Vec<Option<DenoisedError>>,
+    /// The upper ends of the confidence intervals of the errors that the images have with their noise.
+    noisy: Vec<f64>,
     /// The time of measuring.
     time: Duration,
 }
 
 impl DenoisedErrors {
-    /// Returns the largest bound; `None` when no error is known.
+    /// Returns the largest bound, of the better one of each image with its noise and without it; `None` when no error
+    /// is known.
     fn bound(&self) -> Option<f64> {
-        self.errors.iter().flatten().map(|error| error.bound).reduce(f64::max)
+        let known = self.errors.iter().zip(&self.noisy);
+        known.filter_map(|(error, noisy)| Some(error.as_ref()?.bound.min(*noisy))).reduce(f64::max)
     }
 
-    /// True when all are at most a requested error.
+    /// True when all are at most a requested error, with or without noise.
     pub(super) fn are_below(&self, most: f32) -> bool {
         self.bound().is_some_and(|bound| bound <= f64::from(most) * TOLERANCE)
     }
@@ -57,11 +61,18 @@ impl<S: FrameShader> Frame<'_, S> {
             (denoising.measure)(eye, image, &halves)
         };
         denoised.errors = images.zip(&passes.sums).map(error).collect();
+        let noisy = |sum: &Mutex<Accumulated>| {
+            let sum = sum.lock();
+            let found = sum.mean().and_then(|mean| sum.error(&passes.crop, mean));
+            found.map_or(f64::INFINITY, |found| found.bound)
+        };
+        denoised.noisy = passes.sums.iter().map(noisy).collect();
         (denoised.passes, denoised.time) = (completed, begin.elapsed());
     }
 
-    /// True when images without their noise have the requested error, or when their error cannot be known. It is
-    /// measured after the second pass, and then each time that it may be reached if all of it were noise.
+    /// True when images without their noise have the requested error, or have it with their noise, or when the error
+    /// cannot be known. It is measured after the second pass, and then each time that it may be reached if all of it
+    /// were noise.
     pub(super) fn is_clean_enough(
         &self,
         plan: &PassPlan,

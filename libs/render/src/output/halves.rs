@@ -8,7 +8,7 @@
 //! The mean of all passes has less noise than f (a): how much follows from the mean of `(f (a) - f (b))^2`. Its bias is
 //! taken for that of a half, although there is less noise to remove.
 
-use crate::passes::{CONFIDENCE, percent};
+use crate::passes::{CONFIDENCE, ErrorEstimate, TOLERANCE, percent};
 
 /// The side of the blocks of pixels that the confidence interval is computed from. Neighbours share noise, and blocks
 /// hardly any.
@@ -102,6 +102,12 @@ pub struct DenoisedError {
 }
 
 impl DenoisedError {
+    /// True when an image keeps its noise: with it, the image has a requested error, and without it, it does not.
+    pub(crate) fn is_worse_than(&self, noisy: Option<ErrorEstimate>, requested: f32) -> bool {
+        let most = f64::from(requested) * TOLERANCE;
+        self.bound > most && noisy.is_some_and(|noisy| noisy.is_within(requested))
+    }
+
     /// Returns a text for people.
     pub fn text(&self) -> String {
         format!("{}, at most {} at 95 % confidence", percent(self.error), percent(self.bound))

@@ -132,17 +132,31 @@ impl CameraDenoiser {
         sum.error()
     }
 
-    /// Removes the noise of all images. Returns what was done.
+    /// Removes the noise of all images. Those that have a requested error only with their noise keep it. Returns what
+    /// was done.
     ///
     /// # Errors
     /// Returns the message of the library. Images that were not denoised keep their noise.
-    pub(super) fn apply(mut self, outputs: &mut [OutputSet]) -> Result<Denoised, String> {
+    pub(super) fn apply(
+        mut self,
+        outputs: &mut [OutputSet],
+        requested: Option<f32>,
+    ) -> Result<Denoised, String> {
         for (set, features) in outputs.iter_mut().zip(&self.features) {
             for image in set.images.iter_mut().filter(|image| image.is_denoised) {
-                self.denoise(image, features)?;
-                let errors =
-                    self.done.error.into_iter().chain(image.passes.and_then(|passes| passes.denoised));
-                self.done.error = errors.max_by(|a, b| a.error.total_cmp(&b.error));
+                let passes = image.passes.as_ref();
+                let found = passes.and_then(|passes| passes.denoised);
+                let noisy = passes.and_then(|passes| passes.error);
+                let keeps = |(found, most): (DenoisedError, f32)| found.is_worse_than(noisy, most);
+                let largest = match found.zip(requested).is_some_and(keeps) {
+                    true => &mut self.done.rejected,
+                    false => {
+                        self.denoise(image, features)?;
+                        &mut self.done.error
+                    }
+                };
+                let errors = largest.take().into_iter().chain(found);
+                *largest = errors.max_by(|a, b| a.error.total_cmp(&b.error));
             }
         }
         self.done.filter = self.spent.into_inner();

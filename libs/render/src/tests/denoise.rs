@@ -227,11 +227,11 @@ fn passes_end_when_the_error_without_noise_is_reached() {
         let statistics = &report.statistics[0].1;
         let denoised = statistics.denoised.as_ref().and_then(|done| done.error);
         complaints.retain(|text| !text.starts_with("camera"));
-        (statistics.passes.clone().unwrap(), denoised, complaints)
+        (statistics.passes.clone().unwrap(), denoised, complaints, statistics.denoised.clone())
     };
     // A library that keeps the noise has the error of the passes.
     let keeps = || Negative { keeps: true, ..Negative::default() };
-    let (report, denoised, complaints) = run(0.01, None, None, keeps());
+    let (report, denoised, complaints, _) = run(0.01, None, None, keeps());
     let (found, noise) = (denoised.unwrap(), report.error.unwrap());
     assert!(report.passes > 2 && report.requested == Some(0.01) && !report.is_short, "{report:?}");
     assert!(found.bound <= 0.01 * 1.05 && complaints.is_empty(), "{found:?} {complaints:?}");
@@ -240,15 +240,23 @@ fn passes_end_when_the_error_without_noise_is_reached() {
     assert_eq!(run(10.0, None, None, keeps()).0.passes, 2);
     // With a time as well, whichever is first ends the passes.
     assert_eq!(run(10.0, None, Some(60), keeps()).0.passes, 2);
-    // What the library cannot do is said.
-    let (report, _, complaints) = run(0.05, Some(5), None, Negative::default());
+    // An image keeps its noise where the library leaves more than the requested error, and noise less.
+    let (report, denoised, complaints, done) = run(0.01, None, None, Negative::default());
+    assert!(report.error.unwrap().bound <= 0.01 * 1.05 && !report.is_short, "{report:?}");
+    assert_eq!((denoised, complaints), (None, Vec::new()));
+    assert!(done.unwrap().rejected.unwrap().error > 0.5);
+    let spec = granita_plugin::bundled_formats(Limits::default());
+    let spec = spec.open(&folder.path().join("0.exr")).unwrap().spec(0, 0).unwrap().clone();
+    assert_eq!(spec.string("granita/denoised"), None);
+    // Where both are more, that is said.
+    let (report, _, complaints, _) = run(0.001, Some(5), None, Negative::default());
     assert!(report.is_short && report.passes == 5);
     assert_eq!(
         complaints,
-        ["warning: camera \"cam\": the error of 5.00 % was not reached before the passes ended"]
+        ["warning: camera \"cam\": the error of 0.100 % was not reached before the passes ended"]
     );
     // Nobody waits for an error that is never known.
-    let (report, denoised, complaints) =
+    let (report, denoised, complaints, _) =
         run(0.05, None, None, Negative { fails: true, ..Negative::default() });
     assert_eq!((report.passes, denoised), (2, None));
     assert!(complaints[0].contains("keep their noise: it is broken"), "{complaints:?}");
