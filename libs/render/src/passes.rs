@@ -88,7 +88,7 @@ impl Accuracy {
     const MOST_CHANGE: f64 = 4.0;
     /// The finest level, and the largest number of levels between measurements of the bias.
     const MOST: i32 = 5;
-    const MOST_AT_ONCE: i32 = 3;
+    pub(crate) const MOST_AT_ONCE: i32 = 3;
 
     /// Returns the number of times that the dicing step of a level must be halved for a bias to be small enough for an
     /// error, as far as the bias of the level shows it.

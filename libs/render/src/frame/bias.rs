@@ -237,11 +237,12 @@ impl<S: FrameShader> Frame<'_, S> {
         Next::Pass
     }
 
-    /// Measures the bias of a level that follows from the bias of two levels below or more, and decides whether the
-    /// requested error needs a higher one. Without the time for it, the images have enough passes already.
+    /// Measures the bias of the level that is [`Accuracy::MOST_AT_ONCE`] above the one where it was too large, with few
+    /// passes, and decides whether the requested error needs a higher one. Without the time for it, the images are
+    /// complete as they are.
     fn measure_bias_again(&mut self, run: &Run<'_>, error: f64, time: Duration) -> Next {
         let Some(&Passes { level, large, .. }) = self.passes.as_ref() else { return Next::Pass };
-        let passing = Passing::new(error, self.needed_passes(|_| error * error), large);
+        let passing = Passing::new(error, 0.0, large);
         if !has_time_for(run.plan, time, passing.most) {
             return Next::End;
         }

@@ -40,8 +40,8 @@ pub(super) struct Passes {
     pub(super) is_held: bool,
     /// How many times as far apart the points of surfaces are, in a coarse image instead of the first pass.
     pub(super) coarse: Option<u32>,
-    /// The number of passes after which the bias is measured next. Where the level follows from a bias of two levels
-    /// below or more, it is measured once more.
+    /// The number of passes after which the bias is measured next. Where it was too much to say how many levels are
+    /// needed, it is measured once more on the highest of them.
     pub(super) measured_after: u32,
     /// What the passes of an image have in common, for each sum. Empty when it was not measured.
     pub(super) bias: Vec<SquaredBias>,
@@ -86,7 +86,7 @@ impl Passes {
     pub(super) fn go_on_with(&mut self, more: i32, large: u32) {
         (self.level, self.large) = (self.level + more, large);
         self.first_of_tiles = (self.last_step() + 1) * PILOT;
-        if more > 1 {
+        if more >= Accuracy::MOST_AT_ONCE {
             self.measured_after = self.first_of_tiles;
         }
     }
