@@ -55,17 +55,18 @@ def error(image, reference, mask):
 
 
 def settings(scene):
-    """Returns settings of gelato: a name, attributes, and parameters of the mirror."""
-    mirrors = (4, 16, 64, 256) if any(shape.mirror for shape in scene.shapes) else (1,)
-    for finer in (1, 2, 4) if len(mirrors) > 1 else (1, 2, 4, 8):
-        for pixel in (4, 8, 16):
-            for mirror in mirrors:
-                words = ("-set", f"shadingquality={finer}", "-set", f"spatialquality={pixel},{pixel}")
-                name = f"shadingquality {finer}, {pixel} x {pixel} samples"
-                if len(mirrors) > 1:
-                    yield f"{name}, {mirror} rays", words, f'"float samples", {mirror}'
-                else:
-                    yield name, words, ""
+    """Returns lists of settings of gelato, from the fastest to the slowest: a name, attributes, and parameters of the
+    mirror."""
+    has_mirror = any(shape.mirror for shape in scene.shapes)
+    for finer in (1, 2, 4) if has_mirror else (1, 2, 4, 8):
+        for pixel in (4, 8) if has_mirror else (4,):
+            name = f"shadingquality {finer}"
+            words = lambda pixel: ("-set", f"shadingquality={finer}", "-set", f"spatialquality={pixel},{pixel}")
+            if has_mirror:
+                yield [(f"{name}, {pixel} x {pixel} samples, {rays} rays", words(pixel), f'"float samples", {rays}')
+                       for rays in (4, 16, 64, 256)]
+            else:
+                yield [(f"{name}, {n} x {n} samples", words(n), "") for n in (4, 8, 16, 32)]
 
 
 def measure(words, ours, mitsuba, cycles, scene, place):
@@ -76,18 +77,21 @@ def measure(words, ours, mitsuba, cycles, scene, place):
     has_mirror = bool(mirrors)
     mitsuba.load(scene, files, side, "whole")
     mask = np.isin(mitsuba.shapes(), mirrors) if has_mirror else np.ones((side, side), bool)
-    best = '"float samples", 64' if has_mirror else ""
+    best, finest, pixel = ('"float samples", 16', 4, 8) if has_mirror else ("", 8, 16)
     passes = 8 if words.quick else 32
     converged = ours.render(scene, files, side, "whole", best,
-                            ("-set", "shadingquality=8", "-set", "spatialquality=16,16", "-passes", str(passes)))[0]
+                            ("-set", f"shadingquality={finest}", "-set", f"spatialquality={pixel},{pixel}", "-passes", str(passes)))[0]
     reference = (converged, converged)
     rows, clean = [], []
-    for name, more, options in settings(scene):
-        image, seconds = ours.render(scene, files, side, "whole", options, more)
-        rows.append((name, seconds, error(image, reference, mask)))
-        if words.denoise and seconds < words.limit:
-            image, seconds = ours.render(scene, files, side, "whole", options, (*more, *denoise))
-            clean.append((name, seconds, error(image, reference, mask)))
+    for some in settings(scene):
+        for name, more, options in some:
+            image, seconds = ours.render(scene, files, side, "whole", options, more)
+            rows.append((name, seconds, error(image, reference, mask)))
+            if seconds > words.limit:
+                break
+            if words.denoise:
+                image, seconds = ours.render(scene, files, side, "whole", options, (*more, *denoise))
+                clean.append((name, seconds, error(image, reference, mask)))
     tables = [("gelato", rows)]
     kinds = [("gelato -error", (), [])]
     if words.denoise:
@@ -141,7 +145,7 @@ def main():
     mitsuba = light_mitsuba.Mitsuba("", False)
     with tempfile.TemporaryDirectory() as place:
         ours = light_gelato.Gelato(words.gelato, words.threads, place, mitsuba.read, False)
-        cycles = light_cycles and light_cycles.Cycles(words.threads, place, mitsuba.layer, False)
+        cycles = light_cycles and light_cycles.Cycles(words.threads, place, mitsuba.read, False)
         for scene in (light_scenes.out_of_focus(), light_scenes.glossy_floor()):
             if words.only in scene.name:
                 measure(words, ours, mitsuba, cycles, scene, place)

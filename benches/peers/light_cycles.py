@@ -18,6 +18,7 @@ class Cycles:
     name = "Cycles"
 
     def __init__(self, threads, place, read, processor):
+        """`read` reads a layer of a file, or the whole file where the whole image is measured."""
         self.clock = time.process_time if processor else time.time
         self.threads, self.place, self.read = threads, place, read
 
@@ -34,8 +35,8 @@ class Cycles:
         out.view_settings.view_transform = "Raw"
         settings = out.render.image_settings
         if hasattr(settings, "media_type"):
-            settings.media_type = "MULTI_LAYER_IMAGE"
-        settings.file_format = "OPEN_EXR_MULTILAYER"
+            settings.media_type = "IMAGE" if measure == "whole" else "MULTI_LAYER_IMAGE"
+        settings.file_format = "OPEN_EXR" if measure == "whole" else "OPEN_EXR_MULTILAYER"
         if hasattr(settings, "use_exr_interleave"):
             settings.use_exr_interleave = True
         settings.color_depth = "32"
@@ -176,7 +177,7 @@ class Cycles:
             seconds = self.clock() - begin
         # The names differ before version 5.
         if self.measure == "whole":
-            return self.read(self.out.render.filepath, ("Combined",)), seconds
+            return self.read(self.out.render.filepath), seconds
         part = ("Diffuse Indirect", "DiffInd") if self.measure == "bounce" else ("Diffuse Direct", "DiffDir")
         light, color = (self.read(self.out.render.filepath, names) for names in (part, ("Diffuse Color", "DiffCol")))
         return light * color, seconds
