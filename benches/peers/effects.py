@@ -73,10 +73,13 @@ def measure(words, ours, mitsuba, cycles, scene, place):
     side = words.side
     files = light_scenes.prepare(scene, place)
     denoise = ("-denoise", "-set", f"render:denoiselibrary={words.denoise}")
-    mirrors = [number for number, shape in enumerate(scene.shapes, 1) if shape.mirror]
-    has_mirror = bool(mirrors)
+    has_mirror = any(shape.mirror for shape in scene.shapes)
     mitsuba.load(scene, files, side, "whole")
-    mask = np.isin(mitsuba.shapes(), mirrors) if has_mirror else np.ones((side, side), bool)
+    mask = np.ones((side, side), bool)
+    if has_mirror:
+        # The mirror is at the bottom of the image. Mitsuba may number the shapes in another order than the scene.
+        where = mitsuba.shapes()
+        mask = where == where[-3, side // 2]
     best, finest, pixel = ('"float samples", 16', 4, 8) if has_mirror else ("", 8, 16)
     passes = 8 if words.quick else 32
     converged = ours.render(scene, files, side, "whole", best,
