@@ -1,8 +1,17 @@
-"""Prints the curves of error over time of benches/peers/light.py and effects.py."""
+"""The errors of images, and their curves over time, of benches/peers/light.py and effects.py."""
 
 import numpy as np
 
 BARS = (0.05, 0.03, 0.02, 0.01)
+
+
+def error(image, halves):
+    """Returns the root mean square error beside a reference, divided by its mean. The noise of the reference is
+    subtracted. It follows from the difference of its two halves."""
+    a, b = halves
+    whole = 0.5 * (a + b)
+    square = ((image - whole) ** 2).mean() - 0.25 * ((a - b) ** 2).mean()
+    return np.sqrt(max(square, 1e-10)) / whole.mean()
 
 
 def at(curve, bar):
