@@ -33,19 +33,10 @@ import time
 import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-try:
-    import light_mitsuba
-except ImportError:
-    print("light.py: there is no package mitsuba: nothing to compare with")
-    sys.exit(0)
-try:
-    import light_cycles
-except ImportError:
-    light_cycles = None
-    print("light.py: there is no package bpy: no rows of Cycles")
 import light_gelato
 import light_scenes
 import light_table
+from light_others import light_cycles, light_mitsuba
 
 # The errors that are requested of gelato, in percent.
 REQUESTED = (8, 5, 3, 2, 1.5, 1, 0.7, 0.5)
