@@ -30,13 +30,13 @@ import sys
 import tempfile
 import time
 
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from light_others import light_cycles, light_mitsuba
 import numpy as np
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import light_gelato
 import light_scenes
 import light_table
-from light_others import light_cycles, light_mitsuba
 
 # The errors that are requested of gelato, in percent.
 REQUESTED = (8, 5, 3, 2, 1.5, 1, 0.7, 0.5)
