@@ -528,7 +528,19 @@ pub fn display(bytes: &[u8]) {
 /// Reads a spatial database, and queries it. The bytes are also read with corrected checksums, so that the rest of the
 /// reader is reached.
 pub fn sdb(bytes: &[u8]) {
-    use granita_sdb::{Between, Clusters, Density, Probe};
+    use granita_sdb::{Between, Cluster, Clusters, Density, Lanes, Probe};
+    /// Takes all records one by one, and counts them.
+    struct AllRecords(usize);
+
+    impl Lanes for AllRecords {
+        fn open(&self, _: &Cluster, lanes: u32) -> u32 {
+            lanes
+        }
+
+        fn take(&mut self, _: [f32; 3], _: [f32; 3], _: u32) {
+            self.0 += 1;
+        }
+    }
     let ask = |bytes: &[u8]| {
         let Ok(file) = tempfile::NamedTempFile::new() else { return };
         if std::fs::write(file.path(), bytes).is_err() {
@@ -545,9 +557,9 @@ pub fn sdb(bytes: &[u8]) {
             let _ = records.density(&probe, &Density { minsamples: 3, maxdist: 0.5, maxerror: 0.25 });
             let _ = records.exactly(&probe);
         }
-        let mut count = 0_usize;
-        Clusters::new(&records).gather(&records, &|_| true, &mut |_, _| count += 1);
-        assert_eq!(count, records.len());
+        let mut all = AllRecords(0);
+        Clusters::new(&records).gather(&records, 1, &mut all);
+        assert_eq!(all.0, records.len());
     };
     ask(bytes);
     if let Some(repaired) = granita_sdb::with_checksums(bytes) {

@@ -19,10 +19,20 @@ pub struct Cluster {
 }
 
 impl Cluster {
-    /// Returns the square of the distance of a position from the box; 0 inside.
-    pub fn distance_squared(&self, p: [f32; 3]) -> f32 {
-        (0..3).map(|c| (self.lo[c] - p[c]).max(p[c] - self.hi[c]).max(0.0)).map(|x| x * x).sum()
+    /// The lowest and the highest corner of their box.
+    #[inline]
+    pub fn corners(&self) -> ([f32; 3], [f32; 3]) {
+        (self.lo, self.hi)
     }
+}
+
+/// Takes the records of a database for several points, the lanes, at once. Sets of lanes are bits of words.
+pub trait Lanes {
+    /// Returns those of `lanes` that take the records of a cluster one by one. The others take it as one record at its
+    /// centre.
+    fn open(&self, cluster: &Cluster, lanes: u32) -> u32;
+    /// Takes a record, or a cluster as one, for `lanes`.
+    fn take(&mut self, at: [f32; 3], value: [f32; 3], lanes: u32);
 }
 
 /// The clusters of a database with three-component values at points.
@@ -69,36 +79,31 @@ impl Clusters {
         Self { levels }
     }
 
-    /// Passes all records to `each`, as position and value. Records are passed one by one when `opens` is true for
-    /// their cluster, and otherwise combined at the centre. The order is always the same.
-    pub fn gather(
-        &self,
-        records: &Packed,
-        opens: &dyn Fn(&Cluster) -> bool,
-        each: &mut dyn FnMut([f32; 3], [f32; 3]),
-    ) {
-        if let Some(top) = self.levels.len().checked_sub(1) {
-            self.visit(records, top, 0, opens, each);
-        }
-    }
-
-    fn visit(
-        &self,
-        records: &Packed,
-        level: usize,
-        node: usize,
-        opens: &dyn Fn(&Cluster) -> bool,
-        each: &mut dyn FnMut([f32; 3], [f32; 3]),
-    ) {
-        let cluster = &self.levels[level][node];
-        if !opens(cluster) {
-            return each(cluster.centre, cluster.sum);
-        }
-        let below = if level == 0 { records.len() } else { self.levels[level - 1].len() };
-        for child in node * FAN..((node + 1) * FAN).min(below) {
-            match level {
-                0 => each(records.position(child), records.value(child)),
-                _ => self.visit(records, level - 1, child, opens, each),
+    /// Passes all records to `lanes` points. Each of them gets the same records in the same order as without the
+    /// others.
+    #[inline(always)]
+    pub fn gather(&self, records: &Packed, lanes: u32, to: &mut impl Lanes) {
+        let Some(top) = self.levels.len().checked_sub(1) else { return };
+        // The next node is the last.
+        let mut nodes = vec![(top, 0, lanes)];
+        while let Some((level, node, lanes)) = nodes.pop() {
+            let cluster = &self.levels[level][node];
+            let open = lanes & to.open(cluster, lanes);
+            if open != lanes {
+                to.take(cluster.centre, cluster.sum, lanes & !open);
+            }
+            if open == 0 {
+                continue;
+            }
+            let below = if level == 0 { records.len() } else { self.levels[level - 1].len() };
+            let children = node * FAN..((node + 1) * FAN).min(below);
+            if level == 0 {
+                // An iterator's own loop would not be compiled for the vectors of the caller.
+                for child in children {
+                    to.take(records.position(child), records.value(child), open);
+                }
+            } else {
+                nodes.extend(children.rev().map(|child| (level - 1, child, open)));
             }
         }
     }
@@ -110,6 +115,29 @@ mod tests {
     use crate::{Key, Schema, Value};
     use granita_base::hash;
 
+    /// The sum of the second numbers of all values in lane 1, and how many there are.
+    #[derive(Default)]
+    struct Sum {
+        open: f32,
+        sum: f64,
+        calls: u32,
+    }
+
+    impl Lanes for Sum {
+        /// Other lanes open all clusters.
+        fn open(&self, cluster: &Cluster, lanes: u32) -> u32 {
+            if cluster.diagonal_squared > self.open { lanes } else { lanes & !0b10 }
+        }
+
+        fn take(&mut self, at: [f32; 3], value: [f32; 3], lanes: u32) {
+            assert!(at.iter().all(|x| (0.0..=1.0).contains(x)));
+            if lanes & 0b10 != 0 {
+                self.sum += f64::from(value[1]);
+                self.calls += 1;
+            }
+        }
+    }
+
     #[test]
     fn sums_of_clusters_contain_all_records() {
         let schema = Schema { key: Key::Oriented, value: Value::Color };
@@ -119,14 +147,14 @@ mod tests {
             let clusters = Clusters::new(&packed);
             let due = numbers.chunks(9).map(|r| f64::from(r[7])).sum::<f64>();
             for open in [0.0, 0.01, 0.3, 4.0] {
-                let (mut sum, mut calls) = (0.0_f64, 0);
-                clusters.gather(&packed, &|c| c.diagonal_squared > open, &mut |at, value| {
-                    assert!(at.iter().all(|x| (0.0..=1.0).contains(x)));
-                    sum += f64::from(value[1]);
-                    calls += 1;
-                });
+                let mut alone = Sum { open, ..Sum::default() };
+                clusters.gather(&packed, 0b10, &mut alone);
+                let Sum { sum, calls, .. } = alone;
                 assert!((sum - due).abs() <= 1e-5 * due, "{count} {open}: {sum} {due}");
                 assert!(calls <= count && (open < 4.0 || calls <= 1));
+                let mut beside = Sum { open, ..Sum::default() };
+                clusters.gather(&packed, 0b1011, &mut beside);
+                assert_eq!((beside.sum.to_bits(), beside.calls), (sum.to_bits(), calls), "{count} {open}");
             }
         }
     }

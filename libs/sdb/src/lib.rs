@@ -41,11 +41,12 @@ mod packed;
 mod query;
 mod schema;
 
-pub use clusters::{Cluster, Clusters};
+pub use clusters::{Cluster, Clusters, Lanes};
 pub use databases::{Attributes, Databases, Finished, Mode};
 pub use error::{Result, SdbError};
 pub use file::{read, with_checksums};
 pub use image::{ImageOptions, image};
+pub use order::along_curve;
 pub use packed::Packed;
 pub use query::{Between, Density, Probe};
 pub use schema::{Key, Schema, Value};

@@ -73,6 +73,17 @@ pub(crate) fn sort(schema: Schema, extent: &Extent, records: &[f32]) -> (Vec<f32
     (sorted, order.into_iter().map(|(place, _)| place).collect())
 }
 
+/// Returns the numbers of positions along a curve through the box around them, so that neighbours in the list are near
+/// each other.
+pub fn along_curve(positions: &[[f32; 3]]) -> Vec<usize> {
+    let mut extent = Extent::EMPTY;
+    positions.iter().for_each(|p| extent.add(p));
+    let mut order: Vec<(u64, usize)> =
+        positions.iter().enumerate().map(|(i, p)| (place(&extent, p), i)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, i)| i).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -147,12 +147,14 @@ impl Packed {
     }
 
     /// Returns record `i`, in the order of the database: the key, then the value.
+    #[inline]
     pub fn record(&self, i: usize) -> &[f32] {
         let n = self.schema.numbers();
         &self.numbers()[i * n..][..n]
     }
 
     /// Returns the position of a record. For (s, t) the third number is 0.
+    #[inline]
     pub fn position(&self, i: usize) -> [f32; 3] {
         let d = self.schema.key.dimensions();
         let mut out = [0.0; 3];
@@ -162,6 +164,7 @@ impl Packed {
 
     /// Returns the value of a record, with as many numbers as [`Value::components`](crate::Value::components). A
     /// single number is the first.
+    #[inline]
     pub fn value(&self, i: usize) -> [f32; 3] {
         let n = self.schema.value.components();
         let mut out = [0.0; 3];
@@ -170,6 +173,7 @@ impl Packed {
     }
 
     /// Returns all numbers of a record's value.
+    #[inline]
     pub fn all_of(&self, i: usize) -> &[f32] {
         &self.record(i)[self.schema.key.numbers()..]
     }

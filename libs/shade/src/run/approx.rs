@@ -16,12 +16,23 @@ fn pick(condition: bool, a: f32, b: f32) -> f32 {
     if condition { a } else { b }
 }
 
-/// Returns the nearest whole number, for magnitudes below 2^22.
+/// Returns the nearest whole number as a float and as an integer, for magnitudes below 2^22. For others, both are any
+/// numbers.
 #[inline(always)]
-fn nearest(x: f32) -> f32 {
-    // Adding 1.5 * 2^23 leaves no fractional bits.
+fn nearest(x: f32) -> (f32, i32) {
+    // Adding 1.5 * 2^23 leaves no fractional bits, and the integer in the lowest ones. A cast, which saturates, would
+    // take longer.
     const BIG: f32 = 12_582_912.0;
-    (x + BIG) - BIG
+    let shifted = x + BIG;
+    (shifted - BIG, shifted.to_bits().wrapping_sub(BIG.to_bits()) as i32)
+}
+
+/// Returns the nearest whole number as [`nearest`] does, for magnitudes below 2^31.
+#[inline(always)]
+fn nearest_double(x: f64) -> (f64, i32) {
+    const BIG: f64 = 6_755_399_441_055_744.0;
+    let shifted = x + BIG;
+    (shifted - BIG, shifted.to_bits() as u32 as i32)
 }
 
 /// Returns the largest whole number that is not larger, as `f32::floor`, in a form that vectorises everywhere.
@@ -36,9 +47,9 @@ pub fn floor(x: f32) -> f32 {
 /// Returns the number of quarter turns and the remainder within [-pi/4, pi/4].
 #[inline(always)]
 fn quarters(x: f32) -> (i32, f32) {
-    let k = nearest(x * FRAC_2_PI);
+    let (k, turns) = nearest(x * FRAC_2_PI);
     let r = ((x - k * 1.570_312_5) - k * 4.837_513e-4) - k * 7.549_79e-8;
-    (k as i32, r)
+    (turns, r)
 }
 
 #[inline(always)]
@@ -158,14 +169,14 @@ pub fn exp_is_near(x: f32) -> bool {
 /// Returns `e^x` where [`exp_is_near`] accepts the argument.
 #[inline(always)]
 pub fn exp_near(x: f32) -> f32 {
-    let k = nearest(x * LOG2_E);
+    let (k, power) = nearest(x * LOG2_E);
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let p = ((((1.987_569_1e-4 * r + 1.398_199_9e-3) * r + 8.333_452e-3) * r + 4.166_579_6e-2) * r
         + 1.666_666_5e-1)
         * r
         + 5.0e-1;
     let y = p * r * r + r + 1.0;
-    y * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
+    y * f32::from_bits((power.wrapping_add(127) as u32) << 23)
 }
 
 /// Returns `e^x` of any argument.
@@ -257,8 +268,7 @@ fn erfc_positive(x: f64) -> f64 {
 /// Returns the exponential function for -500 to 500 within 1e-8.
 #[inline(always)]
 fn exp_double(x: f64) -> f64 {
-    const BIG: f64 = 6_755_399_441_055_744.0;
-    let k = (x * std::f64::consts::LOG2_E + BIG) - BIG;
+    let (k, whole) = nearest_double(x * std::f64::consts::LOG2_E);
     let r = x - k * std::f64::consts::LN_2;
     let p = 1.0
         + r * (1.0
@@ -266,9 +276,9 @@ fn exp_double(x: f64) -> f64 {
                 + r * (1.0 / 6.0
                     + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
     // The power of two is split into two halves, so that each is a float.
-    let half = k as i32 >> 1;
+    let half = whole >> 1;
     let power = |k: i32| f64::from(f32::from_bits((k.wrapping_add(127) as u32) << 23));
-    p * power(half) * power((k as i32).wrapping_sub(half))
+    p * power(half) * power(whole.wrapping_sub(half))
 }
 
 /// Returns the error function of any argument.
@@ -384,15 +394,14 @@ fn approximate_log2(x: f32) -> f64 {
 pub fn pow_ordinary(x: f32, y: f32) -> f32 {
     let (e, m) = parts(x);
     let t = (f64::from(e) + log2_of_mantissa(m)) * f64::from(y);
-    const BIG: f64 = 6_755_399_441_055_744.0;
-    let k = (t + BIG) - BIG;
+    let (k, power) = nearest_double(t);
     let r = (t - k) * std::f64::consts::LN_2;
     let p = 1.0
         + r * (1.0
             + r * (0.5
                 + r * (1.0 / 6.0
                     + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r * (1.0 / 5040.0)))))));
-    (p as f32) * f32::from_bits(((k as i32).wrapping_add(127) as u32) << 23)
+    (p as f32) * f32::from_bits((power.wrapping_add(127) as u32) << 23)
 }
 
 #[cfg(test)]

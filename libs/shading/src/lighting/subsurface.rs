@@ -7,101 +7,204 @@ mod beam;
 use beam::Beam;
 use granita_base::{Color, Vec3};
 use granita_machine::widest;
-use granita_sdb::{Cluster, Clusters, Packed};
+use granita_sdb::{Cluster, Clusters, Lanes, Packed};
 use granita_shade::approx;
 use std::f32::consts::PI;
+use std::sync::Arc;
 
-/// The number of places whose light is computed together.
-const TOGETHER: usize = 32;
+/// The largest number of points whose light is gathered together.
+pub(crate) const TOGETHER: usize = 16;
+
+/// A number for each of the points that are gathered together.
+type Each = [f32; TOGETHER];
 
 /// The diffusion profile of a material: how light that enters at one place leaves at others.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) enum Profile {
     /// The dipole model of the reference.
     Dipole(Dipole),
     /// The model of a beam that is scattered along its whole path.
-    Beam(Box<Beam>),
+    Beam(Beam),
 }
 
-impl Profile {
-    /// Stores the light that leaves per area, relative to the light that enters at distances whose squares are given:
-    /// for each channel that of all distances.
-    fn reflectances(&self, squared: &[f32; TOGETHER], out: &mut [[f32; TOGETHER]; 3]) {
-        match self {
-            // Vector code gives the same results.
-            Self::Dipole(dipole) => widest!({
-                for (c, out) in out.iter_mut().enumerate() {
-                    dipole.channel(c, squared, out);
-                }
-            }),
-            Self::Beam(beam) => {
-                for (k, squared) in squared.iter().enumerate() {
-                    let light = beam.reflectance(*squared).to_array();
-                    out.iter_mut().zip(light).for_each(|(out, light)| out[k] = light);
-                }
+/// A point from which light leaves.
+#[derive(Clone, Debug)]
+pub(crate) struct Point {
+    /// Its position in the space of the database, finite.
+    pub(crate) p: Vec3,
+    /// Boxes that subtend at most this solid angle (steradians) count as one place.
+    pub(crate) max_solid_angle: f32,
+    /// Its material.
+    pub(crate) profile: Arc<Profile>,
+}
+
+/// Returns the light that leaves at up to [`TOGETHER`] points, whose profiles are of one kind. Each has the same light
+/// as without the others. The database holds light times area at the places where it enters.
+pub(crate) fn gather(records: &Packed, clusters: &Clusters, points: &[Point]) -> [Color; TOGETHER] {
+    let mut dipoles = Dipoles::default();
+    let mut beams = Vec::new();
+    for (k, point) in points.iter().enumerate() {
+        match &*point.profile {
+            Profile::Dipole(dipole) => dipoles.set(k, dipole),
+            Profile::Beam(beam) => beams.push(beam),
+        }
+    }
+    // Vector code gives the same results.
+    if beams.is_empty() {
+        widest!(sums(records, clusters, points, &dipoles))
+    } else {
+        sums(records, clusters, points, &beams[..])
+    }
+}
+
+#[inline(always)]
+fn sums<P: Profiled + ?Sized>(
+    records: &Packed,
+    clusters: &Clusters,
+    points: &[Point],
+    profiles: &P,
+) -> [Color; TOGETHER] {
+    let mut leaving =
+        Leaving { p: [[0.0; TOGETHER]; 3], angle: [0.0; TOGETHER], profiles, sums: [[0.0; TOGETHER]; 3] };
+    for (k, point) in points.iter().enumerate() {
+        (0..3).for_each(|c| leaving.p[c][k] = point.p[c]);
+        leaving.angle[k] = point.max_solid_angle.max(0.0);
+    }
+    clusters.gather(records, (1 << points.len()) - 1, &mut leaving);
+    std::array::from_fn(|k| Vec3::from_array(leaving.sums.map(|channel| channel[k])))
+}
+
+/// The profiles of points that are gathered together.
+trait Profiled {
+    /// Returns the light of a channel that leaves per area, relative to the light that enters at distances whose
+    /// squares are given. Only that of `lanes` is needed.
+    fn channel(&self, c: usize, squared: &Each, lanes: u32) -> Each;
+}
+
+/// The light that leaves at points, so far.
+struct Leaving<'p, P: ?Sized> {
+    p: [Each; 3],
+    angle: Each,
+    profiles: &'p P,
+    sums: [Each; 3],
+}
+
+impl<P: Profiled + ?Sized> Lanes for Leaving<'_, P> {
+    /// The square of the diagonal is twice the area of a flat square. The distance is measured to the nearest side, so
+    /// that boxes beside a point are opened where the profile is steep.
+    #[inline(always)]
+    fn open(&self, cluster: &Cluster, _: u32) -> u32 {
+        let (lo, hi) = cluster.corners();
+        let mut squared = [0.0; TOGETHER];
+        for (c, p) in self.p.iter().enumerate() {
+            for (squared, p) in squared.iter_mut().zip(p) {
+                let beside = (lo[c] - p).max(p - hi[c]).max(0.0);
+                *squared += beside * beside;
+            }
+        }
+        let mut open = 0;
+        for (k, (angle, squared)) in self.angle.iter().zip(&squared).enumerate() {
+            open |= u32::from(cluster.diagonal_squared > angle * squared) << k;
+        }
+        open
+    }
+
+    #[inline(always)]
+    fn take(&mut self, at: [f32; 3], light: [f32; 3], lanes: u32) {
+        let mut squared = [0.0; TOGETHER];
+        for (p, at) in self.p.iter().zip(at) {
+            for (squared, p) in squared.iter_mut().zip(p) {
+                *squared += (p - at) * (p - at);
+            }
+        }
+        for (c, sums) in self.sums.iter_mut().enumerate() {
+            let channel = self.profiles.channel(c, &squared, lanes);
+            for (k, (sum, leaving)) in sums.iter_mut().zip(channel).enumerate() {
+                *sum += if lanes >> k & 1 == 1 { leaving * light[c] } else { 0.0 };
             }
         }
     }
+}
 
-    /// Returns all light that leaves at `p`. The database holds light times area at the places where it enters.
-    /// Boxes that subtend at most `max_solid_angle` (steradians) count as one place.
-    pub(crate) fn gather(
-        &self,
-        records: &Packed,
-        clusters: &Clusters,
-        p: Vec3,
-        max_solid_angle: f32,
-    ) -> Color {
-        let mut sum = Vec3::ZERO;
-        // The square of the diagonal is twice the area of a flat square. The distance is measured to the nearest
-        // side, so that boxes beside the point are opened where the profile is steep.
-        let opens =
-            |c: &Cluster| c.diagonal_squared > max_solid_angle.max(0.0) * c.distance_squared(p.to_array());
-        let mut squared = [0.0; TOGETHER];
-        let mut lights = [Vec3::ZERO; TOGETHER];
-        let mut leaving = [[0.0; TOGETHER]; 3];
-        let mut add = |squared: &[f32; TOGETHER], lights: &[Vec3]| {
-            self.reflectances(squared, &mut leaving);
-            for (k, light) in lights.iter().enumerate() {
-                sum += Vec3::from_array(leaving.map(|channel| channel[k])) * *light;
-            }
-        };
-        let mut count = 0;
-        clusters.gather(records, &opens, &mut |at, light| {
-            squared[count] = p.distance_squared(Vec3::from_array(at));
-            lights[count] = Vec3::from_array(light);
-            count += 1;
-            if count == TOGETHER {
-                add(&squared, &lights);
-                count = 0;
-            }
-        });
-        add(&squared, &lights[..count]);
-        sum
+impl Profiled for [&Beam] {
+    fn channel(&self, c: usize, squared: &Each, lanes: u32) -> Each {
+        let mut out = [0.0; TOGETHER];
+        for (k, beam) in self.iter().enumerate().filter(|(k, _)| lanes >> k & 1 == 1) {
+            out[k] = beam.channel(c, squared[k]);
+        }
+        out
+    }
+}
+
+/// The dipoles of points that are gathered together, channel by channel.
+#[derive(Default)]
+struct Dipoles {
+    transport: [Each; 3],
+    real: [Each; 3],
+    mirrored: [Each; 3],
+    /// The albedo over 4 pi.
+    scale: [Each; 3],
+}
+
+impl Dipoles {
+    fn set(&mut self, k: usize, dipole: &Dipole) {
+        for c in 0..3 {
+            self.transport[c][k] = dipole.transport[c];
+            self.real[c][k] = dipole.real[c];
+            self.mirrored[c][k] = dipole.mirrored[c];
+            self.scale[c][k] = dipole.albedo[c] / (4.0 * PI);
+        }
+    }
+}
+
+impl Profiled for Dipoles {
+    #[inline(always)]
+    fn channel(&self, c: usize, squared: &Each, _: u32) -> Each {
+        let (transport, real) = (&self.transport[c], &self.real[c]);
+        let (mirrored, scale) = (&self.mirrored[c], &self.scale[c]);
+        let mut out = [0.0; TOGETHER];
+        for k in 0..TOGETHER {
+            let pole = |depth: f32| {
+                // The lower bound keeps the square from underflowing.
+                let way = (depth * depth + squared[k]).sqrt().max(1e-15);
+                let optical = transport[k] * way;
+                // Beyond, nothing is left.
+                let fall = if optical < 87.0 { approx::exp_near(-optical) } else { 0.0 };
+                depth / way * (1.0 + optical) * fall / (way * way)
+            };
+            out[k] = (pole(real[k]) + pole(mirrored[k])) * scale[k];
+        }
+        out
     }
 }
 
 /// The profiles of a call. Neighbouring points are mostly of one material.
 #[derive(Debug, Default)]
 pub(crate) struct Profiles {
-    last: Option<([u32; 7], Profile)>,
+    last: Option<([u32; 7], Arc<Profile>)>,
 }
 
 impl Profiles {
     /// Returns a profile by the word of the option "model": the beam model for "beam", otherwise the dipole.
-    pub(crate) fn get(&mut self, model: &str, scattering: Color, absorption: Color, eta: f32) -> &Profile {
+    pub(crate) fn get(
+        &mut self,
+        model: &str,
+        scattering: Color,
+        absorption: Color,
+        eta: f32,
+    ) -> Arc<Profile> {
         let [a, b, c] = scattering.to_array();
         let [d, e, f] = absorption.to_array();
         let key = [a, b, c, d, e, f, eta].map(f32::to_bits);
         let known = self.last.take().filter(|(k, _)| *k == key);
         let made = known.unwrap_or_else(|| {
             let profile = match model {
-                "beam" => Profile::Beam(Box::new(Beam::new(scattering, absorption, eta))),
+                "beam" => Profile::Beam(Beam::new(scattering, absorption, eta)),
                 _ => Profile::Dipole(Dipole::new(scattering, absorption, eta)),
             };
-            (key, profile)
+            (key, Arc::new(profile))
         });
-        &self.last.insert(made).1
+        self.last.insert(made).1.clone()
     }
 }
 
@@ -137,44 +240,36 @@ impl Dipole {
             mirrored: real * (1.0 + 4.0 / 3.0 * mismatch),
         }
     }
-
-    /// Stores the share of the light of a channel that leaves again per area, at distances from its entry whose squares
-    /// are given.
-    #[inline(always)]
-    fn channel(&self, c: usize, squared: &[f32], out: &mut [f32]) {
-        let transport = self.transport[c];
-        let pole = |depth: f32, squared: f32| {
-            // The lower bound keeps the square from underflowing.
-            let way = (depth * depth + squared).sqrt().max(1e-15);
-            let optical = transport * way;
-            // Beyond, nothing is left.
-            let fall = if optical < 87.0 { approx::exp_near(-optical) } else { 0.0 };
-            depth / way * (1.0 + optical) * fall / (way * way)
-        };
-        let (real, mirrored, scale) = (self.real[c], self.mirrored[c], self.albedo[c] / (4.0 * PI));
-        for (out, squared) in out.iter_mut().zip(squared) {
-            *out = (pole(real, *squared) + pole(mirrored, *squared)) * scale;
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_base::hash;
     use granita_sdb::{Key, Schema, Value};
 
     impl Profile {
         /// Returns the light that leaves at a distance whose square is given.
         fn reflectance(&self, squared: f32) -> Color {
-            let mut out = [[0.0; TOGETHER]; 3];
-            self.reflectances(&[squared; TOGETHER], &mut out);
-            Vec3::from_array(out.map(|channel| channel[TOGETHER - 1]))
+            match self {
+                Self::Dipole(dipole) => dipole.reflectance(squared),
+                Self::Beam(beam) => beam.reflectance(squared),
+            }
         }
     }
 
     impl Dipole {
-        fn reflectance(self, squared: f32) -> Color {
-            Profile::Dipole(self).reflectance(squared)
+        fn reflectance(&self, squared: f32) -> Color {
+            let mut dipoles = Dipoles::default();
+            dipoles.set(TOGETHER - 1, self);
+            let channel = |c| dipoles.channel(c, &[squared; TOGETHER], !0)[TOGETHER - 1];
+            Vec3::from_array([0, 1, 2].map(channel))
+        }
+    }
+
+    impl Beam {
+        fn reflectance(&self, squared: f32) -> Color {
+            Vec3::from_array([0, 1, 2].map(|c| self.channel(c, squared)))
         }
     }
 
@@ -225,13 +320,43 @@ mod tests {
             (-half..=half).flat_map(|i| (-half..=half).flat_map(move |j| record(i, j))).collect();
         let packed = Packed::new(schema, &records);
         let clusters = Clusters::new(&packed);
-        let dipole = Profile::Dipole(Dipole::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.3));
+        let profile = Arc::new(Profile::Dipole(Dipole::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.3)));
         let due = total(2.0, 0.5, 1.3) as f32;
         let p = Vec3::new(0.03, 0.04, 0.0);
         for (angle, within) in [(0.01, 0.005), (0.1, 0.01), (1.0, 0.06)] {
-            let got = dipole.gather(&packed, &clusters, p, angle);
+            let point = Point { p, max_solid_angle: angle, profile: profile.clone() };
+            let got = gather(&packed, &clusters, &[point])[0];
             assert!((got.x / due - 1.0).abs() < within, "{angle}: {got} {due}");
             assert!((got.z / got.x - 0.5).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn points_have_the_same_light_together_and_alone() {
+        let schema = Schema { key: Key::Point, value: Value::Color };
+        let number = |i: u32, salt: u32| hash::unit(hash::words(&[i, salt]));
+        let records: Vec<f32> =
+            (0..6 * 3000).map(|i| number(i, 1) * [3.0, 0.01][(i % 6 / 3) as usize]).collect();
+        let packed = Packed::new(schema, &records);
+        let clusters = Clusters::new(&packed);
+        for model in ["dipole", "beam"] {
+            // Points of several materials and tolerances.
+            let mut profiles = Profiles::default();
+            let points: Vec<Point> = (0..TOGETHER as u32)
+                .map(|i| Point {
+                    p: Vec3::new(number(i, 2), number(i, 3), number(i, 4)) * 3.5,
+                    max_solid_angle: number(i, 5),
+                    profile: profiles.get(model, Vec3::splat(1.0 + (i / 3) as f32), Vec3::splat(0.1), 1.3),
+                })
+                .collect();
+            let together = gather(&packed, &clusters, &points);
+            for count in [1, 5, TOGETHER] {
+                for (some, due) in points.chunks(count).zip(together.chunks(count)) {
+                    assert_eq!(&gather(&packed, &clusters, some)[..some.len()], due, "{model} {count}");
+                }
+            }
+            assert!(together.iter().all(|light| light.min_element() > 0.0), "{model} {together:?}");
+            assert_ne!(together[0], together[1], "{model}");
         }
     }
 

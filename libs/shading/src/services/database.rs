@@ -1,10 +1,10 @@
 //! Answers requests for spatial databases and subsurface scattering (reference 5.8.11, 5.8.13).
 
 use super::Run;
-use crate::lighting::subsurface::Profiles;
+use crate::lighting::subsurface::{self, Point, Profiles};
 use granita_base::Severity;
 use granita_gsl::ir::ValueType;
-use granita_sdb::{Between, Density, ImageOptions, Key, Mode, Packed, Probe, Schema, Value};
+use granita_sdb::{Between, Density, ImageOptions, Key, Mode, Packed, Probe, Schema, Value, along_curve};
 use granita_shade::{DatabaseKey, DatabaseQuery, DatabaseSave, Lanes3, SubsurfaceQuery};
 use std::sync::Arc;
 
@@ -222,13 +222,19 @@ pub(super) fn subsurface(run: &mut Run<'_, '_>, query: &SubsurfaceQuery<'_>, out
         granita_shade::Messages::say(run, Severity::Warning, &text);
     }
     let mut profiles = Profiles::default();
-    for &lane in query.batch.active {
-        let i = lane as usize;
-        let (scattering, absorption) = (query.scattering.get(i), query.absorption.get(i));
-        let profile = profiles.get(query.model, scattering, absorption, query.eta.get(i));
-        let p = query.p.get(i);
-        if p.is_finite() {
-            out.set(i, profile.gather(&records, &clusters, p, query.maxsolidangle.get(i)));
-        }
+    let active = query.batch.active.iter().map(|lane| *lane as usize);
+    let all: Vec<usize> = active.filter(|i| query.p.get(*i).is_finite()).collect();
+    // Neighbours take nearly the same records.
+    let places: Vec<[f32; 3]> = all.iter().map(|i| query.p.get(*i).to_array()).collect();
+    let all: Vec<usize> = along_curve(&places).into_iter().map(|k| all[k]).collect();
+    for together in all.chunks(subsurface::TOGETHER) {
+        let point = |&i: &usize| {
+            let (scattering, absorption) = (query.scattering.get(i), query.absorption.get(i));
+            let profile = profiles.get(query.model, scattering, absorption, query.eta.get(i));
+            Point { p: query.p.get(i), max_solid_angle: query.maxsolidangle.get(i), profile }
+        };
+        let points: Vec<Point> = together.iter().map(point).collect();
+        let light = subsurface::gather(&records, &clusters, &points);
+        together.iter().zip(light).for_each(|(i, light)| out.set(*i, light));
     }
 }

@@ -127,6 +127,24 @@ fn every_bundled_surface_has_a_furnace_test() {
     }
 }
 
+/// Functions of whole grids would have each grid of a few points shaded alone, which takes much longer.
+#[test]
+fn small_grids_of_bundled_surfaces_are_shaded_together() {
+    let surfaces = granita_bundled::shader_names()
+        .filter(|name| source(name).lines().any(|line| line.starts_with("surface ")));
+    let mut alone = Vec::new();
+    for name in surfaces {
+        let mut f = Fixture::new(&[source(name)]);
+        let floor = f.rectangle([-9.0; 2], [9.0; 2], 0.0, surface_of(&f, name, &[], &[]));
+        let (scene, camera, environment) = f.finish();
+        if !ShadingContext::new(&scene, &camera, &environment).object(&floor).may_batch {
+            alone.push(name);
+        }
+    }
+    // One shows grids, and the other sends photons from the middle of each.
+    assert_eq!(alone, ["shootphotons", "showgrids"]);
+}
+
 #[test]
 fn surfaces_reflect_ambient_light_unchanged() {
     for (name, params, kept) in surfaces() {

@@ -6,7 +6,7 @@
 //! Near the point of entry its profile is sharper than that of one dipole, and it is more accurate for materials
 //! that absorb.
 
-use granita_base::{Color, Vec3};
+use granita_base::Color;
 use granita_shade::approx;
 use std::f64::consts::PI;
 
@@ -49,24 +49,22 @@ impl Beam {
         Self { channels: std::array::from_fn(channel) }
     }
 
-    /// Returns the share of the light that leaves again per area, at a distance from its entry whose square is
-    /// given.
-    pub(crate) fn reflectance(&self, squared: f32) -> Color {
-        let one = |(scale, table): &(f32, Vec<f32>)| {
-            if table.is_empty() {
-                return 0.0;
-            }
-            let radius = (squared.max(0.0).sqrt() * scale).max(FIRST as f32);
-            let at = approx::ln(radius / FIRST as f32) / LN_FACTOR;
-            let k = at as usize;
-            if k + 1 >= table.len() {
-                return 0.0;
-            }
-            let log = table[k] + (table[k + 1] - table[k]) * (at - k as f32);
-            // The factors are multiplied one by one, because the square may overflow.
-            (approx::exp(log) * scale * scale).min(f32::MAX)
-        };
-        Vec3::new(one(&self.channels[0]), one(&self.channels[1]), one(&self.channels[2]))
+    /// Returns the share of the light of a channel that leaves again per area, at a distance from its entry whose
+    /// square is given.
+    pub(crate) fn channel(&self, c: usize, squared: f32) -> f32 {
+        let (scale, table) = &self.channels[c];
+        if table.is_empty() {
+            return 0.0;
+        }
+        let radius = (squared.max(0.0).sqrt() * scale).max(FIRST as f32);
+        let at = approx::ln(radius / FIRST as f32) / LN_FACTOR;
+        let k = at as usize;
+        if k + 1 >= table.len() {
+            return 0.0;
+        }
+        let log = table[k] + (table[k + 1] - table[k]) * (at - k as f32);
+        // The factors are multiplied one by one, because the square may overflow.
+        (approx::exp(log) * scale * scale).min(f32::MAX)
     }
 }
 
@@ -119,6 +117,7 @@ fn reflected(radius: f64, albedo: f64, [first, second]: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use granita_base::Vec3;
 
     #[test]
     fn radii_are_a_geometric_series() {
@@ -129,7 +128,7 @@ mod tests {
         let (mut sum, mut inner, mut radius) = (0.0_f64, 0.0_f64, 1e-4_f64);
         while radius < 5e3 {
             let middle = 0.5 * (inner + radius);
-            sum += f64::from(profile.reflectance((middle * middle) as f32).x)
+            sum += f64::from(profile.channel(0, (middle * middle) as f32))
                 * PI
                 * (radius * radius - inner * inner);
             inner = radius;
@@ -163,15 +162,15 @@ mod tests {
         let m = moments(1.4);
         for radius in [0.01, 0.07, 0.33, 1.0, 2.7, 6.0_f64] {
             let due = 0.8 * reflected(radius * 2.5, 0.8, m) * 2.5 * 2.5;
-            let got = f64::from(beam.reflectance((radius * radius) as f32).x);
+            let got = f64::from(beam.channel(0, (radius * radius) as f32));
             assert!((got / due - 1.0).abs() < 5e-3, "{radius}: {got} {due}");
         }
     }
 
     #[test]
     fn the_profile_scales_with_length() {
-        let fine = Beam::new(Vec3::splat(20.0), Vec3::splat(5.0), 1.4).reflectance(0.01).x;
-        let coarse = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4).reflectance(1.0).x;
+        let fine = Beam::new(Vec3::splat(20.0), Vec3::splat(5.0), 1.4).channel(0, 0.01);
+        let coarse = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4).channel(0, 1.0);
         assert!((fine / coarse / 100.0 - 1.0).abs() < 1e-3);
     }
 }
