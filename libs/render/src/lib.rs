@@ -24,6 +24,7 @@
 
 #![forbid(unsafe_code)]
 
+mod accuracy;
 mod bucket;
 mod deferred;
 mod dynamic;

@@ -2,8 +2,9 @@
 
 use super::{Frame, FrameShader};
 use crate::CameraView;
+use crate::accuracy::Accuracy;
 use crate::output::canvas::Canvas;
-use crate::passes::{Accuracy, PassPlan};
+use crate::passes::PassPlan;
 use granita_dicing::camera::is_moving;
 use granita_hider::SamplePattern;
 use granita_scene::Scene;

@@ -3,8 +3,9 @@
 
 use super::{Frame, FrameShader};
 use crate::PixelRect;
+use crate::accuracy::{Accuracy, SquaredBias};
 use crate::output::accumulated::Accumulated;
-use crate::passes::{Accuracy, PILOT, PassPlan, SquaredBias};
+use crate::passes::{PILOT, PassPlan};
 use granita_scene::Scene;
 use parking_lot::Mutex;
 

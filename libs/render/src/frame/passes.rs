@@ -6,14 +6,13 @@ use super::coarse::{Limit, Outlook};
 use super::levels::{Next, Passes};
 use super::{Frame, FrameShader, Jobs};
 use crate::PixelRect;
+use crate::accuracy::{Accuracy, SquaredBias};
 use crate::bucket::{BucketOrder, Buckets};
 use crate::output::accumulated::{Accumulated, TILE};
 use crate::output::canvas::Canvas;
 use crate::output::halves::DenoisedError;
 use crate::output::plan::OutputImage;
-use crate::passes::{
-    Accuracy, ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, Spot, SquaredBias, fall,
-};
+use crate::passes::{ErrorEstimate, ImageError, PILOT, PassPlan, PassReport, Rule, Spot, fall};
 use granita_base::{NoiseSource, PassNumbers};
 use granita_dicing::CameraView;
 use granita_dicing::camera::is_moving;
