@@ -37,6 +37,10 @@ pub(super) struct Passed {
 /// The number of passes of tiles that any crop renders for the whole image. They show how fast its noise falls.
 const WHOLE: u32 = PILOT;
 
+/// The least part of the time of the first pass that the second one is expected to take. The first also makes what all
+/// passes share, such as geometry for rays. One that was expected too early is given up, and nothing is lost.
+const LEAST_OF_SECOND: f64 = 0.6;
+
 /// What decides where an image needs more passes.
 struct Plan {
     rule: Rule,
@@ -148,7 +152,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
             let area =
                 |index: &usize| self.buckets.order[*index].width() * self.buckets.order[*index].height();
             let pixels: usize = list.iter().map(area).sum();
-            let predicted = last.map(|(time, before)| time.mul_f64(pixels as f64 / before.max(1) as f64));
+            let part = if completed == 1 && plan.error.is_none() { LEAST_OF_SECOND } else { 1.0 };
+            let predicted =
+                last.map(|(time, before)| time.mul_f64(part * pixels as f64 / before.max(1) as f64));
             if list.is_empty() || predicted.is_some_and(|time| !plan.has_time_for(time + reserved)) {
                 break;
             }
