@@ -420,6 +420,20 @@ fn bias_is_a_part_of_the_error() {
 }
 
 #[test]
+fn images_without_colours_have_no_error_to_reach() {
+    let place = Place::new();
+    place.write("scene.pyg", &SCENE.replace("\"rgba\"", "\"z\""));
+    let (said, shown) = place.image(&["-error", "5%"]);
+    assert!(said.contains("camera \"main\": 1 pass\n"), "{said}");
+    let (_, plain) = place.image(&[]);
+    assert!(shown.pixels == plain.pixels);
+    let (said, _) = place.image(&["-error", "5%", "-passes", "3"]);
+    assert!(said.contains("camera \"main\": 1 pass\n"), "{said}");
+    let (said, _) = place.image(&["-passes", "3"]);
+    assert!(said.contains("camera \"main\": 3 passes\n"), "{said}");
+}
+
+#[test]
 fn hard_shadows_are_no_source_of_noise() {
     let place = Place::new();
     let causes = |scene: &str| -> Vec<String> {

@@ -142,7 +142,9 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     break;
                 }
             }
-            if completed >= plan.most() {
+            let has_error = |passes: &Passes| plan.error.is_none() || passes.has_colors();
+            let is_complete = completed > 0 && !self.passes.as_ref().is_some_and(has_error);
+            if completed >= plan.most() || is_complete {
                 break;
             }
             let begin = Instant::now();
