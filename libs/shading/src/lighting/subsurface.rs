@@ -4,7 +4,7 @@
 
 mod beam;
 
-use beam::Beam;
+use beam::{Beam, Beams};
 use granita_base::{Color, Vec3};
 use granita_machine::widest;
 use granita_sdb::{Cluster, Clusters, Lanes, Packed};
@@ -53,12 +53,13 @@ pub(crate) fn gather(records: &Packed, clusters: &Clusters, points: &[Point]) ->
     if beams.is_empty() {
         widest!(sums(records, clusters, points, &dipoles))
     } else {
-        sums(records, clusters, points, &beams[..])
+        let beams = Beams::new(&beams);
+        widest!(sums(records, clusters, points, &beams))
     }
 }
 
 #[inline(always)]
-fn sums<P: Profiled + ?Sized>(
+fn sums<P: Profiled>(
     records: &Packed,
     clusters: &Clusters,
     points: &[Point],
@@ -77,19 +78,19 @@ fn sums<P: Profiled + ?Sized>(
 /// The profiles of points that are gathered together.
 trait Profiled {
     /// Returns the light of a channel that leaves per area, relative to the light that enters at distances whose
-    /// squares are given. Only that of `lanes` is needed.
-    fn channel(&self, c: usize, squared: &Each, lanes: u32) -> Each;
+    /// squares are given.
+    fn channel(&self, c: usize, squared: &Each) -> Each;
 }
 
 /// The light that leaves at points, so far.
-struct Leaving<'p, P: ?Sized> {
+struct Leaving<'p, P> {
     p: [Each; 3],
     angle: Each,
     profiles: &'p P,
     sums: [Each; 3],
 }
 
-impl<P: Profiled + ?Sized> Lanes for Leaving<'_, P> {
+impl<P: Profiled> Lanes for Leaving<'_, P> {
     /// The square of the diagonal is twice the area of a flat square. The distance is measured to the nearest side, so
     /// that boxes beside a point are opened where the profile is steep.
     #[inline(always)]
@@ -118,21 +119,11 @@ impl<P: Profiled + ?Sized> Lanes for Leaving<'_, P> {
             }
         }
         for (c, sums) in self.sums.iter_mut().enumerate() {
-            let channel = self.profiles.channel(c, &squared, lanes);
+            let channel = self.profiles.channel(c, &squared);
             for (k, (sum, leaving)) in sums.iter_mut().zip(channel).enumerate() {
                 *sum += if lanes >> k & 1 == 1 { leaving * light[c] } else { 0.0 };
             }
         }
-    }
-}
-
-impl Profiled for [&Beam] {
-    fn channel(&self, c: usize, squared: &Each, lanes: u32) -> Each {
-        let mut out = [0.0; TOGETHER];
-        for (k, beam) in self.iter().enumerate().filter(|(k, _)| lanes >> k & 1 == 1) {
-            out[k] = beam.channel(c, squared[k]);
-        }
-        out
     }
 }
 
@@ -159,7 +150,7 @@ impl Dipoles {
 
 impl Profiled for Dipoles {
     #[inline(always)]
-    fn channel(&self, c: usize, squared: &Each, _: u32) -> Each {
+    fn channel(&self, c: usize, squared: &Each) -> Each {
         let (transport, real) = (&self.transport[c], &self.real[c]);
         let (mirrored, scale) = (&self.mirrored[c], &self.scale[c]);
         let mut out = [0.0; TOGETHER];
@@ -262,14 +253,15 @@ mod tests {
         fn reflectance(&self, squared: f32) -> Color {
             let mut dipoles = Dipoles::default();
             dipoles.set(TOGETHER - 1, self);
-            let channel = |c| dipoles.channel(c, &[squared; TOGETHER], !0)[TOGETHER - 1];
+            let channel = |c| dipoles.channel(c, &[squared; TOGETHER])[TOGETHER - 1];
             Vec3::from_array([0, 1, 2].map(channel))
         }
     }
 
     impl Beam {
         fn reflectance(&self, squared: f32) -> Color {
-            Vec3::from_array([0, 1, 2].map(|c| self.channel(c, squared)))
+            let beams = Beams::new(&[self]);
+            Vec3::from_array([0, 1, 2].map(|c| beams.channel(c, &[squared; TOGETHER])[0]))
         }
     }
 

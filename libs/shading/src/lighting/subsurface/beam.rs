@@ -6,6 +6,7 @@
 //! Near the point of entry its profile is sharper than that of one dipole, and it is more accurate for materials
 //! that absorb.
 
+use super::{Each, Profiled, TOGETHER};
 use granita_base::Color;
 use granita_shade::approx;
 use std::f64::consts::PI;
@@ -48,23 +49,52 @@ impl Beam {
         };
         Self { channels: std::array::from_fn(channel) }
     }
+}
 
-    /// Returns the share of the light of a channel that leaves again per area, at a distance from its entry whose
-    /// square is given.
-    pub(crate) fn channel(&self, c: usize, squared: f32) -> f32 {
-        let (scale, table) = &self.channels[c];
-        if table.is_empty() {
-            return 0.0;
+/// The beams of points that are gathered together, channel by channel.
+pub(super) struct Beams<'b> {
+    /// The numbers of mean free paths per unit of length; 0 for points without light.
+    scale: [Each; 3],
+    /// The logarithms of the reflectances.
+    tables: [[&'b [f32]; TOGETHER]; 3],
+}
+
+impl<'b> Beams<'b> {
+    pub(super) fn new(beams: &[&'b Beam]) -> Self {
+        let mut all = Self { scale: [[0.0; TOGETHER]; 3], tables: [[&[0.0; RADII]; TOGETHER]; 3] };
+        for (k, beam) in beams.iter().enumerate() {
+            for (c, (scale, table)) in beam.channels.iter().enumerate().filter(|(_, (_, t))| !t.is_empty()) {
+                (all.scale[c][k], all.tables[c][k]) = (*scale, table);
+            }
         }
-        let radius = (squared.max(0.0).sqrt() * scale).max(FIRST as f32);
-        let at = approx::ln(radius / FIRST as f32) / LN_FACTOR;
-        let k = at as usize;
-        if k + 1 >= table.len() {
-            return 0.0;
+        all
+    }
+}
+
+impl Profiled for Beams<'_> {
+    #[inline(always)]
+    fn channel(&self, c: usize, squared: &Each) -> Each {
+        let (scale, tables) = (&self.scale[c], &self.tables[c]);
+        let (mut at, mut below, mut logs, mut out) =
+            ([0.0_f32; TOGETHER], [0.0; TOGETHER], [[0.0; TOGETHER]; 2], [0.0; TOGETHER]);
+        for k in 0..TOGETHER {
+            let radius = (squared[k].sqrt() * scale[k]).max(FIRST as f32);
+            // A finite number has a logarithm that vectorises.
+            at[k] = approx::ln_ordinary((radius / FIRST as f32).min(f32::MAX)) / LN_FACTOR;
         }
-        let log = table[k] + (table[k + 1] - table[k]) * (at - k as f32);
-        // The factors are multiplied one by one, because the square may overflow.
-        (approx::exp(log) * scale * scale).min(f32::MAX)
+        for k in 0..TOGETHER {
+            let first = (at[k] as usize).min(RADII - 2);
+            below[k] = first as f32;
+            logs[0][k] = tables[k][first];
+            logs[1][k] = tables[k][first + 1];
+        }
+        for k in 0..TOGETHER {
+            // Logarithms are above -86. The factors are multiplied one by one, because the square may overflow.
+            let log = logs[0][k] + (logs[1][k] - logs[0][k]) * (at[k] - below[k]);
+            let leaving = (approx::exp_near(log) * scale[k] * scale[k]).min(f32::MAX);
+            out[k] = if at[k] < (RADII - 1) as f32 { leaving } else { 0.0 };
+        }
+        out
     }
 }
 
@@ -119,6 +149,13 @@ mod tests {
     use super::*;
     use granita_base::Vec3;
 
+    impl Beam {
+        /// Returns the share of the light of the first channel that leaves again per area.
+        fn first(&self, squared: f32) -> f32 {
+            Beams::new(&[self]).channel(0, &[squared; TOGETHER])[0]
+        }
+    }
+
     #[test]
     fn radii_are_a_geometric_series() {
         assert_eq!(LN_FACTOR, FACTOR.ln() as f32);
@@ -128,9 +165,8 @@ mod tests {
         let (mut sum, mut inner, mut radius) = (0.0_f64, 0.0_f64, 1e-4_f64);
         while radius < 5e3 {
             let middle = 0.5 * (inner + radius);
-            sum += f64::from(profile.channel(0, (middle * middle) as f32))
-                * PI
-                * (radius * radius - inner * inner);
+            sum +=
+                f64::from(profile.first((middle * middle) as f32)) * PI * (radius * radius - inner * inner);
             inner = radius;
             radius *= 1.01;
         }
@@ -162,15 +198,15 @@ mod tests {
         let m = moments(1.4);
         for radius in [0.01, 0.07, 0.33, 1.0, 2.7, 6.0_f64] {
             let due = 0.8 * reflected(radius * 2.5, 0.8, m) * 2.5 * 2.5;
-            let got = f64::from(beam.channel(0, (radius * radius) as f32));
+            let got = f64::from(beam.first((radius * radius) as f32));
             assert!((got / due - 1.0).abs() < 5e-3, "{radius}: {got} {due}");
         }
     }
 
     #[test]
     fn the_profile_scales_with_length() {
-        let fine = Beam::new(Vec3::splat(20.0), Vec3::splat(5.0), 1.4).channel(0, 0.01);
-        let coarse = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4).channel(0, 1.0);
+        let fine = Beam::new(Vec3::splat(20.0), Vec3::splat(5.0), 1.4).first(0.01);
+        let coarse = Beam::new(Vec3::splat(2.0), Vec3::splat(0.5), 1.4).first(1.0);
         assert!((fine / coarse / 100.0 - 1.0).abs() < 1e-3);
     }
 }
