@@ -28,9 +28,8 @@ impl Cluster {
 
 /// Takes the records of a database for several points, the lanes, at once. Sets of lanes are bits of words.
 pub trait Lanes {
-    /// Returns those of `lanes` that take the records of a cluster one by one. The others take it as one record at its
-    /// centre.
-    fn open(&self, cluster: &Cluster, lanes: u32) -> u32;
+    /// Returns the lanes that take the records of a cluster one by one. The others take it as one record at its centre.
+    fn open(&self, cluster: &Cluster) -> u32;
     /// Takes a record, or a cluster as one, for `lanes`.
     fn take(&mut self, at: [f32; 3], value: [f32; 3], lanes: u32);
 }
@@ -88,7 +87,7 @@ impl Clusters {
         let mut nodes = vec![(top, 0, lanes)];
         while let Some((level, node, lanes)) = nodes.pop() {
             let cluster = &self.levels[level][node];
-            let open = lanes & to.open(cluster, lanes);
+            let open = lanes & to.open(cluster);
             if open != lanes {
                 to.take(cluster.centre, cluster.sum, lanes & !open);
             }
@@ -125,8 +124,8 @@ mod tests {
 
     impl Lanes for Sum {
         /// Other lanes open all clusters.
-        fn open(&self, cluster: &Cluster, lanes: u32) -> u32 {
-            if cluster.diagonal_squared > self.open { lanes } else { lanes & !0b10 }
+        fn open(&self, cluster: &Cluster) -> u32 {
+            if cluster.diagonal_squared > self.open { !0 } else { !0b10 }
         }
 
         fn take(&mut self, at: [f32; 3], value: [f32; 3], lanes: u32) {

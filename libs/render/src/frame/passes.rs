@@ -117,13 +117,16 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         let mut denoised = DenoisedErrors::default();
         self.shader.set_all_rays(true);
         self.begin_coarse(scene, plan);
+        // Images without colours have no error that more passes could reach.
+        let has_colors = self.passes.as_ref().is_some_and(Passes::has_colors);
+        let most = if plan.error.is_some() && !has_colors { 1 } else { plan.most() };
         loop {
             if let Some(error) = plan.error {
                 if self.passes.as_ref().is_some_and(|passes| passes.measured_after == completed) {
                     let time = last.map_or(Duration::ZERO, |(time, _)| time);
                     let run = Run { scene, plan, canvases, threads };
                     let is_coarse = self.passes.as_ref().is_some_and(|passes| passes.lowest < 0);
-                    let may_go_on = is_coarse || completed < plan.most();
+                    let may_go_on = is_coarse || completed < most;
                     match may_go_on.then(|| self.measure_bias(&run, f64::from(error), time)) {
                         Some(Next::End) => break,
                         Some(Next::Restart) => {
@@ -142,9 +145,7 @@ impl<'a, S: FrameShader> Frame<'a, S> {
                     break;
                 }
             }
-            let has_error = |passes: &Passes| plan.error.is_none() || passes.has_colors();
-            let is_complete = completed > 0 && !self.passes.as_ref().is_some_and(has_error);
-            if completed >= plan.most() || is_complete {
+            if completed >= most {
                 break;
             }
             let begin = Instant::now();
@@ -224,7 +225,8 @@ impl<'a, S: FrameShader> Frame<'a, S> {
         self.release_others(list);
         let jobs = self.jobs(scene, threads);
         // A pass that saves is finished.
-        let saves = || jobs.list.iter().any(|job| job.traits.saves);
+        let is_mute = self.passes.as_ref().is_some_and(Passes::is_mute);
+        let saves = || !is_mute && jobs.list.iter().any(|job| job.traits.saves);
         let limit = limit.filter(|limit| matches!(limit, Limit::At(_)) || !saves());
         let steps = list.iter().map(|index| jobs.cost(*index)).sum();
         self.options.progress.begin(self.first_image(), steps);

@@ -94,7 +94,7 @@ impl<P: Profiled> Lanes for Leaving<'_, P> {
     /// The square of the diagonal is twice the area of a flat square. The distance is measured to the nearest side, so
     /// that boxes beside a point are opened where the profile is steep.
     #[inline(always)]
-    fn open(&self, cluster: &Cluster, _: u32) -> u32 {
+    fn open(&self, cluster: &Cluster) -> u32 {
         let (lo, hi) = cluster.corners();
         let mut squared = [0.0; TOGETHER];
         for (c, p) in self.p.iter().enumerate() {

@@ -218,7 +218,7 @@ fn time_decides_only_the_number_of_passes() {
         assert!(pixels == again && same == report);
     }
     // One pass is always finished.
-    let late = PassPlan { deadline: Some(Instant::now()), ..plan };
+    let late = PassPlan { deadline: Some(Instant::now()), grace: Duration::ZERO, ..plan };
     let (_, report) = summed(&build, &view, 2, ("rgba", &[]), (&noisy(), late));
     assert_eq!(report.passes, 1);
 }
